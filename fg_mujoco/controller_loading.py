@@ -1,0 +1,121 @@
+"""Finds a planner by name or in a file, builds it, and holds it to its contract."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import inspect
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from .errors import ControllerError, FgMujocoError
+from .messages import CarParameters, Controller, DriveCommand, LaserScan, Odometry
+
+
+def controller_names() -> tuple[str, ...]:
+    """Return the names of the bundled controllers."""
+    return tuple(sorted(_catalogue()))
+
+
+def make_controller(source: str | Controller, *, car: CarParameters, mu: float, max_speed: float) -> Controller:
+    """Return a controller, built with those of `car`, `mu` and `max_speed` that its constructor names.
+
+    Args:
+      source: a bundled name, `path/to/file.py:ClassName`, or a controller, which is taken as it is.
+      car: parameters of the car.
+      mu: friction coefficient that the controller is to believe in; inf switches its friction limits off.
+      max_speed: fastest that it may command [m/s].
+
+    Raises:
+      ControllerError: an unknown name, a file or class that cannot be loaded, or an object that is no controller.
+    """
+    if not isinstance(source, str):
+        return _checked(source, f"controller {type(source).__name__}")
+    origin = f"controller {source!r}"
+    factory = _find_class(source, origin)
+    offered: dict[str, Any] = {"car": car, "mu": mu, "max_speed": max_speed}
+    try:
+        parameters = inspect.signature(factory).parameters.values()
+        wanted = [p.name for p in parameters if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)]
+        unknown = [p.name for p in parameters if p.name in wanted and p.name not in offered and p.default is p.empty]
+        if unknown:
+            raise ControllerError(f"{origin} wants {', '.join(unknown)}; a constructor may name {', '.join(offered)}")
+        controller = factory(**{name: value for name, value in offered.items() if name in wanted})
+    except FgMujocoError:
+        raise
+    except Exception as error:
+        raise ControllerError(f"{origin} cannot be built: {type(error).__name__}: {error}") from error
+    return _checked(controller, origin)
+
+
+def plan(controller: Controller, scan: LaserScan, odometry: Odometry) -> DriveCommand:
+    """Return the controller's answer to a scan.
+
+    Raises:
+      ControllerError: it raises, or answers something else than a DriveCommand.
+    """
+    try:
+        command = controller(scan, odometry)
+    except Exception as error:
+        name = type(controller).__name__
+        raise ControllerError(f"controller {name} failed at t = {scan.stamp:.3f} s: {_one_line(error)}") from error
+    if not isinstance(command, DriveCommand):
+        name = type(controller).__name__
+        raise ControllerError(
+            f"controller {name} answered {_short(command)} at t = {scan.stamp:.3f} s; accepted: a DriveCommand"
+        )
+    return command
+
+
+def _catalogue() -> dict[str, str]:
+    """Return the bundled controllers: name -> "module:Class". The engine names no planner; the folder does."""
+    catalogue: dict[str, str] = importlib.import_module("fg_mujoco.controllers").CONTROLLERS
+    return catalogue
+
+
+def _find_class(source: str, origin: str) -> Any:
+    catalogue = _catalogue()
+    if source in catalogue:
+        module_name, _, class_name = catalogue[source].partition(":")
+        return getattr(importlib.import_module(f"fg_mujoco.controllers.{module_name}"), class_name)
+    path, colon, class_name = source.rpartition(":")
+    if not colon or not path.endswith(".py"):
+        known = ", ".join(sorted(catalogue))
+        raise ControllerError(f"{origin} is not known; accepted: {known}, or path/to/file.py:ClassName")
+    module = _import_file(Path(path), origin)
+    found = getattr(module, class_name, None)
+    if not isinstance(found, type):
+        classes = [n for n, v in vars(module).items() if isinstance(v, type) and v.__module__ == module.__name__]
+        raise ControllerError(f"{origin}: no class {class_name!r} there; it has {', '.join(classes) or 'none'}")
+    return found
+
+
+def _import_file(path: Path, origin: str) -> ModuleType:
+    if not path.is_file():
+        raise ControllerError(f"{origin}: there is no file {path}")
+    spec = importlib.util.spec_from_file_location(f"fg_mujoco_user_{path.stem}", path)
+    assert spec is not None and spec.loader is not None  # a .py file always has a loader
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # dataclasses look their module up there
+    try:
+        spec.loader.exec_module(module)
+    except (Exception, SystemExit) as error:
+        raise ControllerError(f"{origin} does not import: {_one_line(error)}") from error
+    return module
+
+
+def _checked(controller: Any, origin: str) -> Controller:
+    if not callable(controller) or not callable(getattr(controller, "reset", None)):
+        raise ControllerError(f"{origin} is no controller; accepted: one with __call__(scan, odometry) and reset()")
+    return controller  # type: ignore[no-any-return]
+
+
+def _one_line(error: BaseException) -> str:
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"
+
+
+def _short(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."

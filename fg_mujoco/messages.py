@@ -1,0 +1,174 @@
+"""What passes between the car and a planner: a scan and odometry in, a command out.
+
+The field names are those of the ROS messages (sensor_msgs/LaserScan, sensor_msgs/Imu,
+ackermann_msgs/AckermannDrive), so that a planner moves to a real car unchanged. All are frozen; arrays are
+copied on the way in and read-only. SI units and radians; frames as in REP 103: x forward, y left, z up.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from functools import lru_cache
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .errors import MessageError
+
+FloatArray = NDArray[np.float64]
+
+
+def read_only(values: ArrayLike) -> FloatArray:
+    """Return a read-only float copy of `values`, same shape."""
+    array = np.array(values, dtype=np.float64)
+    array.flags.writeable = False
+    return array
+
+
+def require(
+    message: object, holds: Callable[[float], bool], accepted: str, names: tuple[str, ...], error: type[Exception]
+) -> None:
+    """Raise `error` for the first of the fields `names` of `message` that is no number or for which not `holds`."""
+    for name in names:
+        value = getattr(message, name)
+        number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
+        if not number or not holds(float(value)):
+            raise error(f"{type(message).__name__}.{name} is {value!r}; accepted: {accepted}")
+
+
+@lru_cache(maxsize=32)
+def _bearings(count: int, angle_min: float, angle_increment: float) -> FloatArray:
+    return read_only(angle_min + angle_increment * np.arange(count))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LaserScan:
+    """One sweep of the LiDAR (sensor_msgs/LaserScan).
+
+    `ranges` has shape (n,) [m], rightmost beam first, bearings growing to the left. What is not a distance
+    follows REP 117: +inf is no return within `range_max` (or `range_max` itself where `no_return` says so),
+    -inf is closer than `range_min`, NaN is a failed reading. Any n is a scan, 0 and 1 included.
+
+    Raises:
+      MessageError: an angle, limit or stamp that is not finite, or ranges that are not one row.
+    """
+
+    stamp: float  # [s] time of the last beam
+    angle_min: float  # [rad]
+    angle_max: float  # [rad]
+    angle_increment: float  # [rad]
+    range_min: float  # [m]
+    range_max: float  # [m]
+    ranges: FloatArray  # (n,) [m]
+    time_increment: float = 0.0  # [s] from one beam to the next; 0 where all are taken at `stamp`
+    scan_time: float = 0.025  # [s] from one sweep to the next
+    no_return: float = math.inf  # [m] what a beam without a return reads: inf or range_max
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "ranges", read_only(self.ranges))
+        finite = tuple(f.name for f in fields(self) if f.name not in ("ranges", "no_return"))
+        require(self, math.isfinite, "a finite number", finite, MessageError)
+        if self.ranges.ndim != 1:
+            raise MessageError(f"LaserScan.ranges has shape {self.ranges.shape}; accepted: (n,)")
+        if self.no_return not in (math.inf, self.range_max):
+            raise MessageError(f"LaserScan.no_return is {self.no_return!r}; accepted: inf or range_max")
+
+    @property
+    def bearings(self) -> FloatArray:
+        """Bearing of each beam from straight ahead, left positive. Shape (n,) [rad], read-only."""
+        return _bearings(len(self.ranges), self.angle_min, self.angle_increment)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Odometry:
+    """What the car's own sensors say between scans: wheel encoders, steering sensor, IMU. No pose, no map.
+
+    Raises:
+      MessageError: a vector of the wrong length, or a stamp that is not finite.
+    """
+
+    stamp: float  # [s]
+    speed: float  # [m/s] mean surface speed of the wheels, forward positive
+    steering_angle: float  # [rad] left positive
+    angular_velocity: FloatArray  # (3,) [rad/s] gyro, car frame
+    linear_acceleration: FloatArray  # (3,) [m/s^2] accelerometer, car frame, gravity included
+    wheel_speeds: FloatArray  # (4,) [m/s] surface speeds: front left, front right, rear left, rear right
+
+    def __post_init__(self) -> None:
+        require(self, math.isfinite, "a finite number", ("stamp",), MessageError)
+        for name, count in (("angular_velocity", 3), ("linear_acceleration", 3), ("wheel_speeds", 4)):
+            vector = read_only(getattr(self, name))
+            if vector.shape != (count,):
+                raise MessageError(f"Odometry.{name} has shape {vector.shape}; accepted: ({count},)")
+            object.__setattr__(self, name, vector)
+
+    @property
+    def yaw_rate(self) -> float:
+        """Turning rate about the car's z axis, left positive [rad/s]."""
+        return float(self.angular_velocity[2])
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveCommand:
+    """What a planner asks of the car (ackermann_msgs/AckermannDrive). As an array: [steering, speed].
+
+    Raises:
+      MessageError: a value that is not a finite number.
+    """
+
+    steering_angle: float  # [rad] left positive
+    speed: float  # [m/s] forward positive
+
+    def __post_init__(self) -> None:
+        require(self, math.isfinite, "a finite number", ("steering_angle", "speed"), MessageError)
+
+
+STOP = DriveCommand(steering_angle=0.0, speed=0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CarParameters:
+    """What a planner is told of its car. Read off the compiled model by `fg_mujoco.car`, never typed twice.
+
+    Raises:
+      MessageError: a value that is not a positive number (`min_speed`: not a finite one).
+    """
+
+    wheelbase: float  # [m] rear axle to front axle
+    track_width: float  # [m] between the wheel centres of an axle
+    length: float  # [m] over all
+    width: float  # [m] over all
+    rear_overhang: float  # [m] rear axle to rear bumper
+    mass: float  # [kg]
+    front_axle_distance: float  # [m] centre of gravity to front axle, lf
+    rear_axle_distance: float  # [m] centre of gravity to rear axle, lr
+    center_of_gravity_height: float  # [m] over the ground
+    yaw_inertia: float  # [kg m^2] about the centre of gravity
+    wheel_radius: float  # [m]
+    max_steering_angle: float  # [rad]
+    max_steering_rate: float  # [rad/s]
+    min_speed: float  # [m/s] fastest in reverse, negative
+    max_speed: float  # [m/s]
+    max_acceleration: float  # [m/s^2]
+    power_limit_speed: float  # [m/s] above it the acceleration falls as power_limit_speed / v
+    speed_time_constant: float  # [s] of the speed servo: acceleration = (command - speed) / this, until limited
+    lidar_offset: float  # [m] LiDAR ahead of the rear axle
+    gravity: float  # [m/s^2] downwards
+
+    def __post_init__(self) -> None:
+        require(self, math.isfinite, "a finite number", ("min_speed",), MessageError)
+        positive = tuple(f.name for f in fields(self) if f.name != "min_speed")
+        require(self, lambda value: 0.0 < value < math.inf, "a positive number", positive, MessageError)
+
+
+class Controller(Protocol):
+    """A planner: called once for each scan; given the same inputs since `reset()`, it gives the same outputs."""
+
+    def __call__(self, scan: LaserScan, odometry: Odometry) -> DriveCommand:
+        """Answer the command to hold until the next scan."""
+
+    def reset(self) -> None:
+        """Forget everything seen so far."""

@@ -1,0 +1,215 @@
+"""The closed loop: scan, plan, command, physics, every 25 ms, until the laps are done or the race is over.
+
+    result = race("oval", controller="gap_finder", laps=5)
+    print(result.lap_times_s, result.max_slide_m_s)
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from .car import nominal_mu
+from .controller_loading import make_controller, plan
+from .errors import SettingsError
+from .lap_timer import LapTimer
+from .lidar_effects import LidarEffects
+from .messages import Controller, FloatArray, require
+from .race_result import TELEMETRY, RaceLog, RaceResult, trajectory_sha256
+from .simulation import Simulation
+from .track import Track
+from .world import Obstacle, World
+
+NO_PROGRESS_LIMIT = 10.0  # [s] a race ends when the car has not come further for this long
+_SLOWEST_RACE = 0.5  # [m/s] the default time limit is what a car as slow as this needs
+
+
+@dataclass(frozen=True, kw_only=True)
+class RaceSettings:
+    """What a race is run with.
+
+    Raises:
+      SettingsError: a value outside what is accepted.
+    """
+
+    laps: int = 5
+    mu: float | None = None  # of the tires; None: as in the car's MJCF
+    planner_mu: float | None = None  # what the planner believes; None: as in the car's MJCF; inf: no friction limits
+    max_speed: float = 8.0  # [m/s] fastest that the planner may command; that of the published lap times
+    lidar: str = "raycast"
+    seed: int = 0
+    time_limit: float | None = None  # [s]; None: as long as a car of 0.5 m/s needs
+
+    def __post_init__(self) -> None:
+        for name, least in (("laps", 1), ("seed", 0)):
+            value = getattr(self, name)
+            if not isinstance(value, int) or isinstance(value, bool) or value < least:
+                raise SettingsError(f"{name} is {value!r}; accepted: a whole number from {least}")
+        given = tuple(name for name in ("mu", "time_limit") if getattr(self, name) is not None)
+        require(self, lambda value: 0.0 < value < math.inf, "a positive number", (*given, "max_speed"), SettingsError)
+        if self.planner_mu is not None:
+            require(self, lambda value: value > 0.0, "a positive number, or inf", ("planner_mu",), SettingsError)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RaceProgress:
+    """What a race tells whoever watches it, once a tick."""
+
+    time: float  # [s] simulated
+    laps_completed: int
+    laps_requested: int
+    speed: float  # [m/s]
+
+
+def race(
+    track: Track | str,
+    controller: str | Controller = "gap_finder",
+    *,
+    laps: int = 5,
+    mu: float | None = None,
+    planner_mu: float | None = None,
+    max_speed: float = 8.0,
+    lidar: str = "raycast",
+    seed: int = 0,
+    time_limit: float | None = None,
+    obstacles: tuple[Obstacle, ...] = (),
+    effects: LidarEffects | None = None,
+    watch: Callable[[RaceProgress], None] | None = None,
+) -> RaceResult:
+    """Race a controller round a track, from a standing start on the centreline, and return how it went.
+
+    Args:
+      track: a Track, a bundled name, `random:SEED`, or a path to a centreline CSV.
+      controller: a bundled name, `path/to/file.py:ClassName`, or a controller object.
+      laps: to be driven.
+      mu: friction coefficient of the tires; None: as in the car's MJCF.
+      planner_mu: what the planner believes it is; None: as in the car's MJCF; inf: its friction limits are off.
+      max_speed: fastest that the planner may command [m/s].
+      lidar: back end, "raycast" or "rangefinder".
+      seed: of the LiDAR's noise and dropouts.
+      time_limit: of simulated time [s]; None: as long as a car of 0.5 m/s needs.
+      obstacles: what stands on the track.
+      effects: what the LiDAR does to a scan; nothing by default.
+      watch: called once a tick.
+
+    Raises:
+      TrackError, ControllerError, SettingsError: input that cannot be raced with.
+    """
+    settings = RaceSettings(
+        laps=laps, mu=mu, planner_mu=planner_mu, max_speed=max_speed, lidar=lidar, seed=seed, time_limit=time_limit
+    )
+    world = World(track, mu=mu, lidar=lidar, obstacles=obstacles)
+    believed_mu = nominal_mu() if planner_mu is None else float(planner_mu)
+    planner = make_controller(controller, car=world.car.parameters, mu=believed_mu, max_speed=max_speed)
+    planner.reset()
+    simulation = Simulation(world, effects=effects, seed=seed)
+    timer = LapTimer(world.track)
+    log = RaceLog()
+
+    started = time.perf_counter()
+    try:
+        reason = _drive(simulation, planner, timer, log, settings, watch)
+    except KeyboardInterrupt:  # what was driven is kept
+        reason = "interrupted"
+    wall_time = time.perf_counter() - started
+
+    arrays = log.arrays(simulation.state)
+    return RaceResult(
+        track=world.track.name,
+        controller=controller if isinstance(controller, str) else type(controller).__name__,
+        laps_requested=laps,
+        laps_completed=min(timer.laps_completed, laps),
+        finished=reason == "finished",
+        end_reason=reason,
+        lap_times_s=timer.lap_times[:laps],
+        collisions=int(simulation.crashed),
+        **_figures(arrays["telemetry"], simulation.time, wall_time),
+        seed=seed,
+        mu=world.car.mu,
+        planner_mu=believed_mu,
+        speed_limit_m_s=float(max_speed),
+        lidar=lidar,
+        trajectory_sha256=trajectory_sha256(arrays["states"], arrays["ctrl"]),
+        world=world,
+        **arrays,
+    )
+
+
+def _drive(
+    simulation: Simulation,
+    planner: Controller,
+    timer: LapTimer,
+    log: RaceLog,
+    settings: RaceSettings,
+    watch: Callable[[RaceProgress], None] | None,
+) -> str:
+    """Run the loop until the race is over and return the reason."""
+    time_limit = settings.time_limit or settings.laps * simulation.world.track.length / _SLOWEST_RACE
+    scan, odometry = simulation.reset()
+    timer.update(simulation.time, simulation.pose[:2])
+    while True:
+        reason = _end_reason(simulation, timer, settings.laps, time_limit)
+        if reason:
+            return reason
+        before = (simulation.state, simulation.pose, simulation.speed)
+        place = (float(timer.laps_completed + 1), timer.progress, timer.offset)
+        sensed = odometry
+        command = plan(planner, scan, odometry)
+        scan, odometry = simulation.step(command)
+        timer.update(simulation.time, simulation.pose[:2])
+        state, pose, speed = before
+        log.add(
+            state=state,
+            ctrl=simulation.data.ctrl.copy(),
+            place=place,
+            pose=pose,
+            speed=speed,
+            odometry=sensed,
+            command=command,
+            slip=simulation.slip,
+        )
+        if watch is not None:
+            watch(
+                RaceProgress(
+                    time=simulation.time,
+                    laps_completed=timer.laps_completed,
+                    laps_requested=settings.laps,
+                    speed=simulation.speed,
+                )
+            )
+
+
+def _end_reason(simulation: Simulation, timer: LapTimer, laps: int, time_limit: float) -> str:
+    """Return why the race is over, or nothing while it goes on."""
+    if simulation.unstable:
+        return "unstable"
+    if simulation.crashed:
+        return "crash"
+    if timer.laps_completed >= laps:
+        return "finished"
+    if simulation.time - timer.last_progress_time >= NO_PROGRESS_LIMIT:
+        return "no_progress"
+    if simulation.time >= time_limit:
+        return "time_limit"
+    return ""
+
+
+def _figures(telemetry: FloatArray, sim_time: float, wall_time: float) -> dict[str, float]:
+    """Return the summary's figures of speed, sliding and time."""
+    column = {name: telemetry[:, index] for index, name in enumerate(TELEMETRY)}
+    slides = [values for name, values in column.items() if name.startswith("slide_")]
+    steps = float(column["steps"].sum())
+    speeds = np.abs(column["speed_m_s"])
+    return {
+        "max_slide_m_s": float(np.fmax.reduce(np.concatenate(slides), initial=0.0)),
+        "slide_time_fraction": float(column["sliding_steps"].sum()) / steps if steps else 0.0,
+        "mean_speed_m_s": float(speeds.mean()) if len(speeds) else 0.0,
+        "max_speed_m_s": float(speeds.max(initial=0.0)),
+        "sim_time_s": sim_time,
+        "wall_time_s": wall_time,
+        "realtime_factor": sim_time / wall_time if wall_time > 0.0 else 0.0,
+    }

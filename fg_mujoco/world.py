@@ -1,0 +1,197 @@
+"""A world: one track, one car, one LiDAR and any obstacles, attached into one MjModel.
+
+The model that is simulated is compiled from the very XML that a run folder keeps, so that a replay of the folder
+starts from the same bits.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from .car import Car, car_parameters, car_spec
+from .errors import SettingsError
+from .lidar import LIDAR_BACKENDS, Lidar, lidar_spec, make_lidar
+from .messages import FloatArray, require
+from .track import Track
+from .track_formats import load_track
+from .track_mesh import wall_mesh, wall_prisms
+
+# Contact roles of models/f1tenth.xml: tires meet the ground (bit 1), the chassis meets walls and obstacles (bit 2).
+_GROUND_CONTYPE = 1
+_WALL_CONTYPE = 2
+_COLLISION_GROUP = 3  # viewers hide it, as the car's own collision geoms
+_WALL_COLOUR = (0.86, 0.84, 0.80, 1.0)
+_OBSTACLE_COLOUR = (0.85, 0.45, 0.15, 1.0)
+_INVISIBLE = (0.0, 0.0, 0.0, 0.0)  # rays skip it too
+
+CAR_PREFIX = "car/"
+"""Of the names of everything that belongs to the car in a world's model."""
+_LIDAR_PREFIX = "lidar/"
+
+WALL_HEIGHT = 0.3  # [m] taller than the LiDAR's beam plane; RoboRacer's ducts are 0.2 to 0.33 m
+_CYLINDER_SIDES = 24  # a cylinder is a prism for rays and contact alike: seen is what is hit
+
+
+@dataclass(frozen=True, kw_only=True)
+class Box:
+    """An upright box standing on the ground.
+
+    Raises:
+      SettingsError: a size that is not positive, or a position that is not finite.
+    """
+
+    x: float  # [m] centre, world frame
+    y: float  # [m]
+    length: float  # [m] along its heading
+    width: float  # [m]
+    height: float = WALL_HEIGHT  # [m]
+    heading: float = 0.0  # [rad]
+
+    def __post_init__(self) -> None:
+        require(self, math.isfinite, "a finite number", ("x", "y", "heading"), SettingsError)
+        require(self, _positive, "a positive length in metres", ("length", "width", "height"), SettingsError)
+
+    def corners(self) -> FloatArray:
+        """Footprint, counterclockwise. Shape (4, 2) [m]."""
+        half = 0.5 * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * (self.length, self.width)
+        cos, sin = math.cos(self.heading), math.sin(self.heading)
+        return (self.x, self.y) + half @ np.array([[cos, sin], [-sin, cos]])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cylinder:
+    """An upright cylinder standing on the ground, as a prism of 24 sides inscribed in it.
+
+    Raises:
+      SettingsError: a size that is not positive, or a position that is not finite.
+    """
+
+    x: float  # [m] centre, world frame
+    y: float  # [m]
+    radius: float  # [m]
+    height: float = WALL_HEIGHT  # [m]
+
+    def __post_init__(self) -> None:
+        require(self, math.isfinite, "a finite number", ("x", "y"), SettingsError)
+        require(self, _positive, "a positive length in metres", ("radius", "height"), SettingsError)
+
+    def corners(self) -> FloatArray:
+        """Footprint, counterclockwise. Shape (24, 2) [m]."""
+        angles = np.arange(_CYLINDER_SIDES) * (2.0 * math.pi / _CYLINDER_SIDES)
+        return np.column_stack((self.x + self.radius * np.cos(angles), self.y + self.radius * np.sin(angles)))
+
+
+Obstacle = Box | Cylinder
+
+
+class World:
+    """A compiled world.
+
+    Args:
+      track: a Track, a bundled name, `random:SEED`, or a path to a centreline CSV.
+      mu: friction coefficient of the tires; None is the car model's own.
+      lidar: back end of the LiDAR, "raycast" or "rangefinder".
+      obstacles: what stands on the track.
+
+    Attributes:
+      track: the Track.
+      xml: the MJCF text that `model` was compiled from.
+      model: the compiled mujoco.MjModel.
+
+    Raises:
+      TrackError: a track that cannot be read, or is narrower than the car.
+      SettingsError: a friction that is not positive, or an unknown LiDAR back end.
+    """
+
+    def __init__(
+        self,
+        track: Track | str,
+        *,
+        mu: float | None = None,
+        lidar: str = "raycast",
+        obstacles: tuple[Obstacle, ...] = (),
+    ) -> None:
+        car = car_spec(mu)
+        self.parameters = car_parameters(car.compile())
+        self.track = load_track(track, minimum_width=self.parameters.width)
+        self.lidar_backend = lidar
+        self.xml = _compose(self.track, car, lidar, obstacles).to_xml()
+        self.model = mujoco.MjModel.from_xml_string(self.xml)
+        self.car = Car(self.model, CAR_PREFIX)
+
+    def make_lidar(self) -> Lidar:
+        """Return the LiDAR of this world, with the back end it was built for."""
+        return make_lidar(self.lidar_backend, self.model, CAR_PREFIX + _LIDAR_PREFIX)
+
+
+def _compose(track: Track, car: Any, lidar: str, obstacles: tuple[Obstacle, ...]) -> Any:
+    """Return the spec of the whole world: ground, walls, obstacles, and the car with its LiDAR."""
+    if lidar not in LIDAR_BACKENDS:
+        raise SettingsError(f"LiDAR back end {lidar!r}; accepted: {', '.join(LIDAR_BACKENDS)}")
+    spec = mujoco.MjSpec()
+    spec.modelname = f"fg_mujoco {track.name}"
+    spec.option = car.option  # the engine settings that the car was validated with
+    spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)  # static geoms are placed once, not every step
+    _add_ground(spec, track)
+    _add_walls(spec, track)
+    for index, obstacle in enumerate(obstacles):
+        footprint = obstacle.corners()
+        heights = np.repeat((0.0, obstacle.height), len(footprint))
+        _add_hull(spec, f"obstacle_{index}", np.column_stack((np.tile(footprint, (2, 1)), heights)), _OBSTACLE_COLOUR)
+    car.attach(lidar_spec(sensors=lidar == "rangefinder"), site=car.site("lidar_mount"), prefix=_LIDAR_PREFIX)
+    spec.attach(car, frame=spec.worldbody.add_frame(), prefix=CAR_PREFIX)
+    return spec
+
+
+def _add_ground(spec: Any, track: Track) -> None:
+    """Add an endless ground with a texture that shows motion, the sky, and daylight."""
+    texture, builtin = mujoco.mjtTexture, mujoco.mjtBuiltin
+    spec.add_texture(
+        name="sky", type=texture.mjTEXTURE_SKYBOX, builtin=builtin.mjBUILTIN_GRADIENT,
+        rgb1=(0.75, 0.85, 0.95), rgb2=(0.35, 0.5, 0.75), width=128, height=128,
+    )  # fmt: skip
+    spec.add_texture(
+        name="asphalt", type=texture.mjTEXTURE_2D, builtin=builtin.mjBUILTIN_CHECKER,
+        rgb1=(0.38, 0.38, 0.40), rgb2=(0.34, 0.34, 0.36), width=128, height=128,
+    )  # fmt: skip
+    asphalt = spec.add_material(name="asphalt", texuniform=True, texrepeat=(1.0, 1.0), specular=0.1, shininess=0.1)
+    asphalt.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "asphalt"
+    spec.worldbody.add_geom(
+        name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=(0.0, 0.0, 0.1), material="asphalt",
+        contype=_GROUND_CONTYPE, conaffinity=0,
+    )  # fmt: skip
+    middle = 0.5 * (track.centreline.min(axis=0) + track.centreline.max(axis=0))
+    spec.worldbody.add_light(
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, pos=(*middle, 20.0), dir=(0.3, 0.2, -1.0), diffuse=(0.7, 0.7, 0.7),
+        ambient=(0.3, 0.3, 0.3),
+    )  # fmt: skip
+
+
+def _add_walls(spec: Any, track: Track) -> None:
+    """Add the walls: one mesh that is seen, and the convex pieces of the same walls that are hit."""
+    mesh = wall_mesh(track, height=WALL_HEIGHT)
+    spec.add_mesh(name="walls", uservert=mesh.vertices.ravel(), userface=mesh.faces.ravel())
+    spec.worldbody.add_geom(
+        name="walls", type=mujoco.mjtGeom.mjGEOM_MESH, meshname="walls", rgba=_WALL_COLOUR, contype=0, conaffinity=0
+    )
+    for index, prism in enumerate(wall_prisms(track, height=WALL_HEIGHT)):
+        _add_hull(spec, f"wall_{index}", prism, _INVISIBLE)
+
+
+def _add_hull(spec: Any, name: str, vertices: FloatArray, colour: tuple[float, ...]) -> None:
+    """Add the convex hull of `vertices` (n, 3) [m] as a solid that the chassis hits; rays see it unless invisible."""
+    mesh = spec.add_mesh(name=name, uservert=vertices.ravel())
+    mesh.needsdf = False
+    spec.worldbody.add_geom(
+        name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, rgba=colour, contype=_WALL_CONTYPE, conaffinity=0,
+        group=_COLLISION_GROUP if colour == _INVISIBLE else 0,
+    )  # fmt: skip
+
+
+def _positive(value: float) -> bool:
+    return 0.0 < value < math.inf

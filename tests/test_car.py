@@ -1,0 +1,314 @@
+"""The car's MJCF has the community's constants, and `Car` reads, places and drives it under any prefix."""
+
+import math
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fg_mujoco.car import WHEELS, Car, car_parameters, car_spec
+from fg_mujoco.errors import ModelError, SettingsError
+from fg_mujoco.messages import DriveCommand
+
+# f1tenth_gym, CommonRoad 1:10; design.md
+COMMUNITY = {
+    "mass": 3.74,
+    "front_axle_distance": 0.15875,
+    "rear_axle_distance": 0.17145,
+    "wheelbase": 0.3302,
+    "center_of_gravity_height": 0.074,
+    "yaw_inertia": 0.04712,
+    "wheel_radius": 0.049,
+    "max_steering_angle": 0.4189,
+    "max_steering_rate": 3.2,
+    "min_speed": -5.0,
+    "max_speed": 20.0,
+    "max_acceleration": 9.51,
+    "power_limit_speed": 7.319,
+    "length": 0.58,
+    "width": 0.31,
+    "lidar_offset": 0.275,
+    "gravity": 9.81,
+}
+
+
+def flat_world(mu=None, prefix="", **attributes):
+    """Return (model, data, car) of the car on an endless plane; `attributes` are set on the ground geom."""
+    car = car_spec(mu)
+    if not prefix:
+        car.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=(0, 0, 1), contype=1, **attributes)
+        model = car.compile()
+    else:
+        world = mujoco.MjSpec()
+        world.option = car.option
+        world.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=(0, 0, 1), contype=1)
+        world.attach(car, prefix=prefix, frame=world.worldbody.add_frame(pos=(3.0, -2.0, 0.0), euler=(0, 0, 40)))
+        model = world.compile()
+    return model, mujoco.MjData(model), Car(model, prefix)
+
+
+def run(model, data, seconds):
+    for _ in range(round(seconds / model.opt.timestep)):
+        mujoco.mj_step(model, data)
+
+
+@pytest.fixture(scope="module")
+def flat():
+    return flat_world()
+
+
+@pytest.mark.parametrize(("name", "value"), COMMUNITY.items())
+def test_compiled_car_has_the_community_constant(flat, name, value):
+    assert getattr(flat[2].parameters, name) == pytest.approx(value, rel=1e-4)
+
+
+def test_default_friction_is_the_community_one(flat):
+    model = flat[0]
+    assert [model.geom(f"{wheel}_tire").friction[0] for wheel in WHEELS] == [1.0489] * 4
+
+
+def test_whole_car_inertia_agrees_with_the_engine(flat):
+    """Oracle: the engine's joint-space inertia matrix of the free joint, shifted from base_link to the CoG."""
+    model, data, car = flat
+    mujoco.mj_resetData(model, data)
+    mujoco.mj_forward(model, data)
+    inertia = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, inertia)
+    mass = inertia[0, 0]
+    center = data.subtree_com[model.body("base_link").id] - data.body("base_link").xpos
+    about_center = np.diag(inertia)[3:6] - mass * (center @ center - center**2)
+    assert mass == pytest.approx(car.parameters.mass, rel=1e-9)
+    assert about_center[2] == pytest.approx(car.parameters.yaw_inertia, rel=1e-6)
+    assert about_center == pytest.approx([0.013587, 0.039767, 0.04712], rel=1e-4)  # as derived in the MJCF
+    assert center[1] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_parameters_do_not_depend_on_prefix_or_placement(flat):
+    model, _, car = flat_world(prefix="car/")
+    assert vars(car_parameters(model, "car/")) == pytest.approx(vars(flat[2].parameters), rel=1e-9)
+    assert car.prefix == "car/"
+
+
+def test_drive_tendon_moves_at_the_mean_surface_speed(flat):
+    model = flat[0]
+    assert model.wrap_prm == pytest.approx([flat[2].parameters.wheel_radius / 4] * 4)
+
+
+def test_ctrl_is_steering_then_speed(flat):
+    model = flat[0]
+    assert [model.actuator(index).name for index in range(model.nu)] == ["steering", "speed"]
+
+
+@pytest.mark.parametrize("mu", [-1.0, 0.0, math.nan, math.inf])
+def test_friction_that_is_no_positive_number_is_refused(mu):
+    with pytest.raises(SettingsError, match=r"mu.*accepted: a number above 0"):
+        car_spec(mu)
+
+
+def test_friction_argument_reaches_all_tires():
+    model, _, _ = flat_world(mu=0.42)
+    assert [model.geom(f"{wheel}_tire").friction[0] for wheel in WHEELS] == [0.42] * 4
+
+
+def test_wrong_prefix_is_named(flat):
+    with pytest.raises(ModelError, match=r"other/base_link.*accepted"):
+        Car(flat[0], "other/")
+
+
+def touches(a, b):
+    """MuJoCo's rule for (contype, conaffinity)."""
+    return bool((a[0] & b[1]) | (b[0] & a[1]))
+
+
+def test_contact_roles(flat):
+    model = flat[0]
+    ground, wall, obstacle = (1, 0), (2, 0), (2, 3)
+    tire, chassis = (
+        (int(model.geom(name).contype[0]), int(model.geom(name).conaffinity[0])) for name in ("rear_left_tire", "chassis")
+    )
+    assert touches(tire, ground)
+    assert not any(touches(tire, other) for other in (wall, obstacle, tire, chassis))
+    assert touches(chassis, wall) and touches(chassis, obstacle) and touches(chassis, chassis)
+    assert not touches(chassis, ground)
+    assert touches(obstacle, ground) and touches(obstacle, wall)
+
+
+def test_what_is_seen_does_not_touch_and_what_touches_is_not_seen(flat):
+    model = flat[0]
+    for index in range(model.ngeom):
+        geom = model.geom(index)
+        if geom.name == "ground":
+            continue
+        collides = bool(geom.contype[0] or geom.conaffinity[0])
+        assert collides == (geom.rgba[3] == 0.0), geom.name
+
+
+def test_no_beam_sees_the_car():
+    """Level rays from the mount, all round, for any suspension travel and steering angle, meet nothing."""
+    model, data, car = flat_world()
+    rng = np.random.default_rng(0)
+    mount = model.site("lidar_mount").id
+    for _ in range(20):
+        data.qpos[:] = model.qpos0
+        for name in [f"{wheel}_suspension" for wheel in WHEELS]:
+            data.joint(name).qpos = rng.uniform(*model.joint(name).range)
+        data.joint("front_left_kingpin").qpos = data.joint("front_right_kingpin").qpos = rng.uniform(-0.5, 0.5)
+        mujoco.mj_kinematics(model, data)
+        for bearing in np.linspace(-np.pi, np.pi, 181):
+            ray = np.array([np.cos(bearing), np.sin(bearing), 0.0])
+            assert mujoco.mj_ray(model, data, data.site_xpos[mount], ray, None, 1, -1, np.zeros(1, np.int32)) == -1.0
+
+
+def test_chassis_covers_the_wheels_and_clears_the_ground(flat):
+    model, data, car = flat
+    mujoco.mj_resetData(model, data)
+    mujoco.mj_kinematics(model, data)
+    chassis = data.geom("chassis").xpos, model.geom("chassis").size
+    for wheel in WHEELS:
+        reach = np.abs(data.geom(f"{wheel}_tire").xpos - chassis[0])[:2] + model.geom(f"{wheel}_tire").size[:2]
+        assert (reach < chassis[1][:2]).all()
+    assert chassis[0][2] - chassis[1][2] == pytest.approx(0.03, abs=1e-6)
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    x=st.floats(-100, 100), y=st.floats(-100, 100), heading=st.floats(-10, 10), speed=st.floats(-5, 20),
+    prefix=st.sampled_from(["", "car/"]),
+)  # fmt: skip
+def test_pose_is_where_the_car_was_set(x, y, heading, speed, prefix):
+    model, data, car = WORLDS[prefix]
+    car.set_pose(data, x, y, heading, speed)
+    got_x, got_y, got_heading = car.pose(data)
+    assert (got_x, got_y) == (x, y)
+    assert math.remainder(got_heading - heading, math.tau) == pytest.approx(0.0, abs=1e-9)
+    assert car.ground_speed(data) == pytest.approx(speed, abs=1e-9)
+    odometry = car.odometry(data)
+    assert odometry.speed == pytest.approx(speed, abs=1e-9)
+    assert odometry.steering_angle == 0.0 and odometry.yaw_rate == pytest.approx(0.0, abs=1e-9)
+
+
+WORLDS = {prefix: flat_world(prefix=prefix) for prefix in ("", "car/")}
+
+
+@pytest.mark.parametrize("speed", [-3.0, 0.0, 8.0])
+def test_a_placed_car_rolls_on_undisturbed(speed):
+    model, data, car = flat_world()
+    car.set_pose(data, 1.0, 2.0, 0.7, speed)
+    run(model, data, 0.5)
+    x, y, heading = car.pose(data)
+    travelled = np.array([x - 1.0, y - 2.0])
+    assert heading == pytest.approx(0.7, abs=1e-6)
+    assert travelled == pytest.approx(0.5 * speed * np.array([math.cos(0.7), math.sin(0.7)]), abs=2e-3 * abs(speed) + 1e-5)
+    height = data.subtree_com[model.body("base_link").id][2]
+    assert height == pytest.approx(car.parameters.center_of_gravity_height, abs=1e-3)
+
+
+def test_apply_saturates_at_the_limits(flat):
+    model, data, car = flat
+    car.set_pose(data, 0, 0, 0)
+    car.apply(data, DriveCommand(steering_angle=1.0, speed=99.0))
+    assert data.ctrl.tolist() == pytest.approx([0.4189, 20.0])
+    car.apply(data, DriveCommand(steering_angle=-1.0, speed=-99.0))
+    assert data.ctrl.tolist() == pytest.approx([-0.4189, -5.0])
+
+
+@given(command=st.floats(-5, 20), speed=st.floats(-25, 25))
+def test_power_limit_holds_when_driving_and_leaves_braking_alone(command, speed):
+    car = WORLDS[""][2]
+    limits = car.parameters
+    limited = car.limit_speed_command(command, speed)
+    asked = (limited - speed) / limits.speed_time_constant
+    driving = asked * speed > 0.0
+    if driving and abs(speed) > limits.power_limit_speed:
+        assert abs(asked) <= limits.max_acceleration * limits.power_limit_speed / abs(speed) + 1e-9
+    if (command - speed) * speed <= 0.0 or abs(speed) <= limits.power_limit_speed:
+        assert limited == command
+
+
+def test_standing_car_senses_gravity_and_nothing_else():
+    model, data, car = flat_world()
+    car.set_pose(data, 0, 0, 0)
+    run(model, data, 1.0)
+    odometry = car.odometry(data)
+    assert odometry.linear_acceleration == pytest.approx([0, 0, 9.81], abs=1e-3)
+    assert odometry.angular_velocity == pytest.approx([0, 0, 0], abs=1e-4)
+    assert odometry.wheel_speeds == pytest.approx([0] * 4, abs=1e-4)
+    assert odometry.stamp == data.time
+
+
+def test_imu_feels_the_turn():
+    model, data, car = flat_world()
+    car.set_pose(data, 0, 0, 0, 2.0)
+    car.apply(data, DriveCommand(steering_angle=0.2, speed=2.0))
+    run(model, data, 2.0)
+    odometry = car.odometry(data)
+    rear_axle_speed = odometry.wheel_speeds[2:].mean()
+    yaw_rate = rear_axle_speed * math.tan(0.2) / car.parameters.wheelbase
+    assert odometry.yaw_rate == pytest.approx(yaw_rate, rel=2e-3)
+    assert odometry.linear_acceleration[1] == pytest.approx(yaw_rate * rear_axle_speed, rel=0.03)  # rolls
+    # the front wheels go round a larger circle, and the drive holds the mean of all four
+    assert odometry.speed == pytest.approx(rear_axle_speed * (1 + 1 / math.cos(0.2)) / 2, rel=2e-3)
+    left, right = odometry.wheel_speeds[[0, 2]], odometry.wheel_speeds[[1, 3]]
+    assert (left < right).all()  # the outer wheels turn faster
+
+
+def test_crash_is_chassis_against_wall_and_not_tires_on_ground():
+    spec = car_spec()
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=(0, 0, 1), contype=1, conaffinity=0)
+    spec.worldbody.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_BOX, size=(0.1, 1, 0.2), pos=(2, 0, 0.2), contype=2, conaffinity=0
+    )
+    model = spec.compile()
+    data, car = mujoco.MjData(model), Car(model)
+    car.set_pose(data, 0, 0, 0, 5.0)
+    front = car.parameters.length - car.parameters.rear_overhang
+    time_to_wall = (1.9 - front) / 5.0
+    run(model, data, time_to_wall - 0.01)
+    assert not car.crashed(data)
+    crashed = False
+    for _ in range(20):
+        mujoco.mj_step(model, data)
+        crashed = crashed or car.crashed(data)
+    assert crashed
+
+
+def test_cars_crash_into_each_other():
+    world = mujoco.MjSpec()
+    world.option = car_spec().option
+    world.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=(0, 0, 1), contype=1, conaffinity=0)
+    for name in ("first/", "second/"):
+        world.attach(car_spec(), prefix=name, frame=world.worldbody.add_frame())
+    model = world.compile()
+    data = mujoco.MjData(model)
+    first, second = Car(model, "first/"), Car(model, "second/")
+    second.set_pose(data, 3.0, 0.0, 0.0)
+    first.set_pose(data, 0.0, 0.0, 0.0)
+    assert not first.crashed(data) and not second.crashed(data)
+    second.set_pose(data, 0.5, 0.1, 0.3)
+    assert first.crashed(data) and second.crashed(data)
+
+
+def scene_path():
+    from importlib.resources import files
+
+    return str(files("fg_mujoco.models") / "scene.xml")
+
+
+def test_scene_opens_without_our_python_and_drives():
+    model = mujoco.MjModel.from_xml_path(scene_path())
+    data = mujoco.MjData(model)
+    data.ctrl[:] = 0.1, 1.5
+    run(model, data, 1.0)
+    assert data.body("base_link").xpos[0] > 0.8 and data.body("base_link").xpos[1] > 0.05
+    assert Car(model).ground_speed(data) == pytest.approx(1.5, rel=0.01)
+    assert data.warning.number.sum() == 0
+
+
+def test_scene_opens_in_dm_control():
+    from dm_control import mujoco as dm_mujoco
+
+    physics = dm_mujoco.Physics.from_xml_path(scene_path())
+    physics.step()
+    assert physics.named.data.xpos["base_link", "z"] == pytest.approx(0.049, abs=1e-3)

@@ -1,0 +1,282 @@
+"""Noise, dropouts, latency and motion distortion: statistics under a seed, and closed forms."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from lidar_worlds import PREFIX, RIG, rig_spec, room
+
+from fg_mujoco.errors import SettingsError
+from fg_mujoco.lidar import lidar_spec, make_lidar
+from fg_mujoco.lidar_effects import LidarEffects, PoseHistory, ScanPipeline
+
+PERIOD, STEP = 0.025, 0.0025
+
+
+class Rig:
+    """The LiDAR in a room, moved by hand: at `pose(t)` = (x, y, yaw) at time t."""
+
+    def __init__(self, effects: LidarEffects, *, seed: int = 0, pose: Any = None, **size: float) -> None:
+        spec = rig_spec(sensors=False)
+        room(spec, **({"half_length": 6.0, "half_width": 4.0} | size))
+        self.model = spec.compile()
+        self.data = mujoco.MjData(self.model)
+        self.lidar = make_lidar("raycast", self.model, PREFIX)
+        self.pipeline = ScanPipeline(self.lidar, effects, np.random.default_rng(seed))
+        self.pose = pose or (lambda time: (0.0, 0.0, 0.0))
+        self.move(0.0)
+        mujoco.mj_kinematics(self.model, self.data)
+
+    def move(self, time: float) -> None:
+        x, y, yaw = self.pose(time)
+        self.data.time = time
+        mocap = self.model.body(RIG).mocapid[0]
+        self.data.mocap_pos[mocap] = (x, y, 0.2)
+        self.data.mocap_quat[mocap] = (math.cos(yaw / 2), 0, 0, math.sin(yaw / 2))
+
+    def scan(self, tick: int) -> Any:
+        """Scan at the end of a tick, after recording each of its steps with body poses one step behind."""
+        for step in range(9, -1, -1):
+            mujoco.mj_kinematics(self.model, self.data)
+            self.move(tick * PERIOD - step * STEP)
+            self.pipeline.record(self.data)
+        mujoco.mj_kinematics(self.model, self.data)
+        return self.pipeline.scan(self.data)
+
+
+# --- off ---
+
+
+def test_without_effects_the_scan_is_the_measurement_now() -> None:
+    rig = Rig(LidarEffects(), pose=lambda time: (10 * time, 0.0, 3 * time))
+    for tick in range(4):
+        scan = rig.scan(tick)
+        assert scan.stamp == tick * PERIOD
+        assert scan.time_increment == 0.0
+        assert np.array_equal(scan.ranges, rig.lidar.ranges(rig.data))
+    assert not rig.pipeline.needs_every_step
+
+
+# --- noise and dropouts ---
+
+
+def test_noise_is_gaussian_with_the_standard_deviation_asked_for() -> None:
+    rig = Rig(LidarEffects(range_noise_std=0.02))
+    truth = rig.lidar.ranges
+    errors = np.concatenate([rig.scan(tick).ranges - truth(rig.data) for tick in range(100)])
+    n = len(errors)  # 108100: sampling errors are 0.02 / sqrt(n) of the mean, 0.02 / sqrt(2 n) of the deviation
+    assert abs(errors.mean()) < 4 * 0.02 / math.sqrt(n)
+    assert abs(errors.std() - 0.02) < 4 * 0.02 / math.sqrt(2 * n)
+    assert abs(np.mean(np.abs(errors) < 0.02) - 0.6827) < 0.006
+    neighbours = np.corrcoef(errors[:-1], errors[1:])[0, 1]
+    assert abs(neighbours) < 4 / math.sqrt(n)
+
+
+def test_noise_leaves_no_return_alone_and_returns_within_the_limits() -> None:
+    rig = Rig(LidarEffects(range_noise_std=0.5), half_length=35.0, half_width=0.3)
+    measured = rig.lidar.ranges(rig.data)
+    assert (measured == math.inf).any()
+    for tick in range(20):
+        ranges = rig.scan(tick).ranges
+        assert (ranges[measured == math.inf] == math.inf).all()
+        assert (np.isinf(ranges) | ((ranges >= 0.02) & (ranges < 30.0))).all()
+        assert (ranges == -math.inf).any()  # 0.3 m away with 0.5 m of noise
+
+
+def test_dropouts_read_nan_at_the_rate_asked_for() -> None:
+    rig = Rig(LidarEffects(dropout_probability=0.03))
+    scans = [rig.scan(tick).ranges for tick in range(100)]
+    failed = np.isnan(np.concatenate(scans))
+    assert abs(failed.mean() - 0.03) < 4 * math.sqrt(0.03 * 0.97 / failed.size)
+    truth = rig.lidar.ranges(rig.data)
+    assert all(np.array_equal(scan[~np.isnan(scan)], truth[~np.isnan(scan)]) for scan in scans)
+
+
+@pytest.mark.parametrize(("probability", "count"), [(0.0, 0), (1.0, 1081)])
+def test_dropouts_can_be_none_and_all(probability: float, count: int) -> None:
+    assert np.isnan(Rig(LidarEffects(dropout_probability=probability)).scan(0).ranges).sum() == count
+
+
+def test_same_seed_gives_the_same_bits_and_another_seed_others() -> None:
+    effects = LidarEffects(range_noise_std=0.01, dropout_probability=0.01)
+
+    def bits(seed: int) -> bytes:
+        rig = Rig(effects, seed=seed)
+        return b"".join(rig.scan(tick).ranges.tobytes() for tick in range(3))
+
+    assert bits(7) == bits(7)
+    assert bits(7) != bits(8)
+
+
+def test_no_return_is_the_greatest_range_where_asked() -> None:
+    rig = Rig(LidarEffects(no_return="range_max"), half_length=50.0)
+    scan = rig.scan(0)
+    assert scan.no_return == 30.0
+    assert scan.ranges[540] == 30.0
+    assert scan.ranges[900] == pytest.approx(4.0)
+
+
+# --- latency ---
+
+
+@pytest.mark.parametrize(("latency", "ticks"), [(0.0, 0), (0.001, 1), (0.025, 1), (0.026, 2), (0.075, 3), (0.1, 4)])
+def test_latency_delivers_older_scans_with_the_time_they_were_measured_at(latency: float, ticks: int) -> None:
+    rig = Rig(LidarEffects(latency=latency), pose=lambda time: (10 * time, 0.0, 0.0))
+    for tick in range(8):
+        measured_at = max(tick - ticks, 0) * PERIOD  # until then, the first scan
+        scan = rig.scan(tick)
+        assert scan.stamp == pytest.approx(measured_at, abs=1e-12)
+        assert scan.ranges[540] == pytest.approx(6.0 - 10 * measured_at, abs=1e-9)
+
+
+# --- motion distortion ---
+
+
+def test_driving_at_a_wall_each_beam_sees_it_from_where_it_was() -> None:
+    speed = 8.0
+    rig = Rig(LidarEffects(motion_distortion=True), pose=lambda time: (speed * time, 0.0, 0.0), half_width=50.0)
+    assert rig.pipeline.needs_every_step
+    for tick in range(4):
+        scan = rig.scan(tick)
+    ages = 0.01875 * (1 - np.arange(1081) / 1080)  # of the first beam 18.75 ms, of the last none
+    ahead = np.abs(scan.bearings) < 1.2
+    exact = (6.0 - speed * (3 * PERIOD - ages)) / np.cos(scan.bearings)
+    np.testing.assert_allclose(scan.ranges[ahead], exact[ahead], rtol=0, atol=1e-9)
+    assert scan.stamp == 3 * PERIOD
+    assert scan.time_increment * 1080 == pytest.approx(0.01875)
+    assert exact[540] - (6.0 - speed * 3 * PERIOD) == pytest.approx(0.075)  # half a sweep at 8 m/s
+
+
+def test_turning_each_beam_points_where_it_did() -> None:
+    yaw_rate = 6.0
+    rig = Rig(LidarEffects(motion_distortion=True), pose=lambda time: (0.5, 0.2, 1.0 + yaw_rate * time))
+    for tick in range(4):
+        scan = rig.scan(tick)
+    bearing = 1.0 + yaw_rate * (3 * PERIOD - 0.01875 * (1 - np.arange(1081) / 1080)) + scan.bearings
+    cos, sin = np.cos(bearing), np.sin(bearing)
+    exact = np.minimum((np.sign(cos) * 6.0 - 0.5) / cos, (np.sign(sin) * 4.0 - 0.2) / sin)
+    np.testing.assert_allclose(scan.ranges, exact, rtol=0, atol=1e-9)
+
+
+def test_standing_still_distortion_changes_nothing() -> None:
+    rig = Rig(LidarEffects(motion_distortion=True), pose=lambda time: (0.5, 0.2, 1.0))
+    np.testing.assert_allclose(rig.scan(0).ranges, rig.lidar.ranges(rig.data), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(rig.scan(1).ranges, rig.lidar.ranges(rig.data), rtol=0, atol=1e-12)
+
+
+def test_pitching_and_rolling_car_sweeps_over_the_floor() -> None:
+    """On a joint that pitches at 2 rad/s, by the engine's own steps."""
+    spec = mujoco.MjSpec.from_string(
+        f"""<mujoco><option timestep="{STEP}" gravity="0 0 0"/><worldbody><geom type="plane" size="0 0 1"/>
+        <body name="car" pos="0 0 0.3"><joint name="pitch" axis="0 1 0"/><geom type="box" size=".1 .1 .1"
+        contype="0" conaffinity="0"/><site name="mount"/></body></worldbody></mujoco>"""
+    )
+    spec.attach(lidar_spec(sensors=False), site=spec.site("mount"), prefix=PREFIX)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    pipeline = ScanPipeline(
+        make_lidar("raycast", model, PREFIX), LidarEffects(motion_distortion=True), np.random.default_rng(0)
+    )
+    data.joint("pitch").qvel[:] = 2.0
+    for _ in range(20):
+        mujoco.mj_step(model, data)
+        pipeline.record(data)
+    mujoco.mj_forward(model, data)
+    scan = pipeline.scan(data)
+    pitch = 2.0 * (0.05 - 0.01875 * (1 - np.arange(1081) / 1080))
+    ahead = np.abs(scan.bearings) < 1.0
+    exact = 0.3 / (np.sin(pitch) * np.cos(scan.bearings))
+    np.testing.assert_allclose(scan.ranges[ahead], exact[ahead], rtol=1e-9)
+
+
+def test_rangefinder_refuses_motion_distortion() -> None:
+    model = rig_spec().compile()
+    lidar = make_lidar("rangefinder", model, PREFIX)
+    with pytest.raises(SettingsError, match=r"RangefinderLidar.*accepted: the back end 'raycast'"):
+        ScanPipeline(lidar, LidarEffects(motion_distortion=True), np.random.default_rng(0))
+    ScanPipeline(lidar, LidarEffects(range_noise_std=0.01), np.random.default_rng(0))
+
+
+# --- pose history ---
+
+
+def test_history_interpolates_positions_and_turns_the_short_way_round() -> None:
+    history = PoseHistory(1.0)
+    history.record(0.0, np.array([0.0, 0, 0]), np.array([1.0, 0, 0, 0]))
+    history.record(1.0, np.array([2.0, 4, 0]), -np.array([math.cos(0.5), 0, 0, math.sin(0.5)]))  # 1 rad about z
+    positions, quaternions = history.at(np.array([-1.0, 0.0, 0.25, 1.0, 9.0]))
+    np.testing.assert_allclose(positions[:, 0], [0, 0, 0.5, 2, 2], atol=1e-12)
+    turned = 2 * np.arctan2(quaternions[:, 3], quaternions[:, 0])
+    np.testing.assert_allclose(turned, [0, 0, 0.25, 1, 1], atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(quaternions, axis=1), 1.0, atol=1e-12)
+
+
+def test_history_of_one_pose_is_that_pose() -> None:
+    history = PoseHistory(1.0)
+    history.record(3.0, np.array([1.0, 2, 3]), np.array([0.0, 1, 0, 0]))
+    positions, quaternions = history.at(np.array([0.0, 5.0]))
+    np.testing.assert_array_equal(positions, [[1, 2, 3]] * 2)
+    np.testing.assert_array_equal(quaternions, [[0, 1, 0, 0]] * 2)
+
+
+def test_history_reaches_back_its_span_and_starts_again_when_time_does() -> None:
+    history = PoseHistory(0.1)
+    still = np.array([1.0, 0, 0, 0])
+    for index in range(1001):
+        history.record(index * 0.01, np.array([float(index), 0, 0]), still)
+    np.testing.assert_allclose(history.at(np.array([9.9, 9.905, 10.0]))[0][:, 0], [990, 990.5, 1000], atol=1e-6)
+    history.record(0.0, np.array([-5.0, 0, 0]), still)
+    np.testing.assert_array_equal(history.at(np.array([0.0, 10.0]))[0][:, 0], [-5, -5])
+
+
+# --- settings ---
+
+
+@pytest.mark.parametrize(
+    "setting",
+    [
+        {"range_noise_std": -0.1},
+        {"range_noise_std": math.nan},
+        {"range_noise_std": "0.1"},
+        {"dropout_probability": 1.1},
+        {"dropout_probability": -0.1},
+        {"latency": -0.001},
+        {"latency": math.inf},
+        {"motion_distortion": 1},
+        {"no_return": "nan"},
+    ],
+)
+def test_settings_out_of_range_are_refused_by_name_and_value(setting: dict[str, Any]) -> None:
+    ((name, value),) = setting.items()
+    with pytest.raises(SettingsError) as refused:
+        LidarEffects(**setting)
+    assert name in str(refused.value)
+    assert repr(value) in str(refused.value)
+    assert "accepted" in str(refused.value)
+
+
+# --- invariants ---
+
+
+@given(
+    std=st.floats(0, 40),
+    dropout=st.floats(0, 1),
+    distortion=st.booleans(),
+    pose=st.tuples(st.floats(-7, 7), st.floats(-5, 5), st.floats(-4, 4)),
+    seed=st.integers(0, 1000),
+)
+@settings(max_examples=40, deadline=None)
+def test_any_effects_leave_readings_that_are_distances_infinite_or_failed(
+    std: float, dropout: float, distortion: bool, pose: Any, seed: int
+) -> None:
+    effects = LidarEffects(range_noise_std=std, dropout_probability=dropout, motion_distortion=distortion)
+    ranges = Rig(effects, seed=seed, pose=lambda time: tuple(np.array(pose) * (1 + time))).scan(1).ranges
+    assert (np.isinf(ranges) | np.isnan(ranges) | ((ranges >= 0.02) & (ranges < 30.0))).all()
+    if dropout == 0.0:
+        assert not np.isnan(ranges).any()

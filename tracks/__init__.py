@@ -1,0 +1,1 @@
+"""Bundled circuits: one centreline CSV each, with the recipe or seed that made it in its header."""
