@@ -33,9 +33,12 @@ from .steering import saturate
 class GuardSettings:
     """How much of the friction that the planner believes in the guard lets it use."""
 
-    lateral_use: float = 0.95  # of mu g, in cornering
-    longitudinal_use: float = 0.9  # of the greatest braking and accelerating without a sliding axle
+    lateral_use: float = 0.92  # of mu g, in cornering
+    longitudinal_use: float = 0.85  # of the greatest braking and accelerating without a sliding axle
     lateral_use_in_braking: float = 0.8  # of the above, where the speed is still too high for the wished steering
+    over_scale: float = 0.5
+    lateral_min: float = 0.5
+    load_transfer_time: float = 0.1  # [s] in which braking and accelerating may grow to their limit
     speed_response: float = 0.05  # [s] a wished speed is approached as (wish - speed) / this
     servo_lead: float = 0.025  # [s] the steering servo turns at (command - angle) / this
 
@@ -52,32 +55,48 @@ class FrictionGuard:
     def __init__(self, car: CarParameters, mu: float, settings: GuardSettings | None = None) -> None:
         self._settings = settings or GuardSettings()
         self._car = car
-        self._mu0 = mu
         self._mu = mu * self._settings.lateral_use
+        self._grip = mu * GRAVITY
         b, h = car.wheelbase, car.center_of_gravity_height
         use = self._settings.longitudinal_use * GRAVITY
         self.max_braking = use * (car.front_axle_distance / b) / (h / b + 0.5 / mu)
         self.max_accelerating = use * (car.rear_axle_distance / b) / (h / b + 0.5 / mu)
         moment = car.mass * car.rear_axle_distance
         self._yaw_lag = (car.yaw_inertia + moment * car.rear_axle_distance) / moment  # c [m]
+        self.reset()
+
+    def reset(self) -> None:
+        self._acceleration = 0.0
 
     def __call__(self, steering_angle: float, speed: float, odometry: Odometry) -> DriveCommand:
         """Return the command nearest to the wish that the tires hold until the next tick."""
-        car = self._car
+        car, settings = self._car, self._settings
         now = abs(odometry.speed)
+        angle = odometry.steering_angle
         target_speed = min(speed, friction_speed(steering_angle, self._mu, car.wheelbase))
-        share = self._settings.lateral_use_in_braking if target_speed < now else 1.0
+        share = settings.lateral_use_in_braking if target_speed < now else 1.0
+        over = min(max((now - speed) / settings.over_scale, 0.0), 1.0)
+        share = min(share, 1.0 - over * (1 - settings.lateral_min))
         limit = min(friction_steering(now, self._mu * share, car.wheelbase), car.max_steering_angle)
         target = saturate(steering_angle, limit)
-        step = self._steering_rate(odometry, math.copysign(1.0, target - odometry.steering_angle))
-        command = odometry.steering_angle + saturate(target - odometry.steering_angle, step * self._settings.servo_lead)
+        step = self._steering_rate(odometry, math.copysign(1.0, target - angle))
+        turn = saturate(target - angle, step * settings.servo_lead)
+        command = angle + turn
 
-        slope = math.tan(max(abs(odometry.steering_angle), abs(command)))
-        used = now * now * slope / (car.wheelbase * self._mu0 * GRAVITY)
-        left = max(0.0, 1.0 - used) ** 0.7
-        wished = (target_speed - odometry.speed) / self._settings.speed_response
-        acceleration = min(max(wished, -self.max_braking * left), self.max_accelerating * left)
-        return DriveCommand(steering_angle=command, speed=odometry.speed + acceleration * car.speed_time_constant)
+        curv = math.tan(command) / car.wheelbase
+        curv0 = math.tan(angle) / car.wheelbase
+        rate = (curv - curv0) / settings.servo_lead
+        front = abs(now * now * curv0 + self._yaw_lag * now * rate)
+        lateral = max(now * now * max(abs(curv), abs(curv0)), front)
+        left = max(0.0, 1.0 - lateral / self._grip) ** 0.7
+        wished = (target_speed - odometry.speed) / settings.speed_response
+        grow = 0.025 / settings.load_transfer_time
+        lowest = max(-self.max_braking * left, min(self._acceleration, 0.0) - self.max_braking * grow)
+        highest = min(self.max_accelerating * left, max(self._acceleration, 0.0) + self.max_accelerating * grow)
+        self._acceleration = min(max(wished, lowest), highest)
+        return DriveCommand(
+            steering_angle=command, speed=odometry.speed + self._acceleration * car.speed_time_constant
+        )
 
     def _steering_rate(self, odometry: Odometry, side: float) -> float:
         """Return the greatest steering rate [rad/s] towards `side` (+-1) that the front tires can carry."""

@@ -3,6 +3,8 @@
     timer = LapTimer(track)
     timer.update(time, position)   # every tick
     timer.laps_completed, timer.lap_times
+
+The line is where the car is first seen.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ STANDSTILL = 0.1  # [m] progress below this is standing still: a car that pushes
 
 
 class LapTimer:
-    """Times the laps of one car. The line is where the car is first seen.
+    """Times the laps of one car, from where it is first seen.
 
     A lap is complete when the progress reaches a whole number of lengths for the first time, so that reversing over
     the line and coming back counts nothing twice. The time of crossing is interpolated between updates.

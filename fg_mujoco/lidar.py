@@ -5,8 +5,8 @@
     scan = lidar.beams.to_scan(lidar.ranges(data), stamp=data.time)
 
 `rangefinder` reads MuJoCo's own sensors, `raycast` asks Embree: the same beams through the same world in 3D, the same
-distances to float64 rounding, the second ten times faster. Both read the body poses of `data`, so mj_kinematics (or
-mj_forward, which has it) must have run at the present state; mj_step leaves them one step behind.
+distances to float64 rounding, several times faster (benchmarks/lidar_backends.py). Both read the body poses of `data`,
+so mj_kinematics (or mj_forward, which has it) must have run at the present state; mj_step leaves them a step behind.
 """
 
 from __future__ import annotations
@@ -107,10 +107,15 @@ def lidar_spec(*, sensors: bool = True) -> Any:
       sensors: with MuJoCo's sensors and their sites, as `rangefinder` needs. `raycast` needs none, and 1081 sites
         cost 100 us a physics step.
     """
-    spec = mujoco.MjSpec.from_string(files("fg_mujoco.models").joinpath("hokuyo_ust10lx.xml").read_text("utf-8"))
+    spec = _parsed_spec().copy()
     if not sensors:
         spec.delete(spec.frame("beams"))  # the sensors go with their sites
     return spec
+
+
+@lru_cache(maxsize=1)
+def _parsed_spec() -> Any:
+    return mujoco.MjSpec.from_string(files("fg_mujoco.models").joinpath("hokuyo_ust10lx.xml").read_text("utf-8"))
 
 
 @lru_cache(maxsize=1)

@@ -24,7 +24,7 @@ def steps(points: FloatArray) -> FloatArray:
 
 def step_lengths(points: FloatArray) -> FloatArray:
     """Length of each segment. Shape (n,) [m]."""
-    return np.hypot(*steps(points).T)
+    return np.asarray(np.hypot(*steps(points).T))
 
 
 def segments(points: FloatArray) -> FloatArray:
@@ -36,7 +36,7 @@ def turns(points: FloatArray) -> FloatArray:
     """Change of heading at each point, left positive, within +-pi. Shape (n,) [rad]."""
     after = steps(points)
     before = np.roll(after, 1, axis=0)
-    return np.arctan2(cross(before, after), np.sum(before * after, axis=1))
+    return np.asarray(np.arctan2(cross(before, after), np.sum(before * after, axis=1)))
 
 
 def cross(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -95,12 +95,15 @@ def self_crossings(points: FloatArray) -> tuple[IndexArray, IndexArray]:
     return i[apart], j[apart]
 
 
-def meeting_point(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Where two segments (2, 2) that cross or touch do so: shape (2,) [m]; an end of the first if they are parallel."""
+def meeting_point(first: FloatArray, second: FloatArray) -> FloatArray | None:
+    """Where two segments (2, 2) cross or touch: shape (2,) [m]; None where they do not, or are parallel."""
     along, other = first[1] - first[0], second[1] - second[0]
     scale = float(cross(along, other))
-    share = float(cross(second[0] - first[0], other)) / scale if scale != 0.0 else 1.0
-    return np.asarray(first[0] + min(max(share, 0.0), 1.0) * along)
+    if scale == 0.0:
+        return None
+    share = float(cross(second[0] - first[0], other)) / scale
+    other_share = float(cross(second[0] - first[0], along)) / scale
+    return first[0] + share * along if 0.0 <= share <= 1.0 and 0.0 <= other_share <= 1.0 else None
 
 
 def resample(points: FloatArray, spacing: float, *columns: FloatArray) -> tuple[FloatArray, ...]:
@@ -162,7 +165,7 @@ def distance_to_segment(points: FloatArray, start: FloatArray, end: FloatArray) 
     along = end - start
     squared = np.maximum(np.sum(along * along, axis=-1), 1e-300)
     share = np.clip(np.sum((points - start) * along, axis=-1) / squared, 0.0, 1.0)
-    return np.hypot(*(points - start - share[..., None] * along).T)
+    return np.asarray(np.hypot(*(points - start - share[..., None] * along).T))
 
 
 def rounded_polygon(corners: FloatArray, radii: FloatArray, spacing: float = 0.05) -> FloatArray:
@@ -238,7 +241,8 @@ def _spline_second_derivatives(points: FloatArray, chords: FloatArray) -> FloatA
     solved = _solve_tridiagonal(before, diagonal, chords, np.hstack((right, rank_one)))
     solution, response = solved[:, :2], solved[:, 2]
     tied = solution[0] + solution[-1] * corner / gamma
-    return solution - response[:, None] * (tied / (1.0 + response[0] + response[-1] * corner / gamma))
+    solution -= response[:, None] * (tied / (1.0 + response[0] + response[-1] * corner / gamma))
+    return solution
 
 
 def _solve_tridiagonal(below: FloatArray, diagonal: FloatArray, above: FloatArray, right: FloatArray) -> FloatArray:

@@ -35,7 +35,7 @@ class RayScene:
     Args:
       model: the compiled mujoco.MjModel.
       carrier: id of the body that the rays start from; no geom of its kinematic tree is seen.
-      reach: beyond it nothing is seen [m].
+      reach: how far surfaces are to be seen [m]; those beyond it may read inf.
 
     Raises:
       ModelError: a visible geom that is neither mesh, box nor plane.
@@ -60,7 +60,7 @@ class RayScene:
         self._moving = {body: _Triangles(parts, reach) for body, parts in shapes.items()}
 
     def distances(self, data: Any, origins: FloatArray, directions: FloatArray) -> FloatArray:
-        """Return the distance along each ray to the first surface, inf where there is none in reach. Shape (n,) [m].
+        """Return the distance along each ray to the first surface, inf where there is none. Shape (n,) [m].
 
         Args:
           data: where the moving bodies are.
@@ -111,7 +111,7 @@ class _Triangles:
         distances: FloatArray = self._offsets.take(hits, mode="clip") - np.einsum("ij,ij->i", normals, origins)
         with np.errstate(divide="ignore", invalid="ignore"):
             distances /= np.einsum("ij,ij->i", normals, directions)
-        np.fmax(distances, 0.0, out=distances)  # a ray that starts on the surface, to rounding
+        np.fmax(distances, 0.0, out=distances)  # a ray may start on the surface, to rounding
         distances[hits < 0] = np.inf
         return distances
 
@@ -146,12 +146,15 @@ class _Plane:
 
 
 def _visible_geoms(model: Any, carrier: int) -> list[int]:
+    if model.nflex:
+        raise ModelError(
+            f"the model has {model.nflex} flex objects, which the LiDAR back end 'raycast' cannot see; accepted: none, "
+            "or the back end 'rangefinder'"
+        )
     own = model.body_rootid[model.geom_bodyid] == model.body_rootid[carrier]
     alpha = model.geom_rgba[:, 3].copy()
     with_material = model.geom_matid >= 0
     alpha[with_material] = model.mat_rgba[model.geom_matid[with_material], 3]
-    if model.nflex:
-        raise ModelError(f"the model has {model.nflex} flexes, which the ray caster cannot see; use 'rangefinder'")
     return [int(geom) for geom in np.flatnonzero((alpha != 0.0) & ~own)]
 
 
@@ -161,7 +164,7 @@ def _geom_triangles(model: Any, geom: int) -> tuple[FloatArray, NDArray[np.int32
     if kind == mujoco.mjtGeom.mjGEOM_BOX:
         return _BOX_CORNERS * model.geom_size[geom], _BOX_TRIANGLES
     if kind == mujoco.mjtGeom.mjGEOM_MESH:
-        mesh = model.mesh(int(model.geom_dataid[geom])).id
+        mesh = model.geom_dataid[geom]
         vertices = slice(model.mesh_vertadr[mesh], model.mesh_vertadr[mesh] + model.mesh_vertnum[mesh])
         faces = slice(model.mesh_faceadr[mesh], model.mesh_faceadr[mesh] + model.mesh_facenum[mesh])
         return model.mesh_vert[vertices].astype(np.float64), model.mesh_face[faces]

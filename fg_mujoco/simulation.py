@@ -9,6 +9,8 @@ Each step holds the command for one period of the LiDAR (25 ms). Same world, sam
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import mujoco
 import numpy as np
 
@@ -18,7 +20,9 @@ from .messages import DriveCommand, FloatArray, LaserScan, Odometry
 from .tire_slip import TireSlip, TireSlipMeter
 from .world import World
 
-_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+"""What a state holds: all that the next step depends on."""
+
 _BAD_STATE = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
 
 
@@ -71,23 +75,20 @@ class Simulation:
 
     def step(self, command: DriveCommand) -> tuple[LaserScan, Odometry]:
         """Hold a command for one period and return what the car then senses."""
-        model, data, car = self.world.model, self.data, self.world.car
-        car.apply(data, command)
-        for _ in range(self.substeps):
-            mujoco.mj_step(model, data)
-            self._slip_meter.record(data)
-            self._pipeline.record(data)
-            self.crashed = self.crashed or car.crashed(data)
-        mujoco.mj_forward(model, data)  # mj_step leaves poses and sensors one timestep behind the state
+        self.world.car.apply(self.data, command)
+        hold_controls(self.world.model, self.data, self.substeps, self._record)
         self.slip = self._slip_meter.read()
         return self._sense()
+
+    def _record(self, data: mujoco.MjData) -> None:
+        self._slip_meter.record(data)
+        self._pipeline.record(data)
+        self.crashed = self.crashed or self.world.car.crashed(data)
 
     @property
     def state(self) -> FloatArray:
         """The complete state of the physics (mjSTATE_INTEGRATION), a copy."""
-        state = np.empty(mujoco.mj_stateSize(self.world.model, _STATE))
-        mujoco.mj_getState(self.world.model, self.data, state, _STATE)
-        return state
+        return complete_state(self.world.model, self.data)
 
     @property
     def time(self) -> float:
@@ -111,6 +112,26 @@ class Simulation:
 
     def _sense(self) -> tuple[LaserScan, Odometry]:
         return self._pipeline.scan(self.data), self.world.car.odometry(self.data)
+
+
+def hold_controls(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    steps: int,
+    after_step: Callable[[mujoco.MjData], None] = lambda data: None,
+) -> None:
+    """Hold `data.ctrl` for one tick of so many physics steps. A replay makes the very calls of the race."""
+    for _ in range(steps):
+        mujoco.mj_step(model, data)
+        after_step(data)
+    mujoco.mj_forward(model, data)  # mj_step leaves poses and sensors one timestep behind the state
+
+
+def complete_state(model: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:
+    """Return a copy of the complete state of the physics (mjSTATE_INTEGRATION)."""
+    state = np.empty(mujoco.mj_stateSize(model, STATE))
+    mujoco.mj_getState(model, data, state, STATE)
+    return state
 
 
 def whole_steps(period: float, timestep: float) -> int:

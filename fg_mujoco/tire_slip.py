@@ -69,7 +69,8 @@ class TireSlipMeter:
         if any(before.stop != after.start for before, after in pairwise(slices)):
             raise ModelError(f"the tires' sensors are apart; accepted: for each of {WHEELS}, {_SENSORS} side by side")
         self._slice = slice(slices[0].start, slices[-1].stop)
-        self._records = np.empty((64, self._slice.stop - self._slice.start))
+        self._components = (self._slice.stop - self._slice.start) // len(WHEELS)
+        self._records = np.empty((64, self._components * len(WHEELS)))
         self._count = 0
 
     def record(self, data: mujoco.MjData) -> None:
@@ -83,7 +84,7 @@ class TireSlipMeter:
         """Return the slip of all steps recorded since the last reading, shape (steps, 4), and forget them."""
         # (components, steps, tires); a contact sensor reads: found, force in the contact's frame (normal first),
         # position, normal
-        records = np.moveaxis(self._records[: self._count].reshape(self._count, len(WHEELS), self._records.shape[1] // len(WHEELS)), 2, 0)
+        records = np.moveaxis(self._records[: self._count].reshape(self._count, len(WHEELS), self._components), 2, 0)
         found, force, point, normal, center, velocity, angular_velocity = np.split(records, (1, 4, 7, 10, 13, 16))
         self._count = 0
 

@@ -3,6 +3,8 @@
     track = load_track("oval")
     x, y, heading = track.start_pose()
     s, offset = track.project(np.array([[x, y]]))
+
+All arrays are read-only; what is computed from the line is computed once.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from .errors import TrackError
 from .messages import FloatArray, read_only
-from .polyline import cross, segments, self_crossings, step_lengths, steps, turns
+from .polyline import cross, self_crossings, step_lengths, steps, turns
 from .track_walls import MAX_TURN, shared_widths, wall_lines
 
 MIN_POINTS = 4  # three make a triangle, which tells nothing of a circuit
@@ -31,8 +33,9 @@ class Track:
     """A circuit, driven in the order of its points.
 
     Raises:
-      TrackError: fewer than 4 points, a number that is not finite, a width that is not positive, a point twice in a
-        row, a line that turns back or crosses itself, or stretches that run over each other.
+      TrackError: when made, fewer than 4 points, a number that is not finite, a width that is not positive, a point
+        twice in a row, a line that turns back or crosses itself, or stretches that run over each other. When its
+        walls are asked for, corners that leave no room for the inner one.
     """
 
     name: str
@@ -54,18 +57,17 @@ class Track:
                 raise TrackError(f"{side} is {width[bad]} m at point {bad}; accepted: a positive number")
             object.__setattr__(self, side, width)
         _check_line(line)
-        shared = shared_widths(line, self.width_right, self.width_left)
-        object.__setattr__(self, "_corridor", tuple(read_only(width) for width in shared))
+        _ = self._corridor  # refuses stretches that run over each other
 
     @property
     def corridor_right(self) -> FloatArray:
         """To the right wall, less what another stretch that runs alongside takes. Shape (n,) [m], read-only."""
-        return self._corridor[0]  # type: ignore[attr-defined, no-any-return]
+        return self._corridor[0]
 
     @property
     def corridor_left(self) -> FloatArray:
         """To the left wall, less what another stretch that runs alongside takes. Shape (n,) [m], read-only."""
-        return self._corridor[1]  # type: ignore[attr-defined, no-any-return]
+        return self._corridor[1]
 
     @cached_property
     def length(self) -> float:
@@ -91,13 +93,18 @@ class Track:
 
     @property
     def left_wall(self) -> FloatArray:
-        """Inner face of the left wall, closed, in driving order, first point not repeated. (m, 2) [m], read-only."""
+        """Inner face of the left wall, closed, in driving order from anywhere. Shape (m, 2) [m], read-only."""
         return self._walls[1]
 
     @property
     def right_wall(self) -> FloatArray:
-        """Inner face of the right wall, closed, in driving order, first point not repeated. (k, 2) [m], read-only."""
+        """Inner face of the right wall, closed, in driving order from anywhere. Shape (k, 2) [m], read-only."""
         return self._walls[0]
+
+    @cached_property
+    def _corridor(self) -> tuple[FloatArray, FloatArray]:
+        right, left = shared_widths(self.centreline, self.width_right, self.width_left)
+        return read_only(right), read_only(left)
 
     @cached_property
     def _walls(self) -> tuple[FloatArray, FloatArray]:
@@ -113,9 +120,7 @@ class Track:
         i = np.searchsorted(self.arc_length, s, side="right") - 1
         ahead = (steps(self.centreline) / step_lengths(self.centreline)[:, None])[i]
         left = np.stack((-ahead[..., 1], ahead[..., 0]), axis=-1)
-        return np.asarray(
-            self.centreline[i] + (s - self.arc_length[i])[..., None] * ahead + offset[..., None] * left
-        )
+        return np.asarray(self.centreline[i] + (s - self.arc_length[i])[..., None] * ahead + offset[..., None] * left)
 
     def start_pose(self, s: float = 0.0, offset: float = 0.0) -> tuple[float, float, float]:
         """Pose at progress `s` [m], `offset` [m] to the left of the centreline, along it: x [m], y [m], heading [rad].
@@ -146,10 +151,10 @@ class Track:
             rows = [self._follow(x, y, hint) for (x, y), hint in zip(points.tolist(), hints, strict=True)]
             found = np.array(rows, dtype=np.float64).reshape(-1, 2)
             return found[:, 0], found[:, 1]
-        parts = [self._locate(points[k : k + _CHUNK]) for k in range(0, len(points), _CHUNK)]
-        return np.concatenate([np.empty(0), *(p[0] for p in parts)]), np.concatenate(
-            [np.empty(0), *(p[1] for p in parts)]
-        )
+        found = np.empty((2, len(points)))
+        for k in range(0, len(points), _CHUNK):
+            found[:, k : k + _CHUNK] = self._locate(points[k : k + _CHUNK])
+        return found[0], found[1]
 
     def _locate(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Project (k, 2) points with no hint, against all segments."""

@@ -107,22 +107,19 @@ def read_centreline(path: str | Path) -> Track:
         `Track` refuses.
     """
     path = Path(path)
-    rows, lines = _parse(path, _read_text(path))
-    if len(rows):
-        new = np.hypot(*(rows[:, :2] - np.roll(rows[:, :2], 1, axis=0)).T) > _REPEATED
-        new[0] = True
-        rows, lines = rows[new], lines[new]
-        if len(rows) > 1 and np.hypot(*(rows[-1, :2] - rows[0, :2])) <= _REPEATED:
-            rows = rows[:-1]
+    rows = _parse(path, _read_text(path))
+    rows = rows[step_lengths(rows[:, :2]) > _REPEATED]  # the last of those that repeat each other stays
     if len(rows) < MIN_POINTS:
         raise TrackError(f"{path}: {len(rows)} points; accepted: at least {MIN_POINTS} different ones in a closed loop")
     line, right, left = rows[:, :2], rows[:, 2], rows[:, 3]
     if step_lengths(line).max() > DENSE:
         line, right, left = spline(line, SPACING, right, left)
     try:
-        return Track(name=path.stem, centreline=line, width_right=right, width_left=left)
+        track = Track(name=path.stem, centreline=line, width_right=right, width_left=left)
+        _ = track.left_wall  # drawn here, so that a refusal names the file
     except TrackError as error:
         raise TrackError(f"{path}: {error}") from error
+    return track
 
 
 def _read_text(path: Path) -> str:
@@ -138,10 +135,9 @@ def _read_text(path: Path) -> str:
         raise TrackError(f"{path}: cannot be read: {error.strerror or error}") from error
 
 
-def _parse(path: Path, text: str) -> tuple[FloatArray, np.ndarray]:
-    """Read numbers, shape (n, 4), and the line of the file that each row stands on, shape (n,)."""
+def _parse(path: Path, text: str) -> FloatArray:
+    """Read the numbers of all lines. Shape (n, 4) [m]."""
     rows: list[list[float]] = []
-    lines: list[int] = []
     seen_any = False
     for number, line in enumerate(text.splitlines(), start=1):
         content = line.strip()
@@ -160,10 +156,9 @@ def _parse(path: Path, text: str) -> tuple[FloatArray, np.ndarray]:
             if column.startswith("w_") and float(cell) <= 0.0:
                 raise TrackError(f"{path}: line {number}: {column} is {cell}; accepted: a width above 0 m")
         rows.append([float(cell) for cell in cells])
-        lines.append(number)
     if not seen_any:
         raise TrackError(f"{path}: is empty; accepted: one point a line, {', '.join(COLUMNS)}")
-    return np.array(rows).reshape(-1, len(COLUMNS)), np.array(lines, dtype=int)
+    return np.array(rows).reshape(-1, len(COLUMNS))
 
 
 def _is_number(cell: str) -> bool:

@@ -104,7 +104,15 @@ def _draw(rng: np.random.Generator, settings: GeneratorSettings, name: str) -> T
         return None
     if np.any(roomy.corridor_right < with_gap[0]) or np.any(roomy.corridor_left < with_gap[1]):
         return None
-    return Track(name=name, centreline=line, width_right=halves[0], width_left=halves[1])
+    track = Track(name=name, centreline=line, width_right=halves[0], width_left=halves[1])
+    return track if _has_walls(track) else None
+
+
+def _has_walls(track: Track) -> bool:
+    try:
+        return len(track.left_wall) > 0
+    except TrackError:
+        return False
 
 
 def _outline(rng: np.random.Generator, cell: float, length: float) -> FloatArray:

@@ -6,7 +6,7 @@ Without a name, all are written into `tracks/`.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib import resources
 from pathlib import Path
 
@@ -76,7 +76,7 @@ def write_bundled(name: str, path: str | Path) -> None:
     write_centreline(RECIPES[name](), path, header)
 
 
-def _circuit(name: str, corners: list[tuple[float, float]], radii: float | list[float], width: float) -> Track:
+def _circuit(name: str, corners: Sequence[tuple[float, float]], radii: float | Sequence[float], width: float) -> Track:
     """Rounded polygon with easements, started from the middle of its longest straight."""
     polygon = np.array(corners, dtype=np.float64)
     line = rounded_polygon(polygon, np.broadcast_to(radii, len(polygon)).astype(np.float64))

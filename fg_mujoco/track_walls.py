@@ -11,6 +11,7 @@ The corridor is what the widths sweep, square to the line. Two things make its e
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .errors import TrackError
 from .messages import FloatArray, read_only
@@ -30,6 +31,8 @@ from .polyline import (
     subdivide,
     turns,
 )
+
+BoolArray = NDArray[np.bool_]
 
 SHARED_WALL = 0.05  # [m] left between two stretches that share the room between them
 WALL_TOLERANCE = 0.005  # [m] how far a wall may stray from the edge of the corridor, to be of fewer pieces; a
@@ -82,8 +85,8 @@ def _stretch_pairs(line: FloatArray, widths: FloatArray) -> tuple[IndexArray, In
     i, j = nearby(np.stack((line, line), axis=1), segments(line), 2.0 * float(widths.max()) + SHARED_WALL)
     lengths = step_lengths(line)
     at = np.cumsum(lengths) - lengths
-    apart = np.abs(at[i] - at[j])
-    apart = np.minimum(apart, lengths.sum() - apart)
+    to_ends = np.abs(at[i] - [at[j], (at + lengths)[j]])
+    apart = np.minimum(to_ends, lengths.sum() - to_ends).min(axis=0)
     other = apart > STRETCH_WIDTHS * (widths[i] + widths[j])
     return i[other], j[other]
 
@@ -115,14 +118,14 @@ def _left_wall(line: FloatArray, widths: FloatArray, name: str) -> FloatArray:
     heading = np.arctan2(*steps(line).T[::-1]) - half_turn  # of the bisector at each point
     mitre = np.column_stack((-np.sin(heading), np.cos(heading))) / np.cos(half_turn)[:, None]
     wall = line + widths[:, None] * mitre  # its distance to both segments at the point is the width
-    wall = wall[~_in_corridor(wall, line, widths, half_turn)]
+    wall = _cut_off(wall, *_runs(_in_corridor(wall, line, widths, half_turn)))
     folds = True
-    while folds and len(wall) >= 3:
+    while folds and len(wall) >= 3:  # what jumps of the widths leave: folds outside of every corridor
         wall = wall[step_lengths(wall) > _TOUCH]
         i, j = self_crossings(wall)
-        spikes = np.abs(turns(wall)) > MAX_TURN  # a fold whose arms do not quite cross
+        spikes = np.abs(turns(wall)) > MAX_TURN
         folds = len(i) > 0 or bool(spikes.any())
-        wall = _cut_folds(wall, i, j) if len(i) else wall[~spikes]
+        wall = _cut_off(wall, *_shorter_loops(i, j, len(wall))) if len(i) else wall[~spikes]
     turned_over = enclosed_area(wall) * enclosed_area(line) <= 0.0
     if len(wall) < 3 or turned_over or len(crossings(segments(wall), segments(line))[0]):
         raise TrackError(
@@ -133,7 +136,7 @@ def _left_wall(line: FloatArray, widths: FloatArray, name: str) -> FloatArray:
     return wall if len(self_crossings(fewer)[0]) else fewer
 
 
-def _in_corridor(wall: FloatArray, line: FloatArray, widths: FloatArray, half_turn: FloatArray) -> np.ndarray:
+def _in_corridor(wall: FloatArray, line: FloatArray, widths: FloatArray, half_turn: FloatArray) -> BoolArray:
     """Which points of the left wall, one for each of the line, lie in the corridor of another part of the line.
 
     The corridor of a segment is the trapezoid on it; on the outside of a corner it leans out to meet the next one.
@@ -154,21 +157,35 @@ def _in_corridor(wall: FloatArray, line: FloatArray, widths: FloatArray, half_tu
     return inside
 
 
-def _cut_folds(wall: FloatArray, i: IndexArray, j: IndexArray) -> FloatArray:
-    """Cut off the loops between segments i and j > i that cross, the longest first; what is inside one goes with it.
+def _runs(marked: BoolArray) -> tuple[IndexArray, IndexArray]:
+    """First point and number of points of each run of marked ones, round the loop. Shape (k,) each."""
+    first = np.flatnonzero(marked & ~np.roll(marked, 1))
+    after = np.flatnonzero(~marked & np.roll(marked, 1))
+    if len(first) and after[0] < first[0]:
+        after = np.roll(after, -1)
+    return first, (after - first) % len(marked)
 
-    Of the two loops that a crossing makes, the shorter one is the fold: stretches far apart along the line do not
-    meet, for they share the room between them.
+
+def _shorter_loops(i: IndexArray, j: IndexArray, count: int) -> tuple[IndexArray, IndexArray]:
+    """First point and number of points of the shorter loop that each crossing of segments i < j makes.
+
+    That one is a fold: stretches far apart along the line do not meet, for they share the room between them.
     """
-    count = len(wall)
     forward = j - i <= count // 2
-    first, size = np.where(forward, i, j), np.where(forward, j - i, count - j + i)
+    return (np.where(forward, i, j) + 1) % count, np.where(forward, j - i, count - j + i)
+
+
+def _cut_off(wall: FloatArray, first: IndexArray, size: IndexArray) -> FloatArray:
+    """Take out runs of points, the longest first; where the arms that led in and out cross, put their corner."""
+    count = len(wall)
     gone = np.zeros(count, dtype=bool)
-    corners = wall.copy()
+    corners, arms = wall.copy(), segments(wall)
     for k in np.argsort(-size, kind="stable"):
-        fold = (first[k] + 1 + np.arange(size[k])) % count
-        if not gone[fold].any():
-            arms = segments(wall)[[first[k], fold[-1]]]
-            gone[fold[:-1]] = True  # the last point of the fold becomes the corner
-            corners[fold[-1]] = meeting_point(*arms)
+        run = (first[k] + np.arange(size[k])) % count
+        if gone[run].any():
+            continue  # it went with a longer one
+        gone[run] = True
+        corner = meeting_point(arms[first[k] - 1], arms[run[-1]]) if size[k] > 1 else None
+        if corner is not None:
+            corners[first[k]], gone[first[k]] = corner, False
     return corners[~gone]

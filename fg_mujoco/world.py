@@ -31,7 +31,9 @@ _INVISIBLE = (0.0, 0.0, 0.0, 0.0)  # rays skip it too
 
 CAR_PREFIX = "car/"
 """Of the names of everything that belongs to the car in a world's model."""
-_LIDAR_PREFIX = "lidar/"
+_LIDAR_IN_CAR = "lidar/"
+LIDAR_PREFIX = CAR_PREFIX + _LIDAR_IN_CAR
+"""Of the names of everything that belongs to its LiDAR."""
 
 WALL_HEIGHT = 0.3  # [m] taller than the LiDAR's beam plane; RoboRacer's ducts are 0.2 to 0.33 m
 _CYLINDER_SIDES = 24  # a cylinder is a prism for rays and contact alike: seen is what is hit
@@ -126,7 +128,7 @@ class World:
 
     def make_lidar(self) -> Lidar:
         """Return the LiDAR of this world, with the back end it was built for."""
-        return make_lidar(self.lidar_backend, self.model, CAR_PREFIX + _LIDAR_PREFIX)
+        return make_lidar(self.lidar_backend, self.model, LIDAR_PREFIX)
 
 
 def _compose(track: Track, car: Any, lidar: str, obstacles: tuple[Obstacle, ...]) -> Any:
@@ -143,7 +145,7 @@ def _compose(track: Track, car: Any, lidar: str, obstacles: tuple[Obstacle, ...]
         footprint = obstacle.corners()
         heights = np.repeat((0.0, obstacle.height), len(footprint))
         _add_hull(spec, f"obstacle_{index}", np.column_stack((np.tile(footprint, (2, 1)), heights)), _OBSTACLE_COLOUR)
-    car.attach(lidar_spec(sensors=lidar == "rangefinder"), site=car.site("lidar_mount"), prefix=_LIDAR_PREFIX)
+    car.attach(lidar_spec(sensors=lidar == "rangefinder"), site=car.site("lidar_mount"), prefix=_LIDAR_IN_CAR)
     spec.attach(car, frame=spec.worldbody.add_frame(), prefix=CAR_PREFIX)
     return spec
 

@@ -1,16 +1,21 @@
 """The car's MJCF has the community's constants, and `Car` reads, places and drives it under any prefix."""
 
 import math
+from importlib.resources import files
 
 import mujoco
 import numpy as np
 import pytest
+from car_worlds import flat_world, run
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fg_mujoco.car import WHEELS, Car, car_parameters, car_spec
 from fg_mujoco.errors import ModelError, SettingsError
 from fg_mujoco.messages import DriveCommand
+
+SCENE = str(files("fg_mujoco.models") / "scene.xml")
+WORLDS = {prefix: flat_world(prefix=prefix) for prefix in ("", "car/")}
 
 # f1tenth_gym, CommonRoad 1:10; design.md
 COMMUNITY = {
@@ -31,27 +36,10 @@ COMMUNITY = {
     "width": 0.31,
     "lidar_offset": 0.275,
     "gravity": 9.81,
+    # not the community's: chosen in models/f1tenth.xml
+    "track_width": 0.236,
+    "speed_time_constant": 0.1,
 }
-
-
-def flat_world(mu=None, prefix="", **attributes):
-    """Return (model, data, car) of the car on an endless plane; `attributes` are set on the ground geom."""
-    car = car_spec(mu)
-    if not prefix:
-        car.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=(0, 0, 1), contype=1, **attributes)
-        model = car.compile()
-    else:
-        world = mujoco.MjSpec()
-        world.option = car.option
-        world.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=(0, 0, 1), contype=1)
-        world.attach(car, prefix=prefix, frame=world.worldbody.add_frame(pos=(3.0, -2.0, 0.0), euler=(0, 0, 40)))
-        model = world.compile()
-    return model, mujoco.MjData(model), Car(model, prefix)
-
-
-def run(model, data, seconds):
-    for _ in range(round(seconds / model.opt.timestep)):
-        mujoco.mj_step(model, data)
 
 
 @pytest.fixture(scope="module")
@@ -126,7 +114,8 @@ def test_contact_roles(flat):
     model = flat[0]
     ground, wall, obstacle = (1, 0), (2, 0), (2, 3)
     tire, chassis = (
-        (int(model.geom(name).contype[0]), int(model.geom(name).conaffinity[0])) for name in ("rear_left_tire", "chassis")
+        (int(model.geom(name).contype[0]), int(model.geom(name).conaffinity[0]))
+        for name in ("rear_left_tire", "chassis")
     )
     assert touches(tire, ground)
     assert not any(touches(tire, other) for other in (wall, obstacle, tire, chassis))
@@ -147,7 +136,7 @@ def test_what_is_seen_does_not_touch_and_what_touches_is_not_seen(flat):
 
 def test_no_beam_sees_the_car():
     """Level rays from the mount, all round, for any suspension travel and steering angle, meet nothing."""
-    model, data, car = flat_world()
+    model, data, _ = flat_world()
     rng = np.random.default_rng(0)
     mount = model.site("lidar_mount").id
     for _ in range(20):
@@ -162,7 +151,7 @@ def test_no_beam_sees_the_car():
 
 
 def test_chassis_covers_the_wheels_and_clears_the_ground(flat):
-    model, data, car = flat
+    model, data, _ = flat
     mujoco.mj_resetData(model, data)
     mujoco.mj_kinematics(model, data)
     chassis = data.geom("chassis").xpos, model.geom("chassis").size
@@ -178,7 +167,7 @@ def test_chassis_covers_the_wheels_and_clears_the_ground(flat):
     prefix=st.sampled_from(["", "car/"]),
 )  # fmt: skip
 def test_pose_is_where_the_car_was_set(x, y, heading, speed, prefix):
-    model, data, car = WORLDS[prefix]
+    _, data, car = WORLDS[prefix]
     car.set_pose(data, x, y, heading, speed)
     got_x, got_y, got_heading = car.pose(data)
     assert (got_x, got_y) == (x, y)
@@ -189,9 +178,6 @@ def test_pose_is_where_the_car_was_set(x, y, heading, speed, prefix):
     assert odometry.steering_angle == 0.0 and odometry.yaw_rate == pytest.approx(0.0, abs=1e-9)
 
 
-WORLDS = {prefix: flat_world(prefix=prefix) for prefix in ("", "car/")}
-
-
 @pytest.mark.parametrize("speed", [-3.0, 0.0, 8.0])
 def test_a_placed_car_rolls_on_undisturbed(speed):
     model, data, car = flat_world()
@@ -200,13 +186,15 @@ def test_a_placed_car_rolls_on_undisturbed(speed):
     x, y, heading = car.pose(data)
     travelled = np.array([x - 1.0, y - 2.0])
     assert heading == pytest.approx(0.7, abs=1e-6)
-    assert travelled == pytest.approx(0.5 * speed * np.array([math.cos(0.7), math.sin(0.7)]), abs=2e-3 * abs(speed) + 1e-5)
+    assert travelled == pytest.approx(
+        0.5 * speed * np.array([math.cos(0.7), math.sin(0.7)]), abs=2e-3 * abs(speed) + 1e-5
+    )
     height = data.subtree_com[model.body("base_link").id][2]
     assert height == pytest.approx(car.parameters.center_of_gravity_height, abs=1e-3)
 
 
 def test_apply_saturates_at_the_limits(flat):
-    model, data, car = flat
+    _, data, car = flat
     car.set_pose(data, 0, 0, 0)
     car.apply(data, DriveCommand(steering_angle=1.0, speed=99.0))
     assert data.ctrl.tolist() == pytest.approx([0.4189, 20.0])
@@ -254,6 +242,18 @@ def test_imu_feels_the_turn():
     assert (left < right).all()  # the outer wheels turn faster
 
 
+def test_car_at_rest_stays_awake_in_a_world_that_sleeps():
+    spec = car_spec()
+    spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=(0, 0, 1), contype=1, conaffinity=0)
+    model = spec.compile()
+    data, car = mujoco.MjData(model), Car(model)
+    run(model, data, 3.0)
+    car.apply(data, DriveCommand(steering_angle=0.0, speed=1.0))
+    run(model, data, 1.0)
+    assert car.odometry(data).speed == pytest.approx(1.0, rel=0.01)
+
+
 def test_crash_is_chassis_against_wall_and_not_tires_on_ground():
     spec = car_spec()
     spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=(0, 0, 1), contype=1, conaffinity=0)
@@ -290,14 +290,8 @@ def test_cars_crash_into_each_other():
     assert first.crashed(data) and second.crashed(data)
 
 
-def scene_path():
-    from importlib.resources import files
-
-    return str(files("fg_mujoco.models") / "scene.xml")
-
-
 def test_scene_opens_without_our_python_and_drives():
-    model = mujoco.MjModel.from_xml_path(scene_path())
+    model = mujoco.MjModel.from_xml_path(SCENE)
     data = mujoco.MjData(model)
     data.ctrl[:] = 0.1, 1.5
     run(model, data, 1.0)
@@ -309,6 +303,6 @@ def test_scene_opens_without_our_python_and_drives():
 def test_scene_opens_in_dm_control():
     from dm_control import mujoco as dm_mujoco
 
-    physics = dm_mujoco.Physics.from_xml_path(scene_path())
+    physics = dm_mujoco.Physics.from_xml_path(SCENE)
     physics.step()
     assert physics.named.data.xpos["base_link", "z"] == pytest.approx(0.049, abs=1e-3)

@@ -5,12 +5,11 @@ import math
 import mujoco
 import numpy as np
 import pytest
-from test_car import flat_world, run
+from car_worlds import flat_world, run
 
 from fg_mujoco.car import WHEELS
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.tire_slip import SLIDING_SPEED, TireSlipMeter
-
 
 SPIN_INERTIA = 1.7e-4  # [kg m^2] of a wheel, as in models/f1tenth.xml
 
@@ -204,7 +203,9 @@ def test_no_brake_beats_friction(mu):
 # Measured onset: 0.99 to 1.00 of the law. On a tight circle it comes 2% early: the CoG's own circle is wider than the
 # rear axle's, and the steered tires pull backwards.
 @pytest.mark.parametrize("mu", [1.0489, 0.6])
-@pytest.mark.parametrize(("radius", "holds", "slides"), [(0.8, 0.96, 1.0), (1.5, 0.97, 1.03), (3.0, 0.97, 1.03), (8.0, 0.97, 1.03)])
+@pytest.mark.parametrize(
+    ("radius", "holds", "slides"), [(0.8, 0.96, 1.0), (1.5, 0.97, 1.03), (3.0, 0.97, 1.03), (8.0, 0.97, 1.03)]
+)
 def test_steady_circle_holds_up_to_the_speed_law_and_slides_beyond(mu, radius, holds, slides):
     assert np.nanmax(drive_circle(mu, radius, holds)[2].sliding_speed) < SLIDING_SPEED
     assert np.nanmax(drive_circle(mu, radius, slides)[2].sliding_speed) > SLIDING_SPEED

@@ -24,6 +24,7 @@ from lidar_worlds import (
 
 from fg_mujoco.errors import ModelError, SettingsError
 from fg_mujoco.lidar import LIDAR_BACKENDS, RangefinderLidar, RaycastLidar, lidar_spec, load_beams, make_lidar
+from fg_mujoco.ray_scene import RayScene
 
 both_backends = pytest.mark.parametrize("backend", LIDAR_BACKENDS)
 
@@ -283,6 +284,22 @@ def test_raycast_does_not_see_the_car_that_carries_it() -> None:
     assert np.isinf(lidar.ranges(data)).all()
 
 
+def test_distance_from_a_point_on_a_surface_is_never_negative() -> None:
+    spec = rig_spec(sensors=False, floor=False)
+    spec.worldbody.add_geom(type=GEOM.mjGEOM_BOX, size=(1, 1, 1), pos=(0.1, 0.2, 0.3), euler=(10, 20, 30))
+    model, data, lidar = scanner(spec, "raycast")
+    place(model, data, (9, 9, 9))
+    rng = np.random.default_rng(0)
+    face = np.column_stack((np.ones(2000), rng.uniform(-1, 1, (2000, 2))))
+    box = next(geom for geom in range(model.ngeom) if model.geom_type[geom] == GEOM.mjGEOM_BOX)
+    rotation = data.geom_xmat[box].reshape(3, 3)
+    origins = data.geom_xpos[box] + face @ rotation.T
+    scene = RayScene(model, carrier=lidar.body, reach=30.0)
+    distances = scene.distances(data, origins, np.tile(-rotation[:, 0], (2000, 1)))
+    assert (distances >= 0.0).all()
+    assert np.isin(np.round(distances, 6), (0.0, 2.0)).all()
+
+
 # --- the protocol of MuJoCo's own sensors ---
 
 
@@ -357,6 +374,15 @@ def test_raycast_refuses_shapes_it_cannot_see() -> None:
     spec.worldbody.add_geom(name="ball", type=GEOM.mjGEOM_SPHERE, size=(0.1, 0, 0))
     with pytest.raises(ModelError, match=r"ball .* sphere.*mesh, box, plane.*rangefinder"):
         make_lidar("raycast", spec.compile(), PREFIX)
+
+
+def test_raycast_refuses_a_flex_object() -> None:
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><body name="hokuyo"/><flexcomp name="cloth" type="grid" count="3 3 1" dim="2"
+        spacing=".1 .1 .1" mass="1"/></worldbody></mujoco>"""
+    )
+    with pytest.raises(ModelError, match=r"1 flex.*rangefinder"):
+        make_lidar("raycast", model)
 
 
 def test_unknown_no_return_is_refused() -> None:

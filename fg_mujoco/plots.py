@@ -1,0 +1,196 @@
+"""Pictures of tracks and races, as PNG files. They need matplotlib: pip install 'fg-mujoco[plot]'.
+
+    track_picture(load_track("oval"), "oval.png")
+    trace_picture(race("oval"), "trace.png")
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .car import WHEELS
+from .errors import MissingExtraError
+from .messages import FloatArray
+from .race_result import TELEMETRY, RaceResult
+from .tire_slip import SLIDING_SPEED
+from .track import Track
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+INSTALL_COMMAND = "pip install 'fg-mujoco[plot]'"
+
+_WIDTH = 7.2  # [in] two columns of a paper
+_MAP_HEIGHT = (2.2, 5.5)  # [in] least and greatest
+_PANEL_HEIGHT = 1.15  # [in] of each panel over time
+_DPI = 150
+_MARGIN = 0.5  # [m] round the walls
+_STYLE = {"font.size": 8.0, "axes.linewidth": 0.6, "lines.linewidth": 0.9, "legend.frameon": False}
+_TIRE_COLOURS = ("#0072b2", "#56b4e9", "#d55e00", "#e69f00")  # Okabe and Ito; front blue, rear orange
+_LIMIT = {"color": "0.2", "linewidth": 0.8, "linestyle": (0, (4, 2))}
+_COMMAND = {"color": "0.55", "linewidth": 0.8}
+
+
+def require_matplotlib() -> None:
+    """Make sure that pictures can be made.
+
+    Raises:
+      MissingExtraError: matplotlib is not installed; the message is the command that installs it.
+    """
+    if importlib.util.find_spec("matplotlib") is None:
+        raise MissingExtraError(INSTALL_COMMAND)
+
+
+def track_picture(track: Track, path: str | Path) -> None:
+    """Draw a track from above: walls, centreline, start line and direction.
+
+    Raises:
+      MissingExtraError: matplotlib is not installed.
+      OSError: the file cannot be written.
+    """
+    require_matplotlib()
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(_WIDTH, _map_height(track)), layout="constrained")
+        axes = figure.add_subplot()
+        _draw_track(axes, track)
+        axes.plot(*_closed(track.centreline).T, color="0.55", linewidth=0.6, linestyle=(0, (6, 4)))
+        width = track.corridor_left + track.corridor_right
+        axes.set_title(
+            f"{track.name}: {track.length:.1f} m, {width.min():.2f} to {width.max():.2f} m wide, "
+            f"tightest radius {1.0 / np.abs(track.curvature).max():.2f} m"
+        )
+        _save(figure, path)
+
+
+def trace_picture(result: RaceResult, path: str | Path) -> None:
+    """Draw a race: the line over the track coloured by speed, and speed, steering and the tires' work over time.
+
+    Raises:
+      MissingExtraError: matplotlib is not installed.
+      OSError: the file cannot be written.
+    """
+    require_matplotlib()
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    column = {name: result.telemetry[:, index] for index, name in enumerate(TELEMETRY)}
+    map_height = _map_height(result.world.track)
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(_WIDTH, map_height + 4.0 * _PANEL_HEIGHT), layout="constrained")
+        grid = figure.add_gridspec(5, 1, height_ratios=(map_height, *(4 * [_PANEL_HEIGHT])))
+        axes = figure.add_subplot(grid[0])
+        _draw_track(axes, result.world.track)
+        line = _draw_line(axes, column["x_m"], column["y_m"], column["speed_m_s"])
+        figure.colorbar(line, ax=axes, label="speed [m/s]", shrink=0.8, aspect=25, pad=0.01)
+        axes.set_title(_headline(result))
+
+        panels = [figure.add_subplot(grid[1])]
+        panels += [figure.add_subplot(grid[row], sharex=panels[0]) for row in (2, 3, 4)]
+        _draw_panels(panels, column)
+        for panel in panels:
+            _mark_laps(panel, result.lap_times_s)
+            panel.grid(axis="y", color="0.9", linewidth=0.5)
+            panel.spines[["top", "right"]].set_visible(False)
+        for panel in panels[:-1]:
+            panel.tick_params(labelbottom=False)
+        panels[-1].set_xlabel("time [s]")
+        panels[-1].set_xlim(0.0, max(result.sim_time_s, 1e-3))
+        figure.align_ylabels(panels)
+        _save(figure, path)
+
+
+def _headline(result: RaceResult) -> str:
+    laps = f"{result.laps_completed} of {result.laps_requested} laps"
+    best = f", best {min(result.lap_times_s):.2f} s" if result.lap_times_s else ""
+    end = "" if result.finished else f", ended by {result.end_reason}"
+    return f"{result.track}, {result.controller}: {laps}{best}{end}; fastest sliding {result.max_slide_m_s:.3f} m/s"
+
+
+def _draw_panels(panels: list[Axes], column: dict[str, FloatArray]) -> None:
+    speed, steering, friction, sliding = panels
+    time = column["time_s"]
+    speed.plot(time, column["command_speed_m_s"], **_COMMAND, label="command")
+    speed.plot(time, column["speed_m_s"], color="black", label="car")
+    speed.set_ylabel("speed\n[m/s]")
+    steering.plot(time, column["command_steering_rad"], **_COMMAND, label="command")
+    steering.plot(time, column["steering_angle_rad"], color="black", label="car")
+    steering.set_ylabel("steering\n[rad]")
+    for wheel, colour in zip(WHEELS, _TIRE_COLOURS, strict=True):
+        label = wheel.replace("_", " ")
+        friction.plot(time, column[f"friction_use_{wheel}"], color=colour, linewidth=0.6, label=label)
+        sliding.plot(time, column[f"slide_{wheel}_m_s"], color=colour, linewidth=0.6, label=label)
+    friction.axhline(1.0, **_LIMIT, label="limit")
+    friction.set_ylabel("friction use\n[-]")
+    friction.set_ylim(0.0, 1.1)
+    sliding.axhline(SLIDING_SPEED, **_LIMIT, label="slides")
+    sliding.set_ylabel("sliding\n[m/s]")
+    sliding.set_ylim(0.0, max(1.2 * SLIDING_SPEED, 1.05 * sliding.dataLim.y1))
+    for panel in panels:
+        panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7.0, handlelength=1.2)
+
+
+def _draw_track(axes: Axes, track: Track) -> None:
+    """Draw the corridor, the start line and an arrow in the direction of driving."""
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path as Outline
+
+    walls = [_closed(track.left_wall), _closed(track.right_wall[::-1])]  # against each other: a ring, not two discs
+    corridor = Outline.make_compound_path(*(Outline(wall, closed=True) for wall in walls))
+    axes.add_patch(PathPatch(corridor, facecolor="0.95", edgecolor="0.25", linewidth=0.8))
+    points = np.concatenate(walls)
+    (left, bottom), (right, top) = points.min(axis=0) - _MARGIN, points.max(axis=0) + _MARGIN
+    axes.set(xlim=(left, right), ylim=(bottom, top), aspect="equal", xlabel="x [m]", ylabel="y [m]")
+
+    x, y, heading = track.start_pose()
+    ahead, aside = np.array([math.cos(heading), math.sin(heading)]), np.array([-math.sin(heading), math.cos(heading)])
+    ends = np.array([[x, y], [x, y]]) + np.outer((track.corridor_left[0], -track.corridor_right[0]), aside)
+    axes.plot(*ends.T, color="black", linewidth=1.6, solid_capstyle="butt")
+    size = 0.06 * max(right - left, top - bottom)
+    tail = ends[0] + 0.35 * size * aside  # beside the corridor, where it hides nothing
+    axes.annotate(
+        "", xy=tail + size * ahead, xytext=tail, annotation_clip=False,
+        arrowprops={"arrowstyle": "-|>", "color": "black", "linewidth": 1.0, "shrinkA": 0.0, "shrinkB": 0.0},
+    )  # fmt: skip
+
+
+def _draw_line(axes: Axes, x: FloatArray, y: FloatArray, speed: FloatArray) -> Any:
+    """Draw where the rear axle went, each piece in the colour of its speed."""
+    from matplotlib.collections import LineCollection
+
+    points = np.column_stack((x, y))
+    line = LineCollection(
+        list(np.stack((points[:-1], points[1:]), axis=1)), array=speed[:-1], cmap="viridis", linewidth=1.4,
+        capstyle="round",
+    )  # fmt: skip
+    line.set_clim(0.0, max(float(speed.max(initial=0.0)), 1.0))
+    return axes.add_collection(line)
+
+
+def _mark_laps(panel: Axes, lap_times: tuple[float, ...]) -> None:
+    for end in np.cumsum(lap_times):
+        panel.axvline(end, color="0.7", linewidth=0.6, linestyle=":")
+
+
+def _map_height(track: Track) -> float:
+    """Return the height of the map [in] for which it fills the width."""
+    walls = np.concatenate((track.left_wall, track.right_wall))
+    width, height = np.ptp(walls, axis=0) + 2.0 * _MARGIN
+    least, greatest = _MAP_HEIGHT
+    return float(np.clip(_WIDTH * 0.85 * height / width + 0.6, least, greatest))
+
+
+def _closed(points: FloatArray) -> FloatArray:
+    return np.concatenate((points, points[:1]))
+
+
+def _save(figure: Figure, path: str | Path) -> None:
+    figure.savefig(path, format="png", dpi=_DPI, metadata={"Software": None})  # the same race, the same file

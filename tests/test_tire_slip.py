@@ -1,0 +1,183 @@
+"""The slip meter agrees with hand-computed velocities and with the engine's own contact forces."""
+
+import mujoco
+import numpy as np
+import pytest
+from car_worlds import flat_world, run
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fg_mujoco.car import WHEELS
+from fg_mujoco.errors import ModelError
+from fg_mujoco.messages import DriveCommand
+from fg_mujoco.tire_slip import SLIDING_SPEED, TireSlipMeter
+
+FLAT = flat_world()
+
+
+def slip_now(model, data):
+    """The slip of the present state, without a step."""
+    mujoco.mj_forward(model, data)
+    meter = TireSlipMeter(model)
+    meter.record(data)
+    return meter.read()
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    forward=st.floats(-10, 10), left=st.floats(-3, 3), yaw_rate=st.floats(-5, 5), heading=st.floats(-4, 4),
+    spins=st.lists(st.floats(-300, 300), min_size=4, max_size=4),
+)  # fmt: skip
+def test_sliding_speed_is_that_of_the_material_point(forward, left, yaw_rate, heading, spins):
+    """Oracle: planar rigid-body velocity of the wheel centre, less spin times the contact's depth below it."""
+    model, data, car = FLAT
+    limits = car.parameters
+    car.set_pose(data, 1.0, -2.0, heading)
+    sink = 1e-4
+    data.qpos[2] -= sink
+    cos, sin = np.cos(heading), np.sin(heading)
+    data.qvel[:2] = cos * forward - sin * left, sin * forward + cos * left
+    data.qvel[5] = yaw_rate
+    for wheel, spin in zip(WHEELS, spins, strict=True):
+        data.joint(f"{wheel}_wheel").qvel = spin
+    slip = slip_now(model, data)
+    depth = limits.wheel_radius - 0.5 * sink  # below the wheel's centre: a contact lies halfway into the overlap
+    x = np.array([limits.wheelbase, limits.wheelbase, 0.0, 0.0])
+    y = np.array([1, -1, 1, -1]) * 0.5 * limits.track_width
+    expected = np.hypot(forward - yaw_rate * y - np.array(spins) * depth, left + yaw_rate * x)
+    assert slip.sliding_speed[0] == pytest.approx(expected, abs=1e-6)
+
+
+def test_rolling_tire_does_not_slide_and_a_locked_one_slides_at_the_cars_speed():
+    model, data, car = FLAT
+    car.set_pose(data, 0, 0, 0, 5.0)
+    data.qpos[2] -= 1e-5
+    assert slip_now(model, data).sliding_speed[0] == pytest.approx([0] * 4, abs=2e-3)
+    for wheel in WHEELS[2:]:
+        data.joint(f"{wheel}_wheel").qvel = 0.0
+    slip = slip_now(model, data)
+    assert slip.sliding_speed[0] == pytest.approx([0, 0, 5, 5], abs=2e-3)
+    assert slip.slides[0].tolist() == [False, False, True, True]
+    assert slip.friction_use[0, 2:] == pytest.approx([1, 1], rel=1e-3)
+
+
+def test_tire_off_the_ground_reads_nan_in_everything():
+    model, data, car = FLAT
+    car.set_pose(data, 0, 0, 0, 3.0)
+    data.qpos[2] += 0.05
+    slip = slip_now(model, data)
+    for values in (slip.sliding_speed, slip.friction_use, slip.normal_force, slip.friction_force):
+        assert values.shape == (1, 4) and np.isnan(values).all()
+    assert not slip.slides.any()
+
+
+def test_only_the_lifted_tire_reads_nan():
+    model, data, car = FLAT
+    car.set_pose(data, 0, 0, 0)
+    data.qpos[2] -= 1e-4
+    data.joint("rear_left_suspension").qpos = 0.005  # drawn up
+    slip = slip_now(model, data)
+    assert np.isnan(slip.sliding_speed[0]).tolist() == [False, False, True, False]
+
+
+def test_forces_agree_with_the_engines_contacts_and_friction_stays_in_the_cone():
+    """Oracle: mj_contactForce of each contact, in a turn at 0.8 of the limit and beyond it."""
+    model, data, car = flat_world(mu=0.8)
+    meter = TireSlipMeter(model)
+    car.set_pose(data, 0, 0, 0, 3.0)
+    tires = {model.geom(f"{wheel}_tire").id: index for index, wheel in enumerate(WHEELS)}
+    contacts = 0
+    for steering in np.linspace(0.0, 0.4, 100):
+        car.apply(data, DriveCommand(steering_angle=steering, speed=3.0))
+        mujoco.mj_step(model, data)
+        expected = np.full((4, 2), np.nan)
+        for index, contact in enumerate(data.contact):
+            wrench = np.zeros(6)
+            mujoco.mj_contactForce(model, data, index, wrench)
+            tire = next(tires[int(geom)] for geom in contact.geom if int(geom) in tires)
+            expected[tire] = wrench[0], np.hypot(*wrench[1:3])
+            assert contact.friction[0] == 0.8
+            contacts += 1
+        meter.record(data)
+        slip = meter.read()
+        assert slip.normal_force[0] == pytest.approx(expected[:, 0], rel=1e-9, abs=1e-9, nan_ok=True)
+        assert slip.friction_force[0] == pytest.approx(expected[:, 1], rel=1e-9, abs=1e-9, nan_ok=True)
+        with np.errstate(invalid="ignore"):
+            assert slip.friction_use[0] == pytest.approx(expected[:, 1] / (0.8 * expected[:, 0]), nan_ok=True)
+        assert not (slip.friction_use > 1.0 + 1e-6).any()
+    assert contacts > 300
+
+
+def test_standing_tires_carry_the_car_and_use_no_friction():
+    model, data, car = flat_world()
+    run(model, data, 1.0)
+    slip = slip_now(model, data)
+    assert slip.normal_force.sum() == pytest.approx(car.parameters.mass * 9.81, rel=1e-4)
+    # the axle nearer the CoG carries more: N_front / N_rear = lr / lf
+    assert slip.normal_force[0, 0] / slip.normal_force[0, 2] == pytest.approx(0.17145 / 0.15875, rel=1e-3)
+    assert slip.friction_use.max() < 1e-3 and slip.sliding_speed.max() < 1e-4
+
+
+def test_a_holding_tire_creeps_in_proportion_to_the_acceleration():
+    """Closed form in models/f1tenth.xml: acceleration * time constant * impedance / 2, far below SLIDING_SPEED."""
+    model, data, car = flat_world()
+    meter = TireSlipMeter(model)
+    steering = 0.1
+    car.set_pose(data, 0, 0, 0, 4.0)
+    car.apply(data, DriveCommand(steering_angle=steering, speed=4.0))
+    run(model, data, 2.0)
+    mujoco.mj_step(model, data)
+    meter.record(data)
+    creep = meter.read().sliding_speed[0]
+    acceleration = data.qvel[5] * np.hypot(*data.qvel[:2])
+    solref, solimp = model.geom("rear_left_tire").solref, model.geom("rear_left_tire").solimp
+    assert creep == pytest.approx([acceleration * solref[0] * solimp[1] / 2] * 4, rel=0.1)
+    assert creep.max() < SLIDING_SPEED / 2
+
+
+def test_reading_empties_the_meter_and_keeps_the_order_of_steps():
+    model, data, car = flat_world()
+    meter = TireSlipMeter(model)
+    assert meter.read().sliding_speed.shape == (0, 4)
+    car.set_pose(data, 0, 0, 0)
+    expected = []
+    for _ in range(150):  # more than the buffer starts with
+        mujoco.mj_step(model, data)
+        meter.record(data)
+        expected.append(data.sensor("front_left_tire_contact").data[1])
+    slip = meter.read()
+    assert slip.friction_use.shape == (150, 4)
+    on_ground = np.isfinite(slip.normal_force[:, 0])
+    assert slip.normal_force[on_ground, 0] == pytest.approx(np.array(expected)[on_ground])
+    assert meter.read().sliding_speed.shape == (0, 4)
+
+
+def test_prefix_makes_no_difference():
+    slips = []
+    for prefix in ("", "car/"):
+        model, data, car = flat_world(prefix=prefix)
+        meter = TireSlipMeter(model, prefix)
+        car.set_pose(data, 0, 0, 0.4, 2.0)
+        car.apply(data, DriveCommand(steering_angle=0.3, speed=3.0))
+        for _ in range(40):
+            mujoco.mj_step(model, data)
+            meter.record(data)
+        slips.append(meter.read())
+    assert slips[0].sliding_speed == pytest.approx(slips[1].sliding_speed, nan_ok=True, abs=1e-9)
+
+
+def test_tires_friction_acts_whatever_the_grounds_is():
+    model, data, _ = flat_world(mu=0.5, friction=(2.0, 0.005, 0.0001))
+    run(model, data, 0.1)
+    assert [contact.friction[0] for contact in data.contact] == [0.5] * 4
+
+
+def test_ground_that_overrides_the_tires_friction_is_refused():
+    model, _, _ = flat_world(priority=2)
+    with pytest.raises(ModelError, match=r"'ground'.*priority 2.*accepted: a priority below 1"):
+        TireSlipMeter(model)
+
+
+def test_wrong_prefix_is_named():
+    with pytest.raises(ModelError, match="other/front_left_tire"):
+        TireSlipMeter(FLAT[0], "other/")
