@@ -34,11 +34,14 @@ class GuardSettings:
     """How much of the friction that the planner believes in the guard lets it use."""
 
     lateral_use: float = 0.92  # of mu g, in cornering
-    longitudinal_use: float = 0.85  # of the greatest braking and accelerating without a sliding axle
+    braking_use: float = 0.9  # of the greatest braking without a sliding axle
+    accelerating_use: float = 0.8  # of the greatest accelerating without one
     lateral_use_in_braking: float = 0.8  # of the above, where the speed is still too high for the wished steering
     over_scale: float = 0.5
+    turn_in_use: float = 0.8
+    brake_couple: float = 0.0
     lateral_min: float = 0.5
-    load_transfer_time: float = 0.1  # [s] in which braking and accelerating may grow to their limit
+    load_transfer_time: float = 0.15  # [s] in which braking and accelerating may grow to their limit
     speed_response: float = 0.05  # [s] a wished speed is approached as (wish - speed) / this
     servo_lead: float = 0.025  # [s] the steering servo turns at (command - angle) / this
 
@@ -58,9 +61,8 @@ class FrictionGuard:
         self._mu = mu * self._settings.lateral_use
         self._grip = mu * GRAVITY
         b, h = car.wheelbase, car.center_of_gravity_height
-        use = self._settings.longitudinal_use * GRAVITY
-        self.max_braking = use * (car.front_axle_distance / b) / (h / b + 0.5 / mu)
-        self.max_accelerating = use * (car.rear_axle_distance / b) / (h / b + 0.5 / mu)
+        self.max_braking = self._settings.braking_use * GRAVITY * (car.front_axle_distance / b) / (h / b + 0.5 / mu)
+        self.max_accelerating = self._settings.accelerating_use * GRAVITY * (car.rear_axle_distance / b) / (h / b + 0.5 / mu)
         moment = car.mass * car.rear_axle_distance
         self._yaw_lag = (car.yaw_inertia + moment * car.rear_axle_distance) / moment  # c [m]
         self.reset()
@@ -103,5 +105,5 @@ class FrictionGuard:
         now = abs(odometry.speed)
         angle = odometry.steering_angle
         unused = self._mu * GRAVITY - side * now * now * math.tan(angle) / self._car.wheelbase
-        curvature_rate = max(unused, 0.0) / (self._yaw_lag * max(now, 1e-3))
+        curvature_rate = self._settings.turn_in_use * (1 - self._settings.brake_couple * abs(self._acceleration) / self.max_braking) * max(unused, 0.0) / (self._yaw_lag * max(now, 1e-3))
         return min(curvature_rate * self._car.wheelbase * math.cos(angle) ** 2, self._car.max_steering_rate)

@@ -1,0 +1,97 @@
+"""A MuJoCo 3D testbed for F1TENTH cars.
+
+    import fg_mujoco as fg
+
+    result = fg.race(fg.load_track("oval"), controller="gap_finder", laps=5)
+    print(result.lap_times_s, result.max_slide_m_s)
+
+What loads slowly (trimesh, embreex, matplotlib) is imported where it is used.
+"""
+
+from importlib.metadata import version as _version
+
+from .car import Car, car_parameters, car_spec
+from .controller_loading import controller_names, make_controller
+from .errors import (
+    ControllerError,
+    FgMujocoError,
+    MessageError,
+    MissingExtraError,
+    ModelError,
+    RunFolderError,
+    SettingsError,
+    TrackError,
+)
+from .lap_timer import LapTimer
+from .lidar import Beams, Lidar, RangefinderLidar, RaycastLidar, lidar_spec, make_lidar
+from .lidar_effects import LidarEffects
+from .messages import STOP, CarParameters, Controller, DriveCommand, LaserScan, Odometry
+from .plots import trace_picture, track_picture
+from .race import RaceProgress, race
+from .race_result import TELEMETRY, RaceResult
+from .recording import ReplayReport, Run, check_run_folder, read_run, replay, write_run
+from .simulation import Simulation
+from .tire_slip import SLIDING_SPEED, TireSlip, TireSlipMeter
+from .track import Track
+from .track_formats import load_track, read_centreline, track_names, write_centreline
+from .track_generator import GeneratorSettings, generate_track
+from .world import Box, Cylinder, World
+
+__version__ = _version("fg-mujoco")
+
+__all__ = [
+    "SLIDING_SPEED",
+    "STOP",
+    "TELEMETRY",
+    "Beams",
+    "Box",
+    "Car",
+    "CarParameters",
+    "Controller",
+    "ControllerError",
+    "Cylinder",
+    "DriveCommand",
+    "FgMujocoError",
+    "GeneratorSettings",
+    "LapTimer",
+    "LaserScan",
+    "Lidar",
+    "LidarEffects",
+    "MessageError",
+    "MissingExtraError",
+    "ModelError",
+    "Odometry",
+    "RaceProgress",
+    "RaceResult",
+    "RangefinderLidar",
+    "RaycastLidar",
+    "ReplayReport",
+    "Run",
+    "RunFolderError",
+    "SettingsError",
+    "Simulation",
+    "TireSlip",
+    "TireSlipMeter",
+    "Track",
+    "TrackError",
+    "World",
+    "__version__",
+    "car_parameters",
+    "car_spec",
+    "check_run_folder",
+    "controller_names",
+    "generate_track",
+    "lidar_spec",
+    "load_track",
+    "make_controller",
+    "make_lidar",
+    "race",
+    "read_centreline",
+    "read_run",
+    "replay",
+    "trace_picture",
+    "track_names",
+    "track_picture",
+    "write_centreline",
+    "write_run",
+]

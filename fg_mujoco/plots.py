@@ -9,7 +9,7 @@ from __future__ import annotations
 import importlib.util
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
@@ -29,12 +29,14 @@ INSTALL_COMMAND = "pip install 'fg-mujoco[plot]'"
 _WIDTH = 7.2  # [in] two columns of a paper
 _MAP_HEIGHT = (2.2, 5.5)  # [in] least and greatest
 _PANEL_HEIGHT = 1.15  # [in] of each panel over time
+_LEGEND_EDGE = 0.88  # of the width; right of it are colour bar and legends
 _DPI = 150
+_MAX_LAP_LABELS = 12
 _MARGIN = 0.5  # [m] round the walls
-_STYLE = {"font.size": 8.0, "axes.linewidth": 0.6, "lines.linewidth": 0.9, "legend.frameon": False}
+_STYLE: Any = {"font.size": 8.0, "axes.linewidth": 0.6, "lines.linewidth": 0.9, "legend.frameon": False}
 _TIRE_COLOURS = ("#0072b2", "#56b4e9", "#d55e00", "#e69f00")  # Okabe and Ito; front blue, rear orange
-_LIMIT = {"color": "0.2", "linewidth": 0.8, "linestyle": (0, (4, 2))}
-_COMMAND = {"color": "0.55", "linewidth": 0.8}
+_LIMIT: Any = {"color": "0.2", "linewidth": 0.8, "linestyle": (0, (4, 2))}
+_COMMAND: Any = {"color": "0.55", "linewidth": 0.8}
 
 
 def require_matplotlib() -> None:
@@ -47,7 +49,15 @@ def require_matplotlib() -> None:
         raise MissingExtraError(INSTALL_COMMAND)
 
 
-def track_picture(track: Track, path: str | Path) -> None:
+def describe_track(track: Track) -> str:
+    """Return name, length, width and tightest radius in one line."""
+    width = track.corridor_left + track.corridor_right
+    widths = " to ".join(sorted({f"{width.min():.2f}", f"{width.max():.2f}"}, key=float))
+    radius = 1.0 / max(float(np.abs(track.curvature).max()), 1e-9)
+    return f"{track.name}: {track.length:.1f} m long, {widths} m wide, tightest radius {radius:.2f} m"
+
+
+def track_picture(track: Track, path: str | Path | BinaryIO) -> None:
     """Draw a track from above: walls, centreline, start line and direction.
 
     Raises:
@@ -63,15 +73,11 @@ def track_picture(track: Track, path: str | Path) -> None:
         axes = figure.add_subplot()
         _draw_track(axes, track)
         axes.plot(*_closed(track.centreline).T, color="0.55", linewidth=0.6, linestyle=(0, (6, 4)))
-        width = track.corridor_left + track.corridor_right
-        axes.set_title(
-            f"{track.name}: {track.length:.1f} m, {width.min():.2f} to {width.max():.2f} m wide, "
-            f"tightest radius {1.0 / np.abs(track.curvature).max():.2f} m"
-        )
+        axes.set_title(describe_track(track))
         _save(figure, path)
 
 
-def trace_picture(result: RaceResult, path: str | Path) -> None:
+def trace_picture(result: RaceResult, path: str | Path | BinaryIO) -> None:
     """Draw a race: the line over the track coloured by speed, and speed, steering and the tires' work over time.
 
     Raises:
@@ -81,29 +87,34 @@ def trace_picture(result: RaceResult, path: str | Path) -> None:
     require_matplotlib()
     import matplotlib as mpl
     from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     column = {name: result.telemetry[:, index] for index, name in enumerate(TELEMETRY)}
     map_height = _map_height(result.world.track)
     with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=(_WIDTH, map_height + 4.0 * _PANEL_HEIGHT), layout="constrained")
+        layout = ConstrainedLayoutEngine(rect=(0.0, 0.0, _LEGEND_EDGE, 1.0))
+        figure = Figure(figsize=(_WIDTH, map_height + 4.0 * _PANEL_HEIGHT), layout=layout)
         grid = figure.add_gridspec(5, 1, height_ratios=(map_height, *(4 * [_PANEL_HEIGHT])))
         axes = figure.add_subplot(grid[0])
         _draw_track(axes, result.world.track)
         line = _draw_line(axes, column["x_m"], column["y_m"], column["speed_m_s"])
-        figure.colorbar(line, ax=axes, label="speed [m/s]", shrink=0.8, aspect=25, pad=0.01)
+        scale = axes.inset_axes((1.015, 0.05, 0.02, 0.9))
+        scale.set_in_layout(False)
+        figure.colorbar(line, cax=scale, label="speed [m/s]")
         axes.set_title(_headline(result))
 
         panels = [figure.add_subplot(grid[1])]
         panels += [figure.add_subplot(grid[row], sharex=panels[0]) for row in (2, 3, 4)]
         _draw_panels(panels, column)
+        _mark_laps(panels, result.lap_times_s)
         for panel in panels:
-            _mark_laps(panel, result.lap_times_s)
             panel.grid(axis="y", color="0.9", linewidth=0.5)
             panel.spines[["top", "right"]].set_visible(False)
         for panel in panels[:-1]:
             panel.tick_params(labelbottom=False)
         panels[-1].set_xlabel("time [s]")
-        panels[-1].set_xlim(0.0, max(result.sim_time_s, 1e-3))
+        end = max(result.sim_time_s, 1e-3)
+        panels[-1].set_xlim(-0.005 * end, end)  # what happens at once must not hide behind the axis
         figure.align_ylabels(panels)
         _save(figure, path)
 
@@ -112,7 +123,7 @@ def _headline(result: RaceResult) -> str:
     laps = f"{result.laps_completed} of {result.laps_requested} laps"
     best = f", best {min(result.lap_times_s):.2f} s" if result.lap_times_s else ""
     end = "" if result.finished else f", ended by {result.end_reason}"
-    return f"{result.track}, {result.controller}: {laps}{best}{end}; fastest sliding {result.max_slide_m_s:.3f} m/s"
+    return f"{result.track}, {result.controller}: {laps}{best}{end}; greatest sliding {result.max_slide_m_s:.3f} m/s"
 
 
 def _draw_panels(panels: list[Axes], column: dict[str, FloatArray]) -> None:
@@ -121,21 +132,22 @@ def _draw_panels(panels: list[Axes], column: dict[str, FloatArray]) -> None:
     speed.plot(time, column["command_speed_m_s"], **_COMMAND, label="command")
     speed.plot(time, column["speed_m_s"], color="black", label="car")
     speed.set_ylabel("speed\n[m/s]")
-    steering.plot(time, column["command_steering_rad"], **_COMMAND, label="command")
-    steering.plot(time, column["steering_angle_rad"], color="black", label="car")
+    steering.plot(time, column["command_steering_rad"], **_COMMAND)
+    steering.plot(time, column["steering_angle_rad"], color="black")
     steering.set_ylabel("steering\n[rad]")
     for wheel, colour in zip(WHEELS, _TIRE_COLOURS, strict=True):
         label = wheel.replace("_", " ")
         friction.plot(time, column[f"friction_use_{wheel}"], color=colour, linewidth=0.6, label=label)
-        sliding.plot(time, column[f"slide_{wheel}_m_s"], color=colour, linewidth=0.6, label=label)
+        sliding.plot(time, column[f"slide_{wheel}_m_s"], color=colour, linewidth=0.6)
     friction.axhline(1.0, **_LIMIT, label="limit")
     friction.set_ylabel("friction use\n[-]")
     friction.set_ylim(0.0, 1.1)
-    sliding.axhline(SLIDING_SPEED, **_LIMIT, label="slides")
+    sliding.axhline(SLIDING_SPEED, **_LIMIT, label="slides above")
     sliding.set_ylabel("sliding\n[m/s]")
     sliding.set_ylim(0.0, max(1.2 * SLIDING_SPEED, 1.05 * sliding.dataLim.y1))
-    for panel in panels:
-        panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7.0, handlelength=1.2)
+    for panel in (speed, friction, sliding):
+        legend = panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7.0, handlelength=1.2)
+        legend.set_in_layout(False)
 
 
 def _draw_track(axes: Axes, track: Track) -> None:
@@ -175,9 +187,14 @@ def _draw_line(axes: Axes, x: FloatArray, y: FloatArray, speed: FloatArray) -> A
     return axes.add_collection(line)
 
 
-def _mark_laps(panel: Axes, lap_times: tuple[float, ...]) -> None:
-    for end in np.cumsum(lap_times):
-        panel.axvline(end, color="0.7", linewidth=0.6, linestyle=":")
+def _mark_laps(panels: list[Axes], lap_times: tuple[float, ...]) -> None:
+    """Mark where each lap ends, and write its number over the first panel."""
+    for lap, (time, end) in enumerate(zip(lap_times, np.cumsum(lap_times), strict=True), start=1):
+        for panel in panels:
+            panel.axvline(end, color="0.6", linewidth=0.6, linestyle=":")
+        if len(lap_times) <= _MAX_LAP_LABELS:
+            above = panels[0].get_xaxis_transform()
+            panels[0].text(end - 0.5 * time, 1.02, f"lap {lap}", transform=above, ha="center", va="bottom")
 
 
 def _map_height(track: Track) -> float:
@@ -192,5 +209,5 @@ def _closed(points: FloatArray) -> FloatArray:
     return np.concatenate((points, points[:1]))
 
 
-def _save(figure: Figure, path: str | Path) -> None:
+def _save(figure: Figure, path: str | Path | BinaryIO) -> None:
     figure.savefig(path, format="png", dpi=_DPI, metadata={"Software": None})  # the same race, the same file

@@ -271,4 +271,4 @@ def _blame(path: Path) -> Iterator[None]:
         yield
     except Exception as error:
         reason = " ".join(f"{type(error).__name__}: {error}".split())
-        raise RunFolderError(f"{path}: is damaged or not of a run: {reason}; accepted: as `race --out` wrote it") from error
+        raise RunFolderError(f"{path}: cannot be read: {reason}; accepted: as `race --out` wrote it") from error

@@ -72,7 +72,7 @@ def _load(name_or_path: str | Path) -> Track:
     path = Path(name_or_path)
     if path.suffix.lower() in (".yaml", ".yml"):
         raise TrackError(f"{path}: ROS maps cannot be read yet; accepted: a centreline .csv of {', '.join(COLUMNS)}")
-    if path.suffix.lower() == ".csv" or path.exists():
+    if path.suffix.lower() == ".csv" or path.is_file():
         return read_centreline(path)
     known = ", ".join(track_names())
     raise TrackError(f"unknown track {name!r}; accepted: {known}, random:SEED, or a path to a centreline .csv")

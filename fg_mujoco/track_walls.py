@@ -2,8 +2,8 @@
 
 The corridor is what the widths sweep, square to the line. Two things make its edge more than an offset of the line:
 
-- in a corner tighter than the corridor is wide, the inner offset folds over itself; what lies inside the corridor of
-  another part of the line is no wall and is cut off, where the two arms of the fold meet;
+- in a corner tighter than the corridor is wide, the inner offset folds over itself; what lies in the corridor of
+  another part of the line is no wall, and the fold is cut off where its two arms meet;
 - where two stretches of the circuit run so close that their corridors would overlap, there would be no wall between
   them; they share the room in proportion to their widths, with a wall of `SHARED_WALL` between.
 """
@@ -123,9 +123,9 @@ def _left_wall(line: FloatArray, widths: FloatArray, name: str) -> FloatArray:
     while folds and len(wall) >= 3:  # what jumps of the widths leave: folds outside of every corridor
         wall = wall[step_lengths(wall) > _TOUCH]
         i, j = self_crossings(wall)
-        spikes = np.abs(turns(wall)) > MAX_TURN
-        folds = len(i) > 0 or bool(spikes.any())
-        wall = _cut_off(wall, *_shorter_loops(i, j, len(wall))) if len(i) else wall[~spikes]
+        back_and_forth = _zigzags(turns(wall))
+        folds = len(i) > 0 or bool(back_and_forth.any())
+        wall = _cut_off(wall, *_shorter_loops(i, j, len(wall))) if len(i) else wall[~back_and_forth]
     turned_over = enclosed_area(wall) * enclosed_area(line) <= 0.0
     if len(wall) < 3 or turned_over or len(crossings(segments(wall), segments(line))[0]):
         raise TrackError(
@@ -159,11 +159,20 @@ def _in_corridor(wall: FloatArray, line: FloatArray, widths: FloatArray, half_tu
 
 def _runs(marked: BoolArray) -> tuple[IndexArray, IndexArray]:
     """First point and number of points of each run of marked ones, round the loop. Shape (k,) each."""
+    if marked.all():
+        return np.zeros(1, dtype=np.intp), np.full(1, len(marked))
     first = np.flatnonzero(marked & ~np.roll(marked, 1))
     after = np.flatnonzero(~marked & np.roll(marked, 1))
     if len(first) and after[0] < first[0]:
         after = np.roll(after, -1)
     return first, (after - first) % len(marked)
+
+
+def _zigzags(turn: FloatArray) -> BoolArray:
+    """Mark the points at which a line turns back and those at which it turns forth again next. Shape (n,)."""
+    back = np.where(np.abs(turn) > MAX_TURN, np.sign(turn), 0.0)
+    first = back * np.roll(back, -1) < 0.0
+    return np.asarray(first | np.roll(first, 1))
 
 
 def _shorter_loops(i: IndexArray, j: IndexArray, count: int) -> tuple[IndexArray, IndexArray]:

@@ -79,11 +79,21 @@ def test_fold_of_a_corner_tighter_than_its_corridor_is_cut_where_the_arms_meet()
 
 
 def test_hairpin_tighter_than_its_corridor_has_no_wall_in_its_bend():
-    # arms 1.6 m apart that part after 2 m: one corner, so the wall is where the arms have parted by their widths
-    line = rounded([(0, 0), (3, 0), (12, 6), (12, 14), (-10, 14), (-10, 7.6), (0, 1.6), (3, 1.6)][::-1], 0.75, 0.1)
+    # arms 1.6 m apart that part after 1.5 m, by 2 in 3: one corner, so the wall begins where they are 2 m apart
+    line = rounded([(0, 1.6), (0, 0), (1.5, 0), (10.5, -6), (20, -6), (20, 7.6), (10.5, 7.6), (1.5, 1.6)], 0.75, 0.1)
     track = track_of(line, 1.0)
-    assert len(self_crossings(track.left_wall)[0]) == 0
-    assert len(self_crossings(track.right_wall)[0]) == 0
+    np.testing.assert_array_equal(track.corridor_left, 1.0)
+    tip = track.left_wall[np.argmin(track.left_wall[:, 0])]
+    centre = np.array((1.5 - 0.75 * np.tan(0.5 * np.arctan2(6.0, 9.0)), -0.75))  # of the arc that parts the lower arm
+    x = centre[0] + np.sqrt(1.75**2 - (0.8 - centre[1]) ** 2)  # its offset meets the other's half way up
+    np.testing.assert_allclose(tip, (x, 0.8), atol=0.01)
+
+
+def test_hairpin_with_long_arms_has_a_wall_between_them():
+    line = rounded([(0, 1.6), (0, 0), (8, 0), (12, -6), (20, -6), (20, 7.6), (12, 7.6), (8, 1.6)], 0.75, 0.1)
+    wall = track_of(line, 1.0).left_wall
+    assert 2.0 < wall[:, 0].min() < 3.0
+    assert np.abs(wall[wall[:, 0] < 7.0, 1] - 0.8).max() < 0.5 * SHARED_WALL + WALL_TOLERANCE
 
 
 def pinched(gap):
@@ -96,7 +106,7 @@ def pinched(gap):
 
 def test_stretches_side_by_side_share_the_room_with_a_wall_between():
     track = track_of(pinched(1.6), 1.0)
-    narrow = np.abs(track.centreline[:, 0]) < 2.5
+    narrow = np.abs(track.centreline[:, 0]) < 2.0
     np.testing.assert_allclose(track.corridor_left[narrow], 0.5 * (1.6 - SHARED_WALL), atol=1e-6)
     np.testing.assert_array_equal(track.corridor_right, 1.0)
     assert len(self_crossings(track.left_wall)[0]) == 0
@@ -135,9 +145,9 @@ def test_step_in_the_width_is_a_step_in_the_wall():
     assert np.isclose(wall[:, 1], 1.2).sum() == 4  # two corners, and the ends of the wide part
 
 
-@settings(deadline=None, max_examples=30)
+@settings(deadline=None, max_examples=25)
 @given(
-    radii=st.lists(st.floats(4.0, 12.0), min_size=5, max_size=9),
+    radii=st.lists(st.floats(6.0, 10.0), min_size=5, max_size=9),
     right=st.floats(0.3, 1.5),
     left=st.floats(0.3, 1.5),
     seed=st.integers(0, 1000),
@@ -151,7 +161,7 @@ def test_no_wall_comes_nearer_to_the_line_than_the_width(radii, right, left, see
     for wall, width in ((track.left_wall, left), (track.right_wall, right)):
         assert len(self_crossings(wall)[0]) == 0
         start, end = line, np.roll(line, -1, axis=0)
-        dense = resample(wall, 0.1)[0]
-        nearest = min(distance_to_segment(np.repeat(p[None], len(line), 0), start, end).min() for p in dense)
-        assert nearest >= width - 3.0 * WALL_TOLERANCE
+        for point in resample(wall, 0.5)[0]:
+            away = distance_to_segment(np.repeat(point[None], len(line), 0), start, end)
+            assert away.min() >= width - 2.0 * WALL_TOLERANCE
     assert step_lengths(track.left_wall).min() > 0.0

@@ -69,9 +69,7 @@ def test_projection_is_the_nearest_place_in_whose_corridor_the_point_lies(track,
     s = rng.uniform(0.0, track.length, 200)
     points = track.position(s, rng.uniform(-1.0, 1.0, 200))
     found, offset = track.project(points)
-    np.testing.assert_allclose(
-        np.linalg.norm(track.position(found, 0.0) - points, axis=1), np.abs(offset), atol=1e-9
-    )
+    np.testing.assert_allclose(np.linalg.norm(track.position(found, 0.0) - points, axis=1), np.abs(offset), atol=1e-9)
     nearest = distances_to_line(points, track.centreline).min(axis=1)
     width = np.where(
         offset > 0.0,

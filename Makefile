@@ -1,0 +1,55 @@
+# make race    five laps, with pictures, in runs/
+# make test    lint, types and tests
+# All of it needs python3 and make only; the rest is installed in .venv, at the versions of constraints.txt.
+
+PYTHON ?= python3
+VENV ?= .venv
+TRACK ?= oval
+CONTROLLER ?= gap_finder
+LAPS ?= 5
+ARGS ?=
+
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+RUN := runs/$(notdir $(basename $(TRACK)))-$(shell date +%Y%m%d-%H%M%S)
+
+.PHONY: help race test test-slow unit lint bench clean
+.DEFAULT_GOAL := help
+
+help:
+	@sed -n '/^# make/s/^# //p; /^## /s/^## //p' Makefile
+
+$(READY): pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' \
+	    || { echo "$(PYTHON) is too old or missing; needed: Python 3.10 or newer" >&2; exit 1; }
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null \
+	    || { echo "Python's venv is missing; to install it: sudo apt-get install python3-venv" >&2; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@touch $@
+
+race: $(READY)
+	$(BIN)/fg-mujoco race --track $(TRACK) --controller $(CONTROLLER) --laps $(LAPS) --out $(RUN) $(ARGS)
+	@echo "the picture: $(RUN)/trace.png"
+
+test: lint unit
+
+unit: $(READY)
+	$(BIN)/python -m pytest -m "not slow" $(ARGS)
+
+## make test-slow   the races that take minutes
+test-slow: $(READY)
+	$(BIN)/python -m pytest -m slow $(ARGS)
+
+## make lint        ruff and mypy
+lint: $(READY)
+	$(BIN)/ruff check
+	$(BIN)/mypy
+
+## make bench       how fast it is
+bench: $(READY)
+	@for file in benchmarks/*.py; do echo "$$file"; $(BIN)/python $$file || exit 1; done
+
+## make clean       away with everything made but runs/
+clean:
+	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis MUJOCO_LOG.TXT

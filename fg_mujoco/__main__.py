@@ -1,0 +1,7 @@
+"""`python -m fg_mujoco` is the command `fg-mujoco`."""
+
+import sys
+
+from .cli import main
+
+sys.exit(main())

@@ -1,0 +1,271 @@
+"""The command `fg-mujoco`: race, replay, make and show tracks.
+
+Exit codes: 0 all went well, 1 a race that was not driven to its end or a replay that differs, 2 input that cannot be
+used (one line on stderr, nothing written).
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import io
+import math
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+from . import __version__
+from .controller_loading import controller_names
+from .errors import FgMujocoError, MissingExtraError, SettingsError
+from .lidar import LIDAR_BACKENDS
+from .lidar_effects import LidarEffects
+from .plots import describe_track, require_matplotlib, track_picture
+from .race import RaceProgress, race
+from .race_result import RaceResult
+from .recording import check_run_folder, replay, summary_json, write_run
+from .tire_slip import SLIDING_SPEED
+from .track_formats import load_track, track_names, write_centreline
+
+_DONE, _NOT_DONE, _BAD_INPUT, _INTERRUPTED = 0, 1, 2, 130  # 130 is what shells call a command ended by Ctrl-C
+_REDRAW = 0.1  # [s] of wall time between two lines of progress
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command and return its exit code."""
+    try:
+        options = _parser().parse_args(arguments)
+        code: int = options.run(options)
+        sys.stdout.flush()
+    except FgMujocoError as error:
+        print("fg-mujoco:", *str(error).split(), file=sys.stderr)
+        return _BAD_INPUT
+    except KeyboardInterrupt:
+        return _INTERRUPTED
+    except BrokenPipeError:  # the reader of our output has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return _NOT_DONE
+    return code
+
+
+class _Parser(argparse.ArgumentParser):
+    """Complains in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(_BAD_INPUT, f"{self.prog}: {message}; see {self.prog} --help\n")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(prog="fg-mujoco", description="A MuJoCo 3D testbed for F1TENTH cars.", allow_abbrev=False)
+    parser.add_argument("--version", action="version", version=f"fg-mujoco {__version__}")
+    commands = parser.add_subparsers(title="commands", required=True)
+    _add_race(commands)
+
+    command = _add(commands, "replay", _replay, "simulate a run folder again and compare it bit for bit")
+    command.add_argument("folder", metavar="DIR", help="written by race --out")
+
+    tracks = commands.add_parser("track", help="make, show and list tracks").add_subparsers(
+        title="commands", required=True
+    )
+    command = _add(tracks, "new", _track_new, "write a random circuit as a centreline CSV")
+    command.add_argument("--seed", required=True, help="the same seed gives the same circuit")
+    command.add_argument("--force", action="store_true", help="replace the file if it exists")
+    command.add_argument("path", metavar="FILE.csv", type=Path)
+    command = _add(tracks, "show", _track_show, "draw a track as a PNG")
+    command.add_argument("track", metavar="TRACK", help="NAME, random:SEED or file.csv")
+    command.add_argument("--out", metavar="FILE.png", type=Path, help="default: NAME.png here")
+    _add(tracks, "list", _track_list, "list the bundled tracks")
+
+    _add(commands, "controllers", _controllers, "list the bundled controllers")
+    return parser
+
+
+def _add(commands: Any, name: str, run: Callable[[argparse.Namespace], int], text: str) -> argparse.ArgumentParser:
+    command: argparse.ArgumentParser = commands.add_parser(name, help=text, description=text, allow_abbrev=False)
+    command.set_defaults(run=run)
+    return command
+
+
+def _add_race(commands: Any) -> None:
+    command = _add(commands, "race", _race, "race a controller round a track, from a standing start")
+    add = command.add_argument
+    add("--track", default="oval", help="NAME, random:SEED or file.csv; default: oval; names: track list")
+    add("--controller", default="gap_finder", help="NAME or path/to/file.py:ClassName; default: gap_finder")
+    add("--laps", type=_whole, default=5, metavar="N", help="default: 5")
+    add("--mu", type=_number, metavar="MU", help="friction coefficient of the tires; default: as in the car's MJCF")
+    add(
+        "--planner-mu", type=_number_or_off, metavar="MU",
+        help="what the planner believes mu is; off: no friction limits; default: as in the car's MJCF",
+    )  # fmt: skip
+    add("--max-speed", type=_number, default=8.0, metavar="M/S", help="that the planner may ask for; default: 8")
+    add("--lidar", default="raycast", metavar="NAME", help=f"{' or '.join(LIDAR_BACKENDS)}; default: raycast")
+    add("--lidar-noise", type=_number, default=0.0, metavar="M", help="standard deviation of each range")
+    add("--lidar-dropout", type=_number, default=0.0, metavar="P", help="probability that a beam fails")
+    add("--lidar-latency", type=_number, default=0.0, metavar="S", help="from measurement to delivery")
+    add("--motion-distortion", action="store_true", help="each beam from the pose at its own time in the sweep")
+    add("--seed", type=_whole, default=0, metavar="N", help="of noise and dropouts; default: 0")
+    add("--time-limit", type=_number, metavar="S", help="of simulated time; default: what a car of 0.5 m/s needs")
+    add("--out", metavar="DIR", help="write a run folder here; it must be new or empty")
+    add("--json", action="store_true", help="print one JSON object and nothing else")
+
+
+def _race(options: argparse.Namespace) -> int:
+    effects = LidarEffects(
+        range_noise_std=options.lidar_noise,
+        dropout_probability=options.lidar_dropout,
+        latency=options.lidar_latency,
+        motion_distortion=options.motion_distortion,
+    )
+    picture = options.out is not None and _check_out(options.out)
+    # what a planner prints is not our output
+    with contextlib.redirect_stdout(sys.stderr), _Watcher(show=sys.stderr.isatty() and not options.json) as watch:
+        result = race(
+            options.track,
+            options.controller,
+            laps=options.laps,
+            mu=options.mu,
+            planner_mu=options.planner_mu,
+            max_speed=options.max_speed,
+            lidar=options.lidar,
+            seed=options.seed,
+            time_limit=options.time_limit,
+            effects=effects,
+            watch=watch,
+        )
+    if options.out is not None:
+        write_run(result, options.out, picture=picture)
+    print(summary_json(result) if options.json else _table(result, options.out))
+    return _DONE if result.finished else _NOT_DONE
+
+
+def _check_out(folder: str) -> bool:
+    """Refuse a folder that cannot be written, before the race and not after it; answer whether to draw a picture."""
+    check_run_folder(folder)
+    try:
+        require_matplotlib()
+    except MissingExtraError as error:
+        print(f"fg-mujoco: trace.png needs matplotlib and is left out; to have it: {error}", file=sys.stderr)
+        return False
+    return True
+
+
+class _Watcher:
+    """Shows how a race goes, and on Ctrl-C ends it between two ticks, so that what was driven is whole.
+
+    A second Ctrl-C ends a planner that never answers.
+    """
+
+    def __init__(self, *, show: bool) -> None:
+        self._show = show
+        self._started = self._shown = time.perf_counter()
+        self._interrupted = False
+
+    def __enter__(self) -> _Watcher:
+        self._before = signal.signal(signal.SIGINT, self._interrupt)
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        signal.signal(signal.SIGINT, self._before)
+        if self._show:
+            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+
+    def _interrupt(self, *signal_and_frame: object) -> None:
+        self._interrupted = True
+        signal.signal(signal.SIGINT, self._before)
+
+    def __call__(self, progress: RaceProgress) -> None:
+        if self._interrupted:
+            raise KeyboardInterrupt
+        now = time.perf_counter()
+        if self._show and now - self._shown >= _REDRAW:
+            self._shown = now
+            lap = min(progress.laps_completed + 1, progress.laps_requested)
+            print(
+                f"\r\x1b[Klap {lap}/{progress.laps_requested}  {progress.time:6.1f} s  {progress.speed:5.2f} m/s  "
+                f"{progress.time / (now - self._started):.0f} x real time",
+                end="", file=sys.stderr, flush=True,
+            )  # fmt: skip
+
+
+def _table(result: RaceResult, out: str | None) -> str:
+    laps = [(f"lap {lap}", f"{seconds:.3f} s") for lap, seconds in enumerate(result.lap_times_s, start=1)]
+    rows = [
+        ("laps", f"{result.laps_completed} of {result.laps_requested}, {result.end_reason.replace('_', ' ')}"),
+        *laps,
+        ("collisions", f"{result.collisions}"),
+        ("greatest sliding", f"{result.max_slide_m_s:.4f} m/s (a tire slides above {SLIDING_SPEED} m/s)"),
+        ("time sliding", f"{100.0 * result.slide_time_fraction:.2f} %"),
+        ("top speed", f"{result.max_speed_m_s:.2f} m/s"),
+        ("mean speed", f"{result.mean_speed_m_s:.2f} m/s"),
+        ("simulated", f"{result.sim_time_s:.2f} s in {result.wall_time_s:.2f} s"),
+        ("real-time factor", f"{result.realtime_factor:.1f}"),
+    ]
+    if out is not None:
+        rows.append(("written to", out))
+    return "\n".join([f"{result.track}, {result.controller}", *(f"  {name:<18}{value}" for name, value in rows)])
+
+
+def _replay(options: argparse.Namespace) -> int:
+    report = replay(options.folder)
+    print(f"{options.folder}: {report}")
+    return _DONE if report.identical else _NOT_DONE
+
+
+def _track_new(options: argparse.Namespace) -> int:
+    if options.path.exists() and not options.force:
+        raise SettingsError(f"{options.path}: exists; accepted: a new file, or --force to replace it")
+    track = load_track(f"random:{options.seed}")
+    write_centreline(track, options.path, [f"made by: fg-mujoco track new --seed {options.seed}"])
+    print(f"{options.path}: {describe_track(track)}")
+    return _DONE
+
+
+def _track_show(options: argparse.Namespace) -> int:
+    track = load_track(options.track)
+    path = options.out or Path(f"{track.name.replace(':', '_')}.png")
+    if path.suffix.lower() != ".png":
+        raise SettingsError(f"{path}: is no name for a picture; accepted: one that ends in .png")
+    picture = io.BytesIO()
+    track_picture(track, picture)
+    try:
+        path.write_bytes(picture.getvalue())
+    except OSError as error:
+        raise SettingsError(f"{path}: cannot be written: {error.strerror or error}") from error
+    print(f"{path}: {describe_track(track)}")
+    return _DONE
+
+
+def _track_list(options: argparse.Namespace) -> int:
+    print("\n".join(describe_track(load_track(name)) for name in track_names()))
+    return _DONE
+
+
+def _controllers(options: argparse.Namespace) -> int:
+    print("\n".join(controller_names()))
+    return _DONE
+
+
+def _whole(text: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r}; accepted: a whole number") from None
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r}; accepted: a number") from None
+
+
+def _number_or_off(text: str) -> float:
+    if text == "off":
+        return math.inf
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r}; accepted: a number, or off") from None

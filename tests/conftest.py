@@ -1,0 +1,28 @@
+import pytest
+
+import fg_mujoco as fg
+
+
+class Straight:
+    """Drives straight on, gently."""
+
+    def __init__(self, speed=1.0):
+        self.speed = speed
+
+    def reset(self):
+        pass
+
+    def __call__(self, scan, odometry):
+        return fg.DriveCommand(steering_angle=0.02, speed=min(self.speed, odometry.speed + 0.1))
+
+
+@pytest.fixture(scope="session")
+def short_race():
+    """A race of 40 ticks."""
+    return fg.race("oval", Straight(), laps=1, time_limit=0.99)
+
+
+@pytest.fixture(scope="session")
+def lap():
+    """One lap of the oval by the gap finder."""
+    return fg.race("oval", laps=1)

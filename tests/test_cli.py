@@ -1,0 +1,396 @@
+import json
+import math
+import os
+import pty
+import subprocess
+import sys
+
+import pytest
+
+import fg_mujoco as fg
+from fg_mujoco.cli import main
+
+SQUARE = "0,0,1,1\n10,0,1,1\n10,10,1,1\n0,10,1,1\n"
+STRAIGHT = """
+from fg_mujoco.messages import DriveCommand
+
+
+class Straight:
+    def __init__(self, max_speed):
+        self.speed = max_speed
+
+    def reset(self):
+        print("ready")
+
+    def __call__(self, scan, odometry):
+        return DriveCommand(steering_angle=0.0, speed=self.speed)
+"""
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def planner(answer):
+    """A controller file whose answer is an expression of scan and odometry."""
+    body = f"    def reset(self): pass\n    def __call__(self, scan, odometry): return {answer}\n"
+    return "import math\nfrom fg_mujoco.messages import *\nclass P:\n" + body
+
+
+def command(*arguments, **options):
+    """Run the installed command in a process of its own."""
+    return subprocess.run(
+        [sys.executable, "-m", "fg_mujoco", *arguments], capture_output=True, text=True, timeout=60, **options
+    )
+
+
+def contents(folder):
+    return {path: path.read_bytes() if path.is_file() else None for path in folder.rglob("*")}
+
+
+def refusal(here, capsys, *arguments):
+    """Assert exit 2, one line on stderr, nothing on stdout, nothing written; return the line."""
+    before = contents(here)
+    try:
+        code = main(arguments)
+    except SystemExit as end:  # argparse leaves like that
+        code = end.code
+    out, err = capsys.readouterr()
+    assert code == 2
+    assert out == ""
+    assert err.count("\n") == 1
+    assert err.startswith("fg-mujoco")
+    assert "Traceback" not in err
+    assert contents(here) == before
+    return err
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (None, "no such file"),
+        ("", "is empty"),
+        ("# x_m, y_m, w_tr_right_m, w_tr_left_m\n", "is empty"),
+        ("0,0,1,1\n10,0,1,1\n10,10,1,1\n", "at least 4"),
+        ("0,0,1,1\n10,0,1,1\n10,nan,1,1\n0,10,1,1\n", "line 3"),
+        ("# a comment\n0,0,1,1\n10,0,1,1\n10,ten,1,1\n0,10,1,1\n", "line 4"),
+        ("0,0,1,1\n10,0,0,1\n10,10,1,1\n0,10,1,1\n", "line 2"),
+        ("0,0,1,1\n10,0,1,-1\n10,10,1,1\n0,10,1,1\n", "line 2"),
+        ("0,0,1,1\n10,10,1,1\n10,0,1,1\n0,10,1,1\n", "crosses itself"),
+        (SQUARE.replace("1,1\n", "0.1,0.1\n"), "wider than the car"),
+        ("0,0,1\n10,0,1\n10,10,1\n0,10,1\n", "4"),
+        ("\x00\xff\x00", "track.csv"),
+    ],
+)
+def test_a_bad_track_file_is_refused(here, capsys, text, said):
+    if text is not None:
+        (here / "track.csv").write_text(text, encoding="latin-1")
+    line = refusal(here, capsys, "race", "--track", "track.csv", "--out", "run")
+    assert said in line
+    assert "track.csv" in line or "'track'" in line
+
+
+@pytest.mark.parametrize("arguments", [("race", "--track", "nowhere"), ("track", "show", "nowhere")])
+def test_an_unknown_track_is_refused_with_the_known_ones(here, capsys, arguments):
+    line = refusal(here, capsys, *arguments)
+    assert all(name in line for name in fg.track_names())
+
+
+def test_an_unknown_controller_is_refused_with_the_known_ones(here, capsys):
+    line = refusal(here, capsys, "race", "--controller", "nobody", "--out", "run")
+    assert all(name in line for name in fg.controller_names())
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "said"),
+    [
+        ("import nothing_of_that_name\n", "P", "does not import"),
+        ("def (:\n", "P", "does not import"),
+        ("raise SystemExit(0)\n", "P", "does not import"),
+        ("class Q: pass\n", "P", "it has Q"),
+        ("class P: pass\n", "P", "is no controller"),
+        ("class P:\n    def __init__(self, map): pass\n", "P", "wants map"),
+        ("class P:\n    def __init__(self): raise RuntimeError('two\\nlines')\n", "P", "two lines"),
+        (planner("DriveCommand(steering_angle=math.nan, speed=1.0)"), "P", "nan"),
+        (planner("DriveCommand(steering_angle=0.0, speed=math.inf)"), "P", "inf"),
+        (planner("(0.0, 1.0)"), "P", "accepted: a DriveCommand"),
+        (planner("None"), "P", "accepted: a DriveCommand"),
+        (planner("scan.ranges[5000]"), "P", "IndexError"),
+    ],
+)
+def test_a_bad_controller_file_is_refused(here, capsys, text, name, said):
+    (here / "planner.py").write_text(text)
+    assert said in refusal(here, capsys, "race", "--controller", f"planner.py:{name}", "--out", "run")
+
+
+def test_a_controller_file_that_is_not_there_is_refused(here, capsys):
+    assert "no file" in refusal(here, capsys, "race", "--controller", "planner.py:P")
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "said"),
+    [
+        ("--mu", "-1", "mu is -1"),
+        ("--mu", "0", "mu is 0"),
+        ("--mu", "nan", "nan"),
+        ("--mu", "wet", "'wet'; accepted: a number"),
+        ("--planner-mu", "-0.5", "planner_mu is -0.5"),
+        ("--planner-mu", "on", "'on'; accepted: a number, or off"),
+        ("--laps", "0", "laps is 0; accepted: a whole number from 1"),
+        ("--laps", "-3", "laps is -3"),
+        ("--laps", "1.5", "'1.5'; accepted: a whole number"),
+        ("--max-speed", "0", "max_speed is 0"),
+        ("--max-speed", "inf", "max_speed is inf"),
+        ("--time-limit", "-1", "time_limit is -1"),
+        ("--seed", "-1", "seed is -1"),
+        ("--lidar", "camera", "accepted: raycast, rangefinder"),
+        ("--lidar-noise", "-0.1", "-0.1"),
+        ("--lidar-dropout", "2", "2.0"),
+        ("--lidar-latency", "-1", "-1"),
+        ("--track", "random:x", "random:SEED"),
+    ],
+)
+def test_a_bad_option_is_refused_with_what_is_accepted(here, capsys, option, value, said):
+    line = refusal(here, capsys, "race", option, value, "--out", "run")
+    assert said in line
+    assert "accepted" in line
+
+
+def test_distortion_of_sensors_that_fire_at_once_is_refused(here, capsys):
+    line = refusal(here, capsys, "race", "--lidar", "rangefinder", "--motion-distortion", "--out", "run")
+    assert "raycast" in line
+
+
+def test_an_output_folder_that_cannot_be_used_is_refused_before_the_race(here, capsys):
+    (here / "file").write_text("mine")
+    (here / "full").mkdir()
+    (here / "full" / "notes.txt").write_text("mine")
+    (here / "boom.py").write_text("raise SystemError('raced')")  # loaded only once a race begins
+    for folder, said in [("file", "is a file"), ("full", "is not empty"), ("file/run", "cannot be written")]:
+        assert said in refusal(here, capsys, "race", "--controller", "boom.py:P", "--out", folder)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_an_output_folder_without_permission_is_refused(here, capsys):
+    (here / "locked").mkdir(mode=0o500)
+    assert "Permission denied" in refusal(here, capsys, "race", "--out", "locked/run")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ((), "race,replay,track,controllers"),
+        (("fly",), "race"),
+        (("track",), "new,show,list"),
+        (("race", "--lap", "3"), "--lap"),
+        (("replay",), "DIR"),
+        (("replay", "nowhere"), "summary.json"),
+        (("track", "new", "out.csv"), "--seed"),
+        (("track", "new", "--seed=-1", "out.csv"), "SEED"),
+        (("track", "new", "--seed", "x", "out.csv"), "SEED"),
+        (("track", "new", "--seed", "1", "nowhere/out.csv"), "cannot be written"),
+        (("track", "show", "oval", "--out", "oval.csv"), ".png"),
+        (("track", "show", "oval", "--out", "nowhere/oval.png"), "cannot be written"),
+    ],
+)
+def test_a_command_that_makes_no_sense_is_refused(here, capsys, arguments, said):
+    assert said in refusal(here, capsys, *arguments)
+
+
+def test_refusals_of_the_installed_command_are_one_line_and_exit_2(here):
+    for arguments in [("race", "--laps", "0"), ("race", "--laps", "x"), ("race", "--track", "nowhere")]:
+        run = command(*arguments)
+        assert (run.returncode, run.stdout, run.stderr.count("\n")) == (2, "", 1)
+    assert contents(here) == {}
+
+
+def test_json_is_one_object_and_nothing_else(here):
+    (here / "planner.py").write_text(STRAIGHT)  # it prints, too
+    run = command("race", "--json", "--laps", "1", "--controller", "planner.py:Straight", "--planner-mu", "off")
+
+    def refuse(constant):
+        raise AssertionError(constant)
+
+    summary = json.loads(run.stdout, parse_constant=refuse)
+    required = """track, controller, laps_requested, laps_completed, finished, end_reason, lap_times_s, collisions,
+        max_slide_m_s, slide_time_fraction, mean_speed_m_s, max_speed_m_s, sim_time_s, wall_time_s, realtime_factor,
+        seed, mu, planner_mu, trajectory_sha256"""
+    assert {name.strip() for name in required.split(",")} <= set(summary)
+    assert summary["track"] == "oval"
+    assert summary["planner_mu"] is None  # infinity has no JSON
+    assert summary["mu"] == 1.0489
+    assert run.stderr == "ready\n"
+
+
+def test_a_race_won_exits_0_and_says_so(capsys, here):
+    assert main(["race", "--laps", "1"]) == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    for text in ("1 of 1", "lap 1", "collisions", "greatest sliding", "time sliding", "top speed", "mean speed"):
+        assert text in out
+    assert "real-time factor" in out
+    assert contents(here) == {}
+
+
+def test_a_controller_of_the_users_that_hits_the_wall_exits_1_and_is_written(here, capsys):
+    (here / "planner.py").write_text(STRAIGHT)
+    assert main(["race", "--controller", "planner.py:Straight", "--max-speed", "3", "--out", "runs/crash"]) == 1
+    assert "crash" in capsys.readouterr().out
+    run = fg.read_run(here / "runs" / "crash")
+    assert run.summary["end_reason"] == "crash"
+    assert run.summary["collisions"] == 1
+    assert run.summary["finished"] is False
+    assert run.column("command_speed_m_s") == pytest.approx(3.0)
+    assert main(["replay", "runs/crash"]) == 0
+    assert "bit-identical" in capsys.readouterr().out
+
+
+def test_a_time_limit_ends_the_race_with_exit_1(capsys):
+    assert main(["race", "--time-limit", "0.5", "--json"]) == 1
+    assert json.loads(capsys.readouterr().out)["end_reason"] == "time_limit"
+
+
+def test_two_races_with_one_seed_are_the_same_and_with_another_are_not(capsys):
+    def sha256(*options):
+        main(["race", "--time-limit", "2", "--json", "--lidar-noise", "0.05", "--lidar-dropout", "0.01", *options])
+        return json.loads(capsys.readouterr().out)["trajectory_sha256"]
+
+    assert sha256("--seed", "3") == sha256("--seed", "3") != sha256("--seed", "4")
+
+
+def test_the_options_reach_the_race(capsys):
+    main(["race", "--time-limit", "0.5", "--mu", "0.7", "--planner-mu", "0.6", "--max-speed", "5", "--seed", "9",
+          "--laps", "3", "--track", "random:2", "--json"])  # fmt: skip
+    summary = json.loads(capsys.readouterr().out)
+    expected = {"mu": 0.7, "planner_mu": 0.6, "speed_limit_m_s": 5.0, "seed": 9, "laps_requested": 3}
+    assert {name: summary[name] for name in expected} == expected
+    assert summary["track"] == "random:2"
+
+
+def test_a_tampered_run_exits_1_with_the_tick(here, capsys):
+    import numpy as np
+
+    main(["race", "--time-limit", "0.5", "--out", "run"])
+    with np.load("run/states.npz") as file:
+        arrays = dict(file)
+    arrays["ctrl"][3] += 0.01
+    np.savez_compressed("run/states.npz", **arrays)
+    capsys.readouterr()
+    assert main(["replay", "run"]) == 1
+    assert "from tick 4" in capsys.readouterr().out
+
+
+def test_ctrl_c_keeps_what_was_driven(here, capsys):
+    count = "    n = 0\n    def reset(self): pass\n"
+    (here / "planner.py").write_text(
+        "import os, signal\nfrom fg_mujoco.messages import STOP\nclass P:\n"
+        + count
+        + "    def __call__(self, scan, odometry):\n        self.n += 1\n"
+        "        if self.n == 10: os.kill(os.getpid(), signal.SIGINT)\n        return STOP\n"
+    )
+    assert main(["race", "--controller", "planner.py:P", "--out", "run", "--json"]) == 1
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["end_reason"] == "interrupted"
+    assert len(fg.read_run("run").ctrl) == 10
+    assert main(["replay", "run"]) == 0
+
+
+def test_ctrl_c_twice_ends_a_planner_that_never_answers(here, capsys):
+    (here / "planner.py").write_text(
+        "import os, signal\nclass P:\n    def reset(self): pass\n    def __call__(self, scan, odometry):\n"
+        "        while True: os.kill(os.getpid(), signal.SIGINT)\n"
+    )
+    assert main(["race", "--controller", "planner.py:P", "--json"]) == 1
+    assert json.loads(capsys.readouterr().out)["end_reason"] == "interrupted"
+
+
+def test_without_matplotlib_the_rest_is_written_and_the_command_that_installs_it_said(here, capsys, monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    assert main(["race", "--laps", "1", "--out", "run"]) == 0
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1
+    assert "pip install 'fg-mujoco[plot]'" in err
+    assert {path.name for path in (here / "run").iterdir()} == {
+        "summary.json", "scene.xml", "states.npz", "telemetry.csv",
+    }  # fmt: skip
+    assert main(["track", "show", "oval"]) == 2
+    assert "pip install 'fg-mujoco[plot]'" in capsys.readouterr().err
+
+
+def test_progress_is_shown_on_a_terminal_and_not_in_a_pipe(here):
+    (here / "planner.py").write_text(planner("DriveCommand(steering_angle=0.0, speed=0.1)"))
+    arguments = ["race", "--laps", "2", "--controller", "planner.py:P", "--time-limit", "20"]
+    assert command(*arguments).stderr == ""
+
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen(
+        [sys.executable, "-m", "fg_mujoco", *arguments], stdout=subprocess.PIPE, stderr=theirs, text=True
+    )
+    os.close(theirs)
+    shown = b""
+    while True:
+        try:
+            piece = os.read(ours, 4096)
+        except OSError:  # how Linux says that the other end is closed
+            break
+        if not piece:
+            break
+        shown += piece
+    os.close(ours)
+    assert "time limit" in process.communicate()[0]
+    assert b"\rlap 1/2" in shown.replace(b"\x1b[K", b"")
+    assert b"m/s" in shown
+    assert b"\n" not in shown
+
+
+def test_a_reader_that_leaves_early_gets_no_traceback():
+    process = subprocess.Popen(
+        [sys.executable, "-m", "fg_mujoco", "track", "list"], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    process.stdout.close()
+    assert process.stderr.read() == b""
+    process.wait()
+    process.stderr.close()
+
+
+def test_track_new_writes_what_track_show_and_race_read(here, capsys):
+    assert main(["track", "new", "--seed", "7", "out.csv"]) == 0
+    drawn, made = fg.load_track("out.csv"), fg.generate_track(7)
+    assert drawn.centreline == pytest.approx(made.centreline)
+    assert "fg-mujoco track new --seed 7" in (here / "out.csv").read_text().splitlines()[0]
+    assert main(["track", "show", "out.csv"]) == 0
+    assert (here / "out.png").read_bytes().startswith(b"\x89PNG")
+    assert main(["race", "--track", "out.csv", "--time-limit", "0.2"]) == 1
+
+
+def test_track_new_replaces_a_file_only_by_force(here, capsys):
+    (here / "out.csv").write_text("mine")
+    assert "--force" in refusal(here, capsys, "track", "new", "--seed", "7", "out.csv")
+    assert main(["track", "new", "--seed", "7", "--force", "out.csv"]) == 0
+    assert fg.load_track("out.csv").length > 0
+
+
+def test_lists_name_everything_there_is(capsys):
+    assert main(["track", "list"]) == 0
+    assert [line.split(":")[0] for line in capsys.readouterr().out.splitlines()] == list(fg.track_names())
+    assert main(["controllers"]) == 0
+    assert tuple(capsys.readouterr().out.split()) == fg.controller_names()
+
+
+def test_version_is_the_packages(capsys):
+    with pytest.raises(SystemExit) as end:
+        main(["--version"])
+    assert end.value.code == 0
+    assert capsys.readouterr().out == f"fg-mujoco {fg.__version__}\n"
+
+
+def test_planner_mu_off_and_inf_are_the_same(capsys):
+    def run(value):
+        main(["race", "--time-limit", "0.5", "--planner-mu", value, "--json"])
+        return json.loads(capsys.readouterr().out)
+
+    off, infinite = run("off"), run("inf")
+    assert off["trajectory_sha256"] == infinite["trajectory_sha256"]
+    assert fg.race("oval", planner_mu=math.inf, time_limit=0.5).trajectory_sha256 == off["trajectory_sha256"]

@@ -1,0 +1,108 @@
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tarfile
+import zipfile
+from pathlib import Path
+
+import pytest
+
+import fg_mujoco as fg
+
+ROOT = Path(__file__).parent.parent
+FOLDERS = ("fg_mujoco", "models", "tracks", "controllers")
+PYPROJECT = (ROOT / "pyproject.toml").read_text() if (ROOT / "pyproject.toml").exists() else ""
+
+needs_checkout = pytest.mark.skipif(not PYPROJECT, reason="not a checkout of the repository")
+
+
+def package_files():
+    """Every file that belongs in the package, as paths in the repository."""
+    return {
+        path.relative_to(ROOT).as_posix()
+        for folder in FOLDERS
+        for path in (ROOT / folder).rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts
+    }
+
+
+def installed_name(path):
+    """Where a file of the repository goes in site-packages."""
+    return path if path.startswith("fg_mujoco/") else f"fg_mujoco/{path}"
+
+
+@needs_checkout
+def test_packages_listed_are_the_folders_that_hold_code():
+    listed = re.search(r"^packages = \[(.*?)\]$", PYPROJECT, re.MULTILINE | re.DOTALL).group(1)
+    there = {
+        installed_name(f"{path.relative_to(ROOT).as_posix()}/").strip("/").replace("/", ".")
+        for folder in FOLDERS
+        for path in (ROOT / folder, *(ROOT / folder).rglob("*"))
+        if path.is_dir() and list(path.glob("*.py"))
+    }
+    assert set(re.findall(r'"([^"]+)"', listed)) == there
+
+
+@needs_checkout
+def test_wheel_and_sdist_hold_every_file_and_nothing_else(tmp_path):
+    # setuptools' own back end, so that no network is needed
+    source = tmp_path / "source"
+    for folder in FOLDERS:
+        shutil.copytree(ROOT / folder, source / folder, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, source)
+    build = "from setuptools import build_meta as b; b.build_sdist({0!r}); b.build_wheel({0!r})".format(str(tmp_path))
+    made = subprocess.run([sys.executable, "-c", build], cwd=source, capture_output=True, text=True)
+    assert made.returncode == 0, made.stderr[-2000:]
+
+    (wheel,) = tmp_path.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        names = {name for name in archive.namelist() if ".dist-info/" not in name}
+        assert names == {installed_name(path) for path in package_files()}
+        assert any(name.endswith("licenses/LICENSE") for name in archive.namelist())
+    (sdist,) = tmp_path.glob("*.tar.gz")
+    with tarfile.open(sdist) as archive:
+        names = {name.partition("/")[2] for name in archive.getnames()}
+    assert package_files() | {"pyproject.toml", "README.md", "LICENSE"} <= names
+
+
+def test_data_files_are_found_where_they_are_installed():
+    from importlib.resources import files
+
+    assert {"f1tenth.xml", "hokuyo_ust10lx.xml", "scene.xml"} <= {f.name for f in files("fg_mujoco.models").iterdir()}
+    assert {f"{name}.csv" for name in fg.track_names()} <= {f.name for f in files("fg_mujoco.tracks").iterdir()}
+    assert len(fg.track_names()) >= 6
+    assert "gap_finder" in fg.controller_names()
+
+
+def test_importing_the_package_loads_nothing_slow():
+    slow = ("matplotlib", "trimesh", "embreex", "dm_control", "scipy", "hypothesis")
+    code = f"import sys, fg_mujoco; print([name for name in {slow} if name in sys.modules])"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "[]\n"
+
+
+def test_every_public_name_is_there_and_race_is_the_function():
+    assert all(hasattr(fg, name) for name in fg.__all__)
+    assert len(set(fg.__all__)) == len(fg.__all__)
+    assert callable(fg.race)
+    import fg_mujoco.race
+
+    assert callable(fg_mujoco.race)  # importing the module of that name must not hide it
+
+
+@needs_checkout
+def test_constraints_name_versions_and_no_addresses():
+    lines = [line for line in (ROOT / "constraints.txt").read_text().splitlines() if not line.startswith("#")]
+    assert all(re.fullmatch(r'[A-Za-z0-9._-]+==[0-9a-z.]+(; python_version >= "3\.11")?', line) for line in lines)
+    pinned = {line.partition("==")[0].lower().replace("_", "-") for line in lines}
+    needed = set(re.findall(r'"([A-Za-z-]+)>=', PYPROJECT))
+    assert needed <= pinned
+
+
+@needs_checkout
+def test_ci_entry_is_executable_and_tests():
+    entry = ROOT / ".ci" / "run"
+    assert os.access(entry, os.X_OK)
+    assert "make -k test" in entry.read_text()

@@ -1,0 +1,78 @@
+import importlib.util
+import io
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+import fg_mujoco as fg
+from conftest import Straight
+from fg_mujoco.plots import INSTALL_COMMAND, describe_track, require_matplotlib
+
+
+def pixels(draw):
+    file = io.BytesIO()
+    draw(file)
+    file.seek(0)
+    return matplotlib.image.imread(file, format="png")[:, :, :3]
+
+
+@pytest.mark.parametrize("name", fg.track_names())
+def test_track_picture_shows_both_walls_all_the_way_round(name):
+    track = fg.load_track(name)
+    image = pixels(lambda file: fg.track_picture(track, file))
+    height, width, _ = image.shape
+    assert width == 1080
+    assert 300 < height < 1000
+    # the grey of the corridor covers about the share of the frame that the corridor has in the world
+    corridor = np.all(np.abs(image - 0.95) < 0.01, axis=2).mean()
+    area = track.length * float(np.mean(track.corridor_left + track.corridor_right))
+    extent = np.ptp(np.concatenate((track.left_wall, track.right_wall)), axis=0) + 1.0
+    assert corridor == pytest.approx(0.75 * area / np.prod(extent), rel=0.35)
+
+
+def test_track_description_has_its_figures():
+    track = fg.load_track("oval")
+    text = describe_track(track)
+    assert text.startswith(f"oval: {track.length:.1f} m long, 2.20 m wide")
+
+
+def test_trace_picture_differs_with_the_race(short_race, lap):
+    first = pixels(lambda file: fg.trace_picture(short_race, file))
+    assert first.shape[1] == 1080
+    assert first.std() > 0.05
+    second = pixels(lambda file: fg.trace_picture(lap, file))
+    assert first.shape == second.shape  # the same track
+    assert np.abs(first - second).mean() > 0.005
+
+
+def test_trace_picture_of_a_race_of_one_tick():
+    def interrupt(progress):
+        raise KeyboardInterrupt
+
+    result = fg.race("oval", Straight(), laps=1, watch=interrupt)
+    assert pixels(lambda file: fg.trace_picture(result, file)).shape[1] == 1080
+
+
+def test_pictures_leave_the_users_matplotlib_alone(short_race, tmp_path):
+    import matplotlib as mpl
+    import matplotlib.pyplot as plt
+
+    before = dict(mpl.rcParams)
+    fg.trace_picture(short_race, tmp_path / "trace.png")
+    assert dict(mpl.rcParams) == before
+    assert plt.get_fignums() == []
+
+
+def test_without_matplotlib_the_message_is_the_install_command(monkeypatch, short_race, tmp_path):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    for draw in (
+        require_matplotlib,
+        lambda: fg.track_picture(fg.load_track("oval"), tmp_path / "a.png"),
+        lambda: fg.trace_picture(short_race, tmp_path / "b.png"),
+        lambda: fg.write_run(short_race, tmp_path / "run"),
+    ):
+        with pytest.raises(fg.MissingExtraError) as refusal:
+            draw()
+        assert str(refusal.value) == INSTALL_COMMAND == "pip install 'fg-mujoco[plot]'"
+    assert list(tmp_path.iterdir()) == []

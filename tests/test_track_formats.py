@@ -1,0 +1,204 @@
+"""Anyone's centreline CSV loads; what cannot be a track is refused in one line."""
+
+from __future__ import annotations
+
+import math
+import os
+
+import numpy as np
+import pytest
+
+from fg_mujoco.errors import TrackError
+from fg_mujoco.polyline import enclosed_area, step_lengths
+from fg_mujoco.track_formats import DENSE, load_track, read_centreline, track_names, write_centreline
+from fg_mujoco.track_generator import generate_track
+
+HEADER = "# x_m, y_m, w_tr_right_m, w_tr_left_m\n"
+
+
+def ellipse_rows(spacing=0.2, right=1.0, left=1.2):
+    """Rows of a track of about 100 m."""
+    count = round(100.0 / spacing)
+    angle = 2.0 * np.pi * np.arange(count) / count
+    return [(20.0 * math.cos(a), 11.0 * math.sin(a), right, left) for a in angle.tolist()]
+
+
+def text_of(rows, separator=", "):
+    return "".join(separator.join(repr(value) for value in row) + "\n" for row in rows)
+
+
+@pytest.fixture
+def read(tmp_path):
+    def read(text, name="some.csv"):
+        path = tmp_path / name
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return read_centreline(path)
+
+    return read
+
+
+ROWS = ellipse_rows()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        HEADER + text_of(ROWS),
+        text_of(ROWS),
+        "x_m,y_m,w_tr_right_m,w_tr_left_m\n" + text_of(ROWS, ","),
+        HEADER + "# another comment\n\n" + text_of(ROWS),
+        text_of(ROWS, "; "),
+        text_of(ROWS, ";"),
+        text_of(ROWS, " "),
+        text_of(ROWS, "\t"),
+        text_of([*ROWS, ROWS[0]]),
+        text_of([*ROWS[:9], ROWS[8], *ROWS[9:]]),
+        (HEADER + text_of(ROWS)).replace("\n", "\r\n"),
+        ("\ufeff" + HEADER + text_of(ROWS)),
+        ("\ufeff" + text_of(ROWS)),
+        text_of(ROWS).rstrip("\n"),
+        text_of(ROWS).replace("\n", "  \n"),
+    ],
+    ids=[
+        "header",
+        "none",
+        "bare-header",
+        "comments",
+        "semicolon-space",
+        "semicolon",
+        "space",
+        "tab",
+        "first-repeated",
+        "point-repeated",
+        "windows",
+        "signature",
+        "signature-no-header",
+        "no-last-newline",
+        "trailing-space",
+    ],
+)
+def test_every_dialect_gives_the_same_track(read, text):
+    track = read(text)
+    assert track.name == "some"
+    np.testing.assert_array_equal(track.centreline, np.array(ROWS)[:, :2])
+    np.testing.assert_array_equal(track.width_right, 1.0)
+    np.testing.assert_array_equal(track.width_left, 1.2)
+
+
+def test_direction_is_that_of_the_points(read):
+    assert enclosed_area(read(text_of(ROWS)).centreline) > 0.0
+    assert enclosed_area(read(text_of(ROWS[::-1])).centreline) < 0.0
+
+
+@pytest.mark.parametrize("spacing", [0.1, 0.2, 0.4, 0.6, 1.0, 2.0, 5.0])
+def test_any_spacing_gives_the_same_smooth_circuit(read, spacing):
+    track = read(text_of(ellipse_rows(spacing)))
+    assert step_lengths(track.centreline).max() <= DENSE
+    x, y = track.centreline.T
+    np.testing.assert_allclose(np.hypot(x / 20.0, y / 11.0), 1.0, atol=0.006)
+    # between its radii at the ends of the axes
+    assert np.all((track.curvature > 0.8 * 11.0 / 20.0**2) & (track.curvature < 1.2 * 20.0 / 11.0**2))
+
+
+def test_widths_vary_linearly_between_sparse_points(read):
+    rows = [(x, y, 0.8 if k % 2 else 1.4, 1.0) for k, (x, y, _, _) in enumerate(ellipse_rows(2.0))]
+    track = read(text_of(rows))
+    assert track.width_right.min() == pytest.approx(0.8, abs=0.05)
+    assert track.width_right.max() == pytest.approx(1.4, abs=0.05)
+    assert np.abs(np.diff(track.width_right)).max() < 0.09
+    np.testing.assert_allclose(track.width_left, 1.0)
+
+
+def test_written_track_is_read_back_bit_for_bit(tmp_path):
+    track = generate_track(3)
+    write_centreline(track, tmp_path / "a.csv", ["made for a test", "second line"])
+    again = read_centreline(tmp_path / "a.csv")
+    for name in ("centreline", "width_right", "width_left"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(track, name))
+    lines = (tmp_path / "a.csv").read_text().splitlines()
+    assert lines[:3] == ["# made for a test", "# second line", HEADER.strip()]
+    write_centreline(again, tmp_path / "b.csv", ["made for a test", "second line"])
+    assert (tmp_path / "b.csv").read_bytes() == (tmp_path / "a.csv").read_bytes()
+
+
+GOOD = text_of(ROWS[:20])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "is empty"),
+        ("\n\n# only a comment\n", "is empty"),
+        (HEADER + text_of(ROWS[:3]), "3 points; accepted: at least 4"),
+        (HEADER, "is empty"),
+        (text_of(ROWS[:1] * 9), "0 points; accepted: at least 4"),
+        (GOOD + "1.0, nan, 1.0, 1.0\n", "line 21: y_m is 'nan'; accepted: a finite number"),
+        (GOOD + "inf, 1.0, 1.0, 1.0\n", "line 21: x_m is 'inf'"),
+        (GOOD + "1.0, 1.0, 1.0, NaN\n", "line 21: w_tr_left_m is 'NaN'"),
+        (GOOD + "1.0, wide, 1.0, 1.0\n", "line 21: y_m is 'wide'"),
+        (GOOD + "1.0, , 1.0, 1.0\n", "line 21: y_m is ''"),
+        (HEADER + "\n" + GOOD + "1.0, 2.0, 1.0\n", "line 23 has 3 columns; accepted: 4, x_m, y_m"),
+        (GOOD + "1.0, 2.0, 1.0, 1.0, 5.0\n", "line 21 has 5 columns"),
+        (GOOD + "1.0, 2.0, 0.0, 1.0\n", "line 21: w_tr_right_m is 0.0; accepted: a width above 0 m"),
+        (GOOD + "1.0, 2.0, 1.0, -1.0\n", "line 21: w_tr_left_m is -1.0"),
+        (b"\x89PNG\r\n\x1a\n\x00\xff\xfe", "is not a text file"),
+        (text_of([(x, x * y / 20.0, 1.0, 1.0) for x, y, _, _ in ROWS]), "crosses itself near"),
+        (text_of(ellipse_rows(right=1.0, left=12.0)), "no room for the left wall|runs over itself"),
+    ],
+)
+def test_what_is_no_track_is_refused_in_one_line_that_names_the_file(read, text, message):
+    with pytest.raises(TrackError, match=message) as refusal:
+        read(text)
+    assert "some.csv" in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+    assert "accepted" in str(refusal.value)
+
+
+def test_missing_file_folder_and_map_are_refused(tmp_path):
+    (tmp_path / "folder.csv").mkdir()
+    for name, message in (("none.csv", "no such file"), ("folder.csv", "is a folder"), ("map.yaml", "cannot be read")):
+        with pytest.raises(TrackError, match=message) as refusal:
+            load_track(tmp_path / name)
+        assert name in str(refusal.value)
+
+
+@pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="root reads every file")
+def test_unreadable_file_is_refused(tmp_path):
+    path = tmp_path / "secret.csv"
+    path.write_text(GOOD)
+    path.chmod(0)
+    with pytest.raises(TrackError, match="cannot be read"):
+        load_track(path)
+
+
+def test_unwritable_path_is_refused(tmp_path):
+    with pytest.raises(TrackError, match=r"no\.csv: cannot be written"):
+        write_centreline(generate_track(0), tmp_path / "missing" / "no.csv")
+
+
+def test_track_narrower_than_the_car_is_refused_with_the_place(tmp_path):
+    rows = [(x, y, 0.1 if k == 30 else 1.0, 0.2) for k, (x, y, _, _) in enumerate(ROWS)]
+    path = tmp_path / "narrow.csv"
+    path.write_text(text_of(rows))
+    assert load_track(path).name == "narrow"
+    with pytest.raises(TrackError, match=r"0.30 m wide at \(.*\), point 30; accepted: wider than the car, 0.31 m"):
+        load_track(path, minimum_width=0.31)
+    with pytest.raises(TrackError, match=r"'narrow' is 0.30 m wide"):
+        load_track(load_track(path), minimum_width=0.31)
+
+
+def test_bundled_names_random_seeds_and_tracks_load(tmp_path):
+    assert set(track_names()) >= {"oval", "l_corridor", "hairpins", "chicanes", "fast", "tight"}
+    oval = load_track("oval")
+    assert oval.name == "oval"
+    assert load_track(oval) is oval
+    assert load_track("random:3").name == "random:3"
+    np.testing.assert_array_equal(load_track("random:3").centreline, generate_track(3).centreline)
+
+
+@pytest.mark.parametrize("name", ["ovall", "", "random:", "random:x", "random:-1", "random:1.5", "Oval"])
+def test_unknown_name_is_refused_with_the_known_ones(name):
+    with pytest.raises(TrackError, match=r"accepted: .*random:SEED") as refusal:
+        load_track(name)
+    if not name.startswith("random"):
+        assert all(known in str(refusal.value) for known in track_names())

@@ -1,0 +1,137 @@
+"""Random circuits keep their settings, whatever the seed."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fg_mujoco.errors import SettingsError
+from fg_mujoco.polyline import enclosed_area, self_crossings, step_lengths, turns
+from fg_mujoco.track import Track
+from fg_mujoco.track_generator import SPACING, GeneratorSettings, generate_track
+
+DEFAULTS = GeneratorSettings()
+
+
+def check(track, kept):
+    line = track.centreline
+    assert kept.min_length <= track.length <= kept.max_length
+    np.testing.assert_allclose(step_lengths(line), SPACING, rtol=0.05)
+    assert np.abs(track.curvature).max() <= 1.0 / kept.min_radius + 1e-9
+    assert np.abs(np.diff(track.curvature)).max() < 0.4 / kept.min_radius  # steering has no jumps
+    assert abs(abs(turns(line).sum()) - 2.0 * np.pi) < 1e-6  # once round
+    assert len(self_crossings(line)[0]) == 0
+    for width in (track.width_right, track.width_left):
+        assert 0.5 * kept.min_width * 0.87 <= width.min() and width.max() <= 0.5 * kept.max_width * 1.13
+    np.testing.assert_array_equal(track.corridor_right, track.width_right)
+    np.testing.assert_array_equal(track.corridor_left, track.width_left)
+    check_gap(track, kept)
+
+
+def check_gap(track, kept):
+    """All pairs: places far apart along the line have both widths and the gap between them."""
+    line, width = track.centreline, np.maximum(track.width_right, track.width_left)
+    apart = np.abs(track.arc_length[:, None] - track.arc_length)
+    apart = np.minimum(apart, track.length - apart)
+    distance = np.hypot(*(line[:, None] - line).transpose(2, 0, 1))
+    stretch = apart > 1.5 * np.pi * np.maximum(kept.min_radius, kept.max_width)
+    room = distance - width[:, None] - width
+    assert room[stretch].min() >= kept.wall_gap - 0.1 * SPACING
+
+
+@settings(deadline=None, max_examples=40)
+@given(seed=st.integers(0, 2**63 - 1))
+def test_every_seed_keeps_the_default_settings(seed):
+    check(generate_track(seed), DEFAULTS)
+
+
+@settings(deadline=None, max_examples=15)
+@given(
+    seed=st.integers(0, 1000),
+    width=st.floats(1.0, 3.0),
+    radius=st.floats(1.0, 3.0),
+    gap=st.floats(0.1, 1.0),
+)
+def test_other_settings_are_kept_as_well(seed, width, radius, gap):
+    kept = GeneratorSettings(
+        min_length=60.0, max_length=250.0, min_width=width, max_width=width, min_radius=radius, wall_gap=gap
+    )
+    check(generate_track(seed, kept), kept)
+
+
+def test_the_first_200_seeds_are_valid_and_quick():
+    slowest, lengths, sharpest = 0.0, [], []
+    for seed in range(201):
+        start = time.process_time()
+        track = generate_track(seed)
+        slowest = max(slowest, time.process_time() - start)
+        assert len(track.left_wall) > 3
+        lengths.append(track.length)
+        sharpest.append(np.abs(track.curvature).max())
+    assert slowest < 1.0
+    assert min(lengths) < 60.0 and max(lengths) > 170.0
+    assert len({round(length, 3) for length in lengths}) == 201
+
+
+def test_circuits_have_straights_hairpins_chicanes_and_both_directions():
+    straights, hairpins, chicanes, areas = 0, 0, 0, []
+    for seed in range(30):
+        track = generate_track(seed)
+        areas.append(enclosed_area(track.centreline))
+        window = round(6.0 / SPACING)
+        turned = np.convolve(np.tile(turns(track.centreline), 2), np.ones(window), "valid")
+        bent = np.convolve(np.tile(np.abs(turns(track.centreline)), 2), np.ones(window), "valid")
+        straights += bool(bent.min() < np.deg2rad(3.0))
+        hairpins += bool(np.abs(turned).max() > np.deg2rad(150.0))
+        chicanes += bool(np.any((bent > np.deg2rad(60.0)) & (np.abs(turned) < 0.3 * bent)))
+    assert straights > 10 and hairpins > 10 and chicanes > 10
+    assert 5 < np.sum(np.array(areas) > 0.0) < 25
+
+
+def test_same_seed_same_bytes_and_other_seed_other_circuit():
+    first, second, other = generate_track(7), generate_track(7), generate_track(8)
+    assert first.centreline.tobytes() == second.centreline.tobytes()
+    assert first.width_left.tobytes() == second.width_left.tobytes()
+    assert first.centreline.shape != other.centreline.shape or not np.array_equal(first.centreline, other.centreline)
+    drawn = generate_track(np.random.default_rng(7))
+    assert drawn.centreline.tobytes() == first.centreline.tobytes()
+    assert (first.name, drawn.name) == ("random:7", "random")
+
+
+def test_starts_at_the_origin_along_x_on_a_straight():
+    for seed in range(10):
+        x, y, heading = generate_track(seed).start_pose()
+        assert (x, y) == (0.0, 0.0)
+        assert heading == pytest.approx(0.0, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"min_width": 0.0}, "min_width is 0.0; accepted: a positive number"),
+        ({"min_radius": float("nan")}, "min_radius is nan"),
+        ({"wall_gap": -1.0}, "wall_gap is -1.0"),
+        ({"min_length": 300.0}, "min_length is 300.0 m; accepted: at most max_length, 200.0 m"),
+        ({"min_width": 4.0}, "accepted: at most max_width"),
+    ],
+)
+def test_settings_that_make_no_sense_are_refused(change, message):
+    with pytest.raises(SettingsError, match=message):
+        GeneratorSettings(**change)
+
+
+def test_settings_that_no_circuit_keeps_are_refused():
+    with pytest.raises(SettingsError, match="no circuit found"):
+        generate_track(0, GeneratorSettings(min_length=10.0, max_length=12.0, min_radius=3.0))
+
+
+def test_walls_are_an_offset_where_no_corner_is_tighter_than_the_corridor():
+    track = generate_track(4, GeneratorSettings(min_width=1.6, max_width=1.6))
+    assert isinstance(track, Track)
+    away = np.hypot(*(track.left_wall[:, None] - track.centreline).transpose(2, 0, 1))
+    nearest = away.argmin(axis=1)
+    np.testing.assert_allclose(away.min(axis=1), track.width_left[nearest], atol=0.02)
