@@ -13,7 +13,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 RUN := runs/$(notdir $(basename $(TRACK)))-$(shell date +%Y%m%d-%H%M%S)
 
-.PHONY: help race test test-slow unit lint bench clean
+.PHONY: help race test test-slow unit lint bench picture clean
 .DEFAULT_GOAL := help
 
 help:
@@ -37,19 +37,26 @@ test: lint unit
 unit: $(READY)
 	$(BIN)/python -m pytest -m "not slow" $(ARGS)
 
-## make test-slow   the races that take minutes
+## make test-slow  the races that take minutes
 test-slow: $(READY)
 	$(BIN)/python -m pytest -m slow $(ARGS)
 
-## make lint        ruff and mypy
+## make lint    ruff and mypy
 lint: $(READY)
 	$(BIN)/ruff check
 	$(BIN)/mypy
 
-## make bench       how fast it is
+## make bench   how fast it is
 bench: $(READY)
 	@for file in benchmarks/*.py; do echo "$$file"; $(BIN)/python $$file || exit 1; done
 
-## make clean       away with everything made but runs/
+## make picture the picture of the README, anew
+PICTURE := docs/images/oval_trace.png
+picture: $(READY)
+	folder=$$(mktemp -d) && $(BIN)/fg-mujoco race --laps 2 --out $$folder && $(BIN)/python -c \
+	    "from PIL import Image; Image.open('$$folder/trace.png').convert('RGB').quantize(256).save('$(PICTURE)')" \
+	    && rm -r $$folder
+
+## make clean   away with everything made but runs/
 clean:
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis MUJOCO_LOG.TXT

@@ -1,21 +1,21 @@
-"""The friction law held in transients: a wish in, a command that keeps every tire below sliding out.
+"""The friction law held in transients: a wish in, out comes the nearest command that no tire slides under.
 
-The law v = sqrt(g mu b / tan|d|) is one statement about a steady circle, read here in every way that a tick needs:
+The law v = sqrt(g mu b / tan|d|) is a statement about a steady circle. A tick needs it read in five ways; k is the
+path's curvature tan(d) / b at the rear axle, and a = mu g what the tires can hold:
 
-1. steering at the present speed: |d| <= atan(b a / v^2), with a the lateral acceleration that may be used;
-2. speed at the wished steering: v <= sqrt(b a / tan|d|);
-3. steering rate: turning in also has to spin the car up in yaw. With both axles holding, the front tires carry
-   m lr/b (v^2 k + c v dk/dt), where k = tan(d)/b is the path's curvature at the rear axle and
-   c = (Izz + m lr^2) / (m lr); the term may use only what v^2 k leaves of the same a;
-4. braking and accelerating: within what cornering leaves of the friction circle,
-   |ax| <= ax_max sqrt(1 - (ay / a)^2).
+1. speed for the wished steering: v <= sqrt(b a / tan|d|);
+2. steering at the present speed: |d| <= atan(b a / v^2). Steering turns faster than the car slows, so this is what
+   binds at a corner's entry; then the steering waits and part of the grip is kept for braking;
+3. turning in: to spin the car up in yaw the front tires carry m lr / b (v^2 k + c v dk/dt), with
+   c = (Izz + m lr^2) / (m lr), some .245 m; turning the wheels in may take a share of what v^2 k leaves;
+4. braking and accelerating: open differentials give every wheel the same torque, and load moves off the rear axle
+   in braking, off the front axle in accelerating, so the lighter axle lets go first, straight ahead at
+   g (l / b) / (h / b + 1 / (2 mu)), l = lf in braking and lr in accelerating. In a corner the lighter inner wheel
+   goes before: (1 - ay / a)^0.7 of that is what this car's tires were measured to hold, for mu .6 and 1.0489;
+5. load takes the suspension's time to move: braking and accelerating grow over it, and may fall at once.
 
-ax_max is less than mu g. Open differentials give each wheel the same torque, and load moves to the front in
-braking and to the rear in accelerating, so the lighter axle's tires let go first, at
-ax_max = g (l / b) / (h / b + 1 / (2 mu)), with l = lf in braking, lr in accelerating.
-
-Sources: the steady law is that of the field's gap_finder_base notes; 3 and 4 follow from the rigid single-track
-car (Newton and Euler about the rear axle) and the load transfer of the half car.
+Sources: 1 is of the notes of the field's gap_finder_base; 3 and 4 are Newton and Euler for the rigid single-track
+car and moments about its axles; the exponent is a fit (tests/test_friction_guard.py holds it against the car).
 """
 
 from __future__ import annotations
@@ -25,25 +25,26 @@ from dataclasses import dataclass
 
 from fg_mujoco.messages import CarParameters, DriveCommand, Odometry
 
-from .speed import GRAVITY, friction_speed, friction_steering
+from .speed import friction_speed, friction_steering
 from .steering import saturate
+
+_LONGITUDINAL_EXPONENT = 0.8
 
 
 @dataclass(frozen=True, kw_only=True)
 class GuardSettings:
-    """How much of the friction that the planner believes in the guard lets it use."""
+    """Which shares of the tires' grip may be used, and how fast."""
 
-    lateral_use: float = 0.92  # of mu g, in cornering
-    braking_use: float = 0.9  # of the greatest braking without a sliding axle
-    accelerating_use: float = 0.8  # of the greatest accelerating without one
-    lateral_use_in_braking: float = 0.8  # of the above, where the speed is still too high for the wished steering
-    over_scale: float = 0.5
-    turn_in_use: float = 0.8
-    brake_couple: float = 0.0
-    lateral_min: float = 0.5
-    load_transfer_time: float = 0.15  # [s] in which braking and accelerating may grow to their limit
-    speed_response: float = 0.05  # [s] a wished speed is approached as (wish - speed) / this
-    servo_lead: float = 0.025  # [s] the steering servo turns at (command - angle) / this
+    lateral_use: float = 0.95  # of mu g, in cornering
+    lateral_use_in_braking: float = 0.9  # of the above, when the car is too fast for the wished steering
+    least_lateral_use: float = 0.5  # of the above, when it is too fast by `overspeed` for what it sees
+    overspeed: float = 1.0  # [m/s]
+    turn_in_use: float = 0.65  # of what cornering leaves, for turning the wheels in
+    braking_use: float = 0.95  # of the greatest braking that locks no axle
+    accelerating_use: float = 0.88  # of the greatest accelerating that spins none
+    load_transfer_time: float = 0.15  # [s] half a period of the car's pitching on its springs, some 6 Hz, and a margin
+    speed_response: float = 0.05  # [s] a wished speed is approached at (wish - speed) / this
+    steering_response: float = 0.022  # [s] the servo turns at most at (command - angle) / this: e / 100 rad/s
 
 
 class FrictionGuard:
@@ -51,59 +52,83 @@ class FrictionGuard:
 
     Args:
       car: parameters of the car.
-      mu: friction coefficient that the planner believes in; inf switches the guard off.
-      settings: shares of the friction to use.
+      mu: friction coefficient that the planner believes in.
+      settings: shares of the grip.
+
+    Attributes:
+      lateral: acceleration that may be used in cornering [m/s^2].
+      braking: greatest deceleration straight ahead [m/s^2].
+      accelerating: greatest acceleration straight ahead [m/s^2].
+      yaw_lag: distance c over which the path's curvature follows the steering at the limit [m].
     """
 
     def __init__(self, car: CarParameters, mu: float, settings: GuardSettings | None = None) -> None:
-        self._settings = settings or GuardSettings()
+        self.settings = settings or GuardSettings()
         self._car = car
-        self._mu = mu * self._settings.lateral_use
-        self._grip = mu * GRAVITY
+        self._mu = mu
         b, h = car.wheelbase, car.center_of_gravity_height
-        self.max_braking = self._settings.braking_use * GRAVITY * (car.front_axle_distance / b) / (h / b + 0.5 / mu)
-        self.max_accelerating = self._settings.accelerating_use * GRAVITY * (car.rear_axle_distance / b) / (h / b + 0.5 / mu)
-        moment = car.mass * car.rear_axle_distance
-        self._yaw_lag = (car.yaw_inertia + moment * car.rear_axle_distance) / moment  # c [m]
+        lever = car.gravity / (h / b + 0.5 / mu) / b
+        self.lateral = self.settings.lateral_use * mu * car.gravity
+        self.braking = self.settings.braking_use * lever * car.front_axle_distance
+        self.accelerating = self.settings.accelerating_use * lever * car.rear_axle_distance
+        self.yaw_lag = car.rear_axle_distance + car.yaw_inertia / (car.mass * car.rear_axle_distance)
         self.reset()
 
     def reset(self) -> None:
+        """Forget the last command."""
         self._acceleration = 0.0
 
-    def __call__(self, steering_angle: float, speed: float, odometry: Odometry) -> DriveCommand:
-        """Return the command nearest to the wish that the tires hold until the next tick."""
-        car, settings = self._car, self._settings
-        now = abs(odometry.speed)
-        angle = odometry.steering_angle
-        target_speed = min(speed, friction_speed(steering_angle, self._mu, car.wheelbase))
-        share = settings.lateral_use_in_braking if target_speed < now else 1.0
-        over = min(max((now - speed) / settings.over_scale, 0.0), 1.0)
-        share = min(share, 1.0 - over * (1 - settings.lateral_min))
-        limit = min(friction_steering(now, self._mu * share, car.wheelbase), car.max_steering_angle)
-        target = saturate(steering_angle, limit)
-        step = self._steering_rate(odometry, math.copysign(1.0, target - angle))
-        turn = saturate(target - angle, step * settings.servo_lead)
-        command = angle + turn
+    def __call__(self, steering_angle: float, speed: float, odometry: Odometry, period: float) -> DriveCommand:
+        """Return the command nearest to the wish that the tires hold.
 
-        curv = math.tan(command) / car.wheelbase
-        curv0 = math.tan(angle) / car.wheelbase
-        rate = (curv - curv0) / settings.servo_lead
-        front = abs(now * now * curv0 + self._yaw_lag * now * rate)
-        lateral = max(now * now * max(abs(curv), abs(curv0)), front)
-        left = max(0.0, 1.0 - lateral / self._grip) ** 0.7
-        wished = (target_speed - odometry.speed) / settings.speed_response
-        grow = 0.025 / settings.load_transfer_time
-        lowest = max(-self.max_braking * left, min(self._acceleration, 0.0) - self.max_braking * grow)
-        highest = min(self.max_accelerating * left, max(self._acceleration, 0.0) + self.max_accelerating * grow)
-        self._acceleration = min(max(wished, lowest), highest)
+        Args:
+          steering_angle: wished [rad].
+          speed: wished [m/s], what the scan allows.
+          odometry: present motion.
+          period: until the next command [s].
+        """
+        angle, now = odometry.steering_angle, abs(odometry.speed)
+        target = saturate(steering_angle, self._steering_limit(steering_angle, speed, now))
+        step = self._steering_rate(angle, now, target - angle) * self.settings.steering_response
+        command = angle + saturate(target - angle, step)
+        mu = self._mu * self.settings.lateral_use
+        wished = min(speed, friction_speed(steering_angle, mu, self._car.wheelbase, self._car.gravity))
+        left = self._longitudinal_share(angle, command, now)
+        self._acceleration = self._approach(wished - odometry.speed, left, period)
         return DriveCommand(
-            steering_angle=command, speed=odometry.speed + self._acceleration * car.speed_time_constant
+            steering_angle=command,
+            speed=odometry.speed + self._acceleration * self._car.speed_time_constant,
         )
 
-    def _steering_rate(self, odometry: Odometry, side: float) -> float:
-        """Return the greatest steering rate [rad/s] towards `side` (+-1) that the front tires can carry."""
-        now = abs(odometry.speed)
-        angle = odometry.steering_angle
-        unused = self._mu * GRAVITY - side * now * now * math.tan(angle) / self._car.wheelbase
-        curvature_rate = self._settings.turn_in_use * (1 - self._settings.brake_couple * abs(self._acceleration) / self.max_braking) * max(unused, 0.0) / (self._yaw_lag * max(now, 1e-3))
+    def _steering_limit(self, steering_angle: float, speed: float, now: float) -> float:
+        """Return the greatest steering angle [rad] for now: less while the car has to slow down."""
+        car, settings = self._car, self.settings
+        mu = self._mu * settings.lateral_use
+        too_fast = min(max((now - speed) / settings.overspeed, 0.0), 1.0)
+        use = 1.0 - too_fast * (1.0 - settings.least_lateral_use)
+        if now > min(speed, friction_speed(steering_angle, mu, car.wheelbase, car.gravity)):
+            use = min(use, settings.lateral_use_in_braking)
+        return min(friction_steering(now, mu * use, car.wheelbase, car.gravity), car.max_steering_angle)
+
+    def _steering_rate(self, angle: float, now: float, turn: float) -> float:
+        """Return the greatest steering rate [rad/s] in the direction of `turn` that the front tires can carry."""
+        cornering = now * now * math.tan(angle) / self._car.wheelbase
+        unused = max(self.lateral - math.copysign(cornering, turn * cornering), 0.0)
+        curvature_rate = self.settings.turn_in_use * unused / (self.yaw_lag * max(now, 1e-3))
         return min(curvature_rate * self._car.wheelbase * math.cos(angle) ** 2, self._car.max_steering_rate)
+
+    def _longitudinal_share(self, angle: float, command: float, now: float) -> float:
+        """Return the share of straight-line braking and accelerating that cornering leaves."""
+        curvature = math.tan(angle) / self._car.wheelbase
+        next_curvature = math.tan(command) / self._car.wheelbase
+        turning = self.yaw_lag * now * (next_curvature - curvature) / self.settings.steering_response
+        lateral = max(now * now * abs(next_curvature), now * now * abs(curvature), abs(now * now * curvature + turning))
+        return max(1.0 - lateral / (self._mu * self._car.gravity), 0.0) ** _LONGITUDINAL_EXPONENT
+
+    def _approach(self, missing_speed: float, share: float, period: float) -> float:
+        """Return the acceleration [m/s^2] to take up `missing_speed` [m/s] with."""
+        growth = period / self.settings.load_transfer_time
+        wished = missing_speed / self.settings.speed_response
+        lowest = max(-self.braking * share, min(self._acceleration, 0.0) - self.braking * growth)
+        highest = min(self.accelerating * share, max(self._acceleration, 0.0) + self.accelerating * growth)
+        return min(max(wished, lowest), highest)

@@ -1,4 +1,25 @@
-"""Gap finder: the disparity extender with more filters, as the field's gap_finder_base describes it."""
+"""Gap finder: the disparity extender with more filters, as the field's gap_finder_base describes it, made safe.
+
+The nine components, in the order of that text:
+
+1. disparity extender      scan_filters.extend_disparities
+2. safety bubble           scan_filters.safety_bubbles, as wide as the arc says
+3. lookahead               scan_filters.clip_to_lookahead
+4. field of view           scan_filters.field_of_view
+5. nearest-point bubble    scan_filters.mask_nearest
+6. mean filter             scan_filters.rolling_mean, its window that of a bubble
+7. centre priority         scan_filters.prioritise_centre, 0.999 to 1.000
+8. greatest range          the goal
+9. speed                   speed.range_ratio_speed by the mean range in front; speed.friction_speed by the steering
+
+To these come what a real car needs: stopping_paths (it stops within what it sees) and friction_guard (the friction
+law as a limit in transients). Where this differs from the known implementation of the text: the friction limit is
+the last word on speed, no gain follows it; g is the model's, not 10; bubbles reach to the ends of the scan; no
+filter changes its input; the car steers along the arc to the goal, not by the goal's bearing.
+
+Limits: it sees no further than the next corner and has no memory, so it takes the longer of two ways, wherever that
+leads, and it does not reverse out of a dead end: it stops.
+"""
 
 from __future__ import annotations
 
@@ -11,58 +32,89 @@ from fg_mujoco.messages import STOP, CarParameters, DriveCommand, LaserScan, Odo
 
 from . import scan_filters as filters
 from .friction_guard import FrictionGuard
-from .speed import braking_speed, friction_steering
-from .free_path import free_arc
-from .steering import pursue
+from .speed import range_ratio_speed
+from .steering import pursue, saturate
+from .stopping_paths import StoppingPaths
 
 
 @dataclass(frozen=True, kw_only=True)
 class GapFinderSettings:
-    lookahead: float = 10.0
-    field_of_view: float = math.pi
-    disparity_threshold: float = 0.3
-    clearance: float = 0.1
-    nearest_bubble: float = 0.2
-    smoothing: float = 0.1
-    pursuit: float = 2.0
-    pursuit_time: float = 0.0
-    speed_window: float = 0.3
-    margin: float = 0.2
-    corner_speed: float = 0.0
-    arc_clearance: float = 0.05
-    brake_plan: float = 0.8
-    latency: float = 0.05
+    """Parameters of the nine components."""
+
+    lookahead: float = 10.0  # [m]
+    field_of_view: float = math.pi  # [rad]
+    disparity_threshold: float = 0.3  # [m]
+    clearance: float = 0.15  # [m] beside the car, past a disparity
+    nearest_bubble: float = 0.2  # [m] radius
+    mean_radius: float = 0.1  # [m] of the mean filter's bubble
+    edge_weight: float = 0.999  # centre priority at the edges of the field of view
+    pursuit_distance: float = 1.0  # [m] the arc leads through the point this far along the goal's direction
+    front_width: float = math.radians(20.0)  # [rad] around the goal, for the mean range in front
+    range_ratio_gain: float = 3.0  # top speed at a third of the lookahead
 
 
 class GapFinder:
-    def __init__(self, car: CarParameters, mu: float = 1.0489, max_speed: float = 8.0, settings=None):
-        self.car = car
-        self.s = settings or GapFinderSettings()
-        self.guard = FrictionGuard(car, mu)
-        self.max_speed = max_speed
+    """The planner of the package.
 
-    def reset(self): pass
+    Args:
+      car: parameters of the car.
+      mu: friction coefficient that it believes in; inf: no friction limits, and so no stopping in sight either.
+      max_speed: fastest that it commands [m/s].
+      settings: parameters of the nine components.
+    """
+
+    def __init__(
+        self, car: CarParameters, mu: float, max_speed: float = 8.0, settings: GapFinderSettings | None = None
+    ) -> None:
+        self.settings = settings or GapFinderSettings()
+        self._car = car
+        self._max_speed = max_speed
+        self._guard = FrictionGuard(car, mu) if math.isfinite(mu) else None
+        self._stopping = StoppingPaths(car, self._guard, max_speed) if self._guard else None
+
+    def reset(self) -> None:
+        """Forget everything seen so far."""
+        if self._guard:
+            self._guard.reset()
 
     def __call__(self, scan: LaserScan, odometry: Odometry) -> DriveCommand:
-        s = self.s
-        view = filters.field_of_view(scan.bearings, s.field_of_view)
-        inc = scan.angle_increment
-        r = filters.valid_ranges(scan.ranges, scan.range_max)
-        r = filters.clip_to_lookahead(r, s.lookahead)
-        r = filters.extend_disparities(r, inc, s.disparity_threshold, self.car.width / 2 + s.clearance)
-        r = filters.mask_nearest(r, inc, s.nearest_bubble)
-        r = filters.rolling_mean(r, inc, s.smoothing)
-        b = scan.bearings[view]
-        r = filters.prioritise_centre(r[view], b)
-        if len(r) == 0 or r.max() <= 0: return STOP
-        g = int(np.argmax(r))
-        dist = float(r[g])
-        pd = min(dist, s.pursuit + s.pursuit_time * odometry.speed)
-        steer = pursue(float(b[g]), pd, self.car)
-        raw = filters.valid_ranges(scan.ranges, scan.range_max)[view]
-        lim = friction_steering(odometry.speed, self.guard._mu, self.car.wheelbase)
-        held = max(-lim, min(lim, max(-self.car.max_steering_angle, min(self.car.max_steering_angle, steer))))
-        free = free_arc(raw, b, held, self.car, s.arc_clearance)
-        v = min(self.max_speed, braking_speed(free - s.margin - odometry.speed*s.latency, self.guard.max_braking * s.brake_plan, s.corner_speed))
-        self.debug = (float(b[g]), dist, free)
-        return self.guard(steer, v, odometry)
+        """Answer the command to hold until the next scan; STOP where there is no way, or nothing to see."""
+        goal = self.find_goal(scan)
+        if goal is None:
+            self.reset()
+            return STOP
+        bearing, distance, speed = goal
+        steering_angle = pursue(bearing, min(distance, self.settings.pursuit_distance), self._car)
+        if self._guard is None or self._stopping is None:
+            return DriveCommand(steering_angle=saturate(steering_angle, self._car.max_steering_angle), speed=speed)
+        readings = filters.valid_ranges(scan.ranges, scan.range_max)
+        widened = filters.widen_all(readings, scan.angle_increment, self._stopping.radius)
+        safe_speed = self._stopping.safe_speed(
+            widened, scan.angle_min, scan.angle_increment, odometry.speed, odometry.steering_angle
+        )
+        return self._guard(steering_angle, min(speed, safe_speed), odometry, scan.scan_time)
+
+    def find_goal(self, scan: LaserScan) -> tuple[float, float, float] | None:
+        """Return the goal's bearing [rad] and distance [m], and the speed [m/s] by the ranges in front.
+
+        None where no beam can be driven along: an empty or all-zero scan, or one without an angle between its beams.
+        """
+        settings, increment = self.settings, scan.angle_increment
+        if not increment > 0.0:
+            return None
+        ranges = filters.valid_ranges(scan.ranges, scan.range_max)
+        ranges = filters.clip_to_lookahead(ranges, settings.lookahead)
+        reach = 0.5 * self._car.width + settings.clearance
+        ranges = filters.extend_disparities(ranges, increment, settings.disparity_threshold, reach)
+        ranges = filters.mask_nearest(ranges, increment, settings.nearest_bubble)
+        ranges = filters.rolling_mean(ranges, increment, settings.mean_radius)
+        view = filters.field_of_view(scan.bearings, settings.field_of_view)
+        ranges, bearings = ranges[view], scan.bearings[view]
+        preferred = filters.prioritise_centre(ranges, bearings, settings.edge_weight)
+        if not np.any(preferred > 0.0):
+            return None
+        goal = int(np.argmax(preferred))
+        half = round(0.5 * settings.front_width / increment)
+        front = ranges[max(goal - half, 0) : goal + half + 1]
+        speed = range_ratio_speed(front, settings.lookahead / settings.range_ratio_gain, self._max_speed)
+        return float(bearings[goal]), float(ranges[goal]), speed

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fg_mujoco.messages import FloatArray
 
@@ -40,67 +41,78 @@ def clip_to_lookahead(ranges: FloatArray, lookahead: float) -> FloatArray:
     return np.minimum(ranges, lookahead)
 
 
-def bubble_beams(ranges: FloatArray, radius: float, angle_increment: float) -> FloatArray:
-    """Return how many beams to either side of each one pass within `radius` [m] of its end. Shape (n,), whole.
+def bubble_beams(ranges: FloatArray, radius: float, angle_increment: float) -> NDArray[np.intp]:
+    """Return how many beams to either side of each one pass within `radius` [m] of its end. Shape (n,).
 
-    The arc between neighbouring beams, angle_increment * range, is taken as straight, so the count is
-    radius / (angle_increment * range), rounded up; half a turn at most.
+    The arc between neighbouring beams, angle_increment * range, is taken as straight and in line with the bubble's
+    diameter, so the count is radius / (angle_increment * range), rounded up; half a turn at most.
     """
-    half_turn = math.pi / angle_increment
-    arcs = angle_increment * np.maximum(ranges, radius / math.pi)
-    return np.minimum(np.ceil(radius / arcs), half_turn)
+    nearest = radius / math.pi  # from here on the bubble spans half a turn
+    return np.ceil(radius / (angle_increment * np.maximum(ranges, nearest))).astype(np.intp)
+
+
+def safety_bubbles(
+    ranges: FloatArray, beams: NDArray[np.intp], angle_increment: float, radius: float
+) -> FloatArray:
+    """Return ranges with a bubble of `radius` [m] round the end of each of `beams`.
+
+    Within a bubble no beam is longer than the one in its middle; a closer reading is never overwritten by a farther
+    one. Bubbles end at the ends of the scan, they do not wrap round.
+    """
+    result = ranges.copy()
+    if len(beams) == 0:
+        return result
+    count = len(ranges)
+    width = bubble_beams(ranges[beams], radius, angle_increment)
+    first = np.maximum(beams - width, 0)
+    last = np.minimum(beams + width, count - 1)
+    # Each span is covered by two of length 2^k, which then hand their minimum down to their halves.
+    levels = np.frexp(last - first + 1)[1] - 1
+    spans = np.full((int(levels.max()) + 1, count), math.inf)
+    np.minimum.at(spans, (levels, first), ranges[beams])
+    np.minimum.at(spans, (levels, last + 1 - (1 << levels)), ranges[beams])
+    for level in range(len(spans) - 1, 0, -1):
+        half = 1 << (level - 1)
+        np.minimum(spans[level - 1], spans[level], out=spans[level - 1])
+        np.minimum(spans[level - 1, half:], spans[level, :-half], out=spans[level - 1, half:])
+    return np.minimum(result, spans[0], out=result)
 
 
 def extend_disparities(ranges: FloatArray, angle_increment: float, threshold: float, radius: float) -> FloatArray:
-    """Return ranges with every edge widened by `radius` [m] over the free space beside it.
+    """Return ranges with every edge widened by `radius` [m], about half the car's width.
 
-    Where neighbouring ranges differ by more than `threshold` [m], the nearer one is an edge that the car's side
-    must clear: the beams beyond it that `radius` spans at its range are cut to that range. A closer reading is
-    never overwritten by a farther one.
+    Where neighbouring ranges differ by more than `threshold` [m], the nearer of them is an edge that the car's side
+    must clear: it gets a safety bubble.
     """
-    extended = ranges.copy()
     steps = np.diff(ranges)
-    rising = np.flatnonzero(steps > threshold)  # free space to the left of the edge
-    falling = np.flatnonzero(steps < -threshold) + 1  # free space to its right
-    for edges, side in ((rising, 1), (falling, -1)):
-        widths = bubble_beams(ranges[edges], radius, angle_increment)
-        for edge, width in zip(edges.tolist(), widths.astype(int).tolist(), strict=True):
-            free = slice(edge, edge + width + 1) if side > 0 else slice(max(edge - width, 0), edge + 1)
-            np.minimum(extended[free], ranges[edge], out=extended[free])
-    return extended
+    disparities = np.flatnonzero(np.abs(steps) > threshold)
+    edges = disparities + (steps[disparities] < 0.0)
+    return safety_bubbles(ranges, edges, angle_increment, radius)
 
 
-def safety_bubble(ranges: FloatArray, beam: int, angle_increment: float, radius: float) -> FloatArray:
-    """Return ranges in which all beams within `radius` [m] of the end of `beam` are no longer than that one.
-
-    The bubble ends at the ends of the scan; it does not wrap round them. A closer reading is kept.
-    """
-    width = int(bubble_beams(ranges[beam : beam + 1], radius, angle_increment)[0])
-    inside = slice(max(beam - width, 0), beam + width + 1)
-    result = ranges.copy()
-    np.minimum(result[inside], ranges[beam], out=result[inside])
-    return result
+def widen_all(ranges: FloatArray, angle_increment: float, radius: float) -> FloatArray:
+    """Return ranges with every reading widened by `radius` [m]: where a car of that half width fits, as a point."""
+    return safety_bubbles(ranges, np.arange(len(ranges)), angle_increment, radius)
 
 
 def mask_nearest(ranges: FloatArray, angle_increment: float, radius: float) -> FloatArray:
-    """Return ranges with the bubble of `radius` [m] around the nearest point set to 0: not to be driven along."""
-    if len(ranges) == 0:
-        return ranges.copy()
-    nearest = int(np.argmin(ranges))
-    width = int(bubble_beams(ranges[nearest : nearest + 1], radius, angle_increment)[0])
+    """Return ranges with the bubble of `radius` [m] round the nearest point set to 0: not to be driven along."""
     result = ranges.copy()
-    result[max(nearest - width, 0) : nearest + width + 1] = 0.0
+    if len(ranges):
+        nearest = int(np.argmin(ranges))
+        width = int(bubble_beams(ranges[nearest : nearest + 1], radius, angle_increment)[0])
+        result[max(nearest - width, 0) : nearest + width + 1] = 0.0
     return result
 
 
 def rolling_mean(ranges: FloatArray, angle_increment: float, radius: float) -> FloatArray:
     """Return the mean of each range over the bubble of `radius` [m] at its own end; a part window at the ends.
 
-    A bubble edge next to a long stretch becomes a slope, which holds the goal off the edge.
+    A bubble's edge next to a long stretch becomes a slope, which holds the goal off the edge.
     """
     count = len(ranges)
     beams = np.arange(count)
-    width = bubble_beams(ranges, radius, angle_increment).astype(np.intp)
+    width = bubble_beams(ranges, radius, angle_increment)
     first = np.maximum(beams - width, 0)
     last = np.minimum(beams + width + 1, count)
     total = np.concatenate(([0.0], np.cumsum(ranges)))
@@ -109,13 +121,13 @@ def rolling_mean(ranges: FloatArray, angle_increment: float, radius: float) -> F
 
 def prioritise_centre(ranges: FloatArray, bearings: FloatArray, edge_weight: float = 0.999) -> FloatArray:
     """Return ranges weighted from `edge_weight` at the widest bearing to 1 straight ahead: equal ranges go straight."""
-    widest = np.max(np.abs(bearings), initial=0.0)
+    widest = float(np.max(np.abs(bearings), initial=0.0))
     if widest == 0.0:
         return ranges.copy()
     return ranges * (1.0 - (1.0 - edge_weight) * np.abs(bearings) / widest)
 
 
 def field_of_view(bearings: FloatArray, width: float) -> slice:
-    """Return the beams whose bearing is within half of `width` [rad] to either side of straight ahead."""
-    first, last = np.searchsorted(bearings, (-0.5 * width, 0.5 * width + 1e-12))
+    """Return the beams within half of `width` [rad] to either side of straight ahead."""
+    first, last = np.searchsorted(bearings, (-0.5 * width - 1e-9, 0.5 * width + 1e-9))
     return slice(int(first), int(last))

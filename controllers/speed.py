@@ -1,36 +1,35 @@
-"""Speed laws: how fast may the car go, by what the scan shows and by what the tires hold."""
+"""Speed laws: how fast the car may go, by what the scan shows and by what the tires hold.
+
+`stopping_paths` has the one that needs more than a line.
+"""
 
 from __future__ import annotations
 
 import math
 
-GRAVITY = 9.81  # [m/s^2] MuJoCo's default, which models/f1tenth.xml keeps
+import numpy as np
+
+from fg_mujoco.messages import FloatArray
 
 
-def friction_speed(steering_angle: float, mu: float, wheelbase: float) -> float:
+def friction_speed(steering_angle: float, mu: float, wheelbase: float, gravity: float) -> float:
     """Return the greatest speed [m/s] at which the tires hold the car on the circle of `steering_angle` [rad].
 
     A car of wheelbase b steering by d runs, at its rear axle, on a circle of radius R = b / tan|d|. Holding it
     there takes the force m v^2 / R, and the tires have mu m g: v = sqrt(g mu b / tan|d|). Straight ahead: inf.
-    Source: the notes of the field's gap_finder_base; kinematic bicycle model.
+    Source: the notes of the field's gap_finder_base, for the kinematic bicycle.
     """
     slope = math.tan(abs(steering_angle))
-    return math.sqrt(GRAVITY * mu * wheelbase / slope) if slope > 0.0 else math.inf
+    return math.sqrt(gravity * mu * wheelbase / slope) if slope > 0.0 else math.inf
 
 
-def friction_steering(speed: float, mu: float, wheelbase: float) -> float:
+def friction_steering(speed: float, mu: float, wheelbase: float, gravity: float) -> float:
     """Return the greatest steering angle [rad] that the tires hold at `speed` [m/s]: `friction_speed` read back."""
-    return math.atan2(GRAVITY * mu * wheelbase, speed * speed)
+    return math.atan2(gravity * mu * wheelbase, speed * speed)
 
 
-def range_ratio_speed(mean_range: float, lookahead: float, max_speed: float) -> float:
-    """Return a speed [m/s] in proportion to the mean range over the lookahead: slow where it is tight."""
-    return max_speed * min(1.0, mean_range / lookahead)
-
-
-def braking_speed(distance: float, deceleration: float, final_speed: float = 0.0) -> float:
-    """Return the greatest speed [m/s] from which `final_speed` is reached within `distance` [m].
-
-    Constant deceleration [m/s^2]: v^2 = final_speed^2 + 2 deceleration distance.
-    """
-    return math.sqrt(final_speed * final_speed + 2.0 * deceleration * max(distance, 0.0))
+def range_ratio_speed(ranges: FloatArray, lookahead: float, top_speed: float) -> float:
+    """Return a speed [m/s] in proportion to the mean of `ranges` (n,) over the lookahead: slow where it is tight."""
+    if len(ranges) == 0:
+        return 0.0
+    return top_speed * min(1.0, float(np.mean(ranges)) / lookahead)

@@ -142,7 +142,7 @@ def _draw_panels(panels: list[Axes], column: dict[str, FloatArray]) -> None:
     friction.axhline(1.0, **_LIMIT, label="limit")
     friction.set_ylabel("friction use\n[-]")
     friction.set_ylim(0.0, 1.1)
-    sliding.axhline(SLIDING_SPEED, **_LIMIT, label="slides above")
+    sliding.axhline(SLIDING_SPEED, **_LIMIT, label="limit")
     sliding.set_ylabel("sliding\n[m/s]")
     sliding.set_ylim(0.0, max(1.2 * SLIDING_SPEED, 1.05 * sliding.dataLim.y1))
     for panel in (speed, friction, sliding):

@@ -47,6 +47,7 @@ def test_packages_listed_are_the_folders_that_hold_code():
 
 @needs_checkout
 def test_wheel_and_sdist_hold_every_file_and_nothing_else(tmp_path):
+    pytest.importorskip("setuptools", minversion="77", reason="older than pyproject.toml says; make test renews it")
     # setuptools' own back end, so that no network is needed
     source = tmp_path / "source"
     for folder in FOLDERS:

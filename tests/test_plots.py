@@ -4,9 +4,9 @@ import io
 import matplotlib.image
 import numpy as np
 import pytest
+from conftest import Straight
 
 import fg_mujoco as fg
-from conftest import Straight
 from fg_mujoco.plots import INSTALL_COMMAND, describe_track, require_matplotlib
 
 
@@ -44,6 +44,36 @@ def test_trace_picture_differs_with_the_race(short_race, lap):
     second = pixels(lambda file: fg.trace_picture(lap, file))
     assert first.shape == second.shape  # the same track
     assert np.abs(first - second).mean() > 0.005
+
+
+def test_trace_picture_draws_what_was_measured(lap, monkeypatch):
+    drawn = []
+    monkeypatch.setattr("fg_mujoco.plots._save", lambda figure, path: drawn.append(figure))
+    fg.trace_picture(lap, "not written")
+    (figure,) = drawn
+    above, speed, steering, friction, sliding = figure.axes[:5]
+
+    (line,) = above.collections
+    starts = np.array([segment[0] for segment in line.get_segments()])
+    np.testing.assert_array_equal(starts, np.column_stack((lap.column("x_m"), lap.column("y_m")))[:-1])
+    np.testing.assert_array_equal(line.get_array(), lap.column("speed_m_s")[:-1])
+    assert "1 of 1 laps" in above.get_title()
+
+    def curves(axes):
+        return [np.asarray(curve.get_ydata()) for curve in axes.lines]
+
+    def shows(axes, values):
+        return any(np.array_equal(curve, values, equal_nan=True) for curve in curves(axes))
+
+    assert shows(speed, lap.column("speed_m_s")) and shows(speed, lap.column("command_speed_m_s"))
+    assert shows(steering, lap.column("steering_angle_rad")) and shows(steering, lap.column("command_steering_rad"))
+    for wheel in ("front_left", "front_right", "rear_left", "rear_right"):
+        assert shows(friction, lap.column(f"friction_use_{wheel}"))
+        assert shows(sliding, lap.column(f"slide_{wheel}_m_s"))
+    assert shows(friction, [1.0, 1.0])
+    assert shows(sliding, [0.05, 0.05])
+    for axes in (speed, steering, friction, sliding):  # the end of the lap
+        assert any(np.array_equal(curve.get_xdata(), [lap.lap_times_s[0]] * 2) for curve in axes.lines)
 
 
 def test_trace_picture_of_a_race_of_one_tick():

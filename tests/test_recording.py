@@ -2,6 +2,7 @@ import csv
 import json
 import math
 import shutil
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -251,6 +252,21 @@ def test_a_failure_half_way_leaves_nothing(short_race, tmp_path, monkeypatch):
     with pytest.raises(fg.RunFolderError, match="No space left"):
         fg.write_run(short_race, tmp_path / "deep" / "run")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_failure_while_moving_the_files_in_leaves_nothing(short_race, tmp_path, monkeypatch):
+    rename = Path.rename
+
+    def fail_on_the_last(self, target):
+        if self.name == "summary.json":
+            raise OSError(5, "Input/output error")
+        return rename(self, target)
+
+    monkeypatch.setattr(Path, "rename", fail_on_the_last)
+    (tmp_path / "run").mkdir()
+    with pytest.raises(fg.RunFolderError, match="Input/output error"):
+        fg.write_run(short_race, tmp_path / "run", picture=False)
+    assert list(tmp_path.rglob("*")) == [tmp_path / "run"]
 
 
 def test_an_interrupt_half_way_leaves_nothing(short_race, tmp_path, monkeypatch):
