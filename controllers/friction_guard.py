@@ -38,11 +38,11 @@ class GuardSettings:
     lateral_use: float = 0.95  # of mu g, in cornering
     lateral_use_in_braking: float = 0.9  # of the above, when the car is too fast for the wished steering
     least_lateral_use: float = 0.5  # of the above, when it is too fast by `overspeed` for what it sees
-    overspeed: float = 1.0  # [m/s]
-    turn_in_use: float = 0.65  # of what cornering leaves, for turning the wheels in
-    braking_use: float = 0.95  # of the greatest braking that locks no axle
+    overspeed: float = 0.7  # [m/s]
+    turn_in_use: float = 0.5  # of what cornering leaves, for turning the wheels in
+    braking_use: float = 0.92  # of the greatest braking that locks no axle
     accelerating_use: float = 0.88  # of the greatest accelerating that spins none
-    load_transfer_time: float = 0.15  # [s] half a period of the car's pitching on its springs, some 6 Hz, and a margin
+    load_transfer_time: float = 0.2  # [s] a period of the car's pitching on its springs
     speed_response: float = 0.05  # [s] a wished speed is approached at (wish - speed) / this
     steering_response: float = 0.022  # [s] the servo turns at most at (command - angle) / this: e / 100 rad/s
 
@@ -123,7 +123,7 @@ class FrictionGuard:
         next_curvature = math.tan(command) / self._car.wheelbase
         turning = self.yaw_lag * now * (next_curvature - curvature) / self.settings.steering_response
         lateral = max(now * now * abs(next_curvature), now * now * abs(curvature), abs(now * now * curvature + turning))
-        return max(1.0 - lateral / (self._mu * self._car.gravity), 0.0) ** _LONGITUDINAL_EXPONENT
+        return math.pow(max(1.0 - lateral / (self._mu * self._car.gravity), 0.0), _LONGITUDINAL_EXPONENT)
 
     def _approach(self, missing_speed: float, share: float, period: float) -> float:
         """Return the acceleration [m/s^2] to take up `missing_speed` [m/s] with."""

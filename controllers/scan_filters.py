@@ -75,7 +75,8 @@ def safety_bubbles(
         half = 1 << (level - 1)
         np.minimum(spans[level - 1], spans[level], out=spans[level - 1])
         np.minimum(spans[level - 1, half:], spans[level, :-half], out=spans[level - 1, half:])
-    return np.minimum(result, spans[0], out=result)
+    np.minimum(result, spans[0], out=result)
+    return result
 
 
 def extend_disparities(ranges: FloatArray, angle_increment: float, threshold: float, radius: float) -> FloatArray:
@@ -116,7 +117,8 @@ def rolling_mean(ranges: FloatArray, angle_increment: float, radius: float) -> F
     first = np.maximum(beams - width, 0)
     last = np.minimum(beams + width + 1, count)
     total = np.concatenate(([0.0], np.cumsum(ranges)))
-    return (total[last] - total[first]) / (last - first)
+    means: FloatArray = (total[last] - total[first]) / (last - first)
+    return means
 
 
 def prioritise_centre(ranges: FloatArray, bearings: FloatArray, edge_weight: float = 0.999) -> FloatArray:

@@ -35,7 +35,7 @@ _STEP = 0.01  # [s] of the integration
 class StoppingSettings:
     """What a stop is planned with."""
 
-    braking_share: float = 0.385  # of the cornering acceleration: a half, and a margin for the turning in
+    braking_share: float = 0.365  # of the cornering acceleration: a half, and a margin for the turning in
     reaction: float = 0.045  # [s] a tick, and the servo's lag
     margin: float = 0.25  # [m] ahead of the bumper at a stop: what turning in takes
     clearance: float = 0.02  # [m] round the car's front

@@ -26,6 +26,7 @@ from .lap_timer import LapTimer
 from .lidar import Beams, Lidar, RangefinderLidar, RaycastLidar, lidar_spec, make_lidar
 from .lidar_effects import LidarEffects
 from .messages import STOP, CarParameters, Controller, DriveCommand, LaserScan, Odometry
+from .obstacles import Box, Cylinder
 from .plots import trace_picture, track_picture
 from .race import RaceProgress, race
 from .race_result import TELEMETRY, RaceResult
@@ -35,7 +36,7 @@ from .tire_slip import SLIDING_SPEED, TireSlip, TireSlipMeter
 from .track import Track
 from .track_formats import load_track, read_centreline, track_names, write_centreline
 from .track_generator import GeneratorSettings, generate_track
-from .world import Box, Cylinder, World
+from .world import World
 
 __version__ = _version("fg-mujoco")
 

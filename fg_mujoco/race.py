@@ -10,6 +10,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypedDict
 
 import numpy as np
 
@@ -19,10 +20,11 @@ from .errors import SettingsError
 from .lap_timer import LapTimer
 from .lidar_effects import LidarEffects
 from .messages import Controller, FloatArray, require
+from .obstacles import Obstacle
 from .race_result import TELEMETRY, RaceLog, RaceResult, trajectory_sha256
 from .simulation import Simulation
 from .track import Track
-from .world import Obstacle, World
+from .world import World
 
 NO_PROGRESS_LIMIT = 10.0  # [s] a race ends when the car has not come further for this long
 _SLOWEST_RACE = 0.5  # [m/s] the default time limit is what a car as slow as this needs
@@ -63,6 +65,16 @@ class RaceProgress:
     laps_completed: int
     laps_requested: int
     speed: float  # [m/s]
+
+
+class _Figures(TypedDict):
+    max_slide_m_s: float
+    slide_time_fraction: float
+    mean_speed_m_s: float
+    max_speed_m_s: float
+    sim_time_s: float
+    wall_time_s: float
+    realtime_factor: float
 
 
 def race(
@@ -108,7 +120,7 @@ def race(
     planner.reset()
     simulation = Simulation(world, effects=effects, seed=seed)
     timer = LapTimer(world.track)
-    log = RaceLog()
+    log = RaceLog(simulation.state)
 
     started = time.perf_counter()
     try:
@@ -117,7 +129,7 @@ def race(
         reason = "interrupted"
     wall_time = time.perf_counter() - started
 
-    arrays = log.arrays(simulation.state)
+    arrays = log.arrays()
     return RaceResult(
         track=world.track.name,
         controller=controller if isinstance(controller, str) else type(controller).__name__,
@@ -133,6 +145,7 @@ def race(
         planner_mu=believed_mu,
         speed_limit_m_s=float(max_speed),
         lidar=lidar,
+        lidar_effects=effects or LidarEffects(),
         trajectory_sha256=trajectory_sha256(arrays["states"], arrays["ctrl"]),
         world=world,
         **arrays,
@@ -155,15 +168,13 @@ def _drive(
         reason = _end_reason(simulation, timer, settings.laps, time_limit)
         if reason:
             return reason
-        before = (simulation.state, simulation.pose, simulation.speed)
         place = (float(timer.laps_completed + 1), timer.progress, timer.offset)
-        sensed = odometry
+        pose, speed, sensed = simulation.pose, simulation.speed, odometry
         command = plan(planner, scan, odometry)
         scan, odometry = simulation.step(command)
         timer.update(simulation.time, simulation.pose[:2])
-        state, pose, speed = before
         log.add(
-            state=state,
+            state=simulation.state,
             ctrl=simulation.data.ctrl.copy(),
             place=place,
             pose=pose,
@@ -193,12 +204,12 @@ def _end_reason(simulation: Simulation, timer: LapTimer, laps: int, time_limit: 
         return "finished"
     if simulation.time - timer.last_progress_time >= NO_PROGRESS_LIMIT:
         return "no_progress"
-    if simulation.time >= time_limit:
+    if simulation.time >= time_limit - 0.5 * simulation.period:
         return "time_limit"
     return ""
 
 
-def _figures(telemetry: FloatArray, sim_time: float, wall_time: float) -> dict[str, float]:
+def _figures(telemetry: FloatArray, sim_time: float, wall_time: float) -> _Figures:
     """Return the summary's figures of speed, sliding and time."""
     column = {name: telemetry[:, index] for index, name in enumerate(TELEMETRY)}
     slides = [values for name, values in column.items() if name.startswith("slide_")]

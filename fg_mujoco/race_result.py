@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any
+from dataclasses import asdict, dataclass, field, fields
+from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
 
 from .car import WHEELS
+from .lidar_effects import LidarEffects
 from .messages import DriveCommand, FloatArray, Odometry, read_only
 from .tire_slip import TireSlip
 
@@ -55,6 +56,7 @@ class RaceResult:
     planner_mu: float
     speed_limit_m_s: float
     lidar: str
+    lidar_effects: LidarEffects
     trajectory_sha256: str  # of all states and controls, bit for bit
     world: World = field(repr=False)
     telemetry: FloatArray = field(repr=False)  # (ticks, len(TELEMETRY))
@@ -72,15 +74,28 @@ class RaceResult:
     def summary(self) -> dict[str, Any]:
         """Return what the JSON summary holds: everything but the arrays and the world."""
         arrays = ("world", "telemetry", "states", "ctrl")
-        return {f.name: getattr(self, f.name) for f in fields(self) if f.name not in arrays}
+        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in arrays}
+        return values | {"lidar_effects": asdict(self.lidar_effects)}
+
+
+class Trajectory(TypedDict):
+    """The arrays of a RaceResult."""
+
+    telemetry: FloatArray
+    states: FloatArray
+    ctrl: FloatArray
 
 
 class RaceLog:
-    """Grows by one row a tick."""
+    """Grows by one row a tick.
 
-    def __init__(self) -> None:
+    Args:
+      state: at the start of the race.
+    """
+
+    def __init__(self, state: FloatArray) -> None:
         self._rows: list[tuple[float, ...]] = []
-        self._states: list[FloatArray] = []
+        self._states = [state]
         self._ctrl: list[FloatArray] = []
 
     def add(
@@ -98,7 +113,7 @@ class RaceLog:
         """Add one tick.
 
         Args:
-          state: at its start.
+          state: at its end.
           ctrl: what the actuators got.
           place: lap, progress [m] and offset [m] at its start.
           pose: x [m], y [m], heading [rad] at its start.
@@ -109,7 +124,7 @@ class RaceLog:
         """
         self._states.append(state)
         self._ctrl.append(ctrl)
-        self._rows.append(
+        self._rows.append(  # last: an interrupted tick leaves no row
             (
                 odometry.stamp,
                 *place,
@@ -126,12 +141,13 @@ class RaceLog:
             )
         )
 
-    def arrays(self, last_state: FloatArray) -> dict[str, FloatArray]:
-        """Return telemetry, states and ctrl as in RaceResult."""
+    def arrays(self) -> Trajectory:
+        """Return telemetry, states and ctrl as in RaceResult, of the ticks that are complete."""
+        ticks = len(self._rows)
         return {
-            "telemetry": np.array(self._rows, dtype=np.float64).reshape(-1, len(TELEMETRY)),
-            "states": np.array([*self._states, last_state]),
-            "ctrl": np.array(self._ctrl).reshape(-1, 2),
+            "telemetry": np.array(self._rows, dtype=np.float64).reshape(ticks, len(TELEMETRY)),
+            "states": np.array(self._states[: ticks + 1]),
+            "ctrl": np.array(self._ctrl[:ticks]).reshape(ticks, 2),
         }
 
 

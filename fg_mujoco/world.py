@@ -6,8 +6,6 @@ starts from the same bits.
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
 from typing import Any
 
 import mujoco
@@ -16,10 +14,11 @@ import numpy as np
 from .car import Car, car_parameters, car_spec
 from .errors import SettingsError
 from .lidar import LIDAR_BACKENDS, Lidar, lidar_spec, make_lidar
-from .messages import FloatArray, require
+from .messages import FloatArray
+from .obstacles import Obstacle
 from .track import Track
 from .track_formats import load_track
-from .track_mesh import wall_mesh, wall_prisms
+from .track_mesh import WALL_HEIGHT, wall_mesh, wall_prisms
 
 # Contact roles of models/f1tenth.xml: tires meet the ground (bit 1), the chassis meets walls and obstacles (bit 2).
 _GROUND_CONTYPE = 1
@@ -34,61 +33,6 @@ CAR_PREFIX = "car/"
 _LIDAR_IN_CAR = "lidar/"
 LIDAR_PREFIX = CAR_PREFIX + _LIDAR_IN_CAR
 """Of the names of everything that belongs to its LiDAR."""
-
-WALL_HEIGHT = 0.3  # [m] taller than the LiDAR's beam plane; RoboRacer's ducts are 0.2 to 0.33 m
-_CYLINDER_SIDES = 24  # a cylinder is a prism for rays and contact alike: seen is what is hit
-
-
-@dataclass(frozen=True, kw_only=True)
-class Box:
-    """An upright box standing on the ground.
-
-    Raises:
-      SettingsError: a size that is not positive, or a position that is not finite.
-    """
-
-    x: float  # [m] centre, world frame
-    y: float  # [m]
-    length: float  # [m] along its heading
-    width: float  # [m]
-    height: float = WALL_HEIGHT  # [m]
-    heading: float = 0.0  # [rad]
-
-    def __post_init__(self) -> None:
-        require(self, math.isfinite, "a finite number", ("x", "y", "heading"), SettingsError)
-        require(self, _positive, "a positive length in metres", ("length", "width", "height"), SettingsError)
-
-    def corners(self) -> FloatArray:
-        """Footprint, counterclockwise. Shape (4, 2) [m]."""
-        half = 0.5 * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * (self.length, self.width)
-        cos, sin = math.cos(self.heading), math.sin(self.heading)
-        return (self.x, self.y) + half @ np.array([[cos, sin], [-sin, cos]])
-
-
-@dataclass(frozen=True, kw_only=True)
-class Cylinder:
-    """An upright cylinder standing on the ground, as a prism of 24 sides inscribed in it.
-
-    Raises:
-      SettingsError: a size that is not positive, or a position that is not finite.
-    """
-
-    x: float  # [m] centre, world frame
-    y: float  # [m]
-    radius: float  # [m]
-    height: float = WALL_HEIGHT  # [m]
-
-    def __post_init__(self) -> None:
-        require(self, math.isfinite, "a finite number", ("x", "y"), SettingsError)
-        require(self, _positive, "a positive length in metres", ("radius", "height"), SettingsError)
-
-    def corners(self) -> FloatArray:
-        """Footprint, counterclockwise. Shape (24, 2) [m]."""
-        angles = np.arange(_CYLINDER_SIDES) * (2.0 * math.pi / _CYLINDER_SIDES)
-        return np.column_stack((self.x + self.radius * np.cos(angles), self.y + self.radius * np.sin(angles)))
-
-
-Obstacle = Box | Cylinder
 
 
 class World:
@@ -169,8 +113,8 @@ def _add_ground(spec: Any, track: Track) -> None:
     )  # fmt: skip
     middle = 0.5 * (track.centreline.min(axis=0) + track.centreline.max(axis=0))
     spec.worldbody.add_light(
-        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, pos=(*middle, 20.0), dir=(0.3, 0.2, -1.0), diffuse=(0.7, 0.7, 0.7),
-        ambient=(0.3, 0.3, 0.3),
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, pos=(*middle, 20.0), dir=(0.3, 0.2, -1.0),
+        diffuse=(0.7, 0.7, 0.7), ambient=(0.3, 0.3, 0.3),
     )  # fmt: skip
 
 
@@ -193,7 +137,3 @@ def _add_hull(spec: Any, name: str, vertices: FloatArray, colour: tuple[float, .
         name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, rgba=colour, contype=_WALL_CONTYPE, conaffinity=0,
         group=_COLLISION_GROUP if colour == _INVISIBLE else 0,
     )  # fmt: skip
-
-
-def _positive(value: float) -> bool:
-    return 0.0 < value < math.inf
