@@ -1,5 +1,5 @@
 # make race    five laps, with pictures, in runs/
-# make test    lint, types and tests
+# make test    lint, types and all tests
 # All of it needs python3 and make only; the rest is installed in .venv, at the versions of constraints.txt.
 
 PYTHON ?= python3
@@ -13,7 +13,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 RUN := runs/$(notdir $(basename $(TRACK)))-$(shell date +%Y%m%d-%H%M%S)
 
-.PHONY: help race test test-slow unit lint bench picture clean
+.PHONY: help race test quick unit lint bench picture clean
 .DEFAULT_GOAL := help
 
 help:
@@ -35,11 +35,11 @@ race: $(READY)
 test: lint unit
 
 unit: $(READY)
-	$(BIN)/python -m pytest -m "not slow" $(ARGS)
+	$(BIN)/python -m pytest $(ARGS)
 
-## make test-slow  the races that take minutes
-test-slow: $(READY)
-	$(BIN)/python -m pytest -m slow $(ARGS)
+## make quick   the tests that take seconds
+quick: $(READY)
+	$(BIN)/python -m pytest -m "not slow" $(ARGS)
 
 ## make lint    ruff and mypy
 lint: $(READY)

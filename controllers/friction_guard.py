@@ -11,11 +11,12 @@ path's curvature tan(d) / b at the rear axle, and a = mu g what the tires can ho
 4. braking and accelerating: open differentials give every wheel the same torque, and load moves off the rear axle
    in braking, off the front axle in accelerating, so the lighter axle lets go first, straight ahead at
    g (l / b) / (h / b + 1 / (2 mu)), l = lf in braking and lr in accelerating. In a corner the lighter inner wheel
-   goes before: (1 - ay / a)^0.7 of that is what this car's tires were measured to hold, for mu .6 and 1.0489;
+   goes before: (1 - ay / a)^0.7 of that is what this car's tires were measured to hold on steady circles, for mu .6
+   and 1.0489, and ^0.8 is what is used, because turning in and braking at once is no steady circle;
 5. load takes the suspension's time to move: braking and accelerating grow over it, and may fall at once.
 
 Sources: 1 is of the notes of the field's gap_finder_base; 3 and 4 are Newton and Euler for the rigid single-track
-car and moments about its axles; the exponent is a fit (tests/test_friction_guard.py holds it against the car).
+car and moments about its axles; the exponent is a fit, which tests/test_friction_guard.py holds against the car.
 """
 
 from __future__ import annotations
@@ -23,12 +24,22 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from fg_mujoco.messages import CarParameters, DriveCommand, Odometry
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fg_mujoco.messages import CarParameters, DriveCommand, FloatArray, Odometry
 
 from .speed import friction_speed, friction_steering
 from .steering import saturate
 
-_LONGITUDINAL_EXPONENT = 0.8
+
+def longitudinal_share(lateral_use: ArrayLike) -> FloatArray:
+    """Return the share of straight-line braking and accelerating that is left at a share of the lateral grip.
+
+    Any shape; 1 straight ahead, 0 at the limit. Source: measured, see 4 above.
+    """
+    return np.power(1.0 - np.clip(lateral_use, 0.0, 1.0), 0.8)
+
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,7 +134,7 @@ class FrictionGuard:
         next_curvature = math.tan(command) / self._car.wheelbase
         turning = self.yaw_lag * now * (next_curvature - curvature) / self.settings.steering_response
         lateral = max(now * now * abs(next_curvature), now * now * abs(curvature), abs(now * now * curvature + turning))
-        return math.pow(max(1.0 - lateral / (self._mu * self._car.gravity), 0.0), _LONGITUDINAL_EXPONENT)
+        return float(longitudinal_share(lateral / (self._mu * self._car.gravity)))
 
     def _approach(self, missing_speed: float, share: float, period: float) -> float:
         """Return the acceleration [m/s^2] to take up `missing_speed` [m/s] with."""

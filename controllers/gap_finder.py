@@ -36,6 +36,9 @@ from .speed import range_ratio_speed
 from .steering import pursue, saturate
 from .stopping_paths import StoppingPaths
 
+_PERIOD = 0.025  # [s] of the field's LiDARs, for scans that do not tell theirs
+_LEAST_INCREMENT = 1e-9  # [rad] below it, counts of beams overflow
+
 
 @dataclass(frozen=True, kw_only=True)
 class GapFinderSettings:
@@ -78,11 +81,18 @@ class GapFinder:
             self._guard.reset()
 
     def __call__(self, scan: LaserScan, odometry: Odometry) -> DriveCommand:
-        """Answer the command to hold until the next scan; STOP where there is no way, or nothing to see."""
-        goal = self.find_goal(scan)
-        if goal is None:
+        """Answer the command to hold until the next scan.
+
+        Where there is no way, or nothing to see, it brakes as hard as the tires hold, the wheels kept as they are; at
+        rest, and without odometry, that is STOP.
+        """
+        if not math.isfinite(odometry.speed + odometry.steering_angle):
             self.reset()
             return STOP
+        period = scan.scan_time if scan.scan_time > 0.0 else _PERIOD
+        goal = self.find_goal(scan)
+        if goal is None:
+            return self._guard(odometry.steering_angle, 0.0, odometry, period) if self._guard else STOP
         bearing, distance, speed = goal
         steering_angle = pursue(bearing, min(distance, self.settings.pursuit_distance), self._car)
         if self._guard is None or self._stopping is None:
@@ -92,15 +102,16 @@ class GapFinder:
         safe_speed = self._stopping.safe_speed(
             widened, scan.angle_min, scan.angle_increment, odometry.speed, odometry.steering_angle
         )
-        return self._guard(steering_angle, min(speed, safe_speed), odometry, scan.scan_time)
+        return self._guard(steering_angle, min(speed, safe_speed), odometry, period)
 
     def find_goal(self, scan: LaserScan) -> tuple[float, float, float] | None:
         """Return the goal's bearing [rad] and distance [m], and the speed [m/s] by the ranges in front.
 
-        None where no beam can be driven along: an empty or all-zero scan, or one without an angle between its beams.
+        None where no beam can be driven along: an empty or all-zero scan, or one without a sensible angle between
+        its beams.
         """
         settings, increment = self.settings, scan.angle_increment
-        if not increment > 0.0:
+        if not _LEAST_INCREMENT < increment < 2.0 * math.pi:
             return None
         ranges = filters.valid_ranges(scan.ranges, scan.range_max)
         ranges = filters.clip_to_lookahead(ranges, settings.lookahead)

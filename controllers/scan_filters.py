@@ -69,8 +69,8 @@ def safety_bubbles(
     # Each span is covered by two of length 2^k, which then hand their minimum down to their halves.
     levels = np.frexp(last - first + 1)[1] - 1
     spans = np.full((int(levels.max()) + 1, count), math.inf)
-    np.minimum.at(spans, (levels, first), ranges[beams])
-    np.minimum.at(spans, (levels, last + 1 - (1 << levels)), ranges[beams])
+    for start in (first, last + 1 - (1 << levels)):
+        np.minimum.at(spans.reshape(-1), levels * count + start, ranges[beams])
     for level in range(len(spans) - 1, 0, -1):
         half = 1 << (level - 1)
         np.minimum(spans[level - 1], spans[level], out=spans[level - 1])
@@ -97,10 +97,14 @@ def widen_all(ranges: FloatArray, angle_increment: float, radius: float) -> Floa
 
 
 def mask_nearest(ranges: FloatArray, angle_increment: float, radius: float) -> FloatArray:
-    """Return ranges with the bubble of `radius` [m] round the nearest point set to 0: not to be driven along."""
+    """Return ranges with the bubble of `radius` [m] round the nearest point set to 0: not to be driven along.
+
+    Of several that are as near, as within an edge that was widened, the middle one.
+    """
     result = ranges.copy()
     if len(ranges):
-        nearest = int(np.argmin(ranges))
+        as_near = np.flatnonzero(ranges == np.min(ranges))
+        nearest = int(as_near[(len(as_near) - 1) // 2])
         width = int(bubble_beams(ranges[nearest : nearest + 1], radius, angle_increment)[0])
         result[max(nearest - width, 0) : nearest + width + 1] = 0.0
     return result
@@ -108,6 +112,8 @@ def mask_nearest(ranges: FloatArray, angle_increment: float, radius: float) -> F
 
 def rolling_mean(ranges: FloatArray, angle_increment: float, radius: float) -> FloatArray:
     """Return the mean of each range over the bubble of `radius` [m] at its own end; a part window at the ends.
+
+    What is 0 stays 0.
 
     A bubble's edge next to a long stretch becomes a slope, which holds the goal off the edge.
     """
@@ -117,8 +123,8 @@ def rolling_mean(ranges: FloatArray, angle_increment: float, radius: float) -> F
     first = np.maximum(beams - width, 0)
     last = np.minimum(beams + width + 1, count)
     total = np.concatenate(([0.0], np.cumsum(ranges)))
-    means: FloatArray = (total[last] - total[first]) / (last - first)
-    return means
+    means = (total[last] - total[first]) / (last - first)
+    return np.where(ranges > 0.0, means, 0.0)
 
 
 def prioritise_centre(ranges: FloatArray, bearings: FloatArray, edge_weight: float = 0.999) -> FloatArray:

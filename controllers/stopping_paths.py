@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from fg_mujoco.messages import CarParameters, FloatArray
 
-from .friction_guard import FrictionGuard
+from .friction_guard import FrictionGuard, longitudinal_share
 
 _TURNING = np.array([0.0, 0.15, 0.3, 0.45, 0.6, 0.7, 0.8])  # shares of the cornering grip to turn aside with
 _PRESENT = np.array([-0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0])  # shares in use when the scan is taken
@@ -35,9 +35,9 @@ _STEP = 0.01  # [s] of the integration
 class StoppingSettings:
     """What a stop is planned with."""
 
-    braking_share: float = 0.365  # of the cornering acceleration: a half, and a margin for the turning in
+    braking_share: float = 0.43  # of the cornering acceleration: a half, and a margin for the turning in
     reaction: float = 0.045  # [s] a tick, and the servo's lag
-    margin: float = 0.25  # [m] ahead of the bumper at a stop: what turning in takes
+    margin: float = 0.55  # [m] ahead of the bumper at a stop: what turning in takes
     clearance: float = 0.02  # [m] round the car's front
 
 
@@ -109,8 +109,8 @@ def _paths(
         if time >= settings.reaction:
             wanted = np.minimum(turning * guard.lateral / np.maximum(speed, 0.1) ** 2, tightest)
             curvature = curvature + (wanted - curvature) * (1.0 - np.exp(-speed * _STEP / guard.yaw_lag))
-            used = np.minimum(np.abs(curvature) * speed**2 / guard.lateral, 0.999)
-            speed = np.maximum(speed - braking * (1.0 - used) ** 0.7 * _STEP, 0.0)
+            used = np.minimum(np.abs(curvature) * speed**2 / guard.lateral, 0.999)  # below 1, or it never stops
+            speed = np.maximum(speed - braking * longitudinal_share(used) * _STEP, 0.0)
         distance = speed * _STEP
         heading = heading + curvature * distance
         x, y = x + distance * np.cos(heading), y + distance * np.sin(heading)

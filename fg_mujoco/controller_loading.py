@@ -10,7 +10,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from .errors import ControllerError, FgMujocoError
+from .errors import ControllerError
 from .messages import CarParameters, Controller, DriveCommand, LaserScan, Odometry
 
 
@@ -38,16 +38,30 @@ def make_controller(source: str | Controller, *, car: CarParameters, mu: float, 
     offered: dict[str, Any] = {"car": car, "mu": mu, "max_speed": max_speed}
     try:
         parameters = inspect.signature(factory).parameters.values()
-        wanted = [p.name for p in parameters if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)]
-        unknown = [p.name for p in parameters if p.name in wanted and p.name not in offered and p.default is p.empty]
-        if unknown:
-            raise ControllerError(f"{origin} wants {', '.join(unknown)}; a constructor may name {', '.join(offered)}")
+    except ValueError as error:
+        raise ControllerError(f"{origin} cannot be built: {_one_line(error)}") from error
+    wanted = [p.name for p in parameters if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)]
+    unknown = [p.name for p in parameters if p.name in wanted and p.name not in offered and p.default is p.empty]
+    if unknown:
+        raise ControllerError(f"{origin} wants {', '.join(unknown)}; a constructor may name {', '.join(offered)}")
+    try:
         controller = factory(**{name: value for name, value in offered.items() if name in wanted})
-    except FgMujocoError:
-        raise
-    except Exception as error:
-        raise ControllerError(f"{origin} cannot be built: {type(error).__name__}: {error}") from error
+    except (Exception, SystemExit) as error:
+        raise ControllerError(f"{origin} cannot be built: {_one_line(error)}") from error
     return _checked(controller, origin)
+
+
+def start(controller: Controller) -> None:
+    """Reset the controller for a new race.
+
+    Raises:
+      ControllerError: its `reset` raises.
+    """
+    try:
+        controller.reset()
+    except (Exception, SystemExit) as error:
+        name = type(controller).__name__
+        raise ControllerError(f"controller {name} failed in reset(): {_one_line(error)}") from error
 
 
 def plan(controller: Controller, scan: LaserScan, odometry: Odometry) -> DriveCommand:
@@ -58,7 +72,7 @@ def plan(controller: Controller, scan: LaserScan, odometry: Odometry) -> DriveCo
     """
     try:
         command = controller(scan, odometry)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         name = type(controller).__name__
         raise ControllerError(f"controller {name} failed at t = {scan.stamp:.3f} s: {_one_line(error)}") from error
     if not isinstance(command, DriveCommand):
@@ -107,6 +121,8 @@ def _import_file(path: Path, origin: str) -> ModuleType:
 
 
 def _checked(controller: Any, origin: str) -> Controller:
+    if isinstance(controller, type):
+        raise ControllerError(f"{origin} is the class {controller.__name__}; accepted: an object of it")
     if not callable(controller) or not callable(getattr(controller, "reset", None)):
         raise ControllerError(f"{origin} is no controller; accepted: one with __call__(scan, odometry) and reset()")
     return controller  # type: ignore[no-any-return]
@@ -117,5 +133,5 @@ def _one_line(error: BaseException) -> str:
 
 
 def _short(value: object) -> str:
-    text = repr(value)
+    text = " ".join(repr(value).split())
     return text if len(text) <= 60 else text[:57] + "..."

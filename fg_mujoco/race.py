@@ -15,7 +15,7 @@ from typing import TypedDict
 import numpy as np
 
 from .car import nominal_mu
-from .controller_loading import make_controller, plan
+from .controller_loading import make_controller, plan, start
 from .errors import SettingsError
 from .lap_timer import LapTimer
 from .lidar_effects import LidarEffects
@@ -117,7 +117,7 @@ def race(
     world = World(track, mu=mu, lidar=lidar, obstacles=obstacles)
     believed_mu = nominal_mu() if planner_mu is None else float(planner_mu)
     planner = make_controller(controller, car=world.car.parameters, mu=believed_mu, max_speed=max_speed)
-    planner.reset()
+    start(planner)
     simulation = Simulation(world, effects=effects, seed=seed)
     timer = LapTimer(world.track)
     log = RaceLog(simulation.state)

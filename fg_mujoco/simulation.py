@@ -77,6 +77,7 @@ class Simulation:
         """Hold a command for one period and return what the car then senses."""
         self.world.car.apply(self.data, command)
         hold_controls(self.world.model, self.data, self.substeps, self._record)
+        self.crashed = self.crashed or self.world.car.crashed(self.data)  # at the end; each step senses its start
         self.slip = self._slip_meter.read()
         return self._sense()
 

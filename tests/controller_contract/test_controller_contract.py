@@ -1,0 +1,204 @@
+"""What every bundled planner keeps, whatever it is shown. A new one is covered by its entry in CONTROLLERS.
+
+The contract: for any scan and any odometry a finite DriveCommand, without an exception;
+- its steering angle within the car's limit, or no further than the wheels are turned already;
+- its speed such that the car, whose speed servo approaches the command over `speed_time_constant`, has after one
+  period a speed from 0 to the top speed. The command itself may lead by what an acceleration takes;
+- STOP where there is nothing to plan with. Same inputs since `reset()`: same outputs. No planner changes a scan.
+"""
+
+import ast
+import math
+import sys
+import time
+import warnings
+from importlib.resources import files
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scan_worlds import CAR, INCREMENT, MU, corridor, odometry_of, scan_of
+
+from fg_mujoco.controller_loading import controller_names, make_controller
+from fg_mujoco.controllers import CONTROLLERS
+from fg_mujoco.messages import STOP, DriveCommand
+
+TOP_SPEED = 6.0
+GENTLE = np.random.default_rng(5).uniform(0.5, 9.0, 1081)
+EMPTY_SECTOR = corridor(1.0, 1.0, 5.0).ranges.copy()
+EMPTY_SECTOR[300:700] = math.inf
+
+BLIND = {
+    "no beam": scan_of([]),
+    "one beam": scan_of([5.0]),
+    "one beam without return": scan_of([math.inf]),
+    "all NaN": scan_of(np.full(1081, math.nan)),
+    "all -inf": scan_of(np.full(1081, -math.inf)),
+    "all zeros": scan_of(np.zeros(1081)),
+    "all negative": scan_of(np.full(1081, -3.0)),
+    "nothing in front": scan_of(GENTLE[:100], angle_min=2.5),
+    "no angle between beams": scan_of(GENTLE, increment=0.0),
+    "range_max of 0": scan_of(GENTLE, range_max=0.0),
+}
+ODD = {
+    **BLIND,
+    "two beams": scan_of([5.0, 6.0]),
+    "two beams far apart": scan_of([5.0, 6.0], increment=1.5),
+    "three beams": scan_of([5.0, 6.0, 5.0], increment=0.7),
+    "all inf": scan_of(np.full(1081, math.inf)),
+    "all equal": scan_of(np.full(1081, 4.0)),
+    "all at range_max": scan_of(np.full(1081, 30.0)),
+    "a ramp": scan_of(np.linspace(0.1, 20.0, 1081)),
+    "noise": scan_of(GENTLE),
+    "an empty sector": scan_of(EMPTY_SECTOR),
+    "NaN in every other beam": scan_of(np.where(np.arange(1081) % 2, math.nan, GENTLE)),
+    "NaN on one side": scan_of(np.where(np.arange(1081) < 540, math.nan, GENTLE)),
+    "huge": scan_of(GENTLE * 1e300),
+    "huge, and as huge a range_max": scan_of(GENTLE * 1e300, range_max=1e308),
+    "tiny": scan_of(GENTLE * 1e-300),
+    "negative on one side": scan_of(np.where(np.arange(1081) < 540, -GENTLE, GENTLE)),
+    "increment of 1e-6": scan_of(GENTLE, increment=1e-6),
+    "increment of 1e-19": scan_of(GENTLE, increment=1e-19),
+    "least increment there is": scan_of(GENTLE, increment=5e-324),
+    "increment of more than a turn": scan_of(GENTLE, increment=10.0),
+    "negative increment": scan_of(GENTLE, increment=-INCREMENT),
+    "negative range_max": scan_of(GENTLE, range_max=-1.0),
+    "no scan time": scan_of(GENTLE, scan_time=0.0),
+    "many beams": scan_of(np.tile(GENTLE, 4), increment=INCREMENT / 4),
+}
+MOTIONS = [(0.0, 0.0), (3.0, 0.1), (6.0, -0.4189), (2.0, 0.43), (9.0, 0.0), (-1.0, 0.0), (1e9, 0.1)]
+
+
+@pytest.fixture(params=sorted(CONTROLLERS), scope="module")
+def planner(request):
+    return make_controller(request.param, car=CAR, mu=MU, max_speed=TOP_SPEED)
+
+
+def assert_keeps_contract(command, odometry, scan):
+    assert type(command) is DriveCommand
+    steering_angle, speed = command.steering_angle, command.speed
+    assert math.isfinite(steering_angle) and math.isfinite(speed)
+    assert abs(steering_angle) <= max(CAR.max_steering_angle, abs(odometry.steering_angle)) + 1e-12
+    if 0.0 <= odometry.speed <= TOP_SPEED:
+        approach = 1.0 - math.exp(-scan.scan_time / CAR.speed_time_constant)
+        reached = odometry.speed + approach * (speed - odometry.speed)
+        assert -1e-9 <= reached <= TOP_SPEED + 1e-9
+    lead = CAR.max_acceleration * CAR.speed_time_constant
+    lowest, highest = min(0.0, odometry.speed) - lead, max(TOP_SPEED, odometry.speed) + lead
+    assert lowest <= speed <= highest
+
+
+def test_the_catalogue_is_what_the_loader_knows():
+    assert controller_names() == tuple(sorted(CONTROLLERS))
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+@pytest.mark.parametrize("name", ODD)
+def test_it_answers_a_command_that_the_car_can_follow(planner, name, motion):
+    scan, odometry = ODD[name], odometry_of(*motion)
+    before = scan.ranges.copy()
+    planner.reset()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for _ in range(3):
+            assert_keeps_contract(planner(scan, odometry), odometry, scan)
+    np.testing.assert_array_equal(scan.ranges, before)
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+@pytest.mark.parametrize("name", BLIND)
+def test_it_stops_where_it_cannot_plan(planner, name, motion):
+    """At rest that is STOP; a moving car is brought to rest, as fast as the planner thinks the tires hold."""
+    planner.reset()
+    speed, steering_angle = motion
+    for _ in range(200 if abs(speed) < 20.0 else 1):
+        command = planner(BLIND[name], odometry_of(speed, steering_angle))
+        assert abs(command.steering_angle) <= abs(steering_angle)
+        before = abs(speed)
+        speed += (command.speed - speed) * (1.0 - math.exp(-0.025 / CAR.speed_time_constant))
+        assert abs(speed) <= before
+    assert abs(speed) < 1e-2 or abs(motion[0]) >= 20.0
+    planner.reset()
+    assert planner(BLIND[name], odometry_of(0.0, 0.0)) == STOP
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    ranges=arrays(np.float64, st.integers(0, 50), elements=st.floats(allow_nan=True, allow_infinity=True)),
+    increment=st.floats(1e-4, 1.0),
+    angle_min=st.floats(-4.0, 1.0),
+    speed=st.floats(0.0, TOP_SPEED),
+    steering_angle=st.floats(-0.4189, 0.4189),
+)
+def test_it_answers_any_scan(planner, ranges, increment, angle_min, speed, steering_angle):
+    scan, odometry = scan_of(ranges, increment, angle_min), odometry_of(speed, steering_angle)
+    planner.reset()
+    assert_keeps_contract(planner(scan, odometry), odometry, scan)
+
+
+@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    corners=arrays(np.float64, 24, elements=st.floats(0.02, 30.0)),
+    speed=st.floats(0.0, TOP_SPEED),
+    steering_angle=st.floats(-0.4189, 0.4189),
+)
+def test_it_answers_any_room(planner, corners, speed, steering_angle):
+    scan = scan_of(np.interp(np.arange(1081), np.linspace(0, 1080, len(corners)), corners))
+    odometry = odometry_of(speed, steering_angle)
+    planner.reset()
+    assert_keeps_contract(planner(scan, odometry), odometry, scan)
+
+
+def test_the_same_inputs_since_reset_give_the_same_outputs(planner):
+    seen = [(scan, odometry_of(speed, 0.05)) for scan in ODD.values() for speed in (0.5, 2.0, 5.0)]
+    planner.reset()
+    first = [planner(*one) for one in seen]
+    planner.reset()
+    assert [planner(*one) for one in seen] == first
+
+
+def test_two_of_them_share_nothing():
+    scans = [corridor(1.0, 1.0, ahead) for ahead in (3.0, 2.0, 6.0, 1.0)]
+    for name in CONTROLLERS:
+        alone, one, other = (make_controller(name, car=CAR, mu=MU, max_speed=TOP_SPEED) for _ in range(3))
+        for scan in scans:
+            other(corridor(0.5, 3.0, 1.0), odometry_of(5.0, 0.2))
+            assert one(scan, odometry_of(2.0)) == alone(scan, odometry_of(2.0))
+
+
+def test_without_a_friction_limit_it_answers_too():
+    for name in CONTROLLERS:
+        unlimited = make_controller(name, car=CAR, mu=math.inf, max_speed=TOP_SPEED)
+        for scan in ODD.values():
+            command = unlimited(scan, odometry_of(2.0))
+            assert abs(command.steering_angle) <= CAR.max_steering_angle
+            assert 0.0 <= command.speed <= TOP_SPEED
+
+
+def test_it_is_ready_long_before_the_next_scan(planner):
+    for scan in ODD.values():
+        durations = []
+        for _ in range(5):  # the best of five: the machine has other things to do
+            started = time.perf_counter()
+            planner(scan, odometry_of(3.0, 0.1))
+            durations.append(time.perf_counter() - started)
+        assert min(durations) < 0.05
+
+
+@pytest.mark.parametrize("path", sorted(p.name for p in files("fg_mujoco.controllers").iterdir() if p.suffix == ".py"))
+def test_a_planner_imports_numpy_and_the_messages_only(path):
+    # no engine, no simulation, no track: what runs here runs on the car
+    tree = ast.parse(files("fg_mujoco.controllers").joinpath(path).read_text())
+    imported = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            imported.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            imported.add(node.module)
+        else:
+            assert not (isinstance(node, ast.ImportFrom) and node.level > 1)
+    foreign = {name for name in imported if name.split(".")[0] not in sys.stdlib_module_names}
+    assert foreign <= {"numpy", "numpy.typing", "fg_mujoco.messages"}
+    assert not imported & {"importlib", "builtins", "sys"}  # nor behind its back

@@ -1,0 +1,51 @@
+"""Scans for the tests of the planners: flat worlds of straight walls, worked out beam by beam, no ray caster."""
+
+import math
+
+import numpy as np
+
+from fg_mujoco.car import car_parameters, car_spec
+from fg_mujoco.messages import LaserScan, Odometry
+
+CAR = car_parameters(car_spec().compile())
+INCREMENT = math.radians(0.25)
+MU = 1.0489  # of the community's F1TENTH models
+
+
+def scan_of(ranges, increment=INCREMENT, angle_min=None, range_max=30.0, **fields):
+    """A scan of these ranges, straight ahead in its middle."""
+    ranges = np.asarray(ranges, dtype=float)
+    span = increment * max(len(ranges) - 1, 0)
+    start = -0.5 * span if angle_min is None else angle_min
+    limits = {"angle_min": start, "angle_max": start + span, "range_min": 0.02, "range_max": range_max}
+    return LaserScan(stamp=0.0, angle_increment=increment, ranges=ranges, **limits, **fields)
+
+
+def odometry_of(speed=0.0, steering_angle=0.0):
+    zeros = np.zeros(3)
+    return Odometry(
+        stamp=0.0,
+        speed=speed,
+        steering_angle=steering_angle,
+        angular_velocity=zeros,
+        linear_acceleration=zeros,
+        wheel_speeds=np.full(4, speed),
+    )
+
+
+def room(*walls, count=1081):
+    """A scan in a room of endless walls, each given as its normal's bearing [rad] and its distance [m]."""
+    bearings = INCREMENT * (np.arange(count) - (count - 1) / 2)
+    towards = [np.cos(bearings - normal) for normal, _ in walls]
+    with np.errstate(divide="ignore"):
+        hits = [np.where(t > 1e-9, distance / t, math.inf) for t, (_, distance) in zip(towards, walls, strict=True)]
+    return scan_of(np.minimum.reduce([*hits, np.full(count, math.inf)]))
+
+
+def corridor(left, right, ahead=math.inf):
+    """A scan in a straight corridor: distances [m] from the LiDAR to its walls."""
+    return room((math.pi / 2, left), (-math.pi / 2, right), (0.0, ahead))
+
+
+def mirrored(scan):
+    return scan_of(scan.ranges[::-1], scan.angle_increment, -scan.bearings[-1], scan.range_max)

@@ -1,0 +1,205 @@
+"""Loading a planner: by name, from a file, as an object; and what each mistake is told, in one line."""
+
+import math
+import textwrap
+
+import pytest
+from scan_worlds import CAR, MU, corridor, odometry_of
+
+from fg_mujoco.controller_loading import controller_names, make_controller, plan
+from fg_mujoco.controllers.gap_finder import GapFinder
+from fg_mujoco.errors import ControllerError
+from fg_mujoco.messages import DriveCommand
+
+SCAN, ODOMETRY = corridor(1.0, 1.0, 5.0), odometry_of(1.0)
+GOOD = """
+    from dataclasses import dataclass
+    from fg_mujoco.messages import DriveCommand
+
+    @dataclass
+    class Planner:
+        max_speed: float
+        gain: float = 1.0
+
+        def reset(self):
+            pass
+
+        def __call__(self, scan, odometry):
+            return DriveCommand(steering_angle=0.0, speed=self.gain * self.max_speed)
+"""
+
+
+def make(source):
+    return make_controller(source, car=CAR, mu=MU, max_speed=3.0)
+
+
+def answering(expression, setup=""):
+    return f"""
+    import math, sys
+    import numpy as np
+    from fg_mujoco.messages import DriveCommand
+
+    class Planner:
+        def __init__(self):
+            {setup or "pass"}
+
+        def reset(self):
+            pass
+
+        def __call__(self, scan, odometry):
+            return {expression}
+    """
+
+
+@pytest.fixture
+def in_file(tmp_path):
+    def write(text, name="Planner"):
+        path = tmp_path / "mine.py"
+        path.write_text(textwrap.dedent(text))
+        return f"{path}:{name}"
+
+    return write
+
+
+def refusal(action, *names):
+    """The one line that the mistake is told in, which has all of `names` in it."""
+    with pytest.raises(ControllerError) as caught:
+        action()
+    message = str(caught.value)
+    assert "\n" not in message
+    for name in names:
+        assert name in message
+    return message
+
+
+# -- what loads
+
+
+def test_a_bundled_planner_loads_by_its_name():
+    assert isinstance(make("gap_finder"), GapFinder)
+    assert "gap_finder" in controller_names()
+
+
+def test_a_planner_in_a_file_is_built_with_what_its_constructor_names(in_file):
+    planner = make(in_file(GOOD))
+    assert planner.gain == 1.0
+    assert plan(planner, SCAN, ODOMETRY) == DriveCommand(steering_angle=0.0, speed=3.0)
+
+
+def test_a_constructor_may_name_all_or_nothing(in_file):
+    given = answering("None", setup="self.given = car, mu, max_speed, rest, more")
+    given = given.replace("def __init__(self)", "def __init__(self, car, mu, max_speed, *rest, **more)")
+    assert make(in_file(given)).given == (CAR, MU, 3.0, (), {})
+    assert make(in_file(answering("None")))
+
+
+def test_an_object_is_taken_as_it_is():
+    planner = GapFinder(CAR, MU)
+    assert make(planner) is planner
+
+
+def test_a_file_is_read_afresh_each_time(in_file):
+    make(in_file(GOOD))
+    again = make(in_file(GOOD.replace("gain: float = 1.0", "gain: float = 0.5")))
+    assert again.gain == 0.5
+
+
+# -- what does not
+
+
+@pytest.mark.parametrize("source", ["no_such", "gap_finder.py", "gap_finder:GapFinder", "", ":", "planner.txt:Planner"])
+def test_an_unknown_name_is_told_the_known_ones(source):
+    refusal(lambda: make(source), repr(source), "gap_finder", "path/to/file.py:ClassName")
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path):
+    path = tmp_path / "gone.py"
+    refusal(lambda: make(f"{path}:Planner"), f"there is no file {path}")
+    (tmp_path / "folder.py").mkdir()
+    refusal(lambda: make(f"{tmp_path}/folder.py:Planner"), "there is no file")
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("def broken(:\n", "SyntaxError"),
+        ("import no_such_module\n", "ModuleNotFoundError: No module named 'no_such_module'"),
+        ("raise ValueError('two\\nlines')\n", "ValueError: two lines"),
+        ("import sys\nsys.exit(3)\n", "SystemExit: 3"),
+        ("\x00", "Error"),
+    ],
+)
+def test_a_file_that_does_not_import_is_told_why(in_file, text, reason):
+    refusal(lambda: make(in_file(text)), "mine.py", "does not import", reason)
+
+
+def test_a_class_that_is_not_there_is_told_those_that_are(in_file):
+    refusal(lambda: make(in_file(GOOD, "Planer")), "mine.py", "no class 'Planer'", "it has Planner")
+    refusal(lambda: make(in_file(GOOD, "")), "mine.py", "no class ''")
+    refusal(lambda: make(in_file("Planner = 3\n")), "mine.py", "no class 'Planner'", "it has none")
+
+
+def test_a_constructor_that_wants_something_else_is_told_what_it_may_name(in_file):
+    wanting = GOOD.replace("max_speed: float", "max_speed: float\n        track: object\n        pose: object")
+    refusal(lambda: make(in_file(wanting)), "mine.py:Planner", "wants track, pose", "car, mu, max_speed")
+
+
+@pytest.mark.parametrize("raised", ["ValueError('first\\nsecond')", "KeyError('x')", "ZeroDivisionError()"])
+def test_a_constructor_that_raises_is_told_what(in_file, raised):
+    raising = answering("None", setup=f"raise {raised}")
+    refusal(lambda: make(in_file(raising)), "mine.py:Planner", "cannot be built", raised.split("(")[0])
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "class Planner:\n    def __call__(self, scan, odometry): pass\n",  # no reset
+        "class Planner:\n    def reset(self): pass\n",  # not callable
+        "class Planner:\n    reset = None\n    def __call__(self, scan, odometry): pass\n",
+    ],
+)
+def test_what_has_not_both_methods_is_no_controller(in_file, body):
+    refusal(lambda: make(in_file(body)), "mine.py:Planner", "is no controller", "__call__(scan, odometry) and reset()")
+
+
+@pytest.mark.parametrize("thing", [None, 3, len])
+def test_an_object_that_is_none_either(thing):
+    refusal(lambda: make(thing), type(thing).__name__, "is no controller")
+
+
+# -- what it answers
+
+
+@pytest.mark.parametrize(
+    ("expression", "told"),
+    [
+        ("DriveCommand(steering_angle=math.nan, speed=1.0)", "DriveCommand.steering_angle is nan"),
+        ("DriveCommand(steering_angle=0.0, speed=math.inf)", "DriveCommand.speed is inf"),
+        ("DriveCommand(steering_angle=None, speed=0.0)", "DriveCommand.steering_angle is None"),
+        ("(0.1, 2.0)", "answered (0.1, 2.0)"),
+        ("None", "answered None"),
+        ("np.array([0.1, math.nan])", "answered array([0.1, nan])"),
+        ("np.zeros((3, 3))", "accepted: a DriveCommand"),  # whose repr has three lines
+        ("'x' * 1000", "accepted: a DriveCommand"),
+        ("1 / 0", "ZeroDivisionError"),
+        ("scan.ranges.sort()", "ValueError"),  # scans are read-only
+        ("scan.distances", "AttributeError"),
+    ],
+)
+def test_an_answer_that_is_no_command_is_refused(in_file, expression, told):
+    planner = make(in_file(answering(expression)))
+    message = refusal(lambda: plan(planner, SCAN, ODOMETRY), "controller Planner", "t = 0.000 s", told)
+    assert len(message) < 250
+
+
+def test_a_call_with_other_arguments_is_refused(in_file):
+    planner = make(in_file(answering("None").replace("scan, odometry)", "scan)")))
+    refusal(lambda: plan(planner, SCAN, ODOMETRY), "controller Planner", "TypeError")
+
+
+def test_a_good_answer_is_passed_on_as_it_is():
+    planner = GapFinder(CAR, MU)
+    command = plan(planner, SCAN, ODOMETRY)
+    planner.reset()
+    assert command == planner(SCAN, ODOMETRY)
+    assert math.isfinite(command.speed)

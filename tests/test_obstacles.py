@@ -1,0 +1,137 @@
+"""Obstacles are where they were put, as large as they were made, and neither is anything else."""
+
+import math
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import fg_mujoco as fg
+from fg_mujoco.track_mesh import WALL_HEIGHT
+
+places, sizes, headings = st.floats(-50, 50), st.floats(0.01, 5), st.floats(-10, 10)
+
+
+def area(corners):
+    """Shoelace formula: positive where the corners go counterclockwise [m^2]."""
+    (x, y), (next_x, next_y) = corners.T, np.roll(corners, -1, axis=0).T
+    return 0.5 * float(np.sum(x * next_y - next_x * y))
+
+
+@given(x=places, y=places, length=sizes, width=sizes, heading=headings)
+def test_a_box_has_its_length_along_its_heading_and_its_width_across(x, y, length, width, heading):
+    corners = fg.Box(x=x, y=y, length=length, width=width, heading=heading).corners()
+    assert corners.shape == (4, 2)
+    assert corners.mean(axis=0) == pytest.approx((x, y), abs=1e-9)
+    assert area(corners - (x, y)) == pytest.approx(length * width, rel=1e-9)
+    away = corners - (x, y)
+    ahead, left = np.array([math.cos(heading), math.sin(heading)]), np.array([-math.sin(heading), math.cos(heading)])
+    assert np.abs(away @ ahead) == pytest.approx([0.5 * length] * 4, abs=1e-9)
+    assert np.abs(away @ left) == pytest.approx([0.5 * width] * 4, abs=1e-9)
+
+
+@given(x=places, y=places, radius=sizes)
+def test_a_cylinder_is_a_regular_prism_inscribed_in_it(x, y, radius):
+    corners = fg.Cylinder(x=x, y=y, radius=radius).corners()
+    assert np.hypot(*(corners - (x, y)).T) == pytest.approx([radius] * 24, abs=1e-9)
+    assert area(corners - (x, y)) == pytest.approx(12 * radius**2 * math.sin(2 * math.pi / 24), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "obstacle",
+    (
+        fg.Box(x=2.0, y=-0.3, length=0.4, width=0.2, heading=0.7, height=0.15),
+        fg.Cylinder(x=3.0, y=0.4, radius=0.2),
+    ),
+)
+def test_the_compiled_solid_is_the_footprint_raised_to_its_height(obstacle):
+    """MuJoCo moves a mesh to its own centre and axes; put back, every corner is where it was asked for."""
+    model = fg.World("oval", obstacles=(obstacle,)).model
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    geom = model.geom("obstacle_0")
+    mesh = int(geom.dataid[0])
+    vertices = model.mesh_vert[model.mesh_vertadr[mesh] :][: model.mesh_vertnum[mesh]].astype(float)
+    found = vertices @ data.geom_xmat[geom.id].reshape(3, 3).T + data.geom_xpos[geom.id]
+    expected = [(*corner, z) for z in (0.0, obstacle.height) for corner in obstacle.corners()]
+    distances = np.linalg.norm(found[:, None] - np.array(expected)[None], axis=2)
+    assert distances.shape[0] == distances.shape[1]
+    assert distances.min(axis=0).max() < 1e-5 and distances.min(axis=1).max() < 1e-5  # MJCF text keeps six digits
+
+
+def test_obstacles_are_as_high_as_the_walls_unless_told():
+    assert fg.Box(x=0, y=0, length=1, width=1).height == fg.Cylinder(x=0, y=0, radius=1).height == WALL_HEIGHT
+
+
+@pytest.mark.parametrize(
+    "obstacle",
+    (
+        fg.Box(x=4.0, y=0.0, length=0.3, width=0.3),
+        fg.Box(x=4.0, y=0.1, length=0.3, width=0.5, heading=0.8),
+        fg.Cylinder(x=4.0, y=0.0, radius=0.2),
+        fg.Box(x=4.0, y=0.0, length=0.02, width=0.3),  # thinner than the way of one physics step at 8 m/s
+    ),
+)
+@pytest.mark.parametrize("speed", (2.0, 8.0))
+def test_driving_into_an_obstacle_is_a_crash_and_it_stops_the_car(obstacle, speed):
+    simulation = fg.Simulation(fg.World("oval", obstacles=(obstacle,)))
+    simulation.reset(speed=speed)
+    car = simulation.world.parameters
+    front = car.length - car.rear_overhang
+    nearest = obstacle.corners()[:, 0].min()
+    while not simulation.crashed and simulation.time < 3.0:
+        bumper = simulation.pose[0] + front
+        simulation.step(fg.DriveCommand(steering_angle=0.0, speed=speed))
+    assert simulation.crashed
+    assert nearest - 0.025 * speed - 0.01 < bumper < nearest  # it had not touched a tick before
+    for _ in range(20):
+        simulation.step(fg.DriveCommand(steering_angle=0.0, speed=speed))
+    assert simulation.pose[0] + front < obstacle.corners()[:, 0].max() + 0.01
+
+
+def test_an_obstacle_beside_the_way_is_no_crash():
+    simulation = fg.Simulation(fg.World("oval", obstacles=(fg.Box(x=4.0, y=0.3, length=0.3, width=0.2),)))
+    simulation.reset(speed=2.0)
+    while simulation.pose[0] < 6.0:
+        simulation.step(fg.DriveCommand(steering_angle=0.0, speed=2.0))
+    assert not simulation.crashed
+
+
+def test_the_lidar_sees_an_obstacle_and_past_it_what_was_there_before():
+    box = fg.Box(x=3.0, y=0.0, length=0.4, width=0.4)
+    before, _ = fg.Simulation(fg.World("oval")).reset()
+    after, _ = fg.Simulation(fg.World("oval", obstacles=(box,))).reset()
+    distance = box.x - 0.5 * box.length - fg.World("oval").parameters.lidar_offset
+    assert after.ranges[540] == pytest.approx(distance, abs=1e-6)
+    hit = np.abs(after.bearings) < math.atan(0.5 * box.width / distance) - 1e-6
+    assert after.ranges[hit] * np.cos(after.bearings[hit]) == pytest.approx(distance, abs=1e-6)
+    assert np.array_equal(after.ranges[~hit], before.ranges[~hit])
+    assert (after.ranges[hit] < before.ranges[hit]).all() and hit.sum() == 37  # 2 atan(.2 / 2.525) in steps of 0.25 deg
+
+
+@pytest.mark.parametrize("value", (0.0, -1.0, math.nan, math.inf, "1", None, True))
+@pytest.mark.parametrize("name", ("length", "width", "height"))
+def test_a_box_of_no_size_is_refused(name, value):
+    with pytest.raises(fg.SettingsError, match=rf"Box\.{name} is .*accepted: a positive length in metres"):
+        fg.Box(**({"x": 0.0, "y": 0.0, "length": 1.0, "width": 1.0} | {name: value}))
+
+
+@pytest.mark.parametrize("value", (0.0, -0.1, math.nan, math.inf))
+@pytest.mark.parametrize("name", ("radius", "height"))
+def test_a_cylinder_of_no_size_is_refused(name, value):
+    with pytest.raises(fg.SettingsError, match=rf"Cylinder\.{name} is .*accepted: a positive length"):
+        fg.Cylinder(**({"x": 0.0, "y": 0.0, "radius": 1.0} | {name: value}))
+
+
+@pytest.mark.parametrize("value", (math.nan, math.inf, "here"))
+@pytest.mark.parametrize("name", ("x", "y"))
+def test_an_obstacle_nowhere_is_refused(name, value):
+    place = {"x": 0.0, "y": 0.0} | {name: value}
+    with pytest.raises(fg.SettingsError, match=rf"Box\.{name} is .*accepted: a finite number"):
+        fg.Box(**place, length=1.0, width=1.0)
+    with pytest.raises(fg.SettingsError, match=rf"Cylinder\.{name} is .*accepted: a finite number"):
+        fg.Cylinder(**place, radius=1.0)
+    with pytest.raises(fg.SettingsError, match=r"Box\.heading"):
+        fg.Box(x=0.0, y=0.0, length=1.0, width=1.0, heading=value)

@@ -1,0 +1,446 @@
+"""A race ends for one of six reasons, tells the planner nothing but what a car senses, and keeps the whole story."""
+
+import dataclasses
+import hashlib
+import importlib
+import json
+import math
+
+import numpy as np
+import pytest
+from conftest import Straight
+
+import fg_mujoco as fg
+from fg_mujoco.car import WHEELS
+from fg_mujoco.race import RaceSettings
+from fg_mujoco.race_result import RaceLog
+from fg_mujoco.tire_slip import SLIDING_SPEED, TireSlip
+
+race_module = importlib.import_module("fg_mujoco.race")  # fg_mujoco.race is the function
+TICK = 0.025
+
+
+class Recorder:
+    """Does what a function of the time says, and keeps what it was told and what it answered."""
+
+    def __init__(self, law):
+        self.law = law
+        self.resets = 0
+        self.heard, self.said = [], []
+
+    def reset(self):
+        self.resets += 1
+        assert not self.heard
+
+    def __call__(self, *arguments):
+        steering, speed = self.law(arguments[1].stamp)
+        self.heard.append(arguments)
+        self.said.append(fg.DriveCommand(steering_angle=steering, speed=speed))
+        return self.said[-1]
+
+
+def race(law, track="oval", **settings):
+    return fg.race(track, Recorder(law), **({"laps": 1} | settings))
+
+
+def circle(radius):
+    """A round track, driven counterclockwise."""
+    angles = np.linspace(0, 2 * np.pi, 200, endpoint=False)
+    line = radius * np.column_stack((np.cos(angles), np.sin(angles)))
+    return fg.Track(name="circle", centreline=line, width_right=np.full(200, 1.0), width_left=np.full(200, 1.0))
+
+
+def assert_complete(result):
+    """What holds for every race, however it ended."""
+    ticks = len(result.telemetry)
+    assert len(result.states) == ticks + 1 == len(result.ctrl) + 1
+    assert result.states[:, 0] == pytest.approx(TICK * np.arange(ticks + 1), abs=1e-9)  # mjSTATE_TIME comes first
+    assert result.column("time_s") == pytest.approx(result.states[:-1, 0])
+    assert result.finished == (result.end_reason == "finished")
+    assert result.laps_completed == len(result.lap_times_s) <= result.laps_requested
+
+
+def test_finished_when_the_laps_are_done(lap):
+    assert_complete(lap)
+    assert (lap.end_reason, lap.finished, lap.laps_completed, lap.collisions) == ("finished", True, 1, 0)
+    assert lap.sim_time_s - TICK <= lap.lap_times_s[0] <= lap.sim_time_s
+    assert lap.column("progress_m")[-1] < lap.world.track.length
+
+
+def test_crash_when_the_car_drives_straight_on():
+    result = race(lambda time: (0.0, 3.0))
+    assert_complete(result)
+    assert (result.end_reason, result.finished, result.collisions) == ("crash", False, 1)
+    x, y = result.column("x_m")[-1], result.column("y_m")[-1]
+    car = result.world.parameters
+    wall = np.vstack((result.world.track.left_wall, result.world.track.right_wall))
+    # no nearer than half a width, no farther than the front corners and a tick's way
+    assert 0.15 < np.hypot(*(wall - (x, y)).T).min() < math.hypot(car.length, car.width) + 3.0 * TICK
+
+
+def test_crash_into_an_obstacle():
+    result = race(lambda time: (0.0, 2.0), obstacles=(fg.Cylinder(x=3.0, y=0.0, radius=0.2),))
+    assert result.end_reason == "crash" and result.column("x_m")[-1] < 3.0 - 0.2
+    assert race(lambda time: (0.0, 2.0), time_limit=result.sim_time_s).end_reason == "time_limit"
+
+
+def test_no_progress_when_the_car_stands_for_ten_seconds():
+    result = race(lambda time: (0.1, 0.0))
+    assert_complete(result)
+    assert result.end_reason == "no_progress" and result.sim_time_s == pytest.approx(10.0)
+
+
+def test_no_progress_when_the_car_only_reverses():
+    result = race(lambda time: (0.0, -0.3))
+    assert result.end_reason == "no_progress" and result.sim_time_s == pytest.approx(10.0)
+    assert result.column("progress_m")[-1] == pytest.approx(-0.3 * 10, abs=0.1)
+    assert result.laps_completed == 0 and result.mean_speed_m_s == pytest.approx(0.3, abs=0.02)
+
+
+def test_no_progress_counts_from_where_the_car_last_came_further():
+    result = race(lambda time: (0.0, 1.0 if time < 2.0 else 0.0))
+    assert result.end_reason == "no_progress" and 12.0 <= result.sim_time_s < 12.5
+
+
+@pytest.mark.parametrize(("limit", "ticks"), ((1.0, 40), (0.99, 40), (0.025, 1), (1.01, 40), (1.02, 41)))
+def test_time_limit_to_the_nearest_tick(limit, ticks):
+    result = race(lambda time: (0.0, 1.0), time_limit=limit)
+    assert_complete(result)
+    assert result.end_reason == "time_limit" and len(result.ctrl) == ticks
+    assert result.sim_time_s == pytest.approx(ticks * TICK)
+
+
+def test_time_limit_is_what_a_car_of_half_a_metre_a_second_needs():
+    track = circle(2.0)
+    result = race(lambda time: (math.atan(0.3302 / 2.0), 0.4), track)
+    assert result.end_reason == "time_limit" and result.collisions == 0
+    assert result.sim_time_s == pytest.approx(track.length / 0.5, abs=TICK)
+    assert race(lambda time: (math.atan(0.3302 / 2.0), 0.6), track).end_reason == "finished"
+
+
+def test_unstable_when_mujoco_meets_a_bad_state(monkeypatch):
+    steps = iter(range(1000))
+
+    class Poisoned(fg.Simulation):
+        def step(self, command):
+            if next(steps) == 5:
+                self.data.qvel[0] = math.nan
+            return super().step(command)
+
+    monkeypatch.setattr(race_module, "Simulation", Poisoned)
+    result = race(lambda time: (0.0, 1.0), time_limit=1.0)
+    assert len(result.ctrl) == 6
+    assert (result.end_reason, result.finished) == ("unstable", False)
+
+
+@pytest.mark.parametrize("place", ("watch", "controller", "simulation"))
+def test_interrupted_keeps_the_ticks_that_are_complete(monkeypatch, place):
+    def interrupt_after(count):
+        calls = iter(range(count))
+
+        def call(*_):
+            if next(calls, None) is None:
+                raise KeyboardInterrupt
+
+        return call
+
+    after, watch, law = interrupt_after(7), None, lambda time: (0.0, 1.0)
+    if place == "watch":
+        watch = after
+    elif place == "controller":
+        law = lambda time: after() or (0.0, 1.0)  # noqa: E731
+    else:
+        step = fg.Simulation.step
+        monkeypatch.setattr(fg.Simulation, "step", lambda self, command: after() or step(self, command))
+    result = race(law, watch=watch)
+    assert_complete(result)
+    assert (result.end_reason, result.finished, result.collisions) == ("interrupted", False, 0)
+    assert len(result.ctrl) == (8 if place == "watch" else 7)
+    monkeypatch.undo()
+    whole = race(lambda time: (0.0, 1.0), time_limit=0.2)
+    assert np.array_equal(result.states, whole.states[: len(result.states)])
+
+
+def test_an_interrupt_before_the_first_tick_leaves_a_race_of_none():
+    def interrupt(time):
+        raise KeyboardInterrupt
+
+    result = race(interrupt)
+    assert_complete(result)
+    assert result.end_reason == "interrupted" and result.ctrl.shape == (0, 2)
+    assert (result.max_slide_m_s, result.mean_speed_m_s, result.slide_time_fraction) == (0.0, 0.0, 0.0)
+    json.dumps(result.summary(), allow_nan=False)
+
+
+def test_an_interrupt_within_a_row_of_the_log_leaves_no_half_row(short_race):
+    class Interrupted:
+        @property
+        def sliding_speed(self):
+            raise KeyboardInterrupt
+
+    simulation = fg.Simulation(short_race.world)
+    _, odometry = simulation.reset()
+    log = RaceLog(simulation.state)
+    row = {"place": (1.0, 0.0, 0.0), "pose": simulation.pose, "speed": 0.0, "odometry": odometry, "command": fg.STOP}
+    with pytest.raises(KeyboardInterrupt):
+        log.add(state=simulation.state, ctrl=np.zeros(2), slip=Interrupted(), **row)
+    arrays = log.arrays()
+    assert (len(arrays["states"]), len(arrays["ctrl"]), len(arrays["telemetry"])) == (1, 0, 0)
+
+
+# What a race is run with
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    (
+        *(("laps", value) for value in (0, -1, 1.0, "5", None, True, math.nan)),
+        *(("seed", value) for value in (-1, 0.5, None, False)),
+        *(("mu", value) for value in (0.0, -1.0, math.nan, math.inf, True, "1")),
+        *(("planner_mu", value) for value in (0.0, -1.0, math.nan, -math.inf, True, "1")),
+        *(("max_speed", value) for value in (0.0, -8.0, math.nan, math.inf, None, True)),
+        *(("time_limit", value) for value in (0.0, -1.0, math.nan, math.inf, "long")),
+    ),
+)
+def test_a_setting_out_of_range_is_refused_by_name(name, value):
+    with pytest.raises(fg.SettingsError, match=rf"{name} is .*; accepted: a "):
+        RaceSettings(**{name: value})
+    with pytest.raises(fg.SettingsError, match=rf"{name} is"):
+        fg.race("oval", Straight(), **{name: value})
+
+
+def test_settings_are_checked_before_the_track_is_read():
+    with pytest.raises(fg.SettingsError):
+        fg.race("no such track", laps=0)
+
+
+def test_settings_reach_the_result():
+    result = race(lambda time: (0.0, 1.0), mu=0.7, planner_mu=math.inf, max_speed=6, seed=3, time_limit=0.1)
+    assert (result.mu, result.planner_mu, result.speed_limit_m_s, result.seed) == (0.7, math.inf, 6.0, 3)
+    assert result.world.car.mu == 0.7 and result.lidar == "raycast" == result.world.lidar_backend
+    default = race(lambda time: (0.0, 1.0), time_limit=0.1)
+    assert (default.mu, default.planner_mu, default.speed_limit_m_s, default.seed) == (1.0489, 1.0489, 8.0, 0)
+
+
+def test_mu_of_the_tires_and_of_the_planner_are_apart():
+    slippery = fg.race("oval", laps=1, mu=0.5, time_limit=6.0)
+    cautious = fg.race("oval", laps=1, planner_mu=0.5, time_limit=6.0)
+    assert slippery.max_slide_m_s > SLIDING_SPEED > cautious.max_slide_m_s
+
+
+# What the planner is told
+
+
+def test_the_planner_hears_the_scan_and_the_odometry_and_nothing_else():
+    planner = Recorder(lambda time: (0.0, 1.0))
+    fg.race("oval", planner, laps=1, time_limit=0.5)
+    assert planner.resets == 1 and len(planner.heard) == 20
+    for tick, (scan, odometry) in enumerate(planner.heard):
+        assert type(scan) is fg.LaserScan and type(odometry) is fg.Odometry
+        assert scan.stamp == odometry.stamp == pytest.approx(tick * TICK)
+        assert scan.ranges.shape == (1081,) and not scan.ranges.flags.writeable
+    known = {"stamp", "speed", "steering_angle", "angular_velocity", "linear_acceleration", "wheel_speeds"}
+    assert set(vars(odometry)) == known
+
+
+def test_the_planner_cannot_tell_where_in_the_world_it_is():
+    """The same circuit moved and turned gives the same race, to the six digits that MJCF text keeps of its walls."""
+
+    class KeepsToTheMiddle:
+        def reset(self):
+            pass
+
+        def __call__(self, scan, odometry):
+            left, right = scan.ranges[760], scan.ranges[320]  # 55 deg to either side
+            return fg.DriveCommand(steering_angle=0.3 * (left - right), speed=2.0 + 0.1 * left - odometry.yaw_rate)
+
+    track, cos, sin = fg.load_track("tight"), math.cos(2.0), math.sin(2.0)
+    line = track.centreline @ [[cos, sin], [-sin, cos]] + (30.0, -20.0)
+    moved = fg.Track(name="moved", centreline=line, width_right=track.width_right, width_left=track.width_left)
+    here, there = (fg.race(circuit, KeepsToTheMiddle(), laps=1, time_limit=4.0) for circuit in (track, moved))
+    assert here.end_reason == there.end_reason == "time_limit"
+    assert np.ptp(here.ctrl, axis=0).min() > 0.2
+    assert here.ctrl == pytest.approx(there.ctrl, abs=2e-3)
+    assert here.column("progress_m") == pytest.approx(there.column("progress_m"), abs=1e-3)
+    assert np.abs(here.column("x_m") - there.column("x_m")).min() > 10.0
+
+
+def test_a_controller_object_is_raced_as_it_is_and_named_by_its_class():
+    planner = Recorder(lambda time: (0.0, 0.5))
+    result = fg.race("oval", planner, laps=1, time_limit=0.1)
+    assert result.controller == "Recorder" and len(planner.said) == 4
+    assert fg.race("oval", "gap_finder", laps=1, time_limit=0.1).controller == "gap_finder"
+
+
+def test_a_controller_that_fails_in_mid_race_is_named_with_the_time():
+    def fails(time):
+        return (0.0, 1.0) if time < 0.499 else (0.0, 1.0 / 0.0)
+
+    with pytest.raises(fg.ControllerError, match=r"Recorder failed at t = 0\.500 s.*ZeroDivisionError"):
+        race(fails)
+    with pytest.raises(fg.ControllerError, match=r"Recorder failed at t = 0\.250 s.*speed is nan"):
+        race(lambda time: (0.0, math.nan if time > 0.249 else 1.0))
+
+
+def test_an_object_that_is_no_controller_is_refused():
+    with pytest.raises(fg.ControllerError, match="accepted"):
+        fg.race("oval", object())
+
+
+def test_whoever_watches_is_told_once_a_tick():
+    told = []
+    result = race(lambda time: (0.0, 1.0), time_limit=0.5, laps=3, watch=told.append)
+    assert [progress.time for progress in told] == pytest.approx([TICK * tick for tick in range(1, 21)])
+    assert {(progress.laps_completed, progress.laps_requested) for progress in told} == {(0, 3)}
+    assert [progress.speed for progress in told[:-1]] == pytest.approx(result.column("speed_m_s")[1:])
+
+
+# What it leaves
+
+
+def test_reversing_over_the_line_and_back_is_no_lap():
+    result = race(lambda time: (0.0, -1.0 if time < 2.5 else 1.0), time_limit=7.0)
+    progress = result.column("progress_m")
+    assert progress.min() < -1.5 and progress[-1] > 0.5
+    assert result.laps_completed == 0 and set(result.column("lap")) == {1.0}
+
+
+def test_reversing_takes_back_what_was_driven():
+    """A lap that is 3 m longer there and back takes as much longer, on a circle at a steady speed."""
+    track, steering, speed = circle(2.0), math.atan(0.3302 / 2.0), 1.0
+
+    def law(time):
+        return steering, -speed if 4.0 <= time < 7.0 else speed
+
+    straight_on, there_and_back = race(lambda time: (steering, speed), track), race(law, track)
+    assert straight_on.finished and there_and_back.finished
+    gained = there_and_back.lap_times_s[0] - straight_on.lap_times_s[0]
+    assert gained == pytest.approx(6.0, abs=0.1)
+
+
+def test_the_first_lap_starts_from_a_stand():
+    result = fg.race("oval", laps=2)
+    assert result.column("speed_m_s")[0] == pytest.approx(0.0, abs=1e-9)
+    assert result.column("progress_m")[0] == 0.0
+    assert result.lap_times_s[0] > result.lap_times_s[1] + 0.3
+    laps = result.column("lap")
+    assert set(laps) == {1.0, 2.0}
+    seen = result.column("time_s")[np.argmax(laps == 2.0)]  # the first tick that starts beyond the line
+    assert seen - TICK <= result.lap_times_s[0] <= seen
+    assert sum(result.lap_times_s) == pytest.approx(result.sim_time_s, abs=TICK)
+
+
+def test_speed_agrees_with_the_places(lap):
+    x, y, heading = (lap.column(name) for name in ("x_m", "y_m", "heading_rad"))
+    middle = np.unwrap(heading)[:-1] + 0.5 * np.diff(np.unwrap(heading))
+    ahead = np.diff(x) * np.cos(middle) + np.diff(y) * np.sin(middle)
+    speed = lap.column("speed_m_s")
+    assert ahead / TICK == pytest.approx(0.5 * (speed[:-1] + speed[1:]), abs=0.03)
+    assert lap.max_speed_m_s == speed.max() > 5.0
+    assert lap.mean_speed_m_s == pytest.approx(np.hypot(np.diff(x), np.diff(y)).sum() / TICK / len(x), rel=0.01)
+
+
+def test_progress_and_offset_agree_with_the_places(lap):
+    track = lap.world.track
+    places = track.position(lap.column("progress_m"), lap.column("offset_m"))
+    assert np.hypot(places[:, 0] - lap.column("x_m"), places[:, 1] - lap.column("y_m")).max() < 0.02
+    assert (np.diff(lap.column("progress_m"))[1:] > -1e-6).all()
+
+
+def test_yaw_rate_agrees_with_the_heading_and_the_steering_with_the_command(lap):
+    rate = np.diff(np.unwrap(lap.column("heading_rad"))) / TICK
+    told = lap.column("yaw_rate_rad_s")
+    assert rate == pytest.approx(0.5 * (told[:-1] + told[1:]), abs=0.12)
+    assert np.abs(rate).max() > 1.0
+    # the servo reaches the command of a tick by the next, but for its lag
+    assert lap.column("steering_angle_rad")[1:] == pytest.approx(lap.column("command_steering_rad")[:-1], abs=0.03)
+
+
+def test_rows_hold_what_the_planner_heard_and_said_and_what_the_actuators_got():
+    planner = Recorder(lambda time: (0.6 * math.sin(9.0 * time), 1.5))
+    result = fg.race("oval", planner, laps=1, time_limit=1.0)
+    assert result.column("command_steering_rad").tolist() == [command.steering_angle for command in planner.said]
+    assert result.column("command_speed_m_s").tolist() == [command.speed for command in planner.said]
+    assert result.column("yaw_rate_rad_s").tolist() == [odometry.yaw_rate for _, odometry in planner.heard]
+    assert result.column("steering_angle_rad").tolist() == [odometry.steering_angle for _, odometry in planner.heard]
+    assert np.abs(result.column("command_steering_rad")).max() > 0.5
+    assert result.ctrl[:, 0] == pytest.approx(np.clip(result.column("command_steering_rad"), -0.4189, 0.4189))
+    assert result.ctrl[:, 1].tolist() == [1.5] * 40
+
+
+def test_the_figures_of_sliding_are_those_of_the_rows():
+    result = fg.race("oval", laps=1, planner_mu=1.6, time_limit=6.0)
+    slides = np.column_stack([result.column(f"slide_{wheel}_m_s") for wheel in WHEELS])
+    sliding = result.column("sliding_steps")
+    assert result.max_slide_m_s == np.nanmax(slides) > SLIDING_SPEED
+    assert np.array_equal(sliding > 0, np.fmax.reduce(slides, axis=1) > SLIDING_SPEED)
+    assert set(result.column("steps")) == {10.0} and sliding.max() <= 10
+    assert result.slide_time_fraction == pytest.approx(sliding.sum() / (10 * len(sliding)))
+    assert 0.0 < result.slide_time_fraction < 1.0
+    uses = np.column_stack([result.column(f"friction_use_{wheel}") for wheel in WHEELS])
+    assert np.nanmax(uses) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_a_tire_in_the_air_leaves_nan_and_never_zero(short_race):
+    simulation = fg.Simulation(short_race.world)
+    _, odometry = simulation.reset()
+    log = RaceLog(simulation.state)
+    row = {"place": (1.0, 0.0, 0.0), "pose": simulation.pose, "speed": 0.0, "odometry": odometry, "command": fg.STOP}
+    simulation.data.joint("car/base_link").qpos[2] += 0.2
+    simulation.step(fg.STOP)
+    log.add(state=simulation.state, ctrl=np.zeros(2), slip=simulation.slip, **row)
+    half = np.array([[math.nan, 0.3, 0.1, math.nan], [math.nan, math.nan, 0.2, 0.01]])
+    slip = TireSlip(sliding_speed=half, friction_use=2 * half, normal_force=half, friction_force=half)
+    log.add(state=simulation.state, ctrl=np.zeros(2), slip=slip, **row)
+    first = fg.TELEMETRY.index("slide_front_left_m_s")
+    rows = log.arrays()["telemetry"][:, first:]
+    assert np.isnan(rows[0, :8]).all() and rows[0, 8:].tolist() == [0.0, 10.0]
+    expected = [math.nan, 0.3, 0.2, 0.01, math.nan, 0.6, 0.4, 0.02, 2.0, 2.0]
+    assert rows[1] == pytest.approx(expected, nan_ok=True)
+
+
+def test_a_result_cannot_be_changed(short_race):
+    for name in ("telemetry", "states", "ctrl"):
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(short_race, name)[:] = 0.0
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        short_race.finished = True
+    copied = np.zeros_like(short_race.ctrl)
+    changed = dataclasses.replace(short_race, ctrl=copied)
+    copied[:] = 9.0
+    assert not changed.ctrl.any()
+
+
+def test_a_column_is_found_by_its_name(short_race):
+    for index, name in enumerate(fg.TELEMETRY):
+        assert np.array_equal(short_race.column(name), short_race.telemetry[:, index], equal_nan=True)
+    with pytest.raises(ValueError, match="not in tuple"):
+        short_race.column("speed")
+
+
+def test_the_summary_is_json_with_the_keys_of_the_command(lap):
+    summary = json.loads(json.dumps(lap.summary(), allow_nan=False))
+    required = {
+        "track", "controller", "laps_requested", "laps_completed", "finished", "end_reason", "lap_times_s",
+        "collisions", "max_slide_m_s", "slide_time_fraction", "mean_speed_m_s", "max_speed_m_s", "sim_time_s",
+        "wall_time_s", "realtime_factor", "seed", "mu", "planner_mu", "trajectory_sha256",
+    }  # fmt: skip
+    assert required <= set(summary)
+    assert summary["lap_times_s"] == list(lap.lap_times_s) and summary["finished"] is True
+    assert summary["realtime_factor"] == pytest.approx(summary["sim_time_s"] / summary["wall_time_s"])
+    assert not {"world", "telemetry", "states", "ctrl"} & set(summary)
+
+
+def test_the_hash_is_of_every_bit_of_states_and_controls(short_race):
+    digest = hashlib.sha256(short_race.states.tobytes() + short_race.ctrl.tobytes()).hexdigest()
+    assert short_race.trajectory_sha256 == digest
+    again = fg.race("oval", Straight(), laps=1, time_limit=0.99)
+    assert again.trajectory_sha256 == digest
+    assert fg.race("oval", Straight(0.9), laps=1, time_limit=0.99).trajectory_sha256 != digest
+
+
+def test_no_planner_bends_the_others_race():
+    """A race leaves nothing behind: the same one again, after another, is the same."""
+    first = fg.race("oval", laps=1, time_limit=1.0)
+    fg.race("oval", laps=1, time_limit=1.0, mu=0.4, obstacles=(fg.Box(x=9.0, y=0.0, length=1.0, width=1.0),))
+    assert fg.race("oval", laps=1, time_limit=1.0).trajectory_sha256 == first.trajectory_sha256

@@ -1,0 +1,259 @@
+"""One world, one tick: 25 ms, the same bits every time, and sensors that agree with the truth."""
+
+import math
+
+import mujoco
+import numpy as np
+import pytest
+
+import fg_mujoco as fg
+from fg_mujoco.simulation import STATE, whole_steps
+
+GENTLE = fg.DriveCommand(steering_angle=0.03, speed=2.0)
+
+
+@pytest.fixture(scope="module")
+def world():
+    return fg.World("oval")
+
+
+@pytest.fixture
+def simulation(world):
+    return fg.Simulation(world)
+
+
+def wander(simulation, ticks, seed=0):
+    """Drive at random, as the seed says, and return states and scans."""
+    rng = np.random.default_rng(seed)
+    states, scans = [], []
+    for _ in range(ticks):
+        command = fg.DriveCommand(steering_angle=rng.uniform(-0.2, 0.2), speed=rng.uniform(0.0, 4.0))
+        scan, _ = simulation.step(command)
+        states.append(simulation.state)
+        scans.append(scan.ranges)
+    return np.array(states), np.array(scans)
+
+
+def same_bits(first, second):
+    return np.array_equal(first.view(np.uint64), second.view(np.uint64))
+
+
+def test_a_tick_is_25_ms_of_ten_physics_steps(simulation):
+    assert simulation.period == 0.025 and simulation.substeps == 10
+    for tick in range(1, 9):
+        scan, odometry = simulation.step(GENTLE)
+        assert simulation.time == pytest.approx(0.025 * tick, abs=1e-12)
+        assert scan.stamp == odometry.stamp == simulation.time
+        assert simulation.slip.sliding_speed.shape == (10, 4)
+
+
+def test_the_same_commands_give_the_same_bits(world, simulation):
+    states, scans = wander(simulation, 40)
+    again, scans_again = wander(fg.Simulation(world), 40)
+    assert same_bits(states, again) and same_bits(scans, scans_again)
+    others, _ = wander(fg.Simulation(world), 40, seed=1)
+    assert not same_bits(states[0], others[0])
+
+
+def test_reset_leaves_nothing_of_what_was_before(world, simulation):
+    fresh, fresh_scans = wander(fg.Simulation(world), 20)
+    simulation.reset(speed=6.0)
+    while not simulation.crashed:
+        simulation.step(fg.DriveCommand(steering_angle=0.3, speed=6.0))
+    simulation.reset()
+    assert not simulation.crashed and simulation.time == 0.0 and simulation.slip.sliding_speed.shape == (0, 4)
+    states, scans = wander(simulation, 20)
+    assert same_bits(states, fresh) and same_bits(scans, fresh_scans)
+
+
+@pytest.mark.parametrize("backend", ("raycast", "rangefinder"))
+def test_a_state_set_again_goes_on_as_it_did(backend):
+    world = fg.World("oval", lidar=backend)
+    first, second = fg.Simulation(world), fg.Simulation(world)
+    wander(first, 15)
+    state = first.state
+    mujoco.mj_setState(world.model, second.data, state, STATE)
+    mujoco.mj_forward(world.model, second.data)
+    assert same_bits(second.state, state)
+    going_on, scans = wander(first, 15, seed=5)
+    again, scans_again = wander(second, 15, seed=5)
+    assert same_bits(going_on, again) and same_bits(scans, scans_again)
+
+
+def test_the_state_is_a_copy(simulation):
+    before = simulation.state
+    kept = before.copy()
+    simulation.step(GENTLE)
+    assert same_bits(before, kept) and not same_bits(before, simulation.state)
+    simulation.state[:] = 0.0
+    assert simulation.time > 0.0
+
+
+@pytest.mark.parametrize(
+    ("s", "offset", "speed"), ((0.0, 0.0, 0.0), (3.0, 0.4, 0.0), (13.7, -0.5, 4.0), (57.1, 0.2, 2.0))
+)
+def test_reset_places_the_car_on_the_track(simulation, s, offset, speed):
+    scan, odometry = simulation.reset(s=s, offset=offset, speed=speed)
+    track = simulation.world.track
+    assert simulation.pose == pytest.approx(track.start_pose(s, offset))
+    found = np.ravel(track.project(simulation.pose[:2]))
+    assert found == pytest.approx((s % track.length, offset), abs=0.01)
+    assert simulation.speed == pytest.approx(speed) and odometry.speed == pytest.approx(speed)
+    assert odometry.wheel_speeds == pytest.approx([speed] * 4)
+    assert scan.stamp == odometry.stamp == simulation.time == 0.0
+    assert not simulation.crashed
+
+
+@pytest.mark.parametrize(("s", "offset"), ((2.0, 0.4), (13.0, -0.5), (57.0, 0.0)))
+def test_the_scan_is_that_of_the_walls_in_the_plane(simulation, s, offset):
+    """Oracle: each beam against each segment of the track's walls, in two dimensions."""
+    scan, _ = simulation.reset(s=s, offset=offset)
+    track, lidar_offset = simulation.world.track, simulation.world.parameters.lidar_offset
+    x, y, heading = simulation.pose
+    lidar = np.array([x + lidar_offset * math.cos(heading), y + lidar_offset * math.sin(heading)])
+    expected = np.full(len(scan.ranges), np.inf)
+    ray = np.column_stack((np.cos(scan.bearings + heading), np.sin(scan.bearings + heading)))
+    for wall in (track.left_wall, track.right_wall):
+        for start, end in zip(wall, np.roll(wall, -1, axis=0), strict=True):
+            along, away = end - start, start - lidar
+            slant = ray[:, 0] * along[1] - ray[:, 1] * along[0]
+            distance = (away[0] * along[1] - away[1] * along[0]) / slant
+            share = (away[0] * ray[:, 1] - away[1] * ray[:, 0]) / slant
+            hit = (distance > 0.0) & (share >= 0.0) & (share <= 1.0)
+            expected[hit] = np.minimum(expected[hit], distance[hit])
+    assert np.isfinite(expected).all()
+    # MJCF text keeps six digits of the walls, and a beam may end on either side of an edge
+    assert np.mean(np.abs(scan.ranges - expected) < 1e-3) > 0.995
+    assert np.median(np.abs(scan.ranges - expected)) < 1e-4
+
+
+@pytest.mark.parametrize("backend", ("raycast", "rangefinder"))
+def test_scan_and_odometry_are_of_the_end_of_their_tick(backend):
+    """Oracle: the state at the end, measured anew; sensors a physics step late would be 10 mm off at 4 m/s."""
+    world = fg.World("oval", lidar=backend)
+    simulation, data = fg.Simulation(world), mujoco.MjData(world.model)
+    simulation.reset(s=8.0, speed=4.0)
+    for _ in range(8):
+        scan, odometry = simulation.step(fg.DriveCommand(steering_angle=0.05, speed=2.0))
+        mujoco.mj_setState(world.model, data, simulation.state, STATE)
+        mujoco.mj_forward(world.model, data)
+        assert scan.ranges == pytest.approx(world.make_lidar().ranges(data), abs=1e-9)
+        anew = world.car.odometry(data)
+        assert (odometry.speed, odometry.yaw_rate) == pytest.approx((anew.speed, anew.yaw_rate), abs=1e-9)
+        assert odometry.linear_acceleration == pytest.approx(anew.linear_acceleration, abs=1e-3)
+
+
+def test_odometry_agrees_with_the_truth_when_rolling(simulation):
+    simulation.reset(s=50.0, speed=2.0)
+    for _ in range(40):
+        simulation.step(GENTLE)
+    _, _, heading_before = simulation.pose
+    x, y, _ = simulation.pose
+    _, odometry = simulation.step(GENTLE)
+    x_after, y_after, heading_after = simulation.pose
+    assert odometry.speed == pytest.approx(simulation.speed, rel=5e-3)
+    assert odometry.speed == pytest.approx(math.hypot(x_after - x, y_after - y) / 0.025, rel=5e-3)
+    assert odometry.yaw_rate == pytest.approx((heading_after - heading_before) / 0.025, rel=5e-3)
+    assert odometry.steering_angle == pytest.approx(0.03, abs=1e-3)
+    wheelbase = simulation.world.parameters.wheelbase
+    assert odometry.yaw_rate == pytest.approx(odometry.speed * math.tan(0.03) / wheelbase, rel=0.01)
+
+
+@pytest.mark.parametrize("side", (1.0, -1.0))
+@pytest.mark.parametrize("speed", (0.5, 6.0))
+def test_driving_into_a_wall_is_a_crash_when_the_chassis_touches_it_and_not_before(simulation, side, speed):
+    """Half the car's width, turned by its heading, against the straight wall at y = +-1.1 m."""
+    simulation.reset(s=52.0, speed=speed)
+    car = simulation.world.parameters
+    turned = 0.0
+    while not simulation.crashed and simulation.time < 10.0:
+        reached = reach(simulation, car, side)
+        simulation.step(fg.DriveCommand(steering_angle=0.1 * side if abs(turned) < 0.4 else 0.0, speed=speed))
+        turned = simulation.pose[2]
+    assert simulation.crashed
+    assert reached < 1.1 < reach(simulation, car, side) + 0.03
+    assert simulation.world.track.project(simulation.pose[:2])[1][0] * side < 1.1
+
+
+def reach(simulation, car, side):
+    """How far to one side the corners of the chassis reach [m]."""
+    _, y, heading = simulation.pose
+    front = car.length - car.rear_overhang
+    corners = [(ahead, left) for ahead in (front, -car.rear_overhang) for left in (0.5 * car.width, -0.5 * car.width)]
+    return max(side * (y + ahead * math.sin(heading) + left * math.cos(heading)) for ahead, left in corners)
+
+
+def test_a_crash_is_remembered_and_told_in_the_tick_that_it_happens(simulation):
+    """`crashed` says what the contacts of the present state say, not those of a step before."""
+    simulation.reset(s=52.0, speed=5.0)
+    told = False
+    for _ in range(80):
+        simulation.step(fg.DriveCommand(steering_angle=0.15, speed=5.0))
+        geoms = {simulation.world.model.geom(int(geom)).name for pair in simulation.data.contact.geom for geom in pair}
+        told = told or "car/chassis" in geoms
+        assert simulation.crashed or not told
+    assert told
+
+
+def test_the_tires_of_a_lifted_car_read_nan(simulation):
+    simulation.reset()
+    simulation.data.joint("car/base_link").qpos[2] += 0.2
+    simulation.step(fg.STOP)
+    assert np.isnan(simulation.slip.sliding_speed).all() and not simulation.slip.slides.any()
+
+
+def test_a_bad_state_is_told(simulation):
+    assert not simulation.unstable
+    simulation.data.qvel[0] = math.nan
+    simulation.step(fg.STOP)
+    assert simulation.unstable
+    simulation.reset()
+    assert not simulation.unstable
+
+
+def test_effects_reach_the_scan(world):
+    failed, _ = fg.Simulation(world, effects=fg.LidarEffects(dropout_probability=1.0)).reset()
+    assert np.isnan(failed.ranges).all()
+    plain, _ = fg.Simulation(world).reset()
+    noisy, _ = fg.Simulation(world, effects=fg.LidarEffects(range_noise_std=0.05)).reset()
+    assert np.std((noisy.ranges - plain.ranges)[np.isfinite(plain.ranges)]) == pytest.approx(0.05, rel=0.1)
+    late = fg.Simulation(world, effects=fg.LidarEffects(latency=0.05))
+    late.reset()
+    assert [round(late.step(GENTLE)[0].stamp, 6) for _ in range(4)] == [0.0, 0.0, 0.025, 0.05]
+
+
+def test_noise_is_that_of_the_seed_and_leaves_the_physics_alone(world):
+    effects = fg.LidarEffects(range_noise_std=0.05, dropout_probability=0.1)
+    first, again, other = (wander(fg.Simulation(world, effects=effects, seed=seed), 5) for seed in (1, 1, 2))
+    assert same_bits(first[1], again[1]) and not np.array_equal(first[1], other[1], equal_nan=True)
+    assert same_bits(first[0], other[0])
+
+
+def test_noise_after_a_reset_is_that_after_the_first(world):
+    simulation = fg.Simulation(world, effects=fg.LidarEffects(range_noise_std=0.05), seed=4)
+    first = wander(simulation, 3)
+    simulation.reset()
+    assert same_bits(first[1], wander(simulation, 3)[1])
+
+
+def test_motion_distortion_is_refused_where_all_beams_fire_at_once():
+    with pytest.raises(fg.SettingsError, match=r"motion_distortion.*accepted: the back end 'raycast'"):
+        fg.Simulation(fg.World("oval", lidar="rangefinder"), effects=fg.LidarEffects(motion_distortion=True))
+
+
+@pytest.mark.parametrize("timestep", (0.004, 0.002 + 1e-6, 0.03))
+def test_a_timestep_that_does_not_divide_the_period_is_refused(timestep):
+    world = fg.World("oval")
+    world.model.opt.timestep = timestep
+    with pytest.raises(fg.ModelError, match=rf"timestep is {timestep} s; accepted: a whole fraction.*0\.025 s"):
+        fg.Simulation(world)
+
+
+@pytest.mark.parametrize(("timestep", "steps"), ((0.025, 1), (0.005, 5), (0.0025, 10), (0.001, 25)))
+def test_a_timestep_that_divides_the_period_makes_so_many_steps(timestep, steps):
+    assert whole_steps(0.025, timestep) == steps
+    world = fg.World("oval")
+    world.model.opt.timestep = timestep
+    simulation = fg.Simulation(world)
+    simulation.step(fg.STOP)
+    assert simulation.time == pytest.approx(0.025) and len(simulation.slip.slides) == steps

@@ -1,0 +1,205 @@
+"""A world is what its XML says; who touches whom; and what is seen is what is hit."""
+
+import mujoco
+import numpy as np
+import pytest
+
+import fg_mujoco as fg
+from fg_mujoco.car import WHEELS, nominal_mu
+from fg_mujoco.track_mesh import WALL_HEIGHT
+from fg_mujoco.world import CAR_PREFIX
+
+# The oval starts along x, with straight walls at y = +-1.1 m; the box is turned, the cylinder offers an edge.
+BOX = fg.Box(x=3.0, y=0.2, length=0.4, width=0.6, heading=0.5)
+CYLINDER = fg.Cylinder(x=-3.0, y=-0.1, radius=0.25)
+
+
+def bits(model):
+    """All of a model, byte for byte."""
+    buffer = np.zeros(mujoco.mj_sizeModel(model), np.uint8)
+    mujoco.mj_saveModel(model, None, buffer)
+    return buffer.tobytes()
+
+
+def geoms(model):
+    return [model.geom(index) for index in range(model.ngeom)]
+
+
+def role(geom):
+    """What a geom is, by its name."""
+    kind = geom.name.removeprefix(CAR_PREFIX)
+    if kind in ("ground", "chassis"):
+        return kind
+    if kind in [f"{wheel}_tire" for wheel in WHEELS]:
+        return "tire"
+    if kind.startswith(("wall_", "obstacle_")):
+        return kind.split("_")[0]
+    return "picture"
+
+
+def circle(width):
+    """A round track of 5 m radius."""
+    angles = np.linspace(0, 2 * np.pi, 100, endpoint=False)
+    line = 5.0 * np.column_stack((np.cos(angles), np.sin(angles)))
+    half = np.full(100, 0.5 * width)
+    return fg.Track(name="circle", centreline=line, width_right=half, width_left=half)
+
+
+@pytest.fixture(scope="module")
+def world():
+    return fg.World("oval", obstacles=(BOX, CYLINDER))
+
+
+@pytest.mark.parametrize("backend", ("raycast", "rangefinder"))
+def test_the_model_is_that_of_the_xml_bit_for_bit(backend, tmp_path):
+    world = fg.World("l_corridor", lidar=backend, mu=0.8, obstacles=(fg.Box(x=0.0, y=50.0, length=1.0, width=1.0),))
+    assert bits(mujoco.MjModel.from_xml_string(world.xml)) == bits(world.model)
+    (tmp_path / "scene.xml").write_text(world.xml)
+    assert bits(mujoco.MjModel.from_xml_path(str(tmp_path / "scene.xml"))) == bits(world.model)
+    assert bits(fg.World("l_corridor", lidar=backend).model) != bits(world.model)
+
+
+def test_only_tires_touch_the_ground_and_only_the_chassis_touches_walls_and_obstacles(world):
+    """MuJoCo's rule, contype against conaffinity either way, over all pairs of geoms."""
+    touching = set()
+    for first in geoms(world.model):
+        for second in geoms(world.model):
+            if first.contype[0] & second.conaffinity[0]:
+                touching.add(frozenset((role(first), role(second))))
+    # the last is for two cars: a body's own geoms never touch each other
+    pairs = (("tire", "ground"), ("chassis", "wall"), ("chassis", "obstacle"), ("chassis", "chassis"))
+    assert touching == {frozenset(pair) for pair in pairs}
+    roles = [role(geom) for geom in geoms(world.model)]
+    assert (roles.count("tire"), roles.count("chassis"), roles.count("obstacle")) == (4, 1, 2)
+    assert roles.count("wall") == len(world.track.left_wall) + len(world.track.right_wall)
+
+
+def test_beams_skip_the_pieces_that_are_hit_and_see_the_mesh_of_the_same_walls(world):
+    for geom in geoms(world.model):
+        if role(geom) == "wall":
+            assert geom.rgba[3] == 0.0
+    walls, obstacles = world.model.geom("walls"), (world.model.geom("obstacle_0"), world.model.geom("obstacle_1"))
+    assert all(geom.rgba[3] == 1.0 for geom in (walls, *obstacles))
+
+
+def forward_clearance(scan, car):
+    """From the front bumper to the first thing ahead over the width of the car, as the LiDAR sees it [m]."""
+    front = car.length - car.rear_overhang - car.lidar_offset
+    ahead, aside = scan.ranges * np.cos(scan.bearings), scan.ranges * np.sin(scan.bearings)
+    return ahead[(np.abs(aside) <= 0.5 * car.width) & (ahead > 0.0)].min() - front
+
+
+@pytest.mark.parametrize("backend", ("raycast", "rangefinder"))
+@pytest.mark.parametrize(
+    ("x", "y", "heading"),
+    (
+        (1.0, 0.0, 0.5 * np.pi),  # square against the left wall
+        (1.0, 0.0, -0.5 * np.pi),  # and the right one
+        (1.5, 0.1, 0.0),  # a corner of the box
+        (-1.5, -0.1, np.pi),  # the edge of the cylinder
+    ),
+)
+def test_what_is_seen_is_what_is_hit(backend, x, y, heading):
+    """The car is moved ahead, not driven, to where it first touches: within 2 mm of where the LiDAR says."""
+    world = fg.World("oval", lidar=backend, obstacles=(BOX, CYLINDER))
+    data, lidar = mujoco.MjData(world.model), world.make_lidar()
+    world.car.set_pose(data, x, y, heading)
+    clearance = forward_clearance(lidar.beams.to_scan(lidar.ranges(data), 0.0), world.parameters)
+    assert 0.3 < clearance < 2.0
+
+    def touches(travel):
+        world.car.set_pose(data, x + travel * np.cos(heading), y + travel * np.sin(heading), heading)
+        return world.car.crashed(data)
+
+    free, touching = 0.0, clearance + 0.02
+    assert not touches(free) and touches(touching)
+    while touching - free > 1e-5:
+        middle = 0.5 * (free + touching)
+        free, touching = (free, middle) if touches(middle) else (middle, touching)
+    assert touching == pytest.approx(clearance, abs=2e-3)
+
+
+def test_walls_stand_on_the_ground_as_high_as_they_say(world):
+    model, data = world.model, mujoco.MjData(world.model)
+    mujoco.mj_forward(model, data)
+    for name in ("walls", "wall_0", "obstacle_0"):
+        geom = model.geom(name)
+        mesh = int(geom.dataid[0])
+        start, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+        vertices = model.mesh_vert[start : start + count] @ data.geom_xmat[geom.id].reshape(3, 3).T
+        heights = (vertices + data.geom_xpos[geom.id])[:, 2]
+        assert (heights.min(), heights.max()) == pytest.approx((0.0, WALL_HEIGHT), abs=1e-6)
+
+
+@pytest.mark.parametrize("mu", (None, 0.37, 1.4))
+def test_mu_reaches_all_four_tires_and_acts_in_the_contacts(mu):
+    world = fg.World("oval", mu=mu)
+    expected = 1.0489 if mu is None else mu
+    assert nominal_mu() == 1.0489
+    assert world.car.mu == expected
+    simulation = fg.Simulation(world)
+    simulation.step(fg.STOP)
+    contacts = simulation.data.contact
+    touching = {world.model.geom(int(geom)).name for pair in contacts.geom for geom in pair}
+    assert touching == {"ground", *(f"car/{wheel}_tire" for wheel in WHEELS)}
+    assert len(contacts) == 4
+    assert contacts.friction[:, :2].tolist() == [[expected, expected]] * 4  # both directions along the ground
+
+
+@pytest.mark.parametrize("mu", (0.2, 0.4))
+def test_mu_is_what_the_car_brakes_with(mu):
+    """Closed form for four blocked wheels: v^2 / (2 mu g) and never less; open differentials block the rear first."""
+    simulation = fg.Simulation(fg.World("oval", mu=mu))
+    simulation.reset(s=51.0, speed=3.0)
+    start = simulation.pose[0]
+    while simulation.speed > 0.0:
+        simulation.step(fg.DriveCommand(steering_angle=0.0, speed=-5.0))
+    assert 0.99 < (simulation.pose[0] - start) / (3.0**2 / (2 * mu * 9.81)) < 1.25
+
+
+@pytest.mark.parametrize("mu", (0.0, -1.0, float("nan"), float("inf")))
+def test_a_friction_that_no_tire_has_is_refused(mu):
+    with pytest.raises(fg.SettingsError, match=r"mu.*accepted"):
+        fg.World("oval", mu=mu)
+
+
+def test_a_track_narrower_than_the_car_is_refused_with_the_cars_width():
+    with pytest.raises(fg.TrackError, match=r"'circle' is 0\.30 m wide.*accepted: wider than the car, 0\.31 m"):
+        fg.World(circle(0.30))
+    assert fg.World(circle(0.32)).track.name == "circle"
+
+
+def test_an_unknown_lidar_is_refused_with_the_known_ones():
+    with pytest.raises(fg.SettingsError, match="'sonar'; accepted: raycast, rangefinder"):
+        fg.World("oval", lidar="sonar")
+
+
+@pytest.mark.parametrize(("backend", "count"), (("raycast", 0), ("rangefinder", 1081)))
+def test_only_the_rangefinder_back_end_pays_for_sensors(backend, count):
+    model = fg.World("oval", lidar=backend).model
+    assert (model.sensor_type == mujoco.mjtSensor.mjSENS_RANGEFINDER).sum() == count
+
+
+def test_the_engines_settings_are_those_of_the_cars_mjcf_and_static_geoms_sleep(world):
+    car = fg.car_spec().compile().opt
+    for name in ("timestep", "integrator", "cone", "impratio", "gravity"):
+        assert np.array_equal(getattr(world.model.opt, name), getattr(car, name)), name
+    assert world.model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_SLEEP
+
+
+def test_walls_sleep_and_the_car_never_does(world):
+    simulation = fg.Simulation(world)
+    for _ in range(120):  # 3 s at rest, and MuJoCo puts a body to sleep after ten steps of rest
+        simulation.step(fg.STOP)
+    states, asleep = simulation.data.body_awake, mujoco.mjtSleepState
+    assert states[0] == asleep.mjS_STATIC
+    assert set(states[1:]) == {int(asleep.mjS_AWAKE)}
+    for _ in range(20):
+        simulation.step(fg.DriveCommand(steering_angle=0.0, speed=1.0))
+    assert simulation.speed > 0.5
+
+
+def test_a_world_takes_the_track_itself_or_its_name():
+    track = fg.load_track("oval")
+    assert fg.World(track).track is track
+    assert fg.World(track).xml == fg.World("oval").xml
