@@ -7,7 +7,7 @@ Times measured with these settings (lap from a standing start, then the fifth), 
     hairpins    23.18  22.32    .029        GBR        34.81  34.05    .031
     l_corridor  12.12  11.26    .029        MCO        30.81  30.10    .029
     oval         9.21   8.40    .031        Monza      59.45  58.63    .029
-    tight       17.29  16.65    .031        Spielberg  47.86  47.03    .029
+    tight       17.29  16.65    .030        Spielberg  47.86  47.03    .029
     random:0 to random:19       .029-.031   Zandvoort  54.37  53.57    .030
 """
 
