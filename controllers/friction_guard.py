@@ -41,7 +41,6 @@ def longitudinal_share(lateral_use: ArrayLike) -> FloatArray:
     return np.power(1.0 - np.clip(lateral_use, 0.0, 1.0), 0.8)
 
 
-
 @dataclass(frozen=True, kw_only=True)
 class GuardSettings:
     """Which shares of the tires' grip may be used, and how fast."""

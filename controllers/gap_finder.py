@@ -107,11 +107,10 @@ class GapFinder:
     def find_goal(self, scan: LaserScan) -> tuple[float, float, float] | None:
         """Return the goal's bearing [rad] and distance [m], and the speed [m/s] by the ranges in front.
 
-        None where no beam can be driven along: an empty or all-zero scan, or one without a sensible angle between
-        its beams.
+        None where no beam can be driven along: fewer than two, all zero, or no sensible angle between them.
         """
         settings, increment = self.settings, scan.angle_increment
-        if not _LEAST_INCREMENT < increment < 2.0 * math.pi:
+        if len(scan.ranges) < 2 or not _LEAST_INCREMENT < increment < 2.0 * math.pi:
             return None
         ranges = filters.valid_ranges(scan.ranges, scan.range_max)
         ranges = filters.clip_to_lookahead(ranges, settings.lookahead)

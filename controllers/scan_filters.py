@@ -99,11 +99,11 @@ def widen_all(ranges: FloatArray, angle_increment: float, radius: float) -> Floa
 def mask_nearest(ranges: FloatArray, angle_increment: float, radius: float) -> FloatArray:
     """Return ranges with the bubble of `radius` [m] round the nearest point set to 0: not to be driven along.
 
-    Of several that are as near, as within an edge that was widened, the middle one.
+    Of several that are as near, as within an edge that was widened, the middle one; where all are, there is no nearest.
     """
     result = ranges.copy()
-    if len(ranges):
-        as_near = np.flatnonzero(ranges == np.min(ranges))
+    as_near = np.flatnonzero(ranges == np.min(ranges, initial=math.inf))
+    if len(as_near) < len(ranges):
         nearest = int(as_near[(len(as_near) - 1) // 2])
         width = int(bubble_beams(ranges[nearest : nearest + 1], radius, angle_increment)[0])
         result[max(nearest - width, 0) : nearest + width + 1] = 0.0

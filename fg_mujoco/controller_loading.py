@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
 import inspect
 import sys
 from pathlib import Path
@@ -109,12 +108,12 @@ def _find_class(source: str, origin: str) -> Any:
 def _import_file(path: Path, origin: str) -> ModuleType:
     if not path.is_file():
         raise ControllerError(f"{origin}: there is no file {path}")
-    spec = importlib.util.spec_from_file_location(f"fg_mujoco_user_{path.stem}", path)
-    assert spec is not None and spec.loader is not None  # a .py file always has a loader
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # dataclasses look their module up there
+    module = ModuleType(f"fg_mujoco_user_{path.stem}")
+    module.__file__ = str(path)
+    sys.modules[module.__name__] = module  # dataclasses look their module up there
     try:
-        spec.loader.exec_module(module)
+        # not by the import system: its cache takes a file that was edited within a second for the old one
+        exec(compile(path.read_bytes(), str(path), "exec"), module.__dict__)
     except (Exception, SystemExit) as error:
         raise ControllerError(f"{origin} does not import: {_one_line(error)}") from error
     return module

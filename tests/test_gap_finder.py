@@ -151,7 +151,9 @@ def test_reset_makes_it_as_new():
 
 
 def test_it_stops_where_nothing_can_be_driven_along():
-    assert finder()(scan_of(np.zeros(1081)), odometry_of(3.0)) == STOP
+    assert finder()(scan_of(np.zeros(1081)), odometry_of(0.0)) == STOP
+    braking = finder()(scan_of(np.zeros(1081)), odometry_of(3.0))  # within the grip: STOP at once would slide the car
+    assert braking.steering_angle == 0.0 and 2.5 < braking.speed < 3.0
     assert finder().find_goal(scan_of(np.zeros(1081))) is None
     assert finder()(scan_of(np.full(1081, 0.05)), odometry_of(0.0)).speed == 0.0
 

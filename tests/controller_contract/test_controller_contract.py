@@ -116,7 +116,7 @@ def test_it_stops_where_it_cannot_plan(planner, name, motion):
     for _ in range(200 if abs(speed) < 20.0 else 1):
         command = planner(BLIND[name], odometry_of(speed, steering_angle))
         assert abs(command.steering_angle) <= abs(steering_angle)
-        before = abs(speed)
+        before, steering_angle = abs(speed), command.steering_angle
         speed += (command.speed - speed) * (1.0 - math.exp(-0.025 / CAR.speed_time_constant))
         assert abs(speed) <= before
     assert abs(speed) < 1e-2 or abs(motion[0]) >= 20.0
