@@ -98,11 +98,11 @@ class FrictionGuard:
           period: until the next command [s].
         """
         angle, now = odometry.steering_angle, abs(odometry.speed)
-        target = saturate(steering_angle, self._steering_limit(steering_angle, speed, now))
-        step = self._steering_rate(angle, now, target - angle) * self.settings.steering_response
-        command = angle + saturate(target - angle, step)
         mu = self._mu * self.settings.lateral_use
         wished = min(speed, friction_speed(steering_angle, mu, self._car.wheelbase, self._car.gravity))
+        target = saturate(steering_angle, self._steering_limit(wished, speed, now))
+        step = self._steering_rate(angle, now, target - angle) * self.settings.steering_response
+        command = angle + saturate(target - angle, step)
         left = self._longitudinal_share(angle, command, now)
         self._acceleration = self._approach(wished - odometry.speed, left, period)
         return DriveCommand(
@@ -110,13 +110,19 @@ class FrictionGuard:
             speed=odometry.speed + self._acceleration * self._car.speed_time_constant,
         )
 
-    def _steering_limit(self, steering_angle: float, speed: float, now: float) -> float:
-        """Return the greatest steering angle [rad] for now: less while the car has to slow down."""
+    def _steering_limit(self, wished: float, speed: float, now: float) -> float:
+        """Return the greatest steering angle [rad] for now: less while the car has to slow down.
+
+        Args:
+          wished: speed by the scan and by the wished steering [m/s].
+          speed: by the scan alone [m/s].
+          now: present [m/s].
+        """
         car, settings = self._car, self.settings
         mu = self._mu * settings.lateral_use
         too_fast = min(max((now - speed) / settings.overspeed, 0.0), 1.0)
         use = 1.0 - too_fast * (1.0 - settings.least_lateral_use)
-        if now > min(speed, friction_speed(steering_angle, mu, car.wheelbase, car.gravity)):
+        if now > wished:
             use = min(use, settings.lateral_use_in_braking)
         return min(friction_steering(now, mu * use, car.wheelbase, car.gravity), car.max_steering_angle)
 

@@ -2,8 +2,8 @@
 
 For a grid of speeds and of shares of the grip used for turning, the path of a car that turns with that share and
 brakes with what cornering leaves is worked out once. A scan is then looked up: a path is free when each of its points
-is nearer than the reading in its direction, in a scan whose readings are widened by half the car's width. The fastest
-speed with a free path is safe.
+is nearer than the reading in its direction, in a scan whose readings are widened by a disc that covers the car's front.
+The fastest speed with a free path is safe.
 
 A stop is planned with less than half of the cornering acceleration a, although the tires brake harder, because at a
 blind corner the car must be able to turn as well as to stop: braking with a / 2 takes v^2 / a, which is the radius of

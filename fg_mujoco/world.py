@@ -14,7 +14,7 @@ import numpy as np
 from .car import Car, car_parameters, car_spec
 from .errors import SettingsError
 from .lidar import LIDAR_BACKENDS, Lidar, lidar_spec, make_lidar
-from .messages import FloatArray
+from .messages import CarParameters, FloatArray
 from .obstacles import Obstacle
 from .track import Track
 from .track_formats import load_track
@@ -48,6 +48,7 @@ class World:
       track: the Track.
       xml: the MJCF text that `model` was compiled from.
       model: the compiled mujoco.MjModel.
+      car: the Car in it.
 
     Raises:
       TrackError: a track that cannot be read, or is narrower than the car.
@@ -63,12 +64,16 @@ class World:
         obstacles: tuple[Obstacle, ...] = (),
     ) -> None:
         car = car_spec(mu)
-        self.parameters = car_parameters(car.compile())
-        self.track = load_track(track, minimum_width=self.parameters.width)
+        self.track = load_track(track, minimum_width=car_parameters(car.compile()).width)
         self.lidar_backend = lidar
         self.xml = _compose(self.track, car, lidar, obstacles).to_xml()
         self.model = mujoco.MjModel.from_xml_string(self.xml)
         self.car = Car(self.model, CAR_PREFIX)
+
+    @property
+    def parameters(self) -> CarParameters:
+        """What a planner is told of the car, read off `model`."""
+        return self.car.parameters
 
     def make_lidar(self) -> Lidar:
         """Return the LiDAR of this world, with the back end it was built for."""
