@@ -46,9 +46,9 @@ lint: $(READY)
 	$(BIN)/ruff check
 	$(BIN)/mypy
 
-## make bench   how fast it is
+## make bench   how fast it is, on an idle machine; some ten minutes
 bench: $(READY)
-	@for file in benchmarks/*.py; do echo "$$file"; $(BIN)/python $$file || exit 1; done
+	$(BIN)/python benchmarks/all.py $(ARGS)
 
 ## make picture the picture of the README, anew
 PICTURE := docs/images/oval_trace.png

@@ -1,17 +1,15 @@
-"""How fast the closed loop is: 1081 beams at 40 Hz, the planner, physics and slip meter, on one core.
+"""How fast the closed loop is: 1081 beams at 40 Hz, gap_finder, physics and slip meter, one world on one core.
 
-    python benchmarks/race_loop.py [--track oval] [--laps 5] [--lidar raycast] [--json]
+    python benchmarks/race_loop.py [--track oval] [--laps 5] [--json FILE]
 
-The real-time factor is that of a plain race, as `fg-mujoco race` reports it, beside that of the same race on MuJoCo's
-own rangefinders. Where a tick's time goes comes from one more race, with clocks around its parts.
+Three races in turn: as `fg-mujoco race` drives, on MuJoCo's own rangefinders, and the plain way, on them without the
+sleep flag, so that static geoms are placed anew in every step. Where a tick's time goes comes from one more race with
+clocks around its parts; what they cost themselves is in the sum.
 """
 
 from __future__ import annotations
 
-import argparse
 import importlib
-import json
-import os
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -20,12 +18,13 @@ from unittest.mock import patch
 
 import mujoco
 import numpy as np
+from common import parser, report, stay_on_cores, table
 
 import fg_mujoco as fg
-from fg_mujoco.lidar import LIDAR_BACKENDS
 from fg_mujoco.lidar_effects import ScanPipeline
+from fg_mujoco.simulation import STATE
+from fg_mujoco.world import World
 
-BASELINE = "rangefinder"
 PARTS = {
     "physics": ((importlib.import_module("fg_mujoco.simulation"), "hold_controls"),),
     "LiDAR": ((ScanPipeline, "scan"),),
@@ -40,8 +39,8 @@ class Clocks:
 
     def __init__(self) -> None:
         self.rows: list[dict[str, float]] = []
-        self._spent = dict.fromkeys((*PARTS, "rest"), 0.0)
-        self._running = "rest"
+        self._spent = dict.fromkeys((*PARTS, "Python"), 0.0)
+        self._running = "Python"
         self._since = time.perf_counter()
 
     def switch(self, part: str) -> str:
@@ -69,54 +68,91 @@ class Clocks:
         return timed
 
 
-def time_parts(track: str, laps: int, lidar: str) -> dict[str, float]:
+def time_parts(track: str, laps: int) -> dict[str, float]:
     """Return the median time of each part, and of the whole tick, in a race [us]."""
     clocks = Clocks()
     with ExitStack() as patches:
         for part, functions in PARTS.items():
             for owner, name in functions:
                 patches.enter_context(patch.object(owner, name, clocks.around(part, getattr(owner, name))))
-        fg.race(track, laps=laps, lidar=lidar, watch=clocks.end_tick)
+        fg.race(track, laps=laps, watch=clocks.end_tick)
     rows = np.array([list(row.values()) for row in clocks.rows[1:]])  # the first has the preparations in it
-    medians = np.median(rows, axis=0)
-    return dict(zip((*PARTS, "rest", "tick"), (1e6 * np.append(medians, np.median(rows.sum(axis=1)))), strict=True))
+    medians = [*np.median(rows, axis=0), np.median(rows.sum(axis=1))]
+    return {name: 1e6 * float(value) for name, value in zip((*PARTS, "Python", "tick"), medians, strict=True)}
 
 
-def measure(track: str, laps: int, lidar: str) -> dict[str, Any]:
+def physics_alone(result: fg.RaceResult) -> float:
+    """Return the median time of a tick's steps and nothing else, from the states of a race [us]."""
+    model = result.world.model
+    data, steps = mujoco.MjData(model), round(0.025 / model.opt.timestep)
+    times = []
+    for state, ctrl in zip(result.states[:-1], result.ctrl, strict=True):
+        mujoco.mj_setState(model, data, state, STATE)
+        data.ctrl[:] = ctrl
+        start = time.perf_counter()
+        mujoco.mj_step(model, data, steps)
+        times.append(1e6 * (time.perf_counter() - start))
+    return float(np.median(times))
+
+
+def without_sleep(model: Any) -> Any:
+    """Switch the sleep flag of a model off, in place."""
+    model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+    return model
+
+
+def plain_race(track: str, laps: int) -> fg.RaceResult:
+    """Race on rangefinders, static geoms awake."""
+
+    class Awake(World):
+        def __init__(self, *args: Any, **kwargs: Any) -> None:
+            super().__init__(*args, **kwargs)
+            without_sleep(self.model)
+
+    with patch.object(importlib.import_module("fg_mujoco.race"), "World", Awake):
+        return fg.race(track, laps=laps, lidar="rangefinder")
+
+
+def measure(track: str, laps: int, repeats: int = 5) -> dict[str, Any]:
     """Return the figures of the benchmark."""
-    backends = dict.fromkeys((lidar, BASELINE))
-    factors = {backend: fg.race(track, laps=laps, lidar=backend).realtime_factor for backend in backends}
-    parts = {name: round(float(value), 1) for name, value in time_parts(track, laps, lidar).items()}
-    return {"track": track, "laps": laps, "lidar": lidar, "realtime_factor": factors, "us_per_tick": parts}
-
-
-def stay_on_one_core() -> None:
-    """Pin the process to one core, where the system can."""
-    if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+    ways: dict[str, Callable[[], fg.RaceResult]] = {
+        "fg_mujoco": lambda: fg.race(track, laps=laps),
+        "rangefinder sensors": lambda: fg.race(track, laps=1, lidar="rangefinder"),
+        "rangefinder sensors, no sleep flag": lambda: plain_race(track, 1),
+    }
+    fg.race(track, laps=1)  # kernels are read from disk
+    factors: dict[str, list[float]] = {name: [] for name in ways}
+    for _ in range(repeats):
+        for name, run in ways.items():
+            factors[name].append(run().realtime_factor)
+    return {
+        "track": track,
+        "laps": laps,
+        "realtime_factor": {name: float(np.median(values)) for name, values in factors.items()},
+        "us_per_tick": time_parts(track, laps),
+        "physics_alone_us_per_tick": physics_alone(ways["fg_mujoco"]()),
+    }
 
 
 def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--track", default="oval")
-    parser.add_argument("--laps", type=int, default=5)
-    parser.add_argument("--lidar", choices=LIDAR_BACKENDS, default="raycast")
-    parser.add_argument("--json", action="store_true")
-    args = parser.parse_args()
-    stay_on_one_core()
-    figures = measure(args.track, args.laps, args.lidar)
-    if args.json:
-        print(json.dumps(figures))
-        return
+    """Print the tables."""
+    arguments = parser(__doc__)
+    arguments.add_argument("--track", default="oval")
+    arguments.add_argument("--laps", type=int, default=5)
+    options = arguments.parse_args()
+    stay_on_cores(1)
+    figures = measure(options.track, options.laps)
     factors, parts = figures["realtime_factor"], figures["us_per_tick"]
-    print(f"{args.laps} laps of {args.track} on one core, 1081 beams at 40 Hz, mujoco {mujoco.__version__}\n")
-    print("| LiDAR | real-time factor | times rangefinder |\n| --- | ---: | ---: |")
-    for backend, factor in factors.items():
-        print(f"| {backend} | {factor:.1f} | {factor / factors[BASELINE]:.2f} |")
-    print(f"\nA tick with {args.lidar}, medians:\n\n| | us | share |\n| --- | ---: | ---: |")
-    for name, median in parts.items():
-        print(f"| {name} | {median:.0f} | {100 * median / parts['tick']:.0f}% |")
+    baseline = list(factors.values())[-1]
+    rows = [(name, f"{factor:.1f}", f"{factor / baseline:.1f}") for name, factor in factors.items()]
+    text = (
+        f"{options.laps} laps of {options.track}, one world, one core, 1081 beams at 40 Hz\n\n"
+        + table(("", "times real time", "times the plain way"), rows)
+        + "\n\nWhere a tick of 25 ms goes, medians\n\n"
+        + table(("", "us", "share"), [(n, f"{us:.1f}", f"{us / parts['tick']:.0%}") for n, us in parts.items()])
+        + f"\n\nThe physics steps of a tick alone: {figures['physics_alone_us_per_tick']:.1f} us"
+    )
+    report(figures, text, options.json)
 
 
 if __name__ == "__main__":

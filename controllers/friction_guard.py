@@ -22,28 +22,26 @@ car and moments about its axles; the exponent is a fit, which tests/test_frictio
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass, fields
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from fg_mujoco.messages import CarParameters, DriveCommand, FloatArray, Odometry
+from fg_mujoco.errors import SettingsError
+from fg_mujoco.kernels import kernel
+from fg_mujoco.messages import CarParameters, DriveCommand, Odometry, require
 
+from .records import CAR, Record, record_type
 from .speed import friction_speed, friction_steering
 from .steering import saturate
 
 
-def longitudinal_share(lateral_use: ArrayLike) -> FloatArray:
-    """Return the share of straight-line braking and accelerating that is left at a share of the lateral grip.
-
-    Any shape; 1 straight ahead, 0 at the limit. Source: measured, see 4 above.
-    """
-    return np.power(1.0 - np.clip(lateral_use, 0.0, 1.0), 0.8)
-
-
 @dataclass(frozen=True, kw_only=True)
 class GuardSettings:
-    """Which shares of the tires' grip may be used, and how fast."""
+    """Which shares of the tires' grip may be used, and how fast.
+
+    Raises:
+      SettingsError: a share that is not above 0 and at most 1; a time or a speed that is not a positive number.
+    """
 
     lateral_use: float = 0.95  # of mu g, in cornering
     lateral_use_in_braking: float = 0.9  # of the above, when the car is too fast for the wished steering
@@ -56,9 +54,127 @@ class GuardSettings:
     speed_response: float = 0.05  # [s] a wished speed is approached at (wish - speed) / this
     steering_response: float = 0.022  # [s] the servo turns at most at (command - angle) / this: e / 100 rad/s
 
+    def __post_init__(self) -> None:
+        shares = tuple(f.name for f in fields(self) if "_use" in f.name)
+        others = tuple(f.name for f in fields(self) if "_use" not in f.name)
+        require(self, lambda value: 0.0 < value <= 1.0, "a share above 0, at most 1", shares, SettingsError)
+        require(self, lambda value: 0.0 < value < math.inf, "a positive number", others, SettingsError)
+
+
+GUARD = np.dtype(
+    [
+        ("settings", record_type(GuardSettings)),
+        ("car", CAR),
+        ("mu", np.float64),
+        ("lateral", np.float64),  # [m/s^2] these four: see FrictionGuard
+        ("braking", np.float64),  # [m/s^2]
+        ("accelerating", np.float64),  # [m/s^2]
+        ("yaw_lag", np.float64),  # [m]
+    ]
+)
+"""What `guarded` is told of a guard."""
+
+GUARD_MEMORY = np.dtype([("acceleration", np.float64)])  # [m/s^2] that was last commanded
+"""What a guard keeps from one tick to the next; zero in the beginning."""
+
+
+@kernel
+def longitudinal_share(lateral_use: float) -> float:
+    """Return the share of straight-line braking and accelerating that is left at a share of the lateral grip.
+
+    1 straight ahead, 0 at the limit. Source: measured, see 4 above.
+    """
+    return float((1.0 - min(max(lateral_use, 0.0), 1.0)) ** 0.8)
+
+
+@kernel
+def guarded(
+    guard: Record,
+    memory: Record,
+    steering_angle: float,
+    speed: float,
+    angle_now: float,
+    speed_now: float,
+    period: float,
+) -> tuple[float, float]:
+    """Return the command nearest to the wish that the tires hold: steering angle [rad] and speed [m/s].
+
+    Where the present motion is no motion (NaN, inf, or such that its forces are), that is 0 and 0, and a fresh start.
+
+    Args:
+      guard: of type GUARD.
+      memory: of type GUARD_MEMORY, written to.
+      steering_angle: wished [rad].
+      speed: wished [m/s], what the scan allows.
+      angle_now: present steering angle [rad].
+      speed_now: present speed [m/s].
+      period: until the next command [s].
+    """
+    car, mu, now = guard.car, guard.mu * guard.settings.lateral_use, abs(speed_now)
+    wished = min(speed, friction_speed(steering_angle, mu, car.wheelbase, car.gravity))
+    target = saturate(steering_angle, _steering_limit(guard, wished, speed, now))
+    step = _steering_rate(guard, angle_now, now, target - angle_now) * guard.settings.steering_response
+    command = angle_now + saturate(target - angle_now, step)
+    share = _share_left(guard, angle_now, command, now)
+    acceleration = _approach(guard, memory.acceleration, wished - speed_now, share, period)
+    reached = speed_now + acceleration * car.speed_time_constant
+    if not math.isfinite(command + reached):
+        memory.acceleration = 0.0
+        return 0.0, 0.0
+    memory.acceleration = acceleration
+    return command, reached
+
+
+@kernel
+def _steering_limit(guard: Record, wished: float, speed: float, now: float) -> float:
+    """Return the greatest steering angle [rad] for now: less while the car has to slow down.
+
+    Args:
+      guard: of type GUARD.
+      wished: speed by the scan and by the wished steering [m/s].
+      speed: by the scan alone [m/s].
+      now: present [m/s].
+    """
+    car, settings = guard.car, guard.settings
+    too_fast = min(max((now - speed) / settings.overspeed, 0.0), 1.0)
+    use = 1.0 - too_fast * (1.0 - settings.least_lateral_use)
+    if now > wished:
+        use = min(use, settings.lateral_use_in_braking)
+    mu = guard.mu * settings.lateral_use * use
+    return float(min(friction_steering(now, mu, car.wheelbase, car.gravity), car.max_steering_angle))
+
+
+@kernel
+def _steering_rate(guard: Record, angle: float, now: float, turn: float) -> float:
+    """Return the greatest steering rate [rad/s] in the direction of `turn` that the front tires can carry."""
+    cornering = now * now * math.tan(angle) / guard.car.wheelbase
+    unused = max(guard.lateral - math.copysign(cornering, turn * cornering), 0.0)
+    curvature_rate = guard.settings.turn_in_use * unused / (guard.yaw_lag * max(now, 1e-3))
+    return float(min(curvature_rate * guard.car.wheelbase * math.cos(angle) ** 2, guard.car.max_steering_rate))
+
+
+@kernel
+def _share_left(guard: Record, angle: float, command: float, now: float) -> float:
+    """Return the share of straight-line braking and accelerating that cornering leaves."""
+    cornering = now * now * math.tan(angle) / guard.car.wheelbase
+    next_cornering = now * now * math.tan(command) / guard.car.wheelbase
+    curvature_rate = (math.tan(command) - math.tan(angle)) / guard.car.wheelbase / guard.settings.steering_response
+    turning_in = abs(cornering + guard.yaw_lag * now * curvature_rate)
+    return longitudinal_share(max(abs(cornering), abs(next_cornering), turning_in) / (guard.mu * guard.car.gravity))
+
+
+@kernel
+def _approach(guard: Record, last: float, missing_speed: float, share: float, period: float) -> float:
+    """Return the acceleration [m/s^2] to take up `missing_speed` [m/s] with, after that of the last tick."""
+    growth = period / guard.settings.load_transfer_time
+    wished = missing_speed / guard.settings.speed_response
+    lowest = max(-guard.braking * share, min(last, 0.0) - guard.braking * growth)
+    highest = min(guard.accelerating * share, max(last, 0.0) + guard.accelerating * growth)
+    return float(min(max(wished, lowest), highest))
+
 
 class FrictionGuard:
-    """Turns a wished steering angle and speed into a command that the tires can follow.
+    """Turns a wished steering angle and speed into a command that the tires can follow: `guarded`, for one car.
 
     Args:
       car: parameters of the car.
@@ -70,23 +186,32 @@ class FrictionGuard:
       braking: greatest deceleration straight ahead [m/s^2].
       accelerating: greatest acceleration straight ahead [m/s^2].
       yaw_lag: distance c over which the path's curvature follows the steering at the limit [m].
+      record: what `guarded` is told of it, shape (1,), of type GUARD.
+
+    Raises:
+      SettingsError: a friction coefficient that is not a positive number.
     """
 
     def __init__(self, car: CarParameters, mu: float, settings: GuardSettings | None = None) -> None:
+        self.car = car
+        self.mu = mu
         self.settings = settings or GuardSettings()
-        self._car = car
-        self._mu = mu
+        require(self, lambda value: 0.0 < value < math.inf, "a positive number", ("mu",), SettingsError)
         b, h = car.wheelbase, car.center_of_gravity_height
         lever = car.gravity / (h / b + 0.5 / mu) / b
         self.lateral = self.settings.lateral_use * mu * car.gravity
         self.braking = self.settings.braking_use * lever * car.front_axle_distance
         self.accelerating = self.settings.accelerating_use * lever * car.rear_axle_distance
         self.yaw_lag = car.rear_axle_distance + car.yaw_inertia / (car.mass * car.rear_axle_distance)
-        self.reset()
+        self.record = np.zeros(1, GUARD)
+        self.record["settings"], self.record["car"] = astuple(self.settings), astuple(car)
+        for name in ("mu", "lateral", "braking", "accelerating", "yaw_lag"):
+            self.record[name] = getattr(self, name)
+        self._memory = np.zeros(1, GUARD_MEMORY)
 
     def reset(self) -> None:
         """Forget the last command."""
-        self._acceleration = 0.0
+        self._memory.fill(0)
 
     def __call__(self, steering_angle: float, speed: float, odometry: Odometry, period: float) -> DriveCommand:
         """Return the command nearest to the wish that the tires hold.
@@ -97,54 +222,6 @@ class FrictionGuard:
           odometry: present motion.
           period: until the next command [s].
         """
-        angle, now = odometry.steering_angle, abs(odometry.speed)
-        mu = self._mu * self.settings.lateral_use
-        wished = min(speed, friction_speed(steering_angle, mu, self._car.wheelbase, self._car.gravity))
-        target = saturate(steering_angle, self._steering_limit(wished, speed, now))
-        step = self._steering_rate(angle, now, target - angle) * self.settings.steering_response
-        command = angle + saturate(target - angle, step)
-        left = self._longitudinal_share(angle, command, now)
-        self._acceleration = self._approach(wished - odometry.speed, left, period)
-        return DriveCommand(
-            steering_angle=command,
-            speed=odometry.speed + self._acceleration * self._car.speed_time_constant,
-        )
-
-    def _steering_limit(self, wished: float, speed: float, now: float) -> float:
-        """Return the greatest steering angle [rad] for now: less while the car has to slow down.
-
-        Args:
-          wished: speed by the scan and by the wished steering [m/s].
-          speed: by the scan alone [m/s].
-          now: present [m/s].
-        """
-        car, settings = self._car, self.settings
-        mu = self._mu * settings.lateral_use
-        too_fast = min(max((now - speed) / settings.overspeed, 0.0), 1.0)
-        use = 1.0 - too_fast * (1.0 - settings.least_lateral_use)
-        if now > wished:
-            use = min(use, settings.lateral_use_in_braking)
-        return min(friction_steering(now, mu * use, car.wheelbase, car.gravity), car.max_steering_angle)
-
-    def _steering_rate(self, angle: float, now: float, turn: float) -> float:
-        """Return the greatest steering rate [rad/s] in the direction of `turn` that the front tires can carry."""
-        cornering = now * now * math.tan(angle) / self._car.wheelbase
-        unused = max(self.lateral - math.copysign(cornering, turn * cornering), 0.0)
-        curvature_rate = self.settings.turn_in_use * unused / (self.yaw_lag * max(now, 1e-3))
-        return min(curvature_rate * self._car.wheelbase * math.cos(angle) ** 2, self._car.max_steering_rate)
-
-    def _longitudinal_share(self, angle: float, command: float, now: float) -> float:
-        """Return the share of straight-line braking and accelerating that cornering leaves."""
-        curvature = math.tan(angle) / self._car.wheelbase
-        next_curvature = math.tan(command) / self._car.wheelbase
-        turning = self.yaw_lag * now * (next_curvature - curvature) / self.settings.steering_response
-        lateral = max(now * now * abs(next_curvature), now * now * abs(curvature), abs(now * now * curvature + turning))
-        return float(longitudinal_share(lateral / (self._mu * self._car.gravity)))
-
-    def _approach(self, missing_speed: float, share: float, period: float) -> float:
-        """Return the acceleration [m/s^2] to take up `missing_speed` [m/s] with."""
-        growth = period / self.settings.load_transfer_time
-        wished = missing_speed / self.settings.speed_response
-        lowest = max(-self.braking * share, min(self._acceleration, 0.0) - self.braking * growth)
-        highest = min(self.accelerating * share, max(self._acceleration, 0.0) + self.accelerating * growth)
-        return min(max(wished, lowest), highest)
+        angle, now = odometry.steering_angle, odometry.speed
+        command = guarded(self.record[0], self._memory[0], steering_angle, speed, angle, now, period)
+        return DriveCommand(steering_angle=command[0], speed=command[1])

@@ -12,9 +12,9 @@ The nine components, in the order of that text:
 8. greatest range          the goal
 9. speed                   speed.range_ratio_speed by the mean range in front; speed.friction_speed by the steering
 
-To these come what a real car needs: stopping_paths (it stops within what it sees) and friction_guard (the friction
-law as a limit in transients). Where this differs from the known implementation of the text: the friction limit is
-the last word on speed, no gain follows it; g is the model's, not 10; bubbles reach to the ends of the scan; no
+To these comes what a real car needs, in `driving`: stopping_paths (it stops within what it sees) and friction_guard
+(the friction law as a limit in transients). Where this differs from the known implementation of the text: the friction
+limit is the last word on speed, no gain follows it; g is the model's, not 10; bubbles reach to the ends of the scan; no
 filter changes its input; the car steers along the arc to the goal, not by the goal's bearing.
 
 Limits: it sees no further than the next corner and has no memory, so it takes the longer of two ways, wherever that
@@ -27,22 +27,37 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from fg_mujoco.messages import STOP, CarParameters, DriveCommand, LaserScan, Odometry
+from fg_mujoco.errors import SettingsError
+from fg_mujoco.kernels import kernel
+from fg_mujoco.messages import FloatArray, LaserScan, require
 
-from . import scan_filters as filters
-from .friction_guard import FrictionGuard
+from .compiled_planner import CompiledPlanner
+from .driving import brake, drive, scan_record
+from .records import Record
+from .scan_filters import (
+    clip_to_lookahead,
+    extend_disparities,
+    field_of_view,
+    mask_nearest,
+    prioritise_centre,
+    rolling_mean,
+    valid_ranges,
+)
 from .speed import range_ratio_speed
-from .steering import pursue, saturate
-from .stopping_paths import StoppingPaths
+from .steering import pursue
 
-_PERIOD = 0.025  # [s] of the field's LiDARs, for scans that do not tell theirs
 _LEAST_INCREMENT = 1e-9  # [rad] below it, counts of beams overflow
 
 
 @dataclass(frozen=True, kw_only=True)
 class GapFinderSettings:
-    """Parameters of the nine components."""
+    """Parameters of the nine components.
+
+    Raises:
+      SettingsError: a value that is not a positive number; a clearance or weight below 0, a weight above 1.
+    """
 
     lookahead: float = 10.0  # [m]
     field_of_view: float = math.pi  # [rad]
@@ -55,76 +70,97 @@ class GapFinderSettings:
     front_width: float = math.radians(20.0)  # [rad] around the goal, for the mean range in front
     range_ratio_gain: float = 3.0  # top speed at a third of the lookahead
 
+    def __post_init__(self) -> None:
+        lengths = ("lookahead", "field_of_view", "nearest_bubble", "mean_radius", "pursuit_distance")
+        positive = (*lengths, "range_ratio_gain")
+        from_zero = ("disparity_threshold", "clearance", "front_width")
+        require(self, lambda value: 0.0 < value < math.inf, "a positive number", positive, SettingsError)
+        require(self, lambda value: 0.0 <= value < math.inf, "a number from 0", from_zero, SettingsError)
+        require(self, lambda value: 0.0 <= value <= 1.0, "a number from 0 to 1", ("edge_weight",), SettingsError)
 
-class GapFinder:
-    """The planner of the package.
+
+@kernel
+def find_goal(scan: Record, valid: FloatArray, planner: Record) -> tuple[float, float, float]:
+    """Return the goal's bearing [rad] and distance [m], and the speed [m/s] by the ranges in front.
+
+    The bearing is NaN where no beam can be driven along: fewer than two, all zero, or no sensible angle between them.
 
     Args:
-      car: parameters of the car.
-      mu: friction coefficient that it believes in; inf: no friction limits, and so no stopping in sight either.
-      max_speed: fastest that it commands [m/s].
-      settings: parameters of the nine components.
+      scan: of type SCAN.
+      valid: its readings (n,) [m], without NaN or inf.
+      planner: `settings` (GapFinderSettings) and `driver` (of type DRIVER).
+    """
+    settings, driver, increment = planner.settings, planner.driver, scan.angle_increment
+    if len(valid) < 2 or not _LEAST_INCREMENT < increment < 2.0 * math.pi:
+        return math.nan, 0.0, 0.0
+    ranges = clip_to_lookahead(valid, settings.lookahead)
+    reach = 0.5 * driver.car.width + settings.clearance
+    ranges = extend_disparities(ranges, increment, settings.disparity_threshold, reach)
+    ranges = mask_nearest(ranges, increment, settings.nearest_bubble)
+    ranges = rolling_mean(ranges, increment, settings.mean_radius)
+    bearings = scan.angle_min + increment * np.arange(len(ranges))
+    first, end = field_of_view(bearings, settings.field_of_view)
+    ranges, bearings = ranges[first:end], bearings[first:end]
+    if len(ranges) == 0:
+        return math.nan, 0.0, 0.0
+    preferred = prioritise_centre(ranges, bearings, settings.edge_weight)
+    goal = np.argmax(preferred)
+    if preferred[goal] <= 0.0:
+        return math.nan, 0.0, 0.0
+    half = round(0.5 * settings.front_width / increment)
+    front = ranges[max(goal - half, 0) : goal + half + 1]
+    speed = range_ratio_speed(front, settings.lookahead / settings.range_ratio_gain, driver.max_speed)
+    return bearings[goal], ranges[goal], speed
+
+
+@kernel
+def decide(
+    scan: Record, ranges: FloatArray, odometry: Record, planner: Record, memory: Record, paths: NDArray[np.void]
+) -> tuple[float, float]:
+    """Return the command for one scan: steering angle [rad] and speed [m/s]. Types as in `driving`."""
+    valid = valid_ranges(ranges, scan.range_max)
+    bearing, distance, speed = find_goal(scan, valid, planner)
+    if math.isnan(bearing):
+        return brake(scan, odometry, planner.driver, memory.guard)
+    car = planner.driver.car
+    distance = min(distance, planner.settings.pursuit_distance)
+    steering_angle = pursue(bearing, distance, car.lidar_offset, car.wheelbase)
+    return drive(scan, valid, odometry, planner.driver, memory.guard, paths, steering_angle, speed)
+
+
+@kernel
+def decide_worlds(
+    scan: NDArray[np.void],
+    ranges: FloatArray,
+    odometry: NDArray[np.void],
+    running: NDArray[np.bool_],
+    planners: NDArray[np.void],
+    memories: NDArray[np.void],
+    paths: NDArray[np.void],
+    commands: FloatArray,
+) -> None:
+    """Write the command of each running world into `commands` (n, 2); see CompiledBatch."""
+    for world in range(len(running)):
+        if running[world]:
+            commands[world, 0], commands[world, 1] = decide(
+                scan[0], ranges[world], odometry[world], planners[world], memories[world], paths
+            )
+
+
+class GapFinder(CompiledPlanner):
+    """The planner of the package. Where there is no way, or nothing to see, it brakes and keeps the wheels as they are.
+
+    Its brakes are as hard as the tires hold; at rest, and without odometry, it answers STOP.
     """
 
-    def __init__(
-        self, car: CarParameters, mu: float, max_speed: float = 8.0, settings: GapFinderSettings | None = None
-    ) -> None:
-        self.settings = settings or GapFinderSettings()
-        self._car = car
-        self._max_speed = max_speed
-        self._guard = FrictionGuard(car, mu) if math.isfinite(mu) else None
-        self._stopping = StoppingPaths(car, self._guard, max_speed) if self._guard else None
-
-    def reset(self) -> None:
-        """Forget everything seen so far."""
-        if self._guard:
-            self._guard.reset()
-
-    def __call__(self, scan: LaserScan, odometry: Odometry) -> DriveCommand:
-        """Answer the command to hold until the next scan.
-
-        Where there is no way, or nothing to see, it brakes as hard as the tires hold, the wheels kept as they are; at
-        rest, and without odometry, that is STOP.
-        """
-        if not math.isfinite(odometry.speed + odometry.steering_angle):
-            self.reset()
-            return STOP
-        period = scan.scan_time if scan.scan_time > 0.0 else _PERIOD
-        goal = self.find_goal(scan)
-        if goal is None:
-            return self._guard(odometry.steering_angle, 0.0, odometry, period) if self._guard else STOP
-        bearing, distance, speed = goal
-        steering_angle = pursue(bearing, min(distance, self.settings.pursuit_distance), self._car)
-        if self._guard is None or self._stopping is None:
-            return DriveCommand(steering_angle=saturate(steering_angle, self._car.max_steering_angle), speed=speed)
-        readings = filters.valid_ranges(scan.ranges, scan.range_max)
-        widened = filters.widen_all(readings, scan.angle_increment, self._stopping.radius)
-        safe_speed = self._stopping.safe_speed(
-            widened, scan.angle_min, scan.angle_increment, odometry.speed, odometry.steering_angle
-        )
-        return self._guard(steering_angle, min(speed, safe_speed), odometry, period)
+    Settings = GapFinderSettings
+    decide_worlds = staticmethod(decide_worlds)
 
     def find_goal(self, scan: LaserScan) -> tuple[float, float, float] | None:
         """Return the goal's bearing [rad] and distance [m], and the speed [m/s] by the ranges in front.
 
         None where no beam can be driven along: fewer than two, all zero, or no sensible angle between them.
         """
-        settings, increment = self.settings, scan.angle_increment
-        if len(scan.ranges) < 2 or not _LEAST_INCREMENT < increment < 2.0 * math.pi:
-            return None
-        ranges = filters.valid_ranges(scan.ranges, scan.range_max)
-        ranges = filters.clip_to_lookahead(ranges, settings.lookahead)
-        reach = 0.5 * self._car.width + settings.clearance
-        ranges = filters.extend_disparities(ranges, increment, settings.disparity_threshold, reach)
-        ranges = filters.mask_nearest(ranges, increment, settings.nearest_bubble)
-        ranges = filters.rolling_mean(ranges, increment, settings.mean_radius)
-        view = filters.field_of_view(scan.bearings, settings.field_of_view)
-        ranges, bearings = ranges[view], scan.bearings[view]
-        preferred = filters.prioritise_centre(ranges, bearings, settings.edge_weight)
-        if not np.any(preferred > 0.0):
-            return None
-        goal = int(np.argmax(preferred))
-        half = round(0.5 * settings.front_width / increment)
-        front = ranges[max(goal - half, 0) : goal + half + 1]
-        speed = range_ratio_speed(front, settings.lookahead / settings.range_ratio_gain, self._max_speed)
-        return float(bearings[goal]), float(ranges[goal]), speed
+        valid = valid_ranges(scan.ranges, scan.range_max)
+        bearing, distance, speed = find_goal(scan_record(scan)[0], valid, self.record[0])
+        return None if math.isnan(bearing) else (bearing, distance, speed)

@@ -1,9 +1,14 @@
 """What a planner does to a scan before it looks for a gap: one named function for each filter.
 
+    ranges = valid_ranges(scan.ranges, scan.range_max)
+    ranges = extend_disparities(ranges, scan.angle_increment, threshold=0.3, radius=0.3)
+
 All take ranges of shape (n,) [m], rightmost beam first, and answer a new array of the same shape; none changes
-its input. A range of 0 is a beam that must not be driven along. Sources: the F1TENTH course slides on reactive
-methods (clip, bubble around the nearest point), N. Otterness' disparity extender (2019), and the notes of the
-field's gap_finder_base (bubble width by the arc, rolling mean, centre priority).
+its input. A range of 0 is a beam that must not be driven along. All are kernels, to be called from Python and from
+other kernels alike.
+
+Sources: the F1TENTH course slides on reactive methods (clip, bubble around the nearest point), N. Otterness' disparity
+extender (2019), and the notes of the field's gap_finder_base (bubble width by the arc, rolling mean, centre priority).
 """
 
 from __future__ import annotations
@@ -13,9 +18,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
+_MOST_BEAMS = 1e9  # to either side; a bubble of more beams than a number can count has this many
 
+
+@kernel
 def valid_ranges(ranges: FloatArray, range_max: float) -> FloatArray:
     """Return ranges with every beam a distance in [0, range_max].
 
@@ -23,93 +32,160 @@ def valid_ranges(ranges: FloatArray, range_max: float) -> FloatArray:
     of its next valid neighbours on either side, so that a dropout is neither an obstacle nor a gap. Without any
     valid reading all are 0.
     """
-    failed = np.isnan(ranges)
-    clipped = np.clip(ranges, 0.0, range_max)
-    if not failed.any():
-        return clipped
-    valid = np.flatnonzero(~failed)
-    if len(valid) == 0:
-        return np.zeros_like(clipped)
-    beams = np.arange(len(ranges))
-    right = valid[np.maximum(np.searchsorted(valid, beams, side="right") - 1, 0)]
-    left = valid[np.minimum(np.searchsorted(valid, beams), len(valid) - 1)]
-    return np.minimum(clipped[right], clipped[left])
+    count = len(ranges)
+    result = np.empty(count)
+    failed = 0
+    neighbour = math.inf  # the last valid one to the right
+    for beam in range(count):
+        if math.isnan(ranges[beam]):
+            failed += 1
+        else:
+            neighbour = min(max(ranges[beam], 0.0), range_max)
+        result[beam] = neighbour
+    if failed == count:
+        return np.zeros(count)
+    if failed > 0:
+        neighbour = math.inf  # the last valid one to the left
+        for beam in range(count - 1, -1, -1):
+            if not math.isnan(ranges[beam]):
+                neighbour = result[beam]
+            result[beam] = min(result[beam], neighbour)
+    return result
 
 
+@kernel
 def clip_to_lookahead(ranges: FloatArray, lookahead: float) -> FloatArray:
     """Return ranges cut off at `lookahead` [m]: all that lies beyond is equally far, so the goal does not jitter."""
-    return np.minimum(ranges, lookahead)
+    result = np.empty(len(ranges))
+    for beam in range(len(ranges)):
+        result[beam] = min(ranges[beam], lookahead)
+    return result
 
 
-def bubble_beams(ranges: FloatArray, radius: float, angle_increment: float) -> NDArray[np.intp]:
+@kernel
+def _bubble_width(distance: float, radius: float, angle_increment: float) -> int:
+    """Return how many beams to either side of one of length `distance` [m] pass within `radius` [m] of its end."""
+    nearest = radius / math.pi  # from here on the bubble spans half a turn
+    width = math.ceil(radius / (angle_increment * max(distance, nearest)))
+    return int(min(_MOST_BEAMS, max(0.0, width)))  # in this order: NaN, which no width should be, is 0
+
+
+@kernel
+def bubble_beams(ranges: FloatArray, radius: float, angle_increment: float) -> NDArray[np.int64]:
     """Return how many beams to either side of each one pass within `radius` [m] of its end. Shape (n,).
 
     The arc between neighbouring beams, angle_increment * range, is taken as straight and in line with the bubble's
     diameter, so the count is radius / (angle_increment * range), rounded up; half a turn at most.
     """
-    nearest = radius / math.pi  # from here on the bubble spans half a turn
-    return np.ceil(radius / (angle_increment * np.maximum(ranges, nearest))).astype(np.intp)
+    result = np.empty(len(ranges), np.int64)
+    for beam in range(len(ranges)):
+        result[beam] = _bubble_width(ranges[beam], radius, angle_increment)
+    return result
 
 
-def safety_bubbles(
-    ranges: FloatArray, beams: NDArray[np.intp], angle_increment: float, radius: float
-) -> FloatArray:
+@kernel
+def _add_bubble(result: FloatArray, beam: int, distance: float, angle_increment: float, radius: float) -> None:
+    """Shorten what is longer than `distance` [m] within `radius` [m] of the end of a beam of that length."""
+    width = _bubble_width(distance, radius, angle_increment)
+    for other in range(max(beam - width, 0), min(beam + width + 1, len(result))):
+        result[other] = min(result[other], distance)
+
+
+@kernel
+def safety_bubbles(ranges: FloatArray, beams: NDArray[np.int64], angle_increment: float, radius: float) -> FloatArray:
     """Return ranges with a bubble of `radius` [m] round the end of each of `beams`.
 
     Within a bubble no beam is longer than the one in its middle; a closer reading is never overwritten by a farther
     one. Bubbles end at the ends of the scan, they do not wrap round.
     """
     result = ranges.copy()
-    if len(beams) == 0:
-        return result
-    count = len(ranges)
-    width = bubble_beams(ranges[beams], radius, angle_increment)
-    first = np.maximum(beams - width, 0)
-    last = np.minimum(beams + width, count - 1)
-    # Each span is covered by two of length 2^k, which then hand their minimum down to their halves.
-    levels = np.frexp(last - first + 1)[1] - 1
-    spans = np.full((int(levels.max()) + 1, count), math.inf)
-    for start in (first, last + 1 - (1 << levels)):
-        np.minimum.at(spans.reshape(-1), levels * count + start, ranges[beams])
-    for level in range(len(spans) - 1, 0, -1):
-        half = 1 << (level - 1)
-        np.minimum(spans[level - 1], spans[level], out=spans[level - 1])
-        np.minimum(spans[level - 1, half:], spans[level, :-half], out=spans[level - 1, half:])
-    np.minimum(result, spans[0], out=result)
+    for beam in beams:
+        _add_bubble(result, beam, ranges[beam], angle_increment, radius)
     return result
 
 
+@kernel
 def extend_disparities(ranges: FloatArray, angle_increment: float, threshold: float, radius: float) -> FloatArray:
     """Return ranges with every edge widened by `radius` [m], about half the car's width.
 
     Where neighbouring ranges differ by more than `threshold` [m], the nearer of them is an edge that the car's side
     must clear: it gets a safety bubble.
     """
-    steps = np.diff(ranges)
-    disparities = np.flatnonzero(np.abs(steps) > threshold)
-    edges = disparities + (steps[disparities] < 0.0)
-    return safety_bubbles(ranges, edges, angle_increment, radius)
+    result = ranges.copy()
+    for beam in range(1, len(ranges)):
+        step = ranges[beam] - ranges[beam - 1]
+        if abs(step) > threshold:
+            edge = beam if step < 0.0 else beam - 1
+            _add_bubble(result, edge, ranges[edge], angle_increment, radius)
+    return result
 
 
+@kernel
 def widen_all(ranges: FloatArray, angle_increment: float, radius: float) -> FloatArray:
-    """Return ranges with every reading widened by `radius` [m]: where a car of that half width fits, as a point."""
-    return safety_bubbles(ranges, np.arange(len(ranges)), angle_increment, radius)
+    """Return ranges with every reading widened by `radius` [m]: where a car of that half width fits, as a point.
+
+    These are the safety bubbles of all beams, in a time in proportion to n.
+    """
+    result = ranges.copy()
+    widths = bubble_beams(ranges, radius, angle_increment)
+    _shorten_leftwards(result, ranges, widths)
+    _shorten_leftwards(result[::-1], ranges[::-1], widths[::-1])
+    return result
 
 
+@kernel
+def _shorten_leftwards(result: FloatArray, ranges: FloatArray, widths: NDArray[np.int64]) -> None:
+    """Shorten each beam of `result` to the nearest of the bubbles that reach it from beams before it.
+
+    The nearer a reading, the wider its bubble. So one that is nearer than those before it puts them out for good;
+    one that is not waits in line, nearest first, until the bubble that holds has come to its end.
+    """
+    nearest, until = math.inf, -1  # the bubble that holds: its range, and its last beam
+    line = np.empty(len(ranges))  # ranges
+    end = np.empty(len(ranges), np.int64)  # last beams
+    first, after = 0, 0  # who waits: those from `first` to before `after`
+    for beam in range(len(ranges)):
+        distance = ranges[beam]
+        if distance <= nearest:
+            nearest, until = distance, beam + widths[beam]
+            first, after = 0, 0
+            continue
+        while after > first and line[after - 1] >= distance:
+            after -= 1
+        line[after], end[after] = distance, beam + widths[beam]
+        after += 1
+        while until < beam and first < after:
+            nearest, until = line[first], end[first]
+            first += 1
+        result[beam] = min(result[beam], nearest)
+
+
+@kernel
 def mask_nearest(ranges: FloatArray, angle_increment: float, radius: float) -> FloatArray:
     """Return ranges with the bubble of `radius` [m] round the nearest point set to 0: not to be driven along.
 
     Of several that are as near, as within an edge that was widened, the middle one; where all are, there is no nearest.
     """
+    nearest, as_near = math.inf, 0
+    for distance in ranges:
+        if distance < nearest:
+            nearest, as_near = distance, 0
+        if distance == nearest:
+            as_near += 1
     result = ranges.copy()
-    as_near = np.flatnonzero(ranges == np.min(ranges, initial=math.inf))
-    if len(as_near) < len(ranges):
-        nearest = int(as_near[(len(as_near) - 1) // 2])
-        width = int(bubble_beams(ranges[nearest : nearest + 1], radius, angle_increment)[0])
-        result[max(nearest - width, 0) : nearest + width + 1] = 0.0
+    if 0 < as_near < len(ranges):
+        middle = -1
+        for _ in range((as_near + 1) // 2):
+            middle += 1
+            while ranges[middle] != nearest:
+                middle += 1
+        width = _bubble_width(nearest, radius, angle_increment)
+        for beam in range(max(middle - width, 0), min(middle + width + 1, len(ranges))):
+            result[beam] = 0.0
     return result
 
 
+@kernel
 def rolling_mean(ranges: FloatArray, angle_increment: float, radius: float) -> FloatArray:
     """Return the mean of each range over the bubble of `radius` [m] at its own end; a part window at the ends.
 
@@ -118,24 +194,37 @@ def rolling_mean(ranges: FloatArray, angle_increment: float, radius: float) -> F
     A bubble's edge next to a long stretch becomes a slope, which holds the goal off the edge.
     """
     count = len(ranges)
-    beams = np.arange(count)
-    width = bubble_beams(ranges, radius, angle_increment)
-    first = np.maximum(beams - width, 0)
-    last = np.minimum(beams + width + 1, count)
-    total = np.concatenate(([0.0], np.cumsum(ranges)))
-    means = (total[last] - total[first]) / (last - first)
-    return np.where(ranges > 0.0, means, 0.0)
+    total = np.zeros(count + 1)  # of all beams before each
+    for beam in range(count):
+        total[beam + 1] = total[beam] + ranges[beam]
+    widths = bubble_beams(ranges, radius, angle_increment)
+    result = np.zeros(count)
+    for beam in range(count):
+        if ranges[beam] > 0.0:
+            first = max(beam - widths[beam], 0)
+            end = min(beam + widths[beam] + 1, count)
+            result[beam] = (total[end] - total[first]) / (end - first)
+    return result
 
 
+@kernel
 def prioritise_centre(ranges: FloatArray, bearings: FloatArray, edge_weight: float = 0.999) -> FloatArray:
     """Return ranges weighted from `edge_weight` at the widest bearing to 1 straight ahead: equal ranges go straight."""
-    widest = float(np.max(np.abs(bearings), initial=0.0))
-    if widest == 0.0:
-        return ranges.copy()
-    return ranges * (1.0 - (1.0 - edge_weight) * np.abs(bearings) / widest)
+    result = ranges.copy()
+    widest = max(abs(bearings[0]), abs(bearings[-1])) if len(bearings) > 0 else 0.0
+    if widest > 0.0:
+        for beam in range(len(ranges)):
+            result[beam] *= 1.0 - (1.0 - edge_weight) * abs(bearings[beam]) / widest
+    return result
 
 
-def field_of_view(bearings: FloatArray, width: float) -> slice:
-    """Return the beams within half of `width` [rad] to either side of straight ahead."""
-    first, last = np.searchsorted(bearings, (-0.5 * width - 1e-9, 0.5 * width + 1e-9))
-    return slice(int(first), int(last))
+@kernel
+def field_of_view(bearings: FloatArray, width: float) -> tuple[int, int]:
+    """Return the beams within half of `width` [rad] to either side of straight ahead: first, and last + 1."""
+    half = 0.5 * width + 1e-9
+    first, end = 0, len(bearings)
+    while first < end and bearings[first] < -half:
+        first += 1
+    while end > first and bearings[end - 1] >= half:
+        end -= 1
+    return first, end

@@ -11,9 +11,11 @@ What loads slowly (trimesh, embreex, matplotlib) is imported where it is used.
 from importlib.metadata import version as _version
 
 from .car import Car, car_parameters, car_spec
+from .car_changes import CarChanges
 from .controller_loading import controller_names, make_controller
 from .errors import (
     ControllerError,
+    EngineError,
     FgMujocoError,
     MessageError,
     MissingExtraError,
@@ -30,7 +32,11 @@ from .obstacles import Box, Cylinder
 from .plots import trace_picture, track_picture
 from .race import RaceProgress, race
 from .race_result import TELEMETRY, RaceResult
+from .randomization import Choice, Randomization, Uniform
 from .recording import ReplayReport, Run, check_run_folder, read_run, replay, write_run
+from .rollout_result import RolloutResult, read_rollout
+from .rollouts import RolloutProgress, rollout
+from .scenario import Scenario, Start
 from .simulation import Simulation
 from .tire_slip import SLIDING_SPEED, TireSlip, TireSlipMeter
 from .track import Track
@@ -47,11 +53,14 @@ __all__ = [
     "Beams",
     "Box",
     "Car",
+    "CarChanges",
     "CarParameters",
+    "Choice",
     "Controller",
     "ControllerError",
     "Cylinder",
     "DriveCommand",
+    "EngineError",
     "FgMujocoError",
     "GeneratorSettings",
     "LapTimer",
@@ -64,17 +73,23 @@ __all__ = [
     "Odometry",
     "RaceProgress",
     "RaceResult",
+    "Randomization",
     "RangefinderLidar",
     "RaycastLidar",
     "ReplayReport",
+    "RolloutProgress",
+    "RolloutResult",
     "Run",
     "RunFolderError",
+    "Scenario",
     "SettingsError",
     "Simulation",
+    "Start",
     "TireSlip",
     "TireSlipMeter",
     "Track",
     "TrackError",
+    "Uniform",
     "World",
     "__version__",
     "car_parameters",
@@ -88,8 +103,10 @@ __all__ = [
     "make_lidar",
     "race",
     "read_centreline",
+    "read_rollout",
     "read_run",
     "replay",
+    "rollout",
     "trace_picture",
     "track_names",
     "track_picture",

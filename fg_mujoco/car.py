@@ -13,8 +13,9 @@ from importlib.resources import as_file, files
 import mujoco
 import numpy as np
 
+from . import car_motion
 from .errors import ModelError, SettingsError
-from .messages import CarParameters, DriveCommand, Odometry
+from .messages import ODOMETRY, CarParameters, DriveCommand, Odometry
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 """Order of everything that is one per wheel."""
@@ -33,9 +34,8 @@ def car_spec(mu: float | None = None) -> mujoco.MjSpec:
     with as_file(files("fg_mujoco.models") / "f1tenth.xml") as path:
         spec = mujoco.MjSpec.from_file(str(path))
     if mu is not None:
-        for wheel in WHEELS:
-            friction = spec.geom(f"{wheel}_tire").friction
-            spec.geom(f"{wheel}_tire").friction = [mu, *friction[1:]]
+        for pair in spec.pairs:  # a tire and the ground
+            pair.friction = [mu, mu, *pair.friction[2:]]
     return spec
 
 
@@ -85,10 +85,13 @@ def car_parameters(model: mujoco.MjModel, prefix: str = "") -> CarParameters:
     lever = positions[:, :2] - center_of_gravity[:2]
     yaw_inertia = float(own_inertia.sum() + masses @ (lever**2).sum(axis=1))
 
+    ground = element_id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{prefix}ground")
+    over_ground = float((origin - data.geom_xpos[ground]) @ axes[:, 2])
     wheels = [element_id(model, mujoco.mjtObj.mjOBJ_BODY, f"{prefix}{wheel}_wheel") for wheel in WHEELS]
     front_left, front_right, rear_left, _ = (data.xpos[wheels] - origin) @ axes
-    tire = element_id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{prefix}front_left_tire")
-    wheel_radius = float(model.geom_size[tire, 0])
+    drivetrain = element_id(model, mujoco.mjtObj.mjOBJ_TENDON, f"{prefix}drive")
+    wraps = slice(model.tendon_adr[drivetrain], model.tendon_adr[drivetrain] + model.tendon_num[drivetrain])
+    wheel_radius = float(model.wrap_prm[wraps].sum())  # that they roll on
     chassis = element_id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{prefix}chassis")
     half_length, half_width = (float(half) for half in model.geom_size[chassis, :2])
 
@@ -111,7 +114,7 @@ def car_parameters(model: mujoco.MjModel, prefix: str = "") -> CarParameters:
         mass=mass,
         front_axle_distance=float(front_left[0] - center_of_gravity[0]),
         rear_axle_distance=float(center_of_gravity[0] - rear_left[0]),
-        center_of_gravity_height=float(center_of_gravity[2] - rear_left[2]) + wheel_radius,
+        center_of_gravity_height=float(center_of_gravity[2]) + over_ground,
         yaw_inertia=yaw_inertia,
         wheel_radius=wheel_radius,
         max_steering_angle=float(model.actuator_ctrlrange[steering, 1]),
@@ -129,6 +132,12 @@ def car_parameters(model: mujoco.MjModel, prefix: str = "") -> CarParameters:
 class Car:
     """One car in a compiled model: reads its sensors, places it and drives it.
 
+    Attributes:
+      parameters: what a planner is told of it.
+      mu: friction coefficient of the tires [-].
+      chassis_contact: where in sensordata the chassis' contact is.
+      constants: where it is in the model and its limits, for kernels, (1,) of car_motion.CAR.
+
     Raises:
       ModelError: the model does not hold the car under this prefix.
     """
@@ -136,8 +145,8 @@ class Car:
     def __init__(self, model: mujoco.MjModel, prefix: str = "") -> None:
         self.parameters = car_parameters(model, prefix)
         self.prefix = prefix
-        tire = element_id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{prefix}{WHEELS[0]}_tire")
-        self.mu = float(model.geom_friction[tire, 0])  # [-] of the tires
+        pair = element_id(model, mujoco.mjtObj.mjOBJ_PAIR, f"{prefix}{WHEELS[0]}_tire")
+        self.mu = float(model.pair_friction[pair, 0])  # [-] of the tires
         self._model = model
         joints = mujoco.mjtObj.mjOBJ_JOINT
         base = element_id(model, joints, f"{prefix}base_link")
@@ -152,39 +161,44 @@ class Car:
         actuators = mujoco.mjtObj.mjOBJ_ACTUATOR
         self._steering_ctrl = element_id(model, actuators, f"{prefix}steering")
         self._speed_ctrl = element_id(model, actuators, f"{prefix}speed")
-
-        self._steering_sensor = sensor_slice(model, f"{prefix}steering_angle").start
-        self._gyro = sensor_slice(model, f"{prefix}gyro")
-        self._accelerometer = sensor_slice(model, f"{prefix}accelerometer")
-        self._wheel_sensors = np.array([sensor_slice(model, f"{prefix}{wheel}_wheel_speed").start for wheel in WHEELS])
-        self._chassis_contact = sensor_slice(model, f"{prefix}chassis_contact").start
+        self.chassis_contact = sensor_slice(model, f"{prefix}chassis_contact").start
+        constants = np.zeros(1, car_motion.CAR)
+        constants["free_qpos"], constants["free_dof"] = self._free_qpos, self._free_dof
+        constants["steering_qpos"] = model.jnt_qposadr[element_id(model, joints, f"{prefix}steering")]
+        constants["wheel_dofs"] = self._wheel_dofs
+        constants["accelerometer"] = sensor_slice(model, f"{prefix}accelerometer").start
+        constants["steering_ctrl"], constants["speed_ctrl"] = self._steering_ctrl, self._speed_ctrl
+        for name in ("wheel_radius", "max_steering_angle", "min_speed", "max_speed", "max_acceleration",
+                     "power_limit_speed", "speed_time_constant"):  # fmt: skip
+            constants[name] = getattr(self.parameters, name)
+        constants.flags.writeable = False
+        self.constants = constants
+        self._row = np.zeros(1, ODOMETRY)
+        self._values = self._row.view(np.float64)  # of the row, quicker to read
 
     def odometry(self, data: mujoco.MjData) -> Odometry:
-        """Read the wheel encoders, the steering sensor and the IMU, as of the last sensor update.
+        """Read the wheel encoders, the steering sensor and the gyro at the present state, and the accelerometer.
 
-        After `mj_step` that is the start of the step: sensors lag by one time step. The acceleration is the CoG's.
+        The accelerometer, in the CoG, is that of the last physics step: of the state at its start.
         """
-        readings = data.sensordata
-        wheel_speeds = readings[self._wheel_sensors] * self.parameters.wheel_radius
+        car_motion.read_odometry(data.time, data.qpos, data.qvel, data.sensordata, self.constants, self._row)
+        values = self._values
         return Odometry(
-            stamp=data.time,
-            speed=float(wheel_speeds.mean()),
-            steering_angle=float(readings[self._steering_sensor]),
-            angular_velocity=readings[self._gyro],
-            linear_acceleration=readings[self._accelerometer],
-            wheel_speeds=wheel_speeds,
+            stamp=values.item(0),
+            speed=values.item(1),
+            steering_angle=values.item(2),
+            angular_velocity=values[3:6],
+            linear_acceleration=values[6:9],
+            wheel_speeds=values[9:],
         )
 
     def pose(self, data: mujoco.MjData) -> tuple[float, float, float]:
         """Return x [m], y [m] and heading [rad] of `base_link` in the world."""
-        x, y, _, qw, qx, qy, qz = data.qpos[self._free_qpos : self._free_qpos + 7].tolist()
-        return x, y, math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+        return car_motion.planar_pose(data.qpos, self.constants)
 
     def ground_speed(self, data: mujoco.MjData) -> float:
         """Return the true speed of `base_link` along its heading [m/s], forward positive."""
-        heading = self.pose(data)[2]
-        vx, vy = data.qvel[self._free_dof : self._free_dof + 2].tolist()
-        return float(vx * math.cos(heading) + vy * math.sin(heading))
+        return car_motion.ground_speed(data.qpos, data.qvel, self.constants)
 
     def set_pose(self, data: mujoco.MjData, x: float, y: float, heading: float, speed: float = 0.0) -> None:
         """Place the car at rest on its springs, wheels straight and rolling at `speed` [m/s]; update the sensors.
@@ -204,32 +218,19 @@ class Car:
         mujoco.mj_forward(self._model, data)
 
     def limit_speed_command(self, speed_command: float, speed: float) -> float:
-        """Return the set point [m/s] that asks for no more than the motor's power gives at `speed` [m/s].
-
-        Above `power_limit_speed` the acceleration falls as power_limit_speed / speed (f1tenth_gym, CommonRoad); the
-        force range in the MJCF cannot say that. Braking is not limited: it keeps the full force range.
-        """
-        limits = self.parameters
-        if abs(speed) <= limits.power_limit_speed:
-            return speed_command
-        reach = limits.max_acceleration * limits.power_limit_speed / abs(speed) * limits.speed_time_constant
-        return min(speed_command, speed + reach) if speed > 0.0 else max(speed_command, speed - reach)
+        """Return the set point [m/s] that asks for no more than the motor's power gives at `speed` [m/s]."""
+        return car_motion.limit_speed_command(speed_command, speed, self.constants)
 
     def apply(self, data: mujoco.MjData, command: DriveCommand) -> None:
         """Write a command to the actuators, held within their limits and the motor's power."""
-        limits = self.parameters
-        steering = min(max(command.steering_angle, -limits.max_steering_angle), limits.max_steering_angle)
-        speed_command = min(max(command.speed, limits.min_speed), limits.max_speed)
-        surface_speed = float(data.qvel[self._wheel_dofs].mean()) * limits.wheel_radius
-        data.ctrl[self._steering_ctrl] = steering
-        data.ctrl[self._speed_ctrl] = self.limit_speed_command(speed_command, surface_speed)
+        car_motion.drive(data.qvel, command.steering_angle, command.speed, self.constants, data.ctrl)
 
     def crashed(self, data: mujoco.MjData) -> bool:
         """Say whether the chassis touched a wall, an obstacle or another car, as of the last sensor update."""
-        return bool(data.sensordata[self._chassis_contact] > 0.0)
+        return bool(data.sensordata[self.chassis_contact] > 0.0)
 
 
 @lru_cache(maxsize=1)
 def nominal_mu() -> float:
     """Return the tires' friction coefficient as the car's MJCF has it [-]."""
-    return float(car_spec().geom(f"{WHEELS[0]}_tire").friction[0])
+    return float(car_spec().pairs[0].friction[0])

@@ -1,4 +1,4 @@
-"""The command `fg-mujoco`: race, replay, make and show tracks.
+"""The command `fg-mujoco`: race, replay, make and show tracks; `rollout` is in rollout_cli.
 
 Exit codes: 0 all went well, 1 a race that was not driven to its end or a replay that differs, 2 input that cannot be
 used (one line on stderr, nothing written).
@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import io
-import math
 import os
 import signal
 import sys
@@ -19,6 +18,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from . import __version__
+from .cli_options import ProgressLine, number, number_or_off, whole
 from .controller_loading import controller_names
 from .errors import FgMujocoError, MissingExtraError, SettingsError
 from .lidar import LIDAR_BACKENDS
@@ -27,11 +27,11 @@ from .plots import describe_track, require_matplotlib, track_picture
 from .race import RaceProgress, race
 from .race_result import RaceResult
 from .recording import check_run_folder, replay, summary_json, write_run
+from .rollout_cli import add_rollout
 from .tire_slip import SLIDING_SPEED
 from .track_formats import load_track, track_names, write_centreline
 
 _DONE, _NOT_DONE, _BAD_INPUT, _INTERRUPTED = 0, 1, 2, 130  # 130 is what shells call a command ended by Ctrl-C
-_REDRAW = 0.1  # [s] of wall time between two lines of progress
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -80,6 +80,7 @@ def _parser() -> argparse.ArgumentParser:
     _add(tracks, "list", _track_list, "list the bundled tracks")
 
     _add(commands, "controllers", _controllers, "list the bundled controllers")
+    add_rollout(_add, commands)
     return parser
 
 
@@ -94,20 +95,20 @@ def _add_race(commands: Any) -> None:
     add = command.add_argument
     add("--track", default="oval", help="NAME, random:SEED or file.csv; default: oval; names: track list")
     add("--controller", default="gap_finder", help="NAME or path/to/file.py:ClassName; default: gap_finder")
-    add("--laps", type=_whole, default=5, metavar="N", help="default: 5")
-    add("--mu", type=_number, metavar="MU", help="friction coefficient of the tires; default: as in the car's MJCF")
+    add("--laps", type=whole, default=5, metavar="N", help="default: 5")
+    add("--mu", type=number, metavar="MU", help="friction coefficient of the tires; default: as in the car's MJCF")
     add(
-        "--planner-mu", type=_number_or_off, metavar="MU",
+        "--planner-mu", type=number_or_off, metavar="MU",
         help="what the planner believes mu is; off: no friction limits; default: as in the car's MJCF",
     )  # fmt: skip
-    add("--max-speed", type=_number, default=8.0, metavar="M/S", help="that the planner may ask for; default: 8")
+    add("--max-speed", type=number, default=8.0, metavar="M/S", help="that the planner may ask for; default: 8")
     add("--lidar", default="raycast", metavar="NAME", help=f"{' or '.join(LIDAR_BACKENDS)}; default: raycast")
-    add("--lidar-noise", type=_number, default=0.0, metavar="M", help="standard deviation of each range")
-    add("--lidar-dropout", type=_number, default=0.0, metavar="P", help="probability that a beam fails")
-    add("--lidar-latency", type=_number, default=0.0, metavar="S", help="from measurement to delivery")
+    add("--lidar-noise", type=number, default=0.0, metavar="M", help="standard deviation of each range")
+    add("--lidar-dropout", type=number, default=0.0, metavar="P", help="probability that a beam fails")
+    add("--lidar-latency", type=number, default=0.0, metavar="S", help="from measurement to delivery")
     add("--motion-distortion", action="store_true", help="each beam from the pose at its own time in the sweep")
-    add("--seed", type=_whole, default=0, metavar="N", help="of noise and dropouts; default: 0")
-    add("--time-limit", type=_number, metavar="S", help="of simulated time; default: what a car of 0.5 m/s needs")
+    add("--seed", type=whole, default=0, metavar="N", help="of noise and dropouts; default: 0")
+    add("--time-limit", type=number, metavar="S", help="of simulated time; default: what a car of 0.5 m/s needs")
     add("--out", metavar="DIR", help="write a run folder here; it must be new or empty")
     add("--json", action="store_true", help="print one JSON object and nothing else")
 
@@ -159,8 +160,8 @@ class _Watcher:
     """
 
     def __init__(self, *, show: bool) -> None:
-        self._show = show
-        self._started = self._shown = time.perf_counter()
+        self._line = ProgressLine(show=show)
+        self._started = time.perf_counter()
         self._interrupted = False
 
     def __enter__(self) -> _Watcher:
@@ -169,8 +170,7 @@ class _Watcher:
 
     def __exit__(self, *exception: object) -> None:
         signal.signal(signal.SIGINT, self._before)
-        if self._show:
-            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+        self._line.clear()
 
     def _interrupt(self, *signal_and_frame: object) -> None:
         self._interrupted = True
@@ -179,15 +179,12 @@ class _Watcher:
     def __call__(self, progress: RaceProgress) -> None:
         if self._interrupted:
             raise KeyboardInterrupt
-        now = time.perf_counter()
-        if self._show and now - self._shown >= _REDRAW:
-            self._shown = now
+        if self._line.due:
             lap = min(progress.laps_completed + 1, progress.laps_requested)
-            print(
-                f"\r\x1b[Klap {lap}/{progress.laps_requested}  {progress.time:6.1f} s  {progress.speed:5.2f} m/s  "
-                f"{progress.time / (now - self._started):.0f} x real time",
-                end="", file=sys.stderr, flush=True,
-            )  # fmt: skip
+            self._line.write(
+                f"lap {lap}/{progress.laps_requested}  {progress.time:6.1f} s  {progress.speed:5.2f} m/s  "
+                f"{progress.time / (time.perf_counter() - self._started):.0f} x real time"
+            )
 
 
 def _table(result: RaceResult, out: str | None) -> str:
@@ -246,26 +243,3 @@ def _track_list(options: argparse.Namespace) -> int:
 def _controllers(options: argparse.Namespace) -> int:
     print("\n".join(controller_names()))
     return _DONE
-
-
-def _whole(text: str) -> int:
-    try:
-        return int(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r}; accepted: a whole number") from None
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r}; accepted: a number") from None
-
-
-def _number_or_off(text: str) -> float:
-    if text == "off":
-        return math.inf
-    try:
-        return float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r}; accepted: a number, or off") from None

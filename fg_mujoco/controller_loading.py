@@ -1,10 +1,15 @@
-"""Finds a planner by name or in a file, builds it, and holds it to its contract."""
+"""Finds a planner by name or in a file, builds it, and holds it to its contract.
+
+A planner with settings names their dataclass as class attribute `Settings`, and its constructor takes `settings`.
+"""
 
 from __future__ import annotations
 
 import importlib
 import inspect
 import sys
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -18,29 +23,65 @@ def controller_names() -> tuple[str, ...]:
     return tuple(sorted(_catalogue()))
 
 
-def make_controller(source: str | Controller, *, car: CarParameters, mu: float, max_speed: float) -> Controller:
-    """Return a controller, built with those of `car`, `mu` and `max_speed` that its constructor names.
+def make_controller(
+    source: str | Controller,
+    *,
+    car: CarParameters,
+    mu: float,
+    max_speed: float,
+    settings: Mapping[str, Any] | None = None,
+) -> Controller:
+    """Return a controller, built with those of `car`, `mu`, `max_speed` and `settings` that its constructor names.
 
     Args:
       source: a bundled name, `path/to/file.py:ClassName`, or a controller, which is taken as it is.
       car: parameters of the car.
       mu: friction coefficient that the controller is to believe in; inf switches its friction limits off.
       max_speed: fastest that it may command [m/s].
+      settings: those of its settings that are to differ from its own, by name.
 
     Raises:
-      ControllerError: an unknown name, a file or class that cannot be loaded, or an object that is no controller.
+      ControllerError: an unknown name, a file or class that cannot be loaded, settings that it has not or cannot
+        have, or an object that is no controller.
     """
     if not isinstance(source, str):
-        return _checked(source, f"controller {type(source).__name__}")
+        origin = f"controller {type(source).__name__}"
+        if settings:
+            raise ControllerError(f"{origin} is made already; accepted: settings only for one that is yet to be built")
+        return _checked(source, origin)
+    return build_controller(find_controller(source), source, car=car, mu=mu, max_speed=max_speed, settings=settings)
+
+
+def find_controller(source: str) -> Any:
+    """Return the class of a bundled controller, or of one in a file, which is read afresh.
+
+    Raises:
+      ControllerError: an unknown name, or a file or class that cannot be loaded.
+    """
+    return _find_class(source, f"controller {source!r}")
+
+
+def build_controller(
+    factory: Any,
+    source: str,
+    *,
+    car: CarParameters,
+    mu: float,
+    max_speed: float,
+    settings: Mapping[str, Any] | None = None,
+) -> Controller:
+    """Return a controller of the class that `find_controller(source)` returned; otherwise as `make_controller`."""
     origin = f"controller {source!r}"
-    factory = _find_class(source, origin)
     offered: dict[str, Any] = {"car": car, "mu": mu, "max_speed": max_speed}
     try:
         parameters = inspect.signature(factory).parameters.values()
     except ValueError as error:
         raise ControllerError(f"{origin} cannot be built: {_one_line(error)}") from error
     wanted = [p.name for p in parameters if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)]
-    unknown = [p.name for p in parameters if p.name in wanted and p.name not in offered and p.default is p.empty]
+    required = [p.name for p in parameters if p.name in wanted and p.default is p.empty]
+    if settings or ("settings" in required and hasattr(factory, "Settings")):
+        offered["settings"] = _settings(factory, settings or {}, origin, taken="settings" in wanted)
+    unknown = [name for name in required if name not in offered]
     if unknown:
         raise ControllerError(f"{origin} wants {', '.join(unknown)}; a constructor may name {', '.join(offered)}")
     try:
@@ -80,6 +121,39 @@ def plan(controller: Controller, scan: LaserScan, odometry: Odometry) -> DriveCo
             f"controller {name} answered {_short(command)} at t = {scan.stamp:.3f} s; accepted: a DriveCommand"
         )
     return command
+
+
+def _settings(factory: Any, changes: Mapping[str, Any], origin: str, *, taken: bool) -> Any:
+    """Return the settings of a controller's class with some of them changed."""
+    kind = getattr(factory, "Settings", None)
+    if not taken or not isinstance(kind, type) or not is_dataclass(kind):
+        raise ControllerError(
+            f"{origin} has no settings, such as {', '.join(changes)}; accepted: a class that names a dataclass as its "
+            "attribute Settings and takes `settings`"
+        )
+    defaults = {field.name: field.default for field in fields(kind) if field.init}
+    for name, value in changes.items():
+        if name not in defaults:
+            raise ControllerError(f"{origin} has no setting {name!r}; accepted: {', '.join(defaults)}")
+        accepted = _like(defaults[name], value)
+        if accepted:
+            raise ControllerError(f"{origin}: setting {name} is {_short(value)}; accepted: {accepted}")
+    try:
+        return kind(**changes)
+    except (Exception, SystemExit) as error:
+        given = ", ".join(f"{name}={value!r}" for name, value in changes.items())
+        raise ControllerError(f"{origin} cannot have settings {_short_text(given)}: {_one_line(error)}") from error
+
+
+def _like(default: Any, value: Any) -> str:
+    """Return what a value should be to be of the kind of a default; nothing where it is, or the kind is another."""
+    if isinstance(default, bool):
+        return "" if isinstance(value, bool) else "True, False"
+    if isinstance(default, int):
+        return "" if isinstance(value, int) and not isinstance(value, bool) else "a whole number"
+    if isinstance(default, float):
+        return "" if isinstance(value, (int, float)) and not isinstance(value, bool) else "a number"
+    return ""
 
 
 def _catalogue() -> dict[str, str]:
@@ -132,5 +206,9 @@ def _one_line(error: BaseException) -> str:
 
 
 def _short(value: object) -> str:
-    text = " ".join(repr(value).split())
+    return _short_text(repr(value))
+
+
+def _short_text(text: str) -> str:
+    text = " ".join(text.split())
     return text if len(text) <= 60 else text[:57] + "..."

@@ -31,3 +31,7 @@ class RunFolderError(FgMujocoError, OSError):
 
 class MissingExtraError(FgMujocoError, ImportError):
     """An optional part that is not installed; the message is the command that installs it."""
+
+
+class EngineError(FgMujocoError, RuntimeError):
+    """A cluster that cannot be reached, or that lost what it was given."""

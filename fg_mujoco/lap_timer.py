@@ -10,12 +10,38 @@ The line is where the car is first seen.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import NDArray
 
-from .track import Track
+from .kernels import kernel
+from .messages import FloatArray
+from .track import Track, follow
 
 STANDSTILL = 0.1  # [m] progress below this is standing still: a car that pushes against a wall still creeps
+
+LAP_TIMER = np.dtype(
+    [
+        ("place", np.float64),  # [m] where on the line the car was last; NaN before the first update
+        ("progress", np.float64),  # [m] driven along the centreline since the first update, backward negative
+        ("offset", np.float64),  # [m] from the centreline, left positive
+        ("time", np.float64),  # [s] of the last update
+        ("lap_start", np.float64),  # [s]
+        ("mark", np.float64),  # [m] greatest progress at `last_progress_time`
+        ("last_progress_time", np.float64),  # [s] when the greatest progress last grew by STANDSTILL
+        ("laps_completed", np.int64),
+    ]
+)
+"""What a lap timer remembers of one car."""
+
+
+def fresh_timers(count: int) -> NDArray[np.void]:
+    """Return the memory of lap timers that have not seen their cars yet. Shape (count,) of LAP_TIMER."""
+    timers = np.zeros(count, LAP_TIMER)
+    for name in ("place", "offset", "time", "lap_start", "last_progress_time"):
+        timers[name] = math.nan
+    return timers
 
 
 class LapTimer:
@@ -25,10 +51,7 @@ class LapTimer:
     the line and coming back counts nothing twice. The time of crossing is interpolated between updates.
 
     Attributes:
-      progress: driven along the centreline since the first update, backward negative [m].
-      offset: from the centreline, left positive [m].
-      lap_times: of the laps completed [s].
-      last_progress_time: when the greatest progress last grew by `STANDSTILL` [s]; NaN before the first update.
+      memory: what it remembers, (1,) of LAP_TIMER.
     """
 
     def __init__(self, track: Track) -> None:
@@ -37,43 +60,91 @@ class LapTimer:
 
     def reset(self) -> None:
         """Forget the car; the next update is its start."""
-        self.progress = 0.0
-        self.offset = math.nan
-        self.lap_times: tuple[float, ...] = ()
-        self.last_progress_time = math.nan
-        self._time = math.nan
-        self._lap_start = math.nan
-        self._place: float | None = None  # [m] where on the line the car was last
-        self._mark = 0.0  # [m] greatest progress at `last_progress_time`
+        self.memory = fresh_timers(1)
+        self._laps_completed = self.memory["laps_completed"]
+        self._lap_times = np.empty((1, 8))
+        self._seen = False
+
+    @property
+    def progress(self) -> float:
+        """Driven along the centreline since the first update, backward negative [m]."""
+        return float(self.memory["progress"][0])
+
+    @property
+    def offset(self) -> float:
+        """From the centreline, left positive [m]; NaN before the first update."""
+        return float(self.memory["offset"][0])
+
+    @property
+    def last_progress_time(self) -> float:
+        """When the greatest progress last grew by STANDSTILL [s]; NaN before the first update."""
+        return float(self.memory["last_progress_time"][0])
 
     @property
     def laps_completed(self) -> int:
         """Number of laps completed."""
-        return len(self.lap_times)
+        return int(self._laps_completed[0])
 
-    def update(self, time: float, position: ArrayLike) -> int:
+    @property
+    def lap_times(self) -> tuple[float, ...]:
+        """Times of the laps completed [s]."""
+        return tuple(self._lap_times[0, : self.laps_completed].tolist())
+
+    def update(self, time: float, position: Sequence[float]) -> int:
         """Take the car's position at a time, and answer the number of laps completed.
 
         Args:
           time: not before that of the last update [s].
           position: of the car, x and y [m]; at most half a lap from the last one along the line.
         """
-        s, offset = self._track.project(position, near=self._place)
-        place, self.offset = float(s[0]), float(offset[0])
-        if self._place is None:
-            self._lap_start = self.last_progress_time = time
-        else:
-            self._advance(time, math.remainder(place - self._place, self._track.length))
-        self._place, self._time = place, time
+        x, y = position
+        laps = self.laps_completed
+        if not self._seen:
+            self.memory["place"] = self._track.project((x, y))[0]
+            self._seen = True
+        if laps >= self._lap_times.shape[1] - 1:
+            self._lap_times = np.concatenate((self._lap_times, np.empty_like(self._lap_times)), axis=1)
+        time_lap(self.memory, 0, self._lap_times, time, x, y, self._track.table, self._track.length)
         return self.laps_completed
 
-    def _advance(self, time: float, distance: float) -> None:
-        before, self.progress = self.progress, self.progress + distance
-        line = (self.laps_completed + 1) * self._track.length
-        while self.progress >= line:
-            crossed = self._time + (time - self._time) * (line - before) / distance
-            self.lap_times = (*self.lap_times, crossed - self._lap_start)
-            self._lap_start = crossed
-            line += self._track.length
-        if self.progress >= self._mark + STANDSTILL:
-            self._mark, self.last_progress_time = self.progress, time
+
+@kernel
+def time_lap(
+    timers: NDArray[np.void],
+    i: int,
+    lap_times: FloatArray,
+    time: float,
+    x: float,
+    y: float,
+    table: FloatArray,
+    length: float,
+) -> None:
+    """Give one of some timers the position of its car.
+
+    Args:
+      timers: (n,) of LAP_TIMER, written to. Before the first update `place` must be the car's progress on the line.
+      i: which of them.
+      lap_times: (n, at least one more than completed) [s], written to.
+      time: of the update [s].
+      x: position of the car [m].
+      y: [m].
+      table: of the track, `Track.table`.
+      length: of the track [m].
+    """
+    timer = timers[i]
+    before = timer.progress
+    place, timer.offset = follow(x, y, timer.place, table, length)
+    if math.isnan(timer.time):
+        timer.lap_start = timer.last_progress_time = time
+    else:
+        distance = (place - timer.place + 0.5 * length) % length - 0.5 * length
+        timer.progress = before + distance
+        while timer.laps_completed < lap_times.shape[1] and timer.progress >= (timer.laps_completed + 1) * length:
+            line = (timer.laps_completed + 1) * length
+            crossed = timer.time + (time - timer.time) * (line - before) / distance
+            lap_times[i, timer.laps_completed] = crossed - timer.lap_start
+            timer.lap_start = crossed
+            timer.laps_completed += 1
+        if timer.progress >= timer.mark + STANDSTILL:
+            timer.mark, timer.last_progress_time = timer.progress, time
+    timer.place, timer.time = place, time

@@ -4,24 +4,31 @@
     mujoco.mj_forward(model, data)
     scan = lidar.beams.to_scan(lidar.ranges(data), stamp=data.time)
 
-`rangefinder` reads MuJoCo's own sensors, `raycast` asks Embree: the same beams through the same world in 3D, the same
-distances to float64 rounding, several times faster (benchmarks/lidar_backends.py). Both read the body poses of `data`,
-so mj_kinematics (or mj_forward, which has it) must have run at the present state; mj_step leaves them a step behind.
+`rangefinder` reads MuJoCo's own sensors, `raycast` draws the scan as a picture (fan_caster.py): the same beams through
+the same world in 3D, the same distances to float64 rounding, some 80 times as fast (benchmarks/lidar_backends.py).
+
+`rangefinder` reads the body poses of `data`, so mj_kinematics (or mj_forward, which has it) must have run at the
+present state; mj_step leaves them a step behind. `raycast` needs that only for what hangs on hinges and slides: the
+poses of free and mocap bodies, and of what is fixed to them, as a LiDAR to its car, it reads off the state itself.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from importlib.resources import files
 from typing import Any, Protocol
 
 import mujoco
 import numpy as np
 
+from .body_poses import BodyPoses, PoseArrays, StateArrays, read_poses, state_arrays
 from .errors import ModelError, SettingsError
-from .messages import FloatArray, LaserScan, read_only
+from .fan_caster import scan
+from .fan_scene import Fan, FanScene, Scratch, is_fan
+from .kernels import kernel
+from .messages import FloatArray, LaserScan, ScanGeometry, read_only
 from .ray_scene import RayScene
 
 LIDAR_BODY = "hokuyo"
@@ -58,6 +65,19 @@ class Beams:
         readings = np.where(distances < self.range_max, distances, math.inf)
         readings[distances < self.range_min] = -math.inf
         return readings
+
+    @cached_property
+    def geometry(self) -> ScanGeometry:
+        """What all scans along these beams have in common."""
+        return ScanGeometry(
+            angle_min=self.angle_min,
+            angle_max=self.angle_max,
+            angle_increment=self.angle_increment,
+            range_min=self.range_min,
+            range_max=self.range_max,
+            scan_time=self.period,
+            bearings=self.to_scan(np.zeros(len(self.bearings)), 0.0).bearings,
+        )
 
     def to_scan(self, ranges: FloatArray, stamp: float, *, no_return: str = "inf", swept: bool = False) -> LaserScan:
         """Return the scan message of one sweep.
@@ -185,9 +205,17 @@ class RangefinderLidar:
 
 
 class RaycastLidar:
-    """Embree's rays through the visible geoms of the model, except those of the car that carries the LiDAR.
+    """The visible geoms of the model, except those of the car that carries the LiDAR, drawn into the beams.
 
-    The sites and sensors of the rangefinders need not be in the model: `lidar_spec(sensors=False)`.
+    That takes beams that leave one point in one plane, as those of models/hokuyo_ust10lx.xml. Any others, and the
+    beams of a LiDAR that moves during its sweep, are cast as single rays by Embree. The sites and sensors of the
+    rangefinders need not be in the model: `lidar_spec(sensors=False)`. One object serves one thread.
+
+    Attributes:
+      beams: the Beams.
+      model: the compiled mujoco.MjModel.
+      body: id of the LiDAR's body.
+      mount: how the LiDAR is fixed to the body of a free joint; None where it is not.
 
     Raises:
       ModelError: no LiDAR under this prefix, or a visible geom that is neither mesh, box nor plane.
@@ -197,17 +225,21 @@ class RaycastLidar:
         self.beams = load_beams()
         self.model = model
         self.body = _lidar_body(model, prefix)
-        self._scene = RayScene(model, carrier=self.body, reach=self.beams.range_max)
-        self._directions = np.empty_like(self.beams.directions)
-        self._origins = np.empty_like(self.beams.origins)
+        self.scene = FanScene(model, self.beams, self.body)
+        self._poses = BodyPoses(model, (self.body, *self.scene.moving))
+        self.mount = self._poses.mount(0)
+        self._is_fan = is_fan(self.beams)
+        self._fan, self._scratch = tuple(self.scene.arrays), tuple(self.scene.scratch())
 
     def ranges(self, data: Any) -> FloatArray:
         """Return the readings at the present state of `data`, all beams at once. Shape (n,) [m]."""
-        to_body = data.xmat[self.body].reshape(3, 3).T
-        np.matmul(self.beams.directions, to_body, out=self._directions)
-        np.matmul(self.beams.origins, to_body, out=self._origins)
-        self._origins += data.xpos[self.body]
-        return self.cast(data, self._origins, self._directions)
+        if self._is_fan:
+            readings = np.empty(len(self.beams.bearings))
+            _scan_state(self._fan, self._poses.arrays, state_arrays(data), self._scratch, readings)
+            return readings
+        self._poses.read(data)
+        position, to_body = self._poses.positions[0], self._poses.rotations[0].T
+        return self.cast(data, position + self.beams.origins @ to_body, self.beams.directions @ to_body)
 
     def cast(self, data: Any, origins: FloatArray, directions: FloatArray) -> FloatArray:
         """Return the readings along any rays. Shape (n,) [m].
@@ -217,7 +249,21 @@ class RaycastLidar:
           origins: (n, 3) [m], world frame.
           directions: (n, 3) unit vectors, world frame.
         """
-        return self.beams.readings(self._scene.distances(data, origins, directions))
+        return self.beams.readings(self._rays.distances(data, origins, directions))
+
+    @cached_property
+    def _rays(self) -> RayScene:
+        return RayScene(self.model, carrier=self.body, reach=self.beams.range_max)
+
+
+@kernel
+def _scan_state(
+    fan: tuple[Any, ...], poses: PoseArrays, state: StateArrays, scratch: tuple[Any, ...], out: FloatArray
+) -> None:
+    """Write the readings at a state. Plain tuples: numba takes named ones over from Python at twice the cost."""
+    read_poses(poses, state)
+    positions, rotations = poses[3], poses[4]
+    scan(Fan(*fan), positions[0], rotations[0], positions[1:], rotations[1:], Scratch(*scratch), out)
 
 
 def make_lidar(backend: str, model: Any, prefix: str = "") -> Lidar:

@@ -24,7 +24,7 @@ FloatArray = NDArray[np.float64]
 def read_only(values: ArrayLike) -> FloatArray:
     """Return a read-only float copy of `values`, same shape."""
     array = np.array(values, dtype=np.float64)
-    array.flags.writeable = False
+    array.setflags(write=False)
     return array
 
 
@@ -37,6 +37,15 @@ def require(
         number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
         if not number or not holds(float(value)):
             raise error(f"{type(message).__name__}.{name} is {value!r}; accepted: {accepted}")
+
+
+def require_finite(message: object, *values: object, names: tuple[str, ...]) -> None:
+    """Raise MessageError unless all `values`, those of the fields `names` of `message`, are finite numbers.
+
+    Messages are made every tick: floats whose sum is finite are finite, which is quick to see.
+    """
+    if not ({*map(type, values)} <= {float} and math.isfinite(sum(values))):  # type: ignore[arg-type]
+        require(message, math.isfinite, "a finite number", names, MessageError)
 
 
 @lru_cache(maxsize=32)
@@ -69,8 +78,10 @@ class LaserScan:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "ranges", read_only(self.ranges))
-        finite = tuple(f.name for f in fields(self) if f.name not in ("ranges", "no_return"))
-        require(self, math.isfinite, "a finite number", finite, MessageError)
+        require_finite(
+            self, self.stamp, self.angle_min, self.angle_max, self.angle_increment, self.range_min, self.range_max,
+            self.time_increment, self.scan_time, names=_SCAN_NUMBERS,
+        )  # fmt: skip
         if self.ranges.ndim != 1:
             raise MessageError(f"LaserScan.ranges has shape {self.ranges.shape}; accepted: (n,)")
         if self.no_return not in (math.inf, self.range_max):
@@ -80,6 +91,12 @@ class LaserScan:
     def bearings(self) -> FloatArray:
         """Bearing of each beam from straight ahead, left positive. Shape (n,) [rad], read-only."""
         return _bearings(len(self.ranges), self.angle_min, self.angle_increment)
+
+
+_SCAN_NUMBERS = tuple(f.name for f in fields(LaserScan) if f.name not in ("ranges", "no_return"))
+
+
+_VECTORS = (("angular_velocity", (3,)), ("linear_acceleration", (3,)), ("wheel_speeds", (4,)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -98,11 +115,11 @@ class Odometry:
     wheel_speeds: FloatArray  # (4,) [m/s] surface speeds: front left, front right, rear left, rear right
 
     def __post_init__(self) -> None:
-        require(self, math.isfinite, "a finite number", ("stamp",), MessageError)
-        for name, count in (("angular_velocity", 3), ("linear_acceleration", 3), ("wheel_speeds", 4)):
+        require_finite(self, self.stamp, names=("stamp",))
+        for name, shape in _VECTORS:
             vector = read_only(getattr(self, name))
-            if vector.shape != (count,):
-                raise MessageError(f"Odometry.{name} has shape {vector.shape}; accepted: ({count},)")
+            if vector.shape != shape:
+                raise MessageError(f"Odometry.{name} has shape {vector.shape}; accepted: ({shape[0]},)")
             object.__setattr__(self, name, vector)
 
     @property
@@ -123,7 +140,7 @@ class DriveCommand:
     speed: float  # [m/s] forward positive
 
     def __post_init__(self) -> None:
-        require(self, math.isfinite, "a finite number", ("steering_angle", "speed"), MessageError)
+        require_finite(self, self.steering_angle, self.speed, names=("steering_angle", "speed"))
 
 
 STOP = DriveCommand(steering_angle=0.0, speed=0.0)
@@ -164,6 +181,32 @@ class CarParameters:
         require(self, lambda value: 0.0 < value < math.inf, "a positive number", positive, MessageError)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ScanGeometry:
+    """What all scans of one LiDAR have in common: everything of a LaserScan but its stamp and ranges."""
+
+    angle_min: float  # [rad]
+    angle_max: float  # [rad]
+    angle_increment: float  # [rad]
+    range_min: float  # [m]
+    range_max: float  # [m]
+    scan_time: float  # [s] from one sweep to the next
+    bearings: FloatArray  # (beams,) [rad], read-only
+
+
+ODOMETRY = np.dtype(
+    [
+        ("stamp", np.float64),
+        ("speed", np.float64),
+        ("steering_angle", np.float64),
+        ("angular_velocity", np.float64, (3,)),
+        ("linear_acceleration", np.float64, (3,)),
+        ("wheel_speeds", np.float64, (4,)),
+    ]
+)
+"""One row of the odometry of many cars; fields and units as in Odometry."""
+
+
 class Controller(Protocol):
     """A planner: called once for each scan; given the same inputs since `reset()`, it gives the same outputs."""
 
@@ -172,3 +215,32 @@ class Controller(Protocol):
 
     def reset(self) -> None:
         """Forget everything seen so far."""
+
+
+class ControllerBatch(Protocol):
+    """Many planners of one class, one for each world, decided in one compiled call.
+
+    A controller's class may offer `batch(planners)`, which returns one of these for planners in the order of their
+    worlds. Each must decide as the planner itself would, bit for bit, whatever the others see.
+    """
+
+    def __call__(
+        self,
+        geometry: ScanGeometry,
+        ranges: FloatArray,
+        odometry: NDArray[np.void],
+        running: NDArray[np.bool_],
+        commands: FloatArray,
+    ) -> None:
+        """Write the command of each running world into `commands`.
+
+        Args:
+          geometry: of the scans.
+          ranges: (n, beams) [m], as in LaserScan.
+          odometry: (n,) rows of ODOMETRY.
+          running: (n,) the worlds that still run; the others' rows are left as they are.
+          commands: (n, 2) steering angle [rad] and speed [m/s], written to.
+        """
+
+    def reset(self) -> None:
+        """Forget everything seen so far, in all worlds."""

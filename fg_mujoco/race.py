@@ -8,26 +8,25 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TypedDict
-
-import numpy as np
+from typing import Any, TypedDict
 
 from .car import nominal_mu
-from .controller_loading import make_controller, plan, start
+from .car_changes import CarChanges
+from .controller_loading import make_controller, start
 from .errors import SettingsError
 from .lap_timer import LapTimer
 from .lidar_effects import LidarEffects
-from .messages import Controller, FloatArray, require
+from .messages import Controller, require
 from .obstacles import Obstacle
-from .race_result import TELEMETRY, RaceLog, RaceResult, trajectory_sha256
+from .pilot import ArrayPilot, MessagePilot, make_pilot
+from .race_result import RaceLog, RaceResult, trajectory_sha256
+from .race_rules import END_REASONS, default_time_limit, end_reason
+from .scenario import Start
 from .simulation import Simulation
 from .track import Track
 from .world import World
-
-NO_PROGRESS_LIMIT = 10.0  # [s] a race ends when the car has not come further for this long
-_SLOWEST_RACE = 0.5  # [m/s] the default time limit is what a car as slow as this needs
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,9 +89,12 @@ def race(
     time_limit: float | None = None,
     obstacles: tuple[Obstacle, ...] = (),
     effects: LidarEffects | None = None,
+    car: CarChanges | None = None,
+    begin: Start | None = None,
+    planner_settings: Mapping[str, Any] | None = None,
     watch: Callable[[RaceProgress], None] | None = None,
 ) -> RaceResult:
-    """Race a controller round a track, from a standing start on the centreline, and return how it went.
+    """Race a controller round a track and return how it went.
 
     Args:
       track: a Track, a bundled name, `random:SEED`, or a path to a centreline CSV.
@@ -106,6 +108,9 @@ def race(
       time_limit: of simulated time [s]; None: as long as a car of 0.5 m/s needs.
       obstacles: what stands on the track.
       effects: what the LiDAR does to a scan; nothing by default.
+      car: what else differs from the car of models/f1tenth.xml.
+      begin: where and how the race starts; None: standing on the start of the centreline.
+      planner_settings: settings of the controller that differ from its own.
       watch: called once a tick.
 
     Raises:
@@ -114,17 +119,21 @@ def race(
     settings = RaceSettings(
         laps=laps, mu=mu, planner_mu=planner_mu, max_speed=max_speed, lidar=lidar, seed=seed, time_limit=time_limit
     )
-    world = World(track, mu=mu, lidar=lidar, obstacles=obstacles)
+    world = World(track, mu=mu, lidar=lidar, obstacles=obstacles, changes=car)
     believed_mu = nominal_mu() if planner_mu is None else float(planner_mu)
-    planner = make_controller(controller, car=world.car.parameters, mu=believed_mu, max_speed=max_speed)
+    planner = make_controller(
+        controller, car=world.car.parameters, mu=believed_mu, max_speed=max_speed, settings=planner_settings or {}
+    )
     start(planner)
     simulation = Simulation(world, effects=effects, seed=seed)
+    sensed = simulation.reset(**vars(begin or Start()))
+    pilot = make_pilot(planner, simulation, sensed, by_name=isinstance(controller, str))
     timer = LapTimer(world.track)
     log = RaceLog(simulation.state)
 
     started = time.perf_counter()
     try:
-        reason = _drive(simulation, planner, timer, log, settings, watch)
+        reason = _drive(simulation, pilot, timer, log, settings, watch)
     except KeyboardInterrupt:  # what was driven is kept
         reason = "interrupted"
     wall_time = time.perf_counter() - started
@@ -139,7 +148,7 @@ def race(
         end_reason=reason,
         lap_times_s=timer.lap_times[:laps],
         collisions=int(simulation.crashed),
-        **_figures(arrays["telemetry"], simulation.time, wall_time),
+        **_figures(log.tally, simulation.time, wall_time),
         seed=seed,
         mu=world.car.mu,
         planner_mu=believed_mu,
@@ -154,35 +163,29 @@ def race(
 
 def _drive(
     simulation: Simulation,
-    planner: Controller,
+    pilot: MessagePilot | ArrayPilot,
     timer: LapTimer,
     log: RaceLog,
     settings: RaceSettings,
     watch: Callable[[RaceProgress], None] | None,
 ) -> str:
     """Run the loop until the race is over and return the reason."""
-    time_limit = settings.time_limit or settings.laps * simulation.world.track.length / _SLOWEST_RACE
-    scan, odometry = simulation.reset()
+    time_limit = settings.time_limit or default_time_limit(settings.laps, simulation.world.track.length)
+    last_time = time_limit - 0.5 * simulation.period
     timer.update(simulation.time, simulation.pose[:2])
     while True:
-        reason = _end_reason(simulation, timer, settings.laps, time_limit)
+        reason = end_reason(
+            simulation.unstable, simulation.crashed, timer.laps_completed, settings.laps, simulation.time,
+            timer.last_progress_time, last_time,
+        )  # fmt: skip
         if reason:
-            return reason
-        place = (float(timer.laps_completed + 1), timer.progress, timer.offset)
-        pose, speed, sensed = simulation.pose, simulation.speed, odometry
-        command = plan(planner, scan, odometry)
-        scan, odometry = simulation.step(command)
+            return END_REASONS[reason]
+        log.begin(simulation, timer)
+        command = pilot.decide()
+        simulation.drive(*command)
+        pilot.sense()
         timer.update(simulation.time, simulation.pose[:2])
-        log.add(
-            state=simulation.state,
-            ctrl=simulation.data.ctrl.copy(),
-            place=place,
-            pose=pose,
-            speed=speed,
-            odometry=sensed,
-            command=command,
-            slip=simulation.slip,
-        )
+        log.end(simulation, *command)
         if watch is not None:
             watch(
                 RaceProgress(
@@ -194,32 +197,14 @@ def _drive(
             )
 
 
-def _end_reason(simulation: Simulation, timer: LapTimer, laps: int, time_limit: float) -> str:
-    """Return why the race is over, or nothing while it goes on."""
-    if simulation.unstable:
-        return "unstable"
-    if simulation.crashed:
-        return "crash"
-    if timer.laps_completed >= laps:
-        return "finished"
-    if simulation.time - timer.last_progress_time >= NO_PROGRESS_LIMIT:
-        return "no_progress"
-    if simulation.time >= time_limit - 0.5 * simulation.period:
-        return "time_limit"
-    return ""
-
-
-def _figures(telemetry: FloatArray, sim_time: float, wall_time: float) -> _Figures:
+def _figures(tally: Any, sim_time: float, wall_time: float) -> _Figures:
     """Return the summary's figures of speed, sliding and time."""
-    column = {name: telemetry[:, index] for index, name in enumerate(TELEMETRY)}
-    slides = [values for name, values in column.items() if name.startswith("slide_")]
-    steps = float(column["steps"].sum())
-    speeds = np.abs(column["speed_m_s"])
+    ticks, steps = int(tally["ticks"]), int(tally["steps"])
     return {
-        "max_slide_m_s": float(np.fmax.reduce(np.concatenate(slides), initial=0.0)),
-        "slide_time_fraction": float(column["sliding_steps"].sum()) / steps if steps else 0.0,
-        "mean_speed_m_s": float(speeds.mean()) if len(speeds) else 0.0,
-        "max_speed_m_s": float(speeds.max(initial=0.0)),
+        "max_slide_m_s": float(tally["max_slide"]),
+        "slide_time_fraction": int(tally["sliding_steps"]) / steps if steps else 0.0,
+        "mean_speed_m_s": float(tally["speed_sum"]) / ticks if ticks else 0.0,
+        "max_speed_m_s": float(tally["max_speed"]),
         "sim_time_s": sim_time,
         "wall_time_s": wall_time,
         "realtime_factor": sim_time / wall_time if wall_time > 0.0 else 0.0,

@@ -7,13 +7,18 @@ from dataclasses import asdict, dataclass, field, fields
 from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .car import WHEELS
+from .car_motion import CarArray, ground_speed, planar_pose
+from .kernels import kernel
 from .lidar_effects import LidarEffects
-from .messages import DriveCommand, FloatArray, Odometry, read_only
-from .tire_slip import TireSlip
+from .messages import FloatArray, read_only
+from .tire_slip import greatest_slip
 
 if TYPE_CHECKING:
+    from .lap_timer import LapTimer
+    from .simulation import Simulation
     from .world import World
 
 TELEMETRY = (
@@ -86,6 +91,84 @@ class Trajectory(TypedDict):
     ctrl: FloatArray
 
 
+TALLY = np.dtype(
+    [
+        ("ticks", np.int64),
+        ("steps", np.int64),
+        ("sliding_steps", np.int64),
+        ("max_slide", np.float64),  # [m/s]
+        ("speed_sum", np.float64),  # [m/s] of all ticks, without sign
+        ("max_speed", np.float64),  # [m/s]
+    ]
+)
+"""The figures of a race, as far as it has gone."""
+
+_SLIDE = TELEMETRY.index(f"slide_{WHEELS[0]}_m_s")
+_SPEED = TELEMETRY.index("speed_m_s")
+_COMMAND = TELEMETRY.index("command_steering_rad")
+
+
+@kernel
+def begin_row(
+    time: float, qpos: FloatArray, qvel: FloatArray, car: CarArray, timers: NDArray[np.void], i: int, row: FloatArray
+) -> None:
+    """Write the first columns of a tick's row of telemetry: the state at its start.
+
+    Args:
+      time: [s].
+      qpos: of the model.
+      qvel: of the model.
+      car: (1,) of CAR.
+      timers: (n,) of LAP_TIMER.
+      i: which of them is the car's.
+      row: (len(TELEMETRY),), written to.
+    """
+    row[0] = time
+    row[1], row[2], row[3] = timers[i].laps_completed + 1, timers[i].progress, timers[i].offset
+    row[4], row[5], row[6] = planar_pose(qpos, car)
+    row[7] = ground_speed(qpos, qvel, car)
+    row[8], row[9] = qvel[car[0].free_dof + 5], qpos[car[0].steering_qpos]
+
+
+@kernel
+def tally_tick(tallies: NDArray[np.void], i: int, row: FloatArray, slip: FloatArray) -> None:
+    """Fill in what the tires did in the row of telemetry of a tick, and add the row to a tally.
+
+    Args:
+      tallies: (n,) of TALLY, written to.
+      i: which of them.
+      row: (len(TELEMETRY),), its last ten columns written to.
+      slip: (4, steps, 4) of `measure_slip`.
+    """
+    tally = tallies[i]
+    row[-2] = greatest_slip(slip, row[_SLIDE : _SLIDE + 8])
+    row[-1] = slip.shape[1]
+    tally.ticks += 1
+    tally.steps += slip.shape[1]
+    tally.sliding_steps += int(row[-2])
+    for tire in range(4):
+        if row[_SLIDE + tire] > tally.max_slide:
+            tally.max_slide = row[_SLIDE + tire]
+    tally.speed_sum += abs(row[_SPEED])
+    tally.max_speed = max(tally.max_speed, abs(row[_SPEED]))
+
+
+@kernel
+def end_row(
+    row: FloatArray,
+    steering_angle: float,
+    speed: float,
+    slip: FloatArray,
+    ctrl: FloatArray,
+    ctrl_row: FloatArray,
+    tally: NDArray[np.void],
+) -> None:
+    """Complete a row of telemetry, keep the controls, and add the row to a tally (1,)."""
+    row[_COMMAND], row[_COMMAND + 1] = steering_angle, speed
+    ctrl_row[:] = ctrl
+    tally_tick(tally, 0, row, slip)
+
+
 class RaceLog:
     """Grows by one row a tick.
 
@@ -94,60 +177,41 @@ class RaceLog:
     """
 
     def __init__(self, state: FloatArray) -> None:
-        self._rows: list[tuple[float, ...]] = []
-        self._states = [state]
-        self._ctrl: list[FloatArray] = []
+        self.ticks = 0
+        self._tally = np.zeros(1, TALLY)
+        self._telemetry = np.empty((512, len(TELEMETRY)))
+        self._ctrl = np.empty((512, 2))
+        self._states = np.empty((513, len(state)))
+        self._states[0] = state
 
-    def add(
-        self,
-        *,
-        state: FloatArray,
-        ctrl: FloatArray,
-        place: tuple[float, float, float],
-        pose: tuple[float, float, float],
-        speed: float,
-        odometry: Odometry,
-        command: DriveCommand,
-        slip: TireSlip,
-    ) -> None:
-        """Add one tick.
+    def begin(self, simulation: Simulation, timer: LapTimer) -> None:
+        """Begin a tick: where the car is, and how fast."""
+        if self.ticks == len(self._telemetry):
+            for name in ("_telemetry", "_ctrl", "_states"):
+                rows = getattr(self, name)
+                setattr(self, name, np.concatenate((rows, np.empty_like(rows))))
+        data, row = simulation.data, self._telemetry[self.ticks]
+        begin_row(data.time, data.qpos, data.qvel, simulation.world.car.constants, timer.memory, 0, row)
 
-        Args:
-          state: at its end.
-          ctrl: what the actuators got.
-          place: lap, progress [m] and offset [m] at its start.
-          pose: x [m], y [m], heading [rad] at its start.
-          speed: true forward speed at its start [m/s].
-          odometry: what the planner was told.
-          command: what it answered.
-          slip: of the tires while the command was held.
-        """
-        self._states.append(state)
-        self._ctrl.append(ctrl)
-        self._rows.append(  # last: an interrupted tick leaves no row
-            (
-                odometry.stamp,
-                *place,
-                *pose,
-                speed,
-                odometry.yaw_rate,
-                odometry.steering_angle,
-                command.steering_angle,
-                command.speed,
-                *_greatest(slip.sliding_speed),
-                *_greatest(slip.friction_use),
-                int(slip.slides.any(axis=1).sum()),
-                len(slip.slides),
-            )
-        )
+    def end(self, simulation: Simulation, steering_angle: float, speed: float) -> None:
+        """End it: what the planner commanded [rad, m/s], and what the car then did."""
+        tick = self.ticks
+        simulation.write_state(self._states[tick + 1])
+        data, slip = simulation.data, simulation.slip.values
+        end_row(self._telemetry[tick], steering_angle, speed, slip, data.ctrl, self._ctrl[tick], self._tally)
+        self.ticks += 1  # last: an interrupted tick leaves no row
+
+    @property
+    def tally(self) -> Any:
+        """The figures so far, a row of TALLY."""
+        return self._tally[0]
 
     def arrays(self) -> Trajectory:
         """Return telemetry, states and ctrl as in RaceResult, of the ticks that are complete."""
-        ticks = len(self._rows)
         return {
-            "telemetry": np.array(self._rows, dtype=np.float64).reshape(ticks, len(TELEMETRY)),
-            "states": np.array(self._states[: ticks + 1]),
-            "ctrl": np.array(self._ctrl[:ticks]).reshape(ticks, 2),
+            "telemetry": self._telemetry[: self.ticks],
+            "states": self._states[: self.ticks + 1],
+            "ctrl": self._ctrl[: self.ticks],
         }
 
 
@@ -157,9 +221,3 @@ def trajectory_sha256(states: FloatArray, ctrl: FloatArray) -> str:
     for array in (states, ctrl):
         digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
     return digest.hexdigest()
-
-
-def _greatest(values: FloatArray) -> list[float]:
-    """Return the greatest of each column, shape (4,); NaN only where the column has nothing else."""
-    greatest = np.fmax.reduce(values, axis=0)
-    return [float(value) for value in greatest]

@@ -14,7 +14,9 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
+from . import car_motion
 from .errors import ModelError
+from .kernels import kernel
 from .lidar_effects import LidarEffects, ScanPipeline
 from .messages import DriveCommand, FloatArray, LaserScan, Odometry
 from .tire_slip import TireSlip, TireSlipMeter
@@ -23,7 +25,8 @@ from .world import World
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 """What a state holds: all that the next step depends on."""
 
-_BAD_STATE = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
+BAD_STATE = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC) + 1)
+"""Warnings after which MuJoCo resets a state by itself."""
 
 
 class Simulation:
@@ -36,7 +39,8 @@ class Simulation:
 
     Attributes:
       world: the World.
-      data: the mujoco.MjData; poses and sensors are those of the present state.
+      data: the mujoco.MjData; poses are those of the present state, sensors those of the last physics step.
+      lidar: measures without effects.
       period: time that a step takes [s].
       slip: what the tires did in the last step; no rows before the first.
       crashed: whether the chassis has touched a wall or an obstacle since the last reset.
@@ -48,48 +52,74 @@ class Simulation:
     def __init__(self, world: World, *, effects: LidarEffects | None = None, seed: int = 0) -> None:
         self.world = world
         self.data = mujoco.MjData(world.model)
-        self._lidar = world.make_lidar()
-        self.period = self._lidar.beams.period
+        self._bad_state = self.data.warning.number[BAD_STATE]  # this and the next see what MuJoCo writes
+        self._sensors = self.data.sensordata
+        self.lidar = world.make_lidar()
+        self.period = self.lidar.beams.period
         self.substeps = whole_steps(self.period, world.model.opt.timestep)
         self._slip_meter = TireSlipMeter(world.model, world.car.prefix)
+        self._records = np.empty((self.substeps, world.model.nsensordata))  # the sensors at each step of a tick
         self._effects = effects or LidarEffects()
         self._seed = seed
         self.reset()
 
-    def reset(self, *, s: float = 0.0, offset: float = 0.0, speed: float = 0.0) -> tuple[LaserScan, Odometry]:
+    def reset(
+        self, *, s: float = 0.0, offset: float = 0.0, heading: float = 0.0, speed: float = 0.0
+    ) -> tuple[LaserScan, Odometry]:
         """Place the car along the centreline and return what it senses there.
 
         Args:
           s: progress along the centreline [m].
           offset: from the centreline, left positive [m].
+          heading: from that of the centreline, left positive [rad].
           speed: forward [m/s], wheels rolling.
         """
         model, car = self.world.model, self.world.car
         mujoco.mj_resetData(model, self.data)
-        x, y, heading = self.world.track.start_pose(s, offset)
-        car.set_pose(self.data, x, y, heading, speed)
-        self.slip: TireSlip = self._slip_meter.read()
+        x, y, along = self.world.track.start_pose(s, offset)
+        car.set_pose(self.data, x, y, along + heading, speed)
+        self.slip: TireSlip = self._slip_meter.measure(self._records[:0])
         self.crashed = car.crashed(self.data)
-        self._pipeline = ScanPipeline(self._lidar, self._effects, np.random.default_rng(self._seed))
-        return self._sense()
+        self._pipeline = ScanPipeline(self.lidar, self._effects, np.random.default_rng(self._seed))
+        return self.sense()
 
     def step(self, command: DriveCommand) -> tuple[LaserScan, Odometry]:
         """Hold a command for one period and return what the car then senses."""
-        self.world.car.apply(self.data, command)
+        self.drive(command.steering_angle, command.speed)
+        return self.sense()
+
+    def drive(self, steering_angle: float, speed: float) -> None:
+        """Hold a command [rad, m/s] for one period; `sense` then tells what it led to."""
+        data = self.data
+        car_motion.drive(data.qvel, steering_angle, speed, self.world.car.constants, data.ctrl)
+        self._step = 0
         hold_controls(self.world.model, self.data, self.substeps, self._record)
-        self.crashed = self.crashed or self.world.car.crashed(self.data)  # at the end; each step senses its start
-        self.slip = self._slip_meter.read()
-        return self._sense()
+        self.slip = self._slip_meter.measure(self._records)
+        self.crashed = self.crashed or any_touch(self._records, self.world.car.chassis_contact)
+
+    def sense(self) -> tuple[LaserScan, Odometry]:
+        """Return what the car senses at the end of a period. Once for each: noise is drawn, late scans move up."""
+        return self._pipeline.scan(self.data), self.world.car.odometry(self.data)
+
+    @property
+    def has_effects(self) -> bool:
+        """Whether the LiDAR does anything to a scan beyond measuring it."""
+        return self._effects != LidarEffects()
 
     def _record(self, data: mujoco.MjData) -> None:
-        self._slip_meter.record(data)
-        self._pipeline.record(data)
-        self.crashed = self.crashed or self.world.car.crashed(data)
+        self._records[self._step] = self._sensors
+        self._step += 1
+        if self._pipeline.needs_every_step:
+            self._pipeline.record(data)
 
     @property
     def state(self) -> FloatArray:
         """The complete state of the physics (mjSTATE_INTEGRATION), a copy."""
         return complete_state(self.world.model, self.data)
+
+    def write_state(self, out: FloatArray) -> None:
+        """Write the complete state of the physics into `out`, as long as `state`."""
+        mujoco.mj_getState(self.world.model, self.data, out, STATE)
 
     @property
     def time(self) -> float:
@@ -104,15 +134,21 @@ class Simulation:
     @property
     def unstable(self) -> bool:
         """Whether MuJoCo has met a bad position, velocity or acceleration, and so reset the state by itself."""
-        return any(self.data.warning[kind].number > 0 for kind in _BAD_STATE)
+        return bool(self._bad_state.any())
 
     @property
     def pose(self) -> tuple[float, float, float]:
         """Where the rear axle is: x [m], y [m], heading [rad], world frame."""
         return self.world.car.pose(self.data)
 
-    def _sense(self) -> tuple[LaserScan, Odometry]:
-        return self._pipeline.scan(self.data), self.world.car.odometry(self.data)
+
+@kernel
+def any_touch(records: FloatArray, sensor: int) -> bool:
+    """Say whether a contact sensor found anything in any of the rows of `records` (steps, nsensordata)."""
+    for step in range(len(records)):  # noqa: SIM110, numba has no any()
+        if records[step, sensor] > 0.0:
+            return True
+    return False
 
 
 def hold_controls(
@@ -125,7 +161,7 @@ def hold_controls(
     for _ in range(steps):
         mujoco.mj_step(model, data)
         after_step(data)
-    mujoco.mj_forward(model, data)  # mj_step leaves poses and sensors one timestep behind the state
+    mujoco.mj_kinematics(model, data)  # mj_step leaves poses one timestep behind the state
 
 
 def complete_state(model: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:

@@ -12,6 +12,7 @@ for all steps at once. A tire off the ground has no contact point: it reads NaN,
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -21,16 +22,22 @@ from numpy.typing import NDArray
 
 from .car import WHEELS, element_id, sensor_slice
 from .errors import ModelError
+from .kernels import kernel
 from .messages import FloatArray
 
 SLIDING_SPEED = 0.05
 """[m/s] A tire slides when its contact point moves faster than this over the ground.
 
-A tire that holds still creeps by 3 mm/s for each m/s^2 (see the tires' `solref` in models/f1tenth.xml): 31 mm/s at
-the limit of dry ground, measured on steady circles; past the limit the speed soon exceeds 100 mm/s.
+A tire that holds still creeps by 4 mm/s for each m/s^2 (see the tires' `solreffriction` in models/f1tenth.xml): 42 mm/s
+at the limit of dry ground, measured on steady circles; past the limit the speed soon exceeds 100 mm/s.
 """
 
 _SENSORS = ("tire_contact", "wheel_position", "wheel_velocity", "wheel_angular_velocity")
+_READINGS = 19
+"""Of a tire: found, force in the contact's frame (normal first), point, normal; centre, velocity and angular velocity
+of the wheel."""
+
+_SLIDING_SPEED, _FRICTION_USE, _NORMAL_FORCE, _FRICTION_FORCE = range(4)  # what `measure_slip` writes, in this order
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,10 +47,31 @@ class TireSlip:
     All have shape (steps, 4), NaN where a tire is off the ground.
     """
 
-    sliding_speed: FloatArray  # [m/s] of the contact point over the ground
-    friction_use: FloatArray  # [-] |Ft| / (mu Fn), 1 at the limit
-    normal_force: FloatArray  # [N] Fn
-    friction_force: FloatArray  # [N] |Ft|
+    values: FloatArray  # (4, steps, 4) the four quantities below
+
+    @property
+    def sliding_speed(self) -> FloatArray:
+        """Of the contact point over the ground [m/s]."""
+        values: FloatArray = self.values[_SLIDING_SPEED]
+        return values
+
+    @property
+    def friction_use(self) -> FloatArray:
+        """|Ft| / (mu Fn), 1 at the limit [-]."""
+        values: FloatArray = self.values[_FRICTION_USE]
+        return values
+
+    @property
+    def normal_force(self) -> FloatArray:
+        """Fn [N]."""
+        values: FloatArray = self.values[_NORMAL_FORCE]
+        return values
+
+    @property
+    def friction_force(self) -> FloatArray:
+        """|Ft| [N]."""
+        values: FloatArray = self.values[_FRICTION_FORCE]
+        return values
 
     @property
     def slides(self) -> NDArray[np.bool_]:
@@ -54,72 +82,94 @@ class TireSlip:
 class TireSlipMeter:
     """Records the tires' contacts at every physics step.
 
-    mu is the tire's own friction: its geoms have the higher `priority`, so MuJoCo takes theirs and not the ground's.
-    The ground is taken to be at rest.
+    mu is that of the tire's `pair` with the ground, and the ground is taken to be at rest.
+
+    Attributes:
+      mu: friction coefficient of each tire, (4,).
+      readings: where the tires' sensors are in `data.sensordata`.
 
     Raises:
-      ModelError: the model does not hold the car under this prefix, or a ground geom overrides the tires' friction.
+      ModelError: the model does not hold the car under this prefix.
     """
 
     def __init__(self, model: mujoco.MjModel, prefix: str = "") -> None:
-        self._model = model
-        self._tires = np.array([element_id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{prefix}{w}_tire") for w in WHEELS])
-        _require_priority(model, self._tires)
+        pairs = [element_id(model, mujoco.mjtObj.mjOBJ_PAIR, f"{prefix}{wheel}_tire") for wheel in WHEELS]
+        self.mu: FloatArray = model.pair_friction[pairs, 0]
         slices = [sensor_slice(model, f"{prefix}{wheel}_{sensor}") for wheel in WHEELS for sensor in _SENSORS]
         if any(before.stop != after.start for before, after in pairwise(slices)):
             raise ModelError(f"the tires' sensors are apart; accepted: for each of {WHEELS}, {_SENSORS} side by side")
-        self._slice = slice(slices[0].start, slices[-1].stop)
-        self._components = (self._slice.stop - self._slice.start) // len(WHEELS)
-        self._records = np.empty((64, self._components * len(WHEELS)))
+        self.readings = slice(slices[0].start, slices[-1].stop)
+        self._records = np.empty((8, model.nsensordata))
         self._count = 0
 
     def record(self, data: mujoco.MjData) -> None:
-        """Copy the tires' sensors; call right after each `mj_step`."""
+        """Copy the sensors; call right after each `mj_step`."""
         if self._count == len(self._records):
             self._records = np.concatenate((self._records, np.empty_like(self._records)))
-        self._records[self._count] = data.sensordata[self._slice]
+        self._records[self._count] = data.sensordata
         self._count += 1
 
     def read(self) -> TireSlip:
         """Return the slip of all steps recorded since the last reading, shape (steps, 4), and forget them."""
-        # (components, steps, tires); a contact sensor reads: found, force in the contact's frame (normal first),
-        # position, normal
-        records = np.moveaxis(self._records[: self._count].reshape(self._count, len(WHEELS), self._components), 2, 0)
-        found, force, point, normal, center, velocity, angular_velocity = np.split(records, (1, 4, 7, 10, 13, 16))
+        slip = self.measure(self._records[: self._count])
         self._count = 0
+        return slip
 
-        point_velocity = velocity + _cross(angular_velocity, point - center)
-        sliding_velocity = point_velocity - (point_velocity * normal).sum(axis=0) * normal
-        normal_force, friction_force = force[0], np.hypot(force[1], force[2])
-        mu = self._model.geom_friction[self._tires, 0]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            friction_use = friction_force / (mu * normal_force)
-        off_ground = found[0] == 0.0
-
-        def where_on_ground(values: FloatArray) -> FloatArray:
-            return np.where(off_ground, np.nan, values)
-
-        return TireSlip(
-            sliding_speed=where_on_ground(np.sqrt((sliding_velocity**2).sum(axis=0))),
-            friction_use=where_on_ground(friction_use),
-            normal_force=where_on_ground(normal_force),
-            friction_force=where_on_ground(friction_force),
-        )
+    def measure(self, records: FloatArray) -> TireSlip:
+        """Return the slip of steps whose `sensordata` are the rows of `records` (steps, nsensordata)."""
+        slip = np.empty((4, len(records), len(WHEELS)))
+        measure_slip(records, self.readings.start, self.mu, slip)
+        return TireSlip(values=slip)
 
 
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Cross product along the first axis; numpy's own takes thrice the time on arrays this small."""
-    return np.stack((a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]))
+@kernel
+def measure_slip(records: FloatArray, start: int, mu: FloatArray, slip: FloatArray) -> None:
+    """Work out the slip of the tires in each of some steps.
+
+    Args:
+      records: (at least steps, m) sensor readings, one row a step.
+      start: where in a row the tires' are.
+      mu: (4,).
+      slip: (4, steps, 4), written to: sliding speed, friction use, normal force, friction force; by step, by tire.
+    """
+    for step in range(slip.shape[1]):
+        for tire in range(4):
+            row = records[step, start + tire * _READINGS : start + (tire + 1) * _READINGS]
+            if row[0] == 0.0:
+                slip[:, step, tire] = math.nan
+                continue
+            normal = row[7:10]
+            arm_x, arm_y, arm_z = row[4] - row[10], row[5] - row[11], row[6] - row[12]  # wheel's centre to the point
+            x = row[13] + row[17] * arm_z - row[18] * arm_y
+            y = row[14] + row[18] * arm_x - row[16] * arm_z
+            z = row[15] + row[16] * arm_y - row[17] * arm_x
+            into_ground = x * normal[0] + y * normal[1] + z * normal[2]
+            x, y, z = x - into_ground * normal[0], y - into_ground * normal[1], z - into_ground * normal[2]
+            friction = math.hypot(row[2], row[3])
+            slip[_SLIDING_SPEED, step, tire] = math.sqrt(x * x + y * y + z * z)
+            slip[_FRICTION_USE, step, tire] = friction / (mu[tire] * row[1])
+            slip[_NORMAL_FORCE, step, tire] = row[1]
+            slip[_FRICTION_FORCE, step, tire] = friction
 
 
-def _require_priority(model: mujoco.MjModel, tires: NDArray[np.int_]) -> None:
-    tire = int(tires[0])
-    touches = (model.geom_contype & model.geom_conaffinity[tire]) | (model.geom_conaffinity & model.geom_contype[tire])
-    grounds = np.flatnonzero(touches)
-    overriding = grounds[model.geom_priority[grounds] >= model.geom_priority[tires].min()]
-    if len(overriding):
-        name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_GEOM, int(overriding[0]))
-        raise ModelError(
-            f"geom {name!r} has priority {model.geom_priority[overriding[0]]}, so that its friction may act in place of"
-            f" the tires'; accepted: a priority below {model.geom_priority[tires].min()}"
-        )
+@kernel
+def greatest_slip(slip: FloatArray, greatest: FloatArray) -> int:
+    """Return in how many steps any tire slides, and write the greatest of each tire's sliding speed and friction use.
+
+    Args:
+      slip: (4, steps, 4) from `measure_slip`.
+      greatest: (8,) written to: four sliding speeds [m/s], four friction uses [-]; NaN only where all is NaN.
+    """
+    greatest[:] = math.nan
+    sliding_steps = 0
+    for step in range(slip.shape[1]):
+        slides = False
+        for tire in range(4):
+            speed, use = slip[_SLIDING_SPEED, step, tire], slip[_FRICTION_USE, step, tire]
+            slides = slides or speed > SLIDING_SPEED
+            if not speed <= greatest[tire] and not math.isnan(speed):
+                greatest[tire] = speed
+            if not use <= greatest[4 + tire] and not math.isnan(use):
+                greatest[4 + tire] = use
+        sliding_steps += slides
+    return sliding_steps

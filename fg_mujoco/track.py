@@ -9,7 +9,6 @@ All arrays are read-only; what is computed from the line is computed once.
 
 from __future__ import annotations
 
-import bisect
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .errors import TrackError
+from .kernels import kernel
 from .messages import FloatArray, read_only
 from .polyline import cross, self_crossings, step_lengths, steps, turns
 from .track_walls import MAX_TURN, shared_widths, wall_lines
@@ -148,7 +148,9 @@ class Track:
         points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
         if near is not None:
             hints = np.broadcast_to(np.asarray(near, float), len(points)).tolist()
-            rows = [self._follow(x, y, hint) for (x, y), hint in zip(points.tolist(), hints, strict=True)]
+            rows = [
+                follow(x, y, hint, self.table, self.length) for (x, y), hint in zip(points.tolist(), hints, strict=True)
+            ]
             found = np.array(rows, dtype=np.float64).reshape(-1, 2)
             return found[:, 0], found[:, 1]
         found = np.empty((2, len(points)))
@@ -173,36 +175,52 @@ class Track:
         s = self.arc_length[best] + share[k, best] * step_lengths(self.centreline)[best]
         return s % self.length, np.where(is_left[k, best], 1.0, -1.0) * distance[k, best]
 
-    def _follow(self, x: float, y: float, near: float) -> tuple[float, float]:
-        """Project one point from a hint: the nearest in a window, which moves on while the nearest is at its edge."""
-        starts, table = self._three_laps
-        s = near
-        for _ in range(math.ceil(self.length / _SEARCH)):
-            centre = s % self.length
-            low = bisect.bisect_right(starts, centre - _SEARCH) - 1
-            high = bisect.bisect_right(starts, centre + _SEARCH)
-            start_x, start_y, step_x, step_y, squared_length = table[:, low:high]
-            away_x, away_y = x - start_x, y - start_y
-            share = np.minimum(np.maximum((away_x * step_x + away_y * step_y) / squared_length, 0.0), 1.0)
-            foot_x, foot_y = away_x - share * step_x, away_y - share * step_y
-            squared = foot_x * foot_x + foot_y * foot_y
-            best = int(squared.argmin())
-            s = starts[low + best] + float(share[best]) * math.sqrt(squared_length[best])
-            if abs(s - centre) < 0.9 * _SEARCH:
-                break
-        side = step_x[best] * away_y[best] - step_y[best] * away_x[best]
-        return s % self.length, math.copysign(math.sqrt(squared[best]), side)
-
     @cached_property
-    def _three_laps(self) -> tuple[list[float], FloatArray]:
-        """Progress at the start of each segment, from a lap before the line to two after, and x, y, dx, dy, length^2.
+    def table(self) -> FloatArray:
+        """What `follow` searches: s, x, y, dx, dy, length^2 of each segment, shape (6, 3 n), read-only.
 
-        A window about any progress in [0, length) is then one slice. A list, because bisect is faster on one.
+        From a lap before the line to two after, so that a window about any progress in [0, length) is one slice.
         """
         ahead = steps(self.centreline)
-        lap = np.vstack((self.centreline.T, ahead.T, np.sum(ahead * ahead, axis=1)))
-        starts = np.concatenate([self.arc_length + laps * self.length for laps in (-1.0, 0.0, 1.0)])
-        return starts.tolist(), read_only(np.tile(lap, 3))
+        lap = np.vstack((self.arc_length, self.centreline.T, ahead.T, np.sum(ahead * ahead, axis=1)))
+        table = np.tile(lap, 3)
+        table[0] += self.length * np.repeat((-1.0, 0.0, 1.0), len(ahead))
+        return read_only(table)
+
+
+@kernel
+def follow(x: float, y: float, near: float, table: FloatArray, length: float) -> tuple[float, float]:
+    """Project one point from a hint: the nearest in a window, which moves on while the nearest is at its edge.
+
+    Args:
+      x, y: the point [m].
+      near: its progress shortly before [m].
+      table: `Track.table`.
+      length: of the track [m].
+
+    Returns:
+      Progress in [0, length) [m], and the offset [m], left positive.
+    """
+    starts = table[0]
+    s, offset = near, 0.0
+    for _ in range(math.ceil(length / _SEARCH)):
+        centre = s % length
+        first = np.searchsorted(starts, centre - _SEARCH, side="right") - 1
+        nearest = math.inf
+        for i in range(first, len(starts)):
+            if starts[i] > centre + _SEARCH:
+                break
+            away_x, away_y, step_x, step_y = x - table[1, i], y - table[2, i], table[3, i], table[4, i]
+            share = min(max((away_x * step_x + away_y * step_y) / table[5, i], 0.0), 1.0)
+            foot_x, foot_y = away_x - share * step_x, away_y - share * step_y
+            squared = foot_x * foot_x + foot_y * foot_y
+            if squared < nearest:
+                nearest = squared
+                s = starts[i] + share * math.sqrt(table[5, i])
+                offset = math.copysign(math.sqrt(squared), step_x * away_y - step_y * away_x)
+        if abs(s - centre) < 0.9 * _SEARCH:
+            break
+    return s % length, offset
 
 
 def _check_line(line: FloatArray) -> None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .errors import SettingsError
 from .messages import FloatArray
@@ -59,12 +60,20 @@ def wall_prisms(track: Track, height: float = WALL_HEIGHT, thickness: float = WA
 
 
 def wall_mesh(track: Track, height: float = WALL_HEIGHT, thickness: float = WALL_THICKNESS) -> trimesh.Trimesh:
-    """Both walls as one mesh: the faces of `wall_prisms` that can be seen, normals outward.
+    """Both walls as one mesh, that of `wall_surface`. Arguments and errors as `wall_prisms`."""
+    import trimesh  # heavy, and a world can do without
+
+    vertices, faces = wall_surface(track, height, thickness)
+    return trimesh.Trimesh(vertices=vertices, faces=faces, process=False)
+
+
+def wall_surface(
+    track: Track, height: float = WALL_HEIGHT, thickness: float = WALL_THICKNESS
+) -> tuple[FloatArray, NDArray[np.intp]]:
+    """Vertices (v, 3) [m] and triangles (t, 3) of the faces of `wall_prisms` that can be seen, normals outward.
 
     Left out are the undersides, and the ends where two pieces meet. Arguments and errors as `wall_prisms`.
     """
-    import trimesh  # heavy, and not everyone who imports this module makes a mesh
-
     prisms = wall_prisms(track, height, thickness)
     first = 8 * np.arange(len(prisms))[:, None, None]
     faces = [(first + np.array(face)).reshape(-1, 3) for face in (_FRONT, _BACK, _TOP)]
@@ -72,7 +81,7 @@ def wall_mesh(track: Track, height: float = WALL_HEIGHT, thickness: float = WALL
     _, which, count = np.unique(np.round(seams, 9), axis=0, return_inverse=True, return_counts=True)
     open_ends = (count[which.ravel()] == 1).reshape(2, -1)
     faces += [(first[bare] + np.array(end)).reshape(-1, 3) for bare, end in zip(open_ends, _ENDS, strict=True)]
-    return trimesh.Trimesh(vertices=prisms.reshape(-1, 3), faces=np.concatenate(faces), process=False)
+    return prisms.reshape(-1, 3), np.concatenate(faces)
 
 
 def _footprints(wall: FloatArray, thickness: float) -> FloatArray:

@@ -12,17 +12,16 @@ import mujoco
 import numpy as np
 
 from .car import Car, car_parameters, car_spec
+from .car_changes import CarChanges, change_spec
 from .errors import SettingsError
 from .lidar import LIDAR_BACKENDS, Lidar, lidar_spec, make_lidar
 from .messages import CarParameters, FloatArray
 from .obstacles import Obstacle
 from .track import Track
 from .track_formats import load_track
-from .track_mesh import WALL_HEIGHT, wall_mesh, wall_prisms
+from .track_mesh import WALL_HEIGHT, wall_prisms, wall_surface
 
-# Contact roles of models/f1tenth.xml: tires meet the ground (bit 1), the chassis meets walls and obstacles (bit 2).
-_GROUND_CONTYPE = 1
-_WALL_CONTYPE = 2
+_WALL_CONTYPE = 2  # contact roles are those of models/f1tenth.xml: the chassis meets walls and obstacles
 _COLLISION_GROUP = 3  # viewers hide it, as the car's own collision geoms
 _WALL_COLOUR = (0.86, 0.84, 0.80, 1.0)
 _OBSTACLE_COLOUR = (0.85, 0.45, 0.15, 1.0)
@@ -43,6 +42,7 @@ class World:
       mu: friction coefficient of the tires; None is the car model's own.
       lidar: back end of the LiDAR, "raycast" or "rangefinder".
       obstacles: what stands on the track.
+      changes: what else differs from the car of models/f1tenth.xml.
 
     Attributes:
       track: the Track.
@@ -62,8 +62,10 @@ class World:
         mu: float | None = None,
         lidar: str = "raycast",
         obstacles: tuple[Obstacle, ...] = (),
+        changes: CarChanges | None = None,
     ) -> None:
         car = car_spec(mu)
+        change_spec(car, changes or CarChanges())
         self.track = load_track(track, minimum_width=car_parameters(car.compile()).width)
         self.lidar_backend = lidar
         self.xml = _compose(self.track, car, lidar, obstacles).to_xml()
@@ -81,14 +83,14 @@ class World:
 
 
 def _compose(track: Track, car: Any, lidar: str, obstacles: tuple[Obstacle, ...]) -> Any:
-    """Return the spec of the whole world: ground, walls, obstacles, and the car with its LiDAR."""
+    """Return the spec of the whole world: walls, obstacles, and the car with its ground and its LiDAR."""
     if lidar not in LIDAR_BACKENDS:
         raise SettingsError(f"LiDAR back end {lidar!r}; accepted: {', '.join(LIDAR_BACKENDS)}")
     spec = mujoco.MjSpec()
     spec.modelname = f"fg_mujoco {track.name}"
-    spec.option = car.option  # the engine settings that the car was validated with
+    spec.option, spec.memory = car.option, car.memory  # the engine settings that the car was validated with
     spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)  # static geoms are placed once, not every step
-    _add_ground(spec, track)
+    _add_light(spec, track)
     _add_walls(spec, track)
     for index, obstacle in enumerate(obstacles):
         footprint = obstacle.corners()
@@ -99,22 +101,11 @@ def _compose(track: Track, car: Any, lidar: str, obstacles: tuple[Obstacle, ...]
     return spec
 
 
-def _add_ground(spec: Any, track: Track) -> None:
-    """Add an endless ground with a texture that shows motion, the sky, and daylight."""
-    texture, builtin = mujoco.mjtTexture, mujoco.mjtBuiltin
+def _add_light(spec: Any, track: Track) -> None:
+    """Add the sky, and daylight over the middle of the track."""
     spec.add_texture(
-        name="sky", type=texture.mjTEXTURE_SKYBOX, builtin=builtin.mjBUILTIN_GRADIENT,
+        name="sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
         rgb1=(0.75, 0.85, 0.95), rgb2=(0.35, 0.5, 0.75), width=128, height=128,
-    )  # fmt: skip
-    spec.add_texture(
-        name="asphalt", type=texture.mjTEXTURE_2D, builtin=builtin.mjBUILTIN_CHECKER,
-        rgb1=(0.38, 0.38, 0.40), rgb2=(0.34, 0.34, 0.36), width=128, height=128,
-    )  # fmt: skip
-    asphalt = spec.add_material(name="asphalt", texuniform=True, texrepeat=(1.0, 1.0), specular=0.1, shininess=0.1)
-    asphalt.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "asphalt"
-    spec.worldbody.add_geom(
-        name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=(0.0, 0.0, 0.1), material="asphalt",
-        contype=_GROUND_CONTYPE, conaffinity=0,
     )  # fmt: skip
     middle = 0.5 * (track.centreline.min(axis=0) + track.centreline.max(axis=0))
     spec.worldbody.add_light(
@@ -125,8 +116,8 @@ def _add_ground(spec: Any, track: Track) -> None:
 
 def _add_walls(spec: Any, track: Track) -> None:
     """Add the walls: one mesh that is seen, and the convex pieces of the same walls that are hit."""
-    mesh = wall_mesh(track, height=WALL_HEIGHT)
-    spec.add_mesh(name="walls", uservert=mesh.vertices.ravel(), userface=mesh.faces.ravel())
+    vertices, faces = wall_surface(track, height=WALL_HEIGHT)
+    spec.add_mesh(name="walls", uservert=vertices.ravel(), userface=faces.ravel())
     spec.worldbody.add_geom(
         name="walls", type=mujoco.mjtGeom.mjGEOM_MESH, meshname="walls", rgba=_WALL_COLOUR, contype=0, conaffinity=0
     )

@@ -1,23 +1,44 @@
-"""Worlds for the tests of the car: an endless plane."""
+"""Worlds for the tests of the car: the endless ground of its MJCF."""
 
 import mujoco
 
-from fg_mujoco.car import Car, car_spec
+from fg_mujoco.car import WHEELS, Car, car_spec
 
 
-def flat_world(mu=None, prefix="", **ground):
-    """Return (model, data, car) of the car on an endless plane; `ground` are attributes of the plane."""
+def flat_world(mu=None, prefix="", timestep=None, **ground):
+    """Return (model, data, car) of the car on its endless plane; `ground` are attributes of the plane."""
     car = car_spec(mu)
+    for name, value in ground.items():
+        setattr(car.geom("ground"), name, value)
     world = car
     if prefix:  # attached somewhere else, turned
         world = mujoco.MjSpec()
-        world.option = car.option
+        world.option, world.memory = car.option, car.memory
         world.attach(car, prefix=prefix, frame=world.worldbody.add_frame(pos=(3.0, -2.0, 0.0), euler=(0, 0, 40)))
-    world.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=(0, 0, 1), contype=1, **ground)
     model = world.compile()
+    if timestep is not None:
+        model.opt.timestep = timestep
     return model, mujoco.MjData(model), Car(model, prefix)
 
 
 def run(model, data, seconds):
     for _ in range(round(seconds / model.opt.timestep)):
         mujoco.mj_step(model, data)
+
+
+def tire_pairs(model):
+    """The indices of the tires' pairs, in the order of WHEELS."""
+    return [model.pair(f"{wheel}_tire").id for wheel in WHEELS]
+
+
+def tire_stiffness(model):
+    """Closed form of the spring that the engine makes of a tire's contact (4,) [N/m].
+
+    At rest the contact's reference acceleration, k d depth with k = 1 / (d time_constant damping_ratio)^2, is that of
+    the regularised force, R F with R = (1 - d) / d / effective mass (MuJoCo's "Computation", of constraints).
+    """
+    pairs = tire_pairs(model)
+    (time_constant, damping_ratio), impedance = model.pair_solref[pairs].T, model.pair_solimp[pairs, 0]
+    assert (model.pair_solimp[pairs, 1] == impedance).all()  # the same at any depth
+    inverse_mass = model.body_invweight0[[model.body(f"{wheel}_wheel").id for wheel in WHEELS], 0]
+    return 1.0 / ((time_constant * damping_ratio) ** 2 * (1.0 - impedance) * inverse_mass)

@@ -44,6 +44,43 @@ def room(spec: Any, *, half_length: float, half_width: float, height: float = 1.
         )
 
 
+def random_spec(rng: np.random.Generator, *, order: Any = None) -> Any:
+    """Boxes, convex pieces and an open curvy wall, standing still, on mocap bodies and on free joints.
+
+    `order`: in which the 21 things are added, a permutation of range(21); theirs if None.
+    """
+    vertices, faces, _ = curvy_walls(rng, centre=(40.0, -25.0))
+    hulls = [np.array((*rng.uniform(-8, 8, 2), 0.2)) + rng.normal(0, 0.4, (12, 3)) for _ in range(8)]
+    bodies = [(np.array((*rng.uniform(-8, 8, 2), 0.3)), rng.normal(size=4)) for _ in range(12)]
+    boxes = [
+        [
+            (
+                rng.uniform(0.05, 0.8, 3),
+                rng.uniform(-8, 8, 3) if index < 4 else rng.normal(0, 0.3, 3),
+                rng.normal(size=4),
+            )
+            for _ in range(2)
+        ]
+        for index in range(12)
+    ]
+    spec = rig_spec()
+    for thing in range(21) if order is None else order:
+        if thing == 20:
+            add_mesh(spec, "walls", vertices, faces)
+        elif thing >= 12:
+            add_mesh(spec, f"hull_{thing}", hulls[thing - 12])
+        else:
+            body = spec.worldbody
+            if thing >= 4:
+                position, quaternion = bodies[thing]
+                body = body.add_body(name=f"body_{thing}", mocap=thing < 8, pos=position, quat=quaternion)
+            if thing >= 8:
+                body.add_freejoint(name=f"free_{thing}")
+            for size, position, quaternion in boxes[thing]:
+                body.add_geom(type=GEOM.mjGEOM_BOX, size=size, pos=position, quat=quaternion)
+    return spec
+
+
 def curvy_walls(rng: np.random.Generator, *, centre: Any = (0, 0), n: int = 400, height: float = 0.3) -> Any:
     """Vertices and faces of two wavy rings of wall, about 2 m apart, and the radius midway as a function of angle."""
     angles = np.linspace(0, 2 * np.pi, n, endpoint=False)

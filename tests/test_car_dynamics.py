@@ -5,7 +5,7 @@ import math
 import mujoco
 import numpy as np
 import pytest
-from car_worlds import flat_world, run
+from car_worlds import flat_world, run, tire_stiffness
 
 from fg_mujoco.car import WHEELS
 from fg_mujoco.messages import DriveCommand
@@ -27,15 +27,19 @@ def ackermann_errors(data, parameters):
     return abs(data.joint("front_left_kingpin").qpos[0] - left), abs(data.joint("front_right_kingpin").qpos[0] - right)
 
 
-def drive_circle(mu, radius, fraction, seconds=10.0):
-    """Bring the rear axle to `fraction` of the speed limit on a circle; return (data, car, slip of the last part)."""
-    model, data, car = flat_world(mu=mu)
+def drive_circle(mu, radius, fraction, seconds=10.0, timestep=None):
+    """Bring the rear axle to `fraction` of the speed limit on a circle.
+
+    Returns (data, car, slip, radius) at the end, the latter two of the last part: the mean radius at the rear axle.
+    """
+    model, data, car = flat_world(mu=mu, timestep=timestep)
     meter = TireSlipMeter(model)
     target = fraction * kinematic_speed_limit(mu, radius)
     steering = math.atan(car.parameters.wheelbase / radius)
     car.set_pose(data, 0.0, 0.0, 0.0, 0.6 * target)
     step = model.opt.timestep
     command = 0.6 * target
+    motion = []
     for index in range(round(seconds / step)):
         # gently, at 0.6 m/s^2; the servo holds the mean of all wheels, of which the front ones go faster
         command += math.copysign(0.6 * step, target - math.hypot(*data.qvel[:2]))
@@ -44,7 +48,9 @@ def drive_circle(mu, radius, fraction, seconds=10.0):
         mujoco.mj_step(model, data)
         if index * step > 0.8 * seconds:
             meter.record(data)
-    return data, car, meter.read()
+            motion.append((math.hypot(*data.qvel[:2]), data.qvel[5]))
+    speed, yaw_rate = np.mean(motion, axis=0)
+    return data, car, meter.read(), speed / yaw_rate
 
 
 def largest_even_torque_acceleration(parameters, mu, light_axle_lever, gravity=9.81):
@@ -59,12 +65,74 @@ def largest_even_torque_acceleration(parameters, mu, light_axle_lever, gravity=9
 
 
 def test_car_settles_as_drawn():
+    """The wheels roll on where the tires touch, halfway into what they give."""
     model, data, car = flat_world()
     run(model, data, 1.0)
+    mujoco.mj_forward(model, data)
     center = data.subtree_com[model.body("base_link").id]
-    assert center[2] == pytest.approx(car.parameters.center_of_gravity_height, abs=2e-4)
-    assert center[0] == pytest.approx(car.parameters.rear_axle_distance, abs=2e-4)
+    assert center[2] == pytest.approx(car.parameters.center_of_gravity_height, abs=1e-5)
+    assert center[0] == pytest.approx(car.parameters.rear_axle_distance, abs=2e-5)
     assert abs(data.qpos[3:7] - [1, 0, 0, 0]).max() < 1e-4
+    axles = np.mean([data.body(f"{wheel}_wheel").xpos[2] for wheel in WHEELS])
+    assert axles - data.contact.pos[:, 2].mean() == pytest.approx(car.parameters.wheel_radius, abs=1e-6)
+    assert axles == pytest.approx(model.qpos0[2], abs=2e-6)
+    assert [data.joint(f"{wheel}_suspension").qpos[0] for wheel in WHEELS] == pytest.approx([0.0] * 4, abs=1e-6)
+
+
+def test_tires_give_under_the_car_as_springs_of_the_closed_form_do():
+    model, data, car = flat_world()
+    run(model, data, 2.0)
+    mujoco.mj_forward(model, data)
+    limits, stiffness = car.parameters, tire_stiffness(model)
+    give = model.geom("front_left_tire").size[0] - np.array([data.body(f"{wheel}_wheel").xpos[2] for wheel in WHEELS])
+    front, rear = (0.5 * limits.mass * 9.81 * lever / limits.wheelbase
+                   for lever in (limits.rear_axle_distance, limits.front_axle_distance))  # fmt: skip
+    assert give == pytest.approx(np.array([front, front, rear, rear]) / stiffness, rel=1e-3)
+    assert give.mean() == pytest.approx(0.785e-3, rel=0.005)  # as models/f1tenth.xml says, and
+    assert stiffness == pytest.approx([11.7e3] * 4, rel=0.01)
+
+
+def drive_open_loop(timestep, steering, speed, seconds=6.0):
+    """Drive as functions of the time say, at the LiDAR's rate; return (places (n, 2), end, greatest slide)."""
+    model, data, car = flat_world(timestep=timestep)
+    meter, places = TireSlipMeter(model), []
+    car.set_pose(data, 0.0, 0.0, 0.0, speed(0.0))
+    for tick in range(round(seconds / 0.025)):
+        car.apply(data, DriveCommand(steering_angle=steering(0.025 * tick), speed=speed(0.025 * tick)))
+        for _ in range(round(0.025 / timestep)):
+            mujoco.mj_step(model, data)
+            meter.record(data)
+        places.append(data.qpos[:2].copy())
+    end = np.array([*car.pose(data), car.ground_speed(data)])
+    return np.array(places), end, np.nanmax(meter.read().sliding_speed)
+
+
+MANOEUVRES = {  # steering [rad] and speed [m/s] over the time [s], and how far off 5 ms may be [m]
+    "slalom": (lambda time: 0.12 * math.sin(math.pi * time), lambda time: 3.0 + 0.8 * math.sin(time), 0.02),
+    "bends": (lambda time: 0.2 * math.sin(0.8 * time) ** 3, lambda time: 3.0 - math.sin(0.8 * time), 0.04),
+}
+
+
+@pytest.mark.parametrize("name", MANOEUVRES)
+def test_places_converge_as_the_timestep_shrinks(name):
+    """Oracle: a timestep of 0.25 ms, from which a method of the first order is off by timestep - 0.25 ms.
+
+    Measured at 5, 2.5, 1 and 0.5 ms: slalom, 18.0 m, off by 18.2, 8.6, 2.9 and 1.0 mm at most; bends, 16.6 m, by 35.5,
+    16.8, 5.6 and 1.9 mm. The greatest slide, 22.4 and 41.8 mm/s, stays within 0.1 mm/s; at 5 ms the headings end 0.7
+    and 12.5 mrad off, and the speeds 1.5 and 5.3 mm/s.
+    """
+    steering, speed, tolerance = MANOEUVRES[name]
+    exact, exact_end, exact_slide = drive_open_loop(0.00025, steering, speed)
+    assert 0.02 < exact_slide < SLIDING_SPEED
+    timesteps, errors = np.array([0.005, 0.0025, 0.001, 0.0005]), []
+    assert timesteps[0] == flat_world()[0].opt.timestep
+    for timestep in timesteps:
+        places, end, slide = drive_open_loop(timestep, steering, speed)
+        errors.append(np.hypot(*(places - exact).T).max())
+        assert slide == pytest.approx(exact_slide, abs=2e-4)
+        assert end == pytest.approx(exact_end, abs=0.015)
+    assert errors[0] < tolerance
+    assert errors == pytest.approx(errors[0] * (timesteps - 0.00025) / (0.005 - 0.00025), rel=0.05)
 
 
 def test_standing_car_does_not_creep():
@@ -88,7 +156,7 @@ def test_ackermann_is_exact_over_the_whole_range_standing():
 
 @pytest.mark.parametrize("radius", [0.75, 3.0])
 def test_ackermann_holds_at_the_friction_limit(radius):
-    data, car, slip = drive_circle(1.0489, radius, 0.97)
+    data, car, slip, _ = drive_circle(1.0489, radius, 0.97)
     assert np.nanmax(slip.friction_use) > 0.9
     assert math.degrees(max(ackermann_errors(data, car.parameters))) < 0.02
 
@@ -101,15 +169,18 @@ def test_ackermann_holds_while_the_servo_reverses_and_the_car_slides():
     for _ in range(200):
         steering_angle, speed = rng.uniform((-0.5, -5.0), (0.5, 12.0))
         car.apply(data, DriveCommand(steering_angle=steering_angle, speed=speed))
-        for _ in range(10):
+        for _ in range(round(0.025 / model.opt.timestep)):
             mujoco.mj_step(model, data)
             worst = max(worst, *ackermann_errors(data, car.parameters))
     assert math.degrees(worst) < 0.1
     assert data.warning.number.sum() == 0 and np.isfinite(data.qpos).all()
 
 
-@pytest.mark.parametrize(("speed", "start", "end"), [(0.0, -0.4189, 0.4189), (4.0, -0.15, 0.15), (8.0, -0.1, 0.1)])
-def test_steering_turns_at_its_rate_standing_and_at_speed(speed, start, end):
+@pytest.mark.parametrize(
+    ("speed", "start", "end", "holds"),
+    [(0.0, -0.4189, 0.4189, True), (4.0, -0.15, 0.15, True), (8.0, -0.1, 0.1, False)],
+)
+def test_steering_turns_at_its_rate_standing_and_at_speed(speed, start, end, holds):
     model, data, car = flat_world()
     car.set_pose(data, 0, 0, 0, speed)
     data.ctrl[0] = start
@@ -119,12 +190,18 @@ def test_steering_turns_at_its_rate_standing_and_at_speed(speed, start, end):
     while abs(data.joint("steering").qpos[0] - end) > 1e-3:
         mujoco.mj_step(model, data)
         rates.append(data.joint("steering").qvel[0])
-        assert len(rates) < 400
+        assert len(rates) * model.opt.timestep < 1.0
     assert max(rates) == pytest.approx(car.parameters.max_steering_rate, rel=0.02)
     # the rate limit's time plus the servo's own lag, twice its time constant of 10 ms
     assert len(rates) * model.opt.timestep == pytest.approx((end - start) / 3.2, abs=0.06)
     run(model, data, 0.3)
-    assert data.joint("steering").qpos[0] == pytest.approx(end, abs=2e-4)
+    reached = []
+    for _ in range(round(1.0 / model.opt.timestep)):
+        mujoco.mj_step(model, data)
+        reached.append(data.joint("steering").qpos[0])
+    # tires that slide hop, and turning wheels are gyroscopes: the servo is shaken, by 1.3e-3 rad at most
+    assert np.mean(reached) == pytest.approx(end, abs=2e-4)
+    assert reached == pytest.approx([end] * len(reached), abs=2e-4 if holds else 2e-3)
 
 
 def acceleration_under_full_throttle(mu, speed, seconds):
@@ -168,18 +245,25 @@ def test_light_axle_lets_go_at_the_closed_form(mu, direction):
     parameters = car.parameters
     lever = parameters.front_axle_distance if direction < 0 else parameters.rear_axle_distance
     limit = largest_even_torque_acceleration(parameters, mu, lever)
+    light, heavy = (slice(2, 4), slice(0, 2)) if direction < 0 else (slice(0, 2), slice(2, 4))
     sliding = {}
-    for fraction in (0.96, 1.05):
+    for fraction in (0.99, 1.05):
         data, meter = mujoco.MjData(model), TireSlipMeter(model)
         car.set_pose(data, 0, 0, 0, 7.0 if direction < 0 else 1.0)
-        for step in range(120):  # ramped over 0.1 s, as springs and load transfer need
-            asked = direction * fraction * limit * min(1.0, step / 40)
+        speeds = []
+        while data.time < 0.3:  # ramped over 0.1 s, as springs and load transfer need
+            asked = direction * fraction * limit * min(1.0, data.time / 0.1)
             data.ctrl[1] = car.odometry(data).speed + asked * parameters.speed_time_constant
             mujoco.mj_step(model, data)
             meter.record(data)
-        sliding[fraction] = np.nanmax(meter.read().sliding_speed, axis=0)
-    light, heavy = (slice(2, 4), slice(0, 2)) if direction < 0 else (slice(0, 2), slice(2, 4))
-    assert sliding[0.96].max() < SLIDING_SPEED
+            speeds.append(data.qvel[0])
+        slip = meter.read()
+        sliding[fraction] = np.nanmax(slip.sliding_speed, axis=0)
+        if fraction < 1.0:  # the tires then use of their friction what the car does of the limit
+            reached = direction * (speeds[-1] - speeds[-11]) / (10 * model.opt.timestep) / limit
+            assert reached == pytest.approx(fraction, rel=0.015)  # implicit integration softens the servo
+            assert slip.friction_use[-1, light] == pytest.approx(reached, rel=0.015)
+    assert sliding[0.99].max() < SLIDING_SPEED / 10
     assert sliding[1.05][light].min() > 2 * SLIDING_SPEED
     assert sliding[1.05][heavy].max() < SLIDING_SPEED
 
@@ -201,19 +285,50 @@ def test_no_brake_beats_friction(mu):
 
 
 # Measured onset: 0.99 to 1.00 of the law. On a tight circle it comes 2% early: the CoG's own circle is wider than the
-# rear axle's, and the steered tires pull backwards.
-@pytest.mark.parametrize("mu", [1.0489, 0.6])
+# rear axle's, and the steered tires pull backwards. On a wide one, on slippery ground, a car that is 3% too fast runs
+# wide at 17 mm/s, and creeps at 25: not yet SLIDING_SPEED (the closed form is tested below).
 @pytest.mark.parametrize(
-    ("radius", "holds", "slides"), [(0.8, 0.96, 1.0), (1.5, 0.97, 1.03), (3.0, 0.97, 1.03), (8.0, 0.97, 1.03)]
+    ("mu", "radius", "holds", "slides"),
+    [
+        *((mu, 0.8, 0.96, 1.0) for mu in (1.0489, 0.6)),
+        *((mu, radius, 0.97, 1.03) for mu in (1.0489, 0.6) for radius in (1.5, 3.0)),
+        (1.0489, 8.0, 0.97, 1.03),
+        (0.6, 8.0, 0.97, 1.05),
+    ],
 )
 def test_steady_circle_holds_up_to_the_speed_law_and_slides_beyond(mu, radius, holds, slides):
-    assert np.nanmax(drive_circle(mu, radius, holds)[2].sliding_speed) < SLIDING_SPEED
+    _, _, slip, driven = drive_circle(mu, radius, holds)
+    assert np.isfinite(slip.sliding_speed).all() and slip.sliding_speed.max() < SLIDING_SPEED
+    assert driven == pytest.approx(radius, rel=3e-3)
     assert np.nanmax(drive_circle(mu, radius, slides)[2].sliding_speed) > SLIDING_SPEED
 
 
+@pytest.mark.parametrize(("mu", "fraction"), [(0.6, 1.02), (0.6, 1.03), (0.6, 1.04), (0.4, 1.05)])
+def test_front_tires_run_wide_as_fast_as_the_closed_form_says(mu, fraction):
+    """Beyond the limit the circle is k^2 times as wide, and the front tires cross it, above what all creep.
+
+    At 1 ms, because tires that slide hop at 5 ms, and then slide more.
+    """
+    radius = 8.0
+    _, car, slip, driven = drive_circle(mu, radius, fraction, timestep=0.001)
+    front, rear = slip.sliding_speed[:, :2], slip.sliding_speed[:, 2:]
+    assert np.isfinite(slip.sliding_speed).all() and slip.friction_use.min() > 0.99
+    assert driven / radius == pytest.approx(fraction**2, rel=3e-3)
+    angle = math.atan(car.parameters.wheelbase / radius)  # of the front tires to their way: what widens the circle
+    wide = fraction * kinematic_speed_limit(mu, radius) * math.sin(angle) * (1.0 - fraction**-2)
+    assert (front - rear).mean() == pytest.approx(wide, abs=1e-3)
+
+
+@pytest.mark.parametrize("mu", [1.0489, 0.6])
+@pytest.mark.parametrize("radius", [3.0, 8.0])
+def test_beyond_the_limit_the_circle_widens_as_the_square_of_the_speed(mu, radius):
+    """Coulomb's law leaves mu g, however fast: v^2 / R = mu g."""
+    assert drive_circle(mu, radius, 1.05)[3] / radius == pytest.approx(1.05**2, rel=0.05)
+
+
 def test_holding_car_turns_on_the_kinematic_circle():
-    data, _, slip = drive_circle(1.0489, 3.0, 0.8)
-    assert np.hypot(*data.qvel[:2]) / data.qvel[5] == pytest.approx(3.0, rel=2e-3)
+    _, _, slip, driven = drive_circle(1.0489, 3.0, 0.8)
+    assert driven == pytest.approx(3.0, rel=1e-3)
     assert not slip.slides.any()
 
 
@@ -232,24 +347,32 @@ def test_left_and_right_are_mirror_images():
 
 @pytest.mark.parametrize("speed", [-3.0, 2.0, 15.0])
 def test_wheel_speed_odometry_is_the_true_speed_when_rolling(speed):
-    """The contact lies 0.1 mm inside the tire: the effective radius is 0.1% less than nominal."""
+    """Under the car's weight the contact lies a rolling radius below the axle; the axles' loads differ by 8%."""
     model, data, car = flat_world()
     car.set_pose(data, 0, 0, 0, speed)
     run(model, data, 1.0)
-    assert car.odometry(data).speed == pytest.approx(car.ground_speed(data), rel=2e-3)
-    assert car.odometry(data).wheel_speeds == pytest.approx([speed] * 4, rel=2e-3)
+    assert car.odometry(data).speed == pytest.approx(car.ground_speed(data), rel=1e-4)
+    assert car.odometry(data).wheel_speeds == pytest.approx([speed] * 4, rel=5e-4)
 
 
 def test_suspension_carries_load_to_the_outer_and_front_wheels():
-    """Load moved from left to right: (M a h + 4 I omega yaw_rate) / track width, the wheels being gyroscopes."""
-    data, car, slip = drive_circle(1.0489, 8.0, 0.7)
+    """Load moved from left to right: (M (a h + g y) + 4 I omega yaw_rate) / track width.
+
+    h and y: where the CoG is above and beside the points that the tires touch; the body rolls. Wheels are gyroscopes.
+    """
+    data, car, slip, _ = drive_circle(1.0489, 8.0, 0.7)
     limits = car.parameters
+    mujoco.mj_forward(data.model, data)
     front_left, front_right, rear_left, rear_right = slip.normal_force[-1]
     speed, yaw_rate = np.hypot(*data.qvel[:2]), data.qvel[5]
-    roll_moment = limits.mass * speed * yaw_rate * limits.center_of_gravity_height
+    cos, sin = math.cos(car.pose(data)[2]), math.sin(car.pose(data)[2])
+    outward = data.subtree_com[data.model.body("base_link").id] - data.contact.pos.mean(axis=0)
+    aside, above = sin * outward[0] - cos * outward[1], outward[2]  # to the right, which is outside
+    roll_moment = limits.mass * (speed * yaw_rate * above + 9.81 * aside)
     gyroscopes = 4 * SPIN_INERTIA * speed / limits.wheel_radius * yaw_rate
     moved = 0.5 * ((front_right + rear_right) - (front_left + rear_left))
     assert sum(slip.normal_force[-1]) == pytest.approx(limits.mass * 9.81, rel=1e-3)
-    assert moved == pytest.approx((roll_moment + gyroscopes) / limits.track_width, rel=0.03)
+    assert moved == pytest.approx((roll_moment + gyroscopes) / limits.track_width, rel=5e-3)
+    assert above == pytest.approx(limits.center_of_gravity_height, rel=0.01) and aside > 0.0
     stroke = [data.joint(f"{wheel}_suspension").qpos[0] for wheel in WHEELS]
     assert stroke[1] > 0.001 > -0.001 > stroke[0] and stroke[3] > 0.001 > -0.001 > stroke[2]

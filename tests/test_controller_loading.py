@@ -6,7 +6,7 @@ import textwrap
 import pytest
 from scan_worlds import CAR, MU, corridor, odometry_of
 
-from fg_mujoco.controller_loading import controller_names, make_controller, plan
+from fg_mujoco.controller_loading import build_controller, controller_names, find_controller, make_controller, plan
 from fg_mujoco.controllers.gap_finder import GapFinder
 from fg_mujoco.errors import ControllerError
 from fg_mujoco.messages import DriveCommand
@@ -203,3 +203,80 @@ def test_a_good_answer_is_passed_on_as_it_is():
     planner.reset()
     assert command == planner(SCAN, ODOMETRY)
     assert math.isfinite(command.speed)
+
+
+# -- its settings
+
+SETTINGS = """
+    from dataclasses import dataclass
+
+    @dataclass(frozen=True, kw_only=True)
+    class PlannerSettings:
+        gain: float = 1.0
+        window: int = 3
+        mirrored: bool = False
+        side: str = "left"
+
+        def __post_init__(self):
+            if self.gain < 0.0:
+                raise ValueError("gain below 0")
+
+    class Planner:
+        Settings = PlannerSettings
+
+        def __init__(self, max_speed, settings=None):
+            self.settings = settings or PlannerSettings(window=5)
+
+        def reset(self):
+            pass
+
+        def __call__(self, scan, odometry):
+            pass
+"""
+
+
+def make_with(source, **settings):
+    return make_controller(source, car=CAR, mu=MU, max_speed=3.0, settings=settings)
+
+
+def test_settings_that_are_given_differ_and_the_others_are_its_own(in_file):
+    settings = make_with(in_file(SETTINGS), gain=2, mirrored=True).settings
+    assert (settings.gain, settings.window, settings.mirrored, settings.side) == (2, 3, True, "left")
+
+
+def test_without_settings_a_constructor_keeps_its_default(in_file):
+    assert make(in_file(SETTINGS)).settings.window == 5
+    required = SETTINGS.replace("settings=None", "settings")
+    assert make(in_file(required)).settings.window == 3
+
+
+@pytest.mark.parametrize(
+    ("settings", "told"),
+    [
+        ({"gains": 2.0}, "no setting 'gains'; accepted: gain, window, mirrored, side"),
+        ({"gain": "high"}, "setting gain is 'high'; accepted: a number"),
+        ({"gain": True}, "setting gain is True; accepted: a number"),
+        ({"window": 2.5}, "setting window is 2.5; accepted: a whole number"),
+        ({"mirrored": 1}, "setting mirrored is 1; accepted: True, False"),
+        ({"gain": -1.0}, "cannot have settings gain=-1.0: ValueError: gain below 0"),
+    ],
+)
+def test_settings_that_it_cannot_have_are_refused(in_file, settings, told):
+    refusal(lambda: make_with(in_file(SETTINGS), **settings), "mine.py:Planner", told)
+
+
+@pytest.mark.parametrize("text", [GOOD, SETTINGS.replace("Settings = PlannerSettings", "Settings = dict")])
+def test_a_planner_without_settings_is_told_how_to_have_them(in_file, text):
+    refusal(lambda: make_with(in_file(text), gain=2.0), "mine.py:Planner", "has no settings", "takes `settings`")
+
+
+def test_settings_of_an_object_are_refused():
+    refusal(lambda: make_with(GapFinder(CAR, MU), lookahead=5.0), "GapFinder", "is made already")
+
+
+def test_a_class_that_was_found_once_builds_many(in_file):
+    source = in_file(GOOD)
+    found = find_controller(source)
+    first, second = (build_controller(found, source, car=CAR, mu=MU, max_speed=v) for v in (3.0, 4.0))
+    assert type(first) is type(second) is found
+    assert (first.max_speed, second.max_speed) == (3.0, 4.0)

@@ -11,9 +11,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scan_worlds import CAR, MU, odometry_of
 
-from fg_mujoco.controllers.friction_guard import FrictionGuard, GuardSettings, longitudinal_share
+from fg_mujoco.controllers.friction_guard import (
+    GUARD_MEMORY,
+    FrictionGuard,
+    GuardSettings,
+    guarded,
+    longitudinal_share,
+)
 from fg_mujoco.controllers.speed import friction_speed, friction_steering
-from fg_mujoco.messages import DriveCommand
+from fg_mujoco.errors import SettingsError
+from fg_mujoco.messages import STOP, DriveCommand
 from fg_mujoco.tire_slip import SLIDING_SPEED, TireSlipMeter
 
 PERIOD = 0.025  # [s] of the LiDAR
@@ -21,6 +28,7 @@ GRAVITY, WHEELBASE, HEIGHT, FRONT, REAR, MASS, INERTIA = 9.81, 0.3302, 0.074, 0.
 YAW_LAG = REAR + INERTIA / (MASS * REAR)  # [m] .245: Newton and Euler, moments about the rear axle
 DEFAULTS = GuardSettings()
 STEERING_RESPONSE = 0.022  # [s] the servo of models/f1tenth.xml: e / 100 rad/s, 3.2 rad/s at most
+unhurried = settings(deadline=None)  # the first call compiles
 EVERY_BIT = GuardSettings(lateral_use=1.0, braking_use=1.0, accelerating_use=1.0)
 
 
@@ -130,6 +138,51 @@ def test_braking_and_accelerating_grow_over_the_load_transfer_time_and_fall_at_o
         assert command.speed == 5.0
 
 
+def test_in_a_batch_each_row_of_memory_is_a_guard_of_its_own():
+    guards = [FrictionGuard(CAR, mu) for mu in (0.4, MU)]
+    memories = np.zeros(2, GUARD_MEMORY)
+    for wish in ((0.1, 6.0), (0.3, 1.0), (-0.2, 8.0)):
+        for guard, memory in zip(guards, memories, strict=True):
+            command = guard(*wish, odometry_of(3.0, 0.05), PERIOD)
+            row = guarded(guard.record[0], memory, *wish, 0.05, 3.0, PERIOD)
+            assert row == (command.steering_angle, command.speed)
+    assert memories["acceleration"][0] != memories["acceleration"][1]
+
+
+@pytest.mark.parametrize(
+    ("speed", "angle"), [(math.nan, 0.0), (1.0, math.nan), (math.inf, 0.1), (1.0, -math.inf), (1e200, 0.0)]
+)
+def test_of_no_motion_it_makes_a_stop_and_forgets_the_last_command(speed, angle):
+    guard = FrictionGuard(CAR, MU)
+    first = settled(guard, 0.2, 8.0, 2.0, ticks=1)
+    settled(guard, 0.2, 8.0, 2.0, ticks=3)
+    assert guard(0.2, 8.0, odometry_of(speed, angle), PERIOD) == STOP
+    assert settled(guard, 0.2, 8.0, 2.0, ticks=1) == first
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    {
+        "lateral_use": 0.0,
+        "braking_use": 1.01,
+        "turn_in_use": math.nan,
+        "overspeed": -1.0,
+        "load_transfer_time": 0.0,
+        "steering_response": math.inf,
+        "speed_response": "soon",
+    }.items(),
+)
+def test_a_setting_that_no_guard_can_have_is_refused_by_name(field, value):
+    with pytest.raises(SettingsError, match=rf"GuardSettings\.{field} is {value!r}; accepted: a "):
+        GuardSettings(**{field: value})
+
+
+@pytest.mark.parametrize("mu", [0.0, -1.0, math.nan, math.inf])
+def test_a_friction_coefficient_that_no_tire_has_is_refused(mu):
+    with pytest.raises(SettingsError, match="mu is"):
+        FrictionGuard(CAR, mu)
+
+
 def test_reset_forgets_the_last_command():
     guard = FrictionGuard(CAR, MU)
     first = settled(guard, 0.2, 8.0, 2.0, ticks=1)
@@ -138,6 +191,7 @@ def test_reset_forgets_the_last_command():
     assert settled(guard, 0.2, 8.0, 2.0, ticks=1) == first
 
 
+@unhurried
 @given(st.floats(-0.5, 0.5), st.floats(0.0, 9.0), st.floats(0.0, 9.0), st.floats(-0.4189, 0.4189))
 def test_left_and_right_are_alike(wish, speed, now, angle):
     left, right = FrictionGuard(CAR, MU), FrictionGuard(CAR, MU)
@@ -147,6 +201,7 @@ def test_left_and_right_are_alike(wish, speed, now, angle):
         assert (one.steering_angle, one.speed) == (-other.steering_angle, other.speed)
 
 
+@unhurried
 @given(st.floats(0.1, 2.0), st.floats(1.01, 2.0), st.floats(0.0, 0.5), st.floats(0.0, 9.0), st.floats(0.0, 9.0))
 def test_the_more_grip_the_more_it_grants(mu, factor, wish, speed, now):
     less, more = FrictionGuard(CAR, mu), FrictionGuard(CAR, mu * factor)
@@ -203,14 +258,13 @@ def measured_limit(mu, direction, use):
 @pytest.mark.parametrize(("mu", "direction"), MEASURED)
 def test_the_share_that_cornering_leaves_is_at_most_the_measured_one(mu, direction):
     uses = np.linspace(-0.1, 1.2, 131)
-    shares = longitudinal_share(uses)
-    assert shares.shape == uses.shape
+    shares = np.array([longitudinal_share(use) for use in uses])
     assert (np.diff(shares) <= 0.0).all()
     assert (longitudinal_share(0.0), longitudinal_share(1.0)) == (1.0, 0.0)
     # of what the closed form says for straight ahead, .92 and .88 of which is used
     guard = FrictionGuard(CAR, mu)
     greatest = guard.braking if direction == "brake" else guard.accelerating
-    assert (greatest * longitudinal_share(USES) <= MEASURED[mu, direction]).all()
+    assert all(greatest * longitudinal_share(u) <= most for u, most in zip(USES, MEASURED[mu, direction], strict=True))
 
 
 @pytest.mark.parametrize("direction", ["brake", "accelerate"])

@@ -1,14 +1,17 @@
 """The gap finder on scans of simple places: where it heads, how fast, and that it does so every time."""
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 
 import numpy as np
 import pytest
 from scan_worlds import CAR, INCREMENT, MU, corridor, mirrored, odometry_of, scan_of
 
+from fg_mujoco.controllers.friction_guard import GuardSettings
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
-from fg_mujoco.messages import STOP
+from fg_mujoco.errors import ControllerError, SettingsError
+from fg_mujoco.messages import ODOMETRY, STOP, DriveCommand
 
 SEEDS = range(20)
 
@@ -27,10 +30,22 @@ def made(**settings):
 
 
 def finder(**settings):
-    """A gap finder as new; making one takes longer than any test here."""
+    """A gap finder as new."""
     planner = made(**settings)
     planner.reset()
     return planner
+
+
+def decide_all(batch, scans, odometries):
+    """The commands of a batch, one for each world, as pairs; all scans have the geometry of the first."""
+    rows, commands = np.zeros(len(scans), ODOMETRY), np.zeros((len(scans), 2))
+    for row, odometry in zip(rows, odometries, strict=True):
+        for name in ODOMETRY.names:
+            row[name] = getattr(odometry, name)
+    geometry = scans[0] if scans else corridor(1.0, 1.0)
+    ranges = np.array([scan.ranges for scan in scans]).reshape(len(scans), len(geometry.ranges))
+    batch(geometry, ranges, rows, np.ones(len(scans), bool), commands)
+    return [tuple(command) for command in commands.tolist()]
 
 
 def settled_steering(planner, scan, speed=1.0):
@@ -166,9 +181,14 @@ def test_after_a_stop_it_is_as_new():
     assert planner(*seen) == first
 
 
-def test_without_odometry_it_stops():
+@pytest.mark.parametrize("mu", [MU, math.inf])
+def test_without_odometry_it_stops(mu):
     for speed, angle in ((math.nan, 0.0), (1.0, math.nan), (math.inf, 0.0)):
-        assert finder()(corridor(1.0, 1.0), odometry_of(speed, angle)) == STOP
+        assert GapFinder(CAR, mu, 8.0)(corridor(1.0, 1.0), odometry_of(speed, angle)) == STOP
+
+
+def test_a_speed_beyond_all_reckoning_is_no_odometry():
+    assert finder()(corridor(1.0, 1.0), odometry_of(1e200, 0.0)) == STOP
 
 
 def test_it_does_not_drive_at_a_wall_that_is_too_near():
@@ -200,3 +220,116 @@ def test_no_gain_follows_the_friction_limit():
             speed += 0.22 * (command.speed - speed)  # the servo over a tick: 1 - exp(-.025 / .1)
             angle = command.steering_angle
         assert speed**2 * math.tan(abs(angle)) / CAR.wheelbase <= MU * CAR.gravity
+
+
+# -- what it may be made with
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    {
+        "lookahead": math.inf,
+        "field_of_view": -1.0,
+        "disparity_threshold": -0.1,
+        "clearance": math.nan,
+        "nearest_bubble": 0.0,
+        "mean_radius": 0.0,
+        "edge_weight": 1.1,
+        "pursuit_distance": 0.0,
+        "front_width": -0.1,
+        "range_ratio_gain": "3",
+    }.items(),
+)
+def test_a_setting_that_it_cannot_plan_with_is_refused_by_name(field, value):
+    with pytest.raises(SettingsError, match=rf"GapFinderSettings\.{field} is {value!r}; accepted: a "):
+        GapFinderSettings(**{field: value})
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"mu": 0.0}, r"GapFinder\.mu is 0\.0; accepted: a positive number, or inf"),
+        ({"mu": math.nan}, r"GapFinder\.mu is nan"),
+        ({"max_speed": 0.0}, r"GapFinder\.max_speed is 0\.0; accepted: a positive number"),
+        ({"max_speed": math.inf}, r"GapFinder\.max_speed is inf"),
+        ({"settings": GuardSettings()}, r"GapFinder\.settings is GuardSettings\(.*accepted: a GapFinderSettings"),
+    ],
+)
+def test_what_no_gap_finder_can_believe_is_refused(given, said):
+    with pytest.raises(SettingsError, match=said):
+        GapFinder(CAR, **{"mu": MU, **given})
+
+
+# -- many at once; that they decide alike is in the controller contract
+
+
+def test_in_a_batch_each_has_settings_a_grip_and_a_top_speed_of_its_own():
+    planners = [
+        GapFinder(CAR, MU, 8.0),
+        GapFinder(CAR, 0.5 * MU, 8.0),
+        GapFinder(CAR, MU, 3.0),
+        GapFinder(CAR, MU, 8.0, GapFinderSettings(lookahead=2.0)),
+        GapFinder(CAR, math.inf, 8.0),
+    ]
+    scan, odometry = corridor(3.0, 0.8, ahead=6.0), odometry_of(2.99, 0.05)
+    alone = [planner(scan, odometry) for planner in planners]
+    assert len(set(alone)) == len(planners)
+    commands = decide_all(GapFinder.batch(planners), [scan] * 5, [odometry] * 5)
+    assert commands == [(command.steering_angle, command.speed) for command in alone]
+
+
+def test_a_batch_starts_as_new_and_leaves_its_planners_as_they_are():
+    planner, scan, odometry = GapFinder(CAR, MU, 8.0), corridor(1.0, 1.0), odometry_of(0.0)
+    first = planner(scan, odometry)
+    batch = GapFinder.batch([planner])
+    assert decide_all(batch, [scan], [odometry]) == [(first.steering_angle, first.speed)]
+    second = planner(scan, odometry)
+    assert second != first
+    assert decide_all(batch, [scan], [odometry]) == [(second.steering_angle, second.speed)]
+    batch.reset()
+    assert decide_all(batch, [scan], [odometry]) == [(first.steering_angle, first.speed)]
+
+
+def test_planners_of_one_kind_share_the_table_of_stopping_paths():
+    same = [GapFinder(CAR, MU, 8.0) for _ in range(3)]
+    assert all(np.shares_memory(planner.paths, same[0].paths) for planner in same)
+    assert not np.shares_memory(GapFinder(CAR, 0.9 * MU, 8.0).paths, same[0].paths)
+
+
+def test_a_batch_of_none_is_one():
+    assert decide_all(GapFinder.batch([]), [], []) == []
+
+
+def test_batches_in_different_threads_do_not_meet():
+    scans = [rough_scan(seed) for seed in range(8)]
+
+    def drive(offset):
+        batch = GapFinder.batch([GapFinder(CAR, mu, 8.0) for mu in (MU, 0.7, math.inf)])
+        seen = [scans[(offset + tick) % 8] for tick in range(60)]
+        return [decide_all(batch, [scan] * 3, [odometry_of(2.0, 0.05)] * 3) for scan in seen]
+
+    one_by_one = [drive(offset) for offset in range(4)]
+    with ThreadPoolExecutor(4) as pool:
+        assert list(pool.map(drive, range(4))) == one_by_one
+
+
+def test_a_batch_takes_planners_of_its_own_class_only():
+    class Other(GapFinder):
+        """The same, by another name."""
+
+    with pytest.raises(ControllerError, match="a batch of GapFinder was given a Other; accepted: its own class"):
+        GapFinder.batch([GapFinder(CAR, MU), Other(CAR, MU)])
+    assert Other.batch([Other(CAR, MU)])
+
+
+def test_a_planner_with_a_decision_of_its_own_does_not_inherit_the_batch():
+    class Slower(GapFinder):
+        """Half as fast, by a wrapper in Python."""
+
+        def __call__(self, scan, odometry):
+            command = super().__call__(scan, odometry)
+            return DriveCommand(steering_angle=command.steering_angle, speed=0.5 * command.speed)
+
+    assert Slower.batch is None
+    scan, odometry = corridor(1.0, 1.0), odometry_of(0.0)
+    assert Slower(CAR, MU)(scan, odometry).speed == 0.5 * GapFinder(CAR, MU)(scan, odometry).speed

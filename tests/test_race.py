@@ -5,6 +5,7 @@ import hashlib
 import importlib
 import json
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from conftest import Straight
 
 import fg_mujoco as fg
 from fg_mujoco.car import WHEELS
+from fg_mujoco.lap_timer import LapTimer
 from fg_mujoco.race import RaceSettings
 from fg_mujoco.race_result import RaceLog
 from fg_mujoco.tire_slip import SLIDING_SPEED, TireSlip
@@ -122,10 +124,10 @@ def test_unstable_when_mujoco_meets_a_bad_state(monkeypatch):
     steps = iter(range(1000))
 
     class Poisoned(fg.Simulation):
-        def step(self, command):
+        def drive(self, steering_angle, speed):
             if next(steps) == 5:
                 self.data.qvel[0] = math.nan
-            return super().step(command)
+            super().drive(steering_angle, speed)
 
     monkeypatch.setattr(race_module, "Simulation", Poisoned)
     result = race(lambda time: (0.0, 1.0), time_limit=1.0)
@@ -175,17 +177,41 @@ def test_an_interrupt_before_the_first_tick_leaves_a_race_of_none():
 def test_an_interrupt_within_a_row_of_the_log_leaves_no_half_row(short_race):
     class Interrupted:
         @property
-        def sliding_speed(self):
+        def values(self):
             raise KeyboardInterrupt
 
-    simulation = fg.Simulation(short_race.world)
-    _, odometry = simulation.reset()
+    simulation, timer = fg.Simulation(short_race.world), LapTimer(short_race.world.track)
     log = RaceLog(simulation.state)
-    row = {"place": (1.0, 0.0, 0.0), "pose": simulation.pose, "speed": 0.0, "odometry": odometry, "command": fg.STOP}
+    broken = SimpleNamespace(data=simulation.data, write_state=simulation.write_state, slip=Interrupted())
+    log.begin(simulation, timer)
+    assert [len(array) for array in log.arrays().values()] == [0, 1, 0]  # telemetry, states, ctrl
     with pytest.raises(KeyboardInterrupt):
-        log.add(state=simulation.state, ctrl=np.zeros(2), slip=Interrupted(), **row)
-    arrays = log.arrays()
-    assert (len(arrays["states"]), len(arrays["ctrl"]), len(arrays["telemetry"])) == (1, 0, 0)
+        log.end(broken, 0.0, 0.0)
+    assert [len(array) for array in log.arrays().values()] == [0, 1, 0]
+    log.begin(simulation, timer)
+    simulation.step(fg.STOP)
+    log.end(simulation, 0.0, 0.0)
+    assert [len(array) for array in log.arrays().values()] == [1, 2, 1]
+    assert log.arrays()["states"][1].tolist() == simulation.state.tolist()
+
+
+def test_a_long_race_outgrows_no_log(short_race):
+    simulation, timer = fg.Simulation(short_race.world), LapTimer(short_race.world.track)
+    simulation.step(fg.STOP)
+    log = RaceLog(simulation.state)
+    ticks = 1100  # twice as many as it has room for at first, and some
+    for tick in range(ticks):
+        simulation.data.time = tick
+        log.begin(simulation, timer)
+        simulation.data.ctrl[:] = tick, -tick
+        simulation.data.time = tick + 1
+        log.end(simulation, 0.0, float(tick))
+    arrays, expected = log.arrays(), np.arange(ticks)
+    assert arrays["telemetry"][:, fg.TELEMETRY.index("time_s")].tolist() == expected.tolist()
+    assert arrays["telemetry"][:, fg.TELEMETRY.index("command_speed_m_s")].tolist() == expected.tolist()
+    assert arrays["states"][1:, 0].tolist() == (expected + 1).tolist()
+    assert arrays["ctrl"].tolist() == np.column_stack((expected, -expected)).tolist()
+    assert (log.tally["ticks"], log.tally["steps"]) == (ticks, 5 * ticks)
 
 
 # What a race is run with
@@ -374,29 +400,32 @@ def test_the_figures_of_sliding_are_those_of_the_rows():
     sliding = result.column("sliding_steps")
     assert result.max_slide_m_s == np.nanmax(slides) > SLIDING_SPEED
     assert np.array_equal(sliding > 0, np.fmax.reduce(slides, axis=1) > SLIDING_SPEED)
-    assert set(result.column("steps")) == {10.0} and sliding.max() <= 10
-    assert result.slide_time_fraction == pytest.approx(sliding.sum() / (10 * len(sliding)))
+    steps = round(TICK / result.world.model.opt.timestep)
+    assert set(result.column("steps")) == {steps} and sliding.max() <= steps
+    assert result.slide_time_fraction == pytest.approx(sliding.sum() / (steps * len(sliding)))
     assert 0.0 < result.slide_time_fraction < 1.0
     uses = np.column_stack([result.column(f"friction_use_{wheel}") for wheel in WHEELS])
     assert np.nanmax(uses) == pytest.approx(1.0, abs=1e-3)
 
 
 def test_a_tire_in_the_air_leaves_nan_and_never_zero(short_race):
-    simulation = fg.Simulation(short_race.world)
-    _, odometry = simulation.reset()
+    simulation, timer = fg.Simulation(short_race.world), LapTimer(short_race.world.track)
     log = RaceLog(simulation.state)
-    row = {"place": (1.0, 0.0, 0.0), "pose": simulation.pose, "speed": 0.0, "odometry": odometry, "command": fg.STOP}
     simulation.data.joint("car/base_link").qpos[2] += 0.2
+    log.begin(simulation, timer)
     simulation.step(fg.STOP)
-    log.add(state=simulation.state, ctrl=np.zeros(2), slip=simulation.slip, **row)
+    log.end(simulation, 0.0, 0.0)
+    assert log.tally["max_slide"] == 0.0 == log.tally["sliding_steps"]
     half = np.array([[math.nan, 0.3, 0.1, math.nan], [math.nan, math.nan, 0.2, 0.01]])
-    slip = TireSlip(sliding_speed=half, friction_use=2 * half, normal_force=half, friction_force=half)
-    log.add(state=simulation.state, ctrl=np.zeros(2), slip=slip, **row)
+    simulation.slip = TireSlip(values=np.stack((half, 2 * half, half, half)))
+    log.begin(simulation, timer)
+    log.end(simulation, 0.0, 0.0)
     first = fg.TELEMETRY.index("slide_front_left_m_s")
     rows = log.arrays()["telemetry"][:, first:]
-    assert np.isnan(rows[0, :8]).all() and rows[0, 8:].tolist() == [0.0, 10.0]
+    assert np.isnan(rows[0, :8]).all() and rows[0, 8:].tolist() == [0.0, 5.0]
     expected = [math.nan, 0.3, 0.2, 0.01, math.nan, 0.6, 0.4, 0.02, 2.0, 2.0]
     assert rows[1] == pytest.approx(expected, nan_ok=True)
+    assert (log.tally["max_slide"], log.tally["sliding_steps"], log.tally["steps"]) == (0.3, 2, 7)
 
 
 def test_a_result_cannot_be_changed(short_race):

@@ -83,6 +83,8 @@ def test_plain_mujoco_loads_the_scene_and_it_is_the_raced_model(written, short_r
     np.testing.assert_array_equal(model.mesh_vert, raced.mesh_vert)
     np.testing.assert_array_equal(model.body_inertia, raced.body_inertia)
     np.testing.assert_array_equal(model.geom_friction, raced.geom_friction)
+    np.testing.assert_array_equal(model.pair_friction, raced.pair_friction)
+    assert model.opt.timestep == raced.opt.timestep
 
 
 def test_states_file_needs_no_pickle_and_first_state_sets_the_scene(written):
@@ -99,7 +101,7 @@ def test_telemetry_is_a_table_that_any_reader_reads(written, short_race):
         rows = list(csv.DictReader(file))
     assert len(rows) == len(short_race.ctrl)
     assert tuple(rows[0]) == fg.TELEMETRY
-    assert rows[0]["steps"] == "10"
+    assert rows[0]["steps"] == "5" == str(round(0.025 / short_race.world.model.opt.timestep))
     assert float(rows[5]["x_m"]) == short_race.column("x_m")[5]
 
 

@@ -4,16 +4,19 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from scan_worlds import INCREMENT
+from scan_worlds import INCREMENT, scan_of
 
 from fg_mujoco.controllers import scan_filters as filters
+from fg_mujoco.kernels import kernel
 
+filters_extend, filters_widen = filters.extend_disparities, filters.widen_all
 RADIUS = 0.3  # [m]
 BEARINGS = INCREMENT * (np.arange(1081) - 540)
 
+unhurried = settings(deadline=None)  # the first call compiles
 ranges_of_scans = arrays(np.float64, st.integers(0, 60), elements=st.floats(0.0, 30.0))
 increments = st.floats(1e-3, 0.3)
 radii = st.floats(0.01, 1.0)
@@ -38,8 +41,40 @@ def test_a_filter_answers_a_new_array_of_the_same_shape(name, count):
     result = FILTERS[name](ranges)
     assert result.shape == ranges.shape
     assert not np.shares_memory(result, ranges)
-    result[:] = -1.0
+    result.fill(-1.0)
     np.testing.assert_array_equal(ranges, before)
+
+
+def test_a_filter_takes_the_read_only_ranges_of_a_scan():
+    ranges = np.random.default_rng(2).uniform(0.5, 12.0, 1081)
+    scan = scan_of(ranges)
+    assert not scan.ranges.flags.writeable
+    for shorten in FILTERS.values():
+        np.testing.assert_array_equal(shorten(scan.ranges), shorten(ranges))
+
+
+@unhurried
+@given(arrays(np.float64, st.integers(0, 40)), st.floats(), st.floats())
+def test_a_filter_that_is_given_anything_answers_something(ranges, increment, radius):
+    # compiled code that left its arrays would take the process with it
+    for shorten in (
+        lambda: filters.extend_disparities(ranges, increment, 0.3, radius),
+        lambda: filters.widen_all(ranges, increment, radius),
+        lambda: filters.mask_nearest(ranges, increment, radius),
+        lambda: filters.rolling_mean(ranges, increment, radius),
+        lambda: filters.prioritise_centre(ranges, ranges, radius),
+    ):
+        assert shorten().shape == ranges.shape
+
+
+def test_a_filter_answers_the_same_inside_a_kernel():
+    @kernel
+    def chain(ranges, increment):
+        return filters_widen(filters_extend(ranges, increment, 0.3, 0.3), increment, 0.2)
+
+    ranges = np.random.default_rng(3).uniform(0.5, 12.0, 1081)
+    from_python = filters.widen_all(filters.extend_disparities(ranges, INCREMENT, 0.3, 0.3), INCREMENT, 0.2)
+    np.testing.assert_array_equal(chain(ranges, INCREMENT), from_python)
 
 
 # -- what a reading is
@@ -60,6 +95,20 @@ def test_a_filter_answers_a_new_array_of_the_same_shape(name, count):
 )
 def test_readings_become_distances(ranges, expected):
     np.testing.assert_array_equal(filters.valid_ranges(np.array(ranges), 30.0), expected)
+
+
+@unhurried
+@given(arrays(np.float64, st.integers(0, 40), elements=st.sampled_from([math.nan, math.nan, math.inf, -1.0, 0.5, 3.0])))
+def test_a_failed_reading_takes_the_nearer_of_its_next_valid_neighbours(ranges):
+    def distance(beam):
+        if not np.isnan(ranges[beam]):
+            return min(max(ranges[beam], 0.0), 30.0)
+        valid = np.flatnonzero(~np.isnan(ranges))
+        neighbours = [*valid[valid < beam][-1:], *valid[valid > beam][:1]]
+        return min((distance(other) for other in neighbours), default=0.0)
+
+    expected = [distance(beam) for beam in range(len(ranges))]
+    np.testing.assert_array_equal(filters.valid_ranges(ranges, 30.0), expected)
 
 
 def test_beyond_the_lookahead_all_is_equally_far():
@@ -113,6 +162,7 @@ def bubbles_by_loop(ranges, beams, increment, radius):
     return result
 
 
+@unhurried
 @given(ranges_of_scans, increments, radii, st.data())
 def test_safety_bubbles_are_those_of_a_slow_loop(ranges, increment, radius, data):
     everyone = list(range(len(ranges)))
@@ -121,6 +171,28 @@ def test_safety_bubbles_are_those_of_a_slow_loop(ranges, increment, radius, data
     np.testing.assert_array_equal(result, bubbles_by_loop(ranges, beams, increment, radius))
 
 
+@unhurried
+@given(
+    st.one_of(ranges_of_scans, arrays(np.float64, st.integers(0, 60), elements=st.sampled_from([0.0, 0.1, 1.0, 9.0]))),
+    increments,
+    radii,
+)
+def test_widening_all_is_a_safety_bubble_round_every_beam(ranges, increment, radius):
+    result = filters.widen_all(ranges, increment, radius)
+    np.testing.assert_array_equal(result, bubbles_by_loop(ranges, range(len(ranges)), increment, radius))
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_widening_all_of_a_room_is_a_safety_bubble_round_every_beam(seed):
+    rng = np.random.default_rng(seed)
+    corners = np.sort(rng.uniform(0.0, 1080.0, 12))
+    ranges = np.interp(np.arange(1081), corners, rng.uniform(0.1, 12.0, 12)) + rng.normal(0.0, 0.01, 1081)
+    ranges[rng.integers(0, 1081, 5)] = 0.0
+    expected = bubbles_by_loop(ranges, range(1081), INCREMENT, 0.19)
+    np.testing.assert_array_equal(filters.widen_all(ranges, INCREMENT, 0.19), expected)
+
+
+@unhurried
 @given(ranges_of_scans, increments, radii)
 def test_a_closer_reading_is_never_overwritten_by_a_farther_one(ranges, increment, radius):
     for result in (
@@ -131,6 +203,7 @@ def test_a_closer_reading_is_never_overwritten_by_a_farther_one(ranges, incremen
         assert (result <= ranges).all()
 
 
+@unhurried
 @given(ranges_of_scans, increments, radii)
 def test_filters_see_left_and_right_alike(ranges, increment, radius):
     for widen in (
@@ -163,6 +236,15 @@ def test_the_nearer_side_of_a_disparity_is_widened_over_the_farther_one():
         np.testing.assert_array_equal(widened, expected)
 
 
+@unhurried
+@given(ranges_of_scans, increments, radii, st.floats(0.0, 5.0))
+def test_disparities_are_the_safety_bubbles_of_their_nearer_sides(ranges, increment, radius, threshold):
+    pairs = [(beam, beam + 1) for beam in range(len(ranges) - 1) if abs(ranges[beam] - ranges[beam + 1]) > threshold]
+    edges = [min(pair, key=lambda beam: ranges[beam]) for pair in pairs]
+    result = filters.extend_disparities(ranges, increment, threshold, radius)
+    np.testing.assert_array_equal(result, bubbles_by_loop(ranges, edges, increment, radius))
+
+
 def test_between_two_disparities_the_middle_remains():
     # the diagram of 000.txt: free space between an obstacle on the left and one on the right
     ranges = np.array([0.4, 0.5, 2.5, 2.5, 2.5, 0.6, 0.5])
@@ -178,6 +260,7 @@ def test_what_differs_by_no_more_than_the_threshold_is_no_disparity():
 # -- mean, priority, field of view
 
 
+@unhurried
 @given(ranges_of_scans, increments, radii)
 def test_the_rolling_mean_is_that_of_a_slow_loop(ranges, increment, radius):
     def mean(beam):
@@ -213,9 +296,9 @@ def test_centre_priority_does_not_outweigh_a_range_longer_by_more_than_it():
 
 @pytest.mark.parametrize(("degrees", "first", "last"), [(180.0, 180, 900), (90.0, 360, 720), (360.0, 0, 1080)])
 def test_the_field_of_view_is_half_to_either_side_its_edges_included(degrees, first, last):
-    view = filters.field_of_view(BEARINGS, math.radians(degrees))
-    assert (view.start, view.stop) == (first, last + 1)
+    assert filters.field_of_view(BEARINGS, math.radians(degrees)) == (first, last + 1)
 
 
 def test_the_field_of_view_of_a_scan_that_looks_back_is_empty():
-    assert len(BEARINGS[filters.field_of_view(BEARINGS[:100] - 1.0, math.pi)]) == 0
+    first, end = filters.field_of_view(BEARINGS[:100] - 1.0, math.pi)
+    assert first == end

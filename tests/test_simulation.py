@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from fg_mujoco.car import WHEELS
 from fg_mujoco.simulation import STATE, whole_steps
 
 GENTLE = fg.DriveCommand(steering_angle=0.03, speed=2.0)
@@ -38,13 +39,14 @@ def same_bits(first, second):
     return np.array_equal(first.view(np.uint64), second.view(np.uint64))
 
 
-def test_a_tick_is_25_ms_of_ten_physics_steps(simulation):
-    assert simulation.period == 0.025 and simulation.substeps == 10
+def test_a_tick_is_25_ms_of_five_physics_steps(simulation):
+    assert simulation.period == 0.025 and simulation.substeps == 5
+    assert simulation.world.model.opt.timestep == 0.005
     for tick in range(1, 9):
         scan, odometry = simulation.step(GENTLE)
         assert simulation.time == pytest.approx(0.025 * tick, abs=1e-12)
         assert scan.stamp == odometry.stamp == simulation.time
-        assert simulation.slip.sliding_speed.shape == (10, 4)
+        assert simulation.slip.sliding_speed.shape == (5, 4)
 
 
 def test_the_same_commands_give_the_same_bits(world, simulation):
@@ -127,20 +129,55 @@ def test_the_scan_is_that_of_the_walls_in_the_plane(simulation, s, offset):
     assert np.median(np.abs(scan.ranges - expected)) < 1e-4
 
 
+def measured_anew(world, state):
+    """An MjData of the very state, with all sensors measured."""
+    data = mujoco.MjData(world.model)
+    mujoco.mj_setState(world.model, data, state, STATE)
+    mujoco.mj_forward(world.model, data)
+    return data
+
+
 @pytest.mark.parametrize("backend", ("raycast", "rangefinder"))
 def test_scan_and_odometry_are_of_the_end_of_their_tick(backend):
-    """Oracle: the state at the end, measured anew; sensors a physics step late would be 10 mm off at 4 m/s."""
+    """Oracle: the state at the end, measured anew; sensors a physics step late would be 20 mm off at 4 m/s."""
     world = fg.World("oval", lidar=backend)
-    simulation, data = fg.Simulation(world), mujoco.MjData(world.model)
+    simulation = fg.Simulation(world)
     simulation.reset(s=8.0, speed=4.0)
-    for _ in range(8):
-        scan, odometry = simulation.step(fg.DriveCommand(steering_angle=0.05, speed=2.0))
-        mujoco.mj_setState(world.model, data, simulation.state, STATE)
-        mujoco.mj_forward(world.model, data)
-        assert scan.ranges == pytest.approx(world.make_lidar().ranges(data), abs=1e-9)
-        anew = world.car.odometry(data)
-        assert (odometry.speed, odometry.yaw_rate) == pytest.approx((anew.speed, anew.yaw_rate), abs=1e-9)
-        assert odometry.linear_acceleration == pytest.approx(anew.linear_acceleration, abs=1e-3)
+    for tick in range(12):
+        command = fg.DriveCommand(steering_angle=0.05 * (-1) ** (tick // 3), speed=2.0)
+        scan, odometry = simulation.step(command)
+        anew = measured_anew(world, simulation.state)
+        wheels = [anew.sensor(f"car/{wheel}_wheel_speed").data[0] for wheel in WHEELS]
+        assert scan.ranges == pytest.approx(world.make_lidar().ranges(anew), abs=1e-9)
+        assert odometry.stamp == anew.time
+        assert odometry.steering_angle == anew.sensor("car/steering_angle").data[0]
+        assert odometry.wheel_speeds.tolist() == (np.array(wheels) * world.parameters.wheel_radius).tolist()
+        assert odometry.speed == pytest.approx(odometry.wheel_speeds.mean(), rel=1e-12)
+        assert odometry.angular_velocity == pytest.approx(anew.sensor("car/gyro").data, abs=1e-12)
+        assert simulation.pose[:2] == tuple(anew.body("car/base_link").xpos[:2])
+
+
+def test_the_accelerometer_is_that_of_the_last_physics_step():
+    """Oracle: another MjData, stepped alongside; the sensors of a step are those of the state that it starts from."""
+    world = fg.World("oval")
+    simulation, alongside = fg.Simulation(world), mujoco.MjData(world.model)
+    simulation.reset(s=8.0, speed=4.0)
+    before = None
+    for tick in range(12):
+        command = fg.DriveCommand(steering_angle=0.08 * (-1) ** (tick // 3), speed=2.0)
+        mujoco.mj_setState(world.model, alongside, simulation.state, STATE)
+        world.car.apply(alongside, command)
+        for _ in range(simulation.substeps - 1):
+            mujoco.mj_step(world.model, alongside)
+        state = np.empty_like(simulation.state)
+        mujoco.mj_getState(world.model, alongside, state, STATE)
+        expected = measured_anew(world, state).sensor("car/accelerometer").data.tolist()
+        mujoco.mj_step(world.model, alongside)
+        mujoco.mj_getState(world.model, alongside, state, STATE)
+        _, odometry = simulation.step(command)
+        assert same_bits(simulation.state, state)
+        assert odometry.linear_acceleration.tolist() == expected != before
+        before = expected
 
 
 def test_odometry_agrees_with_the_truth_when_rolling(simulation):
@@ -183,15 +220,15 @@ def reach(simulation, car, side):
     return max(side * (y + ahead * math.sin(heading) + left * math.cos(heading)) for ahead, left in corners)
 
 
-def test_a_crash_is_remembered_and_told_in_the_tick_that_it_happens(simulation):
-    """`crashed` says what the contacts of the present state say, not those of a step before."""
+def test_a_crash_is_remembered_and_told_by_the_next_tick(simulation):
+    """A physics step senses the state that it starts from: what only the last state touches, the next tick tells."""
     simulation.reset(s=52.0, speed=5.0)
-    told = False
+    told = touching = False
     for _ in range(80):
         simulation.step(fg.DriveCommand(steering_angle=0.15, speed=5.0))
-        geoms = {simulation.world.model.geom(int(geom)).name for pair in simulation.data.contact.geom for geom in pair}
-        told = told or "car/chassis" in geoms
-        assert simulation.crashed or not told
+        assert simulation.crashed or not (told or touching)
+        told = simulation.crashed
+        touching = measured_anew(simulation.world, simulation.state).sensor("car/chassis_contact").data[0] > 0.0
     assert told
 
 

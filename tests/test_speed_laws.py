@@ -4,14 +4,15 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
-from scan_worlds import CAR, MU
+from scan_worlds import MU
 
 from fg_mujoco.controllers.speed import friction_speed, friction_steering, range_ratio_speed
 from fg_mujoco.controllers.steering import pursue, saturate
 
-WHEELBASE, GRAVITY = 0.3302, 9.81
+WHEELBASE, GRAVITY, LIDAR_OFFSET = 0.3302, 9.81, 0.275
+unhurried = settings(deadline=None)  # the first call compiles
 steering_angles = st.floats(1e-4, 1.5)
 
 
@@ -25,6 +26,7 @@ def test_the_friction_law_has_its_worked_values(steering_angle, speed):
     assert friction_speed(-steering_angle, MU, WHEELBASE, GRAVITY) == pytest.approx(speed, rel=1e-6)
 
 
+@unhurried
 @given(steering_angles, st.floats(0.1, 2.0))
 def test_at_the_friction_speed_the_circle_takes_all_of_the_tires_force(steering_angle, mu):
     # the axles and the turning centre are the corners of a right triangle: R = b / tan d
@@ -38,12 +40,14 @@ def test_straight_ahead_there_is_no_friction_limit_on_speed():
     assert friction_speed(-0.0, MU, WHEELBASE, GRAVITY) == math.inf
 
 
+@unhurried
 @given(steering_angles, st.floats(0.1, 2.0))
 def test_the_two_readings_of_the_law_are_inverses(steering_angle, mu):
     speed = friction_speed(steering_angle, mu, WHEELBASE, GRAVITY)
     assert friction_steering(speed, mu, WHEELBASE, GRAVITY) == pytest.approx(steering_angle, rel=1e-9)
 
 
+@unhurried
 @given(st.floats(0.5, 50.0), st.floats(0.1, 2.0))
 def test_and_the_other_way_round(speed, mu):
     steering_angle = friction_steering(speed, mu, WHEELBASE, GRAVITY)
@@ -67,19 +71,21 @@ def test_beyond_the_limit_it_turns_as_sharply_as_possible(value, held):
     assert saturate(value, 0.4) == held
 
 
+@unhurried
 @given(st.floats(-2.3, 2.3).filter(lambda bearing: abs(math.sin(bearing)) > 1e-3), st.floats(0.1, 10.0))
 def test_the_arc_passes_through_the_goal(bearing, distance):
     # the turning centre lies beside the rear axle, b / tan d to the left; the goal is as far from it as the axle is
-    radius = CAR.wheelbase / math.tan(pursue(bearing, distance, CAR))
-    goal = (CAR.lidar_offset + distance * math.cos(bearing), distance * math.sin(bearing))
+    radius = WHEELBASE / math.tan(pursue(bearing, distance, LIDAR_OFFSET, WHEELBASE))
+    goal = (LIDAR_OFFSET + distance * math.cos(bearing), distance * math.sin(bearing))
     assert math.hypot(goal[0], goal[1] - radius) == pytest.approx(abs(radius), rel=1e-6)
     assert math.copysign(1.0, radius) == math.copysign(1.0, bearing)
 
 
 def test_a_goal_straight_ahead_is_driven_to_straight():
-    assert pursue(0.0, 3.0, CAR) == 0.0
+    assert pursue(0.0, 3.0, LIDAR_OFFSET, WHEELBASE) == 0.0
 
 
+@unhurried
 @given(st.floats(0.0, 2.3), st.floats(0.0, 10.0))
 def test_pursuit_is_odd_in_the_bearing(bearing, distance):
-    assert pursue(-bearing, distance, CAR) == -pursue(bearing, distance, CAR)
+    assert pursue(-bearing, distance, LIDAR_OFFSET, WHEELBASE) == -pursue(bearing, distance, LIDAR_OFFSET, WHEELBASE)

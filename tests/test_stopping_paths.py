@@ -10,7 +10,8 @@ from scan_worlds import CAR, INCREMENT, MU, corridor, mirrored, odometry_of, roo
 
 from fg_mujoco.controllers.friction_guard import FrictionGuard
 from fg_mujoco.controllers.scan_filters import valid_ranges, widen_all
-from fg_mujoco.controllers.stopping_paths import StoppingPaths
+from fg_mujoco.controllers.stopping_paths import PATHS, StoppingPaths, StoppingSettings
+from fg_mujoco.errors import SettingsError
 
 TOP_SPEED = 8.0
 GUARD = FrictionGuard(CAR, MU)
@@ -70,6 +71,127 @@ def test_the_farther_the_wall_the_faster():
     assert (np.diff(speeds) >= 0.0).all()
     assert speeds[0] == 0.0
     assert speeds[-1] > 5.0
+
+
+# -- the search, against one of all paths
+
+
+def exhaustive_safe_speed(widened, angle_min, increment, speed, steering_angle, stopping=STOPPING):
+    """The fastest of all speeds that have a path, of all to both sides, whose points are all in sight."""
+    table = stopping.record[0]
+    shares = np.array([-0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0])
+    share = speed**2 * math.tan(steering_angle) / CAR.wheelbase / GUARD.lateral
+    fastest = 0.0
+    for side in (1, -1):
+        present = np.argmin(np.abs(shares - side * share))
+        beams = np.round((side * table["bearings"][present].astype(float) - angle_min) / increment)
+        beams = np.clip(beams, 0, len(widened) - 1).astype(int)
+        free = (widened[beams] > table["distances"][present]).all(axis=-1).any(axis=-1)
+        fastest = max(fastest, table["speeds"][free].max(initial=0.0))
+    return fastest
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.floats(0.5, 12.0), st.floats(-8.0, 9.0), st.floats(-0.4, 0.4))
+def test_it_finds_what_a_search_of_all_paths_finds(seed, size, speed, steering_angle):
+    rng = np.random.default_rng(seed)
+    count = int(rng.choice([1, 2, 1080, 1081]))
+    corners = np.interp(np.arange(count), np.linspace(0, count, 12), rng.uniform(0.0, size, 12))
+    ranges = np.where(rng.uniform(size=count) < 0.01, rng.uniform(0.0, size, count), corners)
+    start = -0.5 * INCREMENT * (count - 1)
+    for widened in (widen_all(ranges, INCREMENT, STOPPING.radius), ranges):  # what is not widened fails at any point
+        expected = exhaustive_safe_speed(widened, start, INCREMENT, speed, steering_angle)
+        assert STOPPING.safe_speed(widened, start, INCREMENT, speed, steering_angle) == expected
+
+
+def test_a_post_at_the_beginning_of_all_paths_blocks_them_all():
+    ranges = np.full(1081, 30.0)
+    ranges[540] = 0.5 * (BUMPER - 0.25 * CAR.width)  # of one beam, before the point where the disc is now
+    assert STOPPING.safe_speed(ranges, -540 * INCREMENT, INCREMENT, 3.0, 0.1) == 0.0
+
+
+def test_without_a_beam_no_speed_is_safe():
+    assert STOPPING.safe_speed(np.zeros(0), 0.0, INCREMENT, 1.0, 0.0) == 0.0
+
+
+@given(st.floats(), st.floats(), st.floats(), st.floats())
+@settings(deadline=None)
+def test_whatever_it_is_told_it_answers_a_speed_of_the_grid(angle_min, increment, speed, steering_angle):
+    # compiled code that left its arrays would take the process with it
+    widened = np.full(5, 4.0)
+    assert STOPPING.safe_speed(widened, angle_min, increment, speed, steering_angle) in (0.0, *STOPPING.speeds)
+
+
+# -- the paths
+
+
+def far_end(speed, present, turning):
+    """Bearing [rad] and distance [m] of the end of a path to the left, by steps ten times as short."""
+    chosen, step = STOPPING.settings, 1e-3
+    tightest = math.tan(CAR.max_steering_angle) / CAR.wheelbase
+    braking = chosen.braking_share * GUARD.lateral
+    curvature = np.clip(present * GUARD.lateral / speed**2, -tightest, tightest)
+    place, heading, time = 0j, 0.0, 0.0
+    while speed > 0.0:
+        if time >= chosen.reaction:
+            wanted = min(turning * GUARD.lateral / max(speed, 0.1) ** 2, tightest)
+            curvature += (wanted - curvature) * speed * step / GUARD.yaw_lag
+            left = 1.0 - min(abs(curvature) * speed**2 / GUARD.lateral, 0.999)
+            speed = max(speed - braking * left**0.8 * step, 0.0)
+        heading += curvature * speed * step
+        place += speed * step * np.exp(1j * heading)
+        time += step
+    ahead = CAR.length - CAR.rear_overhang + chosen.margin  # of the rear axle
+    end = place + ahead * np.exp(1j * heading) - CAR.lidar_offset
+    return np.angle(end), abs(end)
+
+
+@pytest.mark.parametrize("fast", [0, 10, 25, 47])
+@pytest.mark.parametrize(
+    ("present", "turning"),
+    # places in the grid, and the shares there
+    [((3, 0.0), (0, 0.0)), ((3, 0.0), (4, 0.6)), ((7, 1.0), (1, 0.15)), ((0, -0.75), (6, 0.8))],
+)
+def test_a_path_ends_where_a_finer_integration_says(fast, present, turning):
+    bearing, distance = far_end(STOPPING.speeds[fast], present[1], turning[1])
+    paths, path = STOPPING.record[0], (present[0], fast, turning[0], -1)
+    assert paths["distances"][path] == pytest.approx(distance, rel=0.03, abs=0.02)
+    assert paths["bearings"][path] == pytest.approx(bearing, abs=0.03)
+
+
+def test_straight_paths_begin_at_the_disc_and_are_evenly_spread():
+    distances = STOPPING.record[0]["distances"][3, :, 0]
+    assert distances[:, 0] == pytest.approx(BUMPER - 0.25 * CAR.width, rel=1e-6)
+    np.testing.assert_allclose(np.diff(distances, 2), 0.0, atol=1e-5)
+
+
+def test_cars_of_the_same_kind_share_one_table_that_cannot_be_written_to():
+    shared = StoppingPaths(CAR, FrictionGuard(CAR, MU), TOP_SPEED).record
+    assert np.shares_memory(shared, STOPPING.record)
+    with pytest.raises(ValueError, match="read-only"):
+        shared["distances"][0] = 0.0
+    for other in (
+        StoppingPaths(CAR, FrictionGuard(CAR, 0.9 * MU), TOP_SPEED),
+        StoppingPaths(CAR, GUARD, 0.9 * TOP_SPEED),
+        StoppingPaths(CAR, GUARD, TOP_SPEED, StoppingSettings(margin=0.6)),
+    ):
+        assert not np.shares_memory(other.record, STOPPING.record)
+        assert not np.array_equal(other.record["distances"], STOPPING.record["distances"])
+
+
+def test_a_table_takes_half_a_megabyte():
+    assert PATHS.itemsize < 520_000
+
+
+@pytest.mark.parametrize(
+    ("field", "value"), [("braking_share", 0.0), ("reaction", -0.1), ("margin", math.nan), ("clearance", math.inf)]
+)
+def test_a_setting_that_no_stop_can_have_is_refused_by_name(field, value):
+    with pytest.raises(SettingsError, match=rf"StoppingSettings\.{field} is {value!r}; accepted: a "):
+        StoppingSettings(**{field: value})
+
+
+# -- what holds for any scan
 
 
 @settings(max_examples=30, deadline=None)

@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
-from car_worlds import flat_world, run
+from car_worlds import flat_world, run, tire_pairs, tire_stiffness
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -118,21 +118,27 @@ def test_standing_tires_carry_the_car_and_use_no_friction():
     assert slip.friction_use.max() < 1e-3 and slip.sliding_speed.max() < 1e-4
 
 
-def test_a_holding_tire_creeps_in_proportion_to_the_acceleration():
-    """Closed form in models/f1tenth.xml: acceleration * time constant * impedance / 2, far below SLIDING_SPEED."""
-    model, data, car = flat_world()
+@pytest.mark.parametrize(("mu", "speed", "steering"), [(None, 2, 0.05), (None, 4, 0.1), (0.6, 3, 0.1), (3, 5, 0.1)])
+def test_a_holding_tire_creeps_in_proportion_to_the_acceleration(mu, speed, steering):
+    """Closed form in models/f1tenth.xml: acceleration / (205 / impedance), far below SLIDING_SPEED."""
+    model, data, car = flat_world(mu=mu)
     meter = TireSlipMeter(model)
-    steering = 0.1
-    car.set_pose(data, 0, 0, 0, 4.0)
-    car.apply(data, DriveCommand(steering_angle=steering, speed=4.0))
+    car.set_pose(data, 0, 0, 0, speed)
+    car.apply(data, DriveCommand(steering_angle=steering, speed=speed))
     run(model, data, 2.0)
     mujoco.mj_step(model, data)
     meter.record(data)
-    creep = meter.read().sliding_speed[0]
+    slip = meter.read()
     acceleration = data.qvel[5] * np.hypot(*data.qvel[:2])
-    solref, solimp = model.geom("rear_left_tire").solref, model.geom("rear_left_tire").solimp
-    assert creep == pytest.approx([acceleration * solref[0] * solimp[1] / 2] * 4, rel=0.1)
-    assert creep.max() < SLIDING_SPEED / 2
+    slowing = -model.pair_solreffriction[tire_pairs(model), 1] / model.pair_solimp[tire_pairs(model), 1]  # [1/s]
+    assert slowing == pytest.approx([205.0 / 0.8] * 4)
+    assert slip.sliding_speed[0] == pytest.approx(acceleration / slowing, rel=0.1)
+    # and exactly, with the softness R of friction, the normal's (1 - d) / d / effective mass over impratio
+    softness = 1.0 / (tire_stiffness(model) * 0.0125**2 * 0.8 * model.opt.impratio)
+    assert slip.friction_use.max() < 1.0
+    creep = (acceleration + softness * slip.friction_force[0]) / slowing
+    assert slip.sliding_speed[0] == pytest.approx(creep, rel=0.01)
+    assert slip.sliding_speed.max() < SLIDING_SPEED * acceleration / (1.0489 * 9.81)
 
 
 def test_reading_empties_the_meter_and_keeps_the_order_of_steps():
@@ -166,16 +172,33 @@ def test_prefix_makes_no_difference():
     assert slips[0].sliding_speed == pytest.approx(slips[1].sliding_speed, nan_ok=True, abs=1e-9)
 
 
-def test_tires_friction_acts_whatever_the_grounds_is():
-    model, data, _ = flat_world(mu=0.5, friction=(2.0, 0.005, 0.0001))
-    run(model, data, 0.1)
-    assert [contact.friction[0] for contact in data.contact] == [0.5] * 4
+@pytest.mark.parametrize(
+    "ground",
+    [
+        {"friction": (2.0, 0.005, 0.0001)},
+        {"friction": (0.01, 0.0, 0.0), "priority": 2},
+        {"condim": 1, "priority": 2},
+        {"solref": (0.05, 0.5), "solimp": (0.5, 0.5, 0.1, 0.5, 2.0), "priority": 1},
+    ],
+)
+def test_tires_friction_acts_whatever_the_grounds_is(ground):
+    """To the bit: a pair takes nothing from the geoms."""
+    states = []
+    for attributes in ({}, ground):
+        model, data, car = flat_world(mu=0.5, **attributes)
+        car.set_pose(data, 0, 0, 0, 3.0)
+        car.apply(data, DriveCommand(steering_angle=0.2, speed=4.0))  # slides
+        run(model, data, 0.5)
+        contacts = data.contact
+        assert contacts.friction[:, :2].tolist() == [[0.5, 0.5]] * len(contacts) and len(contacts) > 0
+        states.append((*data.qpos, *data.qvel))
+    assert states[0] == states[1]
 
 
-def test_ground_that_overrides_the_tires_friction_is_refused():
-    model, _, _ = flat_world(priority=2)
-    with pytest.raises(ModelError, match=r"'ground'.*priority 2.*accepted: a priority below 1"):
-        TireSlipMeter(model)
+def test_mu_is_that_of_the_tires_pairs():
+    for mu in (None, 0.37):
+        model, _, car = flat_world(mu=mu, friction=(2.0, 0.005, 0.0001), priority=2)
+        assert TireSlipMeter(model).mu.tolist() == [car.mu] * 4 == [mu or 1.0489] * 4
 
 
 def test_wrong_prefix_is_named():

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.car import WHEELS, nominal_mu
+from fg_mujoco.car import WHEELS, car_spec, nominal_mu
 from fg_mujoco.track_mesh import WALL_HEIGHT
 from fg_mujoco.world import CAR_PREFIX
 
@@ -60,12 +60,16 @@ def test_the_model_is_that_of_the_xml_bit_for_bit(backend, tmp_path):
 
 
 def test_only_tires_touch_the_ground_and_only_the_chassis_touches_walls_and_obstacles(world):
-    """MuJoCo's rule, contype against conaffinity either way, over all pairs of geoms."""
+    """MuJoCo's rule: contype against conaffinity either way, over all pairs of geoms; and the explicit pairs."""
     touching = set()
     for first in geoms(world.model):
         for second in geoms(world.model):
             if first.contype[0] & second.conaffinity[0]:
                 touching.add(frozenset((role(first), role(second))))
+    assert not any("tire" in pair for pair in touching)
+    paired = zip(world.model.pair_geom1, world.model.pair_geom2, strict=True)
+    touching |= {frozenset(role(world.model.geom(int(geom))) for geom in pair) for pair in paired}
+    assert world.model.npair == 4
     # the last is for two cars: a body's own geoms never touch each other
     pairs = (("tire", "ground"), ("chassis", "wall"), ("chassis", "obstacle"), ("chassis", "chassis"))
     assert touching == {frozenset(pair) for pair in pairs}
@@ -141,7 +145,7 @@ def test_mu_reaches_all_four_tires_and_acts_in_the_contacts(mu):
     simulation.step(fg.STOP)
     contacts = simulation.data.contact
     touching = {world.model.geom(int(geom)).name for pair in contacts.geom for geom in pair}
-    assert touching == {"ground", *(f"car/{wheel}_tire" for wheel in WHEELS)}
+    assert touching == {"car/ground", *(f"car/{wheel}_tire" for wheel in WHEELS)}
     assert len(contacts) == 4
     assert contacts.friction[:, :2].tolist() == [[expected, expected]] * 4  # both directions along the ground
 
@@ -181,10 +185,22 @@ def test_only_the_rangefinder_back_end_pays_for_sensors(backend, count):
 
 
 def test_the_engines_settings_are_those_of_the_cars_mjcf_and_static_geoms_sleep(world):
-    car = fg.car_spec().compile().opt
-    for name in ("timestep", "integrator", "cone", "impratio", "gravity"):
-        assert np.array_equal(getattr(world.model.opt, name), getattr(car, name)), name
-    assert world.model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_SLEEP
+    car = car_spec().compile()
+    for name in ("timestep", "integrator", "cone", "impratio", "gravity", "disableflags"):
+        assert np.array_equal(getattr(world.model.opt, name), getattr(car.opt, name)), name
+    assert world.model.opt.enableflags == car.opt.enableflags | mujoco.mjtEnableBit.mjENBL_SLEEP
+    assert world.model.narena == car.narena
+
+
+def test_a_car_in_a_wall_finds_room_for_its_contacts(world):
+    """Beside a wall, pushing into it: far from all the memory that the car's MJCF asks for."""
+    simulation = fg.Simulation(world)
+    simulation.reset(offset=1.0)  # 55 mm of its side are in the wall
+    assert simulation.crashed
+    for _ in range(40):
+        simulation.step(fg.DriveCommand(steering_angle=0.4, speed=5.0))
+    assert not simulation.unstable and simulation.data.warning.number.sum() == 0
+    assert simulation.data.maxuse_arena < 0.25 * world.model.narena
 
 
 def test_walls_sleep_and_the_car_never_does(world):

@@ -4,10 +4,12 @@ The contract: for any scan and any odometry a finite DriveCommand, without an ex
 - its steering angle within the car's limit, or no further than the wheels are turned already;
 - its speed such that the car, whose speed servo approaches the command over `speed_time_constant`, has after one
   period a speed from 0 to the top speed. The command itself may lead by what an acceleration takes;
-- STOP where there is nothing to plan with. Same inputs since `reset()`: same outputs. No planner changes a scan.
+- STOP where there is nothing to plan with. Same inputs since `reset()`: same outputs. No planner changes a scan;
+- where its class offers `batch`, the planners of a batch decide as each does alone, to the last bit.
 """
 
 import ast
+import dataclasses
 import math
 import sys
 import time
@@ -23,7 +25,7 @@ from scan_worlds import CAR, INCREMENT, MU, corridor, odometry_of, scan_of
 
 from fg_mujoco.controller_loading import controller_names, make_controller
 from fg_mujoco.controllers import CONTROLLERS
-from fg_mujoco.messages import STOP, DriveCommand
+from fg_mujoco.messages import ODOMETRY, STOP, DriveCommand, ScanGeometry
 
 TOP_SPEED = 6.0
 GENTLE = np.random.default_rng(5).uniform(0.5, 9.0, 1081)
@@ -187,8 +189,124 @@ def test_it_is_ready_long_before_the_next_scan(planner):
         assert min(durations) < 0.05
 
 
+# -- many worlds
+
+BELIEFS = [(MU, TOP_SPEED), (0.5, TOP_SPEED), (math.inf, TOP_SPEED), (MU, 2.0), (MU, TOP_SPEED)]
+
+
+def rows_of(odometries):
+    rows = np.zeros(len(odometries), ODOMETRY)
+    for row, odometry in zip(rows, odometries, strict=True):
+        for name in ODOMETRY.names:
+            row[name] = getattr(odometry, name)
+    return rows
+
+
+def geometry_of(scan):
+    names = [field.name for field in dataclasses.fields(ScanGeometry)]
+    return ScanGeometry(**{name: getattr(scan, name) for name in names})
+
+
+@pytest.fixture(params=sorted(CONTROLLERS), scope="module")
+def fleet(request):
+    """Planners of one class, of different beliefs, and what makes a batch of them."""
+    planners = [make_controller(request.param, car=CAR, mu=mu, max_speed=most) for mu, most in BELIEFS]
+    batch = getattr(type(planners[0]), "batch", None)
+    if batch is None:
+        pytest.skip(f"{request.param} offers no batch")
+    return planners, batch
+
+
+def assert_decides_as_its_planners_do(fleet, ticks):
+    """Drive a batch through ticks of (scans of one geometry, odometries, who runs), each planner beside it."""
+    planners, batch = fleet
+    decide = batch(planners)
+    for planner in planners:
+        planner.reset()
+    for scans, odometries, running in ticks:
+        commands = np.full((len(planners), 2), math.nan)
+        ranges, rows = np.array([scan.ranges for scan in scans]), rows_of(odometries)
+        before = ranges.copy(), rows.copy()
+        decide(geometry_of(scans[0]), ranges, rows, np.array(running), commands)
+        np.testing.assert_array_equal(ranges, before[0])
+        assert rows.tobytes() == before[1].tobytes()
+        for planner, scan, odometry, runs, command in zip(planners, scans, odometries, running, commands, strict=True):
+            if runs:
+                alone = planner(scan, odometry)
+                assert command.tolist() == [alone.steering_angle, alone.speed]
+            else:
+                assert np.isnan(command).all()
+
+
+def rearranged(scan, world):
+    return dataclasses.replace(scan, ranges=np.roll(scan.ranges, 37 * world))
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_a_batch_decides_as_its_planners_do(fleet, name):
+    worlds = range(len(BELIEFS))
+    ticks = [
+        (
+            [rearranged(ODD[name], tick + world) for world in worlds],
+            [odometry_of(*MOTIONS[(tick + 2 * world) % len(MOTIONS)]) for world in worlds],
+            [(tick + world) % 4 != 0 for world in worlds],
+        )
+        for tick in range(8)
+    ]
+    assert_decides_as_its_planners_do(fleet, ticks)
+
+
+@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    ranges=st.integers(0, 40).flatmap(
+        lambda count: arrays(
+            np.float64,
+            (3, len(BELIEFS), count),
+            elements=st.floats(0.0, 30.0) | st.sampled_from([math.nan, math.inf, -math.inf, 0.0, -1.0]),
+        )
+    ),
+    increment=st.floats(1e-3, 0.5),
+    motions=arrays(np.float64, (3, len(BELIEFS), 2), elements=st.floats(-0.4, 8.0) | st.just(math.nan)),
+    running=arrays(np.bool_, (3, len(BELIEFS))),
+)
+def test_whatever_the_worlds_show_a_batch_decides_as_its_planners_do(fleet, ranges, increment, motions, running):
+    ticks = [
+        ([scan_of(row, increment) for row in scans], [odometry_of(*motion) for motion in moving], runs.tolist())
+        for scans, moving, runs in zip(ranges, motions, running, strict=True)
+    ]
+    assert_decides_as_its_planners_do(fleet, ticks)
+
+
+@given(order=st.permutations(range(len(BELIEFS))))
+@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_the_place_in_a_batch_makes_no_difference(fleet, order):
+    planners, batch = fleet
+    ranges = np.array([np.roll(EMPTY_SECTOR, 50 * world) for world in order])
+    rows = rows_of([odometry_of(1.0 + world, 0.05) for world in order])
+    everyone, commands = np.ones(len(order), bool), np.zeros((2, len(order), 2))
+    batch([planners[world] for world in order])(geometry_of(scan_of(EMPTY_SECTOR)), ranges, rows, everyone, commands[0])
+    back = np.argsort(order)
+    batch(planners)(geometry_of(scan_of(EMPTY_SECTOR)), ranges[back], rows[back], everyone, commands[1])
+    np.testing.assert_array_equal(commands[0][back], commands[1])
+
+
+def test_a_batch_begins_anew_after_reset(fleet):
+    planners, batch = fleet
+    decide, scan = batch(planners), corridor(1.0, 1.0, 5.0)
+    ranges, rows = np.tile(scan.ranges, (len(planners), 1)), rows_of([odometry_of(2.0)] * len(planners))
+    first, later, again = np.zeros((3, len(planners), 2))
+    for commands in (first, later):
+        decide(geometry_of(scan), ranges, rows, np.ones(len(planners), bool), commands)
+    decide.reset()
+    decide(geometry_of(scan), ranges, rows, np.ones(len(planners), bool), again)
+    np.testing.assert_array_equal(again, first)
+
+
+# -- what a planner may know
+
+
 @pytest.mark.parametrize("path", sorted(p.name for p in files("fg_mujoco.controllers").iterdir() if p.suffix == ".py"))
-def test_a_planner_imports_numpy_and_the_messages_only(path):
+def test_a_planner_imports_numpy_messages_and_kernels_only(path):
     # no engine, no simulation, no track: what runs here runs on the car
     tree = ast.parse(files("fg_mujoco.controllers").joinpath(path).read_text())
     imported = set()
@@ -200,5 +318,5 @@ def test_a_planner_imports_numpy_and_the_messages_only(path):
         else:
             assert not (isinstance(node, ast.ImportFrom) and node.level > 1)
     foreign = {name for name in imported if name.split(".")[0] not in sys.stdlib_module_names}
-    assert foreign <= {"numpy", "numpy.typing", "fg_mujoco.messages"}
+    assert foreign <= {"numpy", "numpy.typing", "fg_mujoco.messages", "fg_mujoco.kernels", "fg_mujoco.errors"}
     assert not imported & {"importlib", "builtins", "sys"}  # nor behind its back

@@ -1,0 +1,258 @@
+"""Worlds of one compiled model, stepped together: the tick of `race`, its loops over the worlds compiled.
+
+Each world's result is the same, bit for bit, whatever the others are, and that of the same world driven alone by
+`race`: both read the car, scan, plan, meter the slip and time the laps by the same kernels, and mujoco.batch steps the
+physics as mj_step does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from types import SimpleNamespace
+from typing import Any
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch, SimulationError
+from numpy.typing import NDArray
+
+from .batch_kernels import book_worlds, command_worlds, judge_worlds, not_finite, sense_worlds
+from .car import Car, nominal_mu
+from .car_changes import CarChanges, change_worlds
+from .controller_loading import build_controller, find_controller, plan, start
+from .errors import ControllerError
+from .lap_timer import fresh_timers
+from .lidar import Beams, RaycastLidar
+from .lidar_effects import LidarEffects, ScanPipeline
+from .messages import ODOMETRY, Controller, ControllerBatch, FloatArray, LaserScan, Odometry
+from .race_result import TALLY, TELEMETRY
+from .race_rules import END_REASONS
+from .scenario import Scenario
+from .simulation import BAD_STATE, STATE, whole_steps
+from .tire_slip import TireSlipMeter
+from .world import CAR_PREFIX, World
+
+_FAILED, _INTERRUPTED = END_REASONS.index("failed"), END_REASONS.index("interrupted")
+_NUMBER = 1  # of the fields of mjWarningStat
+_ODOMETRY = ODOMETRY.names or ()
+
+
+class WorldGroup:
+    """Worlds that differ in what a compiled model can change: the car's constants, the start, LiDAR noise, the planner.
+
+    Args:
+      world: what they share; where any scenario has a `command_delay`, its car must have one.
+      scenarios: one for each world.
+      controller: as `race` takes it by name.
+      laps: to be driven.
+      time_limit: of simulated time [s].
+
+    Attributes:
+      running: which worlds still run, (n,).
+      reasons: numbers in END_REASONS, (n,).
+      times: simulated in each world [s], (n,).
+      timers: of the laps, (n,) of LAP_TIMER.
+      lap_times: [s], NaN where not driven, (n, laps).
+      tallies: figures, (n,) of TALLY.
+      telemetry: of the last tick of each world, (n, len(TELEMETRY)).
+      ctrl: what the actuators got in it, (n, 2).
+      crashed: whether the chassis has touched anything, (n,).
+      failed: whether the planner or the engine raised, (n,).
+      states: complete state of each world's physics, (n, k), as Simulation.state.
+      period: time that a tick takes [s].
+    """
+
+    def __init__(
+        self, world: World, scenarios: Sequence[Scenario], controller: str, *, laps: int, time_limit: float
+    ) -> None:
+        count = len(scenarios)
+        self._world, self._laps = world, laps
+        self._batch = Batch(world.model, count, nthread=1, persistent=True)
+        self.states = self._batch.state
+        change_worlds(self._batch, [scenario.car for scenario in scenarios], CAR_PREFIX)
+        models = [
+            world.model if scenario.car == CarChanges() else self._batch.get_model(i)
+            for i, scenario in enumerate(scenarios)
+        ]
+        cars = [world.car if model is world.model else Car(model, CAR_PREFIX) for model in models]
+        self._cars = np.concatenate([car.constants for car in cars])
+        meters = [TireSlipMeter(model, CAR_PREFIX) for model in models]
+        self._mu = np.array([meter.mu for meter in meters])
+        self._tires, self._chassis_contact = meters[0].readings.start, world.car.chassis_contact
+
+        lidar = world.make_lidar()
+        assert isinstance(lidar, RaycastLidar) and lidar.mount is not None
+        self.period, self._mount, self._scene = lidar.beams.period, lidar.mount, lidar.scene
+        self._scratch = self._scene.scratch()
+        self._last_time = time_limit - 0.5 * self.period
+        self._ranges = np.empty((count, len(lidar.beams.bearings)))
+        self._pipelines = {
+            i: ScanPipeline(_Row(lidar.beams, self._ranges[i]), scenario.effects, np.random.default_rng(scenario.seed))
+            for i, scenario in enumerate(scenarios)
+            if scenario.effects != LidarEffects()
+        }
+        kind = find_controller(controller)  # once: what is in a file becomes a new class each time
+        planners = [_planner(kind, controller, *pair) for pair in zip(scenarios, cars, strict=True)]
+        self._decide = _together(planners, lidar.beams)
+
+        substeps = whole_steps(lidar.beams.period, world.model.opt.timestep)
+        self._records = np.empty((count, substeps, world.model.nsensordata))
+        self._slip = np.empty((4, substeps, 4))
+        self._odometry = np.zeros(count, ODOMETRY)
+        self._commands = np.zeros((count, 2))
+        self.running = np.ones(count, np.bool_)
+        self.reasons = np.zeros(count, np.int64)
+        self.crashed = np.zeros(count, np.bool_)
+        self.failed = np.zeros(count, np.bool_)
+        self.tallies = np.zeros(count, TALLY)
+        self.telemetry = np.full((count, len(TELEMETRY)), np.nan)
+        self.lap_times = np.full((count, laps), np.nan)
+        self._place(models, cars, scenarios)
+        self._judge()
+
+    def tick(self) -> None:
+        """Drive all worlds that run for one period of the LiDAR, and judge which of them go on."""
+        sense_worlds(
+            self.running, self.times, self._qpos, self._qvel, self._sensors, self._cars, self.timers, self._mount,
+            self._scene.arrays, self._scratch, self._odometry, self._ranges, self.telemetry,
+        )  # fmt: skip
+        scans = {
+            i: pipeline.scan(SimpleNamespace(time=float(self.times[i])))
+            for i, pipeline in self._pipelines.items()
+            if self.running[i]
+        }
+        for i, scan in scans.items():
+            self._ranges[i] = scan.ranges
+        self._end(self._decide(scans, self._ranges, self._odometry, self.running, self._commands))
+        command_worlds(self.running, self._qvel, self._commands, self._cars, self.ctrl, self.telemetry)
+        stepped = np.flatnonzero(self.running).astype(np.int32)
+        self._step(stepped)
+        book_worlds(
+            stepped, self._records, self._tires, self._chassis_contact, self._mu, self._slip, self._sensors,
+            self.crashed, self.telemetry, self.tallies,
+        )  # fmt: skip
+        self._judge()
+
+    def _place(self, models: list[Any], cars: list[Car], scenarios: Sequence[Scenario]) -> None:
+        """Put each car at its start, as Simulation.reset does."""
+        world, batch = self._world, self._batch
+        data = mujoco.MjData(world.model)
+        self._sensors = np.empty((len(cars), world.model.nsensordata))
+        for i, (model, car, scenario) in enumerate(zip(models, cars, scenarios, strict=True)):
+            mujoco.mj_resetData(model, data)
+            x, y, along = world.track.start_pose(scenario.start.s, scenario.start.offset)
+            car.set_pose(data, x, y, along + scenario.start.heading, scenario.start.speed)
+            mujoco.mj_getState(model, data, self.states[i], STATE)
+            self._sensors[i] = data.sensordata
+            self.crashed[i] = car.crashed(data)
+        # kernels want rows side by side, and those of the batch's state are not
+        self._qpos, self._qvel = batch.bind("qpos").copy(), batch.bind("qvel").copy()
+        self.ctrl, self.times = batch.bind("ctrl").copy(), batch.bind("time").copy()
+        self.timers = fresh_timers(len(cars))
+        first = int(self._cars["free_qpos"][0])
+        self.timers["place"] = world.track.project(self._qpos[:, first : first + 2])[0]
+
+    def _step(self, worlds: NDArray[np.int32]) -> None:
+        """Step the physics of some worlds for a tick, and record their sensors at each step."""
+        batch = self._batch
+        if len(worlds) == 0:
+            return
+        batch.bind("ctrl")[...] = self.ctrl
+        records = {"sensordata": self._records[: len(worlds)]}
+        try:
+            batch.rollout(self._records.shape[1], record=tuple(records), ids=worlds, out=records)
+        except SimulationError as error:
+            failed = np.zeros_like(self.running)
+            failed[error.ids] = True
+            self._end(failed)
+        self._qpos[...], self._qvel[...], self.times[...] = batch.bind("qpos"), batch.bind("qvel"), batch.bind("time")
+
+    def _judge(self) -> None:
+        unstable = self._batch.warning[:, BAD_STATE, _NUMBER].any(axis=1)
+        judge_worlds(
+            self.running, self.reasons, self.times, self._qpos, self._cars, unstable, self.crashed, self.timers,
+            self.lap_times, self._world.track.table, self._world.track.length, self._laps, self._last_time,
+        )  # fmt: skip
+
+    def interrupt(self) -> None:
+        """End the worlds that still run."""
+        self.reasons[self.running], self.running[:] = _INTERRUPTED, False
+
+    def _end(self, failed: NDArray[np.bool_]) -> None:
+        self.failed |= failed
+        self.reasons[failed], self.running[failed] = _FAILED, False
+
+
+class _Row:
+    """A world's row of ranges, as the LiDAR that its ScanPipeline measures with."""
+
+    def __init__(self, beams: Beams, row: FloatArray) -> None:
+        self.beams = beams
+        self._row = row
+
+    def ranges(self, data: Any) -> FloatArray:
+        return self._row.copy()
+
+
+class _OneByOne:
+    """Planners that do not decide together: each is called with messages, as in a race."""
+
+    def __init__(self, planners: Sequence[Controller], beams: Beams) -> None:
+        self._planners, self._beams = planners, beams
+
+    def __call__(
+        self,
+        scans: dict[int, LaserScan],
+        ranges: FloatArray,
+        odometry: NDArray[np.void],
+        running: NDArray[np.bool_],
+        commands: FloatArray,
+    ) -> NDArray[np.bool_]:
+        failed = np.zeros_like(running)
+        for i in map(int, np.flatnonzero(running)):
+            row = odometry[i]
+            values: dict[str, Any] = {name: row[name] if row[name].ndim else float(row[name]) for name in _ODOMETRY}
+            sensed = Odometry(**values)
+            scan = scans[i] if i in scans else self._beams.to_scan(ranges[i], sensed.stamp)
+            try:
+                command = plan(self._planners[i], scan, sensed)
+            except ControllerError:
+                failed[i] = True
+            else:
+                commands[i] = command.steering_angle, command.speed
+        return failed
+
+
+class _Together:
+    """Planners of a class that decides for many worlds at once."""
+
+    def __init__(self, planners: ControllerBatch, beams: Beams) -> None:
+        self._planners, self._geometry = planners, beams.geometry
+
+    def __call__(
+        self,
+        scans: dict[int, LaserScan],
+        ranges: FloatArray,
+        odometry: NDArray[np.void],
+        running: NDArray[np.bool_],
+        commands: FloatArray,
+    ) -> NDArray[np.bool_]:
+        self._planners(self._geometry, ranges, odometry, running, commands)
+        return not_finite(running, commands)
+
+
+def _together(planners: list[Controller], beams: Beams) -> _OneByOne | _Together:
+    kind = type(planners[0])
+    batch = getattr(kind, "batch", None)
+    if batch is None or any(type(planner) is not kind for planner in planners):
+        return _OneByOne(planners, beams)
+    return _Together(batch(planners), beams)
+
+
+def _planner(kind: Any, source: str, scenario: Scenario, car: Car) -> Controller:
+    believed_mu = nominal_mu() if scenario.planner_mu is None else float(scenario.planner_mu)
+    planner = build_controller(
+        kind, source, car=car.parameters, mu=believed_mu, max_speed=scenario.max_speed, settings=scenario.planner
+    )
+    start(planner)
+    return planner

@@ -1,0 +1,174 @@
+"""What a tick reads off a car's state is what the model's sensors say, and its commands reach its own actuators."""
+
+import math
+
+import mujoco
+import numpy as np
+import pytest
+from car_worlds import flat_world, run
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fg_mujoco import car_motion
+from fg_mujoco.car import WHEELS, Car, car_spec
+from fg_mujoco.messages import ODOMETRY, DriveCommand
+
+WORLDS = {prefix: flat_world(prefix=prefix) for prefix in ("", "car/")}
+rate = st.floats(-30, 30)
+
+
+def two_cars():
+    """Two cars in one model, 5 m apart; return (model, data, first car, second car)."""
+    spec = mujoco.MjSpec()
+    spec.option, spec.memory = car_spec().option, car_spec().memory
+    for prefix in ("first/", "second/"):
+        spec.attach(car_spec(), prefix=prefix, frame=spec.worldbody.add_frame())
+    model = spec.compile()
+    data, cars = mujoco.MjData(model), [Car(model, prefix) for prefix in ("first/", "second/")]
+    for car, y in zip(cars, (0.0, 5.0), strict=True):
+        car.set_pose(data, 0.0, y, 0.0)
+    return model, data, *cars
+
+
+def scatter(model, data, seed):
+    """Set any orientation, joint positions and velocities, and measure them."""
+    rng = np.random.default_rng(seed)
+    mujoco.mj_resetData(model, data)
+    data.qpos[:] += rng.uniform(-0.3, 0.3, model.nq)
+    data.qpos[:3] = rng.uniform((-9.0, -9.0, 1.0), 9.0)  # in the air
+    data.qpos[3:7] = rng.normal(size=4)
+    data.qvel[:] = rng.uniform(-30.0, 30.0, model.nv)
+    mujoco.mj_normalizeQuat(model, data.qpos)
+    mujoco.mj_forward(model, data)
+
+
+def sensor(data, prefix, name):
+    return data.sensor(prefix + name).data
+
+
+def read_odometry(data, car):
+    row = np.zeros(1, ODOMETRY)
+    car_motion.read_odometry(data.time, data.qpos, data.qvel, data.sensordata, car.constants, row)
+    return row[0]
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 10**6), prefix=st.sampled_from(["", "car/"]))
+def test_odometry_is_what_the_models_sensors_say(seed, prefix):
+    """In any state, however the car lies and turns."""
+    model, data, car = WORLDS[prefix]
+    scatter(model, data, seed)
+    data.time = 0.25 * seed
+    row, radius = read_odometry(data, car), car.parameters.wheel_radius
+    wheels = [sensor(data, prefix, f"{wheel}_wheel_speed")[0] for wheel in WHEELS]
+    assert row["stamp"] == 0.25 * seed
+    assert row["angular_velocity"] == pytest.approx(sensor(data, prefix, "gyro"), abs=1e-9)
+    assert row["linear_acceleration"].tolist() == sensor(data, prefix, "accelerometer").tolist()
+    assert row["steering_angle"] == sensor(data, prefix, "steering_angle")[0]
+    assert row["wheel_speeds"] == pytest.approx(np.multiply(wheels, radius), rel=1e-12)
+    assert row["speed"] == pytest.approx(np.mean(wheels) * radius, rel=1e-9, abs=1e-12)
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 10**6), prefix=st.sampled_from(["", "car/"]))
+def test_pose_and_speeds_are_what_the_engine_says(seed, prefix):
+    """Oracles: the frame of base_link, its velocity, and the velocity of the drive tendon."""
+    model, data, car = WORLDS[prefix]
+    scatter(model, data, seed)
+    x, y, heading = car_motion.planar_pose(data.qpos, car.constants)
+    body = data.body(f"{prefix}base_link")
+    ahead = body.xmat.reshape(3, 3)[:, 0]
+    assert (x, y) == pytest.approx(body.xpos[:2], abs=1e-12)
+    assert math.remainder(heading - math.atan2(ahead[1], ahead[0]), math.tau) == pytest.approx(0.0, abs=1e-6)
+    velocity = np.zeros(6)
+    mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_XBODY, body.id, velocity, 0)
+    along = velocity[3] * math.cos(heading) + velocity[4] * math.sin(heading)
+    assert car_motion.ground_speed(data.qpos, data.qvel, car.constants) == pytest.approx(along, abs=1e-9)
+    tendon = data.ten_velocity[model.tendon(f"{prefix}drive").id]
+    assert car_motion.surface_speed(data.qvel, car.constants) == pytest.approx(tendon, abs=1e-9)
+
+
+def test_the_car_answers_what_the_kernels_do():
+    model, data, car = WORLDS["car/"]
+    scatter(model, data, 3)
+    odometry, row = car.odometry(data), read_odometry(data, car)
+    assert (odometry.stamp, odometry.speed, odometry.steering_angle) == (
+        row["stamp"], row["speed"], row["steering_angle"],
+    )  # fmt: skip
+    for name in ("angular_velocity", "linear_acceleration", "wheel_speeds"):
+        assert getattr(odometry, name).tolist() == row[name].tolist()
+    assert car.pose(data) == car_motion.planar_pose(data.qpos, car.constants)
+    assert car.ground_speed(data) == car_motion.ground_speed(data.qpos, data.qvel, car.constants)
+
+
+def test_an_odometry_keeps_its_values_when_the_next_is_read():
+    model, data, car = flat_world()
+    car.set_pose(data, 0, 0, 0, 2.0)
+    first = car.odometry(data)
+    kept = {name: np.copy(value) for name, value in vars(first).items()}
+    car.apply(data, DriveCommand(steering_angle=0.2, speed=3.0))
+    run(model, data, 0.5)
+    second = car.odometry(data)
+    for name, value in kept.items():
+        assert np.array_equal(getattr(first, name), value), name
+        assert not np.array_equal(getattr(second, name), value), name
+
+
+def test_rows_of_many_cars_are_written_one_at_a_time():
+    _, data, first, second = two_cars()
+    second.set_pose(data, 0.0, 5.0, 0.0, 3.0)
+    rows = np.full(3, -1.0, dtype=ODOMETRY)
+    car_motion.read_odometry(data.time, data.qpos, data.qvel, data.sensordata, second.constants, rows[1:2])
+    assert rows["speed"].tolist() == pytest.approx([-1.0, 3.0, -1.0])
+    assert (rows["wheel_speeds"][[0, 2]] == -1.0).all() and (rows["linear_acceleration"][[0, 2]] == -1.0).all()
+    assert first.odometry(data).speed == 0.0
+
+
+def test_each_of_two_cars_reads_its_own_state_and_drives_its_own_wheels():
+    model, data, first, second = two_cars()
+    data.ctrl[:] = 0.5
+    first.apply(data, DriveCommand(steering_angle=0.1, speed=1.0))
+    second.apply(data, DriveCommand(steering_angle=-0.2, speed=2.0))
+    assert {model.actuator(index).name: data.ctrl[index] for index in range(model.nu)} == {
+        "first/steering": 0.1, "first/speed": 1.0, "second/steering": -0.2, "second/speed": 2.0,
+    }  # fmt: skip
+    run(model, data, 1.5)
+    for car, sign, speed in ((first, 1.0, 1.0), (second, -1.0, 2.0)):
+        odometry = car.odometry(data)
+        assert odometry.steering_angle == pytest.approx(0.1 if sign > 0 else -0.2, abs=1e-3)
+        assert odometry.speed == pytest.approx(speed, rel=0.01)
+        assert sign * odometry.yaw_rate > 0.1 and sign * odometry.linear_acceleration[1] > 0.1
+        assert car.ground_speed(data) == pytest.approx(speed, rel=0.03)
+    assert first.pose(data)[1] > 0.1 and second.pose(data)[1] < 4.9
+
+
+@given(steering=rate, speed=rate, spin=st.floats(-500, 500))
+def test_drive_holds_a_command_within_the_limits_and_the_motors_power(steering, speed, spin):
+    """Oracle: numpy's clip, and the power limit at the wheels' own speed."""
+    model, data, car = WORLDS["car/"]
+    limits = car.parameters
+    mujoco.mj_resetData(model, data)
+    for wheel in WHEELS:
+        data.joint(f"car/{wheel}_wheel").qvel = spin
+    data.ctrl[:] = 7.0
+    car_motion.drive(data.qvel, steering, speed, car.constants, data.ctrl)
+    surface = spin * limits.wheel_radius
+    held = float(np.clip(speed, limits.min_speed, limits.max_speed))
+    if abs(surface) > limits.power_limit_speed:
+        reach = limits.speed_time_constant * limits.max_acceleration * limits.power_limit_speed / abs(surface)
+        held = min(held, surface + reach) if surface > 0.0 else max(held, surface - reach)
+    assert data.actuator("car/steering").ctrl[0] == np.clip(steering, -0.4189, 0.4189)
+    assert data.actuator("car/speed").ctrl[0] == pytest.approx(held, abs=1e-9)
+
+
+def test_constants_are_the_cars_and_cannot_be_written():
+    model, _, car = WORLDS["car/"]
+    constants = car.constants[0]
+    assert constants["free_qpos"] == model.joint("car/base_link").qposadr[0]
+    assert constants["wheel_dofs"].tolist() == [model.joint(f"car/{wheel}_wheel").dofadr[0] for wheel in WHEELS]
+    shared = set(car_motion.CAR.names) & set(vars(car.parameters))
+    assert len(shared) == 7
+    for name in shared:
+        assert constants[name] == getattr(car.parameters, name), name
+    with pytest.raises(ValueError, match="read-only"):
+        car.constants["wheel_radius"] = 1.0

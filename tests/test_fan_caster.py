@@ -1,0 +1,516 @@
+"""The scan drawn as a picture, against single MuJoCo rays: nasty places to stand, any fan of beams, many worlds."""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from lidar_worlds import (
+    GEOM,
+    PREFIX,
+    RIG,
+    add_mesh,
+    curvy_walls,
+    disagreements,
+    mujoco_rays,
+    place,
+    random_spec,
+    rig_spec,
+    room,
+)
+
+from fg_mujoco import lidar as lidar_module
+from fg_mujoco.body_poses import mounted_pose
+from fg_mujoco.fan_blocks import BLOCK_TRIANGLES, make_blocks
+from fg_mujoco.fan_caster import FanScene, scan, scan_worlds
+from fg_mujoco.fan_scene import is_fan
+from fg_mujoco.lidar import Beams, RaycastLidar, lidar_spec, load_beams
+from fg_mujoco.world import World
+
+INCREMENT = load_beams().angle_increment
+
+
+def scanner(spec: Any) -> Any:
+    model = spec.compile()
+    return model, mujoco.MjData(model), RaycastLidar(model, PREFIX)
+
+
+def random_poses(rng: np.random.Generator, count: int) -> tuple[Any, Any]:
+    """Positions (n, 3) and rotations (n, 3, 3), tilted any way, among the things of random_spec."""
+    centres = rng.choice([[0.0, 0.0], [40.0, -25.0]], size=count)
+    positions = np.column_stack((centres + rng.uniform(-9, 9, (count, 2)), rng.uniform(0.02, 0.8, count)))
+    rotations = np.empty((count, 9))
+    for rotation in rotations:
+        quaternion = np.zeros(4)
+        angles = np.array((rng.uniform(-3, 3), *rng.normal(0, 0.2, 2)))
+        mujoco.mju_euler2Quat(quaternion, angles, "zyx")
+        mujoco.mju_quat2Mat(rotation, quaternion)
+    return positions, rotations.reshape(-1, 3, 3)
+
+
+def explained(model: Any, data: Any, lidar: RaycastLidar, pose: dict[str, Any], nudge: float = 1e-9) -> Any:
+    """Which readings are those of MuJoCo's rays there, or a nudge [rad] to the right or left, as along an edge."""
+    place(model, data, **pose)
+    readings = lidar.ranges(data)
+    same = np.zeros(len(readings), dtype=bool)
+    for turn in (0.0, -nudge, nudge):
+        place(model, data, **{**pose, "yaw": pose.get("yaw", 0.0) + turn})
+        oracle = mujoco_rays(model, data, lidar.beams)
+        with np.errstate(invalid="ignore"):
+            same |= (readings == oracle) | (np.abs(readings - oracle) < 1e-5)
+    return same
+
+
+# --- against single MuJoCo rays ---
+
+
+@given(
+    pieces=st.lists(
+        st.tuples(st.floats(-4, 4), st.floats(-4, 4), st.floats(-0.5, 1), st.floats(0.05, 2), st.integers(0, 10**6)),
+        min_size=1,
+        max_size=5,
+    ),
+    position=st.tuples(st.floats(-5, 5), st.floats(-5, 5), st.floats(0.001, 1)),
+    angles=st.tuples(st.floats(-3.2, 3.2), st.floats(-0.4, 0.4), st.floats(-3.2, 3.2)),
+)
+@settings(max_examples=60, deadline=None)
+def test_random_convex_pieces_are_seen_as_mujoco_sees_them(pieces: Any, position: Any, angles: Any) -> None:
+    spec = rig_spec(sensors=False)
+    for index, (x, y, z, size, seed) in enumerate(pieces):
+        corners = np.array([x, y, z]) + size * np.random.default_rng(seed).normal(0, 0.4, (9, 3))
+        add_mesh(spec, f"piece_{index}", corners)
+    model, data, lidar = scanner(spec)
+    pose = dict(zip(("yaw", "pitch", "roll"), angles, strict=True))
+    assert explained(model, data, lidar, {"position": position, **pose}).all()
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(
+    ("first", "count", "increment"),
+    [(-math.pi, 1440, math.tau / 1440), (-3.0, 600, 0.01), (-0.4, 91, 0.01), (0.5, 40, 0.03), (-3.1, 2, 0.2)],
+    ids=["all round", "nearly all round", "narrow", "left only", "two beams"],
+)
+def test_any_fan_of_beams_sees_what_mujoco_sees(first: float, count: int, increment: float, seed: int) -> None:
+    beams = fan_of(first + increment * np.arange(count))
+    assert is_fan(beams)
+    model = random_spec(np.random.default_rng(seed)).compile()
+    data = mujoco.MjData(model)
+    rng = np.random.default_rng(seed)
+    scene = FanScene(model, beams, model.body(PREFIX + "hokuyo").id)
+    scratch, readings = scene.scratch(), np.empty(count)
+    for position, rotation in zip(*random_poses(rng, 20), strict=True):
+        put(model, data, position, rotation)
+        bodies = list(scene.moving)
+        scan(scene.arrays, position, rotation, data.xpos[bodies], rotations_of(data, bodies), scratch, readings)
+        assert not disagreements(readings, mujoco_rays(model, data, beams), 1e-9).size
+
+
+def fan_of(bearings: Any) -> Beams:
+    directions = np.column_stack((np.cos(bearings), np.sin(bearings), 0.0 * bearings))
+    steps = np.diff(bearings)
+    return replace(
+        load_beams(),
+        directions=directions,
+        origins=0.0 * directions,
+        bearings=bearings,
+        angle_min=float(bearings[0]),
+        angle_max=float(bearings[-1]),
+        angle_increment=float(steps.mean()),
+    )
+
+
+def put(model: Any, data: Any, position: Any, rotation: Any) -> None:
+    mocap = model.body(RIG).mocapid[0]
+    data.mocap_pos[mocap] = position
+    mujoco.mju_mat2Quat(data.mocap_quat[mocap], rotation.ravel())
+    mujoco.mj_kinematics(model, data)
+
+
+def rotations_of(data: Any, bodies: list[int]) -> Any:
+    return data.xmat[bodies].reshape(-1, 3, 3)
+
+
+def test_planes_on_mocap_bodies_and_free_bodies_are_followed_in_the_present_state() -> None:
+    """No mj_kinematics between the state and the scan."""
+    spec = rig_spec(sensors=False, floor=False)
+    board = spec.worldbody.add_body(name="board", mocap=True)
+    board.add_geom(type=GEOM.mjGEOM_PLANE, size=(1, 2, 1), pos=(0, 0.1, 0))
+    box = spec.worldbody.add_body(name="box").add_body(name="inner", pos=(0.5, 0, 0))
+    box.add_geom(type=GEOM.mjGEOM_BOX, size=(0.3, 0.2, 0.4), quat=(1, 0.3, 0, 0.2))
+    spec.body("box").add_freejoint()
+    model, data, lidar = scanner(spec)
+    rng = np.random.default_rng(0)
+    oracle_data = mujoco.MjData(model)
+    returns = 0
+    for _ in range(60):
+        data.qpos[:] = (*rng.uniform(-2, 2, 3), *rng.normal(size=4))
+        data.mocap_pos[:], data.mocap_quat[:] = rng.uniform(-2, 2, (2, 3)), rng.normal(size=(2, 4))
+        oracle_data.qpos[:], oracle_data.mocap_pos[:] = data.qpos, data.mocap_pos
+        oracle_data.mocap_quat[:] = data.mocap_quat
+        mujoco.mj_kinematics(model, oracle_data)
+        oracle = mujoco_rays(model, oracle_data, lidar.beams)
+        assert not disagreements(lidar.ranges(data), oracle, 1e-9).size
+        position, rotation = oracle_data.body(PREFIX + "hokuyo").xpos, oracle_data.body(PREFIX + "hokuyo").xmat
+        cast = lidar.cast(data, np.tile(position, (1081, 1)), lidar.beams.directions @ rotation.reshape(3, 3).T)
+        assert disagreements(cast, oracle, 1e-9).size <= 1
+        returns += np.isfinite(oracle).sum()
+    assert returns > 2000
+
+
+# --- nasty places to stand ---
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-17, -1e-17, 1e-13, -1e-13, 1e-10, -1e-10, 1e-6])
+@pytest.mark.parametrize("yaw_steps", [0, 17, -400, 720])
+@pytest.mark.parametrize("far_wall", [False, True])
+def test_in_line_with_a_face_no_beam_reads_a_place_where_nothing_is(off: float, yaw_steps: int, far_wall: bool) -> None:
+    """Boxes ahead, left, right and behind, a face of each in one plane with the LiDAR."""
+    spec = rig_spec(sensors=False)
+    for x, y in ((2, 0.5), (-2, 0.5), (0.5, 2), (0.5, -2)):
+        spec.worldbody.add_geom(type=GEOM.mjGEOM_BOX, size=(0.5, 0.5, 1), pos=(x, y, 0))
+    if far_wall:
+        room(spec, half_length=7.0, half_width=6.0)
+    model, data, lidar = scanner(spec)
+    pose = {"position": (off, off, 0.2), "yaw": yaw_steps * INCREMENT}
+    assert explained(model, data, lidar, pose).all()
+
+
+def test_beam_that_runs_along_a_face_reads_a_place_on_it_or_what_is_behind() -> None:
+    """Which of them is rounding; but 1 / distance is 0 / 0 there, and might be anything."""
+    spec = rig_spec(sensors=False)
+    room(spec, half_length=20.0, half_width=20.0)
+    body = spec.worldbody.add_body(name="box", mocap=True)
+    body.add_geom(type=GEOM.mjGEOM_BOX, size=(1.0, 0.5, 1.0))
+    model, data, lidar = scanner(spec)
+    place(model, data, (0, 0, 0.2))
+    box = model.body("box").mocapid[0]
+    data.mocap_pos[box] = (100, 100, 0)
+    behind = lidar.ranges(data)
+    rng = np.random.default_rng(0)
+    seen = 0
+    for beam in rng.integers(1081, size=3000):
+        cos, sin = lidar.beams.directions[beam, :2]
+        distance, side = rng.uniform(1.5, 10.0), rng.choice([-0.5, 0.5])
+        data.mocap_pos[box] = (distance * cos - side * sin, distance * sin + side * cos, 0.0)
+        half = 0.5 * lidar.beams.bearings[beam]
+        data.mocap_quat[box] = (math.cos(half), 0.0, 0.0, math.sin(half))
+        reading = lidar.ranges(data)[beam]
+        on_face = distance - 1.0 - 1e-9 <= reading <= distance + 1.0 + 1e-9
+        assert on_face or abs(reading - behind[beam]) < 1e-9
+        seen += on_face
+    assert 500 < seen < 2900
+
+
+@pytest.mark.parametrize("pitch", [0.25, -0.25, 1e-3])
+def test_on_the_ground_the_beams_that_point_down_read_closer_than_range_min(pitch: float) -> None:
+    model, data, lidar = scanner(rig_spec(sensors=False))
+    place(model, data, (1, 2, 0), pitch=pitch)
+    down = math.sin(pitch) * np.cos(lidar.beams.bearings) > 1e-12  # the beams to the side run along the ground
+    np.testing.assert_array_equal(lidar.ranges(data), np.where(down, -np.inf, np.inf))
+
+
+@pytest.mark.parametrize("diagonals", [0, 1])
+@pytest.mark.parametrize("height", [0.05, 0.1, 0.2, 0.27])
+def test_no_beam_leaks_through_a_vertex_or_along_a_row_of_them(diagonals: int, height: float) -> None:
+    """A ring of three rows of vertices, each straight ahead of a beam; two of the heights are those of a row."""
+    count, radius = 1440, 10.0
+    around = radius * np.exp(1j * (load_beams().bearings[0] + np.arange(count) * INCREMENT))
+    rows = [np.column_stack((around.real, around.imag, np.full(count, z))) for z in (0.0, 0.1, 0.2, 0.3)]
+    index, following = np.arange(count), (np.arange(count) + 1) % count
+    faces = []
+    for row in range(3):
+        low, high = count * row, count * (row + 1)
+        if diagonals:
+            faces += [(index + low, following + low, following + high), (index + low, following + high, index + high)]
+        else:
+            faces += [(index + low, following + low, index + high), (following + low, following + high, index + high)]
+    spec = rig_spec(sensors=False)
+    add_mesh(spec, "ring", np.concatenate(rows), np.concatenate([np.column_stack(face) for face in faces]))
+    room(spec, half_length=20.0, half_width=20.0)  # where a beam that leaks ends
+    model, data, lidar = scanner(spec)
+    for quarter in range(4):
+        place(model, data, (0, 0, height), yaw=quarter * 360 * INCREMENT)
+        np.testing.assert_allclose(lidar.ranges(data), radius, atol=1e-4)
+
+
+def test_corners_of_a_room_straight_ahead_of_a_beam_do_not_leak() -> None:
+    spec = rig_spec(sensors=False)
+    for x, y, length, width in ((3, 0, 0.1, 3), (-3, 0, 0.1, 3), (0, 3, 3, 0.1), (0, -3, 3, 0.1)):
+        # inner faces at 3 m that end exactly in the room's corners
+        centre = (x + 0.1 * np.sign(x), y + 0.1 * np.sign(y), 0)
+        spec.worldbody.add_geom(type=GEOM.mjGEOM_BOX, size=(length, width, 1), pos=centre)
+    model, data, lidar = scanner(spec)
+    cos, sin = np.cos(lidar.beams.bearings), np.sin(lidar.beams.bearings)
+    for quarter in range(4):
+        place(model, data, (0, 0, 0.5), yaw=quarter * math.pi / 2)
+        exact = 3.0 / np.maximum(np.abs(cos), np.abs(sin))
+        np.testing.assert_allclose(lidar.ranges(data), exact, atol=1e-9)
+
+
+@pytest.mark.parametrize("storeys", [1, 2])
+@pytest.mark.parametrize("turn", [0, 180])  # of the boxes, and so of the diagonals of their sides
+@pytest.mark.parametrize("yaw", [0.0, 0.3, 2.0, -1.1])
+def test_no_beam_leaks_past_boxes_that_end_at_the_very_height_of_the_lidar(yaw: float, turn: int, storeys: int) -> None:
+    spec = rig_spec(sensors=False)
+    for x, y, length, width in ((4.5, 0, 0.5, 5), (-4.5, 0, 0.5, 5), (0, 4.5, 5, 0.5), (0, -4.5, 5, 0.5)):
+        for z in (0.5, 1.5)[:storeys]:
+            spec.worldbody.add_geom(type=GEOM.mjGEOM_BOX, size=(length, width, 0.5), pos=(x, y, z), euler=(0, 0, turn))
+    model, data, lidar = scanner(spec)
+    for x, y in np.random.default_rng(0).uniform(-3, 3, (20, 2)):
+        place(model, data, (x, y, 1.0), yaw=yaw)
+        cos, sin = np.cos(lidar.beams.bearings + yaw), np.sin(lidar.beams.bearings + yaw)
+        exact = np.minimum((np.sign(cos) * 4.0 - x) / cos, (np.sign(sin) * 4.0 - y) / sin)
+        np.testing.assert_allclose(lidar.ranges(data), exact, rtol=0, atol=1e-9)
+
+
+def test_on_a_surface_the_beams_that_leave_it_see_what_lies_beyond() -> None:
+    """The others read 0, closer than range_min, or the far side of the box, as rounding has it."""
+    spec = rig_spec(sensors=False, floor=False)
+    spec.worldbody.add_geom(type=GEOM.mjGEOM_BOX, size=(1, 20, 1), pos=(-1, 0, 0))
+    spec.worldbody.add_geom(type=GEOM.mjGEOM_BOX, size=(1, 20, 1), pos=(6, 0, 0))
+    model, data, lidar = scanner(spec)
+    cos = np.cos(lidar.beams.bearings)
+    away, into = cos > 1e-6, cos < -1e-6
+    for y, z in np.random.default_rng(0).uniform(-0.9, 0.9, (50, 2)):
+        place(model, data, (0, y, z))
+        readings = lidar.ranges(data)
+        seen = np.isclose(readings, np.divide(5.0, cos, where=away, out=np.full(len(cos), np.inf)), rtol=0, atol=1e-9)
+        ends = np.abs(y + 5.0 * np.tan(lidar.beams.bearings)) > 19.9  # beside the wall
+        assert (seen | ends | (readings == -math.inf))[away].all()
+        assert (seen | ends)[away].any() or (readings[away] == -math.inf).all()
+        through = np.isclose(readings, np.divide(-2.0, cos, where=into, out=np.full(len(cos), np.inf)), atol=1e-9)
+        beside = np.abs(y + 2.0 * np.tan(-lidar.beams.bearings)) > 19.9
+        assert (through | beside | (readings == -math.inf))[into].all()
+
+
+def test_at_a_vertex_of_a_mesh_nothing_breaks() -> None:
+    spec = rig_spec(sensors=False)
+    spec.worldbody.add_geom(type=GEOM.mjGEOM_BOX, size=(1, 1, 1), pos=(1, 1, 0))
+    model, data, lidar = scanner(spec)
+    for position in ((0, 0, 0.5), (0, 0, 1), (2, 2, 1), (1, 1, 1)):
+        place(model, data, position)
+        readings = lidar.ranges(data)
+        assert (np.isinf(readings) | ((readings >= 0.02) & (readings < 30))).all()
+
+
+def test_wall_that_ends_behind_the_lidar_is_seen_beside_it() -> None:
+    spec = rig_spec(sensors=False, floor=False)
+    spec.worldbody.add_geom(type=GEOM.mjGEOM_BOX, size=(500, 0.1, 1), pos=(0, -0.6, 0))
+    model, data, lidar = scanner(spec)
+    place(model, data, (0, 0, 0.2))
+    exact = -0.5 / np.minimum(np.sin(lidar.beams.bearings), -1e-9)
+    np.testing.assert_allclose(lidar.ranges(data), np.where(exact < 30.0, exact, np.inf), rtol=0, atol=1e-9)
+
+
+def test_wall_across_the_blind_sector_is_seen_on_both_sides_of_it() -> None:
+    spec = rig_spec(sensors=False, floor=False)
+    spec.worldbody.add_geom(type=GEOM.mjGEOM_BOX, size=(0.1, 50, 1), pos=(-1.1, 0, 0))
+    model, data, lidar = scanner(spec)
+    place(model, data, (0, 0, 0.2))
+    exact = -1.0 / np.minimum(np.cos(lidar.beams.bearings), -1e-9)
+    np.testing.assert_allclose(lidar.ranges(data), np.where(exact < 30.0, exact, np.inf), rtol=0, atol=1e-9)
+
+
+def test_inside_a_box_its_faces_are_seen_all_round() -> None:
+    spec = rig_spec(sensors=False)
+    spec.worldbody.add_geom(type=GEOM.mjGEOM_BOX, size=(6, 4, 2), pos=(0, 0, 0))
+    model, data, lidar = scanner(spec)
+    place(model, data, (1.0, 0.5, 0.3), yaw=0.3)
+    cos, sin = np.cos(lidar.beams.bearings + 0.3), np.sin(lidar.beams.bearings + 0.3)
+    exact = np.minimum((np.sign(cos) * 6 - 1.0) / cos, (np.sign(sin) * 4 - 0.5) / sin)
+    np.testing.assert_allclose(lidar.ranges(data), exact, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e200])
+def test_lidar_nowhere_sees_nothing(value: float) -> None:
+    model = random_spec(np.random.default_rng(0)).compile()
+    lidar = RaycastLidar(model, PREFIX)
+    moving = len(lidar.scene.moving)
+    readings = np.empty(1081)
+    for position, rotation in (
+        ((value, 0, 0), np.eye(3)),
+        ((0, 0, value), np.eye(3)),
+        ((0, 0, 0.1), np.full((3, 3), value)),
+    ):
+        scan(
+            lidar.scene.arrays, np.array(position, dtype=float), rotation, np.zeros((moving, 3)),
+            np.tile(np.eye(3), (moving, 1, 1)), lidar.scene.scratch(), readings,
+        )  # fmt: skip
+        assert np.isinf(readings).all()
+
+
+# --- the same bits ---
+
+
+def test_order_of_the_geoms_does_not_matter_to_the_bit() -> None:
+    rng = np.random.default_rng(4)
+    plain = random_spec(np.random.default_rng(4)).compile()
+    shuffled = random_spec(np.random.default_rng(4), order=rng.permutation(21)).compile()
+    lidars = [RaycastLidar(model, PREFIX) for model in (plain, shuffled)]
+    all_data = [mujoco.MjData(model) for model in (plain, shuffled)]
+    free = {f"free_{index}": (*rng.uniform(-8, 8, 2), 0.3, *rng.normal(size=4)) for index in range(8, 12)}
+    returns = 0
+    for position, rotation in zip(*random_poses(rng, 50), strict=True):
+        scans = []
+        for model, data, lidar in zip((plain, shuffled), all_data, lidars, strict=True):
+            for name, pose in free.items():
+                data.joint(name).qpos[:] = pose
+            put(model, data, position, rotation)
+            scans.append(lidar.ranges(data))
+        assert np.array_equal(*scans)
+        returns += np.isfinite(scans[0]).sum()
+    assert returns > 10000
+
+
+def test_blocks_hold_each_triangle_once_and_its_edges_whatever_the_order() -> None:
+    rng = np.random.default_rng(7)
+    vertices, triangles, _ = curvy_walls(rng, n=150)
+    blocks = make_blocks(vertices, triangles)
+    renamed, shuffled = rng.permutation(len(vertices)), rng.permutation(len(triangles))
+    again = make_blocks(vertices[np.argsort(renamed)], renamed[np.roll(triangles, 1, axis=1)][shuffled])
+    assert np.array_equal(blocks.edges, again.edges)
+    starts, ends = blocks.edges.T[:, :3].tolist(), blocks.edges.T[:, 3:].tolist()
+    assert all(start <= end for start, end in zip(starts, ends, strict=True))  # the same way round in all blocks
+    centres = []
+    for box, (first_edge, behind_edge, first, behind) in zip(blocks.boxes.T, blocks.spans, strict=True):
+        assert 0 < behind - first <= BLOCK_TRIANGLES
+        ends = blocks.edges[:, first_edge:behind_edge].reshape(2, 3, -1)
+        of_triangle = ends[:, :, blocks.triangles[first:behind]]  # (end, axis, triangle, edge)
+        assert (np.abs(of_triangle - box[:3, None, None]) <= box[3:6, None, None] + 1e-12).all()
+        centres.append(of_triangle.mean(axis=(0, 3)).T)  # each corner ends two of the edges
+    expected = vertices[triangles].mean(axis=1)
+    found = np.concatenate(centres)
+    order, found_order = (np.lexsort(np.round(part, 9).T) for part in (expected, found))
+    np.testing.assert_allclose(found[found_order], expected[order], rtol=0, atol=1e-12)
+
+
+def test_many_worlds_are_scanned_as_each_alone_by_any_thread() -> None:
+    rng = np.random.default_rng(5)
+    lidar = RaycastLidar(random_spec(np.random.default_rng(5)).compile(), PREFIX)
+    scene, count, moving = lidar.scene, 40, len(lidar.scene.moving)
+    positions, rotations = random_poses(rng, count)
+    moving_positions = rng.uniform(-5, 5, (count, moving, 3))
+    moving_rotations = np.stack([random_poses(rng, moving)[1] for _ in range(count)])
+    running = rng.random(count) < 0.7
+    together = np.full((count, 1081), 7.0)
+    poses = positions, rotations, moving_positions, moving_rotations
+    scan_worlds(scene.arrays, *poses, running, scene.scratch(), together)
+    assert (together[~running] == 7.0).all()
+
+    def alone(world: int) -> Any:
+        readings = np.empty(1081)
+        scan(scene.arrays, *(part[world] for part in poses), scene.scratch(), readings)
+        return readings
+
+    with ThreadPoolExecutor(4) as pool:
+        singles = np.array(list(pool.map(alone, range(count))))
+    assert np.array_equal(together[running], singles[running])
+    assert np.isfinite(singles).mean() > 0.2
+
+
+def test_scene_is_read_only() -> None:
+    scene = RaycastLidar(random_spec(np.random.default_rng(0)).compile(), PREFIX).scene
+    assert not any(array.flags.writeable for array in scene.arrays)
+
+
+# --- where the LiDAR is ---
+
+
+def test_mounted_pose_is_that_of_mj_kinematics() -> None:
+    world = World("oval")
+    data, lidar = mujoco.MjData(world.model), world.make_lidar()
+    assert isinstance(lidar, RaycastLidar)
+    mount = lidar.mount
+    assert mount is not None
+    rng = np.random.default_rng(0)
+    position, rotation = np.empty(3), np.empty((3, 3))
+    for length in (1.0, 1.0, 0.3, 40.0, 1e-20):
+        pose = data.qpos[mount.qpos_address : mount.qpos_address + 7]
+        pose[:] = *rng.uniform(-1, 1, 3), *rng.normal(size=4)
+        pose[3:] *= length / np.linalg.norm(pose[3:])
+        mounted_pose(pose.copy(), mount.offset_position, mount.offset_rotation, position, rotation)
+        mujoco.mj_kinematics(world.model, data)
+        np.testing.assert_allclose(position, data.xpos[lidar.body], rtol=0, atol=1e-15)
+        np.testing.assert_allclose(rotation.ravel(), data.xmat[lidar.body], rtol=0, atol=1e-15)
+
+
+def test_scan_of_a_car_is_that_of_the_present_state_without_mj_kinematics() -> None:
+    world = World("oval")
+    data, lidar = mujoco.MjData(world.model), world.make_lidar()
+    world.car.set_pose(data, *world.track.start_pose(3.0), 5.0)
+    for _ in range(7):
+        mujoco.mj_step(world.model, data)
+    stale = data.xpos[lidar.body].copy()  # type: ignore[attr-defined]
+    readings = lidar.ranges(data)
+    mujoco.mj_kinematics(world.model, data)
+    assert np.linalg.norm(data.xpos[lidar.body] - stale) > 0.01  # type: ignore[attr-defined]
+    assert np.array_equal(readings, lidar.ranges(data))
+    assert not disagreements(readings, mujoco_rays(world.model, data, lidar.beams, "car/lidar/hokuyo"), 1e-9).size
+
+
+def test_lidar_on_a_hinge_is_followed_by_mj_kinematics() -> None:
+    spec = mujoco.MjSpec()
+    spec.worldbody.add_geom(type=GEOM.mjGEOM_BOX, size=(1, 1, 1), pos=(5, 0, 0))
+    tower = spec.worldbody.add_body(name="tower")
+    tower.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=(0, 0, 1))
+    tower.add_geom(type=GEOM.mjGEOM_BOX, size=(0.01, 0.01, 0.01))
+    spec.attach(lidar_spec(sensors=False), frame=tower.add_frame(pos=(0.3, 0, 0.2)), prefix=PREFIX)
+    model, data, lidar = scanner(spec)
+    assert lidar.mount is None
+    for angle in (0.0, 1.0, -0.2):
+        data.qpos[0] = angle
+        mujoco.mj_kinematics(model, data)
+        assert not disagreements(lidar.ranges(data), mujoco_rays(model, data, lidar.beams), 1e-9).size
+
+
+# --- beams that are no fan ---
+
+
+def no_fans() -> dict[str, Beams]:
+    beams = load_beams()
+    up = beams.directions + np.array([0.0, 0.0, 0.1])
+    ring = 0.05 * np.column_stack((np.cos(beams.bearings), np.sin(beams.bearings), 0.0 * beams.bearings))
+    return {
+        "cone": replace(beams, directions=up / np.linalg.norm(up, axis=1, keepdims=True)),
+        "from a ring": replace(beams, origins=ring),
+    }
+
+
+@pytest.mark.parametrize("kind", no_fans())
+def test_beams_that_are_no_fan_are_cast_one_by_one(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    beams = no_fans()[kind]
+    assert not is_fan(beams)
+    monkeypatch.setattr(lidar_module, "load_beams", lambda: beams)
+    model, data, lidar = scanner(random_spec(np.random.default_rng(2)))
+    place(model, data, (1.0, 0.5, 0.2), pitch=0.05, yaw=1.0)
+    origins = data.body(PREFIX + "hokuyo").xpos + beams.origins @ data.body(PREFIX + "hokuyo").xmat.reshape(3, 3).T
+    directions = beams.directions @ data.body(PREFIX + "hokuyo").xmat.reshape(3, 3).T
+    geom = np.zeros(1, np.int32)
+    oracle = np.array(
+        [
+            mujoco.mj_ray(model, data, *ray, None, True, lidar.body, geom)
+            for ray in zip(origins, directions, strict=True)
+        ]
+    )
+    oracle[oracle < 0.0] = np.inf
+    assert disagreements(lidar.ranges(data), beams.readings(oracle), 1e-9).size <= 1
+
+
+def test_beams_that_are_not_evenly_spaced_are_no_fan() -> None:
+    assert not is_fan(fan_of(np.array([-1.0, 0.0, 0.5])))
+    assert is_fan(load_beams())
+
+
+def test_embree_builds_nothing_before_it_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lidar_module, "RayScene", None)
+    _, data, lidar = scanner(random_spec(np.random.default_rng(2)))
+    assert np.isfinite(lidar.ranges(data)).any()
+    with pytest.raises(TypeError, match="not callable"):
+        lidar.cast(data, np.zeros((1, 3)), np.ones((1, 3)))

@@ -1,0 +1,224 @@
+"""The command `rollout`: what it prints, writes and answers."""
+
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from rollout_worlds import stand_in
+
+import fg_mujoco as fg
+from fg_mujoco.cli import main
+from fg_mujoco.errors import EngineError
+
+SLOW = """
+import time
+from fg_mujoco.messages import DriveCommand
+
+
+class Planner:
+    def reset(self):
+        print("ready")
+
+    def __call__(self, scan, odometry):
+        time.sleep(0.005)
+        return DriveCommand(steering_angle=0.0, speed=0.1)
+"""
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def no_engine(monkeypatch):
+    monkeypatch.setattr("fg_mujoco.rollout_job.drive_worlds", stand_in)
+
+
+def command(*arguments):
+    return [sys.executable, "-m", "fg_mujoco", "rollout", *arguments]
+
+
+def refusal(here, capsys, *arguments):
+    """Assert exit 2, one line on stderr, nothing on stdout, nothing written; return the line."""
+    before = sorted(here.rglob("*"))
+    try:
+        code = main(["rollout", *arguments])
+    except SystemExit as end:  # argparse leaves like that
+        code = end.code
+    out, err = capsys.readouterr()
+    assert code == 2
+    assert out == ""
+    assert err.count("\n") == 1
+    assert err.startswith("fg-mujoco")
+    assert sorted(here.rglob("*")) == before
+    return err
+
+
+def test_worlds_are_driven_and_told_of_in_a_table_and_a_folder(here):
+    arguments = ["--track", "oval", "--n", "6", "--randomize", "mu=0.6:1.2", "--duration", "0.5", "--out", "runs/a"]
+    done = subprocess.run(command(*arguments), capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""  # nothing but the results in a pipe
+    for text in ("oval, gap_finder", "0.6:1.2", "6: 6 time limit", "world-seconds/s", "written to", "runs/a"):
+        assert text in done.stdout
+    result = fg.read_rollout("runs/a")
+    assert result["sim_time_s"] == pytest.approx(0.5)
+    assert (here / "runs/a/worlds.csv").exists()
+
+
+def test_the_command_is_the_function(no_engine, here, capsys):
+    arguments = [
+        "--track", "oval", "--track", "tight", "--n", "9", "--seed", "4", "--laps", "2", "--duration", "30",
+        "--randomize", "mu=0.6:1.2", "--randomize", "max_speed=6|8", "--chunk", "2", "--workers", "1",
+        "--memory-budget", "1", "--record", "states", "--out", "out",
+    ]  # fmt: skip
+    assert main(["rollout", *arguments]) == 0
+    expected = fg.rollout(
+        ["oval", "tight"], n=9, seed=4, laps=2, duration=30.0, randomize={"mu": (0.6, 1.2), "max_speed": [6, 8]},
+        record="states",
+    )  # fmt: skip
+    read = fg.read_rollout("out")
+    assert read.worlds.tobytes() == expected.worlds.tobytes()
+    assert read.settings == expected.settings
+    assert read.states(5).tobytes() == expected.states(5).tobytes()
+    assert capsys.readouterr().err == ""
+
+
+def test_json_is_one_object_without_nan(no_engine, here, capsys):
+    assert main(["rollout", "--n", "20", "--json", "--duration", "3"]) == 0
+
+    def refuse(constant):
+        raise AssertionError(constant)
+
+    summary = json.loads(capsys.readouterr().out, parse_constant=refuse)
+    assert summary["n"] == 20
+    assert sum(summary["end_reasons"].values()) == 20
+    assert summary["end_reasons"]["crash"] > 0  # and yet it exits 0: all worlds were driven
+    assert summary["world_seconds_per_second"] > 0
+
+
+def test_the_default_is_a_lap_of_the_oval_in_1024_worlds(no_engine, capsys):
+    assert main(["rollout", "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert (summary["n"], summary["laps"], summary["tracks"][0]["name"]) == (1024, 1, "oval")
+
+
+def test_a_finished_folder_is_told_of_again(no_engine, capsys):
+    assert main(["rollout", "--n", "4", "--out", "out"]) == 0
+    first = capsys.readouterr().out
+    assert main(["rollout", "--n", "4", "--out", "out"]) == 0
+    again = capsys.readouterr().out
+    assert "4 worlds of an earlier call" in again
+    laps = [line for line in first.splitlines() if "lap" in line]
+    assert [line for line in again.splitlines() if "lap" in line] == laps
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--n", "0"), "n is 0; accepted: a whole number from 1"),
+        (("--n", "many"), "'many'; accepted: a whole number"),
+        (("--laps", "1.5"), "'1.5'; accepted: a whole number"),
+        (("--duration", "-1"), "duration is -1.0; accepted: a positive number"),
+        (("--duration", "nan"), "duration is nan"),
+        (("--seed", "-1"), "seed is -1"),
+        (("--workers", "0"), "workers is 0"),
+        (("--chunk", "0"), "chunk is 0"),
+        (("--memory-budget", "-1"), "memory_budget is -1048576"),
+        (("--memory-budget", "lots"), "'lots'; accepted: a whole number"),
+        (("--engine", "slurm"), "engine is 'slurm'; accepted: local, ray"),
+        (("--record", "video", "--out", "run"), "record is 'video'; accepted: summary, telemetry, states"),
+        (("--record", "states"), "--record states is kept nowhere; accepted: with --out DIR"),
+        (("--track", "nowhere"), "unknown track 'nowhere'"),
+        (("--controller", "nobody"), "'nobody' is not known; accepted: gap_finder"),
+        (("--randomize", "mu"), "--randomize 'mu'; accepted: NAME=RANGE, as mu=0.6:1.2"),
+        (("--randomize", "mu=1", "--randomize", "mu=2"), "accepted: mu once"),
+        (("--randomize", "mu="), "randomize mu: ''"),
+        (("--randomize", "mu=1:2:3"), "randomize mu: '1:2:3'"),
+        (("--randomize", "grip=1:2"), "no parameter; accepted: mu, mass"),
+        (("--randomize", "planner.gain=1:2"), "gain"),
+        (("--randomize", "obstacles=500"), "accepted: at most"),
+        (("--tracks", "oval"), "--tracks"),
+    ],
+)
+def test_a_bad_option_is_refused_with_what_is_accepted(here, capsys, arguments, said):
+    line = refusal(here, capsys, *arguments)
+    assert said in line
+    assert "accepted" in line or "--help" in line
+
+
+def test_a_folder_of_another_rollout_is_refused(no_engine, here, capsys):
+    main(["rollout", "--n", "4", "--out", "out"])
+    capsys.readouterr()
+    assert "n is 4 there and 5 here" in refusal(here, capsys, "--n", "5", "--out", "out")
+    (here / "full").mkdir()
+    (here / "full" / "notes.txt").write_text("mine")
+    assert "is not empty" in refusal(here, capsys, "--n", "4", "--out", "full")
+
+
+def test_without_ray_the_command_that_installs_it_is_said(no_engine, here, capsys, monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    assert "pip install 'fg-mujoco[cluster]'" in refusal(here, capsys, "--engine", "ray")
+
+
+def test_a_cluster_that_fails_exits_1(no_engine, capsys, monkeypatch):
+    def lost(*arguments, **options):
+        raise EngineError("a chunk was lost\nfor good")
+        yield
+
+    monkeypatch.setattr("fg_mujoco.rollouts.require_ray", lambda: None)
+    monkeypatch.setattr("fg_mujoco.rollouts.drive_on_ray", lost)
+    assert main(["rollout", "--engine", "ray"]) == 1
+    assert capsys.readouterr() == ("", "fg-mujoco: a chunk was lost for good\n")
+
+
+def test_ctrl_c_exits_130_and_the_same_command_goes_on(here):
+    (here / "slow.py").write_text(SLOW)
+    arguments = ["--controller", "slow.py:Planner", "--n", "36", "--duration", "1", "--chunk", "1", "--out", "out"]
+    process = subprocess.Popen(command(*arguments), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    until = time.monotonic() + 60
+    while not list(here.glob("out/chunks/*.npz")) and time.monotonic() < until:
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert out == ""
+    assert "out: interrupted; the same command goes on" in err
+    assert "Traceback" not in err
+    found = len(list(here.glob("out/chunks/*.npz")))
+    assert 0 < found < 36
+    done = subprocess.run(command(*arguments, "--json"), capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["worlds_driven"] == 36 - found
+
+
+def test_progress_is_shown_on_a_terminal_and_what_planners_print_is_not_our_output(here):
+    (here / "slow.py").write_text(SLOW)
+    arguments = ["--controller", "slow.py:Planner", "--n", "8", "--duration", "0.5", "--chunk", "1"]
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen(command(*arguments), stdout=subprocess.PIPE, stderr=theirs, text=True)
+    os.close(theirs)
+    shown = b""
+    while True:
+        try:
+            piece = os.read(ours, 4096)
+        except OSError:  # how Linux says that the other end is closed
+            break
+        if not piece:
+            break
+        shown += piece
+    os.close(ours)
+    out = process.communicate(timeout=60)[0]
+    assert process.returncode == 0
+    assert "ready" not in out
+    assert "8: 8 time limit" in out
+    assert b"/8 worlds  " in shown
+    assert b" world-seconds/s" in shown
+    assert b" to go" in shown
