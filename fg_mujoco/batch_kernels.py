@@ -8,13 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .body_poses import Mount, mounted_pose
-from .car_motion import drive, planar_pose, read_odometry
+from .car_motion import drive, read_odometry
 from .fan_caster import Fan, Scratch, scan
 from .kernels import kernel
-from .lap_timer import time_lap
 from .messages import FloatArray
 from .race_result import begin_row, tally_tick
-from .race_rules import end_reason
 from .simulation import any_touch
 from .tire_slip import measure_slip
 
@@ -112,35 +110,6 @@ def book_worlds(
         crashed[i] = crashed[i] or any_touch(records[place], chassis_contact)
         measure_slip(records[place], tires, mu[i], slip)
         tally_tick(tallies, i, telemetry[i], slip)
-
-
-@kernel
-def judge_worlds(
-    running: Mask,
-    reasons: NDArray[np.int64],
-    times: FloatArray,
-    qpos: FloatArray,
-    cars: Rows,
-    unstable: Mask,
-    crashed: Mask,
-    timers: Rows,
-    lap_times: FloatArray,
-    table: FloatArray,
-    length: float,
-    laps: int,
-    last_time: float,
-) -> None:
-    """Time the laps of each world that runs, and end those that are over, with the number of their reason."""
-    for i in range(len(running)):
-        if running[i]:
-            x, y, _ = planar_pose(qpos[i], cars[i : i + 1])
-            time_lap(timers, i, lap_times, times[i], x, y, table, length)
-            reason = end_reason(
-                unstable[i], crashed[i], timers[i].laps_completed, laps, times[i], timers[i].last_progress_time,
-                last_time,
-            )  # fmt: skip
-            reasons[i] = reason
-            running[i] = reason == 0
 
 
 @kernel

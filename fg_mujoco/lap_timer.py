@@ -61,7 +61,8 @@ class LapTimer:
     def reset(self) -> None:
         """Forget the car; the next update is its start."""
         self.memory = fresh_timers(1)
-        self._laps_completed = self.memory["laps_completed"]
+        self._laps_completed = self.memory["laps_completed"]  # views, quicker to read
+        self._last_progress_time = self.memory["last_progress_time"]
         self._lap_times = np.empty((1, 8))
         self._seen = False
 
@@ -78,12 +79,12 @@ class LapTimer:
     @property
     def last_progress_time(self) -> float:
         """When the greatest progress last grew by STANDSTILL [s]; NaN before the first update."""
-        return float(self.memory["last_progress_time"][0])
+        return float(self._last_progress_time.item(0))
 
     @property
     def laps_completed(self) -> int:
         """Number of laps completed."""
-        return int(self._laps_completed[0])
+        return int(self._laps_completed.item(0))
 
     @property
     def lap_times(self) -> tuple[float, ...]:

@@ -79,6 +79,7 @@ class ArrayPilot:
         simulation = self._simulation
         data = simulation.data
         self._ranges = simulation.lidar.ranges(data)[np.newaxis]
+        self._ranges.setflags(write=False)
         read_odometry(
             data.time, data.qpos, data.qvel, data.sensordata, simulation.world.car.constants, self._odometry
         )  # fmt: skip

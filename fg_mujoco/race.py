@@ -12,17 +12,19 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypedDict
 
+import numpy as np
+
 from .car import nominal_mu
 from .car_changes import CarChanges
 from .controller_loading import make_controller, start
 from .errors import SettingsError
-from .lap_timer import LapTimer
 from .lidar_effects import LidarEffects
 from .messages import Controller, require
 from .obstacles import Obstacle
 from .pilot import ArrayPilot, MessagePilot, make_pilot
 from .race_result import RaceLog, RaceResult, trajectory_sha256
-from .race_rules import END_REASONS, default_time_limit, end_reason
+from .race_rules import END_REASONS, default_time_limit
+from .referee import Referee
 from .scenario import Start
 from .simulation import Simulation
 from .track import Track
@@ -128,25 +130,33 @@ def race(
     simulation = Simulation(world, effects=effects, seed=seed)
     sensed = simulation.reset(**vars(begin or Start()))
     pilot = make_pilot(planner, simulation, sensed, by_name=isinstance(controller, str))
-    timer = LapTimer(world.track)
+    referee = Referee(
+        world.track,
+        world.car.constants,
+        laps=laps,
+        time_limit=settings.time_limit or default_time_limit(laps, world.track.length),
+        period=simulation.period,
+        qpos=simulation.data.qpos[np.newaxis],
+    )
     log = RaceLog(simulation.state)
 
     started = time.perf_counter()
     try:
-        reason = _drive(simulation, pilot, timer, log, settings, watch)
+        reason = _drive(simulation, pilot, referee, log, laps, watch)
     except KeyboardInterrupt:  # what was driven is kept
         reason = "interrupted"
     wall_time = time.perf_counter() - started
 
     arrays = log.arrays()
+    lap_times = tuple(referee.lap_times[0, : int(referee.timers["laps_completed"][0])].tolist())
     return RaceResult(
         track=world.track.name,
         controller=controller if isinstance(controller, str) else type(controller).__name__,
         laps_requested=laps,
-        laps_completed=min(timer.laps_completed, laps),
+        laps_completed=len(lap_times),
         finished=reason == "finished",
         end_reason=reason,
-        lap_times_s=timer.lap_times[:laps],
+        lap_times_s=lap_times,
         collisions=int(simulation.crashed),
         **_figures(log.tally, simulation.time, wall_time),
         seed=seed,
@@ -164,34 +174,31 @@ def race(
 def _drive(
     simulation: Simulation,
     pilot: MessagePilot | ArrayPilot,
-    timer: LapTimer,
+    referee: Referee,
     log: RaceLog,
-    settings: RaceSettings,
+    laps: int,
     watch: Callable[[RaceProgress], None] | None,
 ) -> str:
     """Run the loop until the race is over and return the reason."""
-    time_limit = settings.time_limit or default_time_limit(settings.laps, simulation.world.track.length)
-    last_time = time_limit - 0.5 * simulation.period
-    timer.update(simulation.time, simulation.pose[:2])
+    data = simulation.data
+    time, qpos = np.empty(1), data.qpos[np.newaxis]  # a view of the state
+    unstable, crashed = np.zeros(1, np.bool_), np.zeros(1, np.bool_)
     while True:
-        reason = end_reason(
-            simulation.unstable, simulation.crashed, timer.laps_completed, settings.laps, simulation.time,
-            timer.last_progress_time, last_time,
-        )  # fmt: skip
-        if reason:
-            return END_REASONS[reason]
-        log.begin(simulation, timer)
+        time[0], unstable[0], crashed[0] = data.time, simulation.unstable, simulation.crashed
+        referee.judge(time, qpos, unstable, crashed)
+        if not referee.running[0]:
+            return END_REASONS[referee.reasons[0]]
+        log.begin(simulation, referee.timers)
         command = pilot.decide()
         simulation.drive(*command)
         pilot.sense()
-        timer.update(simulation.time, simulation.pose[:2])
         log.end(simulation, *command)
         if watch is not None:
             watch(
                 RaceProgress(
                     time=simulation.time,
-                    laps_completed=timer.laps_completed,
-                    laps_requested=settings.laps,
+                    laps_completed=int(referee.timers["laps_completed"][0]),
+                    laps_requested=laps,
                     speed=simulation.speed,
                 )
             )

@@ -17,7 +17,6 @@ from .messages import FloatArray, read_only
 from .tire_slip import greatest_slip
 
 if TYPE_CHECKING:
-    from .lap_timer import LapTimer
     from .simulation import Simulation
     from .world import World
 
@@ -184,21 +183,21 @@ class RaceLog:
         self._states = np.empty((513, len(state)))
         self._states[0] = state
 
-    def begin(self, simulation: Simulation, timer: LapTimer) -> None:
-        """Begin a tick: where the car is, and how fast."""
+    def begin(self, simulation: Simulation, timers: NDArray[np.void]) -> None:
+        """Begin a tick: where the car is, and how fast; `timers` is its lap timer, (1,) of LAP_TIMER."""
         if self.ticks == len(self._telemetry):
             for name in ("_telemetry", "_ctrl", "_states"):
                 rows = getattr(self, name)
                 setattr(self, name, np.concatenate((rows, np.empty_like(rows))))
         data, row = simulation.data, self._telemetry[self.ticks]
-        begin_row(data.time, data.qpos, data.qvel, simulation.world.car.constants, timer.memory, 0, row)
+        begin_row(data.time, data.qpos, data.qvel, simulation.world.car.constants, timers, 0, row)
 
     def end(self, simulation: Simulation, steering_angle: float, speed: float) -> None:
         """End it: what the planner commanded [rad, m/s], and what the car then did."""
         tick = self.ticks
         simulation.write_state(self._states[tick + 1])
-        data, slip = simulation.data, simulation.slip.values
-        end_row(self._telemetry[tick], steering_angle, speed, slip, data.ctrl, self._ctrl[tick], self._tally)
+        ctrl, slip = simulation.data.ctrl, simulation.slip_values
+        end_row(self._telemetry[tick], steering_angle, speed, slip, ctrl, self._ctrl[tick], self._tally)
         self.ticks += 1  # last: an interrupted tick leaves no row
 
     @property

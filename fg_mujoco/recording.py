@@ -206,10 +206,10 @@ def _simulate(model: mujoco.MjModel, state: FloatArray, ctrl: FloatArray, steps:
     """Return the states at the start of each tick and the last, shape (ticks + 1, k)."""
     data = mujoco.MjData(model)
     mujoco.mj_setState(model, data, state, STATE)
-    states = [state]
+    states, records = [state], np.empty((steps, model.nsensordata))
     for row in ctrl:
         data.ctrl[:] = row
-        hold_controls(model, data, steps)
+        hold_controls(model, data, records)
         states.append(complete_state(model, data))
     return np.array(states)
 

@@ -13,13 +13,15 @@ from collections.abc import Callable
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from . import car_motion
+from .car import WHEELS
 from .errors import ModelError
 from .kernels import kernel
 from .lidar_effects import LidarEffects, ScanPipeline
 from .messages import DriveCommand, FloatArray, LaserScan, Odometry
-from .tire_slip import TireSlip, TireSlipMeter
+from .tire_slip import TireSlip, TireSlipMeter, measure_slip
 from .world import World
 
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
@@ -42,8 +44,9 @@ class Simulation:
       data: the mujoco.MjData; poses are those of the present state, sensors those of the last physics step.
       lidar: measures without effects.
       period: time that a step takes [s].
-      slip: what the tires did in the last step; no rows before the first.
+      slip_values: what the tires did in the last step, (4, substeps, 4) as TireSlip.values; `slip` is a copy.
       crashed: whether the chassis has touched a wall or an obstacle since the last reset.
+      unstable: whether MuJoCo has met a bad position, velocity or acceleration, and so reset the state by itself.
 
     Raises:
       ModelError: a timestep that does not divide the LiDAR's period.
@@ -52,13 +55,13 @@ class Simulation:
     def __init__(self, world: World, *, effects: LidarEffects | None = None, seed: int = 0) -> None:
         self.world = world
         self.data = mujoco.MjData(world.model)
-        self._bad_state = self.data.warning.number[BAD_STATE]  # this and the next see what MuJoCo writes
-        self._sensors = self.data.sensordata
+        self._bad_state = self.data.warning.number[BAD_STATE]  # a view: MuJoCo counts there
         self.lidar = world.make_lidar()
         self.period = self.lidar.beams.period
         self.substeps = whole_steps(self.period, world.model.opt.timestep)
         self._slip_meter = TireSlipMeter(world.model, world.car.prefix)
         self._records = np.empty((self.substeps, world.model.nsensordata))  # the sensors at each step of a tick
+        self.slip_values = np.empty((4, self.substeps, len(WHEELS)))
         self._effects = effects or LidarEffects()
         self._seed = seed
         self.reset()
@@ -78,9 +81,10 @@ class Simulation:
         mujoco.mj_resetData(model, self.data)
         x, y, along = self.world.track.start_pose(s, offset)
         car.set_pose(self.data, x, y, along + heading, speed)
-        self.slip: TireSlip = self._slip_meter.measure(self._records[:0])
         self.crashed = car.crashed(self.data)
+        self.unstable = False
         self._pipeline = ScanPipeline(self.lidar, self._effects, np.random.default_rng(self._seed))
+        self._after_step = self._pipeline.record if self._pipeline.needs_every_step else None
         return self.sense()
 
     def step(self, command: DriveCommand) -> tuple[LaserScan, Odometry]:
@@ -92,10 +96,15 @@ class Simulation:
         """Hold a command [rad, m/s] for one period; `sense` then tells what it led to."""
         data = self.data
         car_motion.drive(data.qvel, steering_angle, speed, self.world.car.constants, data.ctrl)
-        self._step = 0
-        hold_controls(self.world.model, self.data, self.substeps, self._record)
-        self.slip = self._slip_meter.measure(self._records)
-        self.crashed = self.crashed or any_touch(self._records, self.world.car.chassis_contact)
+        hold_controls(self.world.model, data, self._records, self._after_step)
+        measure_slip(self._records, self._slip_meter.readings.start, self._slip_meter.mu, self.slip_values)
+        touched, self.unstable = look_over(self._records, self.world.car.chassis_contact, self._bad_state)
+        self.crashed = self.crashed or touched
+
+    @property
+    def slip(self) -> TireSlip:
+        """What the tires did in the last step; no rows before the first."""
+        return TireSlip(values=self.slip_values.copy() if self.data.time > 0.0 else self.slip_values[:, :0].copy())
 
     def sense(self) -> tuple[LaserScan, Odometry]:
         """Return what the car senses at the end of a period. Once for each: noise is drawn, late scans move up."""
@@ -105,12 +114,6 @@ class Simulation:
     def has_effects(self) -> bool:
         """Whether the LiDAR does anything to a scan beyond measuring it."""
         return self._effects != LidarEffects()
-
-    def _record(self, data: mujoco.MjData) -> None:
-        self._records[self._step] = self._sensors
-        self._step += 1
-        if self._pipeline.needs_every_step:
-            self._pipeline.record(data)
 
     @property
     def state(self) -> FloatArray:
@@ -132,11 +135,6 @@ class Simulation:
         return self.world.car.ground_speed(self.data)
 
     @property
-    def unstable(self) -> bool:
-        """Whether MuJoCo has met a bad position, velocity or acceleration, and so reset the state by itself."""
-        return bool(self._bad_state.any())
-
-    @property
     def pose(self) -> tuple[float, float, float]:
         """Where the rear axle is: x [m], y [m], heading [rad], world frame."""
         return self.world.car.pose(self.data)
@@ -145,22 +143,41 @@ class Simulation:
 @kernel
 def any_touch(records: FloatArray, sensor: int) -> bool:
     """Say whether a contact sensor found anything in any of the rows of `records` (steps, nsensordata)."""
-    for step in range(len(records)):  # noqa: SIM110, numba has no any()
-        if records[step, sensor] > 0.0:
-            return True
-    return False
+    touched = False
+    for step in range(len(records)):
+        touched = touched or records[step, sensor] > 0.0
+    return touched
+
+
+@kernel
+def look_over(records: FloatArray, sensor: int, warnings: NDArray[np.int32]) -> tuple[bool, bool]:
+    """Return `any_touch`, and whether MuJoCo has counted any of `warnings`: one call a tick, not two."""
+    warned = False
+    for kind in range(len(warnings)):
+        warned = warned or warnings[kind] > 0
+    return any_touch(records, sensor), warned
 
 
 def hold_controls(
     model: mujoco.MjModel,
     data: mujoco.MjData,
-    steps: int,
-    after_step: Callable[[mujoco.MjData], None] = lambda data: None,
+    records: FloatArray,
+    after_step: Callable[[mujoco.MjData], None] | None = None,
 ) -> None:
-    """Hold `data.ctrl` for one tick of so many physics steps. A replay makes the very calls of the race."""
-    for _ in range(steps):
-        mujoco.mj_step(model, data)
-        after_step(data)
+    """Hold `data.ctrl` for one tick of physics steps. A replay makes the very calls of the race.
+
+    Args:
+      model: the compiled model.
+      data: at the start of the tick; left at its end, with poses that are current.
+      records: (steps, nsensordata) written to: the sensors at each step, each of the state at its start.
+      after_step: called after each.
+    """
+    step, sensors = mujoco.mj_step, data.sensordata
+    for row in records:
+        step(model, data)
+        row[:] = sensors
+        if after_step is not None:
+            after_step(data)
     mujoco.mj_kinematics(model, data)  # mj_step leaves poses one timestep behind the state
 
 

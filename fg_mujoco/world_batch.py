@@ -48,7 +48,7 @@ RESULT = np.dtype(
 )
 """How it went in one world; fields as in RaceResult."""
 
-_UNLIMITED_LAPS = 100  # where only the duration is given: more than any car drives
+_FASTEST = 20.0  # [m/s] where only the duration is given, it makes room for the laps of a car as fast as this
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -97,7 +97,7 @@ def drive_worlds(
     for scenario in scenarios:
         if scenario.effects.motion_distortion:
             raise SettingsError("motion distortion of the LiDAR, in a batch; accepted: in `race` only")
-    results = _Results(len(scenarios), laps or _UNLIMITED_LAPS, record)
+    results = _Results(len(scenarios), record)
     groups: dict[tuple[Track | str, tuple[Obstacle, ...], bool], list[int]] = {}
     for i, scenario in enumerate(scenarios):
         key = (scenario.track, scenario.obstacles, scenario.car.command_delay is not None)
@@ -106,9 +106,8 @@ def drive_worlds(
     for key, members in groups.items():
         world = _shared_world(*key)
         limit = duration if duration is not None else default_time_limit(laps or 1, world.track.length)
-        group = WorldGroup(
-            world, [scenarios[i] for i in members], controller, laps=laps or _UNLIMITED_LAPS, time_limit=limit
-        )
+        room = laps or int(limit * _FASTEST / world.track.length) + 2
+        group = WorldGroup(world, [scenarios[i] for i in members], controller, laps=room, time_limit=limit)
         results.begin(members, group)
         while group.running.any():
             if stop is not None and stop():
@@ -133,9 +132,9 @@ def _shared_world(track: Track | str, obstacles: tuple[Obstacle, ...], delayed: 
 class _Results:
     """Gathers what the groups leave."""
 
-    def __init__(self, count: int, laps: int, record: str) -> None:
+    def __init__(self, count: int, record: str) -> None:
         self._rows = np.zeros(count, RESULT)
-        self._lap_times = np.full((count, laps), np.nan)
+        self._lap_times: list[FloatArray] = [np.empty(0)] * count  # [s] of each world
         self._record = record
         self._telemetry: list[list[FloatArray]] = [[] for _ in range(count)]
         self._states: list[list[FloatArray]] = [[] for _ in range(count)]
@@ -158,15 +157,15 @@ class _Results:
                 self._ctrl[i].append(group.ctrl[place].copy())
 
     def end(self, members: Sequence[int], group: WorldGroup, scenarios: Sequence[Scenario]) -> None:
-        self._lap_times[members] = group.lap_times
         for place, i in enumerate(members):
             row, tally = self._rows[i], group.tallies[place]
-            driven = group.lap_times[place][np.isfinite(group.lap_times[place])]
+            driven = group.referee.lap_times[place, : group.referee.timers["laps_completed"][place]]
+            self._lap_times[i] = driven.copy()
             row["seed"] = scenarios[i].seed
-            row["end_reason"] = END_REASONS[group.reasons[place]]
+            row["end_reason"] = END_REASONS[group.referee.reasons[place]]
             row["laps_completed"] = len(driven)
             row["sim_time_s"] = group.times[place]
-            row["distance_m"] = group.timers["progress"][place]
+            row["distance_m"] = group.referee.timers["progress"][place]
             row["first_lap_s"] = driven[0] if len(driven) else np.nan
             row["best_lap_s"] = driven.min() if len(driven) else np.nan
             row["collisions"] = group.crashed[place]
@@ -179,10 +178,12 @@ class _Results:
         def stacked(rows: list[list[FloatArray]], *wanted: str) -> tuple[FloatArray, ...]:
             return tuple(np.array(ticks) for ticks in rows) if self._record in wanted else ()
 
-        most = max(int(self._rows["laps_completed"].max(initial=0)), 1)
+        lap_times = np.full((len(self._rows), max(map(len, self._lap_times), default=1) or 1), np.nan)
+        for row, driven in zip(lap_times, self._lap_times, strict=True):
+            row[: len(driven)] = driven
         return WorldResults(
             rows=self._rows,
-            lap_times_s=self._lap_times[:, :most],
+            lap_times_s=lap_times,
             telemetry=stacked(self._telemetry, "telemetry", "states"),
             states=stacked(self._states, "states"),
             ctrl=stacked(self._ctrl, "states"),

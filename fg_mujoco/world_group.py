@@ -16,17 +16,17 @@ import numpy as np
 from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
-from .batch_kernels import book_worlds, command_worlds, judge_worlds, not_finite, sense_worlds
+from .batch_kernels import book_worlds, command_worlds, not_finite, sense_worlds
 from .car import Car, nominal_mu
 from .car_changes import CarChanges, change_worlds
 from .controller_loading import build_controller, find_controller, plan, start
 from .errors import ControllerError
-from .lap_timer import fresh_timers
 from .lidar import Beams, RaycastLidar
 from .lidar_effects import LidarEffects, ScanPipeline
 from .messages import ODOMETRY, Controller, ControllerBatch, FloatArray, LaserScan, Odometry
 from .race_result import TALLY, TELEMETRY
 from .race_rules import END_REASONS
+from .referee import Referee
 from .scenario import Scenario
 from .simulation import BAD_STATE, STATE, whole_steps
 from .tire_slip import TireSlipMeter
@@ -48,11 +48,8 @@ class WorldGroup:
       time_limit: of simulated time [s].
 
     Attributes:
-      running: which worlds still run, (n,).
-      reasons: numbers in END_REASONS, (n,).
+      referee: of the races: laps, and which worlds still run.
       times: simulated in each world [s], (n,).
-      timers: of the laps, (n,) of LAP_TIMER.
-      lap_times: [s], NaN where not driven, (n, laps).
       tallies: figures, (n,) of TALLY.
       telemetry: of the last tick of each world, (n, len(TELEMETRY)).
       ctrl: what the actuators got in it, (n, 2).
@@ -66,7 +63,7 @@ class WorldGroup:
         self, world: World, scenarios: Sequence[Scenario], controller: str, *, laps: int, time_limit: float
     ) -> None:
         count = len(scenarios)
-        self._world, self._laps = world, laps
+        self._world = world
         self._batch = Batch(world.model, count, nthread=1, persistent=True)
         self.states = self._batch.state
         change_worlds(self._batch, [scenario.car for scenario in scenarios], CAR_PREFIX)
@@ -84,7 +81,6 @@ class WorldGroup:
         assert isinstance(lidar, RaycastLidar) and lidar.mount is not None
         self.period, self._mount, self._scene = lidar.beams.period, lidar.mount, lidar.scene
         self._scratch = self._scene.scratch()
-        self._last_time = time_limit - 0.5 * self.period
         self._ranges = np.empty((count, len(lidar.beams.bearings)))
         self._pipelines = {
             i: ScanPipeline(_Row(lidar.beams, self._ranges[i]), scenario.effects, np.random.default_rng(scenario.seed))
@@ -100,21 +96,26 @@ class WorldGroup:
         self._slip = np.empty((4, substeps, 4))
         self._odometry = np.zeros(count, ODOMETRY)
         self._commands = np.zeros((count, 2))
-        self.running = np.ones(count, np.bool_)
-        self.reasons = np.zeros(count, np.int64)
         self.crashed = np.zeros(count, np.bool_)
         self.failed = np.zeros(count, np.bool_)
         self.tallies = np.zeros(count, TALLY)
         self.telemetry = np.full((count, len(TELEMETRY)), np.nan)
-        self.lap_times = np.full((count, laps), np.nan)
         self._place(models, cars, scenarios)
+        self.referee = Referee(
+            world.track, self._cars, laps=laps, time_limit=time_limit, period=self.period, qpos=self._qpos
+        )
         self._judge()
+
+    @property
+    def running(self) -> NDArray[np.bool_]:
+        """Which worlds still run. Shape (n,)."""
+        return self.referee.running
 
     def tick(self) -> None:
         """Drive all worlds that run for one period of the LiDAR, and judge which of them go on."""
         sense_worlds(
-            self.running, self.times, self._qpos, self._qvel, self._sensors, self._cars, self.timers, self._mount,
-            self._scene.arrays, self._scratch, self._odometry, self._ranges, self.telemetry,
+            self.running, self.times, self._qpos, self._qvel, self._sensors, self._cars, self.referee.timers,
+            self._mount, self._scene.arrays, self._scratch, self._odometry, self._ranges, self.telemetry,
         )  # fmt: skip
         scans = {
             i: pipeline.scan(SimpleNamespace(time=float(self.times[i])))
@@ -148,9 +149,6 @@ class WorldGroup:
         # kernels want rows side by side, and those of the batch's state are not
         self._qpos, self._qvel = batch.bind("qpos").copy(), batch.bind("qvel").copy()
         self.ctrl, self.times = batch.bind("ctrl").copy(), batch.bind("time").copy()
-        self.timers = fresh_timers(len(cars))
-        first = int(self._cars["free_qpos"][0])
-        self.timers["place"] = world.track.project(self._qpos[:, first : first + 2])[0]
 
     def _step(self, worlds: NDArray[np.int32]) -> None:
         """Step the physics of some worlds for a tick, and record their sensors at each step."""
@@ -169,18 +167,15 @@ class WorldGroup:
 
     def _judge(self) -> None:
         unstable = self._batch.warning[:, BAD_STATE, _NUMBER].any(axis=1)
-        judge_worlds(
-            self.running, self.reasons, self.times, self._qpos, self._cars, unstable, self.crashed, self.timers,
-            self.lap_times, self._world.track.table, self._world.track.length, self._laps, self._last_time,
-        )  # fmt: skip
+        self.referee.judge(self.times, self._qpos, unstable, self.crashed)
 
     def interrupt(self) -> None:
         """End the worlds that still run."""
-        self.reasons[self.running], self.running[:] = _INTERRUPTED, False
+        self.referee.end(self.running.copy(), _INTERRUPTED)
 
     def _end(self, failed: NDArray[np.bool_]) -> None:
         self.failed |= failed
-        self.reasons[failed], self.running[failed] = _FAILED, False
+        self.referee.end(failed, _FAILED)
 
 
 class _Row:

@@ -13,10 +13,10 @@ from conftest import Straight
 
 import fg_mujoco as fg
 from fg_mujoco.car import WHEELS
-from fg_mujoco.lap_timer import LapTimer
+from fg_mujoco.lap_timer import fresh_timers
 from fg_mujoco.race import RaceSettings
 from fg_mujoco.race_result import RaceLog
-from fg_mujoco.tire_slip import SLIDING_SPEED, TireSlip
+from fg_mujoco.tire_slip import SLIDING_SPEED
 
 race_module = importlib.import_module("fg_mujoco.race")  # fg_mujoco.race is the function
 TICK = 0.025
@@ -152,8 +152,8 @@ def test_interrupted_keeps_the_ticks_that_are_complete(monkeypatch, place):
     elif place == "controller":
         law = lambda time: after() or (0.0, 1.0)  # noqa: E731
     else:
-        step = fg.Simulation.step
-        monkeypatch.setattr(fg.Simulation, "step", lambda self, command: after() or step(self, command))
+        drive = fg.Simulation.drive
+        monkeypatch.setattr(fg.Simulation, "drive", lambda self, *command: after() or drive(self, *command))
     result = race(law, watch=watch)
     assert_complete(result)
     assert (result.end_reason, result.finished, result.collisions) == ("interrupted", False, 0)
@@ -175,20 +175,20 @@ def test_an_interrupt_before_the_first_tick_leaves_a_race_of_none():
 
 
 def test_an_interrupt_within_a_row_of_the_log_leaves_no_half_row(short_race):
-    class Interrupted:
+    class Interrupted(SimpleNamespace):
         @property
-        def values(self):
+        def slip_values(self):
             raise KeyboardInterrupt
 
-    simulation, timer = fg.Simulation(short_race.world), LapTimer(short_race.world.track)
+    simulation, timers = fg.Simulation(short_race.world), fresh_timers(1)
     log = RaceLog(simulation.state)
-    broken = SimpleNamespace(data=simulation.data, write_state=simulation.write_state, slip=Interrupted())
-    log.begin(simulation, timer)
+    broken = Interrupted(data=simulation.data, write_state=simulation.write_state)
+    log.begin(simulation, timers)
     assert [len(array) for array in log.arrays().values()] == [0, 1, 0]  # telemetry, states, ctrl
     with pytest.raises(KeyboardInterrupt):
         log.end(broken, 0.0, 0.0)
     assert [len(array) for array in log.arrays().values()] == [0, 1, 0]
-    log.begin(simulation, timer)
+    log.begin(simulation, timers)
     simulation.step(fg.STOP)
     log.end(simulation, 0.0, 0.0)
     assert [len(array) for array in log.arrays().values()] == [1, 2, 1]
@@ -196,13 +196,13 @@ def test_an_interrupt_within_a_row_of_the_log_leaves_no_half_row(short_race):
 
 
 def test_a_long_race_outgrows_no_log(short_race):
-    simulation, timer = fg.Simulation(short_race.world), LapTimer(short_race.world.track)
+    simulation, timers = fg.Simulation(short_race.world), fresh_timers(1)
     simulation.step(fg.STOP)
     log = RaceLog(simulation.state)
     ticks = 1100  # twice as many as it has room for at first, and some
     for tick in range(ticks):
         simulation.data.time = tick
-        log.begin(simulation, timer)
+        log.begin(simulation, timers)
         simulation.data.ctrl[:] = tick, -tick
         simulation.data.time = tick + 1
         log.end(simulation, 0.0, float(tick))
@@ -409,16 +409,16 @@ def test_the_figures_of_sliding_are_those_of_the_rows():
 
 
 def test_a_tire_in_the_air_leaves_nan_and_never_zero(short_race):
-    simulation, timer = fg.Simulation(short_race.world), LapTimer(short_race.world.track)
+    simulation, timers = fg.Simulation(short_race.world), fresh_timers(1)
     log = RaceLog(simulation.state)
     simulation.data.joint("car/base_link").qpos[2] += 0.2
-    log.begin(simulation, timer)
+    log.begin(simulation, timers)
     simulation.step(fg.STOP)
     log.end(simulation, 0.0, 0.0)
     assert log.tally["max_slide"] == 0.0 == log.tally["sliding_steps"]
     half = np.array([[math.nan, 0.3, 0.1, math.nan], [math.nan, math.nan, 0.2, 0.01]])
-    simulation.slip = TireSlip(values=np.stack((half, 2 * half, half, half)))
-    log.begin(simulation, timer)
+    simulation.slip_values = np.stack((half, 2 * half, half, half))
+    log.begin(simulation, timers)
     log.end(simulation, 0.0, 0.0)
     first = fg.TELEMETRY.index("slide_front_left_m_s")
     rows = log.arrays()["telemetry"][:, first:]
