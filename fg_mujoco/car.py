@@ -201,7 +201,12 @@ class Car:
         return car_motion.ground_speed(data.qpos, data.qvel, self.constants)
 
     def set_pose(self, data: mujoco.MjData, x: float, y: float, heading: float, speed: float = 0.0) -> None:
-        """Place the car at rest on its springs, wheels straight and rolling at `speed` [m/s]; update the sensors.
+        """Place the car as `write_pose` does, and update the sensors."""
+        self.write_pose(data, x, y, heading, speed)
+        mujoco.mj_forward(self._model, data)
+
+    def write_pose(self, data: mujoco.MjData, x: float, y: float, heading: float, speed: float = 0.0) -> None:
+        """Write the state of a car at rest on its springs, wheels straight and rolling at `speed` [m/s].
 
         x [m], y [m] and heading [rad] are `base_link`'s in the world. Nothing but the car is touched.
         """
@@ -215,7 +220,6 @@ class Car:
         data.qvel[self._wheel_dofs] = speed / self.parameters.wheel_radius
         data.ctrl[self._steering_ctrl] = 0.0
         data.ctrl[self._speed_ctrl] = speed
-        mujoco.mj_forward(self._model, data)
 
     def limit_speed_command(self, speed_command: float, speed: float) -> float:
         """Return the set point [m/s] that asks for no more than the motor's power gives at `speed` [m/s]."""

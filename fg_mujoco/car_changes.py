@@ -62,17 +62,17 @@ def change_spec(spec: Any, changes: CarChanges) -> None:
     """
     for pair in spec.pairs:  # a tire and the ground
         if changes.mu is not None:
-            pair.friction = [_six_digits(changes.mu)] * 2 + list(pair.friction[2:])
+            pair.friction = [six_digits(changes.mu)] * 2 + list(pair.friction[2:])
     if changes.mass is not None or changes.center_of_gravity_height is not None:
         chassis = spec.body(_CHASSIS)
         chassis.mass, chassis.inertia, chassis.ipos = _chassis(changes)
     for servo, gain in zip(_SERVOS, (changes.steering_gain, changes.speed_gain), strict=True):
         actuator = spec.actuator(servo)
         if gain is not None:
-            actuator.gainprm = [_six_digits(gain * value) for value in actuator.gainprm]
-            actuator.biasprm = [_six_digits(gain * value) for value in actuator.biasprm]
+            actuator.gainprm = [six_digits(gain * value) for value in actuator.gainprm]
+            actuator.biasprm = [six_digits(gain * value) for value in actuator.biasprm]
         if changes.command_delay is not None:
-            actuator.delay, actuator.nsample = _six_digits(changes.command_delay), _DELAY_SAMPLES
+            actuator.delay, actuator.nsample = six_digits(changes.command_delay), _DELAY_SAMPLES
 
 
 def change_worlds(batch: Any, changes: Sequence[CarChanges], prefix: str = "") -> None:
@@ -88,7 +88,7 @@ def change_worlds(batch: Any, changes: Sequence[CarChanges], prefix: str = "") -
     chassis = model.body(prefix + _CHASSIS).id
     servos = [model.actuator(prefix + servo).id for servo in _SERVOS]
     for world, change in _where(changes, "mu"):
-        batch.expand("pair_friction")[world, pairs, :2] = _six_digits(change.mu)
+        batch.expand("pair_friction")[world, pairs, :2] = six_digits(change.mu)
     heavier = dict((*_where(changes, "mass"), *_where(changes, "center_of_gravity_height")))
     for world, change in heavier.items():
         mass, inertia, position = _chassis(change)
@@ -99,9 +99,9 @@ def change_worlds(batch: Any, changes: Sequence[CarChanges], prefix: str = "") -
         for world, change in _where(changes, name):
             for parameters in ("actuator_gainprm", "actuator_biasprm"):
                 plain = getattr(model, parameters)[servo]
-                batch.expand(parameters)[world, servo] = [_six_digits(getattr(change, name) * v) for v in plain]
+                batch.expand(parameters)[world, servo] = [six_digits(getattr(change, name) * v) for v in plain]
     for world, change in _where(changes, "command_delay"):
-        batch.expand("actuator_delay")[world, servos] = _six_digits(change.command_delay)
+        batch.expand("actuator_delay")[world, servos] = six_digits(change.command_delay)
     if heavier:
         batch.set_const()
 
@@ -129,8 +129,9 @@ def _chassis(changes: CarChanges) -> tuple[float, list[float], list[float]]:
         height = changes.center_of_gravity_height * whole - float(other_masses @ other_heights)
         position[2] = height / mass - data.xpos[chassis, 2]
     inertia = car_model.body_inertia[chassis] * (mass / present)
-    return _six_digits(mass), [_six_digits(v) for v in inertia], [_six_digits(v) for v in position]
+    return six_digits(mass), [six_digits(v) for v in inertia], [six_digits(v) for v in position]
 
 
-def _six_digits(value: float) -> float:
+def six_digits(value: float) -> float:
+    """Return the number that MJCF text keeps of `value`."""
     return float(f"{value:.6g}")

@@ -8,6 +8,8 @@ physics as mj_step does.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -18,7 +20,7 @@ from numpy.typing import NDArray
 
 from .batch_kernels import book_worlds, command_worlds, not_finite, sense_worlds
 from .car import Car, nominal_mu
-from .car_changes import CarChanges, change_worlds
+from .car_changes import CarChanges, change_worlds, six_digits
 from .controller_loading import build_controller, find_controller, plan, start
 from .errors import ControllerError
 from .lidar import Beams, RaycastLidar
@@ -67,15 +69,14 @@ class WorldGroup:
         self._batch = Batch(world.model, count, nthread=1, persistent=True)
         self.states = self._batch.state
         change_worlds(self._batch, [scenario.car for scenario in scenarios], CAR_PREFIX)
-        models = [
-            world.model if scenario.car == CarChanges() else self._batch.get_model(i)
-            for i, scenario in enumerate(scenarios)
-        ]
-        cars = [world.car if model is world.model else Car(model, CAR_PREFIX) for model in models]
+        cars = self._cars_of([scenario.car for scenario in scenarios])
         self._cars = np.concatenate([car.constants for car in cars])
-        meters = [TireSlipMeter(model, CAR_PREFIX) for model in models]
-        self._mu = np.array([meter.mu for meter in meters])
-        self._tires, self._chassis_contact = meters[0].readings.start, world.car.chassis_contact
+        meter = TireSlipMeter(world.model, CAR_PREFIX)
+        self._mu = np.tile(meter.mu, (count, 1))
+        for mu, scenario in zip(self._mu, scenarios, strict=True):
+            if scenario.car.mu is not None:
+                mu[:] = six_digits(scenario.car.mu)
+        self._tires, self._chassis_contact = meter.readings.start, world.car.chassis_contact
 
         lidar = world.make_lidar()
         assert isinstance(lidar, RaycastLidar) and lidar.mount is not None
@@ -100,7 +101,7 @@ class WorldGroup:
         self.failed = np.zeros(count, np.bool_)
         self.tallies = np.zeros(count, TALLY)
         self.telemetry = np.full((count, len(TELEMETRY)), np.nan)
-        self._place(models, cars, scenarios)
+        self._place(scenarios)
         self.referee = Referee(
             world.track, self._cars, laps=laps, time_limit=time_limit, period=self.period, qpos=self._qpos
         )
@@ -134,18 +135,27 @@ class WorldGroup:
         )  # fmt: skip
         self._judge()
 
-    def _place(self, models: list[Any], cars: list[Car], scenarios: Sequence[Scenario]) -> None:
+    def _cars_of(self, changes: Sequence[CarChanges]) -> list[Car]:
+        """Return the car of each world; one whose parameters no planner can tell from the plain one's is that one."""
+        cars, model = [self._world.car] * len(changes), copy(self._world.model)
+        for i, change in enumerate(changes):
+            if replace(change, mu=None, command_delay=None) != CarChanges():
+                cars[i] = Car(self._batch.get_model(i, model), CAR_PREFIX)
+        return cars
+
+    def _place(self, scenarios: Sequence[Scenario]) -> None:
         """Put each car at its start, as Simulation.reset does."""
         world, batch = self._world, self._batch
         data = mujoco.MjData(world.model)
-        self._sensors = np.empty((len(cars), world.model.nsensordata))
-        for i, (model, car, scenario) in enumerate(zip(models, cars, scenarios, strict=True)):
-            mujoco.mj_resetData(model, data)
+        for state, scenario in zip(self.states, scenarios, strict=True):
+            mujoco.mj_resetData(world.model, data)
             x, y, along = world.track.start_pose(scenario.start.s, scenario.start.offset)
-            car.set_pose(data, x, y, along + scenario.start.heading, scenario.start.speed)
-            mujoco.mj_getState(model, data, self.states[i], STATE)
-            self._sensors[i] = data.sensordata
-            self.crashed[i] = car.crashed(data)
+            world.car.write_pose(data, x, y, along + scenario.start.heading, scenario.start.speed)
+            mujoco.mj_getState(world.model, data, state, STATE)
+        sensors = batch.bind("sensordata")
+        batch.forward()
+        self._sensors = sensors.copy()
+        self.crashed[:] = sensors[:, self._chassis_contact] > 0.0
         # kernels want rows side by side, and those of the batch's state are not
         self._qpos, self._qvel = batch.bind("qpos").copy(), batch.bind("qvel").copy()
         self.ctrl, self.times = batch.bind("ctrl").copy(), batch.bind("time").copy()
