@@ -1,24 +1,22 @@
 """What one scan costs: drawn as a picture (`raycast`), by Embree's rays, MuJoCo's sensors and its mj_multiRay.
 
-    python benchmarks/lidar_backends.py [--tracks oval ...] [--scans 300] [--json]
+    python benchmarks/lidar_backends.py [--tracks oval ...] [--scans 300] [--json FILE]
 
-Medians, in one process on one core, the ways taking turns: scan after scan, and as in a race, each after the ten
+Medians, in one process on one core, the ways taking turns: scan after scan, and as in a race, each after the
 physics steps of a tick, which empty the caches. Then how the cost grows with the number of wall segments: of a winding
 corridor that gets longer, and of one that is cut finer.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
-import os
 import time
 from collections.abc import Callable
 from typing import Any
 
 import mujoco
 import numpy as np
+from common import parser, report, stay_on_cores, table
 
 from fg_mujoco.lidar import RaycastLidar, lidar_spec
 from fg_mujoco.track_formats import track_names
@@ -162,25 +160,25 @@ def in_corridor(segments: int, length: float, scans: int) -> dict[str, float]:
     return medians(ways, draw_pose, put, scans)
 
 
-def print_table(head: str, rows: dict[str, dict[str, float]]) -> None:
+def table_of(head: str, rows: dict[str, dict[str, float]]) -> str:
     ways = list(next(iter(rows.values())))
-    print(f"| {head} | {' | '.join(f'{way} [us]' for way in ways)} | {' | '.join(f'{way} [ns/ray]' for way in ways)} |")
-    print("| --- |" + " ---: |" * (2 * len(ways)))
-    for name, times in rows.items():
-        per_ray = [f"{1e3 * time / BEAMS:.0f}" for time in times.values()]
-        print(f"| {name} | {' | '.join(f'{time:.1f}' for time in times.values())} | {' | '.join(per_ray)} |")
-    print()
+    header = (head, *(f"{way} [us]" for way in ways), *(f"{way} [ns/ray]" for way in ways))
+    return table(
+        header,
+        [
+            (name, *(f"{us:.1f}" for us in times.values()), *(f"{1e3 * us / BEAMS:.0f}" for us in times.values()))
+            for name, times in rows.items()
+        ],
+    )
 
 
 def main() -> None:
     """Print the tables."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--tracks", nargs="*", default=list(track_names()))
-    parser.add_argument("--scans", type=int, default=300)
-    parser.add_argument("--json", action="store_true")
-    args = parser.parse_args()
-    if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+    arguments = parser(__doc__)
+    arguments.add_argument("--tracks", nargs="*", default=list(track_names()))
+    arguments.add_argument("--scans", type=int, default=300)
+    args = arguments.parse_args()
+    stay_on_cores(1)
     tracks = {track: on_track(track, args.scans) for track in args.tracks}
     figures = {
         "in a row": {track: times["in a row"] for track, times in tracks.items()},
@@ -188,12 +186,9 @@ def main() -> None:
         f"wall segments of {SPACING} m": {str(n): in_corridor(n, 0.5 * n * SPACING, args.scans) for n in SEGMENTS},
         f"wall segments in {LENGTH:.0f} m": {str(n): in_corridor(n, LENGTH, args.scans) for n in SEGMENTS},
     }
-    if args.json:
-        print(json.dumps({"scans": args.scans, "median_us_per_scan": figures}))
-        return
-    print(f"One scan of {BEAMS} beams on one core, median of {args.scans}, mujoco {mujoco.__version__}\n")
-    for head, rows in figures.items():
-        print_table(head, rows)
+    tables = [f"One scan of {BEAMS} beams on one core, median of {args.scans}"]
+    tables += [table_of(head, rows) for head, rows in figures.items()]
+    report({"scans": args.scans, "median_us_per_scan": figures}, "\n\n".join(tables), args.json)
 
 
 if __name__ == "__main__":

@@ -21,17 +21,18 @@ import numpy as np
 from common import parser, report, stay_on_cores, table
 
 import fg_mujoco as fg
-from fg_mujoco.lidar_effects import ScanPipeline
+from fg_mujoco.pilot import ArrayPilot
 from fg_mujoco.simulation import STATE
 from fg_mujoco.world import World
 
+SIMULATION = importlib.import_module("fg_mujoco.simulation")
 PARTS = {
-    "physics": ((importlib.import_module("fg_mujoco.simulation"), "hold_controls"),),
-    "LiDAR": ((ScanPipeline, "scan"),),
-    "planner": ((importlib.import_module("fg_mujoco.race"), "plan"),),
-    "slip meter": ((fg.TireSlipMeter, "record"), (fg.TireSlipMeter, "read")),
+    "physics": ((SIMULATION, "hold_controls"),),
+    "LiDAR": ((fg.RaycastLidar, "ranges"),),
+    "planner": ((ArrayPilot, "decide"),),
+    "slip meter": ((SIMULATION, "measure_slip"), (importlib.import_module("fg_mujoco.race_result"), "end_row")),
 }
-"""Whose functions make up a part. The rest is all else: odometry, lap timer, log, the loop itself."""
+"""Whose functions make up a part. The rest is all else: odometry, laps, log, the loop itself."""
 
 
 class Clocks:
@@ -113,7 +114,7 @@ def plain_race(track: str, laps: int) -> fg.RaceResult:
         return fg.race(track, laps=laps, lidar="rangefinder")
 
 
-def measure(track: str, laps: int, repeats: int = 5) -> dict[str, Any]:
+def measure(track: str, laps: int, repeats: int = 9) -> dict[str, Any]:
     """Return the figures of the benchmark."""
     ways: dict[str, Callable[[], fg.RaceResult]] = {
         "fg_mujoco": lambda: fg.race(track, laps=laps),
@@ -129,6 +130,7 @@ def measure(track: str, laps: int, repeats: int = 5) -> dict[str, Any]:
         "track": track,
         "laps": laps,
         "realtime_factor": {name: float(np.median(values)) for name, values in factors.items()},
+        "realtime_factor_best": {name: max(values) for name, values in factors.items()},
         "us_per_tick": time_parts(track, laps),
         "physics_alone_us_per_tick": physics_alone(ways["fg_mujoco"]()),
     }
@@ -144,10 +146,11 @@ def main() -> None:
     figures = measure(options.track, options.laps)
     factors, parts = figures["realtime_factor"], figures["us_per_tick"]
     baseline = list(factors.values())[-1]
-    rows = [(name, f"{factor:.1f}", f"{factor / baseline:.1f}") for name, factor in factors.items()]
+    best = figures["realtime_factor_best"]
+    rows = [(name, f"{value:.1f}", f"{best[name]:.1f}", f"{value / baseline:.1f}") for name, value in factors.items()]
     text = (
         f"{options.laps} laps of {options.track}, one world, one core, 1081 beams at 40 Hz\n\n"
-        + table(("", "times real time", "times the plain way"), rows)
+        + table(("", "times real time, median", "best", "times the plain way"), rows)
         + "\n\nWhere a tick of 25 ms goes, medians\n\n"
         + table(("", "us", "share"), [(n, f"{us:.1f}", f"{us / parts['tick']:.0%}") for n, us in parts.items()])
         + f"\n\nThe physics steps of a tick alone: {figures['physics_alone_us_per_tick']:.1f} us"

@@ -1,6 +1,6 @@
 """How many world-seconds a second `rollout` drives, by worlds and threads, and what a world costs in memory.
 
-    python benchmarks/rollouts.py [--track oval] [--duration 4] [--most 4096] [--json FILE]
+    python benchmarks/rollouts.py [--track oval] [--duration 2] [--most 4096] [--json FILE]
 
 gap_finder, 1081 beams at 40 Hz, physics and slip meter, each world with a friction of its own. The baseline is the same
 worlds raced one after the other by `race`, a single world of the batch at a time.
@@ -80,7 +80,7 @@ def main() -> None:
     """Print the tables."""
     arguments = parser(__doc__)
     arguments.add_argument("--track", default="oval")
-    arguments.add_argument("--duration", type=float, default=4.0, help="of each world [s]")
+    arguments.add_argument("--duration", type=float, default=2.0, help="of each world [s]")
     arguments.add_argument("--most", type=int, default=4096, help="worlds")
     options = arguments.parse_args()
     stay_on_cores(2)
