@@ -145,7 +145,7 @@ def race(
         reason = _drive(simulation, pilot, referee, log, laps, watch)
     except KeyboardInterrupt:  # what was driven is kept
         reason = "interrupted"
-    wall_time = time.perf_counter() - started
+    ended = time.perf_counter()
 
     arrays = log.arrays()
     lap_times = tuple(referee.lap_times[0, : int(referee.timers["laps_completed"][0])].tolist())
@@ -158,7 +158,7 @@ def race(
         end_reason=reason,
         lap_times_s=lap_times,
         collisions=int(simulation.crashed),
-        **_figures(log.tally, simulation.time, wall_time),
+        **_figures(log.tally, simulation.time, simulation.period, ended - started, ended - (log.first_end or ended)),
         seed=seed,
         mu=world.car.mu,
         planner_mu=believed_mu,
@@ -204,8 +204,8 @@ def _drive(
             )
 
 
-def _figures(tally: Any, sim_time: float, wall_time: float) -> _Figures:
-    """Return the summary's figures of speed, sliding and time."""
+def _figures(tally: Any, sim_time: float, period: float, wall_time: float, later_wall_time: float) -> _Figures:
+    """Return the summary's figures of speed, sliding and time; `later_wall_time` [s] is that without the first tick."""
     ticks, steps = int(tally["ticks"]), int(tally["steps"])
     return {
         "max_slide_m_s": float(tally["max_slide"]),
@@ -214,5 +214,5 @@ def _figures(tally: Any, sim_time: float, wall_time: float) -> _Figures:
         "max_speed_m_s": float(tally["max_speed"]),
         "sim_time_s": sim_time,
         "wall_time_s": wall_time,
-        "realtime_factor": sim_time / wall_time if wall_time > 0.0 else 0.0,
+        "realtime_factor": (sim_time - period) / later_wall_time if later_wall_time > 0.0 else 0.0,
     }

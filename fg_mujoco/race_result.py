@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import time
 from dataclasses import asdict, dataclass, field, fields
 from typing import TYPE_CHECKING, Any, TypedDict
 
@@ -54,7 +55,7 @@ class RaceResult:
     max_speed_m_s: float
     sim_time_s: float
     wall_time_s: float
-    realtime_factor: float
+    realtime_factor: float  # from the second tick on: in the first, kernels are read from disk, or compiled
     seed: int
     mu: float
     planner_mu: float
@@ -177,6 +178,7 @@ class RaceLog:
 
     def __init__(self, state: FloatArray) -> None:
         self.ticks = 0
+        self.first_end: float | None = None  # when the first tick was over, on time.perf_counter's clock [s]
         self._tally = np.zeros(1, TALLY)
         self._telemetry = np.empty((512, len(TELEMETRY)))
         self._ctrl = np.empty((512, 2))
@@ -198,6 +200,7 @@ class RaceLog:
         simulation.write_state(self._states[tick + 1])
         ctrl, slip = simulation.data.ctrl, simulation.slip_values
         end_row(self._telemetry[tick], steering_angle, speed, slip, ctrl, self._ctrl[tick], self._tally)
+        self.first_end = self.first_end or time.perf_counter()
         self.ticks += 1  # last: an interrupted tick leaves no row
 
     @property
