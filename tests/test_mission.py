@@ -79,7 +79,6 @@ def test_gap_finder_is_faster_than_the_published_follow_the_gap(circuit):
     result = drive(circuit)
     assert result.telemetry[0, fg.TELEMETRY.index("speed_m_s")] == 0.0  # a standing start
     assert result.speed_limit_m_s == 8.0
-    assert result.column("command_speed_m_s").max() <= 8.0
     assert result.max_speed_m_s <= 8.0 + 1e-3  # tires are springs: what they roll on is .049 m at rest
     assert result.mu == result.planner_mu == 1.0489
     assert result.lap_times_s[0] < PUBLISHED[circuit]
