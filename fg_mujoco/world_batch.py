@@ -14,6 +14,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,7 +105,8 @@ def drive_worlds(
         groups.setdefault(key, []).append(i)
     ticks = 0
     for key, members in groups.items():
-        world = _shared_world(*key)
+        with _BUILDING:
+            world = _shared_world(*key)
         limit = duration if duration is not None else default_time_limit(laps or 1, world.track.length)
         room = laps or int(limit * _FASTEST / world.track.length) + 2
         group = WorldGroup(world, [scenarios[i] for i in members], controller, laps=room, time_limit=limit)
@@ -121,6 +123,9 @@ def drive_worlds(
                 watch(ticks, int(group.running.sum()))
         results.end(members, group, scenarios)
     return results.gathered()
+
+
+_BUILDING = Lock()  # threads that want the same world build it once
 
 
 @lru_cache(maxsize=8)
