@@ -42,7 +42,7 @@ def kernel(function: _F) -> _F:
 
 @lru_cache(maxsize=1)
 def cache_folder() -> Path:
-    """Return the folder that keeps compiled kernels: in $XDG_CACHE_HOME or ~/.cache, else among temporary files."""
+    """Return the folder that keeps compiled kernels: in $XDG_CACHE_HOME or ~/.cache, else a new temporary one."""
     digest = hashlib.sha256()
     for package in _FOLDERS:
         for source in sorted(files(package).iterdir(), key=lambda entry: entry.name):
@@ -50,14 +50,14 @@ def cache_folder() -> Path:
             if b"@kernel" in text:
                 digest.update(source.name.encode() + text)
     name = f"kernels-{digest.hexdigest()[:16]}"
-    for base in (os.environ.get("XDG_CACHE_HOME") or "~/.cache", tempfile.gettempdir()):
-        folder = Path(base).expanduser() / "fg_mujoco" / name
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            if os.access(folder, os.W_OK):
-                return folder
-        except (OSError, RuntimeError):  # no such place, or no home
-            continue
+    try:
+        folder = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "fg_mujoco" / name
+        folder.mkdir(parents=True, exist_ok=True)
+        if os.access(folder, os.W_OK):
+            return folder
+    except (OSError, RuntimeError):  # it cannot be made, or there is no home
+        pass
+    # a new one: what lies in a folder that others may write to is not to be run
     return Path(tempfile.mkdtemp(prefix="fg_mujoco-"))
 
 
