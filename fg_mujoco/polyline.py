@@ -10,6 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from .kernels import kernel
 from .messages import FloatArray
 
 IndexArray = NDArray[np.intp]
@@ -62,16 +63,40 @@ def nearby(first: FloatArray, second: FloatArray, reach: float = 0.0) -> tuple[I
     """
     low, high = first.min(axis=1) - reach, first.max(axis=1) + reach
     other_low, other_high = second.min(axis=1), second.max(axis=1)
-    found_first, found_second = [np.empty(0, dtype=np.intp)], [np.empty(0, dtype=np.intp)]
-    for start in range(0, len(first), _BLOCK):
-        block_low, block_high = low[start : start + _BLOCK], high[start : start + _BLOCK]
-        touches = (other_low <= block_high.max(axis=0)).all(axis=1) & (other_high >= block_low.min(axis=0)).all(axis=1)
-        columns = np.flatnonzero(touches)
-        overlap = (other_low[columns] <= block_high[:, None]) & (other_high[columns] >= block_low[:, None])
-        rows, picks = np.nonzero(overlap.all(axis=2))
-        found_first.append(rows + start)
-        found_second.append(columns[picks])
-    return np.concatenate(found_first), np.concatenate(found_second)
+    starts = np.arange(0, len(second), _BLOCK)
+    if len(first) == 0 or len(second) == 0:
+        return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
+    blocks_low, blocks_high = np.minimum.reduceat(other_low, starts), np.maximum.reduceat(other_high, starts)
+    boxes = low, high, other_low, other_high, blocks_low, blocks_high
+    none = np.empty(0, dtype=np.intp)
+    count = _overlaps(boxes, none, none)
+    found_first, found_second = np.empty(count, dtype=np.intp), np.empty(count, dtype=np.intp)
+    _overlaps(boxes, found_first, found_second)
+    return found_first, found_second
+
+
+@kernel
+def _overlaps(boxes: tuple[FloatArray, ...], found_first: IndexArray, found_second: IndexArray) -> int:
+    """Return how many pairs of boxes overlap, and write down as many of them as there is room for.
+
+    Boxes are low and high corners (n, 2), (m, 2) and, of each _BLOCK of the second kind, (b, 2).
+    """
+    low, high, other_low, other_high, blocks_low, blocks_high = boxes
+    count = 0
+    for i in range(len(low)):
+        left, bottom, right, top = low[i, 0], low[i, 1], high[i, 0], high[i, 1]
+        for block in range(len(blocks_low)):
+            if blocks_low[block, 0] > right or blocks_high[block, 0] < left:
+                continue
+            if blocks_low[block, 1] > top or blocks_high[block, 1] < bottom:
+                continue
+            for j in range(block * _BLOCK, min((block + 1) * _BLOCK, len(other_low))):
+                across = other_low[j, 0] <= right and other_high[j, 0] >= left
+                if across and other_low[j, 1] <= top and other_high[j, 1] >= bottom:
+                    if count < len(found_first):
+                        found_first[count], found_second[count] = i, j
+                    count += 1
+    return count
 
 
 def crossings(first: FloatArray, second: FloatArray) -> tuple[IndexArray, IndexArray]:
