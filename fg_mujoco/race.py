@@ -10,7 +10,7 @@ import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, TypedDict
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from .lidar_effects import LidarEffects
 from .messages import Controller, require
 from .obstacles import Obstacle
 from .pilot import ArrayPilot, MessagePilot, make_pilot
-from .race_result import RaceLog, RaceResult, trajectory_sha256
+from .race_result import RaceLog, RaceResult, tally_figures, trajectory_sha256
 from .race_rules import END_REASONS, default_time_limit
 from .referee import Referee
 from .scenario import Start
@@ -66,16 +66,6 @@ class RaceProgress:
     laps_completed: int
     laps_requested: int
     speed: float  # [m/s]
-
-
-class _Figures(TypedDict):
-    max_slide_m_s: float
-    slide_time_fraction: float
-    mean_speed_m_s: float
-    max_speed_m_s: float
-    sim_time_s: float
-    wall_time_s: float
-    realtime_factor: float
 
 
 def race(
@@ -146,6 +136,7 @@ def race(
     except KeyboardInterrupt:  # what was driven is kept
         reason = "interrupted"
     ended = time.perf_counter()
+    later_time = ended - (log.first_end or ended)  # [s] without the first tick
 
     arrays = log.arrays()
     lap_times = tuple(referee.lap_times[0, : int(referee.timers["laps_completed"][0])].tolist())
@@ -158,7 +149,10 @@ def race(
         end_reason=reason,
         lap_times_s=lap_times,
         collisions=int(simulation.crashed),
-        **_figures(log.tally, simulation.time, simulation.period, ended - started, ended - (log.first_end or ended)),
+        sim_time_s=simulation.time,
+        wall_time_s=ended - started,
+        realtime_factor=(simulation.time - simulation.period) / later_time if later_time > 0.0 else 0.0,
+        **tally_figures(log.tally),
         seed=seed,
         mu=world.car.mu,
         planner_mu=believed_mu,
@@ -202,17 +196,3 @@ def _drive(
                     speed=simulation.speed,
                 )
             )
-
-
-def _figures(tally: Any, sim_time: float, period: float, wall_time: float, later_wall_time: float) -> _Figures:
-    """Return the summary's figures of speed, sliding and time; `later_wall_time` [s] is that without the first tick."""
-    ticks, steps = int(tally["ticks"]), int(tally["steps"])
-    return {
-        "max_slide_m_s": float(tally["max_slide"]),
-        "slide_time_fraction": int(tally["sliding_steps"]) / steps if steps else 0.0,
-        "mean_speed_m_s": float(tally["speed_sum"]) / ticks if ticks else 0.0,
-        "max_speed_m_s": float(tally["max_speed"]),
-        "sim_time_s": sim_time,
-        "wall_time_s": wall_time,
-        "realtime_factor": (sim_time - period) / later_wall_time if later_wall_time > 0.0 else 0.0,
-    }

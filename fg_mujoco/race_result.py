@@ -103,6 +103,28 @@ TALLY = np.dtype(
 )
 """The figures of a race, as far as it has gone."""
 
+
+class TallyFigures(TypedDict):
+    """What the summary says of a tally."""
+
+    max_slide_m_s: float
+    slide_time_fraction: float
+    mean_speed_m_s: float
+    max_speed_m_s: float
+
+
+def tally_figures(tally: Any) -> TallyFigures:
+    """Return the summary's figures of a row of TALLY."""
+    ticks, steps = int(tally["ticks"]), int(tally["steps"])
+    return {
+        "max_slide_m_s": float(tally["max_slide"]),
+        "slide_time_fraction": int(tally["sliding_steps"]) / steps if steps else 0.0,
+        "mean_speed_m_s": float(tally["speed_sum"]) / ticks if ticks else 0.0,
+        "max_speed_m_s": float(tally["max_speed"]),
+    }
+
+
+
 _SLIDE = TELEMETRY.index(f"slide_{WHEELS[0]}_m_s")
 _SPEED = TELEMETRY.index("speed_m_s")
 _COMMAND = TELEMETRY.index("command_steering_rad")

@@ -23,6 +23,7 @@ from .car_changes import CarChanges
 from .errors import SettingsError
 from .messages import FloatArray
 from .obstacles import Obstacle
+from .race_result import tally_figures
 from .race_rules import END_REASONS, default_time_limit
 from .scenario import Scenario
 from .track import Track
@@ -174,10 +175,8 @@ class _Results:
             row["first_lap_s"] = driven[0] if len(driven) else np.nan
             row["best_lap_s"] = driven.min() if len(driven) else np.nan
             row["collisions"] = group.crashed[place]
-            row["max_slide_m_s"] = tally["max_slide"]
-            row["slide_time_fraction"] = tally["sliding_steps"] / tally["steps"] if tally["steps"] else 0.0
-            row["mean_speed_m_s"] = tally["speed_sum"] / tally["ticks"] if tally["ticks"] else 0.0
-            row["max_speed_m_s"] = tally["max_speed"]
+            for name, value in tally_figures(tally).items():
+                row[name] = value
 
     def gathered(self) -> WorldResults:
         def stacked(rows: list[list[FloatArray]], *wanted: str) -> tuple[FloatArray, ...]:
