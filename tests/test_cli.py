@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 import pytest
+from terminals import read_to_the_end
 
 import fg_mujoco as fg
 from fg_mujoco.cli import main
@@ -329,16 +330,7 @@ def test_progress_is_shown_on_a_terminal_and_not_in_a_pipe(here):
         [sys.executable, "-m", "fg_mujoco", *arguments], stdout=subprocess.PIPE, stderr=theirs, text=True
     )
     os.close(theirs)
-    shown = b""
-    while True:
-        try:
-            piece = os.read(ours, 4096)
-        except OSError:  # how Linux says that the other end is closed
-            break
-        if not piece:
-            break
-        shown += piece
-    os.close(ours)
+    shown = read_to_the_end(ours)
     assert "time limit" in process.communicate()[0]
     assert b"\rlap 1/2" in shown.replace(b"\x1b[K", b"")
     assert b"m/s" in shown

@@ -10,6 +10,7 @@ import time
 
 import pytest
 from rollout_worlds import stand_in
+from terminals import read_to_the_end
 
 import fg_mujoco as fg
 from fg_mujoco.cli import main
@@ -205,16 +206,7 @@ def test_progress_is_shown_on_a_terminal_and_what_planners_print_is_not_our_outp
     ours, theirs = pty.openpty()
     process = subprocess.Popen(command(*arguments), stdout=subprocess.PIPE, stderr=theirs, text=True)
     os.close(theirs)
-    shown = b""
-    while True:
-        try:
-            piece = os.read(ours, 4096)
-        except OSError:  # how Linux says that the other end is closed
-            break
-        if not piece:
-            break
-        shown += piece
-    os.close(ours)
+    shown = read_to_the_end(ours)
     out = process.communicate(timeout=60)[0]
     assert process.returncode == 0
     assert "ready" not in out
