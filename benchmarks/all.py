@@ -1,6 +1,6 @@
 """Runs every benchmark and writes what they print to docs/benchmarks.md and their figures to docs/benchmarks.json.
 
-    python benchmarks/all.py [--quick]
+python benchmarks/all.py [--quick]
 """
 
 from __future__ import annotations

@@ -60,12 +60,14 @@ class Recorder:
         return self.planner(scan, odometry)
 
 
-def make(name: str) -> fg.Controller:
-    car = car_parameters(car_spec().compile())
-    return make_controller(name, car=car, mu=nominal_mu(), max_speed=8.0)
+def make(name: str, track: str) -> fg.Controller:
+    car, line = car_parameters(car_spec().compile()), fg.load_track(track).map_line
+    return make_controller(name, car=car, mu=nominal_mu(), max_speed=8.0, map_line=line)
 
 
-def ways_of(name: str, planner: fg.Controller, seen: list[tuple[LaserScan, Odometry]]) -> dict[str, Callable[[], None]]:
+def ways_of(
+    name: str, track: str, planner: fg.Controller, seen: list[tuple[LaserScan, Odometry]]
+) -> dict[str, Callable[[], None]]:
     """Return what decides about all that was seen: the planner alone, and in batches where its class offers them."""
 
     def alone() -> None:
@@ -82,7 +84,7 @@ def ways_of(name: str, planner: fg.Controller, seen: list[tuple[LaserScan, Odome
     motion = attrgetter(*ODOMETRY.names or ())
     rows = np.array([motion(odometry) for _, odometry in seen], ODOMETRY)
     for size in SIZES:
-        batch = make_batch([make(name) for _ in range(size)])
+        batch = make_batch([make(name, track) for _ in range(size)])
         running, commands = np.ones(size, np.bool_), np.zeros((size, 2))
 
         def together(batch=batch, size=size, running=running, commands=commands) -> None:  # type: ignore[no-untyped-def]
@@ -95,13 +97,13 @@ def ways_of(name: str, planner: fg.Controller, seen: list[tuple[LaserScan, Odome
 
 def measure(track: str, rounds: int) -> dict[str, dict[str, float]]:
     """Return the median time of a decision [us], for each planner and way of asking it."""
-    recorder = Recorder(make("gap_finder"))
+    recorder = Recorder(make("gap_finder", track))
     fg.race(track, recorder, laps=1)
     picks = np.linspace(0, len(recorder.seen) - 1, DECISIONS).astype(int)
     seen = [recorder.seen[pick] for pick in picks]
     planners: dict[str, fg.Controller] = {BASELINE: FollowTheGap()}
-    planners.update({name: make(name) for name in controller_names()})
-    all_ways = {name: ways_of(name, planner, seen) for name, planner in planners.items()}
+    planners.update({name: make(name, track) for name in controller_names()})
+    all_ways = {name: ways_of(name, track, planner, seen) for name, planner in planners.items()}
     flat = {f"{name}/{way}": decide for name, ways in all_ways.items() for way, decide in ways.items()}
     for decide in flat.values():  # compiles
         decide()

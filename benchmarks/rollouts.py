@@ -87,9 +87,7 @@ def main() -> None:
     figures = measure(options.track, options.duration, options.most)
     one, two = figures["world_seconds_per_second"].values()
     alone = figures["raced_alone"]
-    rows = [
-        (n, f"{one[n]:.0f}", f"{two[n]:.0f}", f"{two[n] / one[n]:.2f}", f"{one[n] / alone:.1f}") for n in one
-    ]
+    rows = [(n, f"{one[n]:.0f}", f"{two[n]:.0f}", f"{two[n] / one[n]:.2f}", f"{one[n] / alone:.1f}") for n in one]
     text = (
         f"{options.track}, {options.duration:g} s each, gap_finder, 1081 beams; world-seconds per second\n\n"
         + table(("worlds", "1 thread", "2 threads", "2 to 1", "1 thread to raced alone"), rows)

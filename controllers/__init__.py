@@ -7,6 +7,14 @@ A planner needs no entry here to be raced: `--controller path/to/file.py:ClassNa
 """
 
 CONTROLLERS = {
+    "disparity_extender": "disparity_extender:DisparityExtender",
+    "disparity_selection": "disparity_selection:DisparitySelection",
+    "follow_the_gap": "follow_the_gap:FollowTheGap",
     "gap_finder": "gap_finder:GapFinder",
+    "pure_pursuit": "pure_pursuit:PurePursuit",
+    "threshold_gap": "threshold_gap:ThresholdGap",
+    "wall_follow": "wall_follow:WallFollow",
+    "weighted_gap": "weighted_gap:WeightedGap",
+    "widest_gap": "widest_gap:WidestGap",
 }
 """Name -> "module:Class" of this folder."""

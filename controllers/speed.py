@@ -1,7 +1,14 @@
 """Speed laws: how fast the car may go, by what the scan shows and by what the tires hold.
 
-Kernels: to be called from Python and from other kernels alike. The law that needs more than a line is in
-`stopping_paths`.
+Each has a name, by which any planner's setting `speed_law` chooses it:
+
+forward_distance   by the distance straight ahead: stop, full speed, and in between in proportion
+range_ratio        by the mean range towards the goal over the lookahead
+friction           v = sqrt(g mu b / tan|d|), held in transients by friction_guard
+stopping           the car stops within what the scan shows: stopping_paths
+minimum            the slowest of them all, the default
+
+Kernels: to be called from Python and from other kernels alike. `driving` puts them together.
 """
 
 from __future__ import annotations
@@ -31,11 +38,26 @@ def friction_steering(speed: float, mu: float, wheelbase: float, gravity: float)
 
 
 @kernel
-def range_ratio_speed(ranges: FloatArray, lookahead: float, top_speed: float) -> float:
-    """Return a speed [m/s] in proportion to the mean of `ranges` (n,) over the lookahead: slow where it is tight."""
+def forward_distance_speed(distance: float, safe: float, full_speed: float, top_speed: float) -> float:
+    """Return a speed [m/s] by the distance straight ahead [m]: 0 below `safe`, `top_speed` beyond `full_speed`.
+
+    In between it grows in proportion. Source: the F1TENTH course slides on reactive methods.
+    """
+    if not distance > safe:
+        return 0.0
+    return top_speed * min(1.0, (distance - safe) / max(full_speed - safe, 1e-9))
+
+
+@kernel
+def range_ratio_speed(ranges: FloatArray, lookahead: float, gain: float, top_speed: float) -> float:
+    """Return a speed [m/s] by the mean of `ranges` (n,), none longer than the lookahead: slow where it is tight.
+
+    It is `gain` times the mean's share of the lookahead, of the top speed. Source: the notes of the field's
+    gap_finder_base.
+    """
     if len(ranges) == 0:
         return 0.0
     total = 0.0
     for distance in ranges:
-        total += distance
-    return top_speed * min(1.0, total / len(ranges) / lookahead)
+        total += min(distance, lookahead)
+    return top_speed * min(1.0, gain * total / len(ranges) / lookahead)

@@ -12,6 +12,7 @@ from importlib.metadata import version as _version
 
 from .car import Car, car_parameters, car_spec
 from .car_changes import CarChanges
+from .comparison import Comparison, ComparisonProgress, compare
 from .controller_loading import controller_names, make_controller
 from .errors import (
     ControllerError,
@@ -28,6 +29,7 @@ from .lap_timer import LapTimer
 from .lidar import Beams, Lidar, RangefinderLidar, RaycastLidar, lidar_spec, make_lidar
 from .lidar_effects import LidarEffects
 from .messages import STOP, CarParameters, Controller, DriveCommand, LaserScan, Odometry
+from .moving_obstacles import MovingObstacle
 from .obstacles import Box, Cylinder
 from .plots import trace_picture, track_picture
 from .race import RaceProgress, race
@@ -37,6 +39,8 @@ from .recording import ReplayReport, Run, check_run_folder, read_run, replay, wr
 from .rollout_result import RolloutResult, read_rollout
 from .rollouts import RolloutProgress, rollout
 from .scenario import Scenario, Start
+from .scene import Scene
+from .scenes import scene_names
 from .simulation import Simulation
 from .tire_slip import SLIDING_SPEED, TireSlip, TireSlipMeter
 from .track import Track
@@ -56,6 +60,8 @@ __all__ = [
     "CarChanges",
     "CarParameters",
     "Choice",
+    "Comparison",
+    "ComparisonProgress",
     "Controller",
     "ControllerError",
     "Cylinder",
@@ -70,6 +76,7 @@ __all__ = [
     "MessageError",
     "MissingExtraError",
     "ModelError",
+    "MovingObstacle",
     "Odometry",
     "RaceProgress",
     "RaceResult",
@@ -82,6 +89,7 @@ __all__ = [
     "Run",
     "RunFolderError",
     "Scenario",
+    "Scene",
     "SettingsError",
     "Simulation",
     "Start",
@@ -95,6 +103,7 @@ __all__ = [
     "car_parameters",
     "car_spec",
     "check_run_folder",
+    "compare",
     "controller_names",
     "generate_track",
     "lidar_spec",
@@ -107,6 +116,7 @@ __all__ = [
     "read_run",
     "replay",
     "rollout",
+    "scene_names",
     "trace_picture",
     "track_names",
     "track_picture",

@@ -30,6 +30,8 @@ def sense_worlds(
     cars: Rows,
     timers: Rows,
     mount: Mount,
+    moving: FloatArray,
+    turned: FloatArray,
     fan: Fan,
     scratch: Scratch,
     odometry: Rows,
@@ -47,6 +49,8 @@ def sense_worlds(
       cars: (n,) of CAR.
       timers: (n,) of LAP_TIMER, up to date.
       mount: of the LiDARs.
+      moving: (m, 3) [m] where the obstacles that move are, in all worlds.
+      turned: (m, 3, 3) their rotations.
       fan: of the worlds' LiDARs.
       scratch: of this thread.
       odometry: (n,) of ODOMETRY, written to.
@@ -54,7 +58,6 @@ def sense_worlds(
       telemetry: (n, len(TELEMETRY)), written to.
     """
     position, rotation = np.empty(3), np.empty((3, 3))
-    nothing_moves, nothing_turns = np.empty((0, 3)), np.empty((0, 3, 3))
     for i in range(len(running)):
         if not running[i]:
             continue
@@ -62,7 +65,7 @@ def sense_worlds(
         read_odometry(times[i], qpos[i], qvel[i], sensors[i], car, odometry[i : i + 1])
         pose = qpos[i, mount.qpos_address : mount.qpos_address + 7]
         mounted_pose(pose, mount.offset_position, mount.offset_rotation, position, rotation)
-        scan(fan, position, rotation, nothing_moves, nothing_turns, scratch, ranges[i])
+        scan(fan, position, rotation, moving, turned, scratch, ranges[i])
         begin_row(times[i], qpos[i], qvel[i], car, timers, i, telemetry[i])
 
 

@@ -189,7 +189,8 @@ class Car:
             steering_angle=values.item(2),
             angular_velocity=values[3:6],
             linear_acceleration=values[6:9],
-            wheel_speeds=values[9:],
+            wheel_speeds=values[9:13],
+            pose=values[13:16],
         )
 
     def pose(self, data: mujoco.MjData) -> tuple[float, float, float]:

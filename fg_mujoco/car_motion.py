@@ -64,9 +64,9 @@ def surface_speed(qvel: FloatArray, car: CarArray) -> float:
 def read_odometry(
     time: float, qpos: FloatArray, qvel: FloatArray, sensordata: FloatArray, car: CarArray, odometry: NDArray[np.void]
 ) -> None:
-    """Write what the car's own sensors say into `odometry`, an array (1,) of messages.ODOMETRY.
+    """Write what the car's own sensors say into `odometry`, an array (1,) of messages.ODOMETRY, and the true pose.
 
-    Encoders, steering sensor and gyro are of the present state; the accelerometer is that of `sensordata`.
+    Encoders, steering sensor, gyro and pose are of the present state; the accelerometer is that of `sensordata`.
     """
     constants, row = car[0], odometry[0]
     row.stamp = time
@@ -77,6 +77,7 @@ def read_odometry(
         row.linear_acceleration[axis] = sensordata[constants.accelerometer + axis]
     for wheel in range(4):
         row.wheel_speeds[wheel] = qvel[constants.wheel_dofs[wheel]] * constants.wheel_radius
+    row.pose[0], row.pose[1], row.pose[2] = planar_pose(qpos, car)
 
 
 @kernel

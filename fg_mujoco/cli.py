@@ -19,17 +19,22 @@ from typing import Any, NoReturn
 
 from . import __version__
 from .cli_options import ProgressLine, number, number_or_off, whole
+from .compare_cli import add_compare
+from .controller_choice import ControllerChoice
 from .controller_loading import controller_names
+from .course_drawing import describe_course
 from .errors import FgMujocoError, MissingExtraError, SettingsError
 from .lidar import LIDAR_BACKENDS
 from .lidar_effects import LidarEffects
-from .plots import describe_track, require_matplotlib, track_picture
+from .plots import require_matplotlib, track_picture
 from .race import RaceProgress, race
 from .race_result import RaceResult
+from .race_rules import USUAL_LAPS
 from .recording import check_run_folder, replay, summary_json, write_run
 from .rollout_cli import add_rollout
+from .scenes import describe_scene, scene_names
 from .tire_slip import SLIDING_SPEED
-from .track_formats import load_track, track_names, write_centreline
+from .track_formats import load_track, require_track, track_names, write_centreline
 
 _DONE, _NOT_DONE, _BAD_INPUT, _INTERRUPTED = 0, 1, 2, 130  # 130 is what shells call a command ended by Ctrl-C
 
@@ -74,13 +79,15 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--seed", required=True, help="the same seed gives the same circuit")
     command.add_argument("--force", action="store_true", help="replace the file if it exists")
     command.add_argument("path", metavar="FILE.csv", type=Path)
-    command = _add(tracks, "show", _track_show, "draw a track as a PNG")
-    command.add_argument("track", metavar="TRACK", help="NAME, random:SEED or file.csv")
+    command = _add(tracks, "show", _track_show, "draw a track or a scene as a PNG")
+    command.add_argument("track", metavar="TRACK", help="NAME, random:SEED, scene:NAME:SEED or file.csv")
     command.add_argument("--out", metavar="FILE.png", type=Path, help="default: NAME.png here")
     _add(tracks, "list", _track_list, "list the bundled tracks")
+    _add(tracks, "scenes", _track_scenes, "list the scenes")
 
     _add(commands, "controllers", _controllers, "list the bundled controllers")
     add_rollout(_add, commands)
+    add_compare(_add, commands)
     return parser
 
 
@@ -91,11 +98,19 @@ def _add(commands: Any, name: str, run: Callable[[argparse.Namespace], int], tex
 
 
 def _add_race(commands: Any) -> None:
-    command = _add(commands, "race", _race, "race a controller round a track, from a standing start")
+    command = _add(commands, "race", _race, "race a controller from a standing start")
     add = command.add_argument
-    add("--track", default="oval", help="NAME, random:SEED or file.csv; default: oval; names: track list")
-    add("--controller", default="gap_finder", help="NAME or path/to/file.py:ClassName; default: gap_finder")
-    add("--laps", type=whole, default=5, metavar="N", help="default: 5")
+    add(
+        "--track", default="oval",
+        help="NAME, random:SEED, scene:NAME:SEED or file.csv; default: oval; names: track list, track scenes",
+    )  # fmt: skip
+    add(
+        "--controller", default="gap_finder",
+        help="NAME or path/to/file.py:ClassName, with settings NAME[SETTING=VALUE,...]; default: gap_finder",
+    )  # fmt: skip
+    add("--laps", type=whole, metavar="N", help=f"default: {USUAL_LAPS}; a scene is driven once")
+    add("--obstacles", type=whole, default=0, metavar="N", help="boxes on the track, with a way past each; default: 0")
+    add("--obstacle-seed", type=whole, default=0, metavar="K", help="of their places; default: 0")
     add("--mu", type=number, metavar="MU", help="friction coefficient of the tires; default: as in the car's MJCF")
     add(
         "--planner-mu", type=number_or_off, metavar="MU",
@@ -108,7 +123,10 @@ def _add_race(commands: Any) -> None:
     add("--lidar-latency", type=number, default=0.0, metavar="S", help="from measurement to delivery")
     add("--motion-distortion", action="store_true", help="each beam from the pose at its own time in the sweep")
     add("--seed", type=whole, default=0, metavar="N", help="of noise and dropouts; default: 0")
-    add("--time-limit", type=number, metavar="S", help="of simulated time; default: what a car of 0.5 m/s needs")
+    add(
+        "--time-limit", type=number, metavar="S",
+        help="of simulated time; default: what a car of 0.5 m/s needs, or the scene's",
+    )  # fmt: skip
     add("--out", metavar="DIR", help="write a run folder here; it must be new or empty")
     add("--json", action="store_true", help="print one JSON object and nothing else")
 
@@ -120,12 +138,14 @@ def _race(options: argparse.Namespace) -> int:
         latency=options.lidar_latency,
         motion_distortion=options.motion_distortion,
     )
+    choice = ControllerChoice.of(options.controller)
     picture = options.out is not None and _check_out(options.out)
     # what a planner prints is not our output
     with contextlib.redirect_stdout(sys.stderr), _Watcher(show=sys.stderr.isatty() and not options.json) as watch:
         result = race(
             options.track,
-            options.controller,
+            choice.source,
+            planner_settings=dict(choice.settings),
             laps=options.laps,
             mu=options.mu,
             planner_mu=options.planner_mu,
@@ -133,6 +153,8 @@ def _race(options: argparse.Namespace) -> int:
             lidar=options.lidar,
             seed=options.seed,
             time_limit=options.time_limit,
+            obstacles=options.obstacles,
+            obstacle_seed=options.obstacle_seed,
             effects=effects,
             watch=watch,
         )
@@ -200,6 +222,8 @@ def _table(result: RaceResult, out: str | None) -> str:
         ("simulated", f"{result.sim_time_s:.2f} s in {result.wall_time_s:.2f} s"),
         ("real-time factor", f"{result.realtime_factor:.1f}"),
     ]
+    if result.obstacles:
+        rows.insert(1, ("obstacles", f"{result.obstacles}, seed {result.obstacle_seed}"))
     if out is not None:
         rows.append(("written to", out))
     return "\n".join([f"{result.track}, {result.controller}", *(f"  {name:<18}{value}" for name, value in rows)])
@@ -214,9 +238,9 @@ def _replay(options: argparse.Namespace) -> int:
 def _track_new(options: argparse.Namespace) -> int:
     if options.path.exists() and not options.force:
         raise SettingsError(f"{options.path}: exists; accepted: a new file, or --force to replace it")
-    track = load_track(f"random:{options.seed}")
+    track = require_track(load_track(f"random:{options.seed}"), "a file")
     write_centreline(track, options.path, [f"made by: fg-mujoco track new --seed {options.seed}"])
-    print(f"{options.path}: {describe_track(track)}")
+    print(f"{options.path}: {describe_course(track)}")
     return _DONE
 
 
@@ -231,12 +255,17 @@ def _track_show(options: argparse.Namespace) -> int:
         path.write_bytes(picture.getvalue())
     except OSError as error:
         raise SettingsError(f"{path}: cannot be written: {error.strerror or error}") from error
-    print(f"{path}: {describe_track(track)}")
+    print(f"{path}: {describe_course(track)}")
     return _DONE
 
 
 def _track_list(options: argparse.Namespace) -> int:
-    print("\n".join(describe_track(load_track(name)) for name in track_names()))
+    print("\n".join(describe_course(load_track(name)) for name in track_names()))
+    return _DONE
+
+
+def _track_scenes(options: argparse.Namespace) -> int:
+    print("\n".join(map(describe_scene, scene_names())))
     return _DONE
 
 

@@ -15,7 +15,7 @@ from types import ModuleType
 from typing import Any
 
 from .errors import ControllerError
-from .messages import CarParameters, Controller, DriveCommand, LaserScan, Odometry
+from .messages import CarParameters, Controller, DriveCommand, LaserScan, MapLine, Odometry
 
 
 def controller_names() -> tuple[str, ...]:
@@ -30,8 +30,9 @@ def make_controller(
     mu: float,
     max_speed: float,
     settings: Mapping[str, Any] | None = None,
+    map_line: MapLine | None = None,
 ) -> Controller:
-    """Return a controller, built with those of `car`, `mu`, `max_speed` and `settings` that its constructor names.
+    """Return a controller, built with those of these arguments that its constructor names.
 
     Args:
       source: a bundled name, `path/to/file.py:ClassName`, or a controller, which is taken as it is.
@@ -39,6 +40,7 @@ def make_controller(
       mu: friction coefficient that the controller is to believe in; inf switches its friction limits off.
       max_speed: fastest that it may command [m/s].
       settings: those of its settings that are to differ from its own, by name.
+      map_line: the line through the course; None where there is no map, and a controller that names it is refused.
 
     Raises:
       ControllerError: an unknown name, a file or class that cannot be loaded, settings that it has not or cannot
@@ -49,7 +51,9 @@ def make_controller(
         if settings:
             raise ControllerError(f"{origin} is made already; accepted: settings only for one that is yet to be built")
         return _checked(source, origin)
-    return build_controller(find_controller(source), source, car=car, mu=mu, max_speed=max_speed, settings=settings)
+    return build_controller(
+        find_controller(source), source, car=car, mu=mu, max_speed=max_speed, settings=settings, map_line=map_line
+    )
 
 
 def find_controller(source: str) -> Any:
@@ -69,6 +73,7 @@ def build_controller(
     mu: float,
     max_speed: float,
     settings: Mapping[str, Any] | None = None,
+    map_line: MapLine | None = None,
 ) -> Controller:
     """Return a controller of the class that `find_controller(source)` returned; otherwise as `make_controller`."""
     origin = f"controller {source!r}"
@@ -81,6 +86,10 @@ def build_controller(
     required = [p.name for p in parameters if p.name in wanted and p.default is p.empty]
     if settings or ("settings" in required and hasattr(factory, "Settings")):
         offered["settings"] = _settings(factory, settings or {}, origin, taken="settings" in wanted)
+    if map_line is not None:
+        offered["map_line"] = map_line
+    elif "map_line" in required:
+        raise ControllerError(f"{origin} drives by a map; accepted: where there is one, as in a race")
     unknown = [name for name in required if name not in offered]
     if unknown:
         raise ControllerError(f"{origin} wants {', '.join(unknown)}; a constructor may name {', '.join(offered)}")

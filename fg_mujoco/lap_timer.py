@@ -4,7 +4,7 @@
     timer.update(time, position)   # every tick
     timer.laps_completed, timer.lap_times
 
-The line is where the car is first seen.
+The line is where the car is first seen. On a scene the one "lap" ends at the goal.
 """
 
 from __future__ import annotations
@@ -15,16 +15,17 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from .course import Course
 from .kernels import kernel
 from .messages import FloatArray
-from .track import Track, follow
+from .track import follow
 
 STANDSTILL = 0.1  # [m] progress below this is standing still: a car that pushes against a wall still creeps
 
 LAP_TIMER = np.dtype(
     [
         ("place", np.float64),  # [m] where on the line the car was last; NaN before the first update
-        ("progress", np.float64),  # [m] driven along the centreline since the first update, backward negative
+        ("progress", np.float64),  # [m] along the line from where the car was first seen, or from a scene's start
         ("offset", np.float64),  # [m] from the centreline, left positive
         ("time", np.float64),  # [s] of the last update
         ("lap_start", np.float64),  # [s]
@@ -44,6 +45,13 @@ def fresh_timers(count: int) -> NDArray[np.void]:
     return timers
 
 
+def first_seen(timers: NDArray[np.void], course: Course, positions: FloatArray) -> None:
+    """Write to timers (n,) of LAP_TIMER where their cars are at their start, positions (n, 2) [m]."""
+    timers["place"] = course.project(positions)[0]
+    if course.origin is not None:
+        timers["progress"] = timers["place"] - course.origin
+
+
 class LapTimer:
     """Times the laps of one car, from where it is first seen.
 
@@ -54,7 +62,7 @@ class LapTimer:
       memory: what it remembers, (1,) of LAP_TIMER.
     """
 
-    def __init__(self, track: Track) -> None:
+    def __init__(self, track: Course) -> None:
         self._track = track
         self.reset()
 
@@ -101,11 +109,12 @@ class LapTimer:
         x, y = position
         laps = self.laps_completed
         if not self._seen:
-            self.memory["place"] = self._track.project((x, y))[0]
+            first_seen(self.memory, self._track, np.array([[x, y]]))
             self._seen = True
         if laps >= self._lap_times.shape[1] - 1:
             self._lap_times = np.concatenate((self._lap_times, np.empty_like(self._lap_times)), axis=1)
-        time_lap(self.memory, 0, self._lap_times, time, x, y, self._track.table, self._track.length)
+        track = self._track
+        time_lap(self.memory, 0, self._lap_times, time, x, y, track.table, track.length, track.modulus)
         return self.laps_completed
 
 
@@ -119,26 +128,28 @@ def time_lap(
     y: float,
     table: FloatArray,
     length: float,
+    modulus: float,
 ) -> None:
     """Give one of some timers the position of its car.
 
     Args:
-      timers: (n,) of LAP_TIMER, written to. Before the first update `place` must be the car's progress on the line.
+      timers: (n,) of LAP_TIMER, written to. Before the first update they must have been through `first_seen`.
       i: which of them.
       lap_times: (n, at least one more than completed) [s], written to.
       time: of the update [s].
       x: position of the car [m].
       y: [m].
-      table: of the track, `Track.table`.
-      length: of the track [m].
+      table: `Course.table`.
+      length: `Course.length` [m].
+      modulus: `Course.modulus` [m].
     """
     timer = timers[i]
     before = timer.progress
-    place, timer.offset = follow(x, y, timer.place, table, length)
+    place, timer.offset = follow(x, y, timer.place, table, modulus)
     if math.isnan(timer.time):
         timer.lap_start = timer.last_progress_time = time
     else:
-        distance = (place - timer.place + 0.5 * length) % length - 0.5 * length
+        distance = (place - timer.place + 0.5 * modulus) % modulus - 0.5 * modulus
         timer.progress = before + distance
         while timer.laps_completed < lap_times.shape[1] and timer.progress >= (timer.laps_completed + 1) * length:
             line = (timer.laps_completed + 1) * length

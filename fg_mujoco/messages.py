@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import lru_cache
 from typing import Protocol
 
@@ -96,12 +96,16 @@ class LaserScan:
 _SCAN_NUMBERS = tuple(f.name for f in fields(LaserScan) if f.name not in ("ranges", "no_return"))
 
 
-_VECTORS = (("angular_velocity", (3,)), ("linear_acceleration", (3,)), ("wheel_speeds", (4,)))
+_VECTORS = (("angular_velocity", (3,)), ("linear_acceleration", (3,)), ("wheel_speeds", (4,)), ("pose", (3,)))
+_NO_POSE = read_only((math.nan, math.nan, math.nan))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Odometry:
-    """What the car's own sensors say between scans: wheel encoders, steering sensor, IMU. No pose, no map.
+    """What the car's own sensors say between scans: wheel encoders, steering sensor, IMU; and where it is on the map.
+
+    The pose is that of an ideal localisation: the true one, of base_link, at the time of the stamp. No reactive planner
+    needs it. Where there is no map it is NaN.
 
     Raises:
       MessageError: a vector of the wrong length, or a stamp that is not finite.
@@ -113,6 +117,7 @@ class Odometry:
     angular_velocity: FloatArray  # (3,) [rad/s] gyro, car frame
     linear_acceleration: FloatArray  # (3,) [m/s^2] accelerometer, car frame, gravity included
     wheel_speeds: FloatArray  # (4,) [m/s] surface speeds: front left, front right, rear left, rear right
+    pose: FloatArray = field(default_factory=lambda: _NO_POSE)  # (3,) x [m], y [m], heading [rad], map frame
 
     def __post_init__(self) -> None:
         require_finite(self, self.stamp, names=("stamp",))
@@ -144,6 +149,24 @@ class DriveCommand:
 
 
 STOP = DriveCommand(steering_angle=0.0, speed=0.0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MapLine:
+    """The line through the course that a planner with a map is told of.
+
+    Raises:
+      MessageError: points that are not a table of finite numbers, or fewer than two.
+    """
+
+    points: FloatArray  # (n, 2) [m] map frame, in driving order
+    closed: bool  # a circuit, whose first point is not repeated; else it is driven once
+
+    def __post_init__(self) -> None:
+        points = read_only(self.points)
+        if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2 or not np.isfinite(points).all():
+            raise MessageError(f"MapLine.points has shape {points.shape}; accepted: (n, 2) finite, n at least 2")
+        object.__setattr__(self, "points", points)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -202,6 +225,7 @@ ODOMETRY = np.dtype(
         ("angular_velocity", np.float64, (3,)),
         ("linear_acceleration", np.float64, (3,)),
         ("wheel_speeds", np.float64, (4,)),
+        ("pose", np.float64, (3,)),
     ]
 )
 """One row of the odometry of many cars; fields and units as in Odometry."""

@@ -1,28 +1,32 @@
 """Pictures of tracks and races, as PNG files. They need matplotlib: pip install 'fg-mujoco[plot]'.
 
-    track_picture(load_track("oval"), "oval.png")
-    trace_picture(race("oval"), "trace.png")
+track_picture(load_track("oval"), "oval.png")
+trace_picture(race("oval"), "trace.png")
 """
 
 from __future__ import annotations
 
 import importlib.util
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
 from .car import WHEELS
+from .course_drawing import describe_course, draw_course, draw_line, draw_obstacles, extent
 from .errors import MissingExtraError
 from .messages import FloatArray
+from .obstacles import Obstacle
 from .race_result import TELEMETRY, RaceResult
+from .scene import Scene
 from .tire_slip import SLIDING_SPEED
 from .track import Track
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from .world import World
 
 INSTALL_COMMAND = "pip install 'fg-mujoco[plot]'"
 
@@ -32,7 +36,6 @@ _PANEL_HEIGHT = 1.15  # [in] of each panel over time
 _LEGEND_EDGE = 0.88  # of the width; right of it are colour bar and legends
 _DPI = 150
 _MAX_LAP_LABELS = 12
-_MARGIN = 0.5  # [m] round the walls
 _STYLE: Any = {"font.size": 8.0, "axes.linewidth": 0.6, "lines.linewidth": 0.9, "legend.frameon": False}
 _TIRE_COLOURS = ("#0072b2", "#56b4e9", "#d55e00", "#e69f00")  # Okabe and Ito; front blue, rear orange
 _LIMIT: Any = {"color": "0.2", "linewidth": 0.8, "linestyle": (0, (4, 2))}
@@ -49,16 +52,8 @@ def require_matplotlib() -> None:
         raise MissingExtraError(INSTALL_COMMAND)
 
 
-def describe_track(track: Track) -> str:
-    """Return name, length, width and tightest radius in one line."""
-    width = track.corridor_left + track.corridor_right
-    widths = " to ".join(sorted({f"{width.min():.2f}", f"{width.max():.2f}"}, key=float))
-    radius = 1.0 / max(float(np.abs(track.curvature).max()), 1e-9)
-    return f"{track.name}: {track.length:.1f} m long, {widths} m wide, tightest radius {radius:.2f} m"
-
-
-def track_picture(track: Track, path: str | Path | BinaryIO) -> None:
-    """Draw a track from above: walls, centreline, start line and direction.
+def track_picture(track: Track | Scene, path: str | Path | BinaryIO) -> None:
+    """Draw a track or a scene from above: walls, line, start, direction; and a scene's goal and obstacles.
 
     Raises:
       MissingExtraError: matplotlib is not installed.
@@ -71,14 +66,18 @@ def track_picture(track: Track, path: str | Path | BinaryIO) -> None:
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(_WIDTH, _map_height(track)), layout="constrained")
         axes = figure.add_subplot()
-        _draw_track(axes, track)
-        axes.plot(*_closed(track.centreline).T, color="0.55", linewidth=0.6, linestyle=(0, (6, 4)))
-        axes.set_title(describe_track(track))
+        draw_course(axes, track)
+        draw_line(axes, track)
+        if isinstance(track, Scene):
+            draw_obstacles(axes, track.obstacles, track.moving)
+        axes.set_title(describe_course(track))
         _save(figure, path)
 
 
 def trace_picture(result: RaceResult, path: str | Path | BinaryIO) -> None:
     """Draw a race: the line over the track coloured by speed, and speed, steering and the tires' work over time.
+
+    What moves is drawn where it was at the end.
 
     Raises:
       MissingExtraError: matplotlib is not installed.
@@ -96,7 +95,8 @@ def trace_picture(result: RaceResult, path: str | Path | BinaryIO) -> None:
         figure = Figure(figsize=(_WIDTH, map_height + 4.0 * _PANEL_HEIGHT), layout=layout)
         grid = figure.add_gridspec(5, 1, height_ratios=(map_height, *(4 * [_PANEL_HEIGHT])))
         axes = figure.add_subplot(grid[0])
-        _draw_track(axes, result.world.track)
+        draw_course(axes, result.world.track)
+        draw_obstacles(axes, _obstacles(result.world), result.world.moving, result.sim_time_s)
         line = _draw_line(axes, column["x_m"], column["y_m"], column["speed_m_s"])
         scale = axes.inset_axes((1.015, 0.05, 0.02, 0.9))
         scale.set_in_layout(False)
@@ -150,30 +150,6 @@ def _draw_panels(panels: list[Axes], column: dict[str, FloatArray]) -> None:
         legend.set_in_layout(False)
 
 
-def _draw_track(axes: Axes, track: Track) -> None:
-    """Draw the corridor, the start line and an arrow in the direction of driving."""
-    from matplotlib.patches import PathPatch
-    from matplotlib.path import Path as Outline
-
-    walls = [_closed(track.left_wall), _closed(track.right_wall[::-1])]  # against each other: a ring, not two discs
-    corridor = Outline.make_compound_path(*(Outline(wall, closed=True) for wall in walls))
-    axes.add_patch(PathPatch(corridor, facecolor="0.95", edgecolor="0.25", linewidth=0.8))
-    points = np.concatenate(walls)
-    (left, bottom), (right, top) = points.min(axis=0) - _MARGIN, points.max(axis=0) + _MARGIN
-    axes.set(xlim=(left, right), ylim=(bottom, top), aspect="equal", xlabel="x [m]", ylabel="y [m]")
-
-    x, y, heading = track.start_pose()
-    ahead, aside = np.array([math.cos(heading), math.sin(heading)]), np.array([-math.sin(heading), math.cos(heading)])
-    ends = np.array([[x, y], [x, y]]) + np.outer((track.corridor_left[0], -track.corridor_right[0]), aside)
-    axes.plot(*ends.T, color="black", linewidth=1.6, solid_capstyle="butt")
-    size = 0.06 * max(right - left, top - bottom)
-    tail = ends[0] + 0.35 * size * aside  # beside the corridor, where it hides nothing
-    axes.annotate(
-        "", xy=tail + size * ahead, xytext=tail, annotation_clip=False,
-        arrowprops={"arrowstyle": "-|>", "color": "black", "linewidth": 1.0, "shrinkA": 0.0, "shrinkB": 0.0},
-    )  # fmt: skip
-
-
 def _draw_line(axes: Axes, x: FloatArray, y: FloatArray, speed: FloatArray) -> Any:
     """Draw where the rear axle went, each piece in the colour of its speed."""
     from matplotlib.collections import LineCollection
@@ -197,16 +173,16 @@ def _mark_laps(panels: list[Axes], lap_times: tuple[float, ...]) -> None:
             panels[0].text(end - 0.5 * time, 1.02, f"lap {lap}", transform=above, ha="center", va="bottom")
 
 
-def _map_height(track: Track) -> float:
+def _obstacles(world: World) -> tuple[Obstacle, ...]:
+    """Return what stands in a world but the walls."""
+    return world.obstacles[len(world.track.walls) :] if isinstance(world.track, Scene) else world.obstacles
+
+
+def _map_height(track: Track | Scene) -> float:
     """Return the height of the map [in] for which it fills the width."""
-    walls = np.concatenate((track.left_wall, track.right_wall))
-    width, height = np.ptp(walls, axis=0) + 2.0 * _MARGIN
+    width, height = np.ptp(extent(track), axis=0)
     least, greatest = _MAP_HEIGHT
     return float(np.clip(_WIDTH * 0.85 * height / width + 0.6, least, greatest))
-
-
-def _closed(points: FloatArray) -> FloatArray:
-    return np.concatenate((points, points[:1]))
 
 
 def _save(figure: Figure, path: str | Path | BinaryIO) -> None:

@@ -2,6 +2,8 @@
 
     result = race("oval", controller="gap_finder", laps=5)
     print(result.lap_times_s, result.max_slide_m_s)
+
+A scene is raced once, to its goal, which counts as its one lap.
 """
 
 from __future__ import annotations
@@ -23,11 +25,14 @@ from .messages import Controller, require
 from .obstacles import Obstacle
 from .pilot import ArrayPilot, MessagePilot, make_pilot
 from .race_result import RaceLog, RaceResult, tally_figures, trajectory_sha256
-from .race_rules import END_REASONS, default_time_limit
+from .race_rules import END_REASONS, USUAL_LAPS, laps_to_drive
+from .random_obstacles import random_boxes
 from .referee import Referee
 from .scenario import Start
+from .scene import Scene
 from .simulation import Simulation
 from .track import Track
+from .track_formats import load_track
 from .world import World
 
 
@@ -39,13 +44,13 @@ class RaceSettings:
       SettingsError: a value outside what is accepted.
     """
 
-    laps: int = 5
+    laps: int = USUAL_LAPS
     mu: float | None = None  # of the tires; None: as in the car's MJCF
     planner_mu: float | None = None  # what the planner believes; None: as in the car's MJCF; inf: no friction limits
     max_speed: float = 8.0  # [m/s] fastest that the planner may command; that of the published lap times
     lidar: str = "raycast"
     seed: int = 0
-    time_limit: float | None = None  # [s]; None: as long as a car of 0.5 m/s needs
+    time_limit: float | None = None  # [s]; None: as long as a car of 0.5 m/s needs, or the scene's
 
     def __post_init__(self) -> None:
         for name, least in (("laps", 1), ("seed", 0)):
@@ -69,36 +74,40 @@ class RaceProgress:
 
 
 def race(
-    track: Track | str,
+    track: Track | Scene | str,
     controller: str | Controller = "gap_finder",
     *,
-    laps: int = 5,
+    laps: int | None = None,
     mu: float | None = None,
     planner_mu: float | None = None,
     max_speed: float = 8.0,
     lidar: str = "raycast",
     seed: int = 0,
     time_limit: float | None = None,
-    obstacles: tuple[Obstacle, ...] = (),
+    obstacles: tuple[Obstacle, ...] | int = (),
+    obstacle_seed: int = 0,
     effects: LidarEffects | None = None,
     car: CarChanges | None = None,
     begin: Start | None = None,
     planner_settings: Mapping[str, Any] | None = None,
     watch: Callable[[RaceProgress], None] | None = None,
 ) -> RaceResult:
-    """Race a controller round a track and return how it went.
+    """Race a controller round a track, or through a scene, and return how it went.
 
     Args:
-      track: a Track, a bundled name, `random:SEED`, or a path to a centreline CSV.
+      track: a Track, a Scene, or what `load_track` makes one of: a bundled name, `random:SEED`, `scene:NAME:SEED`, or
+        a path to a centreline CSV.
       controller: a bundled name, `path/to/file.py:ClassName`, or a controller object.
-      laps: to be driven.
+      laps: to be driven; None: 5, and of a scene 1, which is all it has.
       mu: friction coefficient of the tires; None: as in the car's MJCF.
       planner_mu: what the planner believes it is; None: as in the car's MJCF; inf: its friction limits are off.
       max_speed: fastest that the planner may command [m/s].
       lidar: back end, "raycast" or "rangefinder".
       seed: of the LiDAR's noise and dropouts.
-      time_limit: of simulated time [s]; None: as long as a car of 0.5 m/s needs.
-      obstacles: what stands on the track.
+      time_limit: of simulated time [s]; None: as long as a car of 0.5 m/s needs, or the scene's own.
+      obstacles: what stands on the track, besides what a scene has; or of how many boxes, at random places of a track
+        that leave a way past each (`random_obstacles`).
+      obstacle_seed: of the random places.
       effects: what the LiDAR does to a scan; nothing by default.
       car: what else differs from the car of models/f1tenth.xml.
       begin: where and how the race starts; None: standing on the start of the centreline.
@@ -109,13 +118,21 @@ def race(
       TrackError, ControllerError, SettingsError: input that cannot be raced with.
     """
     settings = RaceSettings(
-        laps=laps, mu=mu, planner_mu=planner_mu, max_speed=max_speed, lidar=lidar, seed=seed, time_limit=time_limit
-    )
-    world = World(track, mu=mu, lidar=lidar, obstacles=obstacles, changes=car)
+        laps=USUAL_LAPS if laps is None else laps, mu=mu, planner_mu=planner_mu, max_speed=max_speed, lidar=lidar,
+        seed=seed, time_limit=time_limit,
+    )  # fmt: skip
+    course = load_track(track)
+    laps = laps_to_drive(course, laps)
+    drawn = None
+    if isinstance(obstacles, int):
+        drawn = obstacle_seed if obstacles else None
+        obstacles = random_boxes(course, obstacles, obstacle_seed, start=(begin or Start()).s)
+    world = World(course, mu=mu, lidar=lidar, obstacles=obstacles, changes=car)
     believed_mu = nominal_mu() if planner_mu is None else float(planner_mu)
     planner = make_controller(
-        controller, car=world.car.parameters, mu=believed_mu, max_speed=max_speed, settings=planner_settings or {}
-    )
+        controller, car=world.car.parameters, mu=believed_mu, max_speed=max_speed, settings=planner_settings or {},
+        map_line=world.track.map_line,
+    )  # fmt: skip
     start(planner)
     simulation = Simulation(world, effects=effects, seed=seed)
     sensed = simulation.reset(**vars(begin or Start()))
@@ -124,7 +141,7 @@ def race(
         world.track,
         world.car.constants,
         laps=laps,
-        time_limit=settings.time_limit or default_time_limit(laps, world.track.length),
+        time_limit=settings.time_limit or course.longest_race(laps),
         period=simulation.period,
         qpos=simulation.data.qpos[np.newaxis],
     )
@@ -159,6 +176,9 @@ def race(
         speed_limit_m_s=float(max_speed),
         lidar=lidar,
         lidar_effects=effects or LidarEffects(),
+        obstacles=len(obstacles),
+        obstacle_seed=drawn,
+        planner_settings=dict(planner_settings or {}),
         trajectory_sha256=trajectory_sha256(arrays["states"], arrays["ctrl"]),
         world=world,
         **arrays,
@@ -175,11 +195,11 @@ def _drive(
 ) -> str:
     """Run the loop until the race is over and return the reason."""
     data = simulation.data
-    time, qpos = np.empty(1), data.qpos[np.newaxis]  # a view of the state
+    time, qpos, qvel = np.empty(1), data.qpos[np.newaxis], data.qvel[np.newaxis]  # views of the state
     unstable, crashed = np.zeros(1, np.bool_), np.zeros(1, np.bool_)
     while True:
         time[0], unstable[0], crashed[0] = data.time, simulation.unstable, simulation.crashed
-        referee.judge(time, qpos, unstable, crashed)
+        referee.judge(time, qpos, qvel, unstable, crashed)
         if not referee.running[0]:
             return END_REASONS[referee.reasons[0]]
         log.begin(simulation, referee.timers)

@@ -62,6 +62,9 @@ class RaceResult:
     speed_limit_m_s: float
     lidar: str
     lidar_effects: LidarEffects
+    obstacles: int  # how many stood on the track, besides what a scene has
+    obstacle_seed: int | None  # of their random places; None: they were not placed at random
+    planner_settings: dict[str, Any]  # those that differ from its own
     trajectory_sha256: str  # of all states and controls, bit for bit
     world: World = field(repr=False)
     telemetry: FloatArray = field(repr=False)  # (ticks, len(TELEMETRY))
@@ -122,7 +125,6 @@ def tally_figures(tally: Any) -> TallyFigures:
         "mean_speed_m_s": float(tally["speed_sum"]) / ticks if ticks else 0.0,
         "max_speed_m_s": float(tally["max_speed"]),
     }
-
 
 
 _SLIDE = TELEMETRY.index(f"slide_{WHEELS[0]}_m_s")

@@ -17,6 +17,7 @@ from .errors import SettingsError
 from .messages import FloatArray
 from .obstacles import Box
 from .polyline import turns
+from .scene import Scene
 from .track import Track
 
 GAP_IN_WIDTHS = 2.5
@@ -94,6 +95,28 @@ class ObstacleSites:
         track = self._track
         widths = (track.corridor_right, track.corridor_left)
         return np.array([np.interp(s, track.arc_length, width, period=track.length) for width in widths])
+
+
+def random_boxes(course: Track | Scene, count: int, seed: int, *, start: float = 0.0) -> tuple[Box, ...]:
+    """Return boxes at random places of a track: the same for the same arguments.
+
+    Args:
+      course: the Track.
+      count: of the boxes.
+      seed: of their places and sizes.
+      start: progress of the car's start [m].
+
+    Raises:
+      SettingsError: a scene, more than there is room for, or a number that is not whole.
+    """
+    for name, value in (("obstacles", count), ("obstacle_seed", seed)):
+        if not isinstance(value, int) or isinstance(value, bool) or value < 0:
+            raise SettingsError(f"{name} is {value!r}; accepted: a whole number from 0")
+    if count == 0:
+        return ()
+    if isinstance(course, Scene):
+        raise SettingsError(f"{count} obstacles on {course.name!r}, which has its own; accepted: on a track")
+    return ObstacleSites(course).place(count, start, np.random.default_rng(seed))
 
 
 def _turned(track: Track, s: FloatArray) -> FloatArray:

@@ -34,6 +34,7 @@ import numpy as np
 from .errors import FgMujocoError, RunFolderError
 from .lidar import make_lidar
 from .messages import FloatArray
+from .moving_obstacles import make_mover
 from .plots import require_matplotlib, trace_picture
 from .race_result import TELEMETRY, RaceResult, trajectory_sha256
 from .simulation import STATE, complete_state, hold_controls, whole_steps
@@ -206,10 +207,10 @@ def _simulate(model: mujoco.MjModel, state: FloatArray, ctrl: FloatArray, steps:
     """Return the states at the start of each tick and the last, shape (ticks + 1, k)."""
     data = mujoco.MjData(model)
     mujoco.mj_setState(model, data, state, STATE)
-    states, records = [state], np.empty((steps, model.nsensordata))
+    states, records, mover = [state], np.empty((steps, model.nsensordata)), make_mover(model)
     for row in ctrl:
         data.ctrl[:] = row
-        hold_controls(model, data, records)
+        hold_controls(model, data, records, mover)
         states.append(complete_state(model, data))
     return np.array(states)
 

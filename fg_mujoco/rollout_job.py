@@ -33,7 +33,7 @@ from .randomization import Randomization, Value
 from .scenario import Scenario
 from .simulation import STATE
 from .track import Track
-from .track_formats import load_track
+from .track_formats import load_track, require_track
 from .world_batch import RECORDS, RESULT, WorldResults, drive_worlds
 
 TICK = 0.025  # [s] a period of the LiDAR, for estimates of what a rollout will take and has done
@@ -77,7 +77,7 @@ class RolloutJob:
         """Refuse what cannot be driven, before anything is.
 
         Raises:
-          TrackError: a track that is too narrow, or that no walls can be put round.
+          TrackError: a scene, a track that is too narrow, or that no walls can be put round.
           ControllerError: a controller that cannot be built, with its settings at any end of their ranges too.
           SettingsError: no track, or more obstacles than one has room for.
         """
@@ -85,7 +85,7 @@ class RolloutJob:
             raise SettingsError("no track is given; accepted: one or more")
         width = car_parameters(plain_car()).width
         for track in self.tracks:
-            load_track(track, minimum_width=width)
+            load_track(require_track(track, "a rollout"), minimum_width=width)
             _ = track.left_wall  # refuses corners without room for a wall
         for track, sites in zip(self.tracks, self._sites, strict=True):
             wanted = self.randomization.most_obstacles
@@ -99,7 +99,10 @@ class RolloutJob:
         found = find_controller(self.controller)
         car, mu = car_parameters(plain_car()), nominal_mu()
         for settings in ({}, *self.randomization.planner_extremes):
-            build_controller(found, self.controller, car=car, mu=mu, max_speed=8.0, settings=settings)
+            build_controller(
+                found, self.controller, car=car, mu=mu, max_speed=8.0, settings=settings,
+                map_line=self.tracks[0].map_line,
+            )  # fmt: skip
 
     @cached_property
     def chunks(self) -> tuple[NDArray[np.int64], ...]:

@@ -12,6 +12,7 @@ from .errors import SettingsError
 from .lidar_effects import LidarEffects
 from .messages import require
 from .obstacles import Obstacle
+from .scene import Scene
 from .track import Track
 
 
@@ -40,7 +41,7 @@ class Scenario:
       SettingsError: a value out of its range.
     """
 
-    track: Track | str = "oval"  # as `load_track` takes it
+    track: Track | Scene | str = "oval"  # as `load_track` takes it
     seed: int = 0  # of the LiDAR's noise and dropouts
     car: CarChanges = field(default_factory=CarChanges)
     start: Start = field(default_factory=Start)

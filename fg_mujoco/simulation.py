@@ -21,6 +21,7 @@ from .errors import ModelError
 from .kernels import kernel
 from .lidar_effects import LidarEffects, ScanPipeline
 from .messages import DriveCommand, FloatArray, LaserScan, Odometry
+from .moving_obstacles import Mover, make_mover
 from .tire_slip import TireSlip, TireSlipMeter, measure_slip
 from .world import World
 
@@ -59,6 +60,7 @@ class Simulation:
         self.lidar = world.make_lidar()
         self.period = self.lidar.beams.period
         self.substeps = whole_steps(self.period, world.model.opt.timestep)
+        self._mover = make_mover(world.model)
         self._slip_meter = TireSlipMeter(world.model, world.car.prefix)
         self._records = np.empty((self.substeps, world.model.nsensordata))  # the sensors at each step of a tick
         self.slip_values = np.empty((4, self.substeps, len(WHEELS)))
@@ -80,6 +82,8 @@ class Simulation:
         model, car = self.world.model, self.world.car
         mujoco.mj_resetData(model, self.data)
         x, y, along = self.world.track.start_pose(s, offset)
+        if self._mover is not None:
+            self._mover.place(self.data)
         car.set_pose(self.data, x, y, along + heading, speed)
         self.crashed = car.crashed(self.data)
         self.unstable = False
@@ -96,7 +100,7 @@ class Simulation:
         """Hold a command [rad, m/s] for one period; `sense` then tells what it led to."""
         data = self.data
         car_motion.drive(data.qvel, steering_angle, speed, self.world.car.constants, data.ctrl)
-        hold_controls(self.world.model, data, self._records, self._after_step)
+        hold_controls(self.world.model, data, self._records, self._mover, self._after_step)
         measure_slip(self._records, self._slip_meter.readings.start, self._slip_meter.mu, self.slip_values)
         touched, self.unstable = look_over(self._records, self.world.car.chassis_contact, self._bad_state)
         self.crashed = self.crashed or touched
@@ -162,6 +166,7 @@ def hold_controls(
     model: mujoco.MjModel,
     data: mujoco.MjData,
     records: FloatArray,
+    mover: Mover | None = None,
     after_step: Callable[[mujoco.MjData], None] | None = None,
 ) -> None:
     """Hold `data.ctrl` for one tick of physics steps. A replay makes the very calls of the race.
@@ -170,12 +175,15 @@ def hold_controls(
       model: the compiled model.
       data: at the start of the tick; left at its end, with poses that are current.
       records: (steps, nsensordata) written to: the sensors at each step, each of the state at its start.
+      mover: of the moving obstacles, which are where they are to be at the start of the tick; None: there are none.
       after_step: called after each.
     """
     step, sensors = mujoco.mj_step, data.sensordata
     for row in records:
         step(model, data)
         row[:] = sensors
+        if mover is not None:
+            mover.place(data)
         if after_step is not None:
             after_step(data)
     mujoco.mj_kinematics(model, data)  # mj_step leaves poses one timestep behind the state

@@ -18,8 +18,9 @@ from numpy.typing import ArrayLike
 
 from .errors import TrackError
 from .kernels import kernel
-from .messages import FloatArray, read_only
+from .messages import FloatArray, MapLine, read_only
 from .polyline import cross, self_crossings, step_lengths, steps, turns
+from .race_rules import default_time_limit
 from .track_walls import MAX_TURN, shared_widths, wall_lines
 
 MIN_POINTS = 4  # three make a triangle, which tells nothing of a circuit
@@ -74,6 +75,35 @@ class Track:
         """Length of one lap on the centreline [m]."""
         return float(step_lengths(self.centreline).sum())
 
+    @property
+    def modulus(self) -> float:
+        """What progress is counted modulo: the length [m]."""
+        return self.length
+
+    @property
+    def origin(self) -> float | None:
+        """Progress of a race is counted from where the car is first seen."""
+        return None
+
+    @property
+    def most_laps(self) -> int | None:
+        """Any number of laps can be driven."""
+        return None
+
+    @property
+    def stop_time(self) -> float:
+        """Nobody has to stop at the line [s]."""
+        return 0.0
+
+    def longest_race(self, laps: int) -> float:
+        """Return how long a race may last: what a car as slow as SLOWEST_RACE needs [s]."""
+        return default_time_limit(laps, self.length)
+
+    @cached_property
+    def bounds(self) -> FloatArray:
+        """Least and greatest x and y of the centreline. Shape (2, 2) [m], read-only."""
+        return read_only(np.stack((self.centreline.min(axis=0), self.centreline.max(axis=0))))
+
     @cached_property
     def arc_length(self) -> FloatArray:
         """Progress at each point, 0 at the first. Shape (n,) [m], read-only."""
@@ -90,6 +120,11 @@ class Track:
         """Curvature at each point, left positive: turn over half the two segments. Shape (n,) [1/m], read-only."""
         lengths = step_lengths(self.centreline)
         return read_only(turns(self.centreline) / (0.5 * (lengths + np.roll(lengths, 1))))
+
+    @cached_property
+    def map_line(self) -> MapLine:
+        """What a planner with a map is told."""
+        return MapLine(points=self.centreline, closed=True)
 
     @property
     def left_wall(self) -> FloatArray:
@@ -189,23 +224,23 @@ class Track:
 
 
 @kernel
-def follow(x: float, y: float, near: float, table: FloatArray, length: float) -> tuple[float, float]:
+def follow(x: float, y: float, near: float, table: FloatArray, modulus: float) -> tuple[float, float]:
     """Project one point from a hint: the nearest in a window, which moves on while the nearest is at its edge.
 
     Args:
       x, y: the point [m].
       near: its progress shortly before [m].
-      table: `Track.table`.
-      length: of the track [m].
+      table: `Course.table`.
+      modulus: `Course.modulus` [m].
 
     Returns:
-      Progress in [0, length) [m], and the offset [m], left positive.
+      Progress in [0, modulus) [m], and the offset [m], left positive.
     """
     starts = table[0]
     s, offset = near, 0.0
-    for _ in range(math.ceil(length / _SEARCH)):
-        centre = s % length
-        first = np.searchsorted(starts, centre - _SEARCH, side="right") - 1
+    for _ in range(math.ceil(modulus / _SEARCH)):
+        centre = s % modulus
+        first = max(int(np.searchsorted(starts, centre - _SEARCH, side="right")) - 1, 0)
         nearest = math.inf
         for i in range(first, len(starts)):
             if starts[i] > centre + _SEARCH:
@@ -220,7 +255,7 @@ def follow(x: float, y: float, near: float, table: FloatArray, length: float) ->
                 offset = math.copysign(math.sqrt(squared), step_x * away_y - step_y * away_x)
         if abs(s - centre) < 0.9 * _SEARCH:
             break
-    return s % length, offset
+    return s % modulus, offset
 
 
 def _check_line(line: FloatArray) -> None:

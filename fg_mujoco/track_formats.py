@@ -15,12 +15,15 @@ import re
 from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
+from typing import overload
 
 import numpy as np
 
 from .errors import TrackError
 from .messages import FloatArray
 from .polyline import spline, step_lengths
+from .scene import Scene
+from .scenes import load_scene
 from .track import MIN_POINTS, Track
 from .track_generator import generate_track
 
@@ -37,17 +40,26 @@ def track_names() -> tuple[str, ...]:
     return tuple(sorted(file.name.removesuffix(".csv") for file in files if file.name.endswith(".csv")))
 
 
-def load_track(name_or_path: str | Path | Track, *, minimum_width: float = 0.0) -> Track:
-    """Load a circuit.
+@overload
+def load_track(name_or_path: Track, *, minimum_width: float = 0.0) -> Track: ...
+@overload
+def load_track(name_or_path: Scene, *, minimum_width: float = 0.0) -> Scene: ...
+@overload
+def load_track(name_or_path: str | Path | Track | Scene, *, minimum_width: float = 0.0) -> Track | Scene: ...
+def load_track(name_or_path: str | Path | Track | Scene, *, minimum_width: float = 0.0) -> Track | Scene:
+    """Load a circuit, or a scene.
 
     Args:
-      name_or_path: a bundled name, `random:SEED`, a path to a centreline `.csv`, or a Track, which is returned.
-      minimum_width: width over all of the car that is to fit [m].
+      name_or_path: a bundled name, `random:SEED`, `scene:NAME`, `scene:NAME:SEED`, a path to a centreline `.csv`, or a
+        Track or Scene, which is returned.
+      minimum_width: width over all of the car that is to fit [m]; a scene may be as narrow as it likes.
 
     Raises:
       TrackError: an unknown name, a file that cannot be read, or a corridor not wider than `minimum_width`.
     """
-    track = name_or_path if isinstance(name_or_path, Track) else _load(name_or_path)
+    track = name_or_path if isinstance(name_or_path, (Track, Scene)) else _load(name_or_path)
+    if isinstance(track, Scene):
+        return track
     width = track.corridor_right + track.corridor_left
     narrowest = int(np.argmin(width))
     if width[narrowest] <= minimum_width:
@@ -59,7 +71,18 @@ def load_track(name_or_path: str | Path | Track, *, minimum_width: float = 0.0) 
     return track
 
 
-def _load(name_or_path: str | Path) -> Track:
+def require_track(course: Track | Scene, where: str) -> Track:
+    """Return a track as it is.
+
+    Raises:
+      TrackError: it is a scene, which `where` cannot take.
+    """
+    if isinstance(course, Scene):
+        raise TrackError(f"{course.name!r} is a scene, in {where}; accepted: a track")
+    return course
+
+
+def _load(name_or_path: str | Path) -> Track | Scene:
     name = str(name_or_path)
     if name in track_names():
         with resources.as_file(resources.files("fg_mujoco.tracks") / f"{name}.csv") as path:
@@ -69,13 +92,17 @@ def _load(name_or_path: str | Path) -> Track:
         if not re.fullmatch("[0-9]{1,18}", seed):
             raise TrackError(f"{name!r} has no seed; accepted: random:SEED with SEED an integer from 0, as random:7")
         return generate_track(int(seed))
+    if kind == "scene":
+        return load_scene(name)
     path = Path(name_or_path)
     if path.suffix.lower() in (".yaml", ".yml"):
         raise TrackError(f"{path}: ROS maps cannot be read yet; accepted: a centreline .csv of {', '.join(COLUMNS)}")
     if path.suffix.lower() == ".csv" or path.is_file():
         return read_centreline(path)
     known = ", ".join(track_names())
-    raise TrackError(f"unknown track {name!r}; accepted: {known}, random:SEED, or a path to a centreline .csv")
+    raise TrackError(
+        f"unknown track {name!r}; accepted: {known}, random:SEED, scene:NAME:SEED, or a path to a centreline .csv"
+    )
 
 
 def write_centreline(track: Track, path: str | Path, header_lines: Sequence[str] = ()) -> None:

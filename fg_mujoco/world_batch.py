@@ -24,8 +24,9 @@ from .errors import SettingsError
 from .messages import FloatArray
 from .obstacles import Obstacle
 from .race_result import tally_figures
-from .race_rules import END_REASONS, default_time_limit
+from .race_rules import END_REASONS, laps_to_drive
 from .scenario import Scenario
+from .scene import Scene
 from .track import Track
 from .world import World
 from .world_group import WorldGroup
@@ -79,14 +80,14 @@ def drive_worlds(
     Args:
       scenarios: the worlds.
       controller: a bundled name or `path/to/file.py:ClassName`; each world gets a controller of its own.
-      laps: to be driven; None: as many as fit the duration.
-      duration: of simulated time at most [s]; None: what a car of 0.5 m/s needs for the laps.
+      laps: to be driven, of a scene 1; None: as many as fit the duration.
+      duration: of simulated time at most [s]; None: what a car of 0.5 m/s needs for the laps, or the scene's own limit.
       record: "summary", "telemetry" (every tick's row too) or "states" (and its state and controls).
       stop: asked every tick; once it says True, all worlds that still run end as "interrupted".
       watch: told every tick how many ticks were done in this call and how many worlds run.
 
     Raises:
-      SettingsError: neither laps nor duration, or an unknown record.
+      SettingsError: neither laps nor duration, more laps than a scene has, or an unknown record.
       TrackError, ControllerError: input that cannot be driven.
     """
     if laps is None and duration is None:
@@ -100,7 +101,7 @@ def drive_worlds(
         if scenario.effects.motion_distortion:
             raise SettingsError("motion distortion of the LiDAR, in a batch; accepted: in `race` only")
     results = _Results(len(scenarios), record)
-    groups: dict[tuple[Track | str, tuple[Obstacle, ...], bool], list[int]] = {}
+    groups: dict[tuple[Track | Scene | str, tuple[Obstacle, ...], bool], list[int]] = {}
     for i, scenario in enumerate(scenarios):
         key = (scenario.track, scenario.obstacles, scenario.car.command_delay is not None)
         groups.setdefault(key, []).append(i)
@@ -108,8 +109,10 @@ def drive_worlds(
     for key, members in groups.items():
         with _BUILDING:
             world = _shared_world(*key)
-        limit = duration if duration is not None else default_time_limit(laps or 1, world.track.length)
-        room = laps or int(limit * _FASTEST / world.track.length) + 2
+        laps_to_drive(world.track, laps)  # refuses more than a scene has
+        course = world.track
+        limit = duration if duration is not None else course.longest_race(laps or 1)
+        room = course.most_laps or laps or int(limit * _FASTEST / course.length) + 2
         group = WorldGroup(world, [scenarios[i] for i in members], controller, laps=room, time_limit=limit)
         results.begin(members, group)
         while group.running.any():
@@ -130,7 +133,7 @@ _BUILDING = Lock()  # threads that want the same world build it once
 
 
 @lru_cache(maxsize=8)
-def _shared_world(track: Track | str, obstacles: tuple[Obstacle, ...], delayed: bool) -> World:
+def _shared_world(track: Track | Scene | str, obstacles: tuple[Obstacle, ...], delayed: bool) -> World:
     """Return a world to be read by any thread; a delay is one of 0 s, for each world's own to be put in its place."""
     return World(track, obstacles=obstacles, changes=CarChanges(command_delay=0.0) if delayed else None)
 

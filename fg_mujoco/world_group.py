@@ -25,7 +25,8 @@ from .controller_loading import build_controller, find_controller, plan, start
 from .errors import ControllerError
 from .lidar import Beams, RaycastLidar
 from .lidar_effects import LidarEffects, ScanPipeline
-from .messages import ODOMETRY, Controller, ControllerBatch, FloatArray, LaserScan, Odometry
+from .messages import ODOMETRY, Controller, ControllerBatch, FloatArray, LaserScan, MapLine, Odometry
+from .moving_obstacles import make_mover
 from .race_result import TALLY, TELEMETRY
 from .race_rules import END_REASONS
 from .referee import Referee
@@ -35,6 +36,7 @@ from .tire_slip import TireSlipMeter
 from .world import CAR_PREFIX, World
 
 _FAILED, _INTERRUPTED = END_REASONS.index("failed"), END_REASONS.index("interrupted")
+_CTRL_AND_MOCAP = int(mujoco.mjtState.mjSTATE_CTRL) | int(mujoco.mjtState.mjSTATE_MOCAP_POS)
 _NUMBER = 1  # of the fields of mjWarningStat
 _ODOMETRY = ODOMETRY.names or ()
 
@@ -88,8 +90,13 @@ class WorldGroup:
             for i, scenario in enumerate(scenarios)
             if scenario.effects != LidarEffects()
         }
+        self._mover = make_mover(world.model)
+        # of the moving obstacles, as the scans want them; all worlds that run are at the same time
+        self._moving, self._turned = np.zeros((len(world.moving), 3)), np.tile(np.eye(3), (len(world.moving), 1, 1))
         kind = find_controller(controller)  # once: what is in a file becomes a new class each time
-        planners = [_planner(kind, controller, *pair) for pair in zip(scenarios, cars, strict=True)]
+        planners = [
+            _planner(kind, controller, world.track.map_line, *pair) for pair in zip(scenarios, cars, strict=True)
+        ]
         self._decide = _together(planners, lidar.beams)
 
         substeps = whole_steps(lidar.beams.period, world.model.opt.timestep)
@@ -114,9 +121,12 @@ class WorldGroup:
 
     def tick(self) -> None:
         """Drive all worlds that run for one period of the LiDAR, and judge which of them go on."""
+        if self._mover is not None and self.running.any():
+            self._mover.write_positions(float(self.times[self.running][0]), self._moving)
         sense_worlds(
             self.running, self.times, self._qpos, self._qvel, self._sensors, self._cars, self.referee.timers,
-            self._mount, self._scene.arrays, self._scratch, self._odometry, self._ranges, self.telemetry,
+            self._mount, self._moving, self._turned, self._scene.arrays, self._scratch, self._odometry, self._ranges,
+            self.telemetry,
         )  # fmt: skip
         scans = {
             i: pipeline.scan(SimpleNamespace(time=float(self.times[i])))
@@ -149,6 +159,8 @@ class WorldGroup:
         data = mujoco.MjData(world.model)
         for state, scenario in zip(self.states, scenarios, strict=True):
             mujoco.mj_resetData(world.model, data)
+            if self._mover is not None:
+                self._mover.place(data)
             x, y, along = world.track.start_pose(scenario.start.s, scenario.start.offset)
             world.car.write_pose(data, x, y, along + scenario.start.heading, scenario.start.speed)
             mujoco.mj_getState(world.model, data, state, STATE)
@@ -166,18 +178,27 @@ class WorldGroup:
         if len(worlds) == 0:
             return
         batch.bind("ctrl")[...] = self.ctrl
-        records = {"sensordata": self._records[: len(worlds)]}
+        records, steps = {"sensordata": self._records[: len(worlds)]}, self._records.shape[1]
+        moved: dict[str, Any] = {}
+        if self._mover is not None:  # before each step, as hold_controls does
+            time, timestep = float(self.times[worlds[0]]), self._world.model.opt.timestep
+            path = self._mover.positions(time, timestep, steps).reshape(steps + 1, -1)
+            ctrl = np.repeat(self.ctrl[worlds, None], steps, axis=1)
+            along = np.broadcast_to(path[:-1], (len(worlds), *path[:-1].shape))
+            moved = {"control": np.concatenate((ctrl, along), axis=2), "control_spec": _CTRL_AND_MOCAP}
         try:
-            batch.rollout(self._records.shape[1], record=tuple(records), ids=worlds, out=records)
+            batch.rollout(steps, record=tuple(records), ids=worlds, out=records, **moved)
         except SimulationError as error:
             failed = np.zeros_like(self.running)
             failed[error.ids] = True
             self._end(failed)
+        if self._mover is not None:
+            batch.bind("mocap_pos")[worlds] = path[-1].reshape(-1, 3)
         self._qpos[...], self._qvel[...], self.times[...] = batch.bind("qpos"), batch.bind("qvel"), batch.bind("time")
 
     def _judge(self) -> None:
         unstable = self._batch.warning[:, BAD_STATE, _NUMBER].any(axis=1)
-        self.referee.judge(self.times, self._qpos, unstable, self.crashed)
+        self.referee.judge(self.times, self._qpos, self._qvel, unstable, self.crashed)
 
     def interrupt(self) -> None:
         """End the worlds that still run."""
@@ -254,10 +275,11 @@ def _together(planners: list[Controller], beams: Beams) -> _OneByOne | _Together
     return _Together(batch(planners), beams)
 
 
-def _planner(kind: Any, source: str, scenario: Scenario, car: Car) -> Controller:
+def _planner(kind: Any, source: str, map_line: MapLine, scenario: Scenario, car: Car) -> Controller:
     believed_mu = nominal_mu() if scenario.planner_mu is None else float(scenario.planner_mu)
     planner = build_controller(
-        kind, source, car=car.parameters, mu=believed_mu, max_speed=scenario.max_speed, settings=scenario.planner
-    )
+        kind, source, car=car.parameters, mu=believed_mu, max_speed=scenario.max_speed, settings=scenario.planner,
+        map_line=map_line,
+    )  # fmt: skip
     start(planner)
     return planner

@@ -386,3 +386,23 @@ def test_planner_mu_off_and_inf_are_the_same(capsys):
     off, infinite = run("off"), run("inf")
     assert off["trajectory_sha256"] == infinite["trajectory_sha256"]
     assert fg.race("oval", planner_mu=math.inf, time_limit=0.5).trajectory_sha256 == off["trajectory_sha256"]
+
+
+def test_a_controllers_settings_follow_its_name(capsys):
+    """`NAME[SETTING=VALUE]` is driven with that setting, and the summary says so."""
+    plain, slow = (
+        ["race", "--laps", "1", "--time-limit", "1", "--json"],
+        "gap_finder[lookahead=2,speed_law=range_ratio]",
+    )
+    summaries = []
+    for controller in ("gap_finder", slow):
+        assert main([*plain, "--controller", controller]) == 1
+        summaries.append(json.loads(capsys.readouterr().out))
+    first, second = summaries
+    assert first["planner_settings"] == {}
+    assert second["planner_settings"] == {"lookahead": 2.0, "speed_law": "range_ratio"}
+    assert second["trajectory_sha256"] != first["trajectory_sha256"]
+    assert main([*plain, "--controller", "gap_finder[lookahed=2]"]) == 2
+    assert "has no setting 'lookahed'; accepted: speed_law, " in capsys.readouterr().err
+    assert main([*plain, "--controller", "gap_finder[lookahead"]) == 2
+    assert "accepted: NAME, or NAME[SETTING=VALUE,SETTING=VALUE]" in capsys.readouterr().err

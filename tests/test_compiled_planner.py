@@ -7,7 +7,7 @@ import pytest
 from scan_worlds import CAR, MU, corridor, odometry_of
 
 from fg_mujoco.controllers.compiled_planner import CompiledPlanner
-from fg_mujoco.controllers.driving import drive
+from fg_mujoco.controllers.driving import DrivingSettings, drive
 from fg_mujoco.controllers.friction_guard import GUARD_MEMORY
 from fg_mujoco.controllers.records import record_type
 from fg_mujoco.controllers.scan_filters import valid_ranges
@@ -17,7 +17,7 @@ from fg_mujoco.messages import ODOMETRY
 
 
 @dataclass(frozen=True, kw_only=True)
-class PatientSettings:
+class PatientSettings(DrivingSettings):
     """A number of each kind."""
 
     patience: int = 2  # ticks before it drives off
@@ -26,18 +26,13 @@ class PatientSettings:
 
 
 @kernel
-def decide_worlds(scan, ranges, odometry, running, planners, memories, paths, commands):
-    for world in range(len(running)):
-        if running[world]:
-            settings, driver, memory = planners[world].settings, planners[world].driver, memories[world]
-            speed = settings.speed if memory.ticks >= settings.patience else 0.0
-            if settings.backwards:
-                speed = -speed
-            memory.ticks += 1
-            valid = valid_ranges(ranges[world], scan[0].range_max)
-            commands[world, 0], commands[world, 1] = drive(
-                scan[0], valid, odometry[world], driver, memory.guard, paths, 0.1, speed
-            )
+def decide(memory, planner, ranges, scan, odometry, paths):
+    settings = planner.settings
+    speed = settings.speed if memory.ticks >= settings.patience else 0.0
+    if settings.backwards:
+        speed = -speed
+    memory.ticks += 1
+    return drive(scan, valid_ranges(ranges, scan.range_max), odometry, planner.driver, memory.guard, paths, 0.1, speed)
 
 
 class Patient(CompiledPlanner):
@@ -45,7 +40,7 @@ class Patient(CompiledPlanner):
 
     Settings = PatientSettings
     memory_type = np.dtype([("guard", GUARD_MEMORY), ("ticks", np.int64)])
-    decide_worlds = staticmethod(decide_worlds)
+    decide = staticmethod(decide)
 
 
 def speeds(planner, ticks):
@@ -79,7 +74,8 @@ def test_each_world_of_a_batch_has_a_memory_of_its_own():
 
 
 def test_the_type_of_a_record_has_the_fields_of_the_dataclass():
-    assert record_type(PatientSettings) == np.dtype([("patience", int), ("speed", float), ("backwards", bool)])
+    own = record_type(PatientSettings)[["patience", "speed", "backwards"]]
+    assert [(name, own[name]) for name in own.names] == [("patience", int), ("speed", float), ("backwards", bool)]
 
 
 def test_the_settings_of_another_planner_are_refused():

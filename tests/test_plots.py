@@ -7,7 +7,8 @@ import pytest
 from conftest import Straight
 
 import fg_mujoco as fg
-from fg_mujoco.plots import INSTALL_COMMAND, describe_track, require_matplotlib
+from fg_mujoco.course_drawing import describe_course
+from fg_mujoco.plots import INSTALL_COMMAND, require_matplotlib
 
 
 def pixels(draw):
@@ -33,7 +34,7 @@ def test_track_picture_shows_both_walls_all_the_way_round(name):
 
 def test_track_description_has_its_figures():
     track = fg.load_track("oval")
-    text = describe_track(track)
+    text = describe_course(track)
     assert text.startswith(f"oval: {track.length:.1f} m long, 2.20 m wide")
 
 

@@ -138,7 +138,7 @@ def test_a_finished_folder_is_told_of_again(no_engine, capsys):
         (("--record", "video", "--out", "run"), "record is 'video'; accepted: summary, telemetry, states"),
         (("--record", "states"), "--record states is kept nowhere; accepted: with --out DIR"),
         (("--track", "nowhere"), "unknown track 'nowhere'"),
-        (("--controller", "nobody"), "'nobody' is not known; accepted: gap_finder"),
+        (("--controller", "nobody"), "'nobody' is not known; accepted: disparity_extender"),
         (("--randomize", "mu"), "--randomize 'mu'; accepted: NAME=RANGE, as mu=0.6:1.2"),
         (("--randomize", "mu=1", "--randomize", "mu=2"), "accepted: mu once"),
         (("--randomize", "mu="), "randomize mu: ''"),

@@ -8,7 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scan_worlds import MU
 
-from fg_mujoco.controllers.speed import friction_speed, friction_steering, range_ratio_speed
+from fg_mujoco.controllers.speed import (
+    forward_distance_speed,
+    friction_speed,
+    friction_steering,
+    range_ratio_speed,
+)
 from fg_mujoco.controllers.steering import pursue, saturate
 
 WHEELBASE, GRAVITY, LIDAR_OFFSET = 0.3302, 9.81, 0.275
@@ -59,11 +64,24 @@ def test_at_a_standstill_any_steering_angle_holds():
 
 
 def test_speed_is_in_proportion_to_the_mean_range_up_to_the_top_speed():
-    assert range_ratio_speed(np.array([1.0, 3.0]), lookahead=10.0, top_speed=8.0) == pytest.approx(1.6)
-    assert range_ratio_speed(np.array([10.0, 10.0]), lookahead=10.0, top_speed=8.0) == 8.0
-    assert range_ratio_speed(np.array([20.0, 30.0]), lookahead=10.0, top_speed=8.0) == 8.0
-    assert range_ratio_speed(np.zeros(5), lookahead=10.0, top_speed=8.0) == 0.0
-    assert range_ratio_speed(np.zeros(0), lookahead=10.0, top_speed=8.0) == 0.0
+    def speed(*ranges, gain=1.0):
+        return range_ratio_speed(np.array(ranges), lookahead=10.0, gain=gain, top_speed=8.0)
+
+    assert speed(1.0, 3.0) == pytest.approx(1.6)
+    assert speed(1.0, 3.0, gain=3.0) == pytest.approx(4.8)
+    assert speed(10.0, 10.0) == speed(20.0, 30.0) == speed(9.0, gain=2.0) == 8.0
+    assert speed(5.0, 30.0) == pytest.approx(6.0)  # what lies beyond the lookahead counts as no farther
+    assert speed(0.0, 0.0) == speed() == 0.0
+
+
+def test_speed_by_the_distance_ahead_is_linear_between_stop_and_full_speed():
+    def speed(distance):
+        return forward_distance_speed(distance, safe=1.0, full_speed=5.0, top_speed=8.0)
+
+    assert [speed(distance) for distance in (0.0, 0.5, 1.0)] == [0.0] * 3
+    assert [speed(distance) for distance in (1.5, 2.0, 3.0, 4.5)] == pytest.approx([1.0, 2.0, 4.0, 7.0])
+    assert [speed(distance) for distance in (5.0, 8.0, math.inf)] == [8.0] * 3
+    assert speed(math.nan) == 0.0
 
 
 @pytest.mark.parametrize(("value", "held"), [(0.7, 0.4), (-0.7, -0.4), (0.3, 0.3), (-0.3, -0.3), (0.4, 0.4)])

@@ -5,6 +5,7 @@ The contract: for any scan and any odometry a finite DriveCommand, without an ex
 - its speed such that the car, whose speed servo approaches the command over `speed_time_constant`, has after one
   period a speed from 0 to the top speed. The command itself may lead by what an acceleration takes;
 - STOP where there is nothing to plan with. Same inputs since `reset()`: same outputs. No planner changes a scan;
+- all that for scans drawn at random, 10,000 of them, with a pose on a map and without;
 - where its class offers `batch`, the planners of a batch decide as each does alone, to the last bit.
 """
 
@@ -25,9 +26,11 @@ from scan_worlds import CAR, INCREMENT, MU, corridor, odometry_of, scan_of
 
 from fg_mujoco.controller_loading import controller_names, make_controller
 from fg_mujoco.controllers import CONTROLLERS
-from fg_mujoco.messages import ODOMETRY, STOP, DriveCommand, ScanGeometry
+from fg_mujoco.messages import ODOMETRY, STOP, DriveCommand, MapLine, ScanGeometry
 
 TOP_SPEED = 6.0
+TURNS = np.linspace(0.0, 2.0 * math.pi, 100, endpoint=False)
+OVAL = MapLine(points=np.column_stack((10.0 * np.cos(TURNS), 4.0 * np.sin(TURNS))), closed=True)
 GENTLE = np.random.default_rng(5).uniform(0.5, 9.0, 1081)
 EMPTY_SECTOR = corridor(1.0, 1.0, 5.0).ranges.copy()
 EMPTY_SECTOR[300:700] = math.inf
@@ -73,9 +76,13 @@ ODD = {
 MOTIONS = [(0.0, 0.0), (3.0, 0.1), (6.0, -0.4189), (2.0, 0.43), (9.0, 0.0), (-1.0, 0.0), (1e9, 0.1)]
 
 
+def made(name, mu=MU, max_speed=TOP_SPEED):
+    return make_controller(name, car=CAR, mu=mu, max_speed=max_speed, map_line=OVAL)
+
+
 @pytest.fixture(params=sorted(CONTROLLERS), scope="module")
 def planner(request):
-    return make_controller(request.param, car=CAR, mu=MU, max_speed=TOP_SPEED)
+    return made(request.param)
 
 
 def assert_keeps_contract(command, odometry, scan):
@@ -153,6 +160,72 @@ def test_it_answers_any_room(planner, corners, speed, steering_angle):
     assert_keeps_contract(planner(scan, odometry), odometry, scan)
 
 
+# -- scans drawn at random, a family at a time: hypothesis draws what a family is like, and shrinks that
+
+SCANS_IN_A_FAMILY = 20
+FAMILIES = 520  # 10,000 scans, and some
+SHARE = st.just(0.0) | st.floats(0.0, 1.0)
+FAMILY = {
+    "seed": st.integers(0, 2**32 - 1),
+    "count": st.integers(0, 60) | st.integers(0, 4000) | st.sampled_from([720, 1080, 1081]),
+    "shape": st.sampled_from(["room", "noise", "steps", "wall"]),
+    "size": st.floats(0.05, 60.0) | st.sampled_from([1e-300, 1e300]),  # [m]
+    "spikes": SHARE,
+    "odd": st.dictionaries(st.sampled_from([math.nan, math.inf, -math.inf, 0.0, -1.0]), SHARE),
+    "increment": st.floats(1e-3, 0.02) | st.floats(1e-4, 1.0),
+    "angle_min": st.none() | st.floats(-4.0, 1.0),
+    "range_max": st.sampled_from([30.0, 10.0, 3.0]),
+    "has_pose": st.booleans(),
+}
+
+
+def family_of(*, seed, count, shape, size, spikes, odd, increment, angle_min, range_max, has_pose):
+    """Pairs of a scan and an odometry; of the readings, up to `size`, some spike and some are odd values."""
+    rng = np.random.default_rng(seed)
+    for _ in range(SCANS_IN_A_FAMILY):
+        ranges = size * shape_of(shape, count, rng)
+        ranges[rng.random(count) < 0.1 * spikes] *= 20.0
+        for value, share in odd.items():
+            ranges[rng.random(count) < 0.3 * share * rng.random()] = value
+        pose = rng.uniform((-12.0, -6.0, -7.0), (12.0, 6.0, 7.0)) if has_pose else np.full(3, math.nan)
+        odometry = odometry_of(rng.uniform(0.0, TOP_SPEED), rng.uniform(-0.4189, 0.4189))
+        yield scan_of(ranges, increment, angle_min, range_max), dataclasses.replace(odometry, pose=pose)
+
+
+def shape_of(shape, count, rng):
+    """Ranges of about 1 that are like a room, like nothing, like boxes, or like a wall. Shape (count,)."""
+    if shape == "noise":
+        return rng.random(count)
+    places = np.arange(count) / max(count, 1)
+    if shape == "room":
+        return np.interp(places, np.linspace(0.0, 1.0, 24), rng.random(24))
+    if shape == "steps":
+        return rng.random(12)[(12.0 * places).astype(int)]
+    return 0.1 / np.maximum(np.abs(np.sin(4.7 * places - rng.uniform(1.4, 3.4))), 0.01)
+
+
+def test_it_keeps_its_contract_on_ten_thousand_scans(planner):
+    judged = 0
+
+    @settings(max_examples=FAMILIES, deadline=None, suppress_health_check=list(HealthCheck))
+    @given(**FAMILY)
+    def keeps_its_contract(**parameters):
+        nonlocal judged
+        family = list(family_of(**parameters))
+        before = [scan.ranges.tobytes() for scan, _ in family]
+        planner.reset()
+        commands = [planner(scan, odometry) for scan, odometry in family]
+        for command, (scan, odometry) in zip(commands, family, strict=True):
+            assert_keeps_contract(command, odometry, scan)
+        assert [scan.ranges.tobytes() for scan, _ in family] == before
+        planner.reset()
+        assert [planner(scan, odometry) for scan, odometry in family] == commands
+        judged += len(family)
+
+    keeps_its_contract()
+    assert judged >= 10_000
+
+
 def test_the_same_inputs_since_reset_give_the_same_outputs(planner):
     seen = [(scan, odometry_of(speed, 0.05)) for scan in ODD.values() for speed in (0.5, 2.0, 5.0)]
     planner.reset()
@@ -164,7 +237,7 @@ def test_the_same_inputs_since_reset_give_the_same_outputs(planner):
 def test_two_of_them_share_nothing():
     scans = [corridor(1.0, 1.0, ahead) for ahead in (3.0, 2.0, 6.0, 1.0)]
     for name in CONTROLLERS:
-        alone, one, other = (make_controller(name, car=CAR, mu=MU, max_speed=TOP_SPEED) for _ in range(3))
+        alone, one, other = (made(name) for _ in range(3))
         for scan in scans:
             other(corridor(0.5, 3.0, 1.0), odometry_of(5.0, 0.2))
             assert one(scan, odometry_of(2.0)) == alone(scan, odometry_of(2.0))
@@ -172,7 +245,7 @@ def test_two_of_them_share_nothing():
 
 def test_without_a_friction_limit_it_answers_too():
     for name in CONTROLLERS:
-        unlimited = make_controller(name, car=CAR, mu=math.inf, max_speed=TOP_SPEED)
+        unlimited = made(name, mu=math.inf)
         for scan in ODD.values():
             command = unlimited(scan, odometry_of(2.0))
             assert abs(command.steering_angle) <= CAR.max_steering_angle
@@ -210,7 +283,7 @@ def geometry_of(scan):
 @pytest.fixture(params=sorted(CONTROLLERS), scope="module")
 def fleet(request):
     """Planners of one class, of different beliefs, and what makes a batch of them."""
-    planners = [make_controller(request.param, car=CAR, mu=mu, max_speed=most) for mu, most in BELIEFS]
+    planners = [made(request.param, mu, most) for mu, most in BELIEFS]
     batch = getattr(type(planners[0]), "batch", None)
     if batch is None:
         pytest.skip(f"{request.param} offers no batch")

@@ -1,0 +1,260 @@
+"""Pure pursuit: the car has a map, and follows a line through it. The reference for what a map is worth.
+
+1. Where the car is, Odometry.pose, and of the line the point that is nearest to its rear axle: from the one of the last
+   tick on, so that a stretch that runs close by is not taken for this one. At first, and where the car is further than
+   `lost_distance` from the stretch that it was on, of the whole line.
+2. The goal is the first point from there on that is at least a lookahead away. The lookahead grows with the speed, and
+   with the distance to the line, so that the car joins it at a flat angle. Beyond the end of an open line it is
+   straight on.
+3. The arc through the goal, tangent to the car at its rear axle, has curvature 2 y / L^2 (steering.pursue). That to a
+   goal behind the car leads away from it at first: there the car turns as sharply as it can.
+4. The speed is that of a profile worked out once (racelines.limit_speeds): cornering, braking and accelerating within
+   what the planner believes that the tires hold, and no faster than the line's own speeds, where it has them. It is
+   read where the car is and where it will be after `reaction`, the slower of the two. An open line is driven to its
+   end, and there the car stops.
+
+The line is the centreline, or that of a CSV file (racelines.read_line), driven in the order of its points; it is closed
+if the map's own line is.
+
+Source: R. Coulter, Implementation of the Pure Pursuit Path Tracking Algorithm, CMU-RI-TR-92-01.
+
+Limits: it does not see obstacles. Its speed law is `friction`, the profile held in transients; `stopping` and
+`minimum` stop it before what stands on its line, and it stays there. It cuts corners, more with a longer lookahead.
+Without a pose it brakes; and so it does without a scan, though it needs none: a car whose LiDAR is dead does not know
+its pose for long.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fg_mujoco.errors import SettingsError
+from fg_mujoco.kernels import kernel
+from fg_mujoco.messages import CarParameters, FloatArray, MapLine, Odometry, require
+
+from .compiled_planner import CompiledPlanner
+from .driving import DrivingSettings, SpeedLaw, brake, drive, sees, speed_towards
+from .friction_guard import GUARD_MEMORY, FrictionGuard
+from .racelines import SPEED, STEP, X, Y, line_table, read_line
+from .records import Record
+from .scan_filters import valid_ranges
+from .steering import pursue
+
+_SEARCH = 2.0  # [m] along the line, to either side of the last nearest point
+
+
+@dataclass(frozen=True, kw_only=True)
+class PurePursuitSettings(DrivingSettings):
+    """Which line, how far ahead, and how fast.
+
+    Raises:
+      SettingsError: a line that is not a word or a path; a length that is not positive; a time that is negative; a
+        share that is not above 0 and at most 1.
+    """
+
+    speed_law: SpeedLaw = "friction"
+    line: str = "centreline"  # or the path of a CSV file
+    least_lookahead: float = 0.8  # [m] from the rear axle
+    lookahead_time: float = 0.15  # [s] that the lookahead is driven in, where that is further
+    joining_lookahead: float = 3.0  # [m/m] as much more for each metre beside the line
+    lost_distance: float = 2.0  # [m]
+    reaction: float = 0.1  # [s] the servo's lag
+    curvature_span: float = 0.8  # [m] to either side of a point, for the profile
+    cornering_use: float = 0.9  # of the acceleration that the guard lets it use in cornering
+    braking_use: float = 0.6  # of those in braking and accelerating
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not isinstance(self.line, str) or not self.line:
+            raise SettingsError(f"PurePursuitSettings.line is {self.line!r}; accepted: centreline, or a path to a .csv")
+        positive = ("least_lookahead", "lost_distance", "curvature_span")
+        require(self, lambda value: 0.0 < value < math.inf, "a positive number", positive, SettingsError)
+        from_zero, shares = ("lookahead_time", "joining_lookahead", "reaction"), ("cornering_use", "braking_use")
+        require(self, lambda value: 0.0 <= value < math.inf, "a number from 0", from_zero, SettingsError)
+        require(self, lambda value: 0.0 < value <= 1.0, "a share above 0, at most 1", shares, SettingsError)
+
+
+@kernel
+def next_point(line: FloatArray, point: int, direction: int) -> int:
+    """Return the point after (direction 1) or before (-1) one of the line; at the end of an open line, the same."""
+    if line[-1, STEP] > 0.0:
+        return (point + direction) % len(line)
+    return min(max(point + direction, 0), len(line) - 1)
+
+
+@kernel
+def distance_to(line: FloatArray, point: int, x: float, y: float) -> float:
+    """Return the distance [m] of a point of the line from (x, y) [m]."""
+    return math.hypot(line[point, X] - x, line[point, Y] - y)
+
+
+@kernel
+def nearest_of_all(line: FloatArray, x: float, y: float) -> int:
+    """Return the point of the line that is nearest to (x, y) [m]."""
+    best = 0
+    for point in range(1, len(line)):
+        if distance_to(line, point, x, y) < distance_to(line, best, x, y):
+            best = point
+    return best
+
+
+@kernel
+def nearest_from(line: FloatArray, last: int, x: float, y: float) -> int:
+    """Return the point nearest to (x, y) [m] of the stretch of line round the last one."""
+    best = last
+    for direction in (1, -1):
+        point = last
+        for _ in range(math.ceil(_SEARCH / line[0, STEP])):
+            point = next_point(line, point, direction)
+            if distance_to(line, point, x, y) < distance_to(line, best, x, y):
+                best = point
+    return best
+
+
+@kernel
+def nearest_point(line: FloatArray, memory: Record, lost_distance: float, x: float, y: float) -> int:
+    """Return the point nearest to (x, y) [m], and remember it."""
+    if memory.on_line:
+        memory.point = nearest_from(line, memory.point, x, y)
+    if not memory.on_line or distance_to(line, memory.point, x, y) > lost_distance:
+        memory.point = nearest_of_all(line, x, y)
+    memory.on_line = True
+    return int(memory.point)
+
+
+@kernel
+def lookahead_at(settings: Record, speed: float, beside: float) -> float:
+    """Return the lookahead [m] at a speed [m/s] and a distance to the line [m]."""
+    on_line = max(settings.least_lookahead, settings.lookahead_time * speed)
+    return float(on_line + settings.joining_lookahead * beside)
+
+
+@kernel
+def goal_ahead(line: FloatArray, nearest: int, lookahead: float, x: float, y: float) -> tuple[float, float]:
+    """Return the first place of the line from a point on that is `lookahead` [m] from (x, y) [m]: x and y [m].
+
+    It is no further along than the lookahead and as much again; beyond the end of an open line it is straight on.
+    """
+    point = nearest
+    for _ in range(math.ceil(2.0 * lookahead / line[0, STEP])):
+        if distance_to(line, point, x, y) >= lookahead:
+            break
+        ahead = next_point(line, point, 1)
+        if ahead == point:
+            before = next_point(line, point, -1)
+            beyond = (lookahead - distance_to(line, point, x, y)) / line[0, STEP]
+            goal_x = line[point, X] + beyond * (line[point, X] - line[before, X])
+            return goal_x, line[point, Y] + beyond * (line[point, Y] - line[before, Y])
+        point = ahead
+    return line[point, X], line[point, Y]
+
+
+@kernel
+def profile_speed(line: FloatArray, nearest: int, ahead: float) -> float:
+    """Return the speed [m/s] of the profile at a point or `ahead` [m] further on, the slower of the two."""
+    point = nearest
+    for _ in range(round(ahead / line[0, STEP])):
+        point = next_point(line, point, 1)
+    return float(min(line[nearest, SPEED], line[point, SPEED]))
+
+
+@kernel
+def decide(
+    scan: Record,
+    ranges: FloatArray,
+    odometry: Record,
+    planner: Record,
+    memory: Record,
+    paths: NDArray[np.void],
+    lines: FloatArray,
+) -> tuple[float, float]:
+    """Return the command for one scan: steering angle [rad] and speed [m/s]. Types as in `driving`."""
+    driver, settings = planner.driver, planner.settings
+    x, y, heading = odometry.pose
+    valid = valid_ranges(ranges, scan.range_max)
+    if not (sees(scan, valid) and math.isfinite(x + y + heading) and math.isfinite(odometry.speed)):
+        return brake(scan, odometry, driver, memory.guard)
+    line = lines[planner.line.first : planner.line.end]
+    now = min(abs(odometry.speed), driver.car.max_speed)
+    nearest = nearest_point(line, memory, settings.lost_distance, x, y)
+    if line[nearest, SPEED] == 0.0:
+        return brake(scan, odometry, driver, memory.guard)
+    lookahead = lookahead_at(settings, now, distance_to(line, nearest, x, y))
+    goal_x, goal_y = goal_ahead(line, nearest, lookahead, x, y)
+    bearing, distance = math.atan2(goal_y - y, goal_x - x) - heading, math.hypot(goal_x - x, goal_y - y)
+    bearing = math.atan2(math.sin(bearing), math.cos(bearing))
+    steering_angle = pursue(bearing, distance, 0.0, driver.car.wheelbase)
+    if abs(bearing) > 0.5 * math.pi:
+        steering_angle = math.copysign(driver.car.max_steering_angle, bearing)
+    speed = min(
+        profile_speed(line, nearest, settings.reaction * now), speed_towards(scan, valid, valid, planner, bearing)
+    )
+    return drive(scan, valid, odometry, driver, memory.guard, paths, steering_angle, speed)
+
+
+class PurePursuit(CompiledPlanner):
+    """The planner with a map. Without a pose, or a scan, it brakes and keeps the wheels as they are.
+
+    Args:
+      car, mu, max_speed, settings: as of CompiledPlanner.
+      map_line: the line through the course.
+
+    Raises:
+      SettingsError: a line that cannot be read, with its file and row; and as CompiledPlanner.
+    """
+
+    Settings = PurePursuitSettings
+    memory_type = np.dtype([("guard", GUARD_MEMORY), ("point", np.int64), ("on_line", np.bool_)])
+    decide = staticmethod(decide)
+
+    def __init__(
+        self, car: CarParameters, mu: float, max_speed: float = 8.0, settings: Any = None, *, map_line: MapLine
+    ) -> None:
+        settings = PurePursuitSettings() if settings is None else settings
+        if type(settings) is not PurePursuitSettings:  # which is refused
+            super().__init__(car, mu, max_speed, settings)
+        points, speeds = map_line.points, np.full(len(map_line.points), math.inf)
+        if settings.line != "centreline":
+            points, speeds = read_line(settings.line)
+        shape = (points.tobytes(), speeds.tobytes(), map_line.closed)
+        super().__init__(car, mu, max_speed, settings, line=_table(*shape, car, mu, max_speed, settings))
+
+    def speed_profile(self) -> FloatArray:
+        """Return the line and its profile: x [m], y [m] and speed [m/s] of each point. Shape (n, 3)."""
+        assert self.line is not None
+        return self.line[:, : SPEED + 1].copy()
+
+    def find_goal(self, odometry: Odometry) -> tuple[float, float] | None:
+        """Return the place on the map that it would steer to, seen for the first time: x and y [m]; None: no pose."""
+        x, y, heading = odometry.pose.tolist()
+        if self.line is None or not math.isfinite(x + y + heading + odometry.speed):
+            return None
+        nearest = nearest_of_all(self.line, x, y)
+        beside = distance_to(self.line, nearest, x, y)
+        lookahead = lookahead_at(self.record[0]["settings"], abs(odometry.speed), beside)
+        return goal_ahead(self.line, nearest, lookahead, x, y)
+
+
+@lru_cache(maxsize=8)
+def _table(
+    points: bytes, speeds: bytes, closed: bool, car: CarParameters, mu: float, max_speed: float, settings: Any
+) -> FloatArray:
+    """Return the table of a line, read-only: planners of the same line and settings share it."""
+    table = line_table(
+        np.frombuffer(points).reshape(-1, 2),
+        np.frombuffer(speeds),
+        closed=closed,
+        guard=FrictionGuard(car, mu) if math.isfinite(mu) else None,
+        max_speed=max_speed,
+        curvature_span=settings.curvature_span,
+        cornering_use=settings.cornering_use,
+        braking_use=settings.braking_use,
+    )
+    table.flags.writeable = False
+    return table

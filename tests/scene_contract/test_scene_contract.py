@@ -1,0 +1,154 @@
+"""What holds for every scene, whatever it is about, and seed after seed."""
+
+import dataclasses
+import io
+import math
+
+import matplotlib.image
+import numpy as np
+import pytest
+from scene_search import Clearances, disc_gets_through, ray_distances
+
+import fg_mujoco as fg
+from fg_mujoco.race_rules import SLOWEST_RACE
+
+CELL = 0.025
+SEEDS = (0, 1, 2)
+
+every_scene = pytest.mark.parametrize("name", fg.scene_names())
+every_scene_and_seed = pytest.mark.parametrize(
+    "name", [f"{name}:{seed}" for name in fg.scene_names() for seed in SEEDS]
+)
+
+
+def load(name):
+    return fg.load_track(f"scene:{name}")
+
+
+def solids_of(scene, time=0.0):
+    return [*scene.walls, *scene.obstacles, *(moving.box(time) for moving in scene.moving)]
+
+
+def clearances(scene, solids):
+    low, high = scene.bounds
+    return Clearances(solids, low - 0.3, high + 0.3, CELL)
+
+
+CAR = fg.car_parameters(fg.car_spec().compile())
+
+
+def footprint(pose, car):
+    """Points on the outline of the car."""
+    x, y, heading = pose
+    along = np.linspace(-car.rear_overhang, car.length - car.rear_overhang, 30)
+    outline = np.concatenate(
+        [np.column_stack((along, np.full(30, side))) for side in (-0.5 * car.width, 0.5 * car.width)]
+    )
+    cos, sin = math.cos(heading), math.sin(heading)
+    return outline @ np.array([[cos, sin], [-sin, cos]]) + (x, y)
+
+
+def same(a, b):
+    """Whether two scenes are the same to the last bit."""
+    return all(
+        np.array_equal(getattr(a, f.name), getattr(b, f.name))
+        if f.name == "way"
+        else getattr(a, f.name) == getattr(b, f.name)
+        for f in dataclasses.fields(a)
+    )
+
+
+@every_scene
+def test_the_same_seed_is_the_same_scene_and_another_seed_another(name):
+    assert same(load(f"{name}:3"), load(f"{name}:3"))
+    assert same(load(name), load(f"{name}:0"))
+    other = dataclasses.replace(load(f"{name}:4"), name=load(f"{name}:3").name)
+    assert not same(load(f"{name}:3"), other)
+
+
+@every_scene
+def test_a_scene_is_loaded_by_its_own_name(name):
+    scene = load(f"{name}:12")
+    assert scene.name == f"scene:{name}:12"
+    assert same(fg.load_track(scene.name), scene)
+    assert fg.load_track(scene) is scene
+
+
+@every_scene
+@pytest.mark.parametrize("seed", ("", "-1", "1.5", "x", "1:2", " 1", "9" * 19))
+def test_a_seed_that_is_none_is_refused(name, seed):
+    with pytest.raises(fg.TrackError, match="accepted: scene:NAME:SEED"):
+        load(f"{name}:{seed}")
+
+
+@every_scene_and_seed
+def test_the_start_is_clear_of_everything(name):
+    scene = load(name)
+    points = footprint(scene.start_pose(), CAR)
+    around = Clearances(solids_of(scene), points.min(axis=0), points.max(axis=0), CELL)
+    assert around.at(points).min() > 0.1
+
+
+@every_scene_and_seed
+def test_the_goal_can_be_reached_by_a_disc_as_wide_as_the_car(name):
+    scene = load(name)
+    field = clearances(scene, [*scene.walls, *scene.obstacles])
+    start, goal = scene.position(0.0), scene.position(scene.length)
+    assert disc_gets_through(field, start, goal, 0.5 * CAR.width)
+    assert field.at(goal)[0] > 0.0
+
+
+@every_scene_and_seed
+def test_walls_are_closed_and_the_way_leads_clear_of_them(name):
+    scene = load(name)
+    field = clearances(scene, scene.walls)
+    assert not disc_gets_through(field, scene.position(0.0), field.low + CELL, 0.03)  # not even a disc of 6 cm gets out
+    beyond = 0.0 if scene.goal_is_to_stop else 3.0 - 1e-6
+    assert field.at(scene.position(np.arange(-2.0, scene.length + beyond, 0.05))).min() > 0.2
+    assert scene.start >= 2.0 and scene.way_length - scene.goal >= 3.0 - 1e-9
+
+
+@every_scene_and_seed
+def test_the_lidar_sees_what_stands_there_and_nothing_else(name):
+    scene = load(name)
+    simulation = fg.Simulation(fg.World(scene))
+    scan, _ = simulation.reset()
+    lidar = simulation.data.body(simulation.lidar.body)
+    bearings = scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges))
+    _, _, heading = simulation.pose
+    expected = ray_distances(solids_of(scene), lidar.xpos[:2], bearings + heading)
+    expected[expected > scan.range_max] = math.inf
+    seen = np.asarray(scan.ranges)
+    agree = np.isclose(seen, expected, atol=2e-3, rtol=1e-3)
+    assert agree.mean() > 0.99  # the others graze an edge
+    assert np.isfinite(seen).mean() > 0.9
+
+
+@every_scene
+def test_the_car_hits_every_solid(name):
+    scene = load(name)
+    world = fg.World(scene)
+    simulation = fg.Simulation(world)
+    assert not simulation.crashed
+    for solid in solids_of(scene):
+        world.car.set_pose(simulation.data, solid.x, solid.y, 0.0)
+        assert world.car.crashed(simulation.data)
+
+
+@every_scene
+def test_a_race_is_one_lap_and_no_more(name):
+    scene = load(name)
+    with pytest.raises(fg.SettingsError, match=r"laps is 2 on 'scene:.*accepted: 1"):
+        fg.race(scene, laps=2)
+    assert scene.longest_race(1) == scene.time_limit >= scene.length / SLOWEST_RACE
+
+
+@every_scene
+def test_the_picture_shows_obstacles_where_there_are_any(name):
+    scene, file = load(name), io.BytesIO()
+    fg.track_picture(scene, file)
+    file.seek(0)
+    image = matplotlib.image.imread(file, format="png")[:, :, :3]
+    orange = (image[:, :, 0] - image[:, :, 2] > 0.4).sum()
+    assert (orange > 20) == bool(scene.obstacles or scene.moving)
+    assert (np.abs(image - 0.45).max(axis=2) < 0.02).sum() > 200  # the walls

@@ -1,0 +1,338 @@
+"""A comparison drives each run of its grid once, says how it went, and keeps it."""
+
+import csv
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from comparison_worlds import PLANNERS, files
+
+import fg_mujoco as fg
+from fg_mujoco.car_changes import plain_car
+from fg_mujoco.comparison_ground import Ground, course_ground
+from fg_mujoco.comparison_report import make_cells, markdown
+from fg_mujoco.comparison_run import (
+    ComparisonSettings,
+    RunFigures,
+    RunKey,
+    RunRow,
+    driven_poses,
+    wrong_way_time,
+)
+from fg_mujoco.controller_choice import ControllerChoice
+from fg_mujoco.moving_obstacles import MovingObstacle
+from fg_mujoco.scene import Scene
+
+CAR = fg.car_parameters(plain_car())
+GRID = ["planners.py:Gentle", "planners.py:Gentle[speed=2,steering=0.1]", "planners.py:Broken"]
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "planners.py").write_text(PLANNERS)
+    return tmp_path
+
+
+def compare(controllers=GRID, **options):
+    defaults = {
+        "tracks": ["oval"], "laps": 1, "time_limit": 0.6, "obstacles": 1, "seeds": [0, 4], "workers": 1, "out": "out",
+        "pictures": False,
+    }  # fmt: skip
+    return fg.compare(controllers, **(defaults | options))
+
+
+# what a run is
+
+
+@pytest.mark.parametrize(
+    ("text", "source", "settings"),
+    [
+        ("gap_finder", "gap_finder", {}),
+        (" a/b.py:C ", "a/b.py:C", {}),
+        ("f[point=middle, n=3,t=5.0,on=true]", "f", {"point": "middle", "n": 3, "t": 5.0, "on": True}),
+    ],
+)
+def test_a_controller_is_read_with_its_settings(text, source, settings):
+    choice = ControllerChoice.of(text)
+    assert choice.source == source
+    assert dict(choice.settings) == settings
+    assert ControllerChoice.of(choice.label).settings == choice.settings
+
+
+@pytest.mark.parametrize(
+    "text", ["f[", "f[]", "f]", "[a=1]", "f[a]", "f[a=1,a=2]", "f[a=1:2]", "f[a=1|2]", "f[a=]", "f[a=1]x", ""]
+)
+def test_what_is_no_controller_with_settings_is_refused(text):
+    with pytest.raises(fg.SettingsError, match="accepted: "):
+        ControllerChoice.of(text)
+
+
+def test_a_run_is_the_race_that_it_says():
+    comparison = compare(GRID[1:2], seeds=[4], lidar_noise=0.02)
+    (row,) = comparison.rows
+    result = fg.race(
+        "oval", "planners.py:Gentle", laps=1, time_limit=0.6, obstacles=1, obstacle_seed=4, seed=4,
+        effects=fg.LidarEffects(range_noise_std=0.02), planner_settings={"speed": 2, "steering": 0.1},
+    )  # fmt: skip
+    figures = row.figures
+    assert figures.trajectory_sha256 == result.trajectory_sha256
+    assert figures.end_reason == result.end_reason == "time_limit"
+    assert not figures.success
+    assert (figures.laps_completed, figures.laps_requested, figures.best_lap_s) == (0, 1, None)
+    assert figures.mean_speed_m_s == result.mean_speed_m_s
+    assert figures.distance_m == pytest.approx(result.column("progress_m")[-1], rel=0.1)
+    assert row.key.controller == "planners.py:Gentle[speed=2,steering=0.1]"
+
+
+def test_a_lap_is_a_success_with_its_times():
+    (row,) = compare(["gap_finder"], time_limit=None, obstacles=0).rows
+    assert row.key.seed is None  # nothing depends on it: two seeds, one run
+    assert row.figures.success
+    assert row.figures.first_lap_s == row.figures.best_lap_s == row.figures.mean_lap_s > 5.0
+    assert row.figures.wrong_way_time_s == 0.0
+    assert 0.05 < row.figures.least_clearance_m < 1.1 - 0.5 * CAR.width
+
+
+def test_a_run_that_touches_something_has_no_clearance():
+    (row,) = compare(["planners.py:Gentle[speed=4]"], obstacles=0, time_limit=8.0).rows
+    assert row.figures.end_reason == "crash"
+    assert row.figures.least_clearance_m == 0.0
+    assert row.figures.collisions == 1
+
+
+@pytest.mark.parametrize(("track", "speed"), [("oval", 1.0), ("oval", -1.0), ("l_corridor", 2.0)])
+def test_where_the_physics_meets_the_wall_the_footprint_does(track, speed):
+    """The engine's contacts know nothing of the clearance: what they report is its oracle."""
+    settings = {"speed": speed, "steering": 0.05}
+    result = fg.race(track, "planners.py:Gentle", laps=1, planner_settings=settings)
+    assert result.end_reason == "crash"
+    poses = driven_poses(result)
+    ground, times = Ground(result.world.track), np.zeros(len(poses))
+    assert ground.least_clearance(times, poses, CAR) < 0.01
+    before = poses[:-2]  # the tick of the contact is the last
+    assert ground.least_clearance(times[:-2], before, CAR) > 0.0
+
+
+def test_a_car_that_reverses_drives_the_wrong_way():
+    (row,) = compare(["planners.py:Gentle[speed=-1]"], obstacles=0, time_limit=2.0).rows
+    assert 1.7 < row.figures.wrong_way_time_s < 2.0
+
+
+def test_wrong_way_time_counts_what_goes_back_faster_than_jitter():
+    time = np.array([0.0, 1.0, 2.0, 3.0, 5.0, 6.0])
+    assert wrong_way_time(time, np.array([0.0, 1.0, 0.95, 0.5, -9.0, -8.0])) == 3.0
+    assert wrong_way_time(time, np.zeros(6)) == 0.0
+    assert wrong_way_time(time[:0], time[:0]) == 0.0
+
+
+def test_a_planner_that_fails_is_a_row_and_the_others_go_on():
+    comparison = compare(seeds=[0])
+    assert [row.figures.end_reason for row in comparison.rows] == ["time_limit", "time_limit", "failed"]
+    failed = comparison.rows[-1].figures
+    assert failed.message == "controller Broken failed at t = 0.200 s: ValueError: no more"
+    assert failed.sim_time_s is None and not failed.success
+
+
+def test_obstacles_are_those_of_their_seed():
+    first, again, other = (course_ground("oval", seed, 2).standing for seed in (3, 3, 4))
+    assert np.array_equal(first, again)
+    assert not np.array_equal(first, other)
+    boxes = fg.race("oval", "gap_finder", laps=1, time_limit=0.05, obstacles=2, obstacle_seed=3).world.obstacles
+    assert np.array_equal(first, [box.corners() for box in boxes])
+
+
+def test_the_clearance_to_what_moves_is_that_of_its_time():
+    crossing = MovingObstacle(length=0.4, width=0.4, start=(2.0, -4.0), end=(2.0, 4.0), speed=1.0)
+    scene = Scene(
+        name="test", way=np.array([[-3.0, 0.0], [20.0, 0.0]]), start=3.0, goal=15.0,
+        walls=(fg.Box(x=0.0, y=6.0, length=9.0, width=0.2),), moving=(crossing,), time_limit=10.0,
+    )  # fmt: skip
+    front = CAR.length - CAR.rear_overhang
+    times = np.array([0.0, 4.0, 8.0])
+    standing = np.zeros((3, 3))
+    assert Ground(scene).least_clearance(times, standing, CAR) == pytest.approx(2.0 - 0.2 - front)
+    assert Ground(scene).least_clearance(times[::2], standing[::2], CAR) > 3.0
+
+
+# the grid and its folder
+
+
+def test_the_files_are_the_same_for_any_number_of_workers_and_after_an_interruption(here):
+    compare(out="straight", pictures=True)
+
+    def interrupt(progress):
+        if progress.runs_driven == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        compare(out="halting", pictures=True, watch=interrupt)
+    assert len((here / "halting/runs.jsonl").read_text().splitlines()) == 2
+    assert compare(out="halting", pictures=True).runs_driven == 4
+    assert compare(out="many", pictures=True, workers=2).runs_driven == 6
+    assert files(here / "straight") == files(here / "halting") == files(here / "many")
+    assert {"runs.csv", "table.csv", "table.md", "table.png", "traces/oval.png"} < files(here / "straight").keys()
+
+
+def test_finished_runs_are_not_driven_again_and_a_larger_grid_goes_on(here):
+    assert compare(GRID[:1]).runs_driven == 2
+    assert compare(GRID[:1]).runs_driven == 0
+    assert compare(GRID[:2], max_speeds=(8.0, 4.0), seeds=[0, 4, 5]).runs_driven == 10
+    smaller = compare(GRID[:1])
+    assert smaller.runs_driven == 0
+    assert len(smaller.rows) == 2
+    assert len((here / "out/runs.jsonl").read_text().splitlines()) == 12  # what is there stays there
+    with (here / "out/runs.csv").open() as file:
+        assert len(list(csv.reader(file))) == 1 + 2  # the tables are of what was asked for
+
+
+def test_an_edited_controller_is_another_one(here):
+    compare(GRID[:1])
+    (here / "planners.py").write_text(PLANNERS.replace("speed: float = 1.0", "speed: float = 1.5"))
+    comparison = compare(GRID[:1])
+    assert comparison.runs_driven == 2
+    assert comparison.rows[0].figures.mean_speed_m_s > 0.9 * 1.0
+
+
+def test_a_torn_line_is_dropped_and_its_run_driven_again(here):
+    compare()
+    whole = files(here / "out")
+    for torn in (whole["runs.jsonl"][:-9], whole["runs.jsonl"][:30], whole["runs.jsonl"] + b'{"contr'):
+        (here / "out/runs.jsonl").write_bytes(torn)
+        assert compare().runs_driven == 6 - torn.count(b"\n")
+        assert files(here / "out") == whole
+
+
+def test_a_line_that_is_no_run_is_refused(here):
+    compare(GRID[:1])
+    path = here / "out/runs.jsonl"
+    path.write_bytes(b'{"controller": 3}\n' + path.read_bytes())
+    with pytest.raises(fg.RunFolderError, match="line 1: KeyError"):
+        compare(GRID[:1])
+
+
+def test_a_run_without_its_trace_is_driven_again(here):
+    compare(GRID[:1])
+    next((here / "out/poses").iterdir()).unlink()
+    assert compare(GRID[:1]).runs_driven == 1
+
+
+def test_a_folder_of_other_settings_or_versions_is_refused(here, monkeypatch):
+    compare(GRID[:1])
+    with pytest.raises(fg.RunFolderError, match="laps is 1 there and 2 here; accepted: "):
+        compare(GRID[:1], laps=2)
+    with pytest.raises(fg.RunFolderError, match='planner_mu is null there and "off" here'):
+        compare(GRID[:1], planner_mu=float("inf"))
+    monkeypatch.setattr("fg_mujoco.comparison.versions", lambda: {"sources_sha256": "other"})
+    with pytest.raises(fg.RunFolderError, match="sources_sha256 is "):
+        compare(GRID[:1])
+    (here / "full").mkdir()
+    (here / "full/notes.txt").write_text("mine")
+    with pytest.raises(fg.RunFolderError, match="is not empty"):
+        compare(GRID[:1], out="full")
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"controllers": []}, "no controller is given"),
+        ({"controllers": ["gap_finder", "gap_finder"]}, "controller gap_finder is given twice"),
+        ({"controllers": ["nobody"]}, "'nobody' is not known"),
+        ({"controllers": ["gap_finder[nothing=1]"]}, "no setting 'nothing'"),
+        ({"controllers": ["gap_finder[lookahead=-1]"]}, "lookahead"),
+        ({"tracks": []}, "no course is given"),
+        ({"tracks": ["nowhere"]}, "unknown track 'nowhere'"),
+        ({"scenes": ["nowhere"]}, "unknown scene"),
+        ({"seeds": []}, "no seed is given"),
+        ({"seeds": [-1]}, "seed is -1"),
+        ({"max_speeds": [0.0]}, "max_speed is 0.0"),
+        ({"max_speeds": [4.0, 4.0]}, "max_speed 4.0 is given twice"),
+        ({"obstacles": 500}, "500 obstacles on track 'oval'; accepted: at most"),
+        ({"laps": 0}, "laps is 0"),
+        ({"mu": -1.0}, "mu"),
+        ({"time_limit": 0.0}, "time_limit"),
+        ({"lidar_noise": -1.0}, "range_noise_std"),
+        ({"workers": 0}, "workers is 0"),
+    ],
+)
+def test_what_cannot_be_driven_is_refused_before_anything_is(here, options, said):
+    with pytest.raises(fg.FgMujocoError, match=said):
+        compare(**options)
+    assert not (here / "out").exists()
+
+
+def test_a_worker_that_dies_is_told_of_and_finished_runs_stay(here):
+    with pytest.raises(fg.EngineError, match=r"Deadly on oval, seed \d, ended with exit code 7"):
+        compare(["planners.py:Gentle", "planners.py:Deadly"], workers=2)
+    assert compare(["planners.py:Gentle"]).runs_driven <= 2
+
+
+# the tables
+
+
+def row(controller="a", course="oval", speed=8.0, seed=0, **figures):
+    none = {
+        "success": True, "end_reason": "finished", "message": None, "laps_completed": 1, "laps_requested": 1,
+        "first_lap_s": 9.0, "best_lap_s": 9.0, "mean_lap_s": 9.0, "collisions": 0, "max_slide_m_s": 0.01,
+        "slide_time_fraction": 0.0, "least_clearance_m": 0.3, "wrong_way_time_s": 0.0, "distance_m": 50.0,
+        "mean_speed_m_s": 5.0, "sim_time_s": 9.0, "trajectory_sha256": "0",
+    }  # fmt: skip
+    return RunRow(RunKey(controller, None, course, None, speed, seed), RunFigures(**(none | figures)))
+
+
+CRASH = {"success": False, "end_reason": "crash", "best_lap_s": None, "collisions": 1, "laps_completed": 0}
+
+
+def test_a_cell_sums_up_the_runs_of_a_controller_on_a_course():
+    (cell, other) = make_cells(
+        [
+            row(best_lap_s=9.0, least_clearance_m=0.3, wrong_way_time_s=1.0, slide_time_fraction=0.5),
+            row("b", **CRASH),
+            row(seed=1, best_lap_s=11.0, least_clearance_m=0.2, wrong_way_time_s=0.5, max_slide_m_s=0.4),
+            row(
+                seed=2,
+                **CRASH
+                | {"best_lap_s": 2.0, "least_clearance_m": 0.0, "wrong_way_time_s": None, "slide_time_fraction": None},
+            ),
+            row(seed=3, best_lap_s=14.0),
+        ]
+    )
+    assert (cell.controller, cell.course, cell.runs, cell.successes) == ("a", "oval", 4, 3)
+    assert cell.success_share == 0.75
+    assert cell.end_reasons == "1 crash, 3 finished"
+    assert (cell.laps_completed, cell.laps_requested, cell.collisions) == (3, 4, 1)
+    assert cell.best_lap_s == 11.0
+    assert cell.least_clearance_m == 0.0
+    assert cell.wrong_way_time_s == 1.5
+    assert cell.max_slide_m_s == 0.4
+    assert cell.slide_time_fraction == pytest.approx(0.5 / 3)
+    assert (other.controller, other.best_lap_s) == ("b", None)
+
+
+def test_the_markdown_table_has_a_row_a_cell_and_says_the_speed_where_there_are_several():
+    cells = make_cells([row("a[x=1|2]"), row("b", course="scene:u_turn", speed=4.0, **CRASH)])
+    header, rule, first, second = markdown(cells).splitlines()
+    assert header.count(" | ") == rule.count(" | ") == second.count(" | ")
+    assert first.startswith("| a[x=1\\|2] | oval, 8 m/s | 1/1 | 1/1 | 9.00 | - | 0 | 0.0 % | 0.300 | 0.0 |")
+    assert second.startswith("| b | u_turn, 4 m/s | 0/1 | 0/1 | - | 1 crash | 1 |")
+    assert "| oval |" in markdown(cells[:1])
+
+
+def test_a_row_survives_the_file():
+    given = row(best_lap_s=1 / 3)
+    assert RunRow.of(json.loads(json.dumps(given.as_dict()))) == given
+    assert replace(given.key, seed=9).sha256 != given.key.sha256
+
+
+def test_settings_are_checked():
+    with pytest.raises(fg.SettingsError, match="planner_mu"):
+        ComparisonSettings(planner_mu=0.0)
+
+
+def test_a_scene_is_driven_once_with_each_seed():
+    comparison = compare(["gap_finder"], tracks=[], scenes=["corridor_sparse"], obstacles=0, laps=3, pictures=True)
+    assert [row.key.course for row in comparison.rows] == ["scene:corridor_sparse"] * 2
+    assert [row.key.seed for row in comparison.rows] == [0, 4]
+    assert all(row.figures.laps_requested == 1 for row in comparison.rows)
+    assert len({row.figures.trajectory_sha256 for row in comparison.rows}) == 2

@@ -1,0 +1,134 @@
+"""From a goal to a command: each speed law by its name, and their minimum."""
+
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
+
+from fg_mujoco.controllers.driving import DrivingSettings, beams_between, scan_record, sees
+from fg_mujoco.controllers.friction_guard import FrictionGuard
+from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
+from fg_mujoco.controllers.records import record_type, record_values
+from fg_mujoco.controllers.scan_filters import valid_ranges, widen_all
+from fg_mujoco.controllers.stopping_paths import StoppingPaths
+from fg_mujoco.errors import SettingsError
+
+TOP = 8.0
+LAWS = ("minimum", "forward_distance", "range_ratio", "friction", "stopping")
+PERIOD = 0.025
+
+
+@cache
+def made(mu, settings):
+    return GapFinder(CAR, mu, TOP, GapFinderSettings(**dict(settings)))
+
+
+def command(scan, law, speed=0.0, angle=0.0, mu=MU, **settings):
+    """What a planner commands that has just been made."""
+    planner = made(mu, (("speed_law", law), *settings.items()))
+    planner.reset()
+    return planner(scan, odometry_of(speed, angle))
+
+
+@pytest.mark.parametrize(("ahead", "speed"), [(0.4, 0.0), (0.5, 0.0), (1.5, 2.0), (2.5, 4.0), (4.5, 8.0), (9.0, 8.0)])
+def test_forward_distance_looks_straight_ahead_only(ahead, speed):
+    scan = corridor(1.0, 1.0, ahead=ahead)
+    distances = {"safe_distance": 0.5, "full_speed_distance": 4.5}
+    assert command(scan, "forward_distance", **distances).speed == pytest.approx(speed, abs=1e-6)
+    assert command(scan, "forward_distance", speed=7.9, angle=0.4, **distances).speed == pytest.approx(speed, abs=1e-6)
+
+
+def test_a_single_post_ahead_is_seen_and_one_beside_is_not():
+    for beam, seen in ((540, True), (540 + 8, True), (540 - 8, True), (540 + 9, False), (540 - 9, False)):
+        ranges = np.full(1081, 9.0)
+        ranges[beam] = 0.4
+        speed = command(scan_of(ranges), "forward_distance", safe_distance=0.5, full_speed_distance=4.5).speed
+        assert speed == (0.0 if seen else TOP)
+
+
+def test_a_lidar_that_does_not_look_ahead_says_nothing_of_what_is_ahead():
+    left_half = scan_of(np.full(400, 3.0), angle_min=0.2)
+    assert command(left_half, "forward_distance").speed == TOP
+
+
+@pytest.mark.parametrize("reach", [1.0, 2.0, 3.0])
+def test_range_ratio_is_by_the_mean_range_towards_the_goal(reach):
+    scan = scan_of(np.full(1081, reach))
+    asked = command(scan, "range_ratio", nearest_bubble=1e-6).speed
+    assert asked == pytest.approx(min(TOP, TOP * 3.0 * reach / 10.0), rel=1e-6)
+
+
+def test_friction_is_the_guard_and_nothing_else():
+    near = corridor(1.0, 1.0, ahead=0.6)  # any law that looks at ranges would stop here
+    asked = command(near, "friction", speed=2.0)
+    guard = FrictionGuard(CAR, MU)
+    expected = guard(asked.steering_angle, TOP, odometry_of(2.0), PERIOD)
+    assert asked == expected
+    assert asked.speed > 2.0
+    assert command(near, "minimum", speed=2.0).speed < 2.0
+
+
+def test_stopping_is_the_speed_from_which_the_car_stops_within_what_it_sees():
+    scan = corridor(1.0, 1.0, ahead=3.0)
+    paths = StoppingPaths(CAR, FrictionGuard(CAR, MU), TOP)
+    asked = command(scan, "stopping", speed=7.0)
+    widened = widen_all(valid_ranges(scan.ranges, scan.range_max), scan.angle_increment, paths.radius)
+    assert asked.speed == paths.safe_speed(widened, scan.angle_min, scan.angle_increment, 7.0, 0.0)
+    assert asked.speed < 5.0
+
+
+def test_without_the_friction_law_the_wheels_turn_as_sharply_as_possible():
+    scan = corridor(8.0, 0.8, ahead=2.5)
+    angles = {law: command(scan, law, speed=7.0).steering_angle for law in LAWS}
+    assert angles["forward_distance"] == angles["range_ratio"] == angles["stopping"] == CAR.max_steering_angle
+    assert angles["friction"] == angles["minimum"] < 0.1
+
+
+def test_the_minimum_is_never_faster_than_any_law():
+    for ahead in (0.5, 0.9, 1.4, 2.5, 6.0):
+        scan = corridor(1.2, 0.9, ahead=ahead)
+        speeds = {law: command(scan, law, mu=math.inf).speed for law in LAWS}
+        assert speeds["minimum"] == min(speeds["forward_distance"], speeds["range_ratio"])
+        guarded = {law: command(scan, law).speed for law in LAWS}
+        assert guarded["minimum"] <= min(guarded.values()) + 1e-12
+
+
+def test_a_law_that_is_not_known_is_refused_with_those_that_are():
+    with pytest.raises(SettingsError, match=r"speed_law is 'fast'; accepted: minimum, forward_distance, range_ratio, "):
+        DrivingSettings(speed_law="fast")
+    with pytest.raises(SettingsError, match=r"full_speed_distance is 0\.5; accepted: a number above safe_"):
+        DrivingSettings(safe_distance=1.0, full_speed_distance=0.5)
+    for bad in (0.0, -1.0, math.nan, math.inf, True, "3"):
+        with pytest.raises(SettingsError, match=r"DrivingSettings\.lookahead is"):
+            DrivingSettings(lookahead=bad)
+
+
+def test_a_word_is_its_place_in_a_record():
+    row = np.zeros(1, record_type(DrivingSettings))
+    for place, law in enumerate(LAWS):
+        row[0] = record_values(DrivingSettings(speed_law=law))
+        assert row["speed_law"][0] == place
+
+
+def test_the_beams_between_two_bearings_are_those_within():
+    scan = scan_of(np.ones(1081))
+    record, bearings = scan_record(scan)[0], scan.bearings
+    for right, left in ((-0.5, 0.5), (-3.0, 3.0), (0.0, 0.0), (2.5, 3.0), (-math.pi / 2, math.pi / 2), (1.0, -1.0)):
+        first, end = beams_between(record, 1081, right, left)
+        inside = np.flatnonzero((bearings >= right - 1e-9) & (bearings <= left + 1e-9))
+        assert list(range(first, end)) == inside.tolist()
+
+
+def test_what_cannot_be_planned_with_is_not_seen():
+    good = np.full(10, 2.0)
+    assert sees(scan_record(scan_of(good))[0], good)
+    for scan, valid in (
+        (scan_of(good[:1]), good[:1]),
+        (scan_of([]), np.zeros(0)),
+        (scan_of(good), np.zeros(10)),
+        (scan_of(good, increment=0.0), good),
+        (scan_of(good, increment=7.0), good),
+    ):
+        assert not sees(scan_record(scan)[0], valid)

@@ -1,0 +1,168 @@
+"""Lines through a map: both formats of a CSV, what is refused, and speed profiles against closed forms."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scan_worlds import CAR, MU
+
+from fg_mujoco.controllers.friction_guard import FrictionGuard, longitudinal_share
+from fg_mujoco.controllers.racelines import SPACING, SPEED, STEP, curvature, line_table, read_line
+from fg_mujoco.errors import SettingsError
+
+GUARD = FrictionGuard(CAR, MU)
+TURNS = np.linspace(0.0, 2.0 * math.pi, 400, endpoint=False)
+
+
+def circle(radius):
+    return radius * np.column_stack((np.cos(TURNS), np.sin(TURNS)))
+
+
+def table_of(points, *, speeds=None, closed=True, guard=GUARD, max_speed=8.0, span=0.8, cornering=0.9, braking=0.6):
+    speeds = np.full(len(points), math.inf) if speeds is None else np.asarray(speeds, dtype=float)
+    return line_table(
+        np.asarray(points, dtype=float), speeds, closed=closed, guard=guard, max_speed=max_speed,
+        curvature_span=span, cornering_use=cornering, braking_use=braking,
+    )  # fmt: skip
+
+
+def written(tmp_path, text):
+    path = tmp_path / "line.csv"
+    path.write_text(text)
+    return path
+
+
+# -- files
+
+
+def test_a_centreline_has_points_and_no_speeds(tmp_path):
+    path = written(tmp_path, "# x_m, y_m, w_tr_right_m, w_tr_left_m\n0, 1, 2, 3\n\n4.5, -1, 2, 3\n")
+    points, speeds = read_line(path)
+    np.testing.assert_array_equal(points, [[0.0, 1.0], [4.5, -1.0]])
+    assert np.isinf(speeds).all()
+
+
+def test_a_raceline_has_speeds_too(tmp_path):
+    head = "# s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2\n"
+    points, speeds = read_line(written(tmp_path, head + "0;1;2;3;4;5;6\n7;8;9;10;11;12;13\n"))
+    np.testing.assert_array_equal(points, [[1.0, 2.0], [8.0, 9.0]])
+    np.testing.assert_array_equal(speeds, [5.0, 12.0])
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", r"line\.csv: 0 points; accepted: at least 2 rows"),
+        ("0, 0, 1, 1\n", r"line\.csv: 1 points"),
+        ("0, 0, 1, 1\n1, 0, 1\n", r"line\.csv, row 2: 3 columns; accepted: x_m"),
+        ("# head\n0, 0, 1, 1\n1, here, 1, 1\n", r"line\.csv, row 3: '1, here, 1, 1'; accepted: finite numbers"),
+        ("0, 0, 1, 1\n1, nan, 1, 1\n", r"line\.csv, row 2: '1, nan, 1, 1'; accepted: finite numbers"),
+        ("0;0;0;0;0;5;0\n0, 0, 1, 1\n", r"line\.csv, row 2: 4 columns; accepted: 7"),
+        ("0;0;0;0;0;0;0\n", r"line\.csv, row 1: a speed of 0\.0 m/s; accepted: a positive number"),
+    ],
+)
+def test_a_file_that_is_no_line_is_refused_in_one_line_by_name_and_row(tmp_path, text, said):
+    with pytest.raises(SettingsError, match=said) as refusal:
+        read_line(written(tmp_path, text))
+    assert "\n" not in str(refusal.value)
+
+
+def test_a_file_that_is_not_there_or_no_text_is_refused(tmp_path):
+    with pytest.raises(SettingsError, match=r"nowhere\.csv: cannot be read: No such file"):
+        read_line(tmp_path / "nowhere.csv")
+    (tmp_path / "image.csv").write_bytes(b"\xff\xfe\x00\x80")
+    with pytest.raises(SettingsError, match=r"image\.csv: cannot be read"):
+        read_line(tmp_path / "image.csv")
+
+
+# -- tables
+
+
+@pytest.mark.parametrize("closed", [True, False])
+def test_the_points_of_a_table_are_evenly_spaced(closed):
+    table = table_of([[0.0, 0.0], [3.0, 0.0], [3.0, 4.0]], closed=closed)
+    length = 12.0 if closed else 7.0
+    steps = np.hypot(*np.diff(table[:, :2], axis=0).T)
+    assert steps.max() <= table[0, STEP] + 1e-12 <= SPACING + 1e-12
+    assert table[:, STEP].sum() == pytest.approx(length)
+    assert (table[-1, STEP] == 0.0) == (not closed)
+    np.testing.assert_array_equal(table[0, :2], (0.0, 0.0))
+
+
+def test_a_first_point_repeated_at_the_end_is_dropped():
+    square = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 3.0], [0.0, 3.0]])
+    np.testing.assert_array_equal(table_of(square), table_of(np.vstack((square, square[:1]))))
+
+
+def test_a_line_without_length_is_refused():
+    with pytest.raises(SettingsError, match="a line of length"):
+        table_of([[1.0, 1.0], [1.0, 1.0]])
+
+
+@pytest.mark.parametrize("radius", [1.0, 3.0, 6.0])
+@pytest.mark.parametrize("direction", [1, -1])
+def test_the_curvature_of_a_circle_is_one_over_its_radius(radius, direction):
+    table = table_of(circle(radius)[::direction])
+    np.testing.assert_allclose(curvature(table, 0.8, closed=True), direction / radius, rtol=1e-2)
+
+
+def test_the_curvature_of_a_square_corner_is_that_of_the_span_it_is_rounded_over():
+    table = table_of([[-5.0, 0.0], [0.0, 0.0], [0.0, 5.0]], closed=False)
+    # legs of .8 m at a right angle: their circle has radius .8 / sqrt(2)
+    assert curvature(table, 0.8, closed=False).max() == pytest.approx(math.sqrt(2.0) / 0.8, rel=1e-6)
+
+
+# -- speeds
+
+
+@pytest.mark.parametrize("radius", [1.0, 3.0])
+def test_on_a_circle_the_speed_is_that_of_the_tires(radius):
+    expected = math.sqrt(0.9 * GUARD.lateral * radius)
+    np.testing.assert_allclose(table_of(circle(radius))[:, SPEED], expected, rtol=2e-3)
+
+
+def test_on_a_straight_to_its_end_it_brakes_evenly():
+    table = table_of([[0.0, 0.0], [20.0, 0.0]], closed=False)
+    left = 20.0 - table[:, 0]
+    expected = np.minimum(np.sqrt(2.0 * 0.6 * GUARD.braking * left), 8.0)
+    np.testing.assert_allclose(table[:, SPEED], expected, rtol=1e-9, atol=1e-9)
+
+
+def test_after_a_slow_place_it_accelerates_evenly():
+    table = table_of([[0.0, 0.0], [20.0, 0.0]], speeds=[2.0, 8.0], closed=False)
+    beginning = table[:5]
+    accelerating = np.sqrt(2.0**2 + 2.0 * 0.6 * GUARD.accelerating * beginning[:, 0])
+    np.testing.assert_allclose(beginning[:, SPEED], np.minimum(accelerating, 2.0 + 0.3 * beginning[:, 0]), rtol=1e-9)
+
+
+def test_without_a_friction_limit_there_is_none():
+    assert (table_of(circle(1.0), guard=None)[:, SPEED] == 8.0).all()
+    assert (table_of(circle(1.0), guard=None, speeds=np.full(400, 3.0))[:, SPEED] == 3.0).all()
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 1000), mu=st.floats(0.3, 1.2), own=st.floats(1.0, 10.0), first=st.integers(0, 399))
+def test_everywhere_the_tires_hold_it_and_no_speed_is_beyond_the_lines_own(seed, mu, own, first):
+    rng, guard = np.random.default_rng(seed), FrictionGuard(CAR, mu)
+    radius = 6.0 + sum(rng.uniform(-1.0, 1.0) / n * np.cos(n * TURNS + rng.uniform(0.0, 6.0)) for n in (2, 3, 4))
+    line = radius[:, None] * np.column_stack((np.cos(TURNS), np.sin(TURNS)))
+    speeds = own + 2.0 * rng.random(400)
+    table = table_of(np.roll(line, -first, axis=0), speeds=np.roll(speeds, -first), guard=guard)
+    speed, bend = table[:, SPEED], curvature(table, 0.8, closed=True)
+    lateral = speed**2 * np.abs(bend)
+    assert (lateral <= 0.9 * guard.lateral * (1.0 + 1e-9)).all()
+    assert (speed <= min(8.0, speeds.max()) + 1e-9).all() and (speed > 0.0).all()
+    # braking is by what is left at the place where it ends, accelerating by that where it begins
+    after = (np.roll(speed, -1) ** 2 - speed**2) / (2.0 * table[0, STEP])
+    share = np.array([longitudinal_share(value / (mu * CAR.gravity)) for value in lateral])
+    assert (after <= 0.6 * guard.accelerating * share + 1e-6).all()
+    assert (-after <= 0.6 * guard.braking * np.roll(share, -1) + 1e-6).all()
+
+
+def test_where_a_closed_line_begins_makes_no_difference():
+    squashed = circle(4.0) * (2.0, 0.6)
+    here, there = table_of(squashed), table_of(np.roll(squashed, -150, axis=0))
+    behind = np.argmin(np.hypot(*(here[:, :2] - there[0, :2]).T))
+    np.testing.assert_allclose(np.roll(here[:, SPEED], -behind), there[:, SPEED], rtol=0.02)

@@ -1,0 +1,204 @@
+"""Each scene is what its name says: widths measured on its solids, and ways searched among them."""
+
+import math
+
+import numpy as np
+import pytest
+from scene_search import Clearances, car_gets_through, disc_gets_through, ray_distances
+
+import fg_mujoco as fg
+from fg_mujoco.obstacles import Box
+from fg_mujoco.scene_parts import car, turning_radius
+
+SEEDS = range(6)
+WIDTH = car().width
+
+
+def load(name, seed):
+    return fg.load_track(f"scene:{name}:{seed}")
+
+
+def free_across(scene, x):
+    """Free stretches of the line across a scene at x. Shape (n, 2) [m], from y to y."""
+    y = np.arange(-4.0, 4.0, 0.001)
+    occupied = np.ones(len(y), bool)
+    inside_walls = np.abs(y) < 1.1
+    occupied[inside_walls] = False
+    for box in scene.obstacles:
+        low, high = box.corners().min(axis=0), box.corners().max(axis=0)
+        if low[0] <= x <= high[0]:
+            occupied |= (y >= low[1]) & (y <= high[1])
+    edges = np.flatnonzero(np.diff(occupied.astype(int)))
+    return y[edges].reshape(-1, 2)
+
+
+@pytest.mark.parametrize(("name", "widths"), (("corridor_sparse", 2.5), ("corridor_dense", 2.0)))
+@pytest.mark.parametrize("seed", SEEDS)
+def test_corridors_leave_a_way_past_every_box(name, widths, seed):
+    scene = load(name, seed)
+    assert all(box.heading == 0.0 for box in scene.obstacles)
+    for x in np.arange(0.0, 25.0, 0.02):
+        stretches = free_across(scene, x)
+        assert np.max(stretches[:, 1] - stretches[:, 0]) >= widths * WIDTH - 0.003
+
+
+def test_dense_is_denser_than_sparse_and_both_have_boxes_on_both_sides():
+    for seed in SEEDS:
+        sparse, dense = load("corridor_sparse", seed), load("corridor_dense", seed)
+        assert len(dense.obstacles) >= 3 * len(sparse.obstacles) > 0
+        assert {box.y > 0.0 for box in dense.obstacles} == {True, False}
+    assert {box.y > 0.0 for seed in SEEDS for box in load("corridor_sparse", seed).obstacles} == {True, False}
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_cylinders_stand_one_and_a_half_to_four_car_widths_apart(seed):
+    cylinders = load("cylinder_field", seed).obstacles
+    assert len(cylinders) > 15
+    rims = [cylinder.corners() for cylinder in cylinders]
+    gaps = np.full((len(rims), len(rims)), math.inf)
+    for i, one in enumerate(rims):
+        for j, other in enumerate(rims):
+            if i != j:
+                gaps[i, j] = np.hypot(*(one[:, None] - other).T).min()
+    flat = 2.0 * 0.2 * (1.0 - math.cos(math.pi / 24.0)) + 0.01  # that prisms are thinner, and rims are of points
+    assert gaps.min() >= 1.5 * WIDTH and gaps.min(axis=1).max() <= 4.0 * WIDTH + flat
+    assert np.abs(np.concatenate(rims)[:, 1]).max() <= 2.5 - 1.5 * WIDTH + 1e-9
+
+
+@pytest.mark.parametrize("percent", (120, 150, 200))
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_narrow_gap_is_as_wide_as_its_name_says(percent, seed):
+    scene = load(f"narrow_gap_{percent}", seed)
+    x = np.mean(np.concatenate([box.corners()[:, 0] for box in scene.obstacles]))
+    ((low, high),) = free_across(scene, x)
+    assert high - low == pytest.approx(0.01 * percent * WIDTH, abs=0.003)
+    field = Clearances([*scene.walls, *scene.obstacles], (-0.5, -1.2), (14.5, 1.2), 0.005)
+    start, goal = scene.position(0.0), scene.position(14.0)
+    assert disc_gets_through(field, start, goal, 0.5 * (high - low) - 0.01)
+    assert not disc_gets_through(field, start, goal, 0.5 * (high - low) + 0.01)
+
+
+def test_the_narrow_gap_is_not_always_at_one_place():
+    places = [free_across(load("narrow_gap_150", seed), 8.1).mean() for seed in range(12)]
+    assert np.std(places) > 0.2 and min(places) < -0.2 and max(places) > 0.2
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_square_corner_turns_by_90_degrees(seed):
+    scene = load("square_corner", seed)
+    headings = [scene.start_pose(s)[2] for s in np.arange(0.0, scene.length, 0.1)]
+    assert headings[0] == 0.0 and abs(headings[-1]) == pytest.approx(0.5 * math.pi)
+
+
+@pytest.mark.parametrize("name", ("square_corner", "u_turn_trap", "wrong_side_chicane"))
+def test_there_are_left_and_right_ones(name):
+    low_sides = {bool(np.sum(load(name, seed).bounds[:, 1]) > 0.0) for seed in range(12)}
+    assert low_sides == {True, False}
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_dead_end_has_no_way_out_and_no_room_to_turn_round(seed):
+    scene = load("dead_end", seed)
+    assert scene.goal_is_to_stop
+    end = scene.way[-1, 0]
+    (distance,) = ray_distances(scene.walls, scene.position(0.0), np.array([0.0]))
+    assert distance == pytest.approx(end) and scene.position(scene.length)[0] == pytest.approx(end - 3.0)
+    # one that turns on full lock sweeps from its inner rear wheel to its outer front corner
+    outer = math.hypot(turning_radius() + 0.5 * WIDTH, car().length - car().rear_overhang)
+    (left, right) = ray_distances(scene.walls, scene.position(5.0), np.array([0.5 * math.pi, -0.5 * math.pi]))
+    assert left + right < turning_radius() + outer + 0.5 * WIDTH
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_in_the_u_turn_trap_the_way_on_is_behind_and_looks_shorter_than_the_way_back(seed):
+    """The slides: "the farthest path the car can 'see' in the correct direction is shorter than the path in the wrong".
+
+    Seen by whoever has missed the corner: from the room beyond it.
+    """
+    scene = load("u_turn_trap", seed)
+    side = 1.0 if scene.way[-1, 1] > 0.0 else -1.0
+    apex = scene.way[np.argmax(np.diff(scene.way[:, 0]) < 0.0), 0]  # as far ahead as the way leads before it turns back
+    headings = np.radians(np.arange(0.0, 360.0, 0.25))
+    for x, y in ((apex + 0.8, 0.0), (apex + 0.8, -0.6 * side), (apex + 0.4, -0.9 * side)):
+        ranges = ray_distances(scene.walls, np.array([x, y]), headings)
+        assert np.isfinite(ranges).all()
+        ends = np.array([x, y]) + ranges[:, None] * np.column_stack((np.cos(headings), np.sin(headings)))
+        on, back = side * ends[:, 1] > 1.11, ends[:, 0] < apex - 5.0
+        back &= ~on
+        assert on.any() and back.any()
+        assert ranges[on].max() < 0.6 * ranges[back].max()
+        bearings_on = np.abs(np.degrees(np.arctan2(np.sin(headings[on]), np.cos(headings[on]))))
+        assert bearings_on[np.argmax(ranges[on])] > 90.0  # behind a car that has driven straight on
+
+
+@pytest.mark.parametrize("seed", (0, 1))
+def test_in_the_chicane_the_wider_opening_is_for_robots_that_turn_on_the_spot(seed):
+    """The car gets through the narrow one only, a holonomic robot as wide as the car through either."""
+    scene = load("wrong_side_chicane", seed)
+    second, beside_lane = scene.obstacles
+    corners, walls = second.corners(), [*scene.walls, beside_lane]
+    side = math.copysign(1.0, second.y)
+    near = corners[np.argmin(side * corners[:, 1])]  # the corner between the two openings
+
+    # measured: how far it is from the second barrier to the wall beside it, and to the first barrier
+    sides = np.linspace(0.0, 1.0, 50)[:, None] * (np.roll(corners, -1, axis=0) - corners)[:, None]
+    outline = (corners[:, None] + sides).reshape(-1, 2)
+    beside = ray_distances(walls, near, np.array([-side * 0.5 * math.pi]))[0]
+    wide = min(_distance_to(wall, outline) for wall in scene.walls if side * wall.y > 0.0)
+    assert beside == pytest.approx(2.0 * WIDTH, abs=1e-6)
+    assert 2.25 * WIDTH < wide < 2.31 * WIDTH
+
+    # searched: what gets through when the other opening is shut
+    x = float(near[0])
+    narrow_shut = Box(x=x + 0.15, y=0.0, length=0.3, width=2.0 * WIDTH + 0.02)
+    wide_shut = Box(x=x, y=side * 4.0, length=8.0, width=6.0)  # as far as a third of a metre above the lane
+    start, goal = (x - 2.2, 0.0), (x + 2.5, 0.0)
+    around = (x - 2.5, -3.6), (x + 3.0, 3.6)
+    radius = turning_radius()
+    wide_only = Clearances([*walls, second, narrow_shut], *around, 0.01)
+    assert disc_gets_through(wide_only, start, goal, 0.5 * WIDTH + 0.05)
+    assert not car_gets_through(wide_only, (*start, 0.0), goal[0], car(), radius=radius, margin=-0.005)
+    assert car_gets_through(wide_only, (*start, 0.0), goal[0], car(), radius=0.5 * radius)  # it is the steering limit
+    narrow_only = Clearances([*walls, second, wide_shut], *around, 0.01)
+    assert car_gets_through(narrow_only, (*start, 0.0), goal[0], car(), radius=radius, margin=0.05)
+
+
+def _distance_to(box, points):
+    cos, sin = math.cos(box.heading), math.sin(box.heading)
+    away = (points - (box.x, box.y)) @ np.array([[cos, -sin], [sin, cos]])
+    outside = np.maximum(np.abs(away) - (0.5 * box.length, 0.5 * box.width), 0.0)
+    return float(np.hypot(*outside.T).min())
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_crossing_box_goes_from_wall_to_wall_and_leaves_room_beside_it(seed):
+    (box,) = load("crossing_box", seed).moving
+    places = np.array([box.position(time) for time in np.arange(0.0, 30.0, 0.05)])
+    assert np.ptp(places[:, 0]) == 0.0 and places[:, 1].min() < -0.8 and places[:, 1].max() > 0.8
+    assert np.abs(places[:, 1]).max() + 0.5 * box.width < 1.1
+    assert 1.1 - 0.5 * box.width >= 2.0 * WIDTH  # beside one in the very middle
+    assert 0.5 <= box.speed <= 1.2
+
+
+def test_the_crossing_box_is_in_the_way_at_other_times_with_other_seeds():
+    at_three_seconds = [load("crossing_box", seed).moving[0].position(3.0)[1] for seed in range(12)]
+    assert np.std(at_three_seconds) > 0.3
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_slow_leader_drives_ahead_all_the_way(seed):
+    scene = load("slow_leader", seed)
+    (leader,) = scene.moving
+    assert 1.0 <= leader.speed <= 2.0 and leader.start[0] == 4.0 and leader.end[0] > scene.length + 3.0
+    assert leader.start[1] == leader.end[1]
+    assert 1.1 + abs(leader.start[1]) - 0.5 * leader.width >= 2.0 * WIDTH  # on its wider side
+
+
+@pytest.mark.parametrize("name", ("cylinder_field", "corridor_dense"))
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_way_among_the_obstacles_can_be_driven_by_the_car(name, seed):
+    """Not only by a disc: with the car's turning radius, and 3 cm to spare on every side."""
+    scene = load(name, seed)
+    low, high = np.array([-0.5, -2.6]), np.array([scene.length, 2.6])
+    field = Clearances([*scene.walls, *scene.obstacles], low, high, 0.02)
+    assert car_gets_through(field, scene.start_pose(), scene.length - 1.0, car(), radius=turning_radius(), margin=0.03)

@@ -1,0 +1,88 @@
+"""The threshold gap: the slides' array, widest against deepest, and what a threshold costs."""
+
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scan_worlds import CAR, INCREMENT, MU, odometry_of, scan_of
+from test_gaps import SLIDES, runs_where
+
+import fg_mujoco as fg
+from fg_mujoco.controllers.gaps import runs_beyond
+from fg_mujoco.controllers.threshold_gap import ThresholdGap, ThresholdGapSettings, choose_gap
+from fg_mujoco.errors import SettingsError
+from fg_mujoco.messages import STOP
+
+
+@cache
+def planner(**settings):
+    return ThresholdGap(CAR, MU, 8.0, ThresholdGapSettings(**settings))
+
+
+def test_in_the_slides_array_it_heads_for_the_middle_of_the_one_gap():
+    """5.1, 6.0, 7.0 and inf: the middle is between 6.0 and 7.0, and the nearer of them counts."""
+    finder = planner(threshold=5.0, least_readings=3)
+    bearing, distance = finder.find_goal(scan_of(SLIDES, increment=0.1, angle_min=-0.55))
+    assert bearing == pytest.approx(-0.55 + 2.5 * 0.1)
+    assert distance == 6.0
+
+
+@pytest.mark.parametrize(("gap", "middle"), [("widest", 2.5), ("deepest", 8.5)])
+def test_with_two_readings_there_are_the_slides_two_gaps_and_it_has_to_choose(gap, middle):
+    """Both have a reading without return, and are as deep; here the narrower one's is a metre farther."""
+    ranges = np.where(np.isinf(SLIDES), 20.0, SLIDES)
+    ranges[8] = 21.0
+    finder = planner(threshold=5.0, least_readings=2, gap=gap)
+    bearing, _ = finder.find_goal(scan_of(ranges, increment=0.1, angle_min=-0.55))
+    assert bearing == pytest.approx(-0.55 + middle * 0.1)
+
+
+@given(
+    ranges=arrays(np.float64, st.integers(0, 25), elements=st.sampled_from([1.0, 3.0, 4.0, 5.0, 30.0])),
+    gap=st.sampled_from(["widest", "deepest"]),
+)
+@settings(deadline=None)
+def test_the_gap_taken_is_the_first_in_the_order_that_the_docstring_gives(ranges, gap):
+    runs = list(runs_where(ranges > 2.0))
+    keys = [(end - first, ranges[first:end].max()) for first, end in runs]
+    keys = keys if gap == "widest" else [key[::-1] for key in keys]
+    expected = keys.index(max(keys)) if keys else -1
+    assert choose_gap(ranges, runs_beyond(ranges, 2.0, 1), planner(gap=gap).record[0]["settings"]) == expected
+
+
+def test_a_sensor_that_sees_less_far_than_the_threshold_has_gaps_where_nothing_returns():
+    ranges = np.full(1081, 1.0)
+    ranges[600:700] = math.inf
+    bearing, distance = planner(threshold=5.0).find_goal(scan_of(ranges, range_max=4.0))
+    assert bearing == pytest.approx(109.5 * INCREMENT)
+    assert distance == 4.0
+
+
+def test_without_a_gap_it_brakes():
+    finder, scan = planner(threshold=2.0), scan_of(np.full(1081, 1.9))
+    finder.reset()
+    assert finder.find_goal(scan) is None
+    assert finder(scan, odometry_of(0.0)) == STOP
+    assert finder(scan, odometry_of(3.0)).speed < 3.0
+
+
+@pytest.mark.parametrize("count", [0, 2.5, 1e10, math.nan, True])
+def test_a_number_of_readings_is_a_whole_one(count):
+    with pytest.raises(SettingsError, match=r"least_readings is .*; accepted: a whole number from 1"):
+        ThresholdGapSettings(least_readings=count)
+
+
+def test_limit_it_does_not_consider_the_cars_width():
+    """A slit of 12 cm between two posts is a gap like any other."""
+    ranges = np.full(1081, 1.0)
+    ranges[526:555] = 9.0  # 29 beams of .25 degrees at 1 m
+    assert planner().find_goal(scan_of(ranges)) == pytest.approx((0.0, 9.0))
+
+
+def test_limit_the_threshold_of_the_course_is_too_far_for_these_circuits():
+    settings = {"threshold": 5.0}
+    assert fg.race("l_corridor", "threshold_gap", laps=1, planner_settings=settings).end_reason != "finished"
