@@ -119,7 +119,7 @@ class CompiledPlanner:
         guard = FrictionGuard(car, mu) if math.isfinite(mu) else None
         self.record = np.zeros(1, self._record_type())
         self.record["settings"] = record_values(self.settings)
-        self.record["driver"] = driver_record(car, max_speed, guard, self.settings.speed_law)
+        self.record["driver"] = driver_record(car, max_speed, guard, self.settings.speed_law, self.settings.hold_turns)
         self.record["line"]["end"] = 0 if line is None else len(line)
         self.line = line
         stops = guard is not None and self.record["driver"]["stopping"][0]

@@ -1,8 +1,8 @@
 """From a goal to a command: the steering angle by pursuit, the speed by the planner's speed law, made safe for a car.
 
-Laws that look at the scan say how fast it may go; `stopping` sees to it that it stops within what it sees
-(stopping_paths), and `friction` that the tires hold what is commanded (friction_guard). A planner that believes in no
-friction limit, mu = inf, has neither of these two.
+Laws that look at the scan say how fast it may go. `stopping` sees to it that the car stops within what it sees
+(stopping_paths) and does not turn into what it cannot stop before (staying_in_sight); `friction` that the tires hold
+what is commanded (friction_guard). A planner that believes in no friction limit, mu = inf, has neither of these two.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from .friction_guard import GUARD, FrictionGuard, guarded
 from .records import CAR, Record, require_words
 from .scan_filters import widen_all
 from .speed import forward_distance_speed, range_ratio_speed
+from .staying_in_sight import stay_in_sight
 from .steering import pursue, saturate
-from .stopping_paths import safe_speed
 
 _PERIOD = 0.025  # [s] of the field's LiDARs, for scans that do not tell theirs
 _LEAST_INCREMENT = 1e-9  # [rad] below it, counts of beams overflow
@@ -43,6 +43,7 @@ DRIVER = np.dtype(
         ("range_ratio", np.bool_),
         ("friction", np.bool_),
         ("stopping", np.bool_),
+        ("turns_held", np.bool_),  # and whether `stopping` holds the steering angle too
         ("guard", GUARD),
         ("paths", np.int64),  # which table of stopping paths is its own
     ]
@@ -63,6 +64,7 @@ class DrivingSettings:
     """
 
     speed_law: SpeedLaw = "minimum"
+    hold_turns: bool = True  # stopping: not to turn into what it cannot stop before; laps are 2 to 5 % longer with it
     # forward_distance: nearer ahead than the first, stop; farther than the second, full speed. Among the other laws it
     # is the last resort, as it does not know that the car turns; alone, 5 m are safe: from 8 m/s braking takes 4.9
     safe_distance: float = 0.2  # [m] from the LiDAR, which is .18 behind the bumper
@@ -89,7 +91,11 @@ def scan_record(scan: LaserScan | ScanGeometry) -> NDArray[np.void]:
 
 
 def driver_record(
-    car: CarParameters, max_speed: float, guard: FrictionGuard | None, law: SpeedLaw = "minimum"
+    car: CarParameters,
+    max_speed: float,
+    guard: FrictionGuard | None,
+    law: SpeedLaw = "minimum",
+    hold_turns: bool = True,
 ) -> NDArray[np.void]:
     """Return a row of type DRIVER, shape (1,); without a guard, of a planner that believes in no friction limit."""
     row = np.zeros(1, DRIVER)
@@ -98,7 +104,7 @@ def driver_record(
         row[name] = law in (name, "minimum")
     if guard is not None:
         row["friction"], row["stopping"] = law in ("friction", "minimum"), law in ("stopping", "minimum")
-        row["guard"] = guard.record
+        row["turns_held"], row["guard"] = hold_turns, guard.record
     return row
 
 
@@ -208,10 +214,10 @@ def drive(
     if driver.stopping:
         table = paths[driver.paths]
         widened = widen_all(valid, scan.angle_increment, table.radius)
-        in_sight = safe_speed(
-            table, widened, scan.angle_min, scan.angle_increment, odometry.speed, odometry.steering_angle
+        steering_angle = saturate(steering_angle, driver.car.max_steering_angle)
+        steering_angle, speed = stay_in_sight(
+            table, widened, scan, odometry, driver.guard, driver.turns_held, steering_angle, speed
         )
-        speed = min(speed, in_sight)
     if not driver.friction:
         return saturate(steering_angle, driver.car.max_steering_angle), speed
     return _hold(scan, odometry, driver, memory, steering_angle, speed)

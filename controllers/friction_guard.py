@@ -47,7 +47,8 @@ class GuardSettings:
     lateral_use_in_braking: float = 0.9  # of the above, when the car is too fast for the wished steering
     least_lateral_use: float = 0.5  # of the above, when it is too fast by `overspeed` for what it sees
     overspeed: float = 0.7  # [m/s]
-    turn_in_use: float = 0.5  # of what cornering leaves, for turning the wheels in
+    turn_in_use: float = 0.5  # of what cornering leaves, for turning the wheels in, or out
+    most_left: float = 0.6  # of mu g, that counts as left for it: braking unloads the rear, which turning out loads
     braking_use: float = 0.92  # of the greatest braking that locks no axle
     accelerating_use: float = 0.88  # of the greatest accelerating that spins none
     load_transfer_time: float = 0.2  # [s] a period of the car's pitching on its springs
@@ -55,8 +56,8 @@ class GuardSettings:
     steering_response: float = 0.022  # [s] the servo turns at most at (command - angle) / this: e / 100 rad/s
 
     def __post_init__(self) -> None:
-        shares = tuple(f.name for f in fields(self) if "_use" in f.name)
-        others = tuple(f.name for f in fields(self) if "_use" not in f.name)
+        shares = tuple(f.name for f in fields(self) if "_use" in f.name or f.name == "most_left")
+        others = tuple(f.name for f in fields(self) if f.name not in shares)
         require(self, lambda value: 0.0 < value <= 1.0, "a share above 0, at most 1", shares, SettingsError)
         require(self, lambda value: 0.0 < value < math.inf, "a positive number", others, SettingsError)
 
@@ -149,6 +150,7 @@ def _steering_rate(guard: Record, angle: float, now: float, turn: float) -> floa
     """Return the greatest steering rate [rad/s] in the direction of `turn` that the front tires can carry."""
     cornering = now * now * math.tan(angle) / guard.car.wheelbase
     unused = max(guard.lateral - math.copysign(cornering, turn * cornering), 0.0)
+    unused = min(unused, guard.settings.most_left * guard.lateral)
     curvature_rate = guard.settings.turn_in_use * unused / (guard.yaw_lag * max(now, 1e-3))
     return float(min(curvature_rate * guard.car.wheelbase * math.cos(angle) ** 2, guard.car.max_steering_rate))
 
@@ -159,8 +161,10 @@ def _share_left(guard: Record, angle: float, command: float, now: float) -> floa
     cornering = now * now * math.tan(angle) / guard.car.wheelbase
     next_cornering = now * now * math.tan(command) / guard.car.wheelbase
     curvature_rate = (math.tan(command) - math.tan(angle)) / guard.car.wheelbase / guard.settings.steering_response
-    turning_in = abs(cornering + guard.yaw_lag * now * curvature_rate)
-    return longitudinal_share(max(abs(cornering), abs(next_cornering), turning_in) / (guard.mu * guard.car.gravity))
+    front = abs(cornering + guard.yaw_lag * now * curvature_rate)  # turning in takes more of the front tires
+    rear_lag = guard.car.yaw_inertia / (guard.car.mass * guard.car.front_axle_distance)
+    rear = abs(cornering - rear_lag * now * curvature_rate)  # and turning out more of the rear ones
+    return longitudinal_share(max(abs(cornering), abs(next_cornering), front, rear) / (guard.mu * guard.car.gravity))
 
 
 @kernel
