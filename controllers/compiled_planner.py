@@ -51,6 +51,7 @@ from fg_mujoco.messages import (
 from .driving import DRIVER, SCAN, DrivingSettings, driver_record, scan_values
 from .friction_guard import GUARD_MEMORY, FrictionGuard
 from .records import record_type, record_values
+from .staying_in_sight import HELD
 from .stopping_paths import PATHS, StoppingPaths
 
 MEMORY = np.dtype([("guard", GUARD_MEMORY)])
@@ -116,7 +117,8 @@ class CompiledPlanner:
         if type(self.settings) is not self.Settings:
             accepted = self.Settings.__name__
             raise SettingsError(f"{type(self).__name__}.settings is {settings!r}; accepted: a {accepted}")
-        guard = FrictionGuard(car, mu) if math.isfinite(mu) else None
+        held = self.settings.hold_turns and self.settings.speed_law in ("stopping", "minimum")
+        guard = FrictionGuard(car, mu, HELD if held else None) if math.isfinite(mu) else None
         self.record = np.zeros(1, self._record_type())
         self.record["settings"] = record_values(self.settings)
         self.record["driver"] = driver_record(car, max_speed, guard, self.settings.speed_law, self.settings.hold_turns)

@@ -48,7 +48,7 @@ class GuardSettings:
     least_lateral_use: float = 0.5  # of the above, when it is too fast by `overspeed` for what it sees
     overspeed: float = 0.7  # [m/s]
     turn_in_use: float = 0.5  # of what cornering leaves, for turning the wheels in, or out
-    most_left: float = 0.6  # of mu g, that counts as left for it: braking unloads the rear, which turning out loads
+    most_left: float = 2.0  # of mu g, that counts as left for it at most; all that there can be
     braking_use: float = 0.92  # of the greatest braking that locks no axle
     accelerating_use: float = 0.88  # of the greatest accelerating that spins none
     load_transfer_time: float = 0.2  # [s] a period of the car's pitching on its springs
@@ -56,8 +56,8 @@ class GuardSettings:
     steering_response: float = 0.022  # [s] the servo turns at most at (command - angle) / this: e / 100 rad/s
 
     def __post_init__(self) -> None:
-        shares = tuple(f.name for f in fields(self) if "_use" in f.name or f.name == "most_left")
-        others = tuple(f.name for f in fields(self) if f.name not in shares)
+        shares = tuple(f.name for f in fields(self) if "_use" in f.name)
+        others = tuple(f.name for f in fields(self) if "_use" not in f.name)
         require(self, lambda value: 0.0 < value <= 1.0, "a share above 0, at most 1", shares, SettingsError)
         require(self, lambda value: 0.0 < value < math.inf, "a positive number", others, SettingsError)
 

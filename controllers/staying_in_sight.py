@@ -17,9 +17,12 @@ from numpy.typing import NDArray
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
-from .friction_guard import longitudinal_share
+from .friction_guard import GuardSettings, longitudinal_share
 from .records import Record
 from .stopping_paths import PRESENT, SPEEDS, TURNING, is_free, nearest, safe_speed
+
+HELD = GuardSettings(most_left=0.6)
+"""Of the guard of a car whose turns are held: it brakes and turns out at once, and braking unloads the rear tires."""
 
 _SLACK = 0.2  # [m/s] a path is asked for from this much below the present speed: what a car that brakes lags behind
 _TURN_SLACK = 0.4  # [m/s] the same for a stop on the wished turn, whose braking is planned with least

@@ -12,6 +12,7 @@ from fg_mujoco.controllers.friction_guard import FrictionGuard
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
 from fg_mujoco.controllers.records import record_type, record_values
 from fg_mujoco.controllers.scan_filters import valid_ranges, widen_all
+from fg_mujoco.controllers.staying_in_sight import HELD
 from fg_mujoco.controllers.stopping_paths import StoppingPaths
 from fg_mujoco.errors import SettingsError
 
@@ -63,7 +64,7 @@ def test_range_ratio_is_by_the_mean_range_towards_the_goal(reach):
 def test_friction_is_the_guard_and_nothing_else():
     near = corridor(1.0, 1.0, ahead=0.6)  # any law that looks at ranges would stop here
     asked = command(near, "friction", speed=2.0)
-    guard = FrictionGuard(CAR, MU)
+    guard = FrictionGuard(CAR, MU)  # law friction alone: turns are not held
     expected = guard(asked.steering_angle, TOP, odometry_of(2.0), PERIOD)
     assert asked == expected
     assert asked.speed > 2.0
@@ -72,7 +73,7 @@ def test_friction_is_the_guard_and_nothing_else():
 
 def test_stopping_is_the_speed_from_which_the_car_stops_within_what_it_sees():
     scan = corridor(1.0, 1.0, ahead=3.0)
-    paths = StoppingPaths(CAR, FrictionGuard(CAR, MU), TOP)
+    paths = StoppingPaths(CAR, FrictionGuard(CAR, MU, HELD), TOP)
     asked = command(scan, "stopping", speed=7.0)
     widened = widen_all(valid_ranges(scan.ranges, scan.range_max), scan.angle_increment, paths.radius)
     assert asked.speed == paths.safe_speed(widened, scan.angle_min, scan.angle_increment, 7.0, 0.0)

@@ -103,8 +103,7 @@ def test_the_wheels_turn_in_with_a_share_of_the_unused_grip_and_turn_out_with_mo
     speed, angle, share = 5.0, 0.06, DEFAULTS.turn_in_use
     lateral = DEFAULTS.lateral_use * MU * GRAVITY
     cornering = speed**2 * math.tan(angle) / WHEELBASE
-    for wish, left in ((0.4, lateral - cornering), (-0.4, lateral + cornering)):
-        unused = min(left, DEFAULTS.most_left * lateral)  # or the rear tires, which braking unloads, slide
+    for wish, unused in ((0.4, lateral - cornering), (-0.4, lateral + cornering)):
         rate = share * unused / (YAW_LAG * speed) * WHEELBASE * math.cos(angle) ** 2
         command = FrictionGuard(CAR, MU)(side * wish, 20.0, odometry_of(speed, side * angle), PERIOD)
         turned = math.copysign(min(rate, 3.2), wish) * DEFAULTS.steering_response
@@ -167,7 +166,7 @@ def test_of_no_motion_it_makes_a_stop_and_forgets_the_last_command(speed, angle)
         "lateral_use": 0.0,
         "braking_use": 1.01,
         "turn_in_use": math.nan,
-        "most_left": 1.1,
+        "most_left": 0.0,
         "overspeed": -1.0,
         "load_transfer_time": 0.0,
         "steering_response": math.inf,

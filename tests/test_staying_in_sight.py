@@ -12,12 +12,12 @@ import fg_mujoco as fg
 from fg_mujoco.controllers.driving import scan_record
 from fg_mujoco.controllers.friction_guard import FrictionGuard
 from fg_mujoco.controllers.scan_filters import valid_ranges, widen_all
-from fg_mujoco.controllers.staying_in_sight import stay_in_sight
+from fg_mujoco.controllers.staying_in_sight import HELD, stay_in_sight
 from fg_mujoco.controllers.stopping_paths import PRESENT, TURNING, StoppingPaths
 from fg_mujoco.messages import ODOMETRY
 from fg_mujoco.random_obstacles import random_boxes
 
-GUARD = FrictionGuard(CAR, MU)
+GUARD = FrictionGuard(CAR, MU, HELD)
 STOPPING = StoppingPaths(CAR, GUARD, 8.0)
 TABLE = STOPPING.record[0]
 GRIP = CAR.wheelbase * GUARD.lateral
