@@ -2,13 +2,13 @@
 
 Times measured with these settings (lap from a standing start, then the best), greatest sliding speed of the race:
 
-    chicanes    14.81  14.29 s  .044 m/s    AUT        18.55  17.77 s  .039 m/s
-    fast        24.62  23.89    .045        ESP        39.22  38.43    .045
-    hairpins    23.09  22.29    .041        GBR        34.72  34.00    .045
-    l_corridor  12.00  11.15    .049        MCO        30.79  29.95    .042
-    oval         9.19   8.41    .044        Monza      59.37  58.54    .044
-    tight       17.27  16.65    .044        Spielberg  47.81  46.97    .041
-    random:0 to random:19       .041-.047   Zandvoort  54.31  53.50    .045
+    chicanes    16.08  15.31    .048        AUT         19.02  18.20    .044
+    fast        25.51  24.72    .048        ESP         41.25  40.43    .046
+    hairpins    23.70  22.88    .048        GBR         35.91  35.17    .048
+    l_corridor  12.77  12.36    .045        MCO         31.64  30.89    .046
+    oval         9.92   9.14    .049        Monza       60.63  59.67    .046
+    tight       18.19  17.47    .048        Spielberg   49.38  48.42    .047
+    random:0 to random:19       .046-.049        Zandvoort   57.78  56.53    .049
 
 Of these, .042 m/s is what a holding tire creeps at the limit, see models/f1tenth.xml.
 """
