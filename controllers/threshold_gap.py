@@ -16,8 +16,8 @@ to inf, the second reading to the fifth. The others beyond t, inf alone and inf 
 the latter is the second gap. The definition is what is taken.
 
 Limits: t is hard to decide. The greater it is, the later a gap shows, and the faster the lap, until none shows where
-the car has to turn in: with 2 m it drives all bundled circuits, with 3 m it is a tenth faster in the L-corridor and
-crashes in `tight`, and with the course's 5 m it finishes on `fast` alone. The gap's width counts as an angle, n as
+the car has to turn in: with 2 and 3 m it drives all bundled circuits, with 4 m it is faster in three and gets stuck in
+`tight`, and with the course's 5 m it finishes three of six. The gap's width counts as an angle, n as
 readings of this LiDAR: neither knows the car's width, and nothing is kept clear of the gap's edges but by going through
 its middle. What is a gap for a robot that can turn on the spot may be none for a car.
 """
