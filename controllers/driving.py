@@ -76,6 +76,8 @@ class DrivingSettings:
 
     def __post_init__(self) -> None:
         require_words(self)
+        if not isinstance(self.hold_turns, bool):
+            raise SettingsError(f"{type(self).__name__}.hold_turns is {self.hold_turns!r}; accepted: True, False")
         positive = ("lookahead", "range_ratio_gain", "pursuit_distance")
         require(self, lambda value: 0.0 < value < math.inf, "a positive number", positive, SettingsError)
         from_zero = ("safe_distance", "front_width")

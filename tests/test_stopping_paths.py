@@ -178,7 +178,7 @@ def test_straight_paths_begin_at_the_disc_and_are_evenly_spread():
 
 def test_cars_of_the_same_kind_share_one_table_that_cannot_be_written_to():
     shared = StoppingPaths(CAR, FrictionGuard(CAR, MU), TOP_SPEED).record
-    assert np.shares_memory(shared, STOPPING.record)
+    assert np.shares_memory(shared, StoppingPaths(CAR, FrictionGuard(CAR, MU), TOP_SPEED).record)
     with pytest.raises(ValueError, match="read-only"):
         shared["distances"][0] = 0.0
     for other in (
