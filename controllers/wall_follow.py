@@ -19,9 +19,9 @@ Source: the F1TENTH course, lecture and lab on wall following; the speed is that
 direction in which it steers. There the derivative is differenced in time, and there is an integral term.
 
 Limits, which are where the slides on reactive methods begin: it sees two beams of a side. An obstacle ahead it does not
-steer round, it stops before it, by its speed law, and stays; a box at the wall is a wall that is near, then far. At a
-square corner of the inner wall the beam ahead is lost round the corner, and the car turns in on the corner; the default
-is the middle, where the outer wall outweighs that.
+steer round: it stops before it, by its speed law, unless `hold_turns` leads it past. A box at the wall is a wall that
+is near, then far. At a square corner of the inner wall the beam ahead is lost round the corner, and the car turns in on
+the corner; the default is the middle, where the outer wall outweighs that.
 """
 
 from __future__ import annotations

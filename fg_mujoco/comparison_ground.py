@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -16,6 +15,7 @@ from .errors import SettingsError
 from .messages import CarParameters, FloatArray
 from .obstacles import Obstacle
 from .random_obstacles import ObstacleSites, random_boxes
+from .rollout_job import track_sha256
 from .scene import Scene
 from .scenes import PREFIX
 from .track import Track
@@ -99,12 +99,7 @@ def course_name(course: str) -> str:
 def course_sha256(course: str) -> str | None:
     """Return the hash of a track's line and widths; None for a scene, which the sources alone make."""
     track = None if course.startswith(PREFIX) else _load(course)
-    if not isinstance(track, Track):
-        return None
-    digest = hashlib.sha256()
-    for line in (track.centreline, track.width_right, track.width_left):
-        digest.update(np.ascontiguousarray(line, "<f8").tobytes())
-    return digest.hexdigest()
+    return track_sha256(track) if isinstance(track, Track) else None
 
 
 def laps_of(course: Track | Scene, laps: int) -> int:

@@ -21,7 +21,7 @@ import numpy as np
 from .comparison_run import RunKey, RunRow
 from .errors import RunFolderError
 from .messages import FloatArray
-from .rollout_store import blame
+from .rollout_store import blame, write_file
 
 SCHEMA = 1
 """Of the folder; any other is refused."""
@@ -129,16 +129,8 @@ class ComparisonFolder:
 
 
 def replace_file(path: Path, text: bytes) -> None:
-    """Write a file aside, wait until it is on the disk, and move it into its place."""
-    aside = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        with aside.open("wb") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        aside.replace(path)
-    finally:
-        aside.unlink(missing_ok=True)
+    """Write a file in one piece, in the place of one that may be there."""
+    write_file(path, lambda file: file.write(text))
 
 
 def _line(row: RunRow) -> bytes:

@@ -176,7 +176,7 @@ class RolloutJob:
     def settings(self) -> dict[str, Any]:
         """Return all that the results depend on, but for the versions, as it can stand in JSON."""
         return {
-            "tracks": [{"name": track.name, "sha256": _sha256(*_lines(track))} for track in self.tracks],
+            "tracks": [{"name": track.name, "sha256": track_sha256(track)} for track in self.tracks],
             "controller": Path(self.controller).name,
             "controller_sha256": _sha256(text) if (text := self.controller_text) is not None else None,
             "n": len(self.seeds),
@@ -245,9 +245,10 @@ def _state_size() -> int:
     return int(mujoco.mj_stateSize(spec.compile(), STATE))
 
 
-def _lines(track: Track) -> tuple[bytes, ...]:
+def track_sha256(track: Track) -> str:
+    """Return the hash of a track's line and widths."""
     lines: tuple[FloatArray, ...] = (track.centreline, track.width_right, track.width_left)
-    return tuple(np.ascontiguousarray(line, "<f8").tobytes() for line in lines)
+    return _sha256(*(np.ascontiguousarray(line, "<f8").tobytes() for line in lines))
 
 
 def _sha256(*texts: bytes) -> str:

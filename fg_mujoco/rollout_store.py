@@ -111,7 +111,7 @@ class FolderStore:
             _write_arrays(self.folder / _TRACKS, lines)
             digest = hashlib.sha256(json.dumps([settings, versions], sort_keys=True).encode()).hexdigest()
             manifest = {"schema": SCHEMA, "settings": settings, "versions": versions, "chunk": chunk, "sha256": digest}
-            _write(self.folder / _MANIFEST, lambda file: file.write(_json(manifest)))
+            write_file(self.folder / _MANIFEST, lambda file: file.write(_json(manifest)))
             return chunk
 
     def manifest(self) -> dict[str, Any]:
@@ -192,7 +192,7 @@ class FolderStore:
             aside = self.folder / f".{_WORLDS}.{os.getpid()}"
             write_worlds(aside)
             aside.replace(self.folder / _WORLDS)
-            _write(self.folder / _SUMMARY, lambda file: file.write(_json(summary)))
+            write_file(self.folder / _SUMMARY, lambda file: file.write(_json(summary)))
 
     def summary(self) -> dict[str, Any]:
         """Return the figures of a finished folder.
@@ -244,14 +244,14 @@ def _without_nan(value: Any) -> Any:
 
 
 def _write_array(path: Path, array: NDArray[Any]) -> None:
-    _write(path, lambda file: np.save(file, array))
+    write_file(path, lambda file: np.save(file, array))
 
 
 def _write_arrays(path: Path, arrays: Arrays) -> None:
-    _write(path, lambda file: np.savez(file, **arrays))  # type: ignore[arg-type]
+    write_file(path, lambda file: np.savez(file, **arrays))  # type: ignore[arg-type]
 
 
-def _write(path: Path, write: Callable[[IO[bytes]], Any]) -> None:
+def write_file(path: Path, write: Callable[[IO[bytes]], Any]) -> None:
     """Write a file aside, wait until it is on the disk, and move it into its place."""
     aside = path.with_name(f".{path.name}.{os.getpid()}")
     try:
