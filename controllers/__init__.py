@@ -1,7 +1,7 @@
 """Planners by name, each in one file, and what they share.
 
 Their eyes are in `scan_filters` and `gaps`, their hands in `steering` and `speed`; `driving` makes what they wish for
-safe, by `stopping_paths`, `staying_in_sight` and `friction_guard`; `compiled_planner` makes controllers of them, for
+safe, by `stopping_paths`, `escape` and `friction_guard`; `compiled_planner` makes controllers of them, for
 one world or for many.
 
 A planner needs no entry here to be raced: `--controller path/to/file.py:ClassName` does too.

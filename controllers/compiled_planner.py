@@ -49,9 +49,9 @@ from fg_mujoco.messages import (
 )
 
 from .driving import DRIVER, SCAN, DrivingSettings, driver_record, scan_values
+from .escape import SWERVING
 from .friction_guard import GUARD_MEMORY, FrictionGuard
 from .records import record_type, record_values
-from .staying_in_sight import HELD
 from .stopping_paths import PATHS, StoppingPaths
 
 MEMORY = np.dtype([("guard", GUARD_MEMORY)])
@@ -117,11 +117,11 @@ class CompiledPlanner:
         if type(self.settings) is not self.Settings:
             accepted = self.Settings.__name__
             raise SettingsError(f"{type(self).__name__}.settings is {settings!r}; accepted: a {accepted}")
-        held = self.settings.hold_turns and self.settings.speed_law in ("stopping", "minimum")
-        guard = FrictionGuard(car, mu, HELD if held else None) if math.isfinite(mu) else None
+        swerves = self.settings.way_out and self.settings.speed_law == "minimum"
+        guard = FrictionGuard(car, mu, SWERVING if swerves else None) if math.isfinite(mu) else None
         self.record = np.zeros(1, self._record_type())
         self.record["settings"] = record_values(self.settings)
-        self.record["driver"] = driver_record(car, max_speed, guard, self.settings.speed_law, self.settings.hold_turns)
+        self.record["driver"] = driver_record(car, max_speed, guard, self.settings.speed_law, self.settings.way_out)
         self.record["line"]["end"] = 0 if line is None else len(line)
         self.line = line
         stops = guard is not None and self.record["driver"]["stopping"][0]

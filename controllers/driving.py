@@ -1,8 +1,9 @@
 """From a goal to a command: the steering angle by pursuit, the speed by the planner's speed law, made safe for a car.
 
-Laws that look at the scan say how fast it may go. `stopping` sees to it that the car stops within what it sees
-(stopping_paths) and does not turn into what it cannot stop before (staying_in_sight); `friction` that the tires hold
-what is commanded (friction_guard). A planner that believes in no friction limit, mu = inf, has neither of these two.
+Laws that look at the scan say how fast it may go; `stopping` sees to it that it stops within what it sees
+(stopping_paths), and `friction` that the tires hold what is commanded (friction_guard). With both, it goes no way on
+which it could not stop if it has another (escape). A planner that believes in no friction limit, mu = inf, has none
+of these.
 """
 
 from __future__ import annotations
@@ -19,12 +20,13 @@ from fg_mujoco.errors import SettingsError
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import CarParameters, FloatArray, LaserScan, ScanGeometry, require
 
+from .escape import EscapeSettings, way_out
 from .friction_guard import GUARD, FrictionGuard, guarded
-from .records import CAR, Record, require_words
+from .records import CAR, Record, record_type, record_values, require_words
 from .scan_filters import widen_all
 from .speed import forward_distance_speed, range_ratio_speed
-from .staying_in_sight import stay_in_sight
 from .steering import pursue, saturate
+from .stopping_paths import safe_speed
 
 _PERIOD = 0.025  # [s] of the field's LiDARs, for scans that do not tell theirs
 _LEAST_INCREMENT = 1e-9  # [rad] below it, counts of beams overflow
@@ -43,8 +45,9 @@ DRIVER = np.dtype(
         ("range_ratio", np.bool_),
         ("friction", np.bool_),
         ("stopping", np.bool_),
-        ("turns_held", np.bool_),  # and whether `stopping` holds the steering angle too
+        ("way_out", np.bool_),
         ("guard", GUARD),
+        ("escape", record_type(EscapeSettings)),
         ("paths", np.int64),  # which table of stopping paths is its own
     ]
 )
@@ -64,7 +67,7 @@ class DrivingSettings:
     """
 
     speed_law: SpeedLaw = "minimum"
-    hold_turns: bool = True  # stopping: not to turn into what it cannot stop before; laps take 2 to 11 % longer
+    way_out: bool = True  # minimum: off a way on which it could not stop, to one on which it can
     # forward_distance: nearer ahead than the first, stop; farther than the second, full speed. Among the other laws it
     # is the last resort, as it does not know that the car turns; alone, 5 m are safe: from 8 m/s braking takes 4.9
     safe_distance: float = 0.2  # [m] from the LiDAR, which is .18 behind the bumper
@@ -76,8 +79,8 @@ class DrivingSettings:
 
     def __post_init__(self) -> None:
         require_words(self)
-        if not isinstance(self.hold_turns, bool):
-            raise SettingsError(f"{type(self).__name__}.hold_turns is {self.hold_turns!r}; accepted: True, False")
+        if not isinstance(self.way_out, bool):
+            raise SettingsError(f"{type(self).__name__}.way_out is {self.way_out!r}; accepted: True, False")
         positive = ("lookahead", "range_ratio_gain", "pursuit_distance")
         require(self, lambda value: 0.0 < value < math.inf, "a positive number", positive, SettingsError)
         from_zero = ("safe_distance", "front_width")
@@ -93,20 +96,18 @@ def scan_record(scan: LaserScan | ScanGeometry) -> NDArray[np.void]:
 
 
 def driver_record(
-    car: CarParameters,
-    max_speed: float,
-    guard: FrictionGuard | None,
-    law: SpeedLaw = "minimum",
-    hold_turns: bool = True,
+    car: CarParameters, max_speed: float, guard: FrictionGuard | None, law: SpeedLaw = "minimum", way_out: bool = True
 ) -> NDArray[np.void]:
     """Return a row of type DRIVER, shape (1,); without a guard, of a planner that believes in no friction limit."""
     row = np.zeros(1, DRIVER)
+    row["escape"] = record_values(EscapeSettings())
     row["car"], row["max_speed"] = astuple(car), max_speed
     for name in ("forward_distance", "range_ratio"):
         row[name] = law in (name, "minimum")
     if guard is not None:
         row["friction"], row["stopping"] = law in ("friction", "minimum"), law in ("stopping", "minimum")
-        row["turns_held"], row["guard"] = hold_turns, guard.record
+        row["way_out"] = way_out and law == "minimum"
+        row["guard"] = guard.record
     return row
 
 
@@ -216,13 +217,43 @@ def drive(
     if driver.stopping:
         table = paths[driver.paths]
         widened = widen_all(valid, scan.angle_increment, table.radius)
-        steering_angle = saturate(steering_angle, driver.car.max_steering_angle)
-        steering_angle, speed = stay_in_sight(
-            table, widened, scan, odometry, driver.guard, driver.turns_held, steering_angle, speed
+        in_sight = safe_speed(
+            table, widened, scan.angle_min, scan.angle_increment, odometry.speed, odometry.steering_angle
         )
+        if driver.way_out:
+            return _drive_with_way_out(scan, widened, odometry, driver, memory, steering_angle, speed, in_sight)
+        speed = min(speed, in_sight)
     if not driver.friction:
         return saturate(steering_angle, driver.car.max_steering_angle), speed
-    return _hold(scan, odometry, driver, memory, steering_angle, speed)
+    return _hold(scan, odometry, driver, memory, steering_angle, speed, driver.guard.settings.least_lateral_use)
+
+
+@kernel
+def _drive_with_way_out(
+    scan: Record,
+    widened: FloatArray,
+    odometry: Record,
+    driver: Record,
+    memory: Record,
+    steering_angle: float,
+    speed: float,
+    in_sight: float,
+) -> tuple[float, float]:
+    """Return the command for a wish, or for the way beside it on which the car can stop; arguments as in `drive`.
+
+    Beside the wish it brakes. With a way out it does at least crawl, even where nothing that is planned softly is free.
+    """
+    angle, now = odometry.steering_angle, odometry.speed
+    wish = saturate(steering_angle, driver.car.max_steering_angle)
+    guard, settings, period = driver.guard, driver.escape, _period_of(scan)
+    way, use, found = way_out(
+        guard, memory, settings, widened, scan.angle_min, scan.angle_increment, wish, angle, now, period
+    )
+    if not found:
+        return _hold(scan, odometry, driver, memory, steering_angle, min(speed, in_sight), use)
+    if way != wish:
+        steering_angle, in_sight = way, 0.0
+    return _hold(scan, odometry, driver, memory, steering_angle, min(speed, max(in_sight, settings.crawl_speed)), use)
 
 
 @kernel
@@ -233,12 +264,25 @@ def brake(scan: Record, odometry: Record, driver: Record, memory: Record) -> tup
     """
     if not driver.friction:
         return 0.0, 0.0
-    return _hold(scan, odometry, driver, memory, odometry.steering_angle, 0.0)
+    least = driver.guard.settings.least_lateral_use
+    return _hold(scan, odometry, driver, memory, odometry.steering_angle, 0.0, least)
 
 
 @kernel
 def _hold(
-    scan: Record, odometry: Record, driver: Record, memory: Record, steering_angle: float, speed: float
+    scan: Record,
+    odometry: Record,
+    driver: Record,
+    memory: Record,
+    steering_angle: float,
+    speed: float,
+    least_use: float,
 ) -> tuple[float, float]:
-    period = scan.scan_time if scan.scan_time > 0.0 else _PERIOD
-    return guarded(driver.guard, memory, steering_angle, speed, odometry.steering_angle, odometry.speed, period)
+    angle, now = odometry.steering_angle, odometry.speed
+    return guarded(driver.guard, memory, steering_angle, speed, least_use, angle, now, _period_of(scan))
+
+
+@kernel
+def _period_of(scan: Record) -> float:
+    """Return the time between commands [s]."""
+    return scan.scan_time if scan.scan_time > 0.0 else _PERIOD

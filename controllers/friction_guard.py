@@ -45,7 +45,7 @@ class GuardSettings:
 
     lateral_use: float = 0.95  # of mu g, in cornering
     lateral_use_in_braking: float = 0.9  # of the above, when the car is too fast for the wished steering
-    least_lateral_use: float = 0.5  # of the above, when it is too fast by `overspeed` for what it sees
+    least_lateral_use: float = 0.5  # of lateral_use, when it is too fast by `overspeed` for what it sees
     overspeed: float = 0.7  # [m/s]
     turn_in_use: float = 0.5  # of what cornering leaves, for turning the wheels in, or out
     most_left: float = 2.0  # of mu g, that counts as left for it at most; all that there can be
@@ -94,6 +94,7 @@ def guarded(
     memory: Record,
     steering_angle: float,
     speed: float,
+    least_lateral_use: float,
     angle_now: float,
     speed_now: float,
     period: float,
@@ -107,17 +108,18 @@ def guarded(
       memory: of type GUARD_MEMORY, written to.
       steering_angle: wished [rad].
       speed: wished [m/s], what the scan allows.
+      least_lateral_use: the share of the grip for cornering when the car is far too fast, see GuardSettings.
       angle_now: present steering angle [rad].
       speed_now: present speed [m/s].
       period: until the next command [s].
     """
     car, mu, now = guard.car, guard.mu * guard.settings.lateral_use, abs(speed_now)
     wished = min(speed, friction_speed(steering_angle, mu, car.wheelbase, car.gravity))
-    target = saturate(steering_angle, _steering_limit(guard, wished, speed, now))
+    target = saturate(steering_angle, _steering_limit(guard, wished, speed, now, least_lateral_use))
     step = _steering_rate(guard, angle_now, now, target - angle_now) * guard.settings.steering_response
     command = angle_now + saturate(target - angle_now, step)
-    share = _share_left(guard, angle_now, command, now)
-    acceleration = _approach(guard, memory.acceleration, wished - speed_now, share, period)
+    braking, accelerating = _shares_left(guard, angle_now, command, now)
+    acceleration = _approach(guard, memory.acceleration, wished - speed_now, braking, accelerating, period)
     reached = speed_now + acceleration * car.speed_time_constant
     if not math.isfinite(command + reached):
         memory.acceleration = 0.0
@@ -127,7 +129,7 @@ def guarded(
 
 
 @kernel
-def _steering_limit(guard: Record, wished: float, speed: float, now: float) -> float:
+def _steering_limit(guard: Record, wished: float, speed: float, now: float, least_lateral_use: float) -> float:
     """Return the greatest steering angle [rad] for now: less while the car has to slow down.
 
     Args:
@@ -135,10 +137,11 @@ def _steering_limit(guard: Record, wished: float, speed: float, now: float) -> f
       wished: speed by the scan and by the wished steering [m/s].
       speed: by the scan alone [m/s].
       now: present [m/s].
+      least_lateral_use: the share when it is too fast by `overspeed`.
     """
     car, settings = guard.car, guard.settings
     too_fast = min(max((now - speed) / settings.overspeed, 0.0), 1.0)
-    use = 1.0 - too_fast * (1.0 - settings.least_lateral_use)
+    use = 1.0 - too_fast * (1.0 - least_lateral_use)
     if now > wished:
         use = min(use, settings.lateral_use_in_braking)
     mu = guard.mu * settings.lateral_use * use
@@ -156,24 +159,33 @@ def _steering_rate(guard: Record, angle: float, now: float, turn: float) -> floa
 
 
 @kernel
-def _share_left(guard: Record, angle: float, command: float, now: float) -> float:
-    """Return the share of straight-line braking and accelerating that cornering leaves."""
+def _shares_left(guard: Record, angle: float, command: float, now: float) -> tuple[float, float]:
+    """Return the shares of straight-line braking and of straight-line accelerating that cornering leaves."""
     cornering = now * now * math.tan(angle) / guard.car.wheelbase
     next_cornering = now * now * math.tan(command) / guard.car.wheelbase
     curvature_rate = (math.tan(command) - math.tan(angle)) / guard.car.wheelbase / guard.settings.steering_response
     front = abs(cornering + guard.yaw_lag * now * curvature_rate)  # turning in takes more of the front tires
     rear_lag = guard.car.yaw_inertia / (guard.car.mass * guard.car.front_axle_distance)
-    rear = abs(cornering - rear_lag * now * curvature_rate)  # and turning out more of the rear ones
-    return longitudinal_share(max(abs(cornering), abs(next_cornering), front, rear) / (guard.mu * guard.car.gravity))
+    # and turning out more of the rear ones: twice as much by the slides measured in braking, in which they are the ones
+    # that let go first; accelerating loads them
+    rear = abs(cornering - 2.0 * rear_lag * now * curvature_rate)
+    most = guard.mu * guard.car.gravity
+    used = max(abs(cornering), abs(next_cornering), front)
+    return longitudinal_share(max(used, rear) / most), longitudinal_share(used / most)
 
 
 @kernel
-def _approach(guard: Record, last: float, missing_speed: float, share: float, period: float) -> float:
-    """Return the acceleration [m/s^2] to take up `missing_speed` [m/s] with, after that of the last tick."""
+def _approach(
+    guard: Record, last: float, missing_speed: float, braking: float, accelerating: float, period: float
+) -> float:
+    """Return the acceleration [m/s^2] to take up `missing_speed` [m/s] with, after that of the last tick.
+
+    `braking` and `accelerating` are the shares of those straight ahead that cornering leaves.
+    """
     growth = period / guard.settings.load_transfer_time
     wished = missing_speed / guard.settings.speed_response
-    lowest = max(-guard.braking * share, min(last, 0.0) - guard.braking * growth)
-    highest = min(guard.accelerating * share, max(last, 0.0) + guard.accelerating * growth)
+    lowest = max(-guard.braking * braking, min(last, 0.0) - guard.braking * growth)
+    highest = min(guard.accelerating * accelerating, max(last, 0.0) + guard.accelerating * growth)
     return float(min(max(wished, lowest), highest))
 
 
@@ -227,5 +239,6 @@ class FrictionGuard:
           period: until the next command [s].
         """
         angle, now = odometry.steering_angle, odometry.speed
-        command = guarded(self.record[0], self._memory[0], steering_angle, speed, angle, now, period)
+        least = self.settings.least_lateral_use
+        command = guarded(self.record[0], self._memory[0], steering_angle, speed, least, angle, now, period)
         return DriveCommand(steering_angle=command[0], speed=command[1])

@@ -26,14 +26,14 @@ from fg_mujoco.messages import CarParameters, FloatArray, require
 from .friction_guard import FrictionGuard, GuardSettings, longitudinal_share
 from .records import Record, record_type
 
-TURNING = np.array([0.0, 0.15, 0.3, 0.45, 0.6, 0.7, 0.8])  # shares of the cornering grip to turn aside with
-PRESENT = np.array([-0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0])  # shares in use when the scan is taken
+_TURNING = np.array([0.0, 0.15, 0.3, 0.45, 0.6, 0.7, 0.8])  # shares of the cornering grip to turn aside with
+_PRESENT = np.array([-0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0])  # shares in use when the scan is taken
 _LEAST_SPEED = 0.5  # [m/s]
-SPEEDS = 48
+_SPEEDS = 48
 _POINTS = 24
 _STEP = 0.01  # [s] of the integration
 _LONGEST_STOP = 2000  # steps
-_GRID = (len(PRESENT), SPEEDS, len(TURNING), _POINTS)
+_GRID = (len(_PRESENT), _SPEEDS, len(_TURNING), _POINTS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,11 +48,10 @@ class StoppingSettings:
     reaction: float = 0.045  # [s] a tick, and the servo's lag
     margin: float = 0.55  # [m] ahead of the bumper at a stop: what turning in takes
     clearance: float = 0.02  # [m] round the car's front
-    turning_time: float = 0.15  # [s] that a turn is followed for in `turn_bearings`
 
     def __post_init__(self) -> None:
         require(self, lambda value: 0.0 < value <= 1.0, "a share above 0, at most 1", ("braking_share",), SettingsError)
-        others = ("reaction", "margin", "clearance", "turning_time")
+        others = ("reaction", "margin", "clearance")
         require(self, lambda value: 0.0 <= value < math.inf, "a number from 0", others, SettingsError)
 
 
@@ -60,18 +59,14 @@ PATHS = np.dtype(
     [
         ("radius", np.float64),  # [m] of the disc that covers the car's front
         ("lateral", np.float64),  # [m/s^2] that may be used in cornering
-        ("braking", np.float64),  # [m/s^2] that a stop is planned with, straight ahead
         ("wheelbase", np.float64),  # [m]
-        ("speeds", np.float64, (SPEEDS,)),  # [m/s] slowest first
+        ("speeds", np.float64, (_SPEEDS,)),  # [m/s] slowest first
         # of the disc's centre along the paths that turn left, as the LiDAR sees it from where the car is now
         ("bearings", np.float32, _GRID),  # [rad]
         ("distances", np.float32, _GRID),  # [m]
-        # of the paths that turn left for a moment only, and then straighten
-        ("turn_bearings", np.float32, _GRID),  # [rad]
-        ("turn_distances", np.float32, _GRID),  # [m]
     ]
 )
-"""All stopping paths of a car: a megabyte."""
+"""All stopping paths of a car: half a megabyte."""
 
 
 class StoppingPaths:
@@ -101,7 +96,7 @@ class StoppingPaths:
         self, widened: FloatArray, angle_min: float, angle_increment: float, speed: float, steering_angle: float
     ) -> float:
         """Return the greatest speed [m/s] with a free stopping path; for the arguments see the kernel `safe_speed`."""
-        return safe_speed(self.record[0], widened, angle_min, angle_increment, speed, steering_angle)[0]
+        return safe_speed(self.record[0], widened, angle_min, angle_increment, speed, steering_angle)
 
 
 @kernel
@@ -112,10 +107,8 @@ def safe_speed(
     angle_increment: float,
     speed: float,
     steering_angle: float,
-) -> tuple[float, float]:
-    """Return the greatest speed [m/s] with a free stopping path, and the share of the grip that it turns with.
-
-    The share is positive to the left. Where no path is free, both are 0.
+) -> float:
+    """Return the greatest speed [m/s] with a free stopping path, 0 where there is none.
 
     Args:
       paths: of type PATHS.
@@ -127,20 +120,20 @@ def safe_speed(
     """
     share = speed * speed * math.tan(steering_angle) / (paths.wheelbase * paths.lateral)
     if len(widened) == 0:
-        return 0.0, 0.0
-    first = 1 if share >= 0.0 else -1  # the side that it turns to already
-    for fast in range(SPEEDS - 1, -1, -1):
-        for turning in range(len(TURNING)):  # the least that does
-            for side in (first, -first):
-                path = (nearest(PRESENT, side * share), fast, turning)
-                bearings, distances = paths.bearings[path], paths.distances[path]
-                if is_free(widened, angle_min, angle_increment, side, bearings, distances):
-                    return float(paths.speeds[fast]), float(side * TURNING[turning])
-    return 0.0, 0.0
+        return 0.0
+    for fast in range(_SPEEDS - 1, -1, -1):
+        for side in (1, -1):
+            present = _nearest(_PRESENT, side * share)
+            for turning in range(len(_TURNING)):
+                bearings = paths.bearings[present, fast, turning]
+                distances = paths.distances[present, fast, turning]
+                if _is_free(widened, angle_min, angle_increment, side, bearings, distances):
+                    return float(paths.speeds[fast])
+    return 0.0
 
 
 @kernel
-def is_free(
+def _is_free(
     widened: FloatArray,
     angle_min: float,
     angle_increment: float,
@@ -158,7 +151,7 @@ def is_free(
 
 
 @kernel
-def nearest(grid: FloatArray, value: float) -> int:
+def _nearest(grid: FloatArray, value: float) -> int:
     """Return the place in `grid` that is nearest to `value`."""
     best = 0
     for place in range(1, len(grid)):
@@ -177,53 +170,43 @@ def _paths(
     # a disc over the car's front corners, its centre a quarter of the width behind the bumper
     table["radius"] = math.hypot(0.5 * car.width, 0.25 * car.width) + settings.clearance
     table["lateral"], table["wheelbase"] = guard.lateral, car.wheelbase
-    table["braking"] = min(settings.braking_share * guard.lateral, guard.braking)
-    table["speeds"] = np.linspace(_LEAST_SPEED, max(max_speed, _LEAST_SPEED), SPEEDS)
+    table["speeds"] = np.linspace(_LEAST_SPEED, max(max_speed, _LEAST_SPEED), _SPEEDS)
     row = np.array([astuple(settings)], record_type(StoppingSettings))
-    speeds = table["speeds"][0]
-    table["bearings"], table["distances"] = _all_paths(guard.record[0], row[0], speeds, math.inf)
-    moment = _all_paths(guard.record[0], row[0], speeds, settings.turning_time)
-    table["turn_bearings"], table["turn_distances"] = moment
+    table["bearings"], table["distances"] = _all_paths(guard.record[0], row[0], table["speeds"][0])
     table.flags.writeable = False
     return table
 
 
 @kernel
-def _all_paths(guard: Record, settings: Record, speeds: FloatArray, moment: float) -> tuple[FloatArray, FloatArray]:
+def _all_paths(guard: Record, settings: Record, speeds: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return bearings [rad] and distances [m] of the points of all stopping paths that turn left. Shape _GRID."""
     bearings, distances = np.empty(_GRID), np.empty(_GRID)
     trace = np.empty((_LONGEST_STOP + 1, 4))
-    for present in range(len(PRESENT)):
-        for fast in range(SPEEDS):
-            for turning in range(len(TURNING)):
-                steps = _stop(guard, settings, speeds[fast], PRESENT[present], TURNING[turning], moment, trace)
+    for present in range(len(_PRESENT)):
+        for fast in range(_SPEEDS):
+            for turning in range(len(_TURNING)):
+                steps = _stop(guard, settings, speeds[fast], _PRESENT[present], _TURNING[turning], trace)
                 path = (present, fast, turning)
                 _spread_points(guard.car, settings, trace[: steps + 1], bearings[path], distances[path])
     return bearings, distances
 
 
 @kernel
-def _stop(
-    guard: Record, settings: Record, speed: float, present: float, turning: float, moment: float, trace: FloatArray
-) -> int:
+def _stop(guard: Record, settings: Record, speed: float, present: float, turning: float, trace: FloatArray) -> int:
     """Write x [m], y [m], heading [rad] and way [m] of the rear axle at each step of a stop; return how many steps.
 
     The car starts at `speed` [m/s] with the share `present` of the cornering grip in use and turns to the share
-    `turning` once it has reacted, for a moment [s], and then straight on. A turn all the way, for inf, is one that the
-    margin has room for the turning in of; one of a moment turns in as fast as the guard lets it.
+    `turning` once it has reacted.
     """
     tightest = math.tan(guard.car.max_steering_angle) / guard.car.wheelbase
     braking = min(settings.braking_share * guard.lateral, guard.braking)
     curvature = min(max(present * guard.lateral / speed**2, -tightest), tightest)
-    lag = guard.yaw_lag if moment == math.inf else guard.yaw_lag / guard.settings.turn_in_use
     x, y, heading, way = 0.0, 0.0, 0.0, 0.0
     trace[0, 0], trace[0, 1], trace[0, 2], trace[0, 3] = x, y, heading, way
     for step in range(_LONGEST_STOP):
         if step * _STEP >= settings.reaction:
             wanted = min(turning * guard.lateral / max(speed, 0.1) ** 2, tightest)
-            if step * _STEP >= settings.reaction + moment:
-                wanted = 0.0
-            curvature += (wanted - curvature) * (1.0 - math.exp(-speed * _STEP / lag))
+            curvature += (wanted - curvature) * (1.0 - math.exp(-speed * _STEP / guard.yaw_lag))
             used = min(abs(curvature) * speed**2 / guard.lateral, 0.999)  # below 1, or it never stops
             speed = max(speed - braking * longitudinal_share(used) * _STEP, 0.0)
         distance = speed * _STEP

@@ -144,7 +144,7 @@ def test_in_a_batch_each_row_of_memory_is_a_guard_of_its_own():
     for wish in ((0.1, 6.0), (0.3, 1.0), (-0.2, 8.0)):
         for guard, memory in zip(guards, memories, strict=True):
             command = guard(*wish, odometry_of(3.0, 0.05), PERIOD)
-            row = guarded(guard.record[0], memory, *wish, 0.05, 3.0, PERIOD)
+            row = guarded(guard.record[0], memory, *wish, guard.settings.least_lateral_use, 0.05, 3.0, PERIOD)
             assert row == (command.steering_angle, command.speed)
     assert memories["acceleration"][0] != memories["acceleration"][1]
 

@@ -198,7 +198,7 @@ def test_a_speed_beyond_all_reckoning_is_no_odometry():
 
 
 def test_it_does_not_drive_at_a_wall_that_is_too_near():
-    planner, scan = finder(), corridor(0.3, 0.3, 0.5)
+    planner, scan = finder(), corridor(0.3, 0.3, 0.22)
     assert planner(scan, odometry_of(0.0)).speed <= 0.0
 
 

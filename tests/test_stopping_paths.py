@@ -125,7 +125,7 @@ def test_whatever_it_is_told_it_answers_a_speed_of_the_grid(angle_min, increment
 # -- the paths
 
 
-def far_end(speed, present, turning, moment=math.inf, lag=GUARD.yaw_lag):
+def far_end(speed, present, turning):
     """Bearing [rad] and distance [m] of the end of a path to the left, by steps ten times as short."""
     chosen, step = STOPPING.settings, 1e-3
     tightest = math.tan(CAR.max_steering_angle) / CAR.wheelbase
@@ -134,9 +134,8 @@ def far_end(speed, present, turning, moment=math.inf, lag=GUARD.yaw_lag):
     place, heading, time = 0j, 0.0, 0.0
     while speed > 0.0:
         if time >= chosen.reaction:
-            turns = time < chosen.reaction + moment
-            wanted = min(turning * GUARD.lateral / max(speed, 0.1) ** 2, tightest) if turns else 0.0
-            curvature += (wanted - curvature) * speed * step / lag
+            wanted = min(turning * GUARD.lateral / max(speed, 0.1) ** 2, tightest)
+            curvature += (wanted - curvature) * speed * step / GUARD.yaw_lag
             left = 1.0 - min(abs(curvature) * speed**2 / GUARD.lateral, 0.999)
             speed = max(speed - braking * left**0.8 * step, 0.0)
         heading += curvature * speed * step
@@ -160,16 +159,6 @@ def test_a_path_ends_where_a_finer_integration_says(fast, present, turning):
     assert paths["bearings"][path] == pytest.approx(bearing, abs=0.03)
 
 
-@pytest.mark.parametrize("fast", [10, 25, 47])
-@pytest.mark.parametrize(("present", "turning"), [((3, 0.0), (4, 0.6)), ((7, 1.0), (1, 0.15)), ((0, -0.75), (6, 0.8))])
-def test_a_turn_of_a_moment_ends_where_a_finer_integration_says(fast, present, turning):
-    moment, lag = STOPPING.settings.turning_time, GUARD.yaw_lag / GUARD.settings.turn_in_use
-    bearing, distance = far_end(STOPPING.speeds[fast], present[1], turning[1], moment, lag)
-    paths, path = STOPPING.record[0], (present[0], fast, turning[0], -1)
-    assert paths["turn_distances"][path] == pytest.approx(distance, rel=0.03, abs=0.03)
-    assert paths["turn_bearings"][path] == pytest.approx(bearing, abs=0.03)
-
-
 def test_straight_paths_begin_at_the_disc_and_are_evenly_spread():
     distances = STOPPING.record[0]["distances"][3, :, 0]
     assert distances[:, 0] == pytest.approx(BUMPER - 0.25 * CAR.width, rel=1e-6)
@@ -190,8 +179,8 @@ def test_cars_of_the_same_kind_share_one_table_that_cannot_be_written_to():
         assert not np.array_equal(other.record["distances"], STOPPING.record["distances"])
 
 
-def test_a_table_takes_a_megabyte():
-    assert PATHS.itemsize < 1_040_000
+def test_a_table_takes_half_a_megabyte():
+    assert PATHS.itemsize < 520_000
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,88 @@
+"""The way out: a wish that is safe stands, one that is not is left for a way on which the car can stop."""
+
+import math
+
+import numpy as np
+import pytest
+
+from fg_mujoco.car import car_parameters
+from fg_mujoco.car_changes import plain_car
+from fg_mujoco.controllers.escape import EscapeSettings, bearing_of_arc, reading, way_out
+from fg_mujoco.controllers.friction_guard import GUARD_MEMORY, FrictionGuard
+from fg_mujoco.controllers.records import record_type, record_values
+from fg_mujoco.controllers.steering import pursue
+from fg_mujoco.errors import SettingsError
+
+CAR = car_parameters(plain_car())
+GUARD = FrictionGuard(CAR, 1.0489)
+BEAMS, INCREMENT = 1081, math.radians(0.25)
+START = -0.5 * (BEAMS - 1) * INCREMENT
+BEARINGS = START + INCREMENT * np.arange(BEAMS)
+BUMPER = CAR.length - CAR.rear_overhang - CAR.lidar_offset - 0.25 * CAR.width  # [m] from the LiDAR to the disc's centre
+
+
+def escape(widened, wish=0.0, angle=0.0, speed=4.0, acceleration=0.0, **settings):
+    values = EscapeSettings(**settings)
+    row = np.array([record_values(values)], record_type(EscapeSettings))
+    memory = np.zeros(1, GUARD_MEMORY)
+    memory["acceleration"] = acceleration
+    answer = way_out(GUARD.record[0], memory[0], row[0], widened, START, INCREMENT, wish, angle, speed, 0.025)
+    assert memory["acceleration"][0] == acceleration  # trying leaves no trace
+    return answer
+
+
+def wall_ahead(distance):
+    """A wall across the way, but for an opening to the left of 20 degrees."""
+    ranges = np.full(BEAMS, 30.0)
+    ahead = np.abs(BEARINGS) < math.radians(20.0)
+    ranges[ahead] = distance / np.cos(BEARINGS[ahead])
+    return ranges
+
+
+@pytest.mark.parametrize("wish", [-0.2, 0.0, 0.1])
+def test_where_nothing_is_near_the_wish_stands_to_the_bit(wish):
+    assert escape(np.full(BEAMS, 30.0), wish) == (wish, 0.5, True)
+
+
+def test_before_a_wall_that_it_can_stop_at_the_wish_stands_and_before_a_nearer_one_it_does_not():
+    stop = 4.0**2 / (2.0 * GUARD.braking) + BUMPER  # less than it takes: braking has to grow first
+    assert escape(wall_ahead(stop + 1.0)) == (0.0, 0.5, True)
+    way, _, found = escape(wall_ahead(stop))
+    assert not found or way != 0.0
+
+
+def test_a_wish_into_a_box_is_left_for_a_way_past_it():
+    ranges = np.full(BEAMS, 30.0)
+    ranges[math.radians(8.0) < BEARINGS] = 1.2
+    wish = 0.15
+    way, use, found = escape(ranges, wish)
+    assert found and way < wish and 0.0 < use <= 1.0
+
+
+def test_left_and_right_are_mirror_images():
+    ranges = np.full(BEAMS, 30.0)
+    ranges[math.radians(8.0) < BEARINGS] = 1.2
+    way, use, found = escape(ranges, 0.15)
+    assert escape(ranges[::-1].copy(), -0.15) == (pytest.approx(-way), use, found)
+
+
+def test_where_no_way_is_free_the_wish_stands_and_it_is_said():
+    assert escape(np.full(BEAMS, 0.3), 0.1) == (0.1, GUARD.settings.least_lateral_use, False)
+
+
+@pytest.mark.parametrize("angle", [-0.4, -0.1, 0.0, 0.02, 0.3])
+def test_the_bearing_of_an_arc_is_what_pursuit_steers_for(angle):
+    bearing = bearing_of_arc(angle, 1.0, CAR.lidar_offset, CAR.wheelbase)
+    assert pursue(bearing, 1.0, CAR.lidar_offset, CAR.wheelbase) == pytest.approx(angle, abs=1e-12)
+
+
+def test_a_reading_is_the_nearest_beam_and_at_the_ends_the_last():
+    ranges = np.arange(5.0)
+    bearings = (-3.0, -0.2, -0.06, 0.04, 0.06, 9.0)
+    assert [reading(ranges, -0.2, 0.1, bearing) for bearing in bearings] == [0.0, 0.0, 1.0, 2.0, 3.0, 4.0]
+
+
+@pytest.mark.parametrize(("name", "value"), [("margin", -0.1), ("fan_step", 0.0), ("crawl_speed", math.nan)])
+def test_settings_that_make_no_sense_are_refused_by_name(name, value):
+    with pytest.raises(SettingsError, match=name):
+        EscapeSettings(**{name: value})
