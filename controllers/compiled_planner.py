@@ -117,7 +117,7 @@ class CompiledPlanner:
         if type(self.settings) is not self.Settings:
             accepted = self.Settings.__name__
             raise SettingsError(f"{type(self).__name__}.settings is {settings!r}; accepted: a {accepted}")
-        swerves = self.settings.way_out and self.settings.speed_law == "minimum"
+        swerves = self.settings.speed_law == "minimum"
         guard = FrictionGuard(car, mu, SWERVING if swerves else None) if math.isfinite(mu) else None
         self.record = np.zeros(1, self._record_type())
         self.record["settings"] = record_values(self.settings)

@@ -67,7 +67,7 @@ class DrivingSettings:
     """
 
     speed_law: SpeedLaw = "minimum"
-    way_out: bool = True  # minimum: off a way on which it could not stop, to one on which it can
+    way_out: bool = True  # minimum: where the car could not stop on its way, it takes one on which it can
     # forward_distance: nearer ahead than the first, stop; farther than the second, full speed. Among the other laws it
     # is the last resort, as it does not know that the car turns; alone, 5 m are safe: from 8 m/s braking takes 4.9
     safe_distance: float = 0.2  # [m] from the LiDAR, which is .18 behind the bumper
@@ -250,7 +250,8 @@ def _drive_with_way_out(
         guard, memory, settings, widened, scan.angle_min, scan.angle_increment, wish, angle, now, period
     )
     if not found:
-        return _hold(scan, odometry, driver, memory, steering_angle, min(speed, in_sight), use)
+        speed = 0.0 if now > settings.crawl_speed else min(speed, in_sight)
+        return _hold(scan, odometry, driver, memory, way, speed, use)
     if way != wish:
         steering_angle, in_sight = way, 0.0
     return _hold(scan, odometry, driver, memory, steering_angle, min(speed, max(in_sight, settings.crawl_speed)), use)

@@ -5,7 +5,8 @@ same way, as in a corner, that is safe. Where the goal jumps, as when a corner o
 leaves the only free path for a goal that it cannot reach at its speed. So each wish is tried: the car is driven in
 thought towards it, by the very guard that drives it (friction_guard), braking to a stop. If it would touch something,
 the same is tried to the sides of the wish, and of the ways on which it stops the one with the longest view is taken,
-braking: the nearest to the wish often ends in the corner between a box and a wall. If there is none, the wish stands.
+braking: the nearest to the wish often ends in the corner between a box and a wall. If there is none, the car brakes on
+the way with the least speed at the touch, which the margins often make a stop.
 
 Each way is tried with several shares of the grip for cornering: braking first and turning late, or the reverse.
 
@@ -30,7 +31,7 @@ from .friction_guard import GuardSettings, guarded
 from .records import Record
 from .steering import pursue
 
-SWERVING = GuardSettings(most_left=0.6)
+SWERVING = GuardSettings(most_left=0.6, turn_in_use=0.45)
 """Of the guard of a car that swerves: it brakes and turns out at once, and braking unloads the rear tires."""
 
 _LATERAL_USES = (0.5, 1.0, 0.75, 0.25)  # tried in this order: the guard's own first
@@ -51,8 +52,8 @@ class EscapeSettings:
       SettingsError: a length or angle that is negative or not finite; a step or speed that is not a positive number.
     """
 
-    margin: float = 0.01  # [m] ahead of the bumper, on the way that is wished
-    margin_aside: float = 0.05  # [m] on another way: it is not left at once when the car brakes a little less
+    margin: float = 0.05  # [m] ahead of the bumper, on the way that is wished
+    margin_aside: float = 0.08  # [m] on another way: it is not left at once when the car brakes a little less
     fan: float = math.radians(90.0)  # [rad] ways to either side of the wish
     fan_step: float = math.radians(5.0)  # [rad] between them
     crawl_speed: float = 0.5  # [m/s] with a way out the car goes at least so fast: it does not come to stand for good
@@ -78,7 +79,7 @@ def way_out(
 ) -> tuple[float, float, bool]:
     """Return a steering angle [rad] with which the car can stop, the share of grip for cornering, and if there is one.
 
-    That is the wish itself, to the bit, if the car can stop on its way.
+    That is the wish itself, to the bit, if the car can stop on its way. If there is none: that of the least speed left.
 
     Args:
       guard: of type GUARD.
@@ -101,24 +102,26 @@ def way_out(
         views[number] = max(reading(widened, angle_min, angle_increment, bearing), _LEAST_GOAL)
         if abs(bearing) > _WIDEST:
             views[number] = 0.0
-    number = 0
-    while views[number] > 0.0:
+    number, least, best, best_use = 0, math.inf, wish, guard.settings.least_lateral_use
+    while least > 0.0 and views[number] > 0.0:
         bearing = wish + _aside(number, settings.fan_step)
         goal = (bearing, views[number])
         margin = settings.margin if number == 0 else settings.margin_aside
         for use in _LATERAL_USES:
             last = memory.acceleration
-            free = stops(
+            left = speed_at_touch(
                 guard, memory, widened, angle_min, angle_increment, goal, use, margin, angle_now, speed, period
             )
             memory.acceleration = last
-            if free and number == 0:
+            if left == 0.0 and number == 0:
                 return steering_angle, use, True
-            if free:
-                return pursue(bearing, _PURSUIT, car.lidar_offset, car.wheelbase), use, True
+            if left < least:
+                least, best, best_use = left, bearing, use
+            if left == 0.0:
+                break
         views[number] = 0.0
         number = int(np.argmax(views))
-    return steering_angle, guard.settings.least_lateral_use, False
+    return pursue(best, _PURSUIT, car.lidar_offset, car.wheelbase), best_use, least == 0.0
 
 
 @kernel
@@ -129,7 +132,7 @@ def _aside(number: int, step: float) -> float:
 
 
 @kernel
-def stops(
+def speed_at_touch(
     guard: Record,
     memory: Record,
     widened: FloatArray,
@@ -141,8 +144,8 @@ def stops(
     angle: float,
     speed: float,
     period: float,
-) -> bool:
-    """Return whether the car comes to a stop before it touches anything when it brakes on its way to a goal.
+) -> float:
+    """Return the speed [m/s] with which the car touches something when it brakes on its way to a goal; 0: it stops.
 
     What is kept clear: the disc over the car's front, its centre a quarter of the width behind the bumper, and by
     `margin`; and discs as large round the LiDAR and the rear axle, which cut the corner, once they are ahead of where
@@ -187,19 +190,19 @@ def stops(
         ahead, left = x + front * cos - lidar, y + front * sin
         beyond = reading(widened, angle_min, angle_increment, math.atan2(left, ahead))
         if not beyond > math.hypot(ahead, left) + to_bumper + margin:
-            return False
+            return max(speed, _STANDING)
         for place in (0.0, lidar):
             ahead, left = x + place * cos - lidar, y + place * sin
             if ahead > 0.0:
                 beyond = reading(widened, angle_min, angle_increment, math.atan2(left, ahead))
                 if not beyond > math.hypot(ahead, left):
-                    return False
+                    return max(speed, _STANDING)
         if speed < _STANDING:
-            return True
+            return 0.0
         ahead = cos * (goal_x - x) + sin * (goal_y - y) - lidar
         left = cos * (goal_y - y) - sin * (goal_x - x)
         bearing, distance = math.atan2(left, ahead), math.hypot(ahead, left)
-    return True
+    return 0.0
 
 
 @kernel

@@ -19,7 +19,7 @@ Source: the F1TENTH course, lecture and lab on wall following; the speed is that
 direction in which it steers. There the derivative is differenced in time, and there is an integral term.
 
 Limits, which are where the slides on reactive methods begin: it sees two beams of a side. An obstacle ahead it does not
-steer round: it stops before it, by its speed law, unless `hold_turns` leads it past. A box at the wall is a wall that
+steer round: it stops before it, by its speed law, unless `way_out=true` leads it past. A box at the wall is a wall that
 is near, then far. At a square corner of the inner wall the beam ahead is lost round the corner, and the car turns in on
 the corner; the default is the middle, where the outer wall outweighs that.
 """
@@ -54,6 +54,7 @@ class WallFollowSettings(DrivingSettings):
       SettingsError: an unknown side; an angle that is not between 0 and 90 degrees; a number that is negative.
     """
 
+    way_out: bool = False  # it steers by the walls alone, and a way out is a way off them
     side: Literal["left", "right", "both"] = "both"
     desired_distance: float = 0.9  # [m] from the LiDAR to the wall
     beam_angle: float = math.radians(45.0)  # [rad] theta, from the beam abeam to the one ahead of it
