@@ -2,13 +2,13 @@
 
 Times measured with these settings (lap from a standing start, then the best), greatest sliding speed of the race:
 
-    chicanes    16.08  15.31    .048        AUT         19.02  18.20    .044
-    fast        25.51  24.72    .048        ESP         41.25  40.43    .046
-    hairpins    23.70  22.88    .048        GBR         35.91  35.17    .048
-    l_corridor  12.77  12.36    .045        MCO         31.64  30.89    .046
-    oval         9.92   9.14    .049        Monza       60.63  59.67    .046
-    tight       18.19  17.47    .048        Spielberg   49.38  48.42    .047
-    random:0 to random:19       .046-.049        Zandvoort   57.78  56.53    .049
+    chicanes    14.81  14.30    .043        AUT         18.71  17.91    .039
+    fast        24.62  23.90    .044        ESP         39.38  38.61    .044
+    hairpins    23.24  22.39    .040        GBR         34.98  34.25    .045
+    l_corridor  12.24  11.72    .045        MCO         31.05  30.68    .041
+    oval         9.19   8.40    .043        Monza       59.53  58.63    .041
+    tight       17.32  16.69    .044        Spielberg   47.87  47.10    .042
+    random:0 to random:19       .041-.045        Zandvoort   54.34  53.56    .045
 
 Of these, .042 m/s is what a holding tire creeps at the limit, see models/f1tenth.xml.
 """
