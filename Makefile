@@ -13,7 +13,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 RUN := runs/$(notdir $(basename $(TRACK)))-$(shell date +%Y%m%d-%H%M%S)
 
-.PHONY: help race test quick unit lint bench picture clean
+.PHONY: help race test quick unit lint bench friction picture clean
 .DEFAULT_GOAL := help
 
 help:
@@ -49,6 +49,10 @@ lint: $(READY)
 ## make bench   how fast it is, on an idle machine; some ten minutes
 bench: $(READY)
 	$(BIN)/python benchmarks/all.py $(ARGS)
+
+## make friction the friction lab, and its report in runs/friction; some minutes, less what is there
+friction: $(READY)
+	$(BIN)/fg-mujoco friction all --out runs/friction $(ARGS)
 
 ## make picture the picture of the README, anew
 PICTURE := docs/images/oval_trace.png

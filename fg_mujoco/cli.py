@@ -24,6 +24,7 @@ from .controller_choice import ControllerChoice
 from .controller_loading import controller_names
 from .course_drawing import describe_course
 from .errors import FgMujocoError, MissingExtraError, SettingsError
+from .friction_cli import add_friction
 from .lidar import LIDAR_BACKENDS
 from .lidar_effects import LidarEffects
 from .plots import require_matplotlib, track_picture
@@ -88,6 +89,7 @@ def _parser() -> argparse.ArgumentParser:
     _add(commands, "controllers", _controllers, "list the bundled controllers")
     add_rollout(_add, commands)
     add_compare(_add, commands)
+    add_friction(_add, commands)
     return parser
 
 
