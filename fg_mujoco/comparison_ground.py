@@ -34,7 +34,7 @@ class Ground:
         """Outlines of the walls, closed without repeating a point. Shape (k, 2) [m] each."""
         if isinstance(self.course, Scene):
             return [wall.corners() for wall in self.course.walls]
-        return [self.course.left_wall, self.course.right_wall]
+        return [self.course.left_wall, self.course.right_wall, *self.course.islands]
 
     @property
     def standing(self) -> list[FloatArray]:

@@ -100,6 +100,8 @@ def _draw_corridor(axes: Axes, track: Track) -> None:
     walls = [closed(track.left_wall), closed(track.right_wall[::-1])]  # against each other: a ring, not two discs
     corridor = Outline.make_compound_path(*(Outline(wall, closed=True) for wall in walls))
     axes.add_patch(PathPatch(corridor, facecolor="0.95", edgecolor="0.25", linewidth=0.8))
+    for island in track.islands:
+        axes.fill(*island.T, facecolor=_WALL_COLOUR, edgecolor="0.25", linewidth=0.8)
 
 
 def _draw_start(axes: Axes, course: Track | Scene, size: float) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from .errors import SettingsError
 from .messages import FloatArray, require
+from .polyline import turns
 from .track_mesh import WALL_HEIGHT
 
 _CYLINDER_SIDES = 24
@@ -64,7 +65,33 @@ class Cylinder:
         return np.column_stack((self.x + self.radius * np.cos(angles), self.y + self.radius * np.sin(angles)))
 
 
-Obstacle = Box | Cylinder
+@dataclass(frozen=True, kw_only=True)
+class Prism:
+    """An upright solid of any convex footprint standing on the ground.
+
+    Raises:
+      SettingsError: fewer than three corners, one that is not finite, corners that are not counterclockwise round a
+        convex footprint; a height that is not positive.
+    """
+
+    footprint: tuple[tuple[float, float], ...]  # [m] corners, counterclockwise, world frame
+    height: float = WALL_HEIGHT  # [m]
+
+    def __post_init__(self) -> None:
+        require(self, _positive, "a positive length in metres", ("height",), SettingsError)
+        corners = np.array(self.footprint, dtype=np.float64)
+        is_convex = corners.ndim == 2 and corners.shape[1] == 2 and len(corners) >= 3 and np.isfinite(corners).all()
+        if not is_convex or not np.all((turn := turns(corners)) >= 0.0) or turn.sum() > 3.0 * math.pi:
+            raise SettingsError(
+                f"Prism.footprint is {self.footprint!r}; accepted: three or more (x, y) [m], counterclockwise, convex"
+            )
+
+    def corners(self) -> FloatArray:
+        """Footprint, counterclockwise. Shape (n, 2) [m]."""
+        return np.array(self.footprint)
+
+
+Obstacle = Box | Cylinder | Prism
 
 
 def _positive(value: float) -> bool:

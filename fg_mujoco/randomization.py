@@ -54,7 +54,7 @@ PLANNER = "planner."
 
 _OBSTACLES = "obstacles"
 _MOST_OBSTACLES = 1000
-_WORD = re.compile(r"[A-Za-z_][\w.-]*")
+_WORD = re.compile(r"[A-Za-z_./][\w./-]*")  # and paths
 _WORDS: dict[str, Value] = {"true": True, "false": False, "off": math.inf, "inf": math.inf}
 
 

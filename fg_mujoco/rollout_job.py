@@ -25,7 +25,6 @@ from .car import car_parameters, car_spec, nominal_mu
 from .car_changes import CarChanges, change_spec, plain_car
 from .controller_loading import build_controller, find_controller
 from .errors import ControllerError, SettingsError
-from .messages import FloatArray
 from .race_result import TELEMETRY
 from .race_rules import default_time_limit
 from .random_obstacles import ObstacleSites
@@ -246,9 +245,8 @@ def _state_size() -> int:
 
 
 def track_sha256(track: Track) -> str:
-    """Return the hash of a track's line and widths."""
-    lines: tuple[FloatArray, ...] = (track.centreline, track.width_right, track.width_left)
-    return _sha256(*(np.ascontiguousarray(line, "<f8").tobytes() for line in lines))
+    """Return the hash of all that makes a track what it is."""
+    return _sha256(*(np.ascontiguousarray(line, "<f8").tobytes() for line in track.definition))
 
 
 def _sha256(*texts: bytes) -> str:

@@ -16,7 +16,7 @@ from .car import car_parameters
 from .car_changes import plain_car
 from .messages import CarParameters, FloatArray
 from .moving_obstacles import MovingObstacle
-from .obstacles import Box, Obstacle
+from .obstacles import Box, Obstacle, Prism
 from .polyline import step_lengths, steps, turns
 from .scene import Scene
 
@@ -100,6 +100,8 @@ def mirrored(scene: Scene) -> Scene:
 
 
 def _mirrored(solid: Obstacle) -> Obstacle:
+    if isinstance(solid, Prism):
+        return replace(solid, footprint=tuple((x, -y) for x, y in reversed(solid.footprint)))
     return replace(solid, y=-solid.y, heading=-solid.heading) if isinstance(solid, Box) else replace(solid, y=-solid.y)
 
 

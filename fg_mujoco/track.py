@@ -136,6 +136,16 @@ class Track:
         """Inner face of the right wall, closed, in driving order from anywhere. Shape (k, 2) [m], read-only."""
         return self._walls[0]
 
+    @property
+    def islands(self) -> tuple[FloatArray, ...]:
+        """Outlines of what stands between the walls, counterclockwise; none where walls are those of the widths."""
+        return ()
+
+    @property
+    def definition(self) -> tuple[FloatArray, ...]:
+        """All that makes it what it is: line and widths."""
+        return self.centreline, self.width_right, self.width_left
+
     @cached_property
     def _corridor(self) -> tuple[FloatArray, FloatArray]:
         right, left = shared_widths(self.centreline, self.width_right, self.width_left)

@@ -20,6 +20,7 @@ from typing import overload
 import numpy as np
 
 from .errors import TrackError
+from .map_track import is_map, load_map
 from .messages import FloatArray
 from .polyline import spline, step_lengths
 from .scene import Scene
@@ -50,8 +51,8 @@ def load_track(name_or_path: str | Path | Track | Scene, *, minimum_width: float
     """Load a circuit, or a scene.
 
     Args:
-      name_or_path: a bundled name, `random:SEED`, `scene:NAME`, `scene:NAME:SEED`, a path to a centreline `.csv`, or a
-        Track or Scene, which is returned.
+      name_or_path: a bundled name, `random:SEED`, `scene:NAME`, `scene:NAME:SEED`, a path to a centreline `.csv` or to
+        a map's `.yaml` (map_track.load_map), or a Track or Scene, which is returned.
       minimum_width: width over all of the car that is to fit [m]; a scene may be as narrow as it likes.
 
     Raises:
@@ -94,14 +95,15 @@ def _load(name_or_path: str | Path) -> Track | Scene:
         return generate_track(int(seed))
     if kind == "scene":
         return load_scene(name)
+    if is_map(name):
+        return load_map(name)
     path = Path(name_or_path)
-    if path.suffix.lower() in (".yaml", ".yml"):
-        raise TrackError(f"{path}: ROS maps cannot be read yet; accepted: a centreline .csv of {', '.join(COLUMNS)}")
     if path.suffix.lower() == ".csv" or path.is_file():
         return read_centreline(path)
     known = ", ".join(track_names())
     raise TrackError(
-        f"unknown track {name!r}; accepted: {known}, random:SEED, scene:NAME:SEED, or a path to a centreline .csv"
+        f"unknown track {name!r}; accepted: {known}, random:SEED, scene:NAME:SEED, or a path to a centreline .csv or a "
+        "map .yaml"
     )
 
 

@@ -34,7 +34,7 @@ _ENDS = (((1, 2, 6), (1, 6, 5)), ((3, 0, 4), (3, 4, 7)))
 
 
 def wall_prisms(track: Track, height: float = WALL_HEIGHT, thickness: float = WALL_THICKNESS) -> FloatArray:
-    """Convex pieces of both walls, one for each segment of `left_wall` and then of `right_wall`.
+    """Convex pieces of the walls, one for each segment of `left_wall`, then of `right_wall`, then of the islands.
 
     Args:
       track: the circuit.
@@ -52,15 +52,15 @@ def wall_prisms(track: Track, height: float = WALL_HEIGHT, thickness: float = WA
         if not 0.0 < value < np.inf:
             raise SettingsError(f"{name} of the walls is {value!r} m; accepted: a positive number")
     mirror = np.array([1.0, -1.0])  # the right wall is the left wall of the mirrored track, and turns the other way
-    left = _footprints(track.left_wall, thickness)
-    right = _footprints(track.right_wall * mirror, thickness)[:, [1, 0, 3, 2]] * mirror
-    feet = np.concatenate((left, right))
+    left = wall_footprints(track.left_wall, thickness)
+    right = wall_footprints(track.right_wall * mirror, thickness)[:, [1, 0, 3, 2]] * mirror
+    feet = np.concatenate((left, right, *(wall_footprints(island, thickness) for island in track.islands)))
     ground = np.zeros((*feet.shape[:2], 1))
     return np.concatenate((np.dstack((feet, ground)), np.dstack((feet, ground + height))), axis=1)
 
 
 def wall_mesh(track: Track, height: float = WALL_HEIGHT, thickness: float = WALL_THICKNESS) -> trimesh.Trimesh:
-    """Both walls as one mesh, that of `wall_surface`. Arguments and errors as `wall_prisms`."""
+    """All walls as one mesh, that of `wall_surface`. Arguments and errors as `wall_prisms`."""
     import trimesh  # heavy, and a world can do without
 
     vertices, faces = wall_surface(track, height, thickness)
@@ -84,8 +84,11 @@ def wall_surface(
     return prisms.reshape(-1, 3), np.concatenate(faces)
 
 
-def _footprints(wall: FloatArray, thickness: float) -> FloatArray:
-    """Footprint of each piece of a left wall: segment, then back. Shape (m, 4, 2), counterclockwise."""
+def wall_footprints(wall: FloatArray, thickness: float = WALL_THICKNESS) -> FloatArray:
+    """Footprint of each piece of a closed wall (m, 2) [m] whose solid is to its left: segment, then back.
+
+    Shape (m, 4, 2) [m], counterclockwise.
+    """
     lengths = step_lengths(wall)
     ahead = steps(wall) / lengths[:, None]
     lean = np.minimum(-np.tan(0.5 * turns(wall)), _MAX_LEAN)  # of the ends at each point, out positive

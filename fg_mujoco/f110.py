@@ -1,0 +1,297 @@
+"""The interface of f1tenth_gym v1.0 round this simulator, so that a script written for the 2D gym runs in 3D.
+
+    from fg_mujoco import f110 as gym
+
+    env = gym.make("f110_gym:f110-v0", map="maps/aut", map_ext=".png", num_agents=1)
+    obs, reward, done, info = env.reset(np.array([[0.0, 0.0, 0.0]]))
+    while not done:
+        obs, reward, done, info = env.step(np.array([[steering_angle, speed]]))
+
+What is as there: names, shapes, units and order of actions, observations and results; 1080 beams over 4.7 rad, with
+noise of 10 mm; a step of 10 ms, after each of which there is a scan; `done` on a collision or after two laps,
+`lap_times` that run until then; `map` without its extension.
+
+What is not: this is a car with tires and a suspension. `linear_vels_y` is its lateral velocity, which there is zero.
+Poses and velocities are those of the rear axle, and the LiDAR is where it is on the car, 0.275 m ahead of it; steering
+and speed follow their commands as servo and motor let them. The map's thresholds are honoured, and one car drives.
+
+Written afresh from the documentation of f1tenth_gym.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike
+
+from . import car_motion
+from .errors import SettingsError
+from .lidar import RaycastLidar
+from .map_track import MapTrack, is_map, read_map
+from .messages import FloatArray
+from .moving_obstacles import make_mover
+from .scene import Scene
+from .simulation import BAD_STATE, hold_controls, look_over
+from .track import Track
+from .track_formats import load_track
+from .world import LIDAR_PREFIX, World
+
+Observation = dict[str, Any]
+
+BEAMS = 1080
+FIELD_OF_VIEW = 4.7
+"""[rad] From the first beam, the rightmost, to the last."""
+SCAN_NOISE = 0.01
+"""[m] Standard deviation of each range."""
+LAPS = 2
+"""After how many an episode is done."""
+
+_STIFFNESSES = {"C_Sf": 4.718, "C_Sr": 5.4562}  # [1/rad] of the 2D gym's linear tires; these here have none to set
+_SAME = 0.01  # share by which a parameter may differ from that of the car
+
+
+def make(name: str = "f110_gym:f110-v0", **settings: Any) -> F110Env:
+    """Return the environment, as gym.make does; `settings` are those of F110Env.
+
+    Raises:
+      SettingsError: another environment's name.
+    """
+    if name.rpartition(":")[2] != "f110-v0":
+        raise SettingsError(f"environment {name!r}; accepted: f110_gym:f110-v0")
+    return F110Env(**settings)
+
+
+class F110Env:
+    """One car on a map.
+
+    Args:
+      map: path of a map_server YAML without `.yaml`; or whatever `load_track` takes, as `oval` or `random:7`.
+      map_ext: of the map's image, as `.png`; None: the image that the YAML names.
+      params: the car's physical parameters under the 2D gym's names; all but `mu` must be those of models/f1tenth.xml.
+      num_agents: 1.
+      timestep: of a step [s], a multiple of the physics' own of 5 ms.
+      ego_idx: 0.
+      seed: of the scan's noise.
+      integrator: accepted and not used, for MuJoCo has its own.
+
+    Attributes:
+      world: the World.
+      data: its mujoco.MjData.
+
+    Raises:
+      SettingsError: more agents than one, a timestep that is no multiple of the physics' own, or other parameters than
+        the car has.
+      TrackError: a map that cannot be read.
+    """
+
+    def __init__(
+        self,
+        *,
+        map: str = "oval",
+        map_ext: str | None = None,
+        params: dict[str, float] | None = None,
+        num_agents: int = 1,
+        timestep: float = 0.01,
+        ego_idx: int = 0,
+        seed: int = 12345,
+        integrator: object = None,
+    ) -> None:
+        if num_agents != 1 or ego_idx != 0:
+            raise SettingsError(f"num_agents is {num_agents!r} and ego_idx {ego_idx!r}; accepted: 1 and 0")
+        self.timestep = float(timestep)
+        self._seed = seed
+        self._map, self._params = (map, map_ext), params
+        self._viewer: Any = None
+        self._build()
+
+    def update_map(self, map_path: str, map_ext: str | None = None) -> None:
+        """Drive on another map from the next reset on; arguments as `map` and `map_ext`."""
+        self._map = (map_path, map_ext)
+        self._build()
+
+    def update_params(self, params: dict[str, float], index: int = -1) -> None:
+        """Take other parameters, as `params`, from the next reset on."""
+        self._params = params
+        self._build()
+
+    def reset(self, poses: ArrayLike) -> tuple[Observation, float, bool, dict[str, Any]]:
+        """Place the car, let it stand for one step, and return what `step` returns.
+
+        Args:
+          poses: of the rear axle, x [m], y [m], heading [rad], shape (1, 3).
+
+        Raises:
+          SettingsError: another shape, or a number that is not finite.
+        """
+        ((x, y, heading),) = _checked(poses, 3, "poses", "x, y, heading")
+        mujoco.mj_resetData(self.world.model, self.data)
+        if self._mover is not None:
+            self._mover.place(self.data)
+        self.world.car.set_pose(self.data, x, y, heading)
+        self._rng = np.random.default_rng(self._seed)
+        self._collided = False
+        self._place = float(self.world.track.project([[x, y]])[0][0])
+        self._progress = self._greatest_progress = 0.0
+        self._laps, self._lap_time = 0, 0.0
+        along = self.world.track.start_pose(self._place - (self.world.track.origin or 0.0))[2]
+        self._forward = math.copysign(1.0, math.cos(heading - along))  # laps count in the direction that it looks in
+        return self.step(np.zeros((1, 2)))
+
+    def step(self, action: ArrayLike) -> tuple[Observation, float, bool, dict[str, Any]]:
+        """Hold an action for a timestep.
+
+        Args:
+          action: steering angle [rad] and speed [m/s], shape (1, 2), held within the car's limits.
+
+        Returns:
+          The observation, the reward, which is the timestep [s], whether the car has collided or driven two laps, and
+          `checkpoint_done`, whether each car has driven two laps.
+
+        Raises:
+          SettingsError: another shape, or a number that is not finite.
+        """
+        ((steering_angle, speed),) = _checked(action, 2, "action", "steering angle, speed")
+        model, data, car = self.world.model, self.data, self.world.car
+        car_motion.drive(data.qvel, steering_angle, speed, car.constants, data.ctrl)
+        hold_controls(model, data, self._records, self._mover)
+        touched, unstable = look_over(self._records, car.chassis_contact, data.warning.number[BAD_STATE])
+        self._collided = self._collided or touched or unstable
+        self._count_laps()
+        finished = self._laps >= LAPS
+        if self._viewer is not None:
+            self._viewer.sync()
+        return self._observe(), self.timestep, self._collided or finished, {"checkpoint_done": np.array([finished])}
+
+    def render(self, mode: str = "human") -> FloatArray | None:
+        """Show the world: "human" or "human_fast" in MuJoCo's viewer, "rgb_array" as a picture (480, 640, 3).
+
+        Raises:
+          SettingsError: another mode.
+        """
+        if mode == "rgb_array":
+            with mujoco.Renderer(self.world.model, 480, 640) as renderer:
+                camera = mujoco.MjvCamera()
+                camera.lookat[:] = (*car_motion.planar_pose(self.data.qpos, self.world.car.constants)[:2], 0.0)
+                camera.distance, camera.elevation, camera.azimuth = 8.0, -60.0, 90.0
+                renderer.update_scene(self.data, camera)
+                picture: FloatArray = renderer.render()
+                return picture
+        if mode not in ("human", "human_fast"):
+            raise SettingsError(f"render mode {mode!r}; accepted: human, human_fast, rgb_array")
+        if self._viewer is None:
+            from mujoco import viewer
+
+            self._viewer = viewer.launch_passive(self.world.model, self.data)
+        return None
+
+    def add_render_callback(self, callback: object) -> None:
+        """Take a callback that draws into the 2D gym's window, which is not here: it is never called."""
+        warnings.warn("fg_mujoco.f110 never calls render callbacks: they draw into the 2D gym's window", stacklevel=2)
+
+    def close(self) -> None:
+        """Close the viewer, if there is one."""
+        if self._viewer is not None:
+            self._viewer.close()
+            self._viewer = None
+
+    def _build(self) -> None:
+        self.close()
+        self.world = World(_load(*self._map), mu=None if self._params is None else self._params.get("mu"))
+        if self._params is not None:
+            _check_parameters(self._params, self.world)
+        self.data = mujoco.MjData(self.world.model)
+        self._mover = make_mover(self.world.model)
+        physics = float(self.world.model.opt.timestep)
+        steps = round(self.timestep / physics)
+        if steps < 1 or abs(steps * physics - self.timestep) > 1e-9:
+            raise SettingsError(f"timestep is {self.timestep} s; accepted: a multiple of the physics' own, {physics} s")
+        self._records = np.empty((steps, self.world.model.nsensordata))
+        self._lidar = RaycastLidar(self.world.model, LIDAR_PREFIX)
+        bearings = np.linspace(-0.5 * FIELD_OF_VIEW, 0.5 * FIELD_OF_VIEW, BEAMS)
+        self._beams = np.column_stack((np.cos(bearings), np.sin(bearings), np.zeros(BEAMS)))
+
+    def _observe(self) -> Observation:
+        car, data = self.world.car, self.data
+        x, y, heading = car_motion.planar_pose(data.qpos, car.constants)
+        free = int(car.constants["free_dof"][0])
+        east, north = data.qvel[free : free + 2].tolist()
+        cos, sin = math.cos(heading), math.sin(heading)
+        return {
+            "ego_idx": 0,
+            "scans": [self._scan()],
+            "poses_x": [x],
+            "poses_y": [y],
+            "poses_theta": [heading % math.tau],
+            "linear_vels_x": [east * cos + north * sin],
+            "linear_vels_y": [north * cos - east * sin],
+            "ang_vels_z": [float(data.qvel[free + 5])],
+            "collisions": np.array([float(self._collided)]),
+            "lap_times": np.array([self._lap_time]),
+            "lap_counts": np.array([float(self._laps)]),
+        }
+
+    def _scan(self) -> FloatArray:
+        """Return the ranges, noisy; `range_max` where there is nothing, 0 where it is too near. Shape (1080,) [m]."""
+        position, rotation = self.data.xpos[self._lidar.body], self.data.xmat[self._lidar.body].reshape(3, 3)
+        ranges = self._lidar.cast(self.data, np.tile(position, (BEAMS, 1)), self._beams @ rotation.T)
+        noisy = ranges + self._rng.normal(0.0, SCAN_NOISE, BEAMS)
+        return np.clip(noisy, 0.0, self._lidar.beams.range_max)
+
+    def _count_laps(self) -> None:
+        """Count laps by progress in the direction in which the car was placed; a scene has none."""
+        if self._laps >= LAPS:
+            return
+        self._lap_time = float(self.data.time)
+        track = self.world.track
+        if isinstance(track, Scene):
+            return
+        x, y, _ = car_motion.planar_pose(self.data.qpos, self.world.car.constants)
+        place = float(track.project([[x, y]], near=self._place)[0][0])
+        self._progress += self._forward * math.remainder(place - self._place, track.length)
+        self._place = place
+        self._greatest_progress = max(self._greatest_progress, self._progress)
+        self._laps = int(self._greatest_progress // track.length)
+
+
+def _load(name: str, extension: str | None) -> Track | MapTrack | Scene:
+    """Return the track of a map without its extension, or what `load_track` makes of the name."""
+    if is_map(name) and extension is None:
+        return load_track(name)
+    path = Path(name if is_map(name) else f"{name}.yaml")
+    if extension is not None or path.is_file():
+        return read_map(path, image=None if extension is None else path.with_suffix(extension))
+    return load_track(name)
+
+
+def _check_parameters(params: dict[str, float], world: World) -> None:
+    """Refuse parameters that the car does not have: they are those of its MJCF, and changed by CarChanges."""
+    car = world.parameters
+    own = {
+        "mu": world.car.mu, "lf": car.front_axle_distance, "lr": car.rear_axle_distance, "m": car.mass,
+        "h": car.center_of_gravity_height, "I": car.yaw_inertia, "s_min": -car.max_steering_angle,
+        "s_max": car.max_steering_angle, "sv_min": -car.max_steering_rate, "sv_max": car.max_steering_rate,
+        "v_switch": car.power_limit_speed, "a_max": car.max_acceleration, "v_min": car.min_speed,
+        "v_max": car.max_speed, "width": car.width, "length": car.length, **_STIFFNESSES,
+    }  # fmt: skip
+    for name, value in params.items():
+        if name not in own:
+            raise SettingsError(f"params has {name!r}; accepted: {', '.join(own)}")
+        if not math.isclose(value, own[name], rel_tol=_SAME):
+            raise SettingsError(
+                f"params[{name!r}] is {value!r}; accepted: {own[name]:.6g}, as in the car's MJCF; only mu can be set "
+                "here, and more by fg_mujoco.CarChanges"
+            )
+
+
+def _checked(values: ArrayLike, columns: int, name: str, meaning: str) -> list[list[float]]:
+    """Return the one row of an array (1, columns) of finite numbers."""
+    array = np.asarray(values, dtype=np.float64)
+    if array.shape != (1, columns) or not np.isfinite(array).all():
+        raise SettingsError(f"{name} is {array.tolist()}; accepted: finite numbers of shape (1, {columns}), {meaning}")
+    rows: list[list[float]] = array.tolist()
+    return rows

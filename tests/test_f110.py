@@ -1,0 +1,217 @@
+"""The interface of f1tenth_gym v1.0: a script written to it laps a map here."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from map_oracles import draw_map, real_map, ring
+
+from fg_mujoco import f110
+from fg_mujoco.errors import SettingsError, TrackError
+from fg_mujoco.map_track import read_map
+
+KEYS = {
+    "ego_idx", "scans", "poses_x", "poses_y", "poses_theta", "linear_vels_x", "linear_vels_y", "ang_vels_z",
+    "collisions", "lap_times", "lap_counts",
+}  # fmt: skip
+
+
+class WaypointFollower:
+    """Pure pursuit, written to the interface and to nothing else."""
+
+    def __init__(self, waypoints, *, speed=3.0, lookahead=0.9, wheelbase=0.33):
+        self.waypoints, self.speed, self.lookahead, self.wheelbase = waypoints, speed, lookahead, wheelbase
+
+    def plan(self, obs):
+        x, y, theta = obs["poses_x"][0], obs["poses_y"][0], obs["poses_theta"][0]
+        distance = np.hypot(*(self.waypoints - (x, y)).T)
+        ahead = np.roll(np.arange(len(distance)), -int(np.argmin(distance)))
+        goal = self.waypoints[ahead[np.argmax(distance[ahead] >= self.lookahead)]]
+        aside = math.cos(theta) * (goal[1] - y) - math.sin(theta) * (goal[0] - x)
+        return np.array([[math.atan(2.0 * self.wheelbase * aside / self.lookahead**2), self.speed]])
+
+
+def first_pose(waypoints):
+    (x, y), (next_x, next_y) = waypoints[:2]
+    return np.array([[x, y, math.atan2(next_y - y, next_x - x)]])
+
+
+def drive(env, waypoints, **settings):
+    """Run the loop of a script; return the observations."""
+    planner = WaypointFollower(waypoints, **settings)
+    obs, reward, done, info = env.reset(first_pose(waypoints))
+    observed, time = [obs], reward
+    while not done and time < 200.0:
+        obs, reward, done, info = env.step(planner.plan(obs))
+        observed.append(obs)
+        time += reward
+    return observed, time, done, info
+
+
+@pytest.fixture
+def drawn(tmp_path):
+    draw_map(tmp_path, ring())
+    return tmp_path / "drawn"
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+def test_a_waypoint_follower_laps_a_map_in_either_direction(drawn, backwards):
+    waypoints = read_map(f"{drawn}.yaml").centreline
+    waypoints = waypoints[::-1] if backwards else waypoints
+    env = f110.make("f110_gym:f110-v0", map=str(drawn), map_ext=".png", num_agents=1)
+    observed, time, done, info = drive(env, waypoints, speed=4.0)
+    last = observed[-1]
+    assert done and info["checkpoint_done"].tolist() == [True]
+    assert last["lap_counts"].tolist() == [2.0]
+    assert last["collisions"].tolist() == [0.0]
+    assert last["lap_times"][0] == pytest.approx(time) == pytest.approx(2 * 29.2 / 4.0, rel=0.1)
+    counts = [obs["lap_counts"][0] for obs in observed]
+    assert sorted(counts) == counts
+
+
+def test_a_waypoint_follower_laps_a_real_map():
+    path = real_map("maps/aut")
+    waypoints = np.loadtxt(path.with_name("aut_centerline.csv"), delimiter=",")[:, :2]
+    env = f110.F110Env(map=str(path.with_suffix("")), map_ext=".png", num_agents=1, timestep=0.02)
+    observed, _, done, _ = drive(env, waypoints, speed=3.5)
+    assert done and observed[-1]["lap_counts"].tolist() == [2.0]
+    assert max(abs(obs["linear_vels_y"][0]) for obs in observed) > 0.05  # which the 2D gym has at zero
+
+
+def test_observations_are_of_the_published_shape(drawn):
+    env = f110.make(map=str(drawn))
+    obs, reward, done, info = env.reset(np.array([[7.5, 2.25, -0.1]]))
+    assert set(obs) == KEYS
+    assert obs["ego_idx"] == 0 and reward == 0.01 and done is False and list(info) == ["checkpoint_done"]
+    assert len(obs["scans"]) == 1 and obs["scans"][0].shape == (1080,)
+    for name in KEYS - {"ego_idx", "scans"}:
+        assert len(obs[name]) == 1 and np.isfinite(obs[name][0])
+    assert (obs["poses_x"][0], obs["poses_y"][0]) == pytest.approx((7.5, 2.25), abs=1e-3)
+    assert obs["poses_theta"][0] == pytest.approx(math.tau - 0.1, abs=1e-3)
+
+
+def test_a_scan_has_the_walls_where_they_are(drawn):
+    env = f110.make(map=str(drawn))
+    obs, *_ = env.reset(np.array([[7.5, 2.25, 0.0]]))
+    bearings = np.linspace(-2.35, 2.35, 1080)
+    for bearing, wall in ((-0.5 * math.pi, 1.5), (0.5 * math.pi, 3.0)):  # the lower wall, and the infield's
+        index = int(np.argmin(np.abs(bearings - bearing)))
+        assert obs["scans"][0][index - 5 : index + 5].mean() == pytest.approx(abs(2.25 - wall), abs=0.03)
+
+
+def test_the_noise_of_a_scan_is_that_of_the_seed(drawn):
+    pose = np.array([[7.5, 2.25, 0.0]])
+    scans = [f110.make(map=str(drawn), seed=seed).reset(pose)[0]["scans"][0] for seed in (1, 1, 2)]
+    np.testing.assert_array_equal(scans[0], scans[1])
+    assert np.std(scans[0] - scans[2]) == pytest.approx(math.sqrt(2.0) * f110.SCAN_NOISE, rel=0.1)
+
+
+def test_velocities_are_in_the_frame_of_the_car(drawn):
+    env = f110.make(map=str(drawn))
+    obs, *_ = env.reset(np.array([[7.0, 2.25, 0.0]]))
+    before = obs
+    for _ in range(60):
+        before, (obs, *_) = obs, env.step(np.array([[0.15, 1.5]]))
+    moved = np.array([obs[name][0] - before[name][0] for name in ("poses_x", "poses_y")]) / 0.01
+    heading = 0.5 * (obs["poses_theta"][0] + before["poses_theta"][0])
+    ahead = moved @ (math.cos(heading), math.sin(heading))
+    aside = moved @ (-math.sin(heading), math.cos(heading))
+    assert obs["linear_vels_x"][0] == pytest.approx(ahead, abs=0.03)
+    assert obs["linear_vels_y"][0] == pytest.approx(aside, abs=0.03)
+    assert obs["ang_vels_z"][0] == pytest.approx((obs["poses_theta"][0] - before["poses_theta"][0]) / 0.01, abs=0.05)
+    assert obs["ang_vels_z"][0] > 0.3
+
+
+def test_a_collision_ends_an_episode_and_a_reset_begins_another(drawn):
+    env = f110.make(map=str(drawn))
+    _, _, done, _ = env.reset(np.array([[7.5, 2.25, -0.5 * math.pi]]))
+    assert not done
+    while not done:
+        obs, _, done, _ = env.step(np.array([[0.0, 2.0]]))
+    assert obs["collisions"].tolist() == [1.0] and obs["lap_counts"].tolist() == [0.0]
+    obs, _, done, _ = env.reset(np.array([[7.5, 2.25, 0.0]]))
+    assert not done and obs["collisions"].tolist() == [0.0]
+
+
+def test_the_same_actions_give_the_same_bits(drawn):
+    env = f110.make(map=str(drawn))
+    runs = []
+    for _ in range(2):
+        obs, *_ = env.reset(np.array([[7.5, 2.25, 0.0]]))
+        for _ in range(20):
+            obs, *_ = env.step(np.array([[0.05, 2.0]]))
+        runs.append(obs)
+    np.testing.assert_array_equal(runs[0]["scans"][0], runs[1]["scans"][0])
+    assert runs[0]["poses_x"] == runs[1]["poses_x"]
+
+
+def test_bundled_tracks_corridors_and_other_maps_can_be_driven(tmp_path, drawn):
+    env = f110.make(map="oval")
+    env.reset(np.array([[0.0, 0.0, 0.0]]))
+    env.update_map(f"{drawn}.yaml", ".png")
+    assert env.reset(np.array([[7.5, 2.25, 0.0]]))[0]["scans"][0].max() < 15.0
+    free = np.zeros((100, 300), dtype=bool)
+    free[40:60, 10:290] = True
+    draw_map(tmp_path, free, name="corridor")
+    env.update_map(str(tmp_path / "corridor"), ".png")
+    obs, _, done, _ = env.reset(np.array([[5.0, 2.5, 0.0]]))
+    assert not done and obs["lap_counts"].tolist() == [0.0]
+
+
+def test_parameters_of_the_car_are_taken_and_others_are_refused():
+    gym_defaults = {
+        "mu": 1.0489, "C_Sf": 4.718, "C_Sr": 5.4562, "lf": 0.15875, "lr": 0.17145, "h": 0.074, "m": 3.74,
+        "I": 0.04712, "s_min": -0.4189, "s_max": 0.4189, "sv_min": -3.2, "sv_max": 3.2, "v_switch": 7.319,
+        "a_max": 9.51, "v_min": -5.0, "v_max": 20.0, "width": 0.31, "length": 0.58,
+    }  # fmt: skip
+    env = f110.make(map="oval", params=gym_defaults)
+    env.update_params({**gym_defaults, "mu": 0.5})
+    assert env.world.car.mu == pytest.approx(0.5)
+    with pytest.raises(SettingsError, match=r"params\['m'\] is 5.0; accepted: 3.74"):
+        env.update_params({**gym_defaults, "m": 5.0})
+    with pytest.raises(SettingsError, match="params has 'mass'; accepted: mu, lf"):
+        f110.make(map="oval", params={"mass": 3.74})
+
+
+@pytest.mark.parametrize(
+    ("settings", "error", "message"),
+    [
+        ({"num_agents": 2}, SettingsError, "num_agents is 2 and ego_idx 0; accepted: 1 and 0"),
+        ({"timestep": 0.012}, SettingsError, "timestep is 0.012 s; accepted: a multiple of the physics' own, 0.005 s"),
+        ({"timestep": 0.0}, SettingsError, "timestep is 0.0 s"),
+        ({"map": "nowhere"}, TrackError, "unknown track 'nowhere'"),
+        ({"map": "nowhere", "map_ext": ".png"}, TrackError, "nowhere.yaml: no such file"),
+    ],
+)
+def test_settings_that_are_wrong_are_refused(settings, error, message):
+    with pytest.raises(error, match=message):
+        f110.make(**settings)
+
+
+def test_another_environment_is_refused():
+    with pytest.raises(SettingsError, match="environment 'CartPole-v1'; accepted: f110_gym:f110-v0"):
+        f110.make("CartPole-v1")
+
+
+@pytest.mark.parametrize("action", [[[math.nan, 1.0]], [0.0, 1.0], [[0.0, 1.0], [0.0, 1.0]], [[0.0, math.inf]]])
+def test_an_action_that_is_none_is_refused(action):
+    env = f110.make(map="oval")
+    env.reset(np.array([[0.0, 0.0, 0.0]]))
+    with pytest.raises(SettingsError, match=r"accepted: finite numbers of shape \(1, 2\), steering angle, speed"):
+        env.step(np.array(action))
+
+
+def test_a_pose_that_is_none_is_refused():
+    with pytest.raises(SettingsError, match=r"accepted: finite numbers of shape \(1, 3\), x, y, heading"):
+        f110.make(map="oval").reset(np.array([[0.0, 0.0]]))
+
+
+def test_render_callbacks_are_said_not_to_be_called():
+    env = f110.make(map="oval")
+    with pytest.warns(UserWarning, match="never calls render callbacks"):
+        env.add_render_callback(print)
+    with pytest.raises(SettingsError, match="render mode 'ansi'; accepted: human, human_fast, rgb_array"):
+        env.render("ansi")
+    env.close()

@@ -1,0 +1,155 @@
+"""ROS map_server files: what is free, where it is, and what is refused."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from map_oracles import box_room, draw_map
+from PIL import Image
+
+from fg_mujoco import map_file
+from fg_mujoco.errors import MissingExtraError, TrackError
+from fg_mujoco.map_file import OccupancyMap, read_map_file
+
+GREYS = np.arange(256, dtype=np.uint8)[None]
+
+
+def write(folder, image, *, suffix="png", **settings):
+    image.save(folder / f"greys.{suffix}")
+    draw_map(folder, box_room(), name="greys", image=f"greys.{suffix}", **settings)
+    image.save(folder / f"greys.{suffix}")
+    return folder / "greys.yaml"
+
+
+@pytest.mark.parametrize("negate", [0, 1])
+@pytest.mark.parametrize("suffix", ["png", "pgm"])
+@pytest.mark.parametrize(("free", "occupied"), [(0.196, 0.65), (0.2, 0.2), (0.25, 0.65), (1.0, 1.0), (0.0, 0.5)])
+def test_free_is_what_is_below_the_threshold(tmp_path, negate, suffix, free, occupied):
+    path = write(
+        tmp_path, Image.fromarray(GREYS), suffix=suffix, negate=negate, free_thresh=free, occupied_thresh=occupied
+    )
+    p = [(x if negate else 255 - x) / 255 for x in range(256)]
+    np.testing.assert_array_equal(read_map_file(path).free[0], [value < free for value in p])
+
+
+def test_what_is_unknown_is_not_free(tmp_path):
+    path = write(tmp_path, Image.fromarray(np.array([[254, 205, 100, 0]], np.uint8)))
+    np.testing.assert_array_equal(read_map_file(path).free[0], [True, False, False, False])
+
+
+def test_colours_are_averaged_and_what_is_transparent_is_unknown(tmp_path):
+    pixels = np.array([[[255, 255, 255, 255], [255, 255, 255, 0], [255, 0, 0, 255], [240, 250, 230, 255]]], np.uint8)
+    path = write(tmp_path, Image.fromarray(pixels, "RGBA"))
+    np.testing.assert_array_equal(read_map_file(path).free[0], [True, False, False, True])
+
+
+@pytest.mark.parametrize("suffix", ["png", "pgm"])
+def test_images_of_sixteen_bits_and_of_one_are_read(tmp_path, suffix):
+    path = write(tmp_path, Image.fromarray(np.array([[65535, 40000, 0]], np.uint16)), suffix=suffix)
+    np.testing.assert_array_equal(read_map_file(path).free[0], [True, False, False])
+    path = write(tmp_path, Image.fromarray(np.array([[255, 0]], np.uint8)).convert("1"))
+    np.testing.assert_array_equal(read_map_file(path).free[0], [True, False])
+
+
+def test_row_zero_is_the_lowest(tmp_path):
+    path = write(tmp_path, Image.fromarray(np.array([[255, 255], [0, 255]], np.uint8)))
+    np.testing.assert_array_equal(read_map_file(path).free, [[False, True], [True, True]])
+
+
+@given(
+    st.floats(0.01, 1.0), st.floats(-100, 100), st.floats(-100, 100), st.floats(-10, 10),
+    st.floats(-50, 50), st.floats(-50, 50),
+)  # fmt: skip
+def test_the_origin_is_the_lower_left_corner_and_yaw_turns_about_it(resolution, x, y, yaw, column, row):
+    occupancy = OccupancyMap(path=None, free=np.ones((1, 1), bool), resolution=resolution, origin=(x, y, yaw))
+    place = complex(x, y) + complex(column, row) * resolution * complex(math.cos(yaw), math.sin(yaw))
+    world = occupancy.to_world((column, row))
+    np.testing.assert_allclose(world, (place.real, place.imag), atol=1e-9)
+    np.testing.assert_allclose(occupancy.to_pixels(world), (column, row), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"resolution": None}, "has no resolution; accepted: the keys image, resolution"),
+        ({"negate": None, "origin": None}, "has no origin, negate"),
+        ({"occupied_tresh": 0.65}, "unknown key 'occupied_tresh'; did you mean occupied_thresh"),
+        ({"colour": 1}, "unknown key 'colour'; accepted: image"),
+        ({"resolution": 0}, "resolution is 0; accepted: a positive number"),
+        ({"resolution": ".nan"}, "resolution is nan"),
+        ({"resolution": "coarse"}, "resolution is 'coarse'"),
+        ({"negate": 2}, "negate is 2; accepted: 0 or 1"),
+        ({"free_thresh": 0.7}, "free_thresh is 0.7; accepted: .* free_thresh <= occupied_thresh"),
+        ({"occupied_thresh": 65}, "occupied_thresh is 65"),
+        ({"origin": [0, 0]}, r"origin is \[0, 0\]; accepted: \[x, y, yaw\]"),
+        ({"origin": [0, 0, math.inf]}, "origin is"),
+        ({"mode": "raw"}, "mode is 'raw'; accepted: trinary, scale"),
+        ({"image": 7}, "image is 7"),
+        ({"image": "none.png"}, "none.png: no such file"),
+        ({"image": "../map.png"}, "image '../map.png' is outside of the YAML's folder"),
+        ({"image": "/etc/hostname"}, "is outside of the YAML's folder"),
+        ({"image": "drawn.yaml"}, "drawn.yaml: cannot be read as an image"),
+        ({"image": "."}, "cannot be read as an image"),
+    ],
+)
+def test_a_yaml_that_is_wrong_is_refused(tmp_path, settings, message):
+    path = draw_map(tmp_path, box_room(), **settings)
+    with pytest.raises(TrackError, match=message) as refusal:
+        read_map_file(path)
+    assert str(tmp_path) in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("image: [1, 2", "is no YAML: .* line 1"),
+        ("", "is no map_server YAML"),
+        ("- 1\n- 2\n", "is no map_server YAML"),
+        ("!!python/object/apply:os.getcwd []", "is no YAML"),
+    ],
+)
+def test_a_file_that_is_no_yaml_is_refused(tmp_path, text, message):
+    path = tmp_path / "map.yaml"
+    path.write_text(text)
+    with pytest.raises(TrackError, match=message):
+        read_map_file(path)
+
+
+def test_a_yaml_that_is_missing_is_refused(tmp_path):
+    with pytest.raises(TrackError, match=r"no such file; accepted: a map_server \.yaml"):
+        read_map_file(tmp_path / "map.yaml")
+
+
+def test_an_image_that_ends_too_soon_is_refused(tmp_path):
+    path = draw_map(tmp_path, box_room())
+    image = tmp_path / "drawn.png"
+    image.write_bytes(image.read_bytes()[:80])
+    with pytest.raises(TrackError, match="cannot be read as an image"):
+        read_map_file(path)
+
+
+def test_an_image_too_large_is_refused_before_it_is_read(tmp_path, monkeypatch):
+    monkeypatch.setattr(map_file, "MOST_PIXELS", 1000)
+    with pytest.raises(TrackError, match="240 x 160 pixels; accepted: 1000 at most"):
+        read_map_file(draw_map(tmp_path, box_room()))
+
+
+def test_a_link_that_leads_outside_is_refused_unless_allowed(tmp_path):
+    inside = tmp_path / "maps"
+    inside.mkdir()
+    path = draw_map(inside, box_room())
+    (inside / "drawn.png").rename(tmp_path / "far.png")
+    (inside / "drawn.png").symlink_to(tmp_path / "far.png")
+    with pytest.raises(TrackError, match="outside of the YAML's folder"):
+        read_map_file(path)
+    assert read_map_file(path, outside_folder=True).free.any()
+
+
+def test_without_the_extra_the_message_is_the_command_that_installs_it(tmp_path, monkeypatch):
+    monkeypatch.setattr(map_file.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(MissingExtraError, match=r"^pip install 'fg-mujoco\[maps\]'$"):
+        read_map_file(draw_map(tmp_path, box_room()))

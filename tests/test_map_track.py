@@ -1,0 +1,339 @@
+"""Tracks from maps: which course, which line, which walls, and what is refused."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from map_oracles import box_room, draw_map, loop_difference, march, real_map, ring
+
+import fg_mujoco as fg
+from fg_mujoco.errors import TrackError
+from fg_mujoco.map_file import read_map_file
+from fg_mujoco.map_track import DIRECTIONS, MapTrack, is_map, load_map, read_map
+from fg_mujoco.polyline import enclosed_area, self_crossings
+from fg_mujoco.track_formats import write_centreline
+from fg_mujoco.track_mesh import wall_prisms
+
+PIXEL = 0.05
+LAPS = ("maps/aut", "maps/esp", "maps/gbr", "maps/mco", "circuits/Monza_map")
+
+
+def thin_walls():
+    """Return a drawing of a course: two black lines on white."""
+    return ~(ring(inner=68, outer=71) | ring(inner=39, outer=42))
+
+
+@pytest.mark.parametrize("name", LAPS)
+def test_real_maps_load_with_their_line_in_the_middle(name):
+    track = load_map(str(real_map(name)))
+    assert isinstance(track, MapTrack)
+    assert len(self_crossings(track.centreline)[0]) == 0
+    np.testing.assert_allclose(track.width_left, track.width_right, atol=0.35)  # smoothing cuts corners
+    assert np.median(np.abs(track.width_left - track.width_right)) < PIXEL
+    csv = real_map(name).with_name(f"{name.rpartition('/')[2].removesuffix('_map')}_centerline.csv")
+    given = fg.read_centreline(csv)
+    assert track.length == pytest.approx(given.length, rel=0.01)
+    _, offset = track.project(given.centreline)
+    assert np.quantile(np.abs(offset), 0.95) < 0.15
+
+
+def test_the_infield_of_a_drawing_is_not_taken_for_its_course(tmp_path):
+    track = read_map(draw_map(tmp_path, thin_walls()))
+    assert isinstance(track, MapTrack)
+    # half way between circles of 42 and 68 pixels, and straights of 120: 2 pi 55 + 240
+    assert track.length == pytest.approx((2.0 * math.pi * 55.0 + 240.0) * PIXEL, rel=0.005)
+    np.testing.assert_allclose(track.width_left + track.width_right, 26.0 * PIXEL, atol=PIXEL)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.7, -2.5])
+def test_a_map_may_be_turned(tmp_path, yaw):
+    plain = read_map(draw_map(tmp_path, ring()), start=(7.5, 2.25), direction="counterclockwise")
+    turn = complex(math.cos(yaw), math.sin(yaw))
+    start = complex(7.5, 2.25) * turn + complex(3.0, -2.0)
+    turned = read_map(
+        draw_map(tmp_path, ring(), name="turned", origin=(3.0, -2.0, yaw)),
+        start=(start.real, start.imag), direction="counterclockwise",
+    )  # fmt: skip
+    for ours, theirs in zip(plain.definition, turned.definition, strict=True):
+        if ours.ndim == 2:
+            moved = (ours[:, 0] + 1j * ours[:, 1]) * turn + complex(3.0, -2.0)
+            np.testing.assert_allclose(theirs, np.column_stack((moved.real, moved.imag)), atol=1e-6)
+        else:
+            np.testing.assert_allclose(theirs, ours, atol=1e-6)
+
+
+def test_a_map_starts_where_the_robot_did_and_looks_where_it_looked(tmp_path):
+    # the origin of the world is on the lower straight, 7.5 m from the left edge and 2.25 m from below
+    track = read_map(draw_map(tmp_path, ring(), origin=(-7.5, -2.25, 0.0)))
+    assert track.start_pose() == pytest.approx((0.0, 0.0, 0.0), abs=0.03)
+    upper = read_map(draw_map(tmp_path, ring(), origin=(-7.5, -7.75, 0.0)))
+    assert upper.start_pose() == pytest.approx((0.0, 0.0, 0.0), abs=0.03)
+    assert enclosed_area(track.centreline) > 0.0 > enclosed_area(upper.centreline)
+
+
+@pytest.mark.parametrize("direction", DIRECTIONS)
+def test_start_and_direction_are_as_asked_for(tmp_path, direction):
+    path = draw_map(tmp_path, ring())
+    track = load_map(f"{path}[start=7.6:7.7,direction={direction}]")
+    x, y, heading = track.start_pose()
+    assert (x, y) == pytest.approx((7.6, 7.75), abs=0.03)
+    assert math.cos(heading) == pytest.approx(1.0 if direction == "clockwise" else -1.0, abs=1e-3)
+    assert (enclosed_area(track.centreline) > 0.0) == (direction == "counterclockwise")
+    for wall in (track.left_wall, track.right_wall):
+        assert enclosed_area(wall) * enclosed_area(track.centreline) > 0.0  # in driving order
+    assert (abs(enclosed_area(track.left_wall)) < abs(enclosed_area(track.right_wall))) == (
+        direction == "counterclockwise"
+    )
+
+
+def islands():
+    free = ring()
+    y, x = np.mgrid[:200, :300]
+    free[(abs(x - 150) < 4) & (abs(y - 45) < 5)] = False  # a box, the lower side blocked more
+    free[(x - 100) ** 2 + (y - 152) ** 2 < 36] = False
+    free[150, 200] = False  # one pixel
+    return free
+
+
+@pytest.mark.parametrize("direction", DIRECTIONS)
+def test_islands_are_kept_and_the_line_goes_past_them_by_the_wide_side(tmp_path, direction):
+    track = read_map(draw_map(tmp_path, islands()), direction=direction)
+    assert len(track.islands) == 3
+    assert all(enclosed_area(island) > 0.0 for island in track.islands)
+    areas = sorted(enclosed_area(island) / PIXEL**2 for island in track.islands)
+    assert areas == pytest.approx([0.5, 63.0, 112.0], rel=0.1)  # the pixel is a diamond through its edges' middles
+    for island in track.islands:
+        _, offset = track.project(island)
+        assert np.all(np.sign(offset) == np.sign(offset[0]))
+    assert min(track.width_left.min(), track.width_right.min()) > 4.8 * PIXEL  # of the 6 that the narrowest has
+    world = fg.World(track)
+    assert world.model.ngeom > len(track.left_wall) + len(track.right_wall) + 12
+
+
+def test_a_car_crashes_into_an_island(tmp_path):
+    track = read_map(draw_map(tmp_path, islands()), start=(5.5, 2.2), direction="counterclockwise")
+    simulation = fg.Simulation(fg.World(track))
+    simulation.world.car.set_pose(simulation.data, 5.5, 2.25, 0.0, 2.0)
+    scan = simulation.lidar.ranges(simulation.data)
+    assert scan[540] == pytest.approx(147 * PIXEL - 5.5 - simulation.world.parameters.lidar_offset, abs=PIXEL)
+    for _ in range(40):
+        simulation.step(fg.DriveCommand(steering_angle=0.0, speed=2.0))
+    assert simulation.crashed
+
+
+def test_the_corridor_is_clear_of_walls_and_islands(tmp_path):
+    track = read_map(draw_map(tmp_path, islands()), direction="clockwise")
+    free = read_map_file(tmp_path / "drawn.yaml").free
+    for width, side in ((track.width_left, 1.0), (track.width_right, -1.0)):
+        starts = track.centreline / PIXEL
+        square = march(free, starts, track.headings + side * 0.5 * math.pi, 1e4)
+        assert np.all(width / PIXEL <= square + 1.0)
+
+
+def test_a_given_centreline_is_kept(tmp_path):
+    path = draw_map(tmp_path, ring())
+    found = read_map(path)
+    line = fg.Track(
+        name="given", centreline=np.add(found.centreline[::-1], (0.0, 0.1)), width_left=found.width_left,
+        width_right=found.width_right,
+    )  # fmt: skip
+    write_centreline(line, tmp_path / "given.csv")
+    track = load_map(f"{path}[centreline={tmp_path / 'given.csv'}]")
+    np.testing.assert_array_equal(track.centreline, line.centreline)
+    assert loop_difference(track.left_wall, found.right_wall) < 1e-9  # it goes the other way round
+    started = load_map(f"{path}[centreline={tmp_path / 'given.csv'},start=7.5:2.25]")
+    assert started.start_pose()[:2] == pytest.approx((7.5, 2.35), abs=0.01)
+    assert enclosed_area(started.centreline) * enclosed_area(line.centreline) > 0.0
+
+
+@pytest.mark.parametrize(
+    ("shift", "message"),
+    [((0.0, 1.2), "is not free"), ((100.0, 0.0), "outside of the image")],
+)
+def test_a_centreline_off_the_map_is_refused(tmp_path, shift, message):
+    path = draw_map(tmp_path, ring())
+    found = read_map(path)
+    line = fg.Track(name="x", centreline=found.centreline + shift, width_left=found.width_left,
+                    width_right=found.width_right)  # fmt: skip
+    write_centreline(line, tmp_path / "off.csv")
+    with pytest.raises(TrackError, match=message):
+        read_map(path, centreline=tmp_path / "off.csv")
+
+
+def test_a_centreline_round_nothing_is_refused(tmp_path):
+    path = draw_map(tmp_path, box_room())
+    angles = np.linspace(0.0, math.tau, 60, endpoint=False)
+    line = fg.Track(
+        name="x", centreline=np.column_stack((6.0 + 2.0 * np.cos(angles), 4.0 + 2.0 * np.sin(angles))),
+        width_left=np.ones(60), width_right=np.ones(60),
+    )  # fmt: skip
+    write_centreline(line, tmp_path / "round.csv")
+    with pytest.raises(TrackError, match="goes round nothing"):
+        read_map(path, centreline=tmp_path / "round.csv")
+
+
+def corridor():
+    free = np.zeros((100, 300), dtype=bool)
+    free[40:60, 10:290] = True
+    return free
+
+
+def test_a_corridor_is_a_scene_from_end_to_end(tmp_path):
+    path = draw_map(tmp_path, corridor())
+    there, back = read_map(path), read_map(path, start=(14.0, 2.5))
+    assert isinstance(there, fg.Scene) and isinstance(back, fg.Scene)
+    assert there.start_pose() == pytest.approx((2.8, 2.5, 0.0), abs=0.1)
+    x, y, heading = back.start_pose()
+    assert (x, y, abs(heading)) == pytest.approx((12.2, 2.5, math.pi), abs=0.1)
+    assert there.length == pytest.approx(13.9 - 5.0, abs=0.7)
+    race = fg.race(there, "gap_finder")
+    assert race.finished
+
+
+def test_the_corridor_that_a_robot_mapped_is_driven_round_its_corner():
+    scene = fg.load_track(real_map("maps/CornerHall"))
+    assert isinstance(scene, fg.Scene)
+    assert scene.length == pytest.approx(16.4, abs=0.5)
+    assert abs(scene.start_pose()[2]) < 0.1
+    assert scene.start_pose(scene.length)[2] == pytest.approx(-0.5 * math.pi, abs=0.1)
+    with pytest.raises(fg.SettingsError, match="goes from a start to a goal; accepted: 1"):
+        fg.race(scene, laps=2)
+
+
+def with_hole(free, rows, columns):
+    free = free.copy()
+    free[rows, columns] = True
+    return free
+
+
+def test_a_hole_in_the_wall_is_refused_with_its_place(tmp_path):
+    path = draw_map(tmp_path, with_hole(thin_walls(), slice(92, 98), slice(274, 285)))
+    where = r"the wall has a hole, 0.30 m wide, at \(13.9\d, 4.7\d\), column 27\d, row 10\d of the image"
+    with pytest.raises(TrackError, match=where):
+        read_map(path)
+    with pytest.raises(TrackError, match=where):
+        read_map(path, start=(7.5, 2.2))
+
+
+def test_a_way_out_to_the_border_is_refused_with_its_place(tmp_path):
+    path = draw_map(tmp_path, with_hole(ring(), slice(95, 105), slice(200, 300)))
+    with pytest.raises(TrackError, match=r"the wall has a hole, 0.50 m wide, at \(1[45].\d\d, [45].\d\d\)"):
+        read_map(path)
+
+
+def test_a_hole_in_the_inner_wall_opens_the_infield_and_leaves_the_course(tmp_path):
+    whole = read_map(draw_map(tmp_path, thin_walls()))
+    open_infield = read_map(draw_map(tmp_path, with_hole(thin_walls(), slice(92, 98), slice(245, 256)), name="open"))
+    assert isinstance(open_infield, MapTrack)
+    assert open_infield.length == pytest.approx(whole.length, rel=0.01)
+    assert abs(enclosed_area(open_infield.left_wall)) < 0.1 * abs(enclosed_area(whole.left_wall))  # both its sides
+
+
+@pytest.mark.parametrize(
+    ("free", "message"),
+    [
+        (np.zeros((50, 50), bool), "no pixel is free"),
+        (np.ones((200, 200), bool), r"free ground runs out of the image at \(0.03, 0.03\), column 0, row 199"),
+        (box_room(60, 70), "no closed course, and the longest open way is of 2.. m"),
+    ],
+    ids=["solid", "empty", "closet"],
+)
+def test_a_map_without_a_course_is_refused(tmp_path, free, message):
+    with pytest.raises(TrackError, match=message):
+        read_map(draw_map(tmp_path, free))
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ("start=7.5:5", r"\(7.50, 5.00\) is not free; accepted: a point on the course"),
+        ("start=70:5", r"\(70.00, 5.00\) is outside of the image"),
+        ("start=1", "start is '1'; accepted: X:Y"),
+        ("start=nan:1", "accepted: x and y in metres"),
+        ("begin=1:2", "setting 'begin=1:2'; accepted: each once, of centreline"),
+        ("start=1:2,start=1:2", "setting 'start=1:2'; accepted: each once"),
+        ("direction=left", "direction is 'left'; accepted: clockwise, counterclockwise"),
+        ("outside_folder=maybe", "outside_folder is 'maybe'; accepted: yes or no"),
+        ("centreline=none.csv", "none.csv: no such file"),
+    ],
+)
+def test_settings_that_are_wrong_are_refused(tmp_path, settings, message):
+    path = draw_map(tmp_path, ring())
+    with pytest.raises(TrackError, match=message):
+        fg.load_track(f"{path}[{settings}]")
+
+
+def test_a_direction_where_there_is_no_way_round_is_refused(tmp_path):
+    with pytest.raises(TrackError, match="there is no way round"):
+        read_map(draw_map(tmp_path, corridor()), direction="clockwise")
+
+
+def test_a_map_too_narrow_for_the_car_is_refused_with_its_place(tmp_path):
+    path = draw_map(tmp_path, ring(inner=50, outer=54))
+    with pytest.raises(TrackError, match=r"track 'drawn' is 0.\d+ m wide at \(\d"):
+        fg.load_track(path, minimum_width=0.31)
+
+
+def test_an_image_elsewhere_is_read_where_that_is_allowed(tmp_path):
+    path = draw_map(tmp_path, ring())
+    folder = tmp_path / "yaml"
+    folder.mkdir()
+    elsewhere = folder / "map.yaml"
+    elsewhere.write_text(path.read_text().replace("drawn.png", "../drawn.png"))
+    with pytest.raises(TrackError, match=r"outside of the YAML's folder; .* or outside_folder=yes"):
+        fg.load_track(elsewhere)
+    assert fg.load_track(f"{elsewhere}[outside_folder=yes]").length > 20.0
+
+
+def test_what_is_a_map_is_told_by_its_name():
+    assert is_map("a/b.yaml") and is_map("a.YML") and is_map("b.yaml[start=1:2]")
+    assert not is_map("oval") and not is_map("a.csv") and not is_map("random:7") and not is_map("b.yaml.csv")
+
+
+def test_the_walls_are_part_of_what_makes_a_track(tmp_path):
+    from fg_mujoco.rollout_job import track_sha256
+
+    track = read_map(draw_map(tmp_path, ring()))
+    plain = fg.Track(name="plain", centreline=track.centreline, width_left=track.width_left,
+                     width_right=track.width_right)  # fmt: skip
+    assert track_sha256(track) != track_sha256(plain)
+
+
+def test_a_map_is_driven_in_a_rollout_as_in_a_race(tmp_path):
+    path = draw_map(tmp_path, ring())
+    race = fg.race(str(path), laps=1)
+    assert race.finished and race.collisions == 0
+    rollout = fg.rollout(str(path), n=2, laps=1)
+    np.testing.assert_array_equal(rollout["first_lap_s"], race.lap_times_s[0])
+
+
+@pytest.mark.parametrize("name", ["drawn", "maps/mco", "maps/CornerHall"])
+def test_pieces_of_walls_are_convex_and_behind_their_faces(name, tmp_path):
+    track = fg.load_track(draw_map(tmp_path, islands()) if name == "drawn" else real_map(name))
+    feet = (
+        np.array([wall.corners() for wall in track.walls])
+        if isinstance(track, fg.Scene)
+        else wall_prisms(track)[:, :4, :2]
+    )
+    sides = np.roll(feet, -1, axis=1) - feet
+    following = np.roll(sides, -1, axis=1)
+    assert np.all(sides[..., 0] * following[..., 1] - sides[..., 1] * following[..., 0] > 0.0)
+    occupancy = read_map_file(tmp_path / "drawn.yaml" if name == "drawn" else real_map(name))
+    column, row = np.floor(occupancy.to_pixels(feet.mean(axis=1))).astype(int).T
+    assert np.mean(~occupancy.free[row, column]) > 0.85  # a piece is a pixel thick, and its face half a pixel off
+    padded = np.pad(~occupancy.free, 1)
+    beside = (
+        padded[row + 2, column + 1] | padded[row, column + 1] | padded[row + 1, column] | padded[row + 1, column + 2]
+    )
+    assert np.all(~occupancy.free[row, column] | beside)
+
+
+def test_both_lidar_back_ends_see_the_same_on_a_map(tmp_path):
+    path = draw_map(tmp_path, islands())
+    scans = []
+    for backend in ("raycast", "rangefinder"):
+        simulation = fg.Simulation(fg.World(str(path), lidar=backend))
+        scans.append([simulation.reset(s=s)[0].ranges for s in np.linspace(0.0, 29.0, 12)])
+    np.testing.assert_allclose(*scans, atol=1e-9)

@@ -1,0 +1,75 @@
+"""Walls are traced along the pixels' edges, each within half a pixel."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis.extra.numpy import arrays
+from map_oracles import box_room, loop_difference, ring
+
+from fg_mujoco.map_walls import TOLERANCE, outlines, trace
+from fg_mujoco.polyline import enclosed_area, self_crossings, step_lengths
+
+
+def middles_of_edges(region):
+    """Middle of each edge between a pixel of the region and one that is not, one after the other."""
+    padded = np.pad(region, 1)
+    found = set()
+    for row, column in np.argwhere(padded):
+        for down, right in ((0, 1), (0, -1), (1, 0), (-1, 0)):
+            if not padded[row + down, column + right]:
+                found.add((column - 1 + 0.5 + 0.5 * right, row - 1 + 0.5 + 0.5 * down))
+    return found
+
+
+def distances(points, loop):
+    along = np.roll(loop, -1, axis=0) - loop
+    share = np.sum((points[:, None] - loop) * along, axis=2) / np.sum(along * along, axis=1)
+    return np.linalg.norm(points[:, None] - loop - np.clip(share, 0, 1)[..., None] * along, axis=2).min(axis=1)
+
+
+@given(arrays(bool, (9, 12)))
+@settings(max_examples=200, deadline=None)
+def test_outlines_pass_every_edge_once_with_the_region_to_the_left(region):
+    loops = outlines(region)
+    points = [tuple(point) for loop in loops for point in loop]
+    assert len(points) == len(set(points))
+    assert set(points) == middles_of_edges(region)
+    for loop in loops:
+        assert step_lengths(loop).max() <= 1.0  # from one edge to a neighbour
+    from scipy import ndimage
+
+    pieces = ndimage.label(region)[1]
+    solids = ndimage.label(~np.pad(region, 1), np.ones((3, 3)))[1]
+    areas = [enclosed_area(loop) for loop in loops]
+    assert sum(area > 0.0 for area in areas) == pieces  # an outer edge each
+    assert sum(area < 0.0 for area in areas) == solids - 1  # and a hole for each solid but the one all round
+
+
+def test_a_slanted_wall_is_a_line_and_not_stairs():
+    y, x = np.mgrid[:200, :200]
+    region = (x + y > 100) & (x + y < 250) & (x > 5) & (y > 5) & (x < 190) & (y < 190)
+    wall = trace(outlines(region)[0])
+    assert len(wall) < 20
+
+
+@pytest.mark.parametrize("region", [ring(), box_room()], ids=["ring", "room"])
+def test_no_edge_is_further_from_its_wall_than_the_tolerance(region):
+    for outline in outlines(region):
+        wall = trace(outline)
+        assert distances(outline, wall).max() <= TOLERANCE + 1e-5
+        assert loop_difference(wall, outline) < 2.0 * TOLERANCE
+        assert len(wall) < 0.2 * len(outline)
+
+
+@given(arrays(bool, (7, 7)))
+@settings(max_examples=100, deadline=None)
+def test_what_is_small_does_not_vanish(region):
+    for outline in outlines(region):
+        wall = trace(outline)
+        assert len(wall) >= 3
+        assert np.sign(enclosed_area(wall)) == np.sign(enclosed_area(outline))
+        assert abs(enclosed_area(wall)) > 0.5 * abs(enclosed_area(outline))
+        assert len(self_crossings(wall)[0]) == 0
+        assert distances(outline, wall).max() <= TOLERANCE + 1e-5
