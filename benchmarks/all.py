@@ -24,6 +24,7 @@ BENCHMARKS = {  # title, script, options, options when quick
     "3. The planner": ("planners.py", [], []),
     "4. Rollouts": ("rollouts.py", [], ["--most", "64", "--duration", "1"]),
     "5. Starting up": ("startup.py", [], ["--repeats", "3"]),
+    "6. Environments": ("environments.py", [], ["--worlds", "16", "--rounds", "1"]),
 }
 
 

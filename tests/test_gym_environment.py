@@ -1,0 +1,307 @@
+"""The Gymnasium environment is a race seen through Gymnasium's interface."""
+
+import math
+import subprocess
+import sys
+import warnings
+
+import numpy as np
+import pytest
+
+import fg_mujoco as fg
+from fg_mujoco.environment_actions import ActionBounds
+from fg_mujoco.environment_kernels import reward_ticks
+from fg_mujoco.environment_observations import ObservationLayout
+from fg_mujoco.environment_rewards import Rewards
+from fg_mujoco.environment_starts import draw_start
+from fg_mujoco.lidar import load_beams
+from fg_mujoco.messages import ODOMETRY
+from fg_mujoco.random_obstacles import CLEAR_AHEAD, CLEAR_BEHIND
+
+gymnasium = pytest.importorskip("gymnasium")
+
+from gymnasium.utils.env_checker import check_env  # noqa: E402
+
+from fg_mujoco.gym_environment import ID, F1TenthEnv  # noqa: E402
+from fg_mujoco.gym_vector import F1TenthVectorEnv  # noqa: E402
+
+CAR = fg.car_parameters(fg.World("oval").model, "car/")
+
+
+def commands(race):
+    """The commands of a race (ticks, 2) [rad, m/s]."""
+    return np.column_stack((race.column("command_steering_rad"), race.column("command_speed_m_s")))
+
+
+@pytest.fixture
+def env():
+    made = F1TenthEnv(beam_step=10)
+    yield made
+    made.close()
+
+
+@pytest.mark.parametrize("settings", [{}, {"beam_step": 20, "normalised_actions": True, "track": "scene:dead_end:1"}])
+def test_env_checker_of_gymnasium_finds_nothing(settings):
+    made = gymnasium.make(ID, **settings)
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        check_env(made.unwrapped, skip_render_check=True)  # test_rendering has it
+    texts = [str(warning.message) for warning in found]
+    advice = [] if settings else ["symmetric and normalized"]  # for who wants it, `normalised_actions`
+    assert len(texts) == len(advice) and all(part in text for part, text in zip(advice, texts, strict=True)), texts
+
+
+def test_id_needs_no_import_when_it_names_the_module():
+    code = (
+        "import gymnasium\n"
+        "env = gymnasium.make('fg_mujoco.gym_environment:fg_mujoco/F1Tenth-v0', track='hairpins', laps=2)\n"
+        "print(env.reset(seed=1)[0]['scan'].shape)"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "(1081,)"
+
+
+def test_importing_fg_mujoco_does_not_import_gymnasium():
+    code = "import fg_mujoco, sys; print('gymnasium' in sys.modules, 'dm_env' in sys.modules)"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "False False"
+
+
+@pytest.mark.parametrize("module", ["gym_environment", "gym_vector"])
+def test_without_gymnasium_the_message_is_the_command_that_installs_it(module):
+    code = f"import sys; sys.modules['gymnasium'] = None\nimport fg_mujoco.{module}"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert "pip install 'fg-mujoco[gym]'" in run.stderr.splitlines()[-1]
+
+
+@pytest.mark.parametrize("kind", [F1TenthEnv, F1TenthVectorEnv])
+def test_episode_is_the_race_of_the_same_commands(kind, lap):
+    many = kind is F1TenthVectorEnv
+    env = kind(track="oval", start="line", speed_range=(-5.0, 20.0))
+    env.reset(seed=0)
+    total = 0.0
+    for tick, command in enumerate(commands(lap), start=1):
+        action = command[np.newaxis] if many else command
+        observation, reward, terminated, truncated, info = env.step(action)
+        total += float(reward[0] if many else reward)
+        over = bool(np.any(terminated))
+        assert not np.any(truncated)
+        assert over == (tick == len(commands(lap)))
+    known = {name: values[0] for name, values in info.items()} if many else info
+    assert known["end_reason"] == "finished"
+    assert tuple(known["lap_times_s"]) == lap.lap_times_s
+    assert known["time_s"] == lap.sim_time_s
+    slid = lap.slide_time_fraction * lap.sim_time_s
+    assert total == pytest.approx(known["progress_m"] - slid, abs=1e-9)
+    assert known["clipped_actions"] == 0
+    assert math.isclose(float(np.ravel(observation["speed"])[0]), lap.column("speed_m_s")[-1], abs_tol=0.3)
+
+
+@pytest.mark.parametrize("kind", [F1TenthEnv, F1TenthVectorEnv])
+def test_nothing_of_an_episode_is_left_in_the_next(kind, lap):
+    """After a lap, one that crashes: its rewards, laps and counts are its own."""
+    count = 1 if kind is F1TenthEnv else 2
+    env = F1TenthEnv(start="line") if kind is F1TenthEnv else F1TenthVectorEnv(2, start="line")
+
+    def drive(action):
+        action = np.asarray(action)
+        told = env.step(action if kind is F1TenthEnv else np.tile(action, (2, 1)))
+        return [np.ravel(values)[-1] for values in told[1:4]], {
+            name: np.ravel(values)[-1] if name != "lap_times_s" else np.reshape(values, (count, -1))[-1]
+            for name, values in told[4].items()
+        }
+
+    env.reset()
+    for command in commands(lap):
+        (_, terminated, _), info = drive(command)
+    assert (terminated, info["laps"], info["lap_times_s"].tolist()) == (True, 1, list(lap.lap_times_s))
+    env.reset()
+    total, terminated, ticks = 0.0, False, 0
+    while not terminated:
+        (reward, terminated, _), info = drive([0.4, 99.0])
+        total, ticks = total + reward + 0.025 * info["sliding"], ticks + 1
+    assert total == pytest.approx(info["progress_m"] - 10.0, abs=1e-9)
+    assert (info["end_reason"], info["laps"], info["clipped_actions"]) == ("crash", 0, ticks)
+    assert info["time_s"] == pytest.approx(0.025 * ticks)
+    assert np.isnan(info["lap_times_s"]).all()
+
+
+def test_observation_is_the_scan_and_odometry_of_the_simulation(env):
+    start = {"s": 4.0, "offset": 0.3, "heading": 0.1, "speed": 1.5}
+    seen, _ = env.reset(options={"start": start})
+    simulation = fg.Simulation(fg.World("oval"))
+    scan, odometry = simulation.reset(**start)
+    for _ in range(20):
+        ranges = np.minimum(np.nan_to_num(scan.ranges, posinf=30.0), 30.0)
+        middle = len(ranges) // 2
+        assert seen["scan"].tolist() == ranges[middle % 10 :: 10].astype(np.float32).tolist()
+        assert seen["speed"].item() == np.float32(odometry.speed)
+        assert seen["yaw_rate"].item() == np.float32(odometry.yaw_rate)
+        assert seen["steering_angle"].item() == np.float32(odometry.steering_angle)
+        assert seen["acceleration"].tolist() == odometry.linear_acceleration[:2].astype(np.float32).tolist()
+        seen, *_ = env.step(np.array([0.1, 2.0]))
+        scan, odometry = simulation.step(fg.DriveCommand(steering_angle=0.1, speed=2.0))
+
+
+def test_same_seed_same_bits_and_another_seed_another_start():
+    def told(seed):
+        env = F1TenthEnv(beam_step=60, effects={"range_noise_std": 0.01})
+        scans = [env.reset(seed=seed)[0]["scan"]]
+        scans += [env.step(np.array([0.05, 2.0]))[0]["scan"] for _ in range(5)]
+        return np.array([*scans, env.reset()[0]["scan"]])
+
+    assert told(1).tobytes() == told(1).tobytes()
+    assert told(1)[0].tobytes() != told(2)[0].tobytes()
+    assert told(1)[0].tobytes() != told(1)[-1].tobytes()  # another episode, another start
+
+
+@pytest.mark.parametrize("step", [1, 2, 7, 10, 45, 540])
+def test_beams_seen_are_symmetric_about_the_one_straight_ahead(step):
+    bearings = ObservationLayout(CAR, load_beams(), step).bearings
+    assert np.abs(bearings).min() < 1e-9
+    np.testing.assert_allclose(bearings, -bearings[::-1], atol=1e-9)
+    assert len(bearings) == 2 * (540 // step) + 1
+
+
+def test_what_is_no_distance_reads_within_the_bounds():
+    layout = ObservationLayout(CAR, load_beams(), 270)
+    ranges = np.full((1, 1081), 5.0)
+    ranges[0, [0, 270, 540, 810]] = math.inf, -math.inf, math.nan, 29.0
+    odometry = np.zeros(1, ODOMETRY)
+    odometry["speed"], odometry["linear_acceleration"] = 99.0, -1e3
+    seen = layout.read(ranges, odometry)
+    assert seen["scan"].tolist() == [[30.0, 0.0, 0.0, 29.0, 5.0]]
+    assert seen["speed"][0] == layout.bounds["speed"].high
+    assert (seen["acceleration"][0] == layout.bounds["acceleration"].low).all()
+
+
+def test_action_bounds_are_those_of_the_car(env):
+    np.testing.assert_allclose(env.action_space.low, [-CAR.max_steering_angle, CAR.min_speed], rtol=1e-6)
+    np.testing.assert_allclose(env.action_space.high, [CAR.max_steering_angle, CAR.max_speed], rtol=1e-6)
+
+
+def test_normalised_actions_span_the_bounds():
+    bounds = ActionBounds(CAR, (0.0, 6.0), normalised=True)
+    taken = np.ones(3, bool)
+    commands, clipped = np.empty((3, 2)), np.zeros(3, np.int64)
+    bounds.read([[-1.0, -1.0], [0.0, 0.0], [1.0, 1.0]], taken, commands, clipped)
+    limit = CAR.max_steering_angle
+    np.testing.assert_allclose(commands, [[-limit, 0.0], [0.0, 3.0], [limit, 6.0]], atol=1e-15)
+    assert not clipped.any()
+
+
+def test_actions_out_of_bounds_are_held_within_them_and_counted(env):
+    start = {"start": {"s": 1.0}}
+    env.reset(options=start)
+    for action in ([9.0, 2.0], [-math.inf, 2.0], [0.1, 2.0]):
+        *_, info = env.step(np.array(action))
+    assert info["clipped_actions"] == 2
+    held, *_ = env.step(np.array([0.0, 1e9]))
+    env.reset(options=start)
+    for action in ([0.4189, 2.0], [-0.4189, 2.0], [0.1, 2.0], [0.0, 20.0]):
+        same, *_, info = env.step(np.array(action))
+    assert info["clipped_actions"] == 0
+    assert held["scan"].tobytes() == same["scan"].tobytes()
+
+
+@pytest.mark.parametrize(
+    ("action", "match"),
+    [
+        ([math.nan, 1.0], "steering_angle is nan"),
+        ([0.0, math.nan], "speed is nan"),
+        ([0.0], "shape"),
+        ("ab", "accepted"),
+    ],
+)
+def test_what_is_no_action_is_refused_and_nothing_is_driven(env, action, match):
+    env.reset(seed=0)
+    with pytest.raises(fg.MessageError, match=match):
+        env.step(action)
+    *_, info = env.step(np.zeros(2))
+    assert info["time_s"] == pytest.approx(0.025)
+
+
+def test_crash_terminates_with_its_penalty_and_nothing_runs_on():
+    env = F1TenthEnv(beam_step=60, start="line", rewards={"collision": 7.0, "sliding": 0.0, "progress": 0.0})
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.step(np.zeros(2))
+    env.reset()
+    rewards, terminated = [], False
+    while not terminated:
+        _, reward, terminated, _, info = env.step(np.array([0.4, 3.0]))
+        rewards.append(reward)
+    assert info["end_reason"] == "crash"
+    assert (sum(rewards), rewards[-1]) == (-7.0, -7.0)
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.step(np.zeros(2))
+
+
+def test_time_limit_and_standing_still_truncate():
+    for limit, reason, ticks in ((0.5, "time_limit", 20), (60.0, "no_progress", 400)):
+        env = F1TenthEnv(beam_step=540, time_limit=limit)
+        env.reset(seed=0)
+        for _ in range(ticks):
+            _, _, terminated, truncated, info = env.step(np.zeros(2))
+        assert (terminated, truncated, info["end_reason"]) == (False, True, reason)
+
+
+def test_reward_is_the_sum_of_its_three_terms():
+    weights = Rewards(progress=2.0, collision=5.0, sliding=3.0).of_tick(0.025)
+    driven, crashed = np.array([True, True, False]), np.array([False, True, True])
+    progress, before, rewards = np.array([4.1, 3.8, 9.0]), np.full(3, 4.0), np.full(3, 7.0)
+    reward_ticks(driven, progress, before, crashed, np.array([1.0, 0.0, 1.0]), weights, rewards)
+    np.testing.assert_allclose(rewards, [0.2 - 0.075, -0.4 - 5.0, 7.0])
+    assert before.tolist() == [4.1, 3.8, 4.0]
+
+
+def test_random_starts_are_free_and_all_over_the_lap():
+    world = fg.World("chicanes", obstacles=fg.race("chicanes", laps=1, obstacles=3, time_limit=0.05).world.obstacles)
+    rng, length = np.random.default_rng(0), world.track.length
+    boxes, _ = world.track.project([box.corners().mean(axis=0) for box in world.obstacles])
+    simulation = fg.Simulation(world)
+    starts = [draw_start(world, rng) for _ in range(40)]
+    for start in starts:
+        ahead = (boxes - start.s) % length
+        assert (ahead >= CLEAR_AHEAD).all() and (ahead <= length - CLEAR_BEHIND).all()
+        simulation.reset(**vars(start))
+        assert not simulation.crashed
+    assert np.ptp([start.s for start in starts]) > 0.7 * length
+    assert np.ptp([start.offset for start in starts]) > 0.1
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"laps": 0},
+        {"laps": 2, "track": "scene:dead_end:1"},
+        {"track": "scene:dead_end:1", "obstacles": 2},
+        {"start": "anywhere"},
+        {"beam_step": 0},
+        {"beam_step": 541},
+        {"speed_range": (0.0, 21.0)},
+        {"speed_range": (3.0, 3.0)},
+        {"speed_range": 3.0},
+        {"time_limit": -1.0},
+        {"normalised_actions": 1},
+        {"rewards": {"collision": -1.0}},
+        {"rewards": {"colision": 1.0}},
+        {"effects": {"motion_distortion": True}},
+        {"render_mode": "ansi"},
+    ],
+)
+def test_bad_settings_are_refused(settings):
+    with pytest.raises(fg.SettingsError, match="accepted"):
+        F1TenthEnv(**settings)
+
+
+def test_unknown_setting_names_the_nearest():
+    with pytest.raises(fg.SettingsError, match="did you mean 'beam_step'"):
+        gymnasium.make(ID, beam_steps=3)
+
+
+@pytest.mark.parametrize(
+    "options", [{"begin": 1}, {"start": {"speeed": 1.0}}, {"start": 3.0}, {"start": {"offset": 1.08}}]
+)
+def test_bad_starts_are_refused(env, options):
+    with pytest.raises(fg.SettingsError, match="accepted"):
+        env.reset(options=options)

@@ -1,0 +1,250 @@
+"""The vector environment tells what single environments tell, bit for bit, in the form of Gymnasium's SyncVectorEnv."""
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+import fg_mujoco as fg
+
+gymnasium = pytest.importorskip("gymnasium")
+
+from gymnasium.vector import AutoresetMode, SyncVectorEnv  # noqa: E402
+
+from fg_mujoco.environment_batch import ManyWorlds  # noqa: E402
+from fg_mujoco.environment_settings import EnvironmentSettings  # noqa: E402
+from fg_mujoco.environment_worlds import OneWorld  # noqa: E402
+from fg_mujoco.gym_environment import ID, F1TenthEnv  # noqa: E402
+from fg_mujoco.gym_vector import F1TenthVectorEnv  # noqa: E402
+from fg_mujoco.scenario import Start  # noqa: E402
+
+WORLDS = 4
+NOISE = {"range_noise_std": 0.02, "dropout_probability": 0.02, "latency": 0.025}
+SETTINGS = {"beam_step": 30, "speed_range": (-1.0, 5.0), "time_limit": 1.2}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def worlds_built_once():
+    """What is simulated reads a compiled world and does not write to it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(EnvironmentSettings, "make_world", lru_cache(EnvironmentSettings.make_world))
+        yield
+
+
+def vector(count=WORLDS, **settings):
+    return F1TenthVectorEnv(count, **SETTINGS | settings)
+
+
+def singles(mode=AutoresetMode.NEXT_STEP, count=WORLDS, max_episode_steps=None, **settings):
+    def make():
+        env = F1TenthEnv(**SETTINGS | settings)
+        return env if max_episode_steps is None else gymnasium.wrappers.TimeLimit(env, max_episode_steps)
+
+    return SyncVectorEnv([make] * count, autoreset_mode=mode)
+
+
+def assert_same(first, second, where=""):
+    """Same types, shapes and bits, all the way down."""
+    assert type(first) is type(second), where
+    if isinstance(first, dict):
+        assert first.keys() == second.keys(), where
+        for name in first:
+            assert_same(first[name], second[name], f"{where}/{name}")
+    elif isinstance(first, tuple):
+        assert len(first) == len(second)
+        for i, pair in enumerate(zip(first, second, strict=True)):
+            assert_same(*pair, f"{where}/{i}")
+    elif isinstance(first, np.ndarray):
+        assert (first.dtype, first.shape) == (second.dtype, second.shape), where
+        if first.dtype == object:
+            for i, pair in enumerate(zip(first, second, strict=True)):
+                assert_same(*pair, f"{where}/{i}")
+        else:
+            assert first.tobytes() == second.tobytes(), where
+    else:
+        assert first == second, where
+
+
+def drive(envs, mode, steps, seed=3, action_seed=0):
+    """Return all that an environment tells in so many steps of actions that make the cars crash, now and then."""
+    told = [envs.reset(seed=seed)]
+    rng = np.random.default_rng(action_seed)
+    ends = 0
+    for _ in range(steps):
+        actions = np.column_stack((rng.uniform(-0.5, 0.5, WORLDS), rng.uniform(1.0, 7.0, WORLDS))).astype(np.float32)
+        step = envs.step(actions)
+        told.append(step)
+        over = step[2] | step[3]
+        ends += int(over.sum())
+        if mode is AutoresetMode.DISABLED and over.any():
+            told.append(envs.reset(options={"reset_mask": over}))
+    envs.close()
+    return told, ends
+
+
+CASES = {
+    "next step": (AutoresetMode.NEXT_STEP, {}),
+    "same step": (AutoresetMode.SAME_STEP, {}),
+    "disabled": (AutoresetMode.DISABLED, {}),
+    "noise, normalised": (AutoresetMode.SAME_STEP, {"effects": NOISE, "normalised_actions": True}),
+    "boxes, narrow track": (AutoresetMode.NEXT_STEP, {"track": "chicanes", "obstacles": 3, "mu": 0.8}),
+    "max steps": (AutoresetMode.SAME_STEP, {"max_episode_steps": 13}),
+    "moving boxes": (AutoresetMode.NEXT_STEP, {"track": "scene:crossing_box:1", "max_episode_steps": 29}),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_worlds_tell_what_single_environments_tell(case):
+    mode, settings = CASES[case]
+    together, ends = drive(vector(autoreset_mode=mode, **settings), mode, 60)
+    alone, _ = drive(singles(mode, **settings), mode, 60)
+    assert ends >= 2  # or nothing began anew
+    for step, (first, second) in enumerate(zip(together, alone, strict=True)):
+        assert_same(first, second, f"step {step}")
+
+
+def test_states_are_those_of_a_single_world():
+    settings = EnvironmentSettings.of({"track": "scene:crossing_box:1", "start": "line"})
+    many, one = ManyWorlds(settings, 3), OneWorld(settings)
+    commands = np.tile([0.05, 1.5], (3, 1))
+    for worlds, count in ((many, 3), (one, 1)):
+        worlds.begin(np.ones(count, bool), [Start()] * count, [0] * count)
+        for _ in range(7):
+            worlds.drive(commands[:count])
+    assert many.state(2).tobytes() == one.state(0).tobytes()
+
+
+def test_unstable_world_ends_and_begins_anew_as_if_new():
+    """A physics that broke down leaves nothing in its world, and the others do not notice."""
+    envs, others = vector(3), vector(3)
+    envs.reset(seed=0), others.reset(seed=0)
+    actions = np.tile([0.1, 2.0], (3, 1))
+    envs.step(actions), others.step(actions)
+    qvel = envs._worlds._live["qvel"]
+    qvel[1] = np.nan
+    *_, terminated, _, infos = envs.step(actions)
+    others.step(actions)
+    assert terminated.tolist() == [False, True, False]
+    assert infos["end_reason"].tolist() == [None, "unstable", None]
+    again, fresh = envs.step(actions), vector(3)
+    fresh.reset(seed=0)
+    seen = fresh.reset()[0]  # world 1 begins its second episode
+    assert again[0]["scan"][1].tobytes() == seen["scan"][1].tobytes()
+    calm = others.step(actions)
+    for _ in range(10):
+        assert again[0]["scan"][[0, 2]].tobytes() == calm[0]["scan"][[0, 2]].tobytes()
+        again, calm, new = envs.step(actions), others.step(actions), fresh.step(actions)
+        assert again[0]["scan"][1].tobytes() == new[0]["scan"][1].tobytes()
+        assert again[1][1] == new[1][1]
+
+
+def test_result_does_not_depend_on_the_number_of_threads():
+    def told(threads):
+        envs = vector(16, threads=threads, effects=NOISE)
+        rng = np.random.default_rng(5)
+        told = [envs.reset(seed=9)]
+        told += [envs.step(rng.uniform((-0.4, 2.0), (0.4, 5.0), (16, 2))) for _ in range(60)]
+        envs.close()
+        return told
+
+    for first, second in zip(told(1), told(3), strict=True):
+        assert_same(first, second)
+
+
+def test_world_does_not_depend_on_the_others():
+    few, many = vector(2), vector(WORLDS)
+    seen_few, seen_many = few.reset(seed=4)[0], many.reset(seed=4)[0]
+    rng = np.random.default_rng(1)
+    for _ in range(60):
+        actions = rng.uniform((-0.4, 1.0), (0.4, 5.0), (WORLDS, 2))
+        seen_few, rewards_few, *_ = few.step(actions[:2])
+        seen_many, rewards_many, *_ = many.step(actions)
+        assert rewards_few.tobytes() == rewards_many[:2].tobytes()
+        assert seen_few["scan"].tobytes() == seen_many["scan"][:2].tobytes()
+
+
+def test_make_vec_makes_it_and_passes_settings_on():
+    envs = gymnasium.make_vec(ID, num_envs=3, beam_step=90, max_episode_steps=2, autoreset_mode="SameStep")
+    assert isinstance(envs.unwrapped, F1TenthVectorEnv)
+    assert envs.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+    seen, _ = envs.reset(seed=0)
+    assert seen in envs.observation_space
+    assert seen["scan"].shape == (3, 13)
+    for step in range(2):
+        *_, truncated, infos = envs.step(np.zeros((3, 2), np.float32))
+        assert truncated.tolist() == [step == 1] * 3
+    assert infos["_final_obs"].all()
+    assert infos["final_obs"][0] in envs.single_observation_space
+    envs.close()
+
+
+def test_seed_may_be_one_for_each_world():
+    envs = vector(3)
+    one, _ = envs.reset(seed=[7, 8, 7])
+    assert one["scan"][0].tobytes() == one["scan"][2].tobytes() != one["scan"][1].tobytes()
+    assert envs.np_random_seed == (7, 8, 7)
+    with pytest.raises(fg.SettingsError, match="2 seeds for 3 worlds"):
+        envs.reset(seed=[1, 2])
+
+
+def test_returned_arrays_are_not_written_to_later():
+    envs = vector(2)
+    kept, infos = envs.reset(seed=0)
+    before = {name: values.copy() for name, values in (kept | infos).items()}
+    for _ in range(3):
+        envs.step(np.full((2, 2), 0.3))
+    for name, values in (kept | infos).items():
+        assert values.tobytes() == before[name].tobytes(), name
+
+
+def test_nan_is_refused_with_its_world_and_nothing_is_driven():
+    envs = vector(3)
+    envs.reset(seed=0)
+    actions = np.zeros((3, 2))
+    actions[1, 1] = np.nan
+    with pytest.raises(fg.MessageError, match=r"speed is nan in world 1 of 3"):
+        envs.step(actions)
+    assert envs.step(np.zeros((3, 2)))[4]["time_s"].tolist() == [0.025] * 3
+
+
+def test_actions_out_of_bounds_are_held_and_counted_in_each_world():
+    held, asked = vector(2), vector(2)
+    held.reset(seed=0), asked.reset(seed=0)
+    for _ in range(3):
+        first = held.step(np.array([[0.1, 5.0], [0.1, 1.0]]))
+        second = asked.step(np.array([[0.1, np.inf], [0.1, 1.0]]))
+    assert second[4]["clipped_actions"].tolist() == [3, 0]
+    assert first[0]["scan"].tobytes() == second[0]["scan"].tobytes()
+
+
+def test_stepping_what_does_not_run_is_refused():
+    envs = vector(2, autoreset_mode="Disabled", max_episode_steps=1)
+    with pytest.raises(gymnasium.error.ResetNeeded, match=r"\[0, 1\]"):
+        envs.step(np.zeros((2, 2)))
+    envs.reset()
+    envs.step(np.zeros((2, 2)))
+    envs.reset(options={"reset_mask": np.array([True, False])})
+    with pytest.raises(gymnasium.error.ResetNeeded, match=r"\[1\]"):
+        envs.step(np.zeros((2, 2)))
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"num_envs": 0},
+        {"num_envs": 2, "threads": 0},
+        {"num_envs": 2, "autoreset_mode": "never"},
+        {"num_envs": 2, "render_mode": "human"},
+        {"num_envs": 2, "lap": 3},
+    ],
+)
+def test_bad_settings_are_refused(settings):
+    with pytest.raises(fg.SettingsError, match="accepted"):
+        F1TenthVectorEnv(**settings)
+
+
+@pytest.mark.parametrize("mask", [np.zeros(2, bool), np.ones(3, bool), [True, False], np.ones(2)])
+def test_bad_reset_masks_are_refused(mask):
+    envs = vector(2)
+    with pytest.raises(fg.SettingsError, match="reset_mask"):
+        envs.reset(options={"reset_mask": mask})
