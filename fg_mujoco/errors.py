@@ -29,6 +29,10 @@ class RunFolderError(FgMujocoError, OSError):
     """A run folder that cannot be written, or is not one."""
 
 
+class BagError(FgMujocoError, OSError):
+    """A bag that cannot be read or written, or a message in it that cannot be what it says."""
+
+
 class MissingExtraError(FgMujocoError, ImportError):
     """An optional part that is not installed; the message is the command that installs it."""
 

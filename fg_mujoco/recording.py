@@ -21,7 +21,7 @@ import json
 import math
 import platform
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from importlib.metadata import version
@@ -101,13 +101,16 @@ def check_run_folder(folder: str | Path) -> None:
         pass
 
 
-def write_run(result: RaceResult, folder: str | Path, *, picture: bool = True) -> Path:
+def write_run(
+    result: RaceResult, folder: str | Path, *, picture: bool = True, settings: Mapping[str, Any] | None = None
+) -> Path:
     """Write a run folder and return its path. A failure leaves nothing behind.
 
     Args:
       result: of the race.
       folder: new or empty.
       picture: with trace.png.
+      settings: options of the command line that drive this race again; `race --config DIR` needs them.
 
     Raises:
       RunFolderError: the folder is a file, is not empty, or cannot be written.
@@ -123,15 +126,15 @@ def write_run(result: RaceResult, folder: str | Path, *, picture: bool = True) -
         _write_telemetry(result.telemetry, staging / _TELEMETRY)
         if picture:
             trace_picture(result, staging / _TRACE)
-        (staging / _SUMMARY).write_text(summary_json(result) + "\n", encoding="utf-8")
+        (staging / _SUMMARY).write_text(summary_json(result, settings) + "\n", encoding="utf-8")
         for name in _FILES:
             if (staging / name).exists():
                 (staging / name).rename(folder / name)
     return folder
 
 
-def summary_json(result: RaceResult) -> str:
-    """Return the summary and the versions that made it as one JSON object; NaN and infinity are null."""
+def summary_json(result: RaceResult, settings: Mapping[str, Any] | None = None) -> str:
+    """Return the summary, `settings` and the versions that made it as one JSON object; NaN and infinity are null."""
     versions = {
         "schema": SCHEMA,
         "fg_mujoco_version": version("fg-mujoco"),
@@ -140,9 +143,25 @@ def summary_json(result: RaceResult) -> str:
     }
     summary = {
         name: None if isinstance(value, float) and not math.isfinite(value) else value
-        for name, value in (result.summary() | versions).items()
+        for name, value in (result.summary() | ({"settings": dict(settings)} if settings else {}) | versions).items()
     }
     return json.dumps(summary, indent=2, allow_nan=False)
+
+
+def read_summary(folder: str | Path) -> dict[str, Any]:
+    """Read the summary of a run folder.
+
+    Raises:
+      RunFolderError: it is not one, or its summary is damaged.
+    """
+    path = Path(folder) / _SUMMARY
+    if not path.is_file():
+        raise RunFolderError(f"{folder}: has no {_SUMMARY}; accepted: a folder that `race --out` wrote")
+    with _blame(path):
+        summary = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(summary, dict) or summary.get("schema") != SCHEMA:
+            raise ValueError(f"no JSON object with schema {SCHEMA}")
+    return summary
 
 
 def read_run(folder: str | Path) -> Run:
@@ -152,12 +171,7 @@ def read_run(folder: str | Path) -> Run:
       RunFolderError: it is not one, or a file in it is missing or damaged.
     """
     folder = Path(folder)
-    if not (folder / _SUMMARY).is_file():
-        raise RunFolderError(f"{folder}: has no {_SUMMARY}; accepted: a folder that `race --out` wrote")
-    with _blame(folder / _SUMMARY):
-        summary = json.loads((folder / _SUMMARY).read_text(encoding="utf-8"))
-        if not isinstance(summary, dict) or summary.get("schema") != SCHEMA:
-            raise ValueError(f"no JSON object with schema {SCHEMA}")
+    summary = read_summary(folder)
     with _blame(folder / _STATES), np.load(folder / _STATES, allow_pickle=False) as arrays:
         time, states, ctrl = (np.array(arrays[name], dtype=np.float64) for name in ("time", "state", "ctrl"))
         if ctrl.shape != (len(ctrl), 2) or states.ndim != 2 or {len(time), len(states)} != {len(ctrl) + 1}:
