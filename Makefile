@@ -13,7 +13,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 RUN := runs/$(notdir $(basename $(TRACK)))-$(shell date +%Y%m%d-%H%M%S)
 
-.PHONY: help race test quick unit lint bench friction picture clean
+.PHONY: help race test quick unit lint bench friction docs picture clean
 .DEFAULT_GOAL := help
 
 help:
@@ -35,7 +35,7 @@ race: $(READY)
 test: lint unit
 
 unit: $(READY)
-	$(BIN)/python -m pytest $(ARGS)
+	$(BIN)/python -m pytest -n auto --dist loadfile $(ARGS)
 
 ## make quick   the tests that take seconds
 quick: $(READY)
@@ -53,6 +53,13 @@ bench: $(READY)
 ## make friction the friction lab, and its report in runs/friction; some minutes, less what is there
 friction: $(READY)
 	$(BIN)/fg-mujoco friction all --out runs/friction $(ARGS)
+
+## make docs    the documentation as a site, in build/site
+docs: $(READY)
+	@$(BIN)/python -c 'import material, mkdocstrings' 2>/dev/null || $(BIN)/python -m pip install --quiet \
+	    --disable-pip-version-check -c constraints.txt -e '.[docs]'
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict $(ARGS)
+	@echo "the site: build/site/index.html"
 
 ## make picture the picture of the README, anew
 PICTURE := docs/images/oval_trace.png

@@ -1,3 +1,4 @@
+import json
 import os
 import re
 import shutil
@@ -45,28 +46,66 @@ def test_packages_listed_are_the_folders_that_hold_code():
     assert set(re.findall(r'"([^"]+)"', listed)) == there
 
 
-@needs_checkout
-def test_wheel_and_sdist_hold_every_file_and_nothing_else(tmp_path):
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """A folder with the wheel and the sdist of this checkout, built by setuptools itself: no network is needed."""
     pytest.importorskip("setuptools", minversion="77", reason="older than pyproject.toml says; make test renews it")
-    # setuptools' own back end, so that no network is needed
-    source = tmp_path / "source"
-    for folder in FOLDERS:
-        shutil.copytree(ROOT / folder, source / folder, ignore=shutil.ignore_patterns("__pycache__"))
+    folder = tmp_path_factory.mktemp("built")
+    source = folder / "source"
+    for name in FOLDERS:
+        shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, source)
-    build = "from setuptools import build_meta as b; b.build_sdist({0!r}); b.build_wheel({0!r})".format(str(tmp_path))
+    build = "from setuptools import build_meta as b; b.build_sdist({0!r}); b.build_wheel({0!r})".format(str(folder))
     made = subprocess.run([sys.executable, "-c", build], cwd=source, capture_output=True, text=True)
     assert made.returncode == 0, made.stderr[-2000:]
+    return folder
 
-    (wheel,) = tmp_path.glob("*.whl")
+
+@needs_checkout
+def test_wheel_and_sdist_hold_every_file_and_nothing_else(built):
+    (wheel,) = built.glob("*.whl")
     with zipfile.ZipFile(wheel) as archive:
         names = {name for name in archive.namelist() if ".dist-info/" not in name}
         assert names == {installed_name(path) for path in package_files()}
         assert any(name.endswith("licenses/LICENSE") for name in archive.namelist())
-    (sdist,) = tmp_path.glob("*.tar.gz")
+    (sdist,) = built.glob("*.tar.gz")
     with tarfile.open(sdist) as archive:
         names = {name.partition("/")[2] for name in archive.getnames()}
     assert package_files() | {"pyproject.toml", "README.md", "LICENSE"} <= names
+
+
+@needs_checkout
+@pytest.mark.slow
+def test_what_pip_installs_from_wheel_and_sdist_races_away_from_the_repository(built, tmp_path):
+    """Dependencies are those of this Python; without network, so nothing is fetched."""
+    pytest.importorskip("pip")
+    site, empty = tmp_path / "site", tmp_path / "empty"
+    empty.mkdir()
+    environment = os.environ | {"PYTHONPATH": str(site), "XDG_CACHE_HOME": str(tmp_path / "cache")}
+
+    def python(*arguments):
+        done = subprocess.run([sys.executable, *arguments], cwd=empty, env=environment, capture_output=True, text=True)
+        assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
+        return done.stdout
+
+    summaries = []
+    for pattern in ("*.whl", "*.tar.gz"):
+        (archive,) = built.glob(pattern)
+        if site.exists():
+            site.rename(tmp_path / "site_of_the_wheel")
+        pip = ("-m", "pip", "install", "--quiet", "--no-deps", "--no-index", "--no-build-isolation", "--no-compile")
+        python(*pip, "--disable-pip-version-check", "--target", str(site), str(archive))
+        installed = {path.relative_to(site).as_posix() for path in site.rglob("*") if path.is_file()}
+        assert {installed_name(path) for path in package_files()} <= installed
+        for path in site.rglob("*.py"):
+            os.utime(path, (1e9, 1e9))  # same place, same time: kernels are compiled for the wheel, and found again
+        where = "import fg_mujoco, fg_mujoco.controllers.gap_finder as g; print(fg_mujoco.__file__); print(g.__file__)"
+        assert all(line.startswith(str(site)) for line in python("-c", where).split())
+        summaries.append(json.loads(python("-m", "fg_mujoco", "race", "--laps", "1", "--json")))
+        assert summaries[-1]["finished"] is True
+    assert summaries[0]["trajectory_sha256"] == summaries[1]["trajectory_sha256"]
+    assert list(empty.iterdir()) == []
 
 
 def test_data_files_are_found_where_they_are_installed():
@@ -96,7 +135,7 @@ def test_every_public_name_is_there_and_race_is_the_function():
 @needs_checkout
 def test_constraints_name_versions_and_no_addresses():
     lines = [line for line in (ROOT / "constraints.txt").read_text().splitlines() if not line.startswith("#")]
-    assert all(re.fullmatch(r'[A-Za-z0-9._-]+==[0-9a-z.]+(; python_version >= "3\.11")?', line) for line in lines)
+    assert all(re.fullmatch(r'[A-Za-z0-9._-]+==[0-9a-z.]+(; python_version (>=|<) "3\.11")?', line) for line in lines)
     pinned = {line.partition("==")[0].lower().replace("_", "-") for line in lines}
     needed = set(re.findall(r'"([A-Za-z-]+)>=', PYPROJECT))
     assert needed <= pinned

@@ -1,0 +1,147 @@
+"""What mkdocs does beyond its plugins: pages of the planners from their files, and links that leave docs/.
+
+- planners/NAME.md is made of the docstring and the settings of controllers/NAME.py, with images/planners/NAME.png;
+- changelog.md and contributing.md are CHANGELOG.md and CONTRIBUTING.md of the repository;
+- a link to a file that is in the repository and not on the site is shown as the file's name. One to a file that is
+  nowhere stays as it is, and mkdocs complains of it.
+"""
+
+from __future__ import annotations
+
+import ast
+import posixpath
+import re
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parent.parent
+PAGES_OF_THE_ROOT = {"changelog.md": "CHANGELOG.md", "contributing.md": "CONTRIBUTING.md"}
+CAPTION = (
+    "*The car at 3 m/s before a box in `chicanes`, the same place for every planner. Left from above, right the range "
+    "of each beam. The way is the one that the planner wishes for: the friction guard and the way out come after it. "
+    "Made by `python docs/diagrams`.*"
+)
+
+
+def planner_names() -> list[str]:
+    """Return the names of the planners that have a page, which are the bundled ones."""
+    module = ast.parse((ROOT / "controllers" / "__init__.py").read_text("utf-8"))
+    (catalogue,) = (
+        n.value for n in module.body if isinstance(n, ast.Assign) and ast.unparse(n.targets[0]) == "CONTROLLERS"
+    )
+    return list(ast.literal_eval(catalogue))
+
+
+def planner_page(name: str) -> str:
+    """Return the page of a planner, as Markdown."""
+    source, module = parsed(name)
+    docstring = ast.get_docstring(module)
+    assert docstring, name
+    title, _, rest = docstring.partition("\n")
+    settings = settings_table(source, module)
+    return f"""# {name}
+
+**{title.strip()}**
+
+![What {name} makes of a scan](../images/planners/{name}.png)
+
+{CAPTION}
+
+## How it works
+
+{as_markdown(rest)}
+
+## Its settings
+
+`fg-mujoco race --controller '{name}[SETTING=VALUE,...]'`, or `planner_settings={{...}}` of `fg.race`.
+
+{settings}
+
+Those that every planner has, with the defaults of `DrivingSettings` unless the table above says otherwise:
+
+{settings_table(*parsed("driving"))}
+
+How it fares beside the others: [the planners, and what breaks them](../planners.md). Its file is
+`controllers/{name}.py`.
+"""
+
+
+def parsed(name: str) -> tuple[str, ast.Module]:
+    """Return the source of a module of controllers/, and its tree."""
+    source = (ROOT / "controllers" / f"{name}.py").read_text("utf-8")
+    return source, ast.parse(source)
+
+
+def settings_table(source: str, module: ast.Module) -> str:
+    """Return a table of the fields of the class of a module whose name ends in Settings: default, and comment."""
+    (kind,) = (n for n in module.body if isinstance(n, ast.ClassDef) and n.name.endswith("Settings"))
+    assigned = [n for m in (module, parsed("driving")[1]) for n in m.body if isinstance(n, ast.Assign)]
+    aliases = {ast.unparse(n.targets[0]): ast.unparse(n.value) for n in assigned}
+    lines, rows = source.splitlines(), ["| setting | default | what |", "| --- | --- | --- |"]
+    for field in kind.body:
+        if isinstance(field, ast.AnnAssign) and field.value is not None:
+            comment = lines[(field.value.end_lineno or 0) - 1][field.value.end_col_offset :].partition("#")[2].strip()
+            words = aliases.get(ast.unparse(field.annotation), ast.unparse(field.annotation))
+            if words.startswith("Literal"):
+                comment = ", ".join(f"`{word}`" for word in re.findall(r"'(\w+)'", words))
+            rows.append(f"| `{ast.unparse(field.target)}` | `{ast.unparse(field.value)}` | {comment} |")
+    return "\n".join(rows)
+
+
+def as_markdown(docstring: str) -> str:
+    """Return the text of a docstring as Markdown.
+
+    Its lists are indented by three, where Markdown wants four, and items after a block of formulas need an empty line;
+    columns are set apart by spaces.
+    """
+    lines: list[str] = []
+    for line in docstring.strip("\n").splitlines():
+        if re.match(r"\d\. ", line) and lines and lines[-1]:
+            lines.append("")
+        in_list = re.match(r" {3}(?! )| {7,}", line)  # four to six are a block of formulas by itself
+        line = f" {line}" if in_list else line
+        line = re.sub(r"(\S) {2,}(?=\S)(?!.*#)", r"\1: ", line) if re.match(r"\s*\d\. ", line) else line
+        lines.append(line)
+    return "\n".join(lines)
+
+
+def without_links_out(markdown: str, folder: str, *, to_docs: bool = False) -> str:
+    """Return a page whose links to files of the repository outside docs/ are their names.
+
+    Args:
+      markdown: of the page.
+      folder: of the page, in the repository.
+      to_docs: whether the page is shown as if it were in docs/; links to docs/ are then made to fit.
+    """
+
+    def replaced(match: re.Match[str]) -> str:
+        text, target = match.groups()
+        if "://" in target or target.startswith("#"):
+            return match[0]
+        path = posixpath.normpath(posixpath.join(folder, target.partition("#")[0]))
+        if path.startswith("docs/"):
+            return f"[{text}]({target.removeprefix('docs/')})" if to_docs else match[0]
+        if path in PAGES_OF_THE_ROOT.values():
+            page = next(name for name, source in PAGES_OF_THE_ROOT.items() if source == path)
+            return f"[{text}]({posixpath.relpath(page, folder.removeprefix('docs').strip('/') or '.')})"
+        return (text if text.startswith("`") else f"`{text}`") if (ROOT / path).exists() else match[0]
+
+    return re.sub(r"(?<!!)\[([^\]\n]+)\]\(([^)\s]+)\)", replaced, markdown)
+
+
+def on_files(files: Any, config: Any) -> Any:
+    """Add the pages that are made."""
+    from mkdocs.structure.files import File
+
+    for name in planner_names():
+        files.append(File.generated(config, f"planners/{name}.md", content=planner_page(name)))
+    for page, source in PAGES_OF_THE_ROOT.items():
+        files.append(File.generated(config, page, content=(ROOT / source).read_text("utf-8")))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
+    """Take the links out that lead nowhere on the site."""
+    path = page.file.src_uri
+    of_the_root = path in PAGES_OF_THE_ROOT
+    return without_links_out(markdown, "" if of_the_root else posixpath.dirname(f"docs/{path}"), to_docs=of_the_root)

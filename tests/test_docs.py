@@ -1,0 +1,167 @@
+"""The documentation works: its Python runs, its commands are accepted, its links lead somewhere, and it is complete."""
+
+import ast
+import re
+import shlex
+import subprocess
+import sys
+from importlib.util import find_spec, module_from_spec, spec_from_file_location
+from pathlib import Path
+
+import pytest
+
+import fg_mujoco as fg
+from fg_mujoco.cli import _parser
+from fg_mujoco.controllers import CONTROLLERS
+
+ROOT = Path(__file__).parent.parent
+DOCS = ROOT / "docs"
+if not (ROOT / "mkdocs.yml").exists():
+    pytest.skip("not a checkout of the repository", allow_module_level=True)
+
+PAGES = sorted(path.relative_to(ROOT).as_posix() for path in (*DOCS.rglob("*.md"), *ROOT.glob("C*.md")))
+CONFIG = (ROOT / "mkdocs.yml").read_text("utf-8")
+RUN_ELSEWHERE = {"docs/training.md": "tests/test_training_example.py"}
+ONLY_IMPORTED = {
+    "docs/rendering.md": "goes on from a run folder, a world and a simulation of the reader's, with OpenGL"
+}
+NEEDS = {"docs/maps.md": ("PIL", "yaml", "scipy"), "docs/howto/training.md": ("gymnasium",)}
+GREATEST_DIAGRAM = 60_000  # [bytes]
+
+BLOCK = re.compile(r'^```(\w+)(?: title="([^"]+)")?\n(.*?)^```', re.MULTILINE | re.DOTALL)
+
+
+def blocks(page, language):
+    """Return the code blocks of a page in a language: file name, or "", and text."""
+    return [(title, code) for kind, title, code in BLOCK.findall((ROOT / page).read_text("utf-8")) if kind == language]
+
+
+@pytest.fixture(scope="module")
+def hooks():
+    spec = spec_from_file_location("site_hooks", DOCS / "site_hooks.py")
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if blocks(p, "python") and p not in RUN_ELSEWHERE | ONLY_IMPORTED])
+def test_python_of_a_page_runs_in_an_empty_folder(page, tmp_path, monkeypatch, capsys):
+    """One block goes on where the last one ended; one with a title is written to that file."""
+    for module in NEEDS.get(page, ()):
+        pytest.importorskip(module)
+    monkeypatch.chdir(tmp_path)
+    names = {"__name__": "__main__"}
+    for title, code in blocks(page, "python"):
+        if title:
+            (tmp_path / title).write_text(code, "utf-8")
+        else:
+            exec(compile(code, page, "exec"), names)
+
+
+def test_what_is_run_elsewhere_is():
+    for page, test in RUN_ELSEWHERE.items():
+        assert blocks(page, "python"), f"{page} has none any more"
+        assert f'"{Path(page).name}"' in (ROOT / test).read_text("utf-8")
+
+
+@pytest.mark.parametrize("page", ONLY_IMPORTED)
+def test_what_a_page_imports_is_there(page):
+    pytest.importorskip("PIL")
+    trees = [ast.parse(code) for _, code in blocks(page, "python")]
+    imports = [node for tree in trees for node in tree.body if isinstance(node, (ast.Import, ast.ImportFrom))]
+    assert imports
+    exec(compile(ast.Module(imports, []), page, "exec"), {})
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if blocks(p, "sh")])
+def test_commands_of_a_page_are_accepted(page, capsys):
+    shown = "".join(code for _, code in blocks(page, "sh")).replace("\\\n", " ").splitlines()
+    makefile = (ROOT / "Makefile").read_text("utf-8")
+    for line in shown:
+        words = shlex.split(line, comments=True)
+        command = words[0].rpartition("/")[2] if words else ""
+        if command == "fg-mujoco":
+            try:
+                _parser().parse_args([word.replace("$TASK", "7") for word in words[1:]])
+            except SystemExit:
+                pytest.fail(f"{page}: {line}\n{capsys.readouterr().err}")
+        elif command == "make":
+            assert re.search(rf"^{words[1]}:", makefile, re.MULTILINE), f"{page}: {line}"
+        elif words[0:2] == ["python", "-m"] and "fg_mujoco" in words[2]:
+            assert find_spec(words[2]) is not None, f"{page}: {line}"
+        elif command == "python" and words[1].endswith(".py"):
+            assert (ROOT / words[1]).exists(), f"{page}: {line}"
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_links_of_a_page_lead_somewhere(page, hooks):
+    here = (ROOT / page).parent
+    text = re.sub(r"^```.*?^```", "", (ROOT / page).read_text("utf-8"), flags=re.MULTILINE | re.DOTALL)
+    for target in re.findall(r"\]\(([^)\s#]+)[^)]*\)", text):
+        if "://" in target:
+            continue
+        path = (here / target).resolve()
+        made = path.parent == DOCS / "planners" and path.stem in hooks.planner_names()
+        assert path.exists() or made, f"{page}: {target}"
+
+
+def test_every_page_is_in_the_navigation(hooks):
+    listed = set(re.findall(r"^\s*- (?:.*: )?(\S+\.md)$", CONFIG, re.MULTILINE))
+    there = {path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md")}
+    made = {f"planners/{name}.md" for name in hooks.planner_names()} | set(hooks.PAGES_OF_THE_ROOT)
+    assert listed == there | made
+
+
+def test_every_planner_has_a_page_with_its_diagram(hooks):
+    assert set(hooks.planner_names()) == set(CONTROLLERS)
+    for name in CONTROLLERS:
+        page = hooks.planner_page(name)
+        assert f"images/planners/{name}.png" in page
+        assert "Limits" in page
+        settings = fg.make_controller(
+            name, car=fg.World("oval").parameters, mu=1.0, max_speed=8.0, map_line=fg.load_track("oval").map_line
+        ).settings
+        missing = [field for field in vars(settings) if f"| `{field}` |" not in page]
+        assert not missing, missing
+
+
+def test_diagrams_are_small():
+    pictures = [*DOCS.glob("images/planners/*.png"), *DOCS.glob("images/concepts/*.png")]
+    assert {path.stem for path in pictures} >= set(CONTROLLERS)
+    assert [path.name for path in pictures if path.stat().st_size > GREATEST_DIAGRAM] == []
+
+
+def test_every_public_name_is_in_the_api():
+    shown = set(re.findall(r"^::: \S*\.(\w+)$", "".join(p.read_text() for p in DOCS.glob("api/*.md")), re.MULTILINE))
+    errors = {name for name in fg.__all__ if name.endswith("Error")}  # all of fg_mujoco.errors is shown
+    assert set(fg.__all__) - shown - errors - {"__version__"} == set()
+
+
+def test_links_out_of_the_docs_become_names(hooks):
+    def shown(text, folder="docs"):
+        return hooks.without_links_out(text, folder)
+
+    assert shown("[the car](../models/f1tenth.xml)") == "`the car`"
+    assert (
+        shown("[maps](maps.md#what-is-read), [x](https://x.org)") == "[maps](maps.md#what-is-read), [x](https://x.org)"
+    )
+    assert shown("[gone](../nowhere.xml)") == "[gone](../nowhere.xml)"  # mkdocs complains of it
+    assert shown("[how](../../CONTRIBUTING.md)", "docs/howto") == "[how](../contributing.md)"
+    assert hooks.without_links_out("[maps](docs/maps.md)", "", to_docs=True) == "[maps](maps.md)"
+
+
+@pytest.mark.slow
+def test_site_builds_without_a_warning_and_fetches_nothing(tmp_path):
+    for module in ("mkdocs", "material", "mkdocstrings_handlers"):
+        if find_spec(module) is None:
+            pytest.skip(f"no {module}: pip install 'fg-mujoco[docs]'")
+    build = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path / "site")]
+    made = subprocess.run(build, cwd=ROOT, capture_output=True, text=True)
+    assert made.returncode == 0, made.stderr[-3000:]
+    pages = list((tmp_path / "site").rglob("*.html"))
+    assert {"index.html", "gap_finder.html", "changelog.html", "races.html"} <= {page.name for page in pages}
+    for page in pages:
+        fetched = re.findall(r'<(?:script|link|img)\b[^>]*\b(?:src|href)="(https?:[^"]+)"', page.read_text("utf-8"))
+        assert fetched == [], page
+    races = next(page for page in pages if page.name == "races.html").read_text("utf-8")
+    assert "from a standing start" in races  # the comment behind RaceResult.lap_times_s
