@@ -10,11 +10,13 @@ What loads slowly (trimesh, embreex, matplotlib) is imported where it is used.
 
 from importlib.metadata import version as _version
 
+from . import mujoco_import as _mujoco_import  # noqa: F401  # first: it chooses how pictures are drawn
 from .car import Car, car_parameters, car_spec
 from .car_changes import CarChanges
 from .comparison import Comparison, ComparisonProgress, compare
 from .controller_loading import controller_names, make_controller
 from .errors import (
+    BagError,
     ControllerError,
     EngineError,
     FgMujocoError,
@@ -28,6 +30,8 @@ from .errors import (
 from .lap_timer import LapTimer
 from .lidar import Beams, Lidar, RangefinderLidar, RaycastLidar, lidar_spec, make_lidar
 from .lidar_effects import LidarEffects
+from .map_export import export_track
+from .map_track import MapTrack, read_map
 from .messages import STOP, CarParameters, Controller, DriveCommand, LaserScan, Odometry
 from .moving_obstacles import MovingObstacle
 from .obstacles import Box, Cylinder
@@ -36,6 +40,7 @@ from .race import RaceProgress, race
 from .race_result import TELEMETRY, RaceResult
 from .randomization import Choice, Randomization, Uniform
 from .recording import ReplayReport, Run, check_run_folder, read_run, replay, write_run
+from .rendering import Film, Renderer, render, write_video
 from .rollout_result import RolloutResult, read_rollout
 from .rollouts import RolloutProgress, rollout
 from .scenario import Scenario, Start
@@ -54,6 +59,7 @@ __all__ = [
     "SLIDING_SPEED",
     "STOP",
     "TELEMETRY",
+    "BagError",
     "Beams",
     "Box",
     "Car",
@@ -68,11 +74,13 @@ __all__ = [
     "DriveCommand",
     "EngineError",
     "FgMujocoError",
+    "Film",
     "GeneratorSettings",
     "LapTimer",
     "LaserScan",
     "Lidar",
     "LidarEffects",
+    "MapTrack",
     "MessageError",
     "MissingExtraError",
     "ModelError",
@@ -83,6 +91,7 @@ __all__ = [
     "Randomization",
     "RangefinderLidar",
     "RaycastLidar",
+    "Renderer",
     "ReplayReport",
     "RolloutProgress",
     "RolloutResult",
@@ -105,6 +114,7 @@ __all__ = [
     "check_run_folder",
     "compare",
     "controller_names",
+    "export_track",
     "generate_track",
     "lidar_spec",
     "load_track",
@@ -112,8 +122,10 @@ __all__ = [
     "make_lidar",
     "race",
     "read_centreline",
+    "read_map",
     "read_rollout",
     "read_run",
+    "render",
     "replay",
     "rollout",
     "scene_names",
@@ -122,4 +134,5 @@ __all__ = [
     "track_picture",
     "write_centreline",
     "write_run",
+    "write_video",
 ]

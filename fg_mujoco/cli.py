@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from . import __version__
+from .bag_cli import add_bags
 from .cli_options import ProgressLine, number, number_or_off, whole
 from .compare_cli import add_compare
 from .controller_choice import ControllerChoice
@@ -27,15 +28,20 @@ from .errors import FgMujocoError, MissingExtraError, SettingsError
 from .friction_cli import add_friction
 from .lidar import LIDAR_BACKENDS
 from .lidar_effects import LidarEffects
+from .map_cli import add_export
 from .plots import require_matplotlib, track_picture
 from .race import RaceProgress, race
+from .race_config import add_config, parse, settings_of
 from .race_result import RaceResult
 from .race_rules import USUAL_LAPS
 from .recording import check_run_folder, replay, summary_json, write_run
+from .render_cli import add_render, check_film, film_race
+from .report_cli import add_report, report_race
 from .rollout_cli import add_rollout
 from .scenes import describe_scene, scene_names
 from .tire_slip import SLIDING_SPEED
 from .track_formats import load_track, require_track, track_names, write_centreline
+from .view_cli import add_view
 
 _DONE, _NOT_DONE, _BAD_INPUT, _INTERRUPTED = 0, 1, 2, 130  # 130 is what shells call a command ended by Ctrl-C
 
@@ -43,7 +49,7 @@ _DONE, _NOT_DONE, _BAD_INPUT, _INTERRUPTED = 0, 1, 2, 130  # 130 is what shells 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command and return its exit code."""
     try:
-        options = _parser().parse_args(arguments)
+        options = parse(_parser(), arguments)
         code: int = options.run(options)
         sys.stdout.flush()
     except FgMujocoError as error:
@@ -81,15 +87,20 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--force", action="store_true", help="replace the file if it exists")
     command.add_argument("path", metavar="FILE.csv", type=Path)
     command = _add(tracks, "show", _track_show, "draw a track or a scene as a PNG")
-    command.add_argument("track", metavar="TRACK", help="NAME, random:SEED, scene:NAME:SEED or file.csv")
+    command.add_argument("track", metavar="TRACK", help="NAME, random:SEED, scene:NAME:SEED, file.csv or map.yaml")
     command.add_argument("--out", metavar="FILE.png", type=Path, help="default: NAME.png here")
     _add(tracks, "list", _track_list, "list the bundled tracks")
     _add(tracks, "scenes", _track_scenes, "list the scenes")
+    add_export(_add, tracks)
 
     _add(commands, "controllers", _controllers, "list the bundled controllers")
     add_rollout(_add, commands)
     add_compare(_add, commands)
+    add_render(_add, commands)
+    add_report(_add, commands)
+    add_view(_add, commands)
     add_friction(_add, commands)
+    add_bags(_add, commands)
     return parser
 
 
@@ -104,7 +115,7 @@ def _add_race(commands: Any) -> None:
     add = command.add_argument
     add(
         "--track", default="oval",
-        help="NAME, random:SEED, scene:NAME:SEED or file.csv; default: oval; names: track list, track scenes",
+        help="NAME, random:SEED, scene:NAME:SEED, file.csv or map.yaml; default: oval; names: track list, track scenes",
     )  # fmt: skip
     add(
         "--controller", default="gap_finder",
@@ -130,7 +141,9 @@ def _add_race(commands: Any) -> None:
         help="of simulated time; default: what a car of 0.5 m/s needs, or the scene's",
     )  # fmt: skip
     add("--out", metavar="DIR", help="write a run folder here; it must be new or empty")
+    add("--video", type=Path, metavar="FILE", help="write a video of the race, .mp4 or .gif; see the command render")
     add("--json", action="store_true", help="print one JSON object and nothing else")
+    add_config(command)
 
 
 def _race(options: argparse.Namespace) -> int:
@@ -140,8 +153,10 @@ def _race(options: argparse.Namespace) -> int:
         latency=options.lidar_latency,
         motion_distortion=options.motion_distortion,
     )
-    choice = ControllerChoice.of(options.controller)
+    choice, settings = ControllerChoice.of(options.controller), settings_of(options)
     picture = options.out is not None and _check_out(options.out)
+    if options.video is not None:
+        check_film(options.video)
     # what a planner prints is not our output
     with contextlib.redirect_stdout(sys.stderr), _Watcher(show=sys.stderr.isatty() and not options.json) as watch:
         result = race(
@@ -161,8 +176,12 @@ def _race(options: argparse.Namespace) -> int:
             watch=watch,
         )
     if options.out is not None:
-        write_run(result, options.out, picture=picture)
-    print(summary_json(result) if options.json else _table(result, options.out))
+        write_run(result, options.out, picture=picture, settings=settings)
+        report_race(options.out)
+    if options.video is not None:
+        with contextlib.redirect_stdout(sys.stderr):  # stdout is the table's, or the JSON object's
+            film_race(result, options.video)
+    print(summary_json(result, settings) if options.json else _table(result, options.out))
     return _DONE if result.finished else _NOT_DONE
 
 

@@ -134,7 +134,7 @@ class Run:
           KeyboardInterrupt: Ctrl-C.
         """
         try:
-            result = self._race()
+            result = self.race()
         except Exception as error:
             text = str(error) if isinstance(error, ControllerError) else f"{type(error).__name__}: {error}"
             laps = laps_of(self.ground().course, self.settings.laps)
@@ -149,7 +149,8 @@ class Run:
         """Return what it is driven on."""
         return course_ground(self.course, self.key.seed, self.settings.obstacles)
 
-    def _race(self) -> RaceResult:
+    def race(self) -> RaceResult:
+        """Drive it, and return the whole result."""
         shared = self.settings
         ground = self.ground()
         return race(

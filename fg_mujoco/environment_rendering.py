@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import EngineError
+from .rendering import Renderer
 from .world import World
 
-WIDTH, HEIGHT = 640, 480  # [pixels] the most that a model without a `global` of its own has room for
+WIDTH, HEIGHT = 640, 480  # [px]
 
 _DISTANCE, _ELEVATION = 2.2, -22.0  # [m] from the car, [deg] downwards
 _AHEAD = 0.5  # [m] of the rear axle, what the camera looks at
@@ -28,28 +29,17 @@ class ChaseView:
 
     def __init__(self, world: World) -> None:
         self._world = world
-        self._renderer: Any = None
-        self._camera = mujoco.MjvCamera()
+        self._renderer: Renderer | None = None
 
     def frame(self, data: mujoco.MjData) -> NDArray[np.uint8]:
         """Return what is seen at a state whose poses are current. Shape (HEIGHT, WIDTH, 3).
 
         Raises:
-          EngineError: no OpenGL.
+          MissingExtraError: no OpenGL; the message is the command that installs it.
         """
         if self._renderer is None:
-            try:
-                self._renderer = mujoco.Renderer(self._world.model, HEIGHT, WIDTH)
-            except Exception as error:  # each GL platform has its own
-                raise EngineError(
-                    f"no picture can be drawn ({error}); accepted: a display, or MUJOCO_GL=egl (or osmesa) in the "
-                    "environment before Python starts, with libegl1 (or libosmesa6) installed"
-                ) from error
-            self._renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = 0  # of a whole circuit: coarse, and slow
-        follow(self._world, data, self._camera)
-        self._renderer.update_scene(data, self._camera)
-        frame: NDArray[np.uint8] = self._renderer.render()
-        return frame
+            self._renderer = Renderer(self._world, size=(WIDTH, HEIGHT), quality="draft")
+        return self._renderer.rgb(data, "chase")
 
     def close(self) -> None:
         """Let go of the OpenGL context."""

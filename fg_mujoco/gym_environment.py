@@ -109,7 +109,7 @@ class F1TenthEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         """Return a frame (480, 640, 3), or show it in MuJoCo's viewer; None in "human" mode and without a mode.
 
         Raises:
-          EngineError: no OpenGL, or no display.
+          MissingExtraError, EngineError: no OpenGL, or no display.
         """
         simulation = self._world.simulation
         if self.render_mode == "rgb_array":

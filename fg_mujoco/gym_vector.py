@@ -148,7 +148,7 @@ class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
         """Return a frame (480, 640, 3) of each world; None without a render mode.
 
         Raises:
-          EngineError: no OpenGL.
+          MissingExtraError: no OpenGL.
         """
         if self.render_mode is None:
             return None

@@ -307,12 +307,12 @@ def test_ctrl_c_twice_ends_a_planner_that_never_answers(here, capsys):
     assert json.loads(capsys.readouterr().out)["end_reason"] == "interrupted"
 
 
-def test_without_matplotlib_the_rest_is_written_and_the_command_that_installs_it_said(here, capsys, monkeypatch):
+def test_without_extras_the_rest_is_written_and_the_commands_that_install_them_are_said(here, capsys, monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     assert main(["race", "--laps", "1", "--out", "run"]) == 0
     err = capsys.readouterr().err
-    assert err.count("\n") == 1
-    assert "pip install 'fg-mujoco[plot]'" in err
+    assert err.count("\n") == 2
+    assert "pip install 'fg-mujoco[plot]'" in err and "pip install 'fg-mujoco[report]'" in err
     assert {path.name for path in (here / "run").iterdir()} == {
         "summary.json", "scene.xml", "states.npz", "telemetry.csv",
     }  # fmt: skip

@@ -1,0 +1,133 @@
+// What ties the plots of a report together: one cursor for all, the switches, and the colours of the page.
+"use strict";
+(function () {
+  const data = JSON.parse(document.getElementById("report-data").textContent);
+  const dark = window.matchMedia("(prefers-color-scheme: dark)");
+  let doc, ticks, cursor, axis = "distance_m", shown = -1;
+
+  const all = (name) => Array.from(doc._all_models.values()).filter((model) => model.name === name);
+  const one = (name) => all(name)[0];
+
+  function start() {
+    const ready = window.Bokeh && Bokeh.documents.length && Bokeh.documents[0]._all_models;
+    if (!ready) return window.setTimeout(start, 30);
+    doc = Bokeh.documents[0];
+    ticks = one("ticks").data;
+    cursor = one("cursor_source");
+    paint();
+    dark.addEventListener("change", paint);
+    for (const plot of all("over_time")) {
+      plot.on_event("mousemove", (event) => show(nearestAlong(event.x)));
+      plot.on_event("tap", (event) => seek(nearestAlong(event.x)));
+    }
+    one("map").on_event("mousemove", (event) => show(nearest("x_m", "y_m", event.x, event.y)));
+    one("gg").on_event("mousemove", (event) => show(nearest("acceleration_left_m_s2", "acceleration_ahead_m_s2", event.x, event.y)));
+    wire("colour", colourBy);
+    wire("across", (name) => setAxis(name));
+    const video = document.querySelector("video");
+    if (video) video.addEventListener("timeupdate", () => { if (!video.paused) show(atTime(data.clip_start + video.currentTime)); });
+    for (const row of document.querySelectorAll("tr.here")) {
+      row.addEventListener("click", () => {
+        const tick = atTime(Number(row.dataset.time));
+        show(tick); seek(tick);
+        document.getElementById("map").scrollIntoView({ behavior: "smooth", block: "nearest" });
+      });
+    }
+    document.documentElement.dataset.ready = "yes";
+  }
+
+  // first index in an ascending array whose value is not below the wanted one, or the one before if that is nearer
+  function bisect(values, wanted) {
+    let low = 0, high = values.length - 1;
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (values[middle] < wanted) low = middle + 1; else high = middle;
+    }
+    return low > 0 && wanted - values[low - 1] < values[low] - wanted ? low - 1 : low;
+  }
+  const nearestAlong = (place) => bisect(ticks[axis], place);
+  const atTime = (time) => bisect(ticks.time_s, time);
+  function nearest(xName, yName, x, y) {
+    const xs = ticks[xName], ys = ticks[yName];
+    let best = -1, least = Infinity;
+    for (let i = 0; i < xs.length; i++) {
+      const away = (xs[i] - x) ** 2 + (ys[i] - y) ** 2;
+      if (away < least) { least = away; best = i; }
+    }
+    return best;
+  }
+
+  function show(tick) {
+    if (tick === shown || tick < 0 || !(tick < ticks.time_s.length)) return;
+    shown = tick;
+    const values = {};
+    for (const name of Object.keys(cursor.data)) values[name] = [ticks[name][tick]];
+    cursor.data = values;
+    for (const line of all("cursor")) line.setv({ location: ticks[axis][tick], visible: true });
+    const box = document.getElementById("readout");
+    box.dataset.tick = tick;
+    box.replaceChildren();
+    for (const [label, column, digits, unit] of data.readout) {
+      const part = document.createElement("div"), name = document.createElement("span");
+      name.textContent = label + " ";
+      const value = Number(ticks[column][tick]);
+      part.append(name, value >= data.free && column === "limit_speed_m_s" ? "none" : value.toFixed(digits) + (unit ? " " + unit : ""));
+      box.append(part);
+    }
+  }
+
+  function seek(tick) {
+    const video = document.querySelector("video");
+    if (!video || tick < 0) return;
+    const time = ticks.time_s[tick] - data.clip_start;
+    if (time >= 0 && time <= video.duration) video.currentTime = time;
+  }
+
+  function wire(name, act) {
+    const buttons = Array.from(document.querySelectorAll(`[data-switch="${name}"]`));
+    for (const button of buttons) {
+      button.addEventListener("click", () => {
+        for (const other of buttons) other.setAttribute("aria-pressed", String(other === button));
+        act(button.value);
+      });
+    }
+  }
+
+  function colourBy(name) {
+    const [title, high] = data.colours[name];
+    const mapper = one("mapper"), line = one("line"), marks = one("slides");
+    mapper.setv({ low: 0, high: high });
+    line.glyph.line_color = { field: name, transform: mapper };
+    one("scale").title = title;
+    if (marks) marks.visible = name === "slide_m_s";
+    document.getElementById("map").dataset.colour = name;
+  }
+
+  function setAxis(name) {
+    axis = name;
+    for (const line of all("across").filter((model) => model.glyph)) line.glyph.x = { field: name };
+    for (const mark of all("lap_end")) mark.location = mark.tags[name === "time_s" ? 1 : 0];
+    const end = Math.max(ticks[name][ticks[name].length - 1] || 0, 1e-3);
+    const range = all("across").find((model) => !model.glyph);
+    range.setv({ bounds: null });
+    range.setv({ start: 0, end: end, reset_start: 0, reset_end: end });
+    range.setv({ bounds: [0, end] });
+    one("axis_across").axis_label = data.axes[name];
+    const tick = shown; shown = -1; show(tick);
+  }
+
+  function paint() {
+    const style = getComputedStyle(document.documentElement);
+    const [ink, soft, line] = ["--ink", "--soft", "--line"].map((name) => style.getPropertyValue(name).trim());
+    for (const model of doc._all_models.values()) {
+      const colours = {};
+      for (const [part, colour] of [["axis_label_text_color", ink], ["major_label_text_color", soft], ["axis_line_color", soft],
+        ["major_tick_line_color", soft], ["grid_line_color", line], ["label_text_color", ink], ["title_text_color", ink]]) {
+        if (part in model.attributes) colours[part] = colour;
+      }
+      if (Object.keys(colours).length) model.setv(colours);
+    }
+  }
+
+  start();
+})();
