@@ -3,9 +3,17 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import math
 import sys
 import time
+from collections.abc import Callable, Iterator
+from typing import TypeVar
+
+from .errors import MissingExtraError
+from .plots import require_matplotlib
+
+_Progress = TypeVar("_Progress")
 
 _REDRAW = 0.1  # [s] of wall time between two lines of progress
 
@@ -57,3 +65,37 @@ class ProgressLine:
         """Leave the line empty."""
         if self._show:
             print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+
+
+@contextlib.contextmanager
+def shown_as(text: Callable[[_Progress], str], *, show: bool) -> Iterator[Callable[[_Progress], None]]:
+    """Yield what takes the progress of some work and shows it as a text."""
+    line = ProgressLine(show=show)
+
+    def watch(progress: _Progress) -> None:
+        if line.due:
+            line.write(text(progress))
+
+    try:
+        yield watch
+    finally:
+        line.clear()
+
+
+def to_go(remaining: float | None) -> str:
+    """Return the end of a progress line: the time that is left [s], in hours, minutes and seconds; None: not known."""
+    if remaining is None:
+        return ""
+    minutes, rest = divmod(round(remaining), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"  {hours}:{minutes:02}:{rest:02} to go"
+
+
+def can_draw(what: str) -> bool:
+    """Say whether there is matplotlib; if not, say on stderr that `what` (a plural) is left out, and how to have it."""
+    try:
+        require_matplotlib()
+    except MissingExtraError as error:
+        print(f"fg-mujoco: {what} need matplotlib and are left out; to have them: {error}", file=sys.stderr)
+        return False
+    return True

@@ -10,13 +10,12 @@ import argparse
 import contextlib
 import re
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
-from .cli_options import ProgressLine, number, number_or_off, whole
+from .cli_options import can_draw, number, number_or_off, shown_as, to_go, whole
 from .comparison import DEFAULT_MAX_SPEED, DEFAULT_SEEDS, Comparison, ComparisonProgress, compare
-from .errors import EngineError, MissingExtraError
-from .plots import require_matplotlib
+from .errors import EngineError
 from .rollout_store import as_json
 from .scenes import scene_names
 
@@ -64,7 +63,10 @@ def add_compare(add_command: Callable[..., argparse.ArgumentParser], commands: A
 def _compare(options: argparse.Namespace) -> int:
     tracks = options.tracks or []
     scenes = options.scenes or ([] if tracks else ["all"])
-    with contextlib.redirect_stdout(sys.stderr), _watcher(show=sys.stderr.isatty() and not options.json) as watch:
+    with (
+        contextlib.redirect_stdout(sys.stderr),
+        shown_as(_progress, show=sys.stderr.isatty() and not options.json) as watch,
+    ):
         try:
             result = compare(
                 options.controllers,
@@ -80,26 +82,17 @@ def _compare(options: argparse.Namespace) -> int:
                 time_limit=options.time_limit,
                 workers=options.workers,
                 out=options.out,
-                pictures=_can_draw(),
+                pictures=can_draw("pictures"),
                 watch=watch,
             )
         except EngineError as error:
-            print("fg-mujoco:", *str(error).split(), file=sys.stderr)
+            print("fg-mujoco:", *f"{error}; finished runs are kept".split(), file=sys.stderr)
             return _NOT_DONE
         except KeyboardInterrupt:
             print(f"fg-mujoco: {options.out}: interrupted; the same command goes on", file=sys.stderr)
             raise
     print(as_json(result.summary()) if options.json else _report(result, options.out))
     return _DONE
-
-
-def _can_draw() -> bool:
-    try:
-        require_matplotlib()
-    except MissingExtraError as error:
-        print(f"fg-mujoco: pictures need matplotlib and are left out; to have them: {error}", file=sys.stderr)
-        return False
-    return True
 
 
 def _names(text: str) -> list[str]:
@@ -123,28 +116,9 @@ def _numbers(text: str) -> list[float]:
     return [number(part.strip()) for part in text.split(",")]
 
 
-@contextlib.contextmanager
-def _watcher(*, show: bool) -> Iterator[Callable[[ComparisonProgress], None]]:
-    """Yield what shows how a comparison goes."""
-    line = ProgressLine(show=show)
-
-    def watch(progress: ComparisonProgress) -> None:
-        if line.due:
-            done = progress.runs_found + progress.runs_driven
-            remaining = "" if progress.remaining_s is None else f"  {clock(progress.remaining_s)} to go"
-            line.write(f"{done}/{progress.runs} runs{remaining}")
-
-    try:
-        yield watch
-    finally:
-        line.clear()
-
-
-def clock(seconds: float) -> str:
-    """Return hours, minutes and seconds."""
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02}:{rest:02}"
+def _progress(progress: ComparisonProgress) -> str:
+    done = progress.runs_found + progress.runs_driven
+    return f"{done}/{progress.runs} runs{to_go(progress.remaining_s)}"
 
 
 def _report(result: Comparison, out: str) -> str:

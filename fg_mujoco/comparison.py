@@ -22,7 +22,6 @@ from .comparison_pictures import table_picture, trace_pictures
 from .comparison_report import Cell, cells_csv, make_cells, markdown, runs_csv
 from .comparison_run import ComparisonSettings, Run, RunKey, RunRow
 from .comparison_store import ComparisonFolder, replace_file
-from .comparison_workers import drive_runs
 from .controller_choice import ControllerChoice
 from .controller_loading import controller_names
 from .errors import SettingsError
@@ -31,6 +30,7 @@ from .rollout_job import require_whole, versions
 from .rollout_local import usable_cores
 from .rollout_store import blame
 from .scenes import PREFIX
+from .worker_processes import work_off
 
 DEFAULT_SEEDS = range(10)
 DEFAULT_MAX_SPEED = 8.0  # [m/s]
@@ -143,8 +143,8 @@ def compare(
             found, elapsed = len(runs) - len(missing), time.perf_counter() - started
             watch(ComparisonProgress(runs=len(runs), runs_found=found, runs_driven=driven, wall_time_s=elapsed))
 
-    with closing(drive_runs(missing, workers=workers or usable_cores(), pulse=pulse)) as finished:
-        for row, trace in finished:
+    with closing(work_off(Run.drive, missing, workers=workers or usable_cores(), pulse=pulse)) as finished:
+        for _, (row, trace) in finished:
             folder.add(row, trace)
             driven += 1
             pulse()

@@ -125,6 +125,10 @@ class Run:
     course: str  # as `course_ground` takes it
     settings: ComparisonSettings
 
+    def __str__(self) -> str:
+        seed = "" if self.key.seed is None else f", seed {self.key.seed}"
+        return f"{self.key.controller} on {self.key.course}{seed}"
+
     def drive(self) -> tuple[RunRow, FloatArray]:
         """Drive it and return its row and its trace: x [m], y [m], heading [rad] of the rear axle, shape (n, 3).
 

@@ -9,15 +9,13 @@ from __future__ import annotations
 import argparse
 import contextlib
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
-from .cli_options import ProgressLine, number, whole
-from .compare_cli import clock
-from .errors import EngineError, MissingExtraError, SettingsError
+from .cli_options import can_draw, number, shown_as, to_go, whole
+from .errors import EngineError, SettingsError
 from .friction_lab.experiment import LabSettings
 from .friction_lab.lab import EXPERIMENTS, LabProgress, run_lab
-from .plots import require_matplotlib
 
 _DONE, _NOT_DONE = 0, 1
 _ALL = "all"
@@ -51,14 +49,14 @@ def _friction(options: argparse.Namespace) -> int:
         if values is not None and "skidpad" not in names:
             raise SettingsError(f"{option} with {options.experiment}; accepted: with skidpad, or all")
     settings = LabSettings(quick=options.quick, seed=options.seed, mus=options.mu, steerings=options.steering)
-    with contextlib.redirect_stdout(sys.stderr), _watcher(show=sys.stderr.isatty()) as watch:
+    with contextlib.redirect_stdout(sys.stderr), shown_as(_progress, show=sys.stderr.isatty()) as watch:
         try:
             result = run_lab(
                 names,
                 out=options.out,
                 workers=options.workers,
                 settings=settings,
-                pictures=options.out is not None and _can_draw(),
+                pictures=options.out is not None and can_draw("figures"),
                 redraw=options.redraw,
                 watch=watch,
             )
@@ -78,31 +76,10 @@ def _friction(options: argparse.Namespace) -> int:
     return _DONE
 
 
-def _can_draw() -> bool:
-    try:
-        require_matplotlib()
-    except MissingExtraError as error:
-        print(f"fg-mujoco: figures need matplotlib and are left out; to have them: {error}", file=sys.stderr)
-        return False
-    return True
-
-
 def _numbers(text: str) -> tuple[float, ...]:
     return tuple(number(part.strip()) for part in text.split(","))
 
 
-@contextlib.contextmanager
-def _watcher(*, show: bool) -> Iterator[Callable[[LabProgress], None]]:
-    """Yield what shows how far the lab is."""
-    line = ProgressLine(show=show)
-
-    def watch(progress: LabProgress) -> None:
-        if line.due:
-            done = progress.cells_found + progress.cells_measured
-            remaining = "" if progress.remaining_s is None else f"  {clock(progress.remaining_s)} to go"
-            line.write(f"{done}/{progress.cells} cells{remaining}")
-
-    try:
-        yield watch
-    finally:
-        line.clear()
+def _progress(progress: LabProgress) -> str:
+    done = progress.cells_found + progress.cells_measured
+    return f"{done}/{progress.cells} cells{to_go(progress.remaining_s)}"

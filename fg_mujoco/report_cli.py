@@ -9,8 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from .cli_options import ProgressLine, number
-from .compare_cli import clock
+from .cli_options import ProgressLine, number, to_go
 from .errors import MissingExtraError, SettingsError
 
 PAGE = "report.html"
@@ -55,7 +54,7 @@ def _report(options: argparse.Namespace) -> int:
     def watch(done: int, of: int, what: str) -> None:
         if line.due:
             left = (time.perf_counter() - began) / max(done, 1) * (of - done)
-            line.write(f"{what} {done}/{of}  {clock(left)} to go")
+            line.write(f"{what} {done}/{of}{to_go(left)}")
 
     try:
         if is_comparison(options.folder):

@@ -9,10 +9,10 @@ from __future__ import annotations
 import argparse
 import contextlib
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
-from .cli_options import ProgressLine, number, whole
+from .cli_options import number, shown_as, to_go, whole
 from .errors import EngineError, SettingsError
 from .rollout_result import RolloutResult
 from .rollout_store import as_json
@@ -59,7 +59,10 @@ def add_rollout(add_command: Callable[..., argparse.ArgumentParser], commands: A
 def _rollout(options: argparse.Namespace) -> int:
     if options.record != "summary" and options.out is None:
         raise SettingsError(f"--record {options.record} is kept nowhere; accepted: with --out DIR")
-    with contextlib.redirect_stdout(sys.stderr), _watcher(show=sys.stderr.isatty() and not options.json) as watch:
+    with (
+        contextlib.redirect_stdout(sys.stderr),
+        shown_as(_progress, show=sys.stderr.isatty() and not options.json) as watch,
+    ):
         try:
             result = rollout(
                 options.track or ["oval"],
@@ -99,31 +102,10 @@ def _named_ranges(texts: Sequence[str]) -> dict[str, str]:
     return ranges
 
 
-@contextlib.contextmanager
-def _watcher(*, show: bool) -> Iterator[Callable[[RolloutProgress], None]]:
-    """Yield what shows how a rollout goes."""
-    line = ProgressLine(show=show)
-
-    def watch(progress: RolloutProgress) -> None:
-        if line.due:
-            line.write(_progress(progress))
-
-    try:
-        yield watch
-    finally:
-        line.clear()
-
-
 def _progress(progress: RolloutProgress) -> str:
     done = progress.worlds_found + progress.worlds_driven
-    remaining = "" if progress.remaining_s is None else f"  {_clock(progress.remaining_s)} to go"
-    return f"{done}/{progress.worlds} worlds  {progress.rate:.0f} world-seconds/s{remaining}"
-
-
-def _clock(seconds: float) -> str:
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02}:{rest:02}"
+    left = to_go(progress.remaining_s)
+    return f"{done}/{progress.worlds} worlds  {progress.rate:.0f} world-seconds/s{left}"
 
 
 def _table(result: RolloutResult, out: str | None) -> str:

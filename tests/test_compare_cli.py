@@ -130,7 +130,7 @@ def test_a_worker_that_dies_exits_1(capsys):
     assert main(["compare", *arguments]) == 1
     out, err = capsys.readouterr()
     assert out == ""
-    assert "fg-mujoco: the worker that drove planners.py:Deadly on oval" in err.splitlines()[-1]
+    assert "fg-mujoco: planners.py:Deadly on oval: the worker ended" in err.splitlines()[-1]
 
 
 def test_ctrl_c_exits_130_and_the_same_command_goes_on(here):

@@ -263,7 +263,7 @@ def test_what_cannot_be_driven_is_refused_before_anything_is(here, options, said
 
 
 def test_a_worker_that_dies_is_told_of_and_finished_runs_stay(here):
-    with pytest.raises(fg.EngineError, match=r"Deadly on oval, seed \d, ended with exit code 7"):
+    with pytest.raises(fg.EngineError, match=r"Deadly on oval, seed \d: the worker ended with exit code 7"):
         compare(["planners.py:Gentle", "planners.py:Deadly"], workers=2)
     assert compare(["planners.py:Gentle"]).runs_driven <= 2
 

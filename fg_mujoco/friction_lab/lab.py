@@ -23,10 +23,10 @@ from ..errors import SettingsError
 from ..plots import require_matplotlib
 from ..rollout_job import require_whole, versions
 from ..rollout_local import usable_cores
+from ..worker_processes import work_off
 from .experiment import Cell, Experiment, LabSettings, Section, Tables
 from .lab_report import Chapter, expected_table, write_report
 from .lab_store import LabFolder, as_read, cell_key
-from .lab_workers import work_off
 
 _HERE = "fg_mujoco.friction_lab"
 EXPERIMENTS: dict[str, str] = {

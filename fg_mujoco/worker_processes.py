@@ -1,6 +1,7 @@
 """Does pieces of work in processes of their own, as many at once as asked for, and answers each when it is done.
 
-The calling process alone writes; a worker gets an item, and answers what a function makes of it.
+In threads, planners written in Python would wait for each other. The calling process alone writes; a worker gets an
+item, and answers what a function makes of it.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from typing import Any, TypeVar
 
-from ..errors import EngineError
+from .errors import EngineError
 
 _PULSE = 0.1  # [s] between two looks at how far it is
 
