@@ -211,7 +211,8 @@ print(len(np.unique(top)) > 50, before.shape, frame.shape, frame.std() > 10, (en
 def test_rendering():
     """In a process of its own: which OpenGL is used is decided when mujoco is imported."""
     pytest.importorskip("gymnasium")
-    where = os.environ | {"MUJOCO_GL": "egl"}
+    ours = {name: value for name, value in os.environ.items() if name != "PYOPENGL_PLATFORM"}  # other tests set it
+    where = ours | {"MUJOCO_GL": "egl"}
     run = subprocess.run([sys.executable, "-W", "ignore", "-c", RENDER], capture_output=True, text=True, env=where)
     if run.stdout.startswith("no OpenGL"):
         pytest.skip(run.stdout.strip())
