@@ -48,10 +48,11 @@ from fg_mujoco.messages import (
     require,
 )
 
-from .driving import DRIVER, SCAN, DrivingSettings, driver_record, scan_values
+from .driving import DRIVER, SCAN, DrivingSettings, driver_record, scan_record, scan_values, sees
 from .escape import SWERVING
 from .friction_guard import GUARD_MEMORY, FrictionGuard
 from .records import record_type, record_values
+from .scan_filters import valid_ranges
 from .stopping_paths import PATHS, StoppingPaths
 
 MEMORY = np.dtype([("guard", GUARD_MEMORY)])
@@ -149,6 +150,21 @@ class CompiledPlanner:
     def reset(self) -> None:
         """Forget everything seen so far."""
         self._alone.reset()
+
+    def _goal_by(
+        self, find: Callable[[Any, FloatArray, Any], tuple[float, float]], scan: LaserScan
+    ) -> tuple[float, float] | None:
+        """Return a goal's bearing [rad] and distance [m]; None without a scan to plan with, or without a goal.
+
+        Args:
+          find: takes a row of type SCAN, the readings without NaN or inf, and the planner's row; NaN: there is none.
+          scan: to be looked at.
+        """
+        record, valid = scan_record(scan)[0], valid_ranges(scan.ranges, scan.range_max)
+        if not sees(record, valid):
+            return None
+        bearing, distance = find(record, valid, self.record[0])
+        return None if math.isnan(bearing) else (bearing, distance)
 
     def __call__(self, scan: LaserScan, odometry: Odometry) -> DriveCommand:
         """Answer the command to hold until the next scan."""

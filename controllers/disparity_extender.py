@@ -32,7 +32,7 @@ from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray, LaserScan, require
 
 from .compiled_planner import CompiledPlanner
-from .driving import DrivingSettings, beams_between, bearing_of, brake, drive, scan_record, sees, speed_towards
+from .driving import DrivingSettings, beams_between, bearing_of, brake, drive, sees, speed_towards
 from .gaps import furthest_beam
 from .records import Record
 from .scan_filters import extend_disparities, valid_ranges
@@ -118,8 +118,4 @@ class DisparityExtender(CompiledPlanner):
 
     def find_goal(self, scan: LaserScan) -> tuple[float, float] | None:
         """Return the goal's bearing [rad] and distance [m], whatever is beside the car; None where there is none."""
-        record, valid = scan_record(scan)[0], valid_ranges(scan.ranges, scan.range_max)
-        if not sees(record, valid):
-            return None
-        bearing, distance = find_goal(record, reachable(record, valid, self.record[0]))
-        return None if math.isnan(bearing) else (bearing, distance)
+        return self._goal_by(lambda row, valid, own: find_goal(row, reachable(row, valid, own)), scan)

@@ -40,7 +40,7 @@ from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray, LaserScan, require
 
 from .compiled_planner import CompiledPlanner
-from .driving import DrivingSettings, beams_between, bearing_of, brake, drive_to, scan_record, sees
+from .driving import DrivingSettings, beams_between, bearing_of, brake, drive_to, sees
 from .gaps import chord, deepest_run, longest_run, middle_of, range_at
 from .records import Record
 from .scan_filters import clip_to_lookahead, mask_nearest, valid_ranges
@@ -137,9 +137,7 @@ class FollowTheGap(CompiledPlanner):
 
     def find_goal(self, scan: LaserScan) -> tuple[float, float] | None:
         """Return the goal's bearing [rad] and distance [m]; None where nothing is free."""
-        record, valid = scan_record(scan)[0], valid_ranges(scan.ranges, scan.range_max)
-        if not sees(record, valid):
-            return None
-        settings = self.record[0]["settings"]
-        bearing, distance = find_goal(record, clip_to_lookahead(valid, settings["lookahead"]), settings)
-        return None if math.isnan(bearing) else (bearing, distance)
+        lookahead = self.settings.lookahead
+        return self._goal_by(
+            lambda row, valid, own: find_goal(row, clip_to_lookahead(valid, lookahead), own["settings"]), scan
+        )

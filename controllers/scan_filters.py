@@ -216,15 +216,3 @@ def prioritise_centre(ranges: FloatArray, bearings: FloatArray, edge_weight: flo
         for beam in range(len(ranges)):
             result[beam] *= 1.0 - (1.0 - edge_weight) * abs(bearings[beam]) / widest
     return result
-
-
-@kernel
-def field_of_view(bearings: FloatArray, width: float) -> tuple[int, int]:
-    """Return the beams within half of `width` [rad] to either side of straight ahead: first, and last + 1."""
-    half = 0.5 * width + 1e-9
-    first, end = 0, len(bearings)
-    while first < end and bearings[first] < -half:
-        first += 1
-    while end > first and bearings[end - 1] >= half:
-        end -= 1
-    return first, end

@@ -36,7 +36,7 @@ from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray, LaserScan, require
 
 from .compiled_planner import CompiledPlanner
-from .driving import DrivingSettings, beams_between, bearing_of, brake, drive_to, scan_record, sees
+from .driving import DrivingSettings, beams_between, bearing_of, brake, drive_to, sees
 from .gaps import middle_of, range_at, runs_beyond
 from .records import Record
 from .scan_filters import valid_ranges
@@ -117,8 +117,4 @@ class ThresholdGap(CompiledPlanner):
 
     def find_goal(self, scan: LaserScan) -> tuple[float, float] | None:
         """Return the bearing [rad] of the gap's middle and the distance [m] seen there; None without a gap."""
-        record, valid = scan_record(scan)[0], valid_ranges(scan.ranges, scan.range_max)
-        if not sees(record, valid):
-            return None
-        bearing, distance = find_goal(record, valid, self.record[0]["settings"])
-        return None if math.isnan(bearing) else (bearing, distance)
+        return self._goal_by(lambda row, valid, own: find_goal(row, valid, own["settings"]), scan)

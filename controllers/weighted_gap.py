@@ -43,7 +43,7 @@ from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray, LaserScan, require
 
 from .compiled_planner import CompiledPlanner
-from .driving import DrivingSettings, beams_between, bearing_of, brake, drive_to, scan_record, sees
+from .driving import DrivingSettings, beams_between, bearing_of, brake, drive_to, sees
 from .gaps import runs_beyond
 from .records import Record
 from .scan_filters import valid_ranges, widen_all
@@ -134,10 +134,10 @@ class WeightedGap(CompiledPlanner):
 
     def find_goal(self, scan: LaserScan) -> tuple[float, float] | None:
         """Return the heading [rad] and how far along it the goal lies [m]; None without a gap."""
-        record, valid = scan_record(scan)[0], valid_ranges(scan.ranges, scan.range_max)
-        if not sees(record, valid):
-            return None
-        planner = self.record[0]
-        radius = 0.5 * planner["driver"]["car"]["width"] + self.settings.clearance
-        heading = find_heading(record, widen_all(valid, scan.angle_increment, radius), planner["settings"])
-        return None if math.isnan(heading) else (heading, self.settings.pursuit_distance)
+        radius = 0.5 * self.record[0]["driver"]["car"]["width"] + self.settings.clearance
+
+        def find(row: Record, valid: FloatArray, own: Record) -> tuple[float, float]:
+            widened = widen_all(valid, scan.angle_increment, radius)
+            return find_heading(row, widened, own["settings"]), self.settings.pursuit_distance
+
+        return self._goal_by(find, scan)

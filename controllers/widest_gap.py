@@ -132,11 +132,7 @@ class WidestGap(CompiledPlanner):
 
     def find_goal(self, scan: LaserScan) -> tuple[float, float] | None:
         """Return the bearing [rad] and distance [m] that it drives to; None where there is none."""
-        record, valid = scan_record(scan)[0], valid_ranges(scan.ranges, scan.range_max)
-        if not sees(record, valid):
-            return None
-        bearing, distance = find_goal(record, valid, self.record[0]["settings"])
-        return None if math.isnan(bearing) else (bearing, distance)
+        return self._goal_by(lambda row, valid, own: find_goal(row, valid, own["settings"]), scan)
 
     def find_centre(self, scan: LaserScan) -> tuple[float, float] | None:
         """Return the centre of the widest gap in the car frame, of base_link: x and y [m]; None without a gap."""

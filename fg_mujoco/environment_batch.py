@@ -18,7 +18,7 @@ from mujoco.batch import Batch, SimulationError
 from .batch_kernels import book_worlds, command_worlds, sense_worlds
 from .environment_settings import EnvironmentSettings
 from .environment_worlds import Mask, make_referee
-from .lidar import Beams, RaycastLidar
+from .lidar import RaycastLidar
 from .lidar_effects import LidarEffects, ScanPipeline
 from .messages import ODOMETRY, FloatArray
 from .moving_obstacles import make_mover
@@ -28,6 +28,7 @@ from .scenario import Start
 from .simulation import BAD_STATE, STATE, whole_steps
 from .tire_slip import TireSlipMeter
 from .world import CAR_PREFIX
+from .world_group import RangesRow
 
 _FAILED = END_REASONS.index("failed")
 _CTRL_AND_MOCAP = int(mujoco.mjtState.mjSTATE_CTRL) | int(mujoco.mjtState.mjSTATE_MOCAP_POS)
@@ -99,7 +100,7 @@ class ManyWorlds:
             mujoco.mj_getState(model, data, batch.state[i], STATE)
             if self._effects != LidarEffects():
                 rng = np.random.default_rng(seed)
-                self._pipelines[i] = ScanPipeline(_Row(self._beams, self.ranges[i]), self._effects, rng)
+                self._pipelines[i] = ScanPipeline(RangesRow(self._beams, self.ranges[i]), self._effects, rng)
         batch.forward(ids)
         self._sensors[ids] = self._live["sensordata"][ids]
         self.crashed[ids] = self._sensors[ids, car.chassis_contact] > 0.0
@@ -191,14 +192,3 @@ class ManyWorlds:
         threads = self._threads
         parts = [slice(count * k // threads, count * (k + 1) // threads) for k in range(threads)]
         list(self._pool.map(work, parts, range(threads)))
-
-
-class _Row:
-    """A world's row of ranges, as the LiDAR that its ScanPipeline measures with."""
-
-    def __init__(self, beams: Beams, row: FloatArray) -> None:
-        self.beams = beams
-        self._row = row
-
-    def ranges(self, data: Any) -> FloatArray:
-        return self._row.copy()

@@ -86,7 +86,9 @@ class WorldGroup:
         self._scratch = self._scene.scratch()
         self._ranges = np.empty((count, len(lidar.beams.bearings)))
         self._pipelines = {
-            i: ScanPipeline(_Row(lidar.beams, self._ranges[i]), scenario.effects, np.random.default_rng(scenario.seed))
+            i: ScanPipeline(
+                RangesRow(lidar.beams, self._ranges[i]), scenario.effects, np.random.default_rng(scenario.seed)
+            )
             for i, scenario in enumerate(scenarios)
             if scenario.effects != LidarEffects()
         }
@@ -209,7 +211,7 @@ class WorldGroup:
         self.referee.end(failed, _FAILED)
 
 
-class _Row:
+class RangesRow:
     """A world's row of ranges, as the LiDAR that its ScanPipeline measures with."""
 
     def __init__(self, beams: Beams, row: FloatArray) -> None:
@@ -217,6 +219,7 @@ class _Row:
         self._row = row
 
     def ranges(self, data: Any) -> FloatArray:
+        """Return a copy of the row [m]. Shape (beams,)."""
         return self._row.copy()
 
 

@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 import pytest
+from refusals import contents, refused
 from terminals import read_to_the_end
 
 import fg_mujoco as fg
@@ -47,27 +48,6 @@ def command(*arguments, **options):
     )
 
 
-def contents(folder):
-    return {path: path.read_bytes() if path.is_file() else None for path in folder.rglob("*")}
-
-
-def refusal(here, capsys, *arguments):
-    """Assert exit 2, one line on stderr, nothing on stdout, nothing written; return the line."""
-    before = contents(here)
-    try:
-        code = main(arguments)
-    except SystemExit as end:  # argparse leaves like that
-        code = end.code
-    out, err = capsys.readouterr()
-    assert code == 2
-    assert out == ""
-    assert err.count("\n") == 1
-    assert err.startswith("fg-mujoco")
-    assert "Traceback" not in err
-    assert contents(here) == before
-    return err
-
-
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -88,19 +68,19 @@ def refusal(here, capsys, *arguments):
 def test_a_bad_track_file_is_refused(here, capsys, text, said):
     if text is not None:
         (here / "track.csv").write_text(text, encoding="latin-1")
-    line = refusal(here, capsys, "race", "--track", "track.csv", "--out", "run")
+    line = refused(here, capsys, "race", "--track", "track.csv", "--out", "run")
     assert said in line
     assert "track.csv" in line or "'track'" in line
 
 
 @pytest.mark.parametrize("arguments", [("race", "--track", "nowhere"), ("track", "show", "nowhere")])
 def test_an_unknown_track_is_refused_with_the_known_ones(here, capsys, arguments):
-    line = refusal(here, capsys, *arguments)
+    line = refused(here, capsys, *arguments)
     assert all(name in line for name in fg.track_names())
 
 
 def test_an_unknown_controller_is_refused_with_the_known_ones(here, capsys):
-    line = refusal(here, capsys, "race", "--controller", "nobody", "--out", "run")
+    line = refused(here, capsys, "race", "--controller", "nobody", "--out", "run")
     assert all(name in line for name in fg.controller_names())
 
 
@@ -123,11 +103,11 @@ def test_an_unknown_controller_is_refused_with_the_known_ones(here, capsys):
 )
 def test_a_bad_controller_file_is_refused(here, capsys, text, name, said):
     (here / "planner.py").write_text(text)
-    assert said in refusal(here, capsys, "race", "--controller", f"planner.py:{name}", "--out", "run")
+    assert said in refused(here, capsys, "race", "--controller", f"planner.py:{name}", "--out", "run")
 
 
 def test_a_controller_file_that_is_not_there_is_refused(here, capsys):
-    assert "no file" in refusal(here, capsys, "race", "--controller", "planner.py:P")
+    assert "no file" in refused(here, capsys, "race", "--controller", "planner.py:P")
 
 
 @pytest.mark.parametrize(
@@ -154,13 +134,13 @@ def test_a_controller_file_that_is_not_there_is_refused(here, capsys):
     ],
 )
 def test_a_bad_option_is_refused_with_what_is_accepted(here, capsys, option, value, said):
-    line = refusal(here, capsys, "race", option, value, "--out", "run")
+    line = refused(here, capsys, "race", option, value, "--out", "run")
     assert said in line
     assert "accepted" in line
 
 
 def test_distortion_of_sensors_that_fire_at_once_is_refused(here, capsys):
-    line = refusal(here, capsys, "race", "--lidar", "rangefinder", "--motion-distortion", "--out", "run")
+    line = refused(here, capsys, "race", "--lidar", "rangefinder", "--motion-distortion", "--out", "run")
     assert "raycast" in line
 
 
@@ -170,13 +150,13 @@ def test_an_output_folder_that_cannot_be_used_is_refused_before_the_race(here, c
     (here / "full" / "notes.txt").write_text("mine")
     (here / "boom.py").write_text("raise SystemError('raced')")  # loaded only once a race begins
     for folder, said in [("file", "is a file"), ("full", "is not empty"), ("file/run", "cannot be written")]:
-        assert said in refusal(here, capsys, "race", "--controller", "boom.py:P", "--out", folder)
+        assert said in refused(here, capsys, "race", "--controller", "boom.py:P", "--out", folder)
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
 def test_an_output_folder_without_permission_is_refused(here, capsys):
     (here / "locked").mkdir(mode=0o500)
-    assert "Permission denied" in refusal(here, capsys, "race", "--out", "locked/run")
+    assert "Permission denied" in refused(here, capsys, "race", "--out", "locked/run")
 
 
 @pytest.mark.parametrize(
@@ -197,7 +177,7 @@ def test_an_output_folder_without_permission_is_refused(here, capsys):
     ],
 )
 def test_a_command_that_makes_no_sense_is_refused(here, capsys, arguments, said):
-    assert said in refusal(here, capsys, *arguments)
+    assert said in refused(here, capsys, *arguments)
 
 
 def test_refusals_of_the_installed_command_are_one_line_and_exit_2(here):
@@ -359,7 +339,7 @@ def test_track_new_writes_what_track_show_and_race_read(here, capsys):
 
 def test_track_new_replaces_a_file_only_by_force(here, capsys):
     (here / "out.csv").write_text("mine")
-    assert "--force" in refusal(here, capsys, "track", "new", "--seed", "7", "out.csv")
+    assert "--force" in refused(here, capsys, "track", "new", "--seed", "7", "out.csv")
     assert main(["track", "new", "--seed", "7", "--force", "out.csv"]) == 0
     assert fg.load_track("out.csv").length > 0
 

@@ -11,6 +11,7 @@ import time
 
 import pytest
 from comparison_worlds import PLANNERS, files
+from refusals import refused
 from terminals import read_to_the_end
 
 import fg_mujoco as fg
@@ -32,19 +33,7 @@ def command(*arguments):
 
 
 def refusal(here, capsys, *arguments):
-    """Assert exit 2, one line on stderr, nothing on stdout, nothing written; return the line."""
-    before = sorted(here.rglob("*"))
-    try:
-        code = main(["compare", *arguments])
-    except SystemExit as end:  # argparse leaves like that
-        code = end.code
-    out, err = capsys.readouterr()
-    assert code == 2
-    assert out == ""
-    assert err.count("\n") == 1
-    assert err.startswith("fg-mujoco")
-    assert sorted(here.rglob("*")) == before
-    return err
+    return refused(here, capsys, "compare", *arguments)
 
 
 def test_the_command_is_the_function(here, capsys):

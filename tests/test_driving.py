@@ -114,6 +114,19 @@ def test_a_word_is_its_place_in_a_record():
         assert row["speed_law"][0] == place
 
 
+@pytest.mark.parametrize(("degrees", "first", "last"), [(180.0, 180, 900), (90.0, 360, 720), (360.0, 0, 1080)])
+def test_a_field_of_view_is_half_to_either_side_its_edges_included(degrees, first, last):
+    half = 0.5 * math.radians(degrees)
+    assert beams_between(scan_record(corridor(1.0, 1.0))[0], 1081, -half, half) == (first, last + 1)
+
+
+def test_the_field_of_view_of_a_scan_that_looks_back_is_empty():
+    record = scan_record(corridor(1.0, 1.0))
+    record["angle_min"] -= 1.0
+    first, end = beams_between(record[0], 100, -0.5 * math.pi, 0.5 * math.pi)
+    assert first == end
+
+
 def test_the_beams_between_two_bearings_are_those_within():
     scan = scan_of(np.ones(1081))
     record, bearings = scan_record(scan)[0], scan.bearings

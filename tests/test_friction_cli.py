@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from lab_experiments import COUNT, DIES, FAILS, SLOW
+from refusals import refused
 from terminals import read_to_the_end
 
 from fg_mujoco.cli import main
@@ -48,18 +49,7 @@ ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(__file__).parent)}
 
 
 def refusal(here, capsys, *arguments):
-    """Assert exit 2, one line on stderr, nothing on stdout, nothing written; return the line."""
-    before = sorted(here.rglob("*"))
-    try:
-        code = main(["friction", *arguments])
-    except SystemExit as end:  # argparse leaves like that
-        code = end.code
-    out, err = capsys.readouterr()
-    assert code == 2
-    assert out == ""
-    assert err.count("\n") == 1 and err.startswith("fg-mujoco")
-    assert sorted(here.rglob("*")) == before
-    return err
+    return refused(here, capsys, "friction", *arguments)
 
 
 def test_without_a_folder_the_result_is_printed_and_nothing_is_written(here, capsys):

@@ -9,6 +9,7 @@ import sys
 import time
 
 import pytest
+from refusals import refused
 from rollout_worlds import stand_in
 from terminals import read_to_the_end
 
@@ -47,19 +48,7 @@ def command(*arguments):
 
 
 def refusal(here, capsys, *arguments):
-    """Assert exit 2, one line on stderr, nothing on stdout, nothing written; return the line."""
-    before = sorted(here.rglob("*"))
-    try:
-        code = main(["rollout", *arguments])
-    except SystemExit as end:  # argparse leaves like that
-        code = end.code
-    out, err = capsys.readouterr()
-    assert code == 2
-    assert out == ""
-    assert err.count("\n") == 1
-    assert err.startswith("fg-mujoco")
-    assert sorted(here.rglob("*")) == before
-    return err
+    return refused(here, capsys, "rollout", *arguments)
 
 
 def test_worlds_are_driven_and_told_of_in_a_table_and_a_folder(here):

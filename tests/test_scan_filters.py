@@ -292,13 +292,3 @@ def test_centre_priority_does_not_outweigh_a_range_longer_by_more_than_it():
     ranges = np.full(1081, 5.0)
     ranges[0] = 5.0 / 0.9989
     assert np.argmax(filters.prioritise_centre(ranges, BEARINGS)) == 0
-
-
-@pytest.mark.parametrize(("degrees", "first", "last"), [(180.0, 180, 900), (90.0, 360, 720), (360.0, 0, 1080)])
-def test_the_field_of_view_is_half_to_either_side_its_edges_included(degrees, first, last):
-    assert filters.field_of_view(BEARINGS, math.radians(degrees)) == (first, last + 1)
-
-
-def test_the_field_of_view_of_a_scan_that_looks_back_is_empty():
-    first, end = filters.field_of_view(BEARINGS[:100] - 1.0, math.pi)
-    assert first == end
