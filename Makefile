@@ -13,7 +13,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 RUN := runs/$(notdir $(basename $(TRACK)))-$(shell date +%Y%m%d-%H%M%S)
 
-.PHONY: help race test quick unit lint bench friction docs picture clean
+.PHONY: help race test quick unit fuzz lint bench friction docs picture clean
 .DEFAULT_GOAL := help
 
 help:
@@ -40,6 +40,10 @@ unit: $(READY)
 ## make quick   the tests that take seconds
 quick: $(READY)
 	$(BIN)/python -m pytest -m "not slow" $(ARGS)
+
+## make fuzz    the tests of random input, with other examples than in `make test`, again and again until one fails
+fuzz: $(READY)
+	while HYPOTHESIS_PROFILE=fuzz $(BIN)/python -m pytest -q -m hypothesis -n auto --dist loadfile $(ARGS); do :; done
 
 ## make lint    ruff and mypy
 lint: $(READY)

@@ -1,6 +1,14 @@
+import os
+
 import pytest
+from hypothesis import settings
 
 import fg_mujoco as fg
+
+# The same examples in every run, so that a change that passes here passes everywhere; `make fuzz` tries others.
+settings.register_profile("repeatable", derandomize=True, deadline=None)
+settings.register_profile("fuzz", max_examples=1000, deadline=None, print_blob=True)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
 
 class Straight:
