@@ -48,14 +48,14 @@ from fg_mujoco.messages import (
     require,
 )
 
-from .driving import DRIVER, SCAN, DrivingSettings, driver_record, scan_record, scan_values, sees
+from .driving import DRIVER, DRIVING_MEMORY, SCAN, DrivingSettings, driver_record, scan_record, scan_values, sees
 from .escape import SWERVING
-from .friction_guard import GUARD_MEMORY, FrictionGuard
+from .friction_guard import FrictionGuard
 from .records import record_type, record_values
 from .scan_filters import valid_ranges
 from .stopping_paths import PATHS, StoppingPaths
 
-MEMORY = np.dtype([("guard", GUARD_MEMORY)])
+MEMORY = np.dtype([("driving", DRIVING_MEMORY)])
 """What a planner keeps from one tick to the next; zero in the beginning."""
 
 LINE = np.dtype([("first", np.int64), ("end", np.int64)])
@@ -97,7 +97,7 @@ class CompiledPlanner:
     """
 
     Settings: ClassVar[type[DrivingSettings]]
-    memory_type: ClassVar[np.dtype[np.void]] = MEMORY  # a planner that keeps more has fields beside `guard`
+    memory_type: ClassVar[np.dtype[np.void]] = MEMORY  # a planner that keeps more has fields beside `driving`
     decide: ClassVar[Callable[..., tuple[float, float]]]
     decide_worlds: ClassVar[Callable[..., None]]  # made from `decide`
 
@@ -122,7 +122,7 @@ class CompiledPlanner:
         guard = FrictionGuard(car, mu, SWERVING if swerves else None) if math.isfinite(mu) else None
         self.record = np.zeros(1, self._record_type())
         self.record["settings"] = record_values(self.settings)
-        self.record["driver"] = driver_record(car, max_speed, guard, self.settings.speed_law, self.settings.way_out)
+        self.record["driver"] = driver_record(car, max_speed, guard, self.settings)
         self.record["line"]["end"] = 0 if line is None else len(line)
         self.line = line
         stops = guard is not None and self.record["driver"]["stopping"][0]

@@ -97,17 +97,17 @@ def decide(
     driver, settings = planner.driver, planner.settings
     valid = valid_ranges(ranges, scan.range_max)
     if not sees(scan, valid):
-        return brake(scan, odometry, driver, memory.guard)
+        return brake(scan, odometry, driver, memory.driving)
     shaped = reachable(scan, valid, planner)
     bearing, distance = find_goal(scan, shaped)
     if math.isnan(bearing):
-        return brake(scan, odometry, driver, memory.guard)
+        return brake(scan, odometry, driver, memory.driving)
     if bearing != 0.0 and is_too_close(scan, valid, bearing, settings.side_distance):
         bearing = 0.0
     reach = min(distance, max(settings.pursuit_distance, settings.pursuit_time * odometry.speed))
     steering_angle = pursue(bearing, reach, driver.car.lidar_offset, driver.car.wheelbase)
     speed = speed_towards(scan, valid, shaped, planner, bearing)
-    return drive(scan, valid, odometry, driver, memory.guard, paths, steering_angle, speed)
+    return drive(scan, valid, odometry, driver, memory.driving, paths, steering_angle, speed)
 
 
 class DisparityExtender(CompiledPlanner):

@@ -2,8 +2,8 @@
 
 Laws that look at the scan say how fast it may go; `stopping` sees to it that it stops within what it sees
 (stopping_paths), and `friction` that the tires hold what is commanded (friction_guard). With both, it goes no way on
-which it could not stop if it has another (escape). A planner that believes in no friction limit, mu = inf, has none
-of these.
+which it could not stop if it has another (escape), and where it has come to stand without one it goes back
+(backing_out). A planner that believes in no friction limit, mu = inf, has none of these.
 """
 
 from __future__ import annotations
@@ -20,8 +20,9 @@ from fg_mujoco.errors import SettingsError
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import CarParameters, FloatArray, LaserScan, ScanGeometry, require
 
+from .backing_out import TRAIL, BackingSettings, angle_back, backs, follow
 from .escape import EscapeSettings, way_out
-from .friction_guard import GUARD, FrictionGuard, guarded
+from .friction_guard import GUARD, GUARD_MEMORY, FrictionGuard, guarded
 from .records import CAR, Record, record_type, record_values, require_words
 from .scan_filters import widen_all
 from .speed import forward_distance_speed, range_ratio_speed
@@ -30,6 +31,7 @@ from .stopping_paths import safe_speed
 
 _PERIOD = 0.025  # [s] of the field's LiDARs, for scans that do not tell theirs
 _LEAST_INCREMENT = 1e-9  # [rad] below it, counts of beams overflow
+_STANDING = 0.05  # [m/s] a car as slow as this stands
 _AHEAD = math.radians(2.0)  # to either side: beams that count as straight ahead
 
 SpeedLaw = Literal["minimum", "forward_distance", "range_ratio", "friction", "stopping"]
@@ -46,12 +48,17 @@ DRIVER = np.dtype(
         ("friction", np.bool_),
         ("stopping", np.bool_),
         ("way_out", np.bool_),
+        ("backs_out", np.bool_),
         ("guard", GUARD),
         ("escape", record_type(EscapeSettings)),
+        ("backing", record_type(BackingSettings)),
         ("paths", np.int64),  # which table of stopping paths is its own
     ]
 )
 """What these kernels are told of a planner."""
+
+DRIVING_MEMORY = np.dtype([("guard", GUARD_MEMORY), ("trail", TRAIL)])
+"""What they keep of its car from tick to tick; zero in the beginning."""
 
 scan_values = attrgetter(*SCAN.names or ())
 """Takes the values of a SCAN from a LaserScan or a ScanGeometry."""
@@ -68,6 +75,7 @@ class DrivingSettings:
 
     speed_law: SpeedLaw = "minimum"
     way_out: bool = True  # minimum: where the car could not stop on its way, it takes one on which it can
+    backs_out: bool = True  # with a way out: where it stands and there is none, it goes back and tries again
     # forward_distance: nearer ahead than the first, stop; farther than the second, full speed. Among the other laws it
     # is the last resort, as it does not know that the car turns; alone, 5 m are safe: from 8 m/s braking takes 4.9
     safe_distance: float = 0.2  # [m] from the LiDAR, which is .18 behind the bumper
@@ -79,8 +87,10 @@ class DrivingSettings:
 
     def __post_init__(self) -> None:
         require_words(self)
-        if not isinstance(self.way_out, bool):
-            raise SettingsError(f"{type(self).__name__}.way_out is {self.way_out!r}; accepted: True, False")
+        for name in ("way_out", "backs_out"):
+            if not isinstance(getattr(self, name), bool):
+                value = getattr(self, name)
+                raise SettingsError(f"{type(self).__name__}.{name} is {value!r}; accepted: True, False")
         positive = ("lookahead", "range_ratio_gain", "pursuit_distance")
         require(self, lambda value: 0.0 < value < math.inf, "a positive number", positive, SettingsError)
         from_zero = ("safe_distance", "front_width")
@@ -96,17 +106,19 @@ def scan_record(scan: LaserScan | ScanGeometry) -> NDArray[np.void]:
 
 
 def driver_record(
-    car: CarParameters, max_speed: float, guard: FrictionGuard | None, law: SpeedLaw = "minimum", way_out: bool = True
+    car: CarParameters, max_speed: float, guard: FrictionGuard | None, settings: DrivingSettings
 ) -> NDArray[np.void]:
     """Return a row of type DRIVER, shape (1,); without a guard, of a planner that believes in no friction limit."""
+    law = settings.speed_law
     row = np.zeros(1, DRIVER)
-    row["escape"] = record_values(EscapeSettings())
+    row["escape"], row["backing"] = record_values(EscapeSettings()), record_values(BackingSettings())
     row["car"], row["max_speed"] = astuple(car), max_speed
     for name in ("forward_distance", "range_ratio"):
         row[name] = law in (name, "minimum")
     if guard is not None:
         row["friction"], row["stopping"] = law in ("friction", "minimum"), law in ("stopping", "minimum")
-        row["way_out"] = way_out and law == "minimum"
+        row["way_out"] = settings.way_out and law == "minimum"
+        row["backs_out"] = settings.backs_out
         row["guard"] = guard.record
     return row
 
@@ -154,18 +166,18 @@ def drive_to(
       ranges: what the planner made of them, for the mean range towards the goal, (n,) [m].
       odometry: of type ODOMETRY.
       planner: `settings` (of DrivingSettings, and more) and `driver` (of type DRIVER).
-      memory: of type MEMORY, written to.
+      memory: of type DRIVING_MEMORY, written to.
       paths: tables of type PATHS.
       bearing: of the goal [rad]; NaN: there is none, and the car brakes.
       distance: of the goal from the LiDAR [m].
     """
     driver, settings = planner.driver, planner.settings
     if math.isnan(bearing):
-        return brake(scan, odometry, driver, memory.guard)
+        return brake(scan, odometry, driver, memory)
     reach = min(distance, settings.pursuit_distance)
     steering_angle = pursue(bearing, reach, driver.car.lidar_offset, driver.car.wheelbase)
     speed = speed_towards(scan, valid, ranges, planner, bearing)
-    return drive(scan, valid, odometry, driver, memory.guard, paths, steering_angle, speed)
+    return drive(scan, valid, odometry, driver, memory, paths, steering_angle, speed)
 
 
 @kernel
@@ -207,7 +219,7 @@ def drive(
       valid: its readings (n,) [m], without NaN or inf.
       odometry: of type ODOMETRY.
       driver: of type DRIVER.
-      memory: of the planner's guard, of type GUARD_MEMORY, written to.
+      memory: of type DRIVING_MEMORY, written to.
       paths: tables of type PATHS; `driver.paths` is the place of the planner's own.
       steering_angle: wished [rad].
       speed: wished [m/s].
@@ -217,6 +229,8 @@ def drive(
     if driver.stopping:
         table = paths[driver.paths]
         widened = widen_all(valid, scan.angle_increment, table.radius)
+        if driver.way_out:
+            follow(memory.trail, driver.backing, odometry.speed, odometry.angular_velocity[2], _period_of(scan))
         in_sight = safe_speed(
             table, widened, scan.angle_min, scan.angle_increment, odometry.speed, odometry.steering_angle
         )
@@ -242,19 +256,28 @@ def _drive_with_way_out(
     """Return the command for a wish, or for the way beside it on which the car can stop; arguments as in `drive`.
 
     Beside the wish it brakes. With a way out it does at least crawl, even where nothing that is planned softly is free.
+    Where it has come to stand without one it goes back, and tries again.
     """
-    angle, now = odometry.steering_angle, odometry.speed
-    wish = saturate(steering_angle, driver.car.max_steering_angle)
-    guard, settings, period = driver.guard, driver.escape, _period_of(scan)
+    angle, now, car = odometry.steering_angle, odometry.speed, driver.car
+    guard, settings, trail, period = driver.guard, driver.escape, memory.trail, _period_of(scan)
+    wish = saturate(steering_angle, car.max_steering_angle)
+    if trail.tried > 0:
+        speed = min(speed, driver.backing.speed)
+    wished_speed = min(speed, max(in_sight, settings.crawl_speed))
     way, use, found = way_out(
-        guard, memory, settings, widened, scan.angle_min, scan.angle_increment, wish, angle, now, period
-    )
+        guard, memory.guard, settings, widened, scan.angle_min, scan.angle_increment, wish, wished_speed, angle, now,
+        period,
+    )  # fmt: skip
+    stuck = driver.backs_out and not found and abs(now) < _STANDING
+    if backs(trail, driver.backing, stuck, period):
+        back = saturate(angle_back(trail, car.wheelbase), car.max_steering_angle)
+        return _hold(scan, odometry, driver, memory, back, -driver.backing.speed, use)
     if not found:
         speed = 0.0 if now > settings.crawl_speed else min(speed, in_sight)
         return _hold(scan, odometry, driver, memory, way, speed, use)
     if way != wish:
-        steering_angle, in_sight = way, 0.0
-    return _hold(scan, odometry, driver, memory, steering_angle, min(speed, max(in_sight, settings.crawl_speed)), use)
+        return _hold(scan, odometry, driver, memory, way, min(speed, settings.crawl_speed), use)
+    return _hold(scan, odometry, driver, memory, steering_angle, wished_speed, use)
 
 
 @kernel
@@ -280,7 +303,7 @@ def _hold(
     least_use: float,
 ) -> tuple[float, float]:
     angle, now = odometry.steering_angle, odometry.speed
-    return guarded(driver.guard, memory, steering_angle, speed, least_use, angle, now, _period_of(scan))
+    return guarded(driver.guard, memory.guard, steering_angle, speed, least_use, angle, now, _period_of(scan))
 
 
 @kernel

@@ -3,10 +3,11 @@
 The speed is that of some free stopping path (stopping_paths), while the steering goes to the goal; where both lead the
 same way, as in a corner, that is safe. Where the goal jumps, as when a corner opens beside a box, it is not: the car
 leaves the only free path for a goal that it cannot reach at its speed. So each wish is tried: the car is driven in
-thought towards it, by the very guard that drives it (friction_guard), braking to a stop. If it would touch something,
-the same is tried to the sides of the wish, and of the ways on which it stops the one with the longest view is taken,
-braking: the nearest to the wish often ends in the corner between a box and a wall. If there is none, the car brakes on
-the way with the least speed at the touch, which the margins often make a stop.
+thought towards it, by the very guard that drives it (friction_guard): for a tick as is wished, since until the next
+scan it will have done so, and then braking to a stop. If it would touch something, it brakes at once: to the sides of
+the wish ways are tried as well, and of those on which it stops the one with the longest view is taken; the nearest to
+the wish often ends in the corner between a box and a wall. If there is none, the car brakes on the way with the least
+speed at the touch, which the margins often make a stop.
 
 Each way is tried with several shares of the grip for cornering: braking first and turning late, or the reverse.
 
@@ -73,6 +74,7 @@ def way_out(
     angle_min: float,
     angle_increment: float,
     steering_angle: float,
+    wished_speed: float,
     angle_now: float,
     speed_now: float,
     period: float,
@@ -89,6 +91,7 @@ def way_out(
       angle_min: bearing of the first [rad].
       angle_increment: between them [rad].
       steering_angle: wished [rad], within the car's limit.
+      wished_speed: what the car is told next on the way that is wished [m/s]; on others it brakes.
       angle_now: present steering angle [rad].
       speed_now: present speed [m/s].
       period: between commands [s].
@@ -107,11 +110,13 @@ def way_out(
         bearing = wish + _aside(number, settings.fan_step)
         goal = (bearing, views[number])
         margin = settings.margin if number == 0 else settings.margin_aside
+        at_first = wished_speed if number == 0 else 0.0
         for use in _LATERAL_USES:
             last = memory.acceleration
             left = speed_at_touch(
-                guard, memory, widened, angle_min, angle_increment, goal, use, margin, angle_now, speed, period
-            )
+                guard, memory, widened, angle_min, angle_increment, goal, use, margin, at_first, angle_now, speed,
+                period,
+            )  # fmt: skip
             memory.acceleration = last
             if left == 0.0 and number == 0:
                 return steering_angle, use, True
@@ -141,6 +146,7 @@ def speed_at_touch(
     goal: tuple[float, float],
     lateral_use: float,
     margin: float,
+    at_first: float,
     angle: float,
     speed: float,
     period: float,
@@ -160,6 +166,7 @@ def speed_at_touch(
       goal: bearing [rad] and distance [m] from where the LiDAR is now.
       lateral_use: share of the grip for cornering.
       margin: [m].
+      at_first: speed that it is told for a tick, before it brakes [m/s].
       angle: present steering angle [rad].
       speed: present [m/s].
       period: of a tick [s].
@@ -177,7 +184,8 @@ def speed_at_touch(
         wish = angle
         if distance > _ARRIVED:
             wish = pursue(bearing, min(distance, _PURSUIT), lidar, car.wheelbase)
-        command = guarded(guard, memory, wish, 0.0, lateral_use, angle, speed, ticks * period)
+        told = at_first if tick == 0 else 0.0
+        command = guarded(guard, memory, wish, told, lateral_use, angle, speed, ticks * period)
         next_angle = angle + ticks * turned * (command[0] - angle)
         next_speed = speed + ticks * slowed * (command[1] - speed)
         way = 0.5 * (speed + next_speed) * ticks * period

@@ -123,10 +123,10 @@ def decide(
     """Return the command for one scan: steering angle [rad] and speed [m/s]. Types as in `driving`."""
     valid = valid_ranges(ranges, scan.range_max)
     if not sees(scan, valid):
-        return brake(scan, odometry, planner.driver, memory.guard)
+        return brake(scan, odometry, planner.driver, memory.driving)
     clipped = clip_to_lookahead(valid, planner.settings.lookahead)
     bearing, distance = find_goal(scan, clipped, planner.settings)
-    return drive_to(scan, valid, clipped, odometry, planner, memory, paths, bearing, distance)
+    return drive_to(scan, valid, clipped, odometry, planner, memory.driving, paths, bearing, distance)
 
 
 class FollowTheGap(CompiledPlanner):

@@ -104,10 +104,10 @@ def decide(
     """Return the command for one scan: steering angle [rad] and speed [m/s]. Types as in `driving`."""
     valid = valid_ranges(ranges, scan.range_max)
     if not sees(scan, valid):
-        return brake(scan, odometry, planner.driver, memory.guard)
+        return brake(scan, odometry, planner.driver, memory.driving)
     shaped = filtered(scan, valid, planner)
     bearing, distance = find_goal(scan, shaped, planner)
-    return drive_to(scan, valid, shaped, odometry, planner, memory, paths, bearing, distance)
+    return drive_to(scan, valid, shaped, odometry, planner, memory.driving, paths, bearing, distance)
 
 
 class GapFinder(CompiledPlanner):

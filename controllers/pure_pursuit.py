@@ -38,9 +38,9 @@ from fg_mujoco.errors import SettingsError
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import CarParameters, FloatArray, MapLine, Odometry, require
 
-from .compiled_planner import CompiledPlanner
+from .compiled_planner import MEMORY, CompiledPlanner
 from .driving import DrivingSettings, SpeedLaw, brake, drive, sees, speed_towards
-from .friction_guard import GUARD_MEMORY, FrictionGuard
+from .friction_guard import FrictionGuard
 from .racelines import SPEED, STEP, X, Y, line_table, read_line
 from .records import Record
 from .scan_filters import valid_ranges
@@ -179,12 +179,12 @@ def decide(
     x, y, heading = odometry.pose
     valid = valid_ranges(ranges, scan.range_max)
     if not (sees(scan, valid) and math.isfinite(x + y + heading) and math.isfinite(odometry.speed)):
-        return brake(scan, odometry, driver, memory.guard)
+        return brake(scan, odometry, driver, memory.driving)
     line = lines[planner.line.first : planner.line.end]
     now = min(abs(odometry.speed), driver.car.max_speed)
     nearest = nearest_point(line, memory, settings.lost_distance, x, y)
     if line[nearest, SPEED] == 0.0:
-        return brake(scan, odometry, driver, memory.guard)
+        return brake(scan, odometry, driver, memory.driving)
     lookahead = lookahead_at(settings, now, distance_to(line, nearest, x, y))
     goal_x, goal_y = goal_ahead(line, nearest, lookahead, x, y)
     bearing, distance = math.atan2(goal_y - y, goal_x - x) - heading, math.hypot(goal_x - x, goal_y - y)
@@ -195,7 +195,7 @@ def decide(
     speed = min(
         profile_speed(line, nearest, settings.reaction * now), speed_towards(scan, valid, valid, planner, bearing)
     )
-    return drive(scan, valid, odometry, driver, memory.guard, paths, steering_angle, speed)
+    return drive(scan, valid, odometry, driver, memory.driving, paths, steering_angle, speed)
 
 
 class PurePursuit(CompiledPlanner):
@@ -210,7 +210,7 @@ class PurePursuit(CompiledPlanner):
     """
 
     Settings = PurePursuitSettings
-    memory_type = np.dtype([("guard", GUARD_MEMORY), ("point", np.int64), ("on_line", np.bool_)])
+    memory_type = np.dtype([*MEMORY.descr, ("point", np.int64), ("on_line", np.bool_)])
     decide = staticmethod(decide)
 
     def __init__(

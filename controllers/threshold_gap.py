@@ -104,9 +104,9 @@ def decide(
     """Return the command for one scan: steering angle [rad] and speed [m/s]. Types as in `driving`."""
     valid = valid_ranges(ranges, scan.range_max)
     if not sees(scan, valid):
-        return brake(scan, odometry, planner.driver, memory.guard)
+        return brake(scan, odometry, planner.driver, memory.driving)
     bearing, distance = find_goal(scan, valid, planner.settings)
-    return drive_to(scan, valid, valid, odometry, planner, memory, paths, bearing, distance)
+    return drive_to(scan, valid, valid, odometry, planner, memory.driving, paths, bearing, distance)
 
 
 class ThresholdGap(CompiledPlanner):

@@ -127,11 +127,11 @@ def decide(
     driver = planner.driver
     valid = valid_ranges(ranges, scan.range_max)
     if not sees(scan, valid):
-        return brake(scan, odometry, driver, memory.guard)
+        return brake(scan, odometry, driver, memory.driving)
     steering_angle = wished_steering(scan, ranges, valid, planner.settings)
     steering_angle = saturate(steering_angle, driver.car.max_steering_angle)
     speed = speed_towards(scan, valid, valid, planner, steering_angle)
-    return drive(scan, valid, odometry, driver, memory.guard, paths, steering_angle, speed)
+    return drive(scan, valid, odometry, driver, memory.driving, paths, steering_angle, speed)
 
 
 class WallFollow(CompiledPlanner):

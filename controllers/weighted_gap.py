@@ -119,11 +119,11 @@ def decide(
     """Return the command for one scan: steering angle [rad] and speed [m/s]. Types as in `driving`."""
     valid = valid_ranges(ranges, scan.range_max)
     if not sees(scan, valid):
-        return brake(scan, odometry, planner.driver, memory.guard)
+        return brake(scan, odometry, planner.driver, memory.driving)
     radius = 0.5 * planner.driver.car.width + planner.settings.clearance
     heading = find_heading(scan, widen_all(valid, scan.angle_increment, radius), planner.settings)
     distance = planner.settings.pursuit_distance
-    return drive_to(scan, valid, valid, odometry, planner, memory, paths, heading, distance)
+    return drive_to(scan, valid, valid, odometry, planner, memory.driving, paths, heading, distance)
 
 
 class WeightedGap(CompiledPlanner):

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from scan_worlds import CAR, MU, corridor, odometry_of
 
-from fg_mujoco.controllers.compiled_planner import CompiledPlanner
+from fg_mujoco.controllers.compiled_planner import MEMORY, CompiledPlanner
 from fg_mujoco.controllers.driving import DrivingSettings, drive
-from fg_mujoco.controllers.friction_guard import GUARD_MEMORY
 from fg_mujoco.controllers.records import record_type
 from fg_mujoco.controllers.scan_filters import valid_ranges
 from fg_mujoco.errors import SettingsError
@@ -32,14 +31,16 @@ def decide(memory, planner, ranges, scan, odometry, paths):
     if settings.backwards:
         speed = -speed
     memory.ticks += 1
-    return drive(scan, valid_ranges(ranges, scan.range_max), odometry, planner.driver, memory.guard, paths, 0.1, speed)
+    return drive(
+        scan, valid_ranges(ranges, scan.range_max), odometry, planner.driver, memory.driving, paths, 0.1, speed
+    )
 
 
 class Patient(CompiledPlanner):
     """Waits, then drives."""
 
     Settings = PatientSettings
-    memory_type = np.dtype([("guard", GUARD_MEMORY), ("ticks", np.int64)])
+    memory_type = np.dtype([*MEMORY.descr, ("ticks", np.int64)])
     decide = staticmethod(decide)
 
 

@@ -23,12 +23,14 @@ BEARINGS = START + INCREMENT * np.arange(BEAMS)
 BUMPER = CAR.length - CAR.rear_overhang - CAR.lidar_offset - 0.25 * CAR.width  # [m] from the LiDAR to the disc's centre
 
 
-def escape(widened, wish=0.0, angle=0.0, speed=4.0, acceleration=0.0, **settings):
+def escape(widened, wish=0.0, angle=0.0, speed=4.0, acceleration=0.0, wished_speed=0.0, **settings):
     values = EscapeSettings(**settings)
     row = np.array([record_values(values)], record_type(EscapeSettings))
     memory = np.zeros(1, GUARD_MEMORY)
     memory["acceleration"] = acceleration
-    answer = way_out(GUARD.record[0], memory[0], row[0], widened, START, INCREMENT, wish, angle, speed, 0.025)
+    answer = way_out(
+        GUARD.record[0], memory[0], row[0], widened, START, INCREMENT, wish, wished_speed, angle, speed, 0.025
+    )
     assert memory["acceleration"][0] == acceleration  # trying leaves no trace
     return answer
 
