@@ -16,7 +16,7 @@ slow, not in proportion to the goal's bearing. The side's rule is read as "the s
 
 Limits: a goal one beam beside an edge is as good as any other, so the tolerance is all the way that it leaves at a
 corner, and a smooth corner, which has no disparity, is extended by nothing. It takes the longer of two ways, wherever
-that leads. Going straight on because of its side it may come to stand before a wall, and it does not reverse.
+that leads. Going straight on because of its side it may come to stand before a wall.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ is the model's, not 10; bubbles reach to the ends of the scan; no filter changes
 to the goal, not by the goal's bearing.
 
 Limits: it sees no further than the next corner and has no memory, so it takes the longer of two ways, wherever that
-leads, and it does not reverse out of a dead end: it stops, in two of ten only at a touch of the end.
+leads. In a dead end it stops, backs out (backing_out) and comes again.
 """
 
 from __future__ import annotations

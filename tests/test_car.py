@@ -228,21 +228,22 @@ def test_a_placed_car_rolls_on_undisturbed(speed):
 
 @pytest.mark.parametrize("speed", [-5.0, 0.0, 8.0, 20.0])
 def test_a_placed_car_is_at_rest_on_its_springs_and_tires(speed):
-    """What is left: the tires of both axles give alike, and the loads differ, so that it settles by 30 um."""
+    """What is left: the tires of both axles give alike, and the loads differ, so that it settles by 23 um in 10 ms."""
     model, data, car = flat_world()
     meter = TireSlipMeter(model)
     car.set_pose(data, 1.0, 2.0, 0.7, speed)
     forward = np.array([math.cos(0.7), math.sin(0.7), 0.0])
     velocity = np.zeros(6)  # turning, then moving
     bodies = [model.body(name).id for name in ("base_link", *(f"{wheel}_wheel" for wheel in WHEELS))]
-    for _ in range(200):
+    for step in range(200):
         mujoco.mj_step(model, data)
         meter.record(data)
         for body in bodies:
             mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_XBODY, body, velocity, 0)
-            assert np.abs(velocity[3:] - speed * forward).max() < 1e-3
+            assert np.abs(velocity[3:] - speed * forward).max() < (2.5e-3 if step < 10 else 5e-4)  # 2.0e-3, 2.0e-4
     slip = meter.read()
-    assert np.isfinite(slip.sliding_speed).all() and slip.sliding_speed.max() < 1e-3
+    assert np.isfinite(slip.sliding_speed).all()
+    assert slip.sliding_speed.max() < 2.5e-3 and slip.sliding_speed[10:].max() < 5e-4
     assert slip.normal_force.sum(axis=1) == pytest.approx(car.parameters.mass * 9.81, rel=0.02)
 
 

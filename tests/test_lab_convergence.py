@@ -32,32 +32,33 @@ def test_creep_is_of_first_order_in_the_acceleration_and_of_none_in_the_timestep
 def test_creep_falls_with_impratio_as_the_closed_form_says():
     """Measured: 44.0, 40.2 and 37.1 mm/s."""
     creeps = []
-    for ratio in (5.0, 10.0, 50.0):
+    for ratio in (20.0, 40.0, 200.0):
         found, circle = reading(timestep=None, impratio=ratio)
         creeps.append(found.slide)
         assert found.slide == pytest.approx(creep(0.95, 1.0489, 0.1, circle.car, circle.ground.model), rel=0.01)
     assert creeps[0] > creeps[1] > creeps[2] > 0.9 * creeps[1]
 
 
-def test_sliding_tires_hop_at_the_cars_own_timestep_and_less_with_a_softer_impedance():
-    """Measured, at 1.1: a tire is off the ground for 92 % of the time, 70 % at 1 ms, and 50 % with impedance .4."""
-    own, fine, soft = (
+def test_sliding_tires_slide_at_the_cars_own_timestep_as_at_finer_ones_and_with_a_stiffer_impedance_they_hop():
+    """Measured, at 1.1: .200 m/s, .175 at 1 ms; with impedance .8, as it once was, .46, with a tire up for 91 %."""
+    own, fine, stiff = (
         reading(k=1.1, timestep=timestep, change=change)[0]
-        for timestep, change in ((0.005, None), (0.001, None), (0.005, lambda model: soften(model, 0.4)))
+        for timestep, change in ((0.005, None), (0.001, None), (0.005, lambda model: soften(model, 0.8)))
     )
-    assert own.airborne > fine.airborne + 0.1 > soft.airborne + 0.1
-    assert own.slide > 1.4 * fine.slide and soft.slide == pytest.approx(fine.slide, rel=0.25)
+    assert own.slide == pytest.approx(fine.slide, rel=0.2)
+    assert stiff.slide > 2.0 * own.slide
+    assert stiff.airborne > own.airborne + 0.2 > fine.airborne + 0.2
 
 
 def test_softening_keeps_stiffness_and_creep():
     changed, plain = OpenGround(), OpenGround()
-    soften(changed.model, 0.5)
-    assert (changed.model.pair_solimp[:, :2] == 0.5).all()
+    soften(changed.model, 0.8)
+    assert (changed.model.pair_solimp[:, :2] == 0.8).all()
     for ground in (changed, plain):
         ground.place()
         ground.hold(DriveCommand(steering_angle=0.0, speed=0.0), 1.0)
     assert changed.data.qpos[2] == pytest.approx(plain.data.qpos[2], abs=2e-6)
-    soft, _ = reading(change=lambda model: soften(model, 0.5))
+    soft, _ = reading(change=lambda model: soften(model, 0.8))
     assert soft.slide == pytest.approx(reading()[0].slide, rel=5e-3)
     assert soft.axle_use == pytest.approx(reading()[0].axle_use, rel=2e-3)
 
@@ -72,7 +73,7 @@ def test_each_cell_changes_one_setting():
                      if getattr(model.opt, name) != getattr(plain.opt, name)]  # fmt: skip
         assert different in ([], [cell["setting"]])
     first = [GROUPS[name][0] for name in ("timestep", "solver", "cone", "impedance")]
-    assert first == [0.005, "Newton", "elliptic", 0.8]  # the car's own come first
+    assert first == [0.005, "Newton", "elliptic", 0.5]  # the car's own come first
 
 
 def test_a_timestep_that_the_lidar_does_not_know_has_a_circle_but_no_lap():

@@ -208,6 +208,7 @@ class Renderer:
         data = self._own(data)
         view = camera if isinstance(camera, View) else self.view(data, camera)
         scene = self._scene
+        self._look(view)  # planes without end are laid out about the scene's cameras, which are else those of before
         mujoco.mjv_updateScene(
             self.model, data, self._options, None, self._camera, mujoco.mjtCatBit.mjCAT_ALL.value, scene
         )
