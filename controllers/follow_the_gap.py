@@ -21,9 +21,9 @@ things by a `bubble`, and their examples agree with one each:
 
 Limits: it knows one obstacle, the nearest. The gap's far side, and the inner corner that it turns round, get no bubble
 until they are nearer than all else: the lookahead and the bubble have to make up for the car's width. Without the
-first (30 m) `furthest` aims along the inner wall: its laps are a third longer, and it crashes in `chicanes`. `middle`
-goes where much is open, not where the road goes on: as slow, and it crashes in `hairpins` and `l_corridor`. The longest
-run may be the way back: a U-turn. It has no memory; in a dead end it stops, backs out (backing_out) and comes again.
+first (30 m) `furthest` aims along the inner wall, and its laps are half as long again. `middle` goes where much is
+open, not where the road goes on: as slow, and it comes to stand in `l_corridor`. The longest run may be the way back: a
+U-turn. It has no memory; in a dead end it stops, backs out (backing_out) and comes again.
 """
 
 from __future__ import annotations

@@ -26,7 +26,7 @@ reading at range_max, not inf, whose jump would be wider than any other, and its
 Limits: with neighbouring beams the width is hardly more than the jump of the range, so the widest gap is where most is
 hidden, not where the car fits: a post in the open is two wide gaps. Its centre lies right behind the nearer point, on
 the line of sight that grazes it, so a car that drives to C itself meets the corner. Past that point it keeps its
-distance; what else stands beside its way it does not consider: it crashes in `hairpins` and `tight`.
+distance; what else stands beside its way it does not consider: with `way_out=false` it crashes in `tight`.
 """
 
 from __future__ import annotations
