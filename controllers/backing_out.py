@@ -3,7 +3,8 @@
 The LiDAR does not see what is behind the car. But where it has come it can go back: the places of the rear axle are
 kept, some metres of them, by dead reckoning, and followed backwards by pure pursuit. From there it tries once more, no
 faster than it went back, so that it turns more sharply than when it first came; each time it goes back farther. When it
-has tried often enough it stays where it is: that is a dead end. Once it has come on by a good way, it has forgotten.
+has tried often enough it stays where it is: that is a dead end. Once it has come on by a good way, it has forgotten. If
+it does not move when it should go back, it lets it be.
 
 Limits: what has come up behind the car meanwhile is not seen; a car that was put before a wall has no way back.
 """
@@ -92,21 +93,24 @@ def follow(trail: Record, settings: Record, speed: float, yaw_rate: float, perio
 
 
 @kernel
-def backs(trail: Record, settings: Record, stuck: bool, period: float) -> bool:
+def backs(trail: Record, settings: Record, stands: bool, found: bool, period: float) -> bool:
     """Say whether the car is to go back now, to where `angle_back` steers.
 
     Args:
       trail: of type TRAIL, written to.
       settings: fields of BackingSettings.
-      stuck: it stands, and there is no way on.
+      stands: it does not move.
+      found: there is a way on.
       period: of the tick [s].
     """
-    trail.stood = trail.stood + period if stuck else 0.0
-    patience = settings.patience if trail.tried == 0 else settings.patience_again
-    waited = trail.stood + 0.5 * period >= patience
-    if waited and trail.back <= 0.0 and trail.tried < settings.tries:
-        trail.tried += 1
-        trail.back, trail.on, trail.stood = settings.distance * trail.tried, 0.0, 0.0
+    backing = trail.back > 0.0
+    trail.stood = trail.stood + period if stands and (backing or not found) else 0.0
+    patience = settings.patience if trail.tried == 0 or backing else settings.patience_again
+    if trail.stood + 0.5 * period >= patience:
+        trail.back, trail.stood = 0.0, 0.0  # where it was going back, something is behind it
+        if not backing and trail.tried < settings.tries:
+            trail.tried += 1
+            trail.back, trail.on = settings.distance * trail.tried, 0.0
     if trail.back <= 0.0:
         return False
     while trail.known > 0 and _distance(trail) < _REACH:

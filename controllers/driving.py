@@ -268,8 +268,7 @@ def _drive_with_way_out(
         guard, memory.guard, settings, widened, scan.angle_min, scan.angle_increment, wish, wished_speed, angle, now,
         period,
     )  # fmt: skip
-    stuck = driver.backs_out and not found and abs(now) < _STANDING
-    if backs(trail, driver.backing, stuck, period):
+    if driver.backs_out and backs(trail, driver.backing, abs(now) < _STANDING, found, period):
         back = saturate(angle_back(trail, car.wheelbase), car.max_steering_angle)
         return _hold(scan, odometry, driver, memory, back, -driver.backing.speed, use)
     if not found:

@@ -24,13 +24,13 @@ def new():
 
 def stand(trail, settings, seconds):
     """Stand without a way on; return in how many of the ticks the car is to go back."""
-    return sum(bool(backs(trail, settings, True, PERIOD)) for _ in range(round(seconds / PERIOD)))
+    return sum(bool(backs(trail, settings, True, False, PERIOD)) for _ in range(round(seconds / PERIOD)))
 
 
 def come(trail, settings, meters, speed=2.0):
     for _ in range(round(meters / (speed * PERIOD))):
         follow(trail, settings, speed, 0.0, PERIOD)
-        backs(trail, settings, False, PERIOD)
+        backs(trail, settings, False, True, PERIOD)
 
 
 @pytest.mark.parametrize("speed", [0.5, 2.0, 6.0])
@@ -48,7 +48,7 @@ def test_it_comes_back_along_its_own_path(speed):
     assert (trail["x"], trail["y"], trail["heading"]) == pytest.approx((x, y, heading))
     assert stand(trail, settings, DEFAULTS.patience) == 1
     end, gone, off = (x, y), 0.0, []
-    while backs(trail, settings, False, PERIOD):
+    while backs(trail, settings, False, True, PERIOD):
         yaw_rate = -DEFAULTS.speed * math.tan(angle_back(trail, WHEELBASE)) / WHEELBASE
         heading += 0.5 * yaw_rate * PERIOD
         x, y = x - DEFAULTS.speed * PERIOD * math.cos(heading), y - DEFAULTS.speed * PERIOD * math.sin(heading)
@@ -65,7 +65,7 @@ def test_it_waits_first_and_a_moment_without_being_stuck_starts_that_anew():
     trail, settings = new()
     come(trail, settings, 3.0)
     assert stand(trail, settings, DEFAULTS.patience - PERIOD) == 0
-    backs(trail, settings, False, PERIOD)
+    backs(trail, settings, False, True, PERIOD)
     assert stand(trail, settings, DEFAULTS.patience - PERIOD) == 0
     assert stand(trail, settings, PERIOD) == 1
 
@@ -76,10 +76,20 @@ def test_each_time_it_goes_back_farther_and_after_some_tries_it_stays():
     for number in range(1, DEFAULTS.tries + 1):
         assert stand(trail, settings, DEFAULTS.patience if number == 1 else DEFAULTS.patience_again) == 1
         assert trail["back"] == pytest.approx(DEFAULTS.distance * number)
-        while backs(trail, settings, False, PERIOD):
+        while backs(trail, settings, False, True, PERIOD):
             follow(trail, settings, -DEFAULTS.speed, 0.0, PERIOD)
         come(trail, settings, DEFAULTS.distance * number)
     assert stand(trail, settings, 10.0) == 0
+
+
+def test_what_is_behind_it_and_holds_it_is_not_pushed_for_long():
+    trail, settings = new()
+    come(trail, settings, 6.0)
+    for patience in (DEFAULTS.patience, *[DEFAULTS.patience_again] * (DEFAULTS.tries - 1)):
+        assert stand(trail, settings, patience) == 1
+        pushed = stand(trail, settings, DEFAULTS.patience)  # it stands all the same
+        assert pushed == round(DEFAULTS.patience / PERIOD) - 1
+    assert stand(trail, settings, 20.0) == 0
 
 
 def test_when_it_has_come_on_it_has_forgotten():
@@ -100,7 +110,7 @@ def test_it_goes_back_no_farther_than_it_came_and_not_at_all_where_it_was_put():
     come(trail, settings, 0.8)
     assert stand(trail, settings, DEFAULTS.patience) == 1
     gone = 0.0
-    while backs(trail, settings, False, PERIOD):
+    while backs(trail, settings, False, True, PERIOD):
         follow(trail, settings, -DEFAULTS.speed, 0.0, PERIOD)
         gone += DEFAULTS.speed * PERIOD
     assert 0.4 < gone < 0.8

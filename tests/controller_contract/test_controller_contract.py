@@ -4,6 +4,7 @@ The contract: for any scan and any odometry a finite DriveCommand, without an ex
 - its steering angle within the car's limit, or no further than the wheels are turned already;
 - its speed such that the car, whose speed servo approaches the command over `speed_time_constant`, has after one
   period a speed from 0 to the top speed. The command itself may lead by what an acceleration takes;
+- back only over ground that it came by, when it has stood there without a way, slowly and not for ever;
 - STOP where there is nothing to plan with. Same inputs since `reset()`: same outputs. No planner changes a scan;
 - all that for scans drawn at random, 10,000 of them, with a pose on a map and without;
 - where its class offers `batch`, the planners of a batch decide as each does alone, to the last bit.
@@ -76,6 +77,9 @@ ODD = {
 MOTIONS = [(0.0, 0.0), (3.0, 0.1), (6.0, -0.4189), (2.0, 0.43), (9.0, 0.0), (-1.0, 0.0), (1e9, 0.1)]
 
 
+POCKET = scan_of(np.full(1081, 0.25))  # no way on
+
+
 def made(name, mu=MU, max_speed=TOP_SPEED):
     return make_controller(name, car=CAR, mu=mu, max_speed=max_speed, map_line=OVAL)
 
@@ -114,6 +118,22 @@ def test_it_answers_a_command_that_the_car_can_follow(planner, name, motion):
         for _ in range(3):
             assert_keeps_contract(planner(scan, odometry), odometry, scan)
     np.testing.assert_array_equal(scan.ranges, before)
+
+
+@pytest.mark.parametrize("came", [0.0, 6.0])
+def test_it_goes_back_only_over_ground_that_it_came_by(planner, came):
+    """Of 2 m/s to a pocket, or put there; the wheels follow the commands."""
+    planner.reset()
+    for _ in range(round(came / (2.0 * 0.025))):
+        planner(corridor(1.0, 1.0, 20.0), odometry_of(2.0, 0.0))
+    speed, way = 0.0, [0.0]
+    for _ in range(1600):
+        command = planner(POCKET, odometry_of(speed, 0.0))
+        speed += (command.speed - speed) * (1.0 - math.exp(-0.025 / CAR.speed_time_constant))
+        way.append(way[-1] + 0.025 * speed)
+        assert -1.51 < speed < 0.01
+    assert -came - 1e-9 <= way[-1] and way[-1] == pytest.approx(way[-200], abs=1e-3)
+    planner.reset()
 
 
 @pytest.mark.parametrize("motion", MOTIONS)
