@@ -199,7 +199,7 @@ def test_steering_turns_at_its_rate_standing_and_at_speed(speed, start, end, hol
     for _ in range(round(1.0 / model.opt.timestep)):
         mujoco.mj_step(model, data)
         reached.append(data.joint("steering").qpos[0])
-    # tires that slide hop, and turning wheels are gyroscopes: the servo is shaken, by 1.3e-3 rad at most
+    # turning wheels are gyroscopes, and sliding tires hop a little: the servo is shaken, by 1.3e-3 rad at most
     assert np.mean(reached) == pytest.approx(end, abs=2e-4)
     assert reached == pytest.approx([end] * len(reached), abs=2e-4 if holds else 2e-3)
 
@@ -307,7 +307,7 @@ def test_steady_circle_holds_up_to_the_speed_law_and_slides_beyond(mu, radius, h
 def test_front_tires_run_wide_as_fast_as_the_closed_form_says(mu, fraction):
     """Beyond the limit the circle is k^2 times as wide, and the front tires cross it, above what all creep.
 
-    At 1 ms, because tires that slide hop at 5 ms, and then slide more.
+    At 1 ms, because tires that slide do so a little faster at 5 ms.
     """
     radius = 8.0
     _, car, slip, driven = drive_circle(mu, radius, fraction, timestep=0.001)
