@@ -229,8 +229,7 @@ def drive(
     if driver.stopping:
         table = paths[driver.paths]
         widened = widen_all(valid, scan.angle_increment, table.radius)
-        if driver.way_out:
-            follow(memory.trail, driver.backing, odometry.speed, odometry.angular_velocity[2], _period_of(scan))
+        _note_the_way(scan, odometry, driver, memory)
         in_sight = safe_speed(
             table, widened, scan.angle_min, scan.angle_increment, odometry.speed, odometry.steering_angle
         )
@@ -285,10 +284,18 @@ def brake(scan: Record, odometry: Record, driver: Record, memory: Record) -> tup
 
     Without the friction law, and without odometry, that is 0 and 0.
     """
+    _note_the_way(scan, odometry, driver, memory)
     if not driver.friction:
         return 0.0, 0.0
     least = driver.guard.settings.least_lateral_use
     return _hold(scan, odometry, driver, memory, odometry.steering_angle, 0.0, least)
+
+
+@kernel
+def _note_the_way(scan: Record, odometry: Record, driver: Record, memory: Record) -> None:
+    """Keep what the car needs to know to go back; once in every tick, whatever is decided."""
+    if driver.way_out and driver.backs_out:
+        follow(memory.trail, driver.backing, odometry.speed, odometry.angular_velocity[2], _period_of(scan))
 
 
 @kernel

@@ -5,8 +5,10 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
+from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
 
 import fg_mujoco as fg
+from fg_mujoco.controller_loading import make_controller
 from fg_mujoco.controllers.backing_out import TRAIL, BackingSettings, angle_back, backs, follow
 from fg_mujoco.controllers.driving import DrivingSettings
 from fg_mujoco.controllers.records import record_type, record_values
@@ -145,3 +147,16 @@ def test_settings_that_make_no_sense_are_refused_by_name(name):
 def test_a_switch_that_is_none_is_refused():
     with pytest.raises(SettingsError, match="backs_out is 'no'; accepted: True, False"):
         DrivingSettings(backs_out="no")
+
+
+@pytest.mark.parametrize("name", ["gap_finder", "disparity_extender", "weighted_gap"])
+def test_the_way_is_kept_in_ticks_in_which_the_planner_sees_nothing(name):
+    """A planner that brakes blindly comes on all the same."""
+    planner = make_controller(name, car=CAR, mu=MU, max_speed=8.0)
+    for scan in (corridor(1.0, 1.0, 20.0), scan_of(np.zeros(1081)), scan_of([])):
+        for _ in range(20):
+            planner(scan, odometry_of(2.0))
+    trail = planner._alone._memories[0]["driving"]["trail"]
+    assert trail["x"] == pytest.approx(60 * 2.0 * PERIOD)
+    planner(corridor(1.0, 1.0, 20.0), odometry_of(math.nan))
+    assert trail["known"] == 0
