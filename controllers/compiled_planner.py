@@ -12,7 +12,7 @@ Such a planner is a class
 
 `decide` names what it wants of these, in any order:
 
-scan       of the geometry of the scans, of type driving.SCAN
+scan       of the geometry of the scans, of type scan_geometry.SCAN
 ranges     (n,) [m], as in LaserScan
 odometry   of type messages.ODOMETRY
 planner    its `settings` and `driver` (of type driving.DRIVER), and `line`: which points of `lines` are its own
@@ -48,11 +48,12 @@ from fg_mujoco.messages import (
     require,
 )
 
-from .driving import DRIVER, DRIVING_MEMORY, SCAN, DrivingSettings, driver_record, scan_record, scan_values, sees
+from .driving import DRIVER, DRIVING_MEMORY, DrivingSettings, driver_record
 from .escape import SWERVING
 from .friction_guard import FrictionGuard
 from .records import record_type, record_values
 from .scan_filters import valid_ranges
+from .scan_geometry import SCAN, scan_record, scan_values, sees
 from .stopping_paths import PATHS, StoppingPaths
 
 MEMORY = np.dtype([("driving", DRIVING_MEMORY)])

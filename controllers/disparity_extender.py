@@ -32,10 +32,11 @@ from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray, LaserScan, require
 
 from .compiled_planner import CompiledPlanner
-from .driving import DrivingSettings, beams_between, bearing_of, brake, drive, sees, speed_towards
+from .driving import DrivingSettings, brake, drive, speed_towards
 from .gaps import furthest_beam
 from .records import Record
 from .scan_filters import extend_disparities, valid_ranges
+from .scan_geometry import beams_between, bearing_of, sees
 from .steering import pursue
 
 _ABEAM = 0.5 * math.pi  # [rad] goals are ahead of it, and the car's side behind

@@ -32,10 +32,11 @@ from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray, LaserScan, require
 
 from .compiled_planner import CompiledPlanner
-from .driving import DrivingSettings, beams_between, bearing_of, brake, drive_to, sees
+from .driving import DrivingSettings, brake, drive_to
 from .gaps import chord, deepest_run, longest_run, middle_of, range_at
 from .records import Record
 from .scan_filters import clip_to_lookahead, mask_nearest, valid_ranges
+from .scan_geometry import beams_between, bearing_of, sees
 
 
 @dataclass(frozen=True, kw_only=True)

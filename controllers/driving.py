@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import astuple, dataclass
-from operator import attrgetter
 from typing import Literal
 
 import numpy as np
@@ -18,26 +17,22 @@ from numpy.typing import NDArray
 
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.kernels import kernel
-from fg_mujoco.messages import CarParameters, FloatArray, LaserScan, ScanGeometry, require
+from fg_mujoco.messages import CarParameters, FloatArray, require
 
 from .backing_out import TRAIL, BackingSettings, angle_back, backs, follow
 from .escape import EscapeSettings, way_out
 from .friction_guard import GUARD, GUARD_MEMORY, FrictionGuard, guarded
 from .records import CAR, Record, record_type, record_values, require_words
 from .scan_filters import widen_all
+from .scan_geometry import beams_between, period_of
 from .speed import forward_distance_speed, range_ratio_speed
 from .steering import pursue, saturate
 from .stopping_paths import safe_speed
 
-_PERIOD = 0.025  # [s] of the field's LiDARs, for scans that do not tell theirs
-_LEAST_INCREMENT = 1e-9  # [rad] below it, counts of beams overflow
 _STANDING = 0.05  # [m/s] a car as slow as this stands
 _AHEAD = math.radians(2.0)  # to either side: beams that count as straight ahead
 
 SpeedLaw = Literal["minimum", "forward_distance", "range_ratio", "friction", "stopping"]
-
-SCAN = np.dtype([(name, np.float64) for name in ("angle_min", "angle_increment", "range_max", "scan_time")])
-"""What a kernel is told of the geometry of the scans; units as in LaserScan."""
 
 DRIVER = np.dtype(
     [
@@ -59,9 +54,6 @@ DRIVER = np.dtype(
 
 DRIVING_MEMORY = np.dtype([("guard", GUARD_MEMORY), ("trail", TRAIL)])
 """What they keep of its car from tick to tick; zero in the beginning."""
-
-scan_values = attrgetter(*SCAN.names or ())
-"""Takes the values of a SCAN from a LaserScan or a ScanGeometry."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,11 +92,6 @@ class DrivingSettings:
         require(self, lambda value: self.safe_distance < value < math.inf, accepted, longer, SettingsError)
 
 
-def scan_record(scan: LaserScan | ScanGeometry) -> NDArray[np.void]:
-    """Return a row of type SCAN, shape (1,)."""
-    return np.array([scan_values(scan)], SCAN)
-
-
 def driver_record(
     car: CarParameters, max_speed: float, guard: FrictionGuard | None, settings: DrivingSettings
 ) -> NDArray[np.void]:
@@ -121,29 +108,6 @@ def driver_record(
         row["backs_out"] = settings.backs_out
         row["guard"] = guard.record
     return row
-
-
-@kernel
-def sees(scan: Record, valid: FloatArray) -> bool:
-    """Say whether there is a scan to plan with: two beams or more, not all zero, a sensible angle between them."""
-    if len(valid) < 2 or not _LEAST_INCREMENT < scan.angle_increment < 2.0 * math.pi:
-        return False
-    return bool(np.max(valid) > 0.0)
-
-
-@kernel
-def bearing_of(scan: Record, beam: float) -> float:
-    """Return the bearing of a beam [rad]; between two beams, of a place between them."""
-    return float(scan.angle_min + scan.angle_increment * beam)
-
-
-@kernel
-def beams_between(scan: Record, count: int, right: float, left: float) -> tuple[int, int]:
-    """Return the beams with bearings from `right` to `left` [rad], of so many: first, and last + 1."""
-    first = math.ceil((right - scan.angle_min) / scan.angle_increment - 1e-6)
-    end = math.floor((left - scan.angle_min) / scan.angle_increment + 1e-6) + 1
-    first = min(max(first, 0), count)
-    return first, min(max(end, first), count)
 
 
 @kernel
@@ -258,7 +222,7 @@ def _drive_with_way_out(
     Where it has come to stand without one it goes back, and tries again.
     """
     angle, now, car = odometry.steering_angle, odometry.speed, driver.car
-    guard, settings, trail, period = driver.guard, driver.escape, memory.trail, _period_of(scan)
+    guard, settings, trail, period = driver.guard, driver.escape, memory.trail, period_of(scan)
     wish = saturate(steering_angle, car.max_steering_angle)
     if trail.tried > 0:
         speed = min(speed, driver.backing.speed)
@@ -295,7 +259,7 @@ def brake(scan: Record, odometry: Record, driver: Record, memory: Record) -> tup
 def _note_the_way(scan: Record, odometry: Record, driver: Record, memory: Record) -> None:
     """Keep what the car needs to know to go back; once in every tick, whatever is decided."""
     if driver.way_out and driver.backs_out:
-        follow(memory.trail, driver.backing, odometry.speed, odometry.angular_velocity[2], _period_of(scan))
+        follow(memory.trail, driver.backing, odometry.speed, odometry.angular_velocity[2], period_of(scan))
 
 
 @kernel
@@ -309,10 +273,4 @@ def _hold(
     least_use: float,
 ) -> tuple[float, float]:
     angle, now = odometry.steering_angle, odometry.speed
-    return guarded(driver.guard, memory.guard, steering_angle, speed, least_use, angle, now, _period_of(scan))
-
-
-@kernel
-def _period_of(scan: Record) -> float:
-    """Return the time between commands [s]."""
-    return scan.scan_time if scan.scan_time > 0.0 else _PERIOD
+    return guarded(driver.guard, memory.guard, steering_angle, speed, least_use, angle, now, period_of(scan))

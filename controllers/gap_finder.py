@@ -5,7 +5,7 @@ The nine components, in the order of that text:
 1. disparity extender      scan_filters.extend_disparities
 2. safety bubble           scan_filters.safety_bubbles, as wide as the arc says
 3. lookahead               scan_filters.clip_to_lookahead
-4. field of view           driving.beams_between
+4. field of view           scan_geometry.beams_between
 5. nearest-point bubble    scan_filters.mask_nearest
 6. mean filter             scan_filters.rolling_mean, its window that of a bubble
 7. centre priority         scan_filters.prioritise_centre, 0.999 to 1.000
@@ -35,7 +35,7 @@ from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray, LaserScan, require
 
 from .compiled_planner import CompiledPlanner
-from .driving import DrivingSettings, beams_between, brake, drive_to, sees
+from .driving import DrivingSettings, brake, drive_to
 from .records import Record
 from .scan_filters import (
     clip_to_lookahead,
@@ -45,6 +45,7 @@ from .scan_filters import (
     rolling_mean,
     valid_ranges,
 )
+from .scan_geometry import beams_between, sees
 
 
 @dataclass(frozen=True, kw_only=True)

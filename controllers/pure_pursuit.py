@@ -39,11 +39,12 @@ from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import CarParameters, FloatArray, MapLine, Odometry, require
 
 from .compiled_planner import MEMORY, CompiledPlanner
-from .driving import DrivingSettings, SpeedLaw, brake, drive, sees, speed_towards
+from .driving import DrivingSettings, SpeedLaw, brake, drive, speed_towards
 from .friction_guard import FrictionGuard
 from .racelines import SPEED, STEP, X, Y, line_table, read_line
 from .records import Record
 from .scan_filters import valid_ranges
+from .scan_geometry import sees
 from .steering import pursue
 
 _SEARCH = 2.0  # [m] along the line, to either side of the last nearest point

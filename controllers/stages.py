@@ -22,7 +22,6 @@ import numpy as np
 from fg_mujoco.messages import FloatArray, LaserScan
 
 from . import disparity_extender, disparity_selection, follow_the_gap, gap_finder, threshold_gap, weighted_gap
-from .driving import beams_between, scan_record
 from .gaps import deepest_run, longest_run, runs_beyond
 from .scan_filters import (
     clip_to_lookahead,
@@ -32,6 +31,7 @@ from .scan_filters import (
     valid_ranges,
     widen_all,
 )
+from .scan_geometry import beams_between, scan_record
 
 Stages = dict[str, FloatArray]
 

@@ -36,10 +36,11 @@ from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray, LaserScan, require
 
 from .compiled_planner import CompiledPlanner
-from .driving import DrivingSettings, beams_between, bearing_of, brake, drive_to, sees
+from .driving import DrivingSettings, brake, drive_to
 from .gaps import middle_of, range_at, runs_beyond
 from .records import Record
 from .scan_filters import valid_ranges
+from .scan_geometry import beams_between, bearing_of, sees
 
 _WIDEST = 0  # the place of the word in `gap`
 

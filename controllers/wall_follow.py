@@ -38,9 +38,10 @@ from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray, LaserScan, require
 
 from .compiled_planner import CompiledPlanner
-from .driving import DrivingSettings, brake, drive, scan_record, sees, speed_towards
+from .driving import DrivingSettings, brake, drive, speed_towards
 from .records import Record
 from .scan_filters import valid_ranges
+from .scan_geometry import scan_record, sees
 from .steering import saturate
 
 _LEFT, _RIGHT, _BOTH = 0, 1, 2  # places of the words of `side`

@@ -42,10 +42,11 @@ from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray, LaserScan, Odometry, require
 
 from .compiled_planner import CompiledPlanner
-from .driving import DrivingSettings, beams_between, bearing_of, brake, drive_to, scan_record, sees
+from .driving import DrivingSettings, brake, drive_to
 from .gaps import chord, furthest_beam
 from .records import Record
 from .scan_filters import valid_ranges
+from .scan_geometry import beams_between, bearing_of, scan_record, sees
 
 
 @dataclass(frozen=True, kw_only=True)

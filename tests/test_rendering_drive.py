@@ -194,9 +194,9 @@ def test_stages_only_shorten_beams_and_the_gap_is_where_the_planner_goes(lap, na
 
 
 def test_last_stage_of_the_gap_finder_is_what_its_decision_filters(lap):
-    from fg_mujoco.controllers.driving import scan_record
     from fg_mujoco.controllers.gap_finder import filtered
     from fg_mujoco.controllers.scan_filters import valid_ranges
+    from fg_mujoco.controllers.scan_geometry import scan_record
 
     planner = fg.make_controller("gap_finder", car=lap.world.parameters, mu=1.0489, max_speed=8.0)
     scan = PlannerEye(read_drive(lap)).at_tick(222).scan
