@@ -59,6 +59,17 @@ def test_default_friction_is_the_community_one(flat):
     assert flat[2].mu == 1.0489
 
 
+def test_tires_contacts_are_as_the_mjcf_derives_them(flat):
+    """Impedance, stiffness and slowing: `fg-mujoco friction convergence` shows what each is for."""
+    model = flat[0]
+    pairs = tire_pairs(model)
+    assert (model.opt.timestep, model.opt.impratio, model.opt.cone) == (0.005, 40.0, mujoco.mjtCone.mjCONE_ELLIPTIC)
+    assert model.pair_solimp[pairs, :3].tolist() == [[0.5, 0.5, 0.001]] * 4
+    assert model.pair_solref[pairs] == pytest.approx(np.array([[0.0125, math.sqrt(0.4)]] * 4), rel=1e-6)
+    assert model.pair_solreffriction[pairs].tolist() == [[0.0, -128.0]] * 4
+    assert tire_stiffness(model) == pytest.approx(11.7e3, rel=0.01)
+
+
 def test_whole_car_inertia_agrees_with_the_engine(flat):
     """Oracle: the engine's joint-space inertia matrix of the free joint, shifted from base_link to the CoG."""
     model, data, car = flat

@@ -4,7 +4,7 @@
     laps = drive_laps(world, laps=2, planner_mu=0.9)
     print(laps.lap_times_s, laps.max_slide_m_s)
 
-Tires that slide hop at the default timestep, and then slide more than they would: what is to slide is run at
+Tires that slide do so a little faster at the default timestep: what is to slide is run at
 open_ground.LAB_TIMESTEP. With neither patches nor a timestep, a race here is `race`'s, bit for bit.
 """
 
