@@ -21,6 +21,7 @@ from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import require
 
 from .records import Record
+from .steering import arc_through
 
 _POINTS = 96
 _SPACING = 0.05  # [m] of the points of the trail, or what a tick makes of it
@@ -125,8 +126,8 @@ def backs(trail: Record, settings: Record, stands: bool, found: bool, period: fl
 def angle_back(trail: Record, wheelbase: float) -> float:
     """Return the steering angle [rad] on which the rear axle comes back to the newest point."""
     x, y = trail.points[trail.newest, 0] - trail.x, trail.points[trail.newest, 1] - trail.y
-    left = math.cos(trail.heading) * y - math.sin(trail.heading) * x
-    return math.atan2(2.0 * left * wheelbase, x * x + y * y)
+    cos, sin = math.cos(trail.heading), math.sin(trail.heading)
+    return arc_through(cos * x + sin * y, cos * y - sin * x, wheelbase)
 
 
 @kernel

@@ -105,7 +105,7 @@ def driver_record(
     if guard is not None:
         row["friction"], row["stopping"] = law in ("friction", "minimum"), law in ("stopping", "minimum")
         row["way_out"] = settings.way_out and law == "minimum"
-        row["backs_out"] = settings.backs_out
+        row["backs_out"] = settings.backs_out and row["way_out"]
         row["guard"] = guard.record
     return row
 
@@ -258,7 +258,7 @@ def brake(scan: Record, odometry: Record, driver: Record, memory: Record) -> tup
 @kernel
 def _note_the_way(scan: Record, odometry: Record, driver: Record, memory: Record) -> None:
     """Keep what the car needs to know to go back; once in every tick, whatever is decided."""
-    if driver.way_out and driver.backs_out:
+    if driver.backs_out:
         follow(memory.trail, driver.backing, odometry.speed, odometry.angular_velocity[2], period_of(scan))
 
 

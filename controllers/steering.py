@@ -21,6 +21,13 @@ def pursue(bearing: float, distance: float, lidar_offset: float, wheelbase: floa
     the rear axle. The arc through the axle, tangent to the car, has the curvature 2 y / (x^2 + y^2) (R. Coulter,
     Implementation of the Pure Pursuit Path Tracking Algorithm, CMU-RI-TR-92-01). Not saturated.
     """
-    x = lidar_offset + distance * math.cos(bearing)
-    y = distance * math.sin(bearing)
+    return arc_through(lidar_offset + distance * math.cos(bearing), distance * math.sin(bearing), wheelbase)
+
+
+@kernel
+def arc_through(x: float, y: float, wheelbase: float) -> float:
+    """Return the steering angle [rad] whose arc leads the rear axle through a place, forward or back.
+
+    The place is `x` [m] ahead of it and `y` [m] to the left. Not saturated.
+    """
     return math.atan2(2.0 * y * wheelbase, x * x + y * y)

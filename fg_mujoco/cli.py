@@ -19,17 +19,17 @@ from typing import Any, NoReturn
 
 from . import __version__
 from .bag_cli import add_bags
-from .cli_options import ProgressLine, number, number_or_off, whole
+from .cli_options import ProgressLine, can_draw, number, number_or_off, whole
 from .compare_cli import add_compare
 from .controller_choice import ControllerChoice
 from .controller_loading import controller_names
 from .course_drawing import describe_course
-from .errors import FgMujocoError, MissingExtraError, SettingsError
+from .errors import FgMujocoError, SettingsError
 from .friction_cli import add_friction
 from .lidar import LIDAR_BACKENDS
 from .lidar_effects import LidarEffects
 from .map_cli import add_export
-from .plots import require_matplotlib, track_picture
+from .plots import track_picture
 from .race import RaceProgress, race
 from .race_config import add_config, parse, settings_of
 from .race_result import RaceResult
@@ -188,12 +188,7 @@ def _race(options: argparse.Namespace) -> int:
 def _check_out(folder: str) -> bool:
     """Refuse a folder that cannot be written, before the race and not after it; answer whether to draw a picture."""
     check_run_folder(folder)
-    try:
-        require_matplotlib()
-    except MissingExtraError as error:
-        print(f"fg-mujoco: trace.png needs matplotlib and is left out; to have it: {error}", file=sys.stderr)
-        return False
-    return True
+    return can_draw("trace.png", several=False)
 
 
 class _Watcher:

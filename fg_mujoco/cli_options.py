@@ -91,11 +91,12 @@ def to_go(remaining: float | None) -> str:
     return f"  {hours}:{minutes:02}:{rest:02} to go"
 
 
-def can_draw(what: str) -> bool:
-    """Say whether there is matplotlib; if not, say on stderr that `what` (a plural) is left out, and how to have it."""
+def can_draw(what: str, *, several: bool = True) -> bool:
+    """Say whether there is matplotlib; if not, say on stderr that `what` is left out, and how to have it."""
     try:
         require_matplotlib()
     except MissingExtraError as error:
-        print(f"fg-mujoco: {what} need matplotlib and are left out; to have them: {error}", file=sys.stderr)
+        need, are, them = ("need", "are", "them") if several else ("needs", "is", "it")
+        print(f"fg-mujoco: {what} {need} matplotlib and {are} left out; to have {them}: {error}", file=sys.stderr)
         return False
     return True

@@ -80,7 +80,7 @@ def test_each_time_it_goes_back_farther_and_after_some_tries_it_stays():
         assert trail["back"] == pytest.approx(DEFAULTS.distance * number)
         while backs(trail, settings, False, True, PERIOD):
             follow(trail, settings, -DEFAULTS.speed, 0.0, PERIOD)
-        come(trail, settings, DEFAULTS.distance * number)
+        come(trail, settings, DEFAULTS.distance * number + 0.9 * DEFAULTS.come_on)  # not far enough to forget
     assert stand(trail, settings, 10.0) == 0
 
 

@@ -54,17 +54,17 @@ class Drive:
     @cached_property
     def friction_use(self) -> FloatArray:
         """Greatest of the four tires in each tick (ticks,) [-]; 0 where none is on the ground."""
-        first = TELEMETRY.index("friction_use_front_left")
-        use = self.telemetry[:, first : first + 4]
-        greatest: FloatArray = np.where(np.isnan(use), 0.0, use).max(axis=1, initial=0.0)
-        return greatest
+        return self._greatest_of_tires("friction_use_front_left")
 
     @cached_property
     def sliding_speed(self) -> FloatArray:
         """Greatest of the four tires in each tick (ticks,) [m/s]; 0 where none is on the ground."""
-        first = TELEMETRY.index("slide_front_left_m_s")
-        speed = self.telemetry[:, first : first + 4]
-        greatest: FloatArray = np.where(np.isnan(speed), 0.0, speed).max(axis=1, initial=0.0)
+        return self._greatest_of_tires("slide_front_left_m_s")
+
+    def _greatest_of_tires(self, first_column: str) -> FloatArray:
+        first = TELEMETRY.index(first_column)
+        values = self.telemetry[:, first : first + 4]
+        greatest: FloatArray = np.where(np.isnan(values), 0.0, values).max(axis=1, initial=0.0)
         return greatest
 
     def tick_at(self, time: float) -> int:
