@@ -19,10 +19,10 @@ import numpy as np
 from common import parser, report, stay_on_cores, table
 
 import fg_mujoco as fg
-from fg_mujoco.environment import load
-from fg_mujoco.gym_environment import ID, F1TenthEnv
-from fg_mujoco.gym_vector import F1TenthVectorEnv
-from fg_mujoco.world_group import WorldGroup
+from fg_mujoco.envs.dm_environment import load
+from fg_mujoco.envs.gym_environment import ID, F1TenthEnv
+from fg_mujoco.envs.gym_vector import F1TenthVectorEnv
+from fg_mujoco.simulation.world_group import WorldGroup
 
 TICKS = 20  # of a turn
 Tick = Callable[[int], object]

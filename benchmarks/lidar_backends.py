@@ -18,9 +18,9 @@ import mujoco
 import numpy as np
 from common import parser, report, stay_on_cores, table
 
-from fg_mujoco.lidar import RaycastLidar, lidar_spec
-from fg_mujoco.track_formats import track_names
-from fg_mujoco.world import World
+from fg_mujoco.course.formats import track_names
+from fg_mujoco.lidar.lidar import RaycastLidar, lidar_spec
+from fg_mujoco.simulation.world import World
 
 PREFIX = "lidar/"
 BEAMS = 1081

@@ -15,9 +15,9 @@ import numpy as np
 from common import interleaved, parser, report, stay_on_cores, table
 
 import fg_mujoco as fg
-from fg_mujoco.car import car_parameters, car_spec, nominal_mu
-from fg_mujoco.controller_loading import controller_names, make_controller
 from fg_mujoco.messages import ODOMETRY, DriveCommand, LaserScan, Odometry, ScanGeometry
+from fg_mujoco.racing.planner_loading import controller_names, make_controller
+from fg_mujoco.vehicle.vehicle import car_parameters, car_spec, nominal_mu
 
 BASELINE = "numpy follow-the-gap"
 DECISIONS = 256  # a round

@@ -21,16 +21,16 @@ import numpy as np
 from common import parser, report, stay_on_cores, table
 
 import fg_mujoco as fg
-from fg_mujoco.pilot import ArrayPilot
-from fg_mujoco.simulation import STATE
-from fg_mujoco.world import World
+from fg_mujoco.simulation.planner_adapter import ArrayPilot
+from fg_mujoco.simulation.simulation import STATE
+from fg_mujoco.simulation.world import World
 
-SIMULATION = importlib.import_module("fg_mujoco.simulation")
+SIMULATION = importlib.import_module("fg_mujoco.simulation.simulation")
 PARTS = {
     "physics": ((SIMULATION, "hold_controls"),),
     "LiDAR": ((fg.RaycastLidar, "ranges"),),
     "planner": ((ArrayPilot, "decide"),),
-    "slip meter": ((SIMULATION, "measure_slip"), (importlib.import_module("fg_mujoco.race_result"), "end_row")),
+    "slip meter": ((SIMULATION, "measure_slip"), (importlib.import_module("fg_mujoco.racing.result"), "end_row")),
 }
 """Whose functions make up a part. The rest is all else: odometry, laps, log, the loop itself."""
 
@@ -110,7 +110,7 @@ def plain_race(track: str, laps: int) -> fg.RaceResult:
             super().__init__(*args, **kwargs)
             without_sleep(self.model)
 
-    with patch.object(importlib.import_module("fg_mujoco.race"), "World", Awake):
+    with patch.object(importlib.import_module("fg_mujoco.racing.race"), "World", Awake):
         return fg.race(track, laps=laps, lidar="rangefinder")
 
 

@@ -36,7 +36,7 @@ else:
 mark()
 world = fg.World(track); mark()
 simulation = fg.Simulation(world); mark()
-from fg_mujoco.car import nominal_mu
+from fg_mujoco.vehicle.vehicle import nominal_mu
 planner = fg.make_controller("gap_finder", car=world.parameters, mu=nominal_mu(), max_speed=8.0)
 planner.reset()
 command = planner(*simulation.reset()); mark()

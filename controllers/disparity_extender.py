@@ -31,13 +31,13 @@ from fg_mujoco.errors import SettingsError
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray, LaserScan, require
 
-from .compiled_planner import CompiledPlanner
-from .driving import DrivingSettings, brake, drive, speed_towards
-from .gaps import furthest_beam
-from .records import Record
-from .scan_filters import extend_disparities, valid_ranges
-from .scan_geometry import beams_between, bearing_of, sees
-from .steering import pursue
+from .control.compiled_planner import CompiledPlanner
+from .control.driving import DrivingSettings, brake, drive, speed_towards
+from .control.records import Record
+from .control.steering import pursue
+from .perception.gaps import furthest_beam
+from .perception.scan_filters import extend_disparities, valid_ranges
+from .perception.scan_geometry import beams_between, bearing_of, sees
 
 _ABEAM = 0.5 * math.pi  # [rad] goals are ahead of it, and the car's side behind
 

@@ -31,12 +31,12 @@ from fg_mujoco.errors import SettingsError
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray, LaserScan, require
 
-from .compiled_planner import CompiledPlanner
-from .driving import DrivingSettings, brake, drive_to
-from .gaps import chord, deepest_run, longest_run, middle_of, range_at
-from .records import Record
-from .scan_filters import clip_to_lookahead, mask_nearest, valid_ranges
-from .scan_geometry import beams_between, bearing_of, sees
+from .control.compiled_planner import CompiledPlanner
+from .control.driving import DrivingSettings, brake, drive_to
+from .control.records import Record
+from .perception.gaps import chord, deepest_run, longest_run, middle_of, range_at
+from .perception.scan_filters import clip_to_lookahead, mask_nearest, valid_ranges
+from .perception.scan_geometry import beams_between, bearing_of, sees
 
 
 @dataclass(frozen=True, kw_only=True)

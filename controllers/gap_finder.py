@@ -34,10 +34,10 @@ from fg_mujoco.errors import SettingsError
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray, LaserScan, require
 
-from .compiled_planner import CompiledPlanner
-from .driving import DrivingSettings, brake, drive_to
-from .records import Record
-from .scan_filters import (
+from .control.compiled_planner import CompiledPlanner
+from .control.driving import DrivingSettings, brake, drive_to
+from .control.records import Record
+from .perception.scan_filters import (
     clip_to_lookahead,
     extend_disparities,
     mask_nearest,
@@ -45,7 +45,7 @@ from .scan_filters import (
     rolling_mean,
     valid_ranges,
 )
-from .scan_geometry import beams_between, sees
+from .perception.scan_geometry import beams_between, sees
 
 
 @dataclass(frozen=True, kw_only=True)

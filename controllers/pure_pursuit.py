@@ -38,14 +38,14 @@ from fg_mujoco.errors import SettingsError
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import CarParameters, FloatArray, MapLine, Odometry, require
 
-from .compiled_planner import MEMORY, CompiledPlanner
-from .driving import DrivingSettings, SpeedLaw, brake, drive, speed_towards
-from .friction_guard import FrictionGuard
-from .racelines import SPEED, STEP, X, Y, line_table, read_line
-from .records import Record
-from .scan_filters import valid_ranges
-from .scan_geometry import sees
-from .steering import pursue
+from .control.compiled_planner import MEMORY, CompiledPlanner
+from .control.driving import DrivingSettings, SpeedLaw, brake, drive, speed_towards
+from .control.racelines import SPEED, STEP, X, Y, line_table, read_line
+from .control.records import Record
+from .control.steering import pursue
+from .perception.scan_filters import valid_ranges
+from .perception.scan_geometry import sees
+from .safety.friction_limiter import FrictionGuard
 
 _SEARCH = 2.0  # [m] along the line, to either side of the last nearest point
 

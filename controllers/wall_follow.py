@@ -37,12 +37,12 @@ from fg_mujoco.errors import SettingsError
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray, LaserScan, require
 
-from .compiled_planner import CompiledPlanner
-from .driving import DrivingSettings, brake, drive, speed_towards
-from .records import Record
-from .scan_filters import valid_ranges
-from .scan_geometry import scan_record, sees
-from .steering import saturate
+from .control.compiled_planner import CompiledPlanner
+from .control.driving import DrivingSettings, brake, drive, speed_towards
+from .control.records import Record
+from .control.steering import saturate
+from .perception.scan_filters import valid_ranges
+from .perception.scan_geometry import scan_record, sees
 
 _LEFT, _RIGHT, _BOTH = 0, 1, 2  # places of the words of `side`
 

@@ -41,12 +41,12 @@ from fg_mujoco.errors import SettingsError
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray, LaserScan, Odometry, require
 
-from .compiled_planner import CompiledPlanner
-from .driving import DrivingSettings, brake, drive_to
-from .gaps import chord, furthest_beam
-from .records import Record
-from .scan_filters import valid_ranges
-from .scan_geometry import beams_between, bearing_of, scan_record, sees
+from .control.compiled_planner import CompiledPlanner
+from .control.driving import DrivingSettings, brake, drive_to
+from .control.records import Record
+from .perception.gaps import chord, furthest_beam
+from .perception.scan_filters import valid_ranges
+from .perception.scan_geometry import beams_between, bearing_of, scan_record, sees
 
 
 @dataclass(frozen=True, kw_only=True)

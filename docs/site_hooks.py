@@ -59,7 +59,7 @@ def planner_page(name: str) -> str:
 
 Those that every planner has, with the defaults of `DrivingSettings` unless the table above says otherwise:
 
-{settings_table(*parsed("driving"))}
+{settings_table(*parsed("control/driving"))}
 
 How it fares beside the others: [the planners, and what breaks them](../planners.md). Its file is
 `controllers/{name}.py`.
@@ -75,7 +75,7 @@ def parsed(name: str) -> tuple[str, ast.Module]:
 def settings_table(source: str, module: ast.Module) -> str:
     """Return a table of the fields of the class of a module whose name ends in Settings: default, and comment."""
     (kind,) = (n for n in module.body if isinstance(n, ast.ClassDef) and n.name.endswith("Settings"))
-    assigned = [n for m in (module, parsed("driving")[1]) for n in m.body if isinstance(n, ast.Assign)]
+    assigned = [n for m in (module, parsed("control/driving")[1]) for n in m.body if isinstance(n, ast.Assign)]
     aliases = {ast.unparse(n.targets[0]): ast.unparse(n.value) for n in assigned}
     lines, rows = source.splitlines(), ["| setting | default | what |", "| --- | --- | --- |"]
     for field in kind.body:

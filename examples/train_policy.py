@@ -125,7 +125,7 @@ def train(
     import gymnasium
 
     envs = gymnasium.make_vec(
-        "fg_mujoco.gym_environment:fg_mujoco/F1Tenth-v0", num_envs=population * starts, track=track, laps=100,
+        "fg_mujoco.envs.gym_environment:fg_mujoco/F1Tenth-v0", num_envs=population * starts, track=track, laps=100,
         beam_step=BEAM_STEP, speed_range=SPEED_RANGE, normalised_actions=True,
         rewards={"sliding": sliding},
     )  # fmt: skip

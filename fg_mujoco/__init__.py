@@ -10,11 +10,19 @@ What loads slowly (trimesh, embreex, matplotlib) is imported where it is used.
 
 from importlib.metadata import version as _version
 
-from . import mujoco_import as _mujoco_import  # noqa: F401  # first: it chooses how pictures are drawn
-from .car import Car, car_parameters, car_spec
-from .car_changes import CarChanges
-from .comparison import Comparison, ComparisonProgress, compare
-from .controller_loading import controller_names, make_controller
+from .simulation import mujoco_import as _mujoco_import  # noqa: F401  # first: it chooses how pictures are drawn
+
+# isort: split
+from .course.formats import load_track, read_centreline, track_names, write_centreline
+from .course.generator import GeneratorSettings, generate_track
+from .course.lap_timer import LapTimer
+from .course.maps.export import export_track
+from .course.maps.map_track import MapTrack, read_map
+from .course.moving_obstacles import MovingObstacle
+from .course.obstacles import Box, Cylinder
+from .course.scene import Scene
+from .course.scenes.catalogue import scene_names
+from .course.track import Track
 from .errors import (
     BagError,
     ControllerError,
@@ -27,31 +35,25 @@ from .errors import (
     SettingsError,
     TrackError,
 )
-from .lap_timer import LapTimer
-from .lidar import Beams, Lidar, RangefinderLidar, RaycastLidar, lidar_spec, make_lidar
-from .lidar_effects import LidarEffects
-from .map_export import export_track
-from .map_track import MapTrack, read_map
+from .lidar.effects import LidarEffects
+from .lidar.lidar import Beams, Lidar, RangefinderLidar, RaycastLidar, lidar_spec, make_lidar
 from .messages import STOP, CarParameters, Controller, DriveCommand, LaserScan, Odometry
-from .moving_obstacles import MovingObstacle
-from .obstacles import Box, Cylinder
-from .plots import trace_picture, track_picture
-from .race import RaceProgress, race
-from .race_result import TELEMETRY, RaceResult
-from .randomization import Choice, Randomization, Uniform
-from .recording import ReplayReport, Run, check_run_folder, read_run, replay, write_run
-from .rendering import Film, Renderer, render, write_video
-from .rollout_result import RolloutResult, read_rollout
-from .rollouts import RolloutProgress, rollout
-from .scenario import Scenario, Start
-from .scene import Scene
-from .scenes import scene_names
-from .simulation import Simulation
-from .tire_slip import SLIDING_SPEED, TireSlip, TireSlipMeter
-from .track import Track
-from .track_formats import load_track, read_centreline, track_names, write_centreline
-from .track_generator import GeneratorSettings, generate_track
-from .world import World
+from .racing.planner_loading import controller_names, make_controller
+from .racing.race import RaceProgress, race
+from .racing.result import TELEMETRY, RaceResult
+from .racing.run_folder import ReplayReport, Run, check_run_folder, read_run, replay, write_run
+from .racing.scenario import Scenario, Start
+from .simulation.simulation import Simulation
+from .simulation.world import World
+from .studies.comparison.comparison import Comparison, ComparisonProgress, compare
+from .studies.rollout.randomization import Choice, Randomization, Uniform
+from .studies.rollout.result import RolloutResult, read_rollout
+from .studies.rollout.rollouts import RolloutProgress, rollout
+from .vehicle.changes import CarChanges
+from .vehicle.tire_slip import SLIDING_SPEED, TireSlip, TireSlipMeter
+from .vehicle.vehicle import Car, car_parameters, car_spec
+from .viz.plots import trace_picture, track_picture
+from .viz.rendering import Film, Renderer, render, write_video
 
 __version__ = _version("fg-mujoco")
 

@@ -29,17 +29,17 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import car_motion
+from .course.formats import load_track
+from .course.maps.map_track import MapTrack, is_map, read_map
+from .course.moving_obstacles import make_mover
+from .course.scene import Scene
+from .course.track import Track
 from .errors import SettingsError
-from .lidar import RaycastLidar
-from .map_track import MapTrack, is_map, read_map
+from .lidar.lidar import RaycastLidar
 from .messages import FloatArray
-from .moving_obstacles import make_mover
-from .scene import Scene
-from .simulation import BAD_STATE, hold_controls, look_over
-from .track import Track
-from .track_formats import load_track
-from .world import LIDAR_PREFIX, World
+from .simulation.simulation import BAD_STATE, hold_controls, look_over
+from .simulation.world import LIDAR_PREFIX, World
+from .vehicle import motion as car_motion
 
 Observation = dict[str, Any]
 

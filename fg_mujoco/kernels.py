@@ -45,10 +45,11 @@ def cache_folder() -> Path:
     """Return the folder that keeps compiled kernels: in $XDG_CACHE_HOME or ~/.cache, else a new temporary one."""
     digest = hashlib.sha256()
     for package in _FOLDERS:
-        for source in sorted(files(package).iterdir(), key=lambda entry: entry.name):
-            text = source.read_bytes() if source.name.endswith(".py") else b""
+        folder = Path(str(files(package)))
+        for source in sorted(folder.rglob("*.py")):
+            text = source.read_bytes()
             if b"@kernel" in text:
-                digest.update(source.name.encode() + text)
+                digest.update(source.relative_to(folder).as_posix().encode() + text)
     name = f"kernels-{digest.hexdigest()[:16]}"
     try:
         folder = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "fg_mujoco" / name

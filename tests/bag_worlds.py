@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fg_mujoco.bag_messages import type_store
+from fg_mujoco.ros.bag_messages import type_store
 
 SECOND = 1_000_000_000
 

@@ -2,7 +2,7 @@
 
 import mujoco
 
-from fg_mujoco.car import WHEELS, Car, car_spec
+from fg_mujoco.vehicle.vehicle import WHEELS, Car, car_spec
 
 
 def flat_world(mu=None, prefix="", timestep=None, **ground):

@@ -1,6 +1,6 @@
 """Another experiment of the friction lab, so that there are two."""
 
-from fg_mujoco.friction_lab.experiment import Section
+from fg_mujoco.studies.friction_lab.experiment import Section
 
 
 class Cubes:

@@ -1,6 +1,6 @@
 """How the command line refuses what it cannot use."""
 
-from fg_mujoco.cli import main
+from fg_mujoco.cli.main import main
 
 
 def contents(folder):

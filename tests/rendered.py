@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fg_mujoco.errors import MissingExtraError
-from fg_mujoco.rendering.gl import open_context
+from fg_mujoco.viz.rendering.gl import open_context
 
 
 def _missing():

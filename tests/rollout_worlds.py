@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from fg_mujoco.race_result import TELEMETRY
-from fg_mujoco.world_batch import RESULT, WorldResults
+from fg_mujoco.racing.result import TELEMETRY
+from fg_mujoco.studies.rollout.world_batch import RESULT, WorldResults
 
 STATE = 5
 

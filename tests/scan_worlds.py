@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from fg_mujoco.car import car_parameters, car_spec
 from fg_mujoco.messages import LaserScan, Odometry
+from fg_mujoco.vehicle.vehicle import car_parameters, car_spec
 
 CAR = car_parameters(car_spec().compile())
 INCREMENT = math.radians(0.25)

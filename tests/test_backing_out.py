@@ -8,12 +8,12 @@ import pytest
 from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
 
 import fg_mujoco as fg
-from fg_mujoco.controller_loading import make_controller
-from fg_mujoco.controllers.backing_out import TRAIL, BackingSettings, angle_back, backs, follow
-from fg_mujoco.controllers.driving import DrivingSettings
-from fg_mujoco.controllers.records import record_type, record_values
+from fg_mujoco.controllers.control.driving import DrivingSettings
+from fg_mujoco.controllers.control.records import record_type, record_values
+from fg_mujoco.controllers.safety.recovery import TRAIL, BackingSettings, angle_back, backs, follow
+from fg_mujoco.course.random_obstacles import random_boxes
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.random_obstacles import random_boxes
+from fg_mujoco.racing.planner_loading import make_controller
 
 PERIOD = 0.025
 WHEELBASE = 0.33

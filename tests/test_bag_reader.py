@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from bag_worlds import SECOND, make, robot_odometry, robot_scan, rotation, transforms, vector, write_bag
 
-from fg_mujoco.bag_messages import drive_message
-from fg_mujoco.bag_reader import ScanBag
-from fg_mujoco.car import car_parameters
-from fg_mujoco.car_changes import plain_car
-from fg_mujoco.cli import main
+from fg_mujoco.cli.main import main
 from fg_mujoco.errors import BagError, MissingExtraError
 from fg_mujoco.messages import DriveCommand
+from fg_mujoco.ros.bag_messages import drive_message
+from fg_mujoco.ros.bag_reader import ScanBag
+from fg_mujoco.vehicle.changes import plain_car
+from fg_mujoco.vehicle.vehicle import car_parameters
 
 CAR = car_parameters(plain_car())
 EPOCH = 1_700_000_000 * SECOND
@@ -164,6 +164,6 @@ def test_a_message_that_no_lidar_sends_is_refused_with_its_bag(tmp_path):
 
 
 def test_without_the_extra_the_message_is_the_command_that_installs_it(tmp_path, monkeypatch):
-    monkeypatch.setattr("fg_mujoco.bag_messages.importlib.util.find_spec", lambda name: None)
+    monkeypatch.setattr("fg_mujoco.ros.bag_messages.importlib.util.find_spec", lambda name: None)
     with pytest.raises(MissingExtraError, match=r"^pip install 'fg-mujoco\[ros\]'$"):
         ScanBag(tmp_path, CAR)

@@ -11,12 +11,12 @@ from bag_worlds import SECOND, robot_odometry, robot_scan, write_bag
 from rosbags.highlevel import AnyReader
 
 import fg_mujoco as fg
-from fg_mujoco.bag_replay import COLUMNS
-from fg_mujoco.bag_writer import export_bag
-from fg_mujoco.cli import main
-from fg_mujoco.controller_loading import controller_names
-from fg_mujoco.lidar_effects import LidarEffects
-from fg_mujoco.scenario import Start
+from fg_mujoco.cli.main import main
+from fg_mujoco.lidar.effects import LidarEffects
+from fg_mujoco.racing.planner_loading import controller_names
+from fg_mujoco.racing.scenario import Start
+from fg_mujoco.ros.bag_replay import COLUMNS
+from fg_mujoco.ros.bag_writer import export_bag
 
 STEERING_TOLERANCE, SPEED_TOLERANCE = 1e-6, 1e-5  # [rad], [m/s]; float32 knows 1e-6 m of a range of 10 m
 HAIRPIN = 26.0  # [m] along the line

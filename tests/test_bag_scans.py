@@ -10,11 +10,11 @@ from bag_worlds import robot_scan, rotation
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fg_mujoco.bag_messages import scan_message, to_cdr, type_store
-from fg_mujoco.bag_reader import _rotation
-from fg_mujoco.bag_scans import Mount, to_scan
 from fg_mujoco.errors import BagError
-from fg_mujoco.lidar import load_beams
+from fg_mujoco.lidar.lidar import load_beams
+from fg_mujoco.ros.bag_messages import scan_message, to_cdr, type_store
+from fg_mujoco.ros.bag_reader import _rotation
+from fg_mujoco.ros.bag_scans import Mount, to_scan
 
 DISTANCE = 0.125 * np.arange(1, 96)  # exact in float32, all of them different, within 0.1 to 12 m
 

@@ -10,10 +10,10 @@ from car_worlds import flat_world, run, tire_pairs, tire_stiffness
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fg_mujoco.car import WHEELS, Car, car_parameters, car_spec
 from fg_mujoco.errors import ModelError, SettingsError
 from fg_mujoco.messages import DriveCommand
-from fg_mujoco.tire_slip import TireSlipMeter
+from fg_mujoco.vehicle.tire_slip import TireSlipMeter
+from fg_mujoco.vehicle.vehicle import WHEELS, Car, car_parameters, car_spec
 
 SCENE = str(files("fg_mujoco.models") / "scene.xml")
 WORLDS = {prefix: flat_world(prefix=prefix) for prefix in ("", "car/")}

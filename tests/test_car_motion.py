@@ -9,9 +9,9 @@ from car_worlds import flat_world, run
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fg_mujoco import car_motion
-from fg_mujoco.car import WHEELS, Car, car_spec
 from fg_mujoco.messages import ODOMETRY, DriveCommand
+from fg_mujoco.vehicle import motion as car_motion
+from fg_mujoco.vehicle.vehicle import WHEELS, Car, car_spec
 
 WORLDS = {prefix: flat_world(prefix=prefix) for prefix in ("", "car/")}
 rate = st.floats(-30, 30)

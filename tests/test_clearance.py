@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
-from fg_mujoco.car_changes import plain_car
-from fg_mujoco.clearance import least_clearance, outline, rectangle_distance
-from fg_mujoco.comparison_ground import Ground
+from fg_mujoco.course.clearance import least_clearance, outline, rectangle_distance
+from fg_mujoco.studies.comparison.ground import Ground
+from fg_mujoco.vehicle.changes import plain_car
 
 CAR = fg.car_parameters(plain_car())
 FRONT = CAR.length - CAR.rear_overhang

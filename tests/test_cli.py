@@ -10,7 +10,7 @@ from refusals import contents, refused
 from terminals import read_to_the_end
 
 import fg_mujoco as fg
-from fg_mujoco.cli import main
+from fg_mujoco.cli.main import main
 
 SQUARE = "0,0,1,1\n10,0,1,1\n10,10,1,1\n0,10,1,1\n"
 STRAIGHT = """

@@ -15,8 +15,8 @@ from refusals import refused
 from terminals import read_to_the_end
 
 import fg_mujoco as fg
-from fg_mujoco.cli import main
-from fg_mujoco.scenes import scene_names
+from fg_mujoco.cli.main import main
+from fg_mujoco.course.scenes.catalogue import scene_names
 
 SHORT = ["--tracks", "oval", "--laps", "1", "--time-limit", "0.6", "--workers", "1", "--out", "out"]
 
@@ -70,7 +70,7 @@ def test_by_default_all_controllers_meet_all_scenes(monkeypatch, capsys):
         asked.append((arguments, options))
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("fg_mujoco.compare_cli.compare", stand_in)
+    monkeypatch.setattr("fg_mujoco.cli.compare.compare", stand_in)
     assert main(["compare", "--out", "out"]) == 130
     assert main(["compare", "--out", "out", "--tracks", "oval"]) == 130
     assert main(["compare", "--out", "out", "--tracks", "oval", "--scenes", "all"]) == 130

@@ -9,10 +9,11 @@ import pytest
 from comparison_worlds import PLANNERS, files
 
 import fg_mujoco as fg
-from fg_mujoco.car_changes import plain_car
-from fg_mujoco.comparison_ground import Ground, course_ground
-from fg_mujoco.comparison_report import make_cells, markdown
-from fg_mujoco.comparison_run import (
+from fg_mujoco.course.moving_obstacles import MovingObstacle
+from fg_mujoco.course.scene import Scene
+from fg_mujoco.racing.planner_choice import ControllerChoice
+from fg_mujoco.studies.comparison.ground import Ground, course_ground
+from fg_mujoco.studies.comparison.run import (
     ComparisonSettings,
     RunFigures,
     RunKey,
@@ -20,9 +21,8 @@ from fg_mujoco.comparison_run import (
     driven_poses,
     wrong_way_time,
 )
-from fg_mujoco.controller_choice import ControllerChoice
-from fg_mujoco.moving_obstacles import MovingObstacle
-from fg_mujoco.scene import Scene
+from fg_mujoco.studies.comparison.tables import make_cells, markdown
+from fg_mujoco.vehicle.changes import plain_car
 
 CAR = fg.car_parameters(plain_car())
 GRID = ["planners.py:Gentle", "planners.py:Gentle[speed=2,steering=0.1]", "planners.py:Broken"]
@@ -224,7 +224,7 @@ def test_a_folder_of_other_settings_or_versions_is_refused(here, monkeypatch):
         compare(GRID[:1], laps=2)
     with pytest.raises(fg.RunFolderError, match='planner_mu is null there and "off" here'):
         compare(GRID[:1], planner_mu=float("inf"))
-    monkeypatch.setattr("fg_mujoco.comparison.versions", lambda: {"sources_sha256": "other"})
+    monkeypatch.setattr("fg_mujoco.studies.comparison.comparison.versions", lambda: {"sources_sha256": "other"})
     with pytest.raises(fg.RunFolderError, match="sources_sha256 is "):
         compare(GRID[:1])
     (here / "full").mkdir()

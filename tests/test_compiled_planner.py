@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scan_worlds import CAR, MU, corridor, odometry_of
 
-from fg_mujoco.controllers.compiled_planner import MEMORY, CompiledPlanner
-from fg_mujoco.controllers.driving import DrivingSettings, drive
-from fg_mujoco.controllers.records import record_type
-from fg_mujoco.controllers.scan_filters import valid_ranges
+from fg_mujoco.controllers.control.compiled_planner import MEMORY, CompiledPlanner
+from fg_mujoco.controllers.control.driving import DrivingSettings, drive
+from fg_mujoco.controllers.control.records import record_type
+from fg_mujoco.controllers.perception.scan_filters import valid_ranges
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import ODOMETRY

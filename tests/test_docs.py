@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.cli import _parser
+from fg_mujoco.cli.main import _parser
 from fg_mujoco.controllers import CONTROLLERS
 
 ROOT = Path(__file__).parent.parent

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
 
-from fg_mujoco.controllers.driving import DrivingSettings
-from fg_mujoco.controllers.escape import EscapeSettings
-from fg_mujoco.controllers.friction_guard import FrictionGuard
+from fg_mujoco.controllers.control.driving import DrivingSettings
+from fg_mujoco.controllers.control.records import record_type, record_values
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
-from fg_mujoco.controllers.records import record_type, record_values
-from fg_mujoco.controllers.scan_filters import valid_ranges, widen_all
-from fg_mujoco.controllers.scan_geometry import beams_between, scan_record, sees
-from fg_mujoco.controllers.stopping_paths import StoppingPaths
+from fg_mujoco.controllers.perception.scan_filters import valid_ranges, widen_all
+from fg_mujoco.controllers.perception.scan_geometry import beams_between, scan_record, sees
+from fg_mujoco.controllers.safety.braking_trajectories import StoppingPaths
+from fg_mujoco.controllers.safety.friction_limiter import FrictionGuard
+from fg_mujoco.controllers.safety.safety_filter import EscapeSettings
 from fg_mujoco.errors import SettingsError
 
 TOP = 8.0

@@ -13,9 +13,9 @@ from dm_control.viewer import runtime
 from dm_env import test_utils
 
 import fg_mujoco as fg
-from fg_mujoco.environment import TASKS, load
-from fg_mujoco.environment_rendering import ChaseView
-from fg_mujoco.rendering import gl
+from fg_mujoco.envs.dm_environment import TASKS, load
+from fg_mujoco.envs.rendering import ChaseView
+from fg_mujoco.viz.rendering import gl
 
 CRASHING = np.array([0.3, 4.0], np.float32)
 
@@ -74,7 +74,7 @@ def test_a_lap_is_the_race_of_the_same_commands(lap):
 
 
 def test_tells_what_the_gymnasium_environment_tells():
-    gym_environment = pytest.importorskip("fg_mujoco.gym_environment")
+    gym_environment = pytest.importorskip("fg_mujoco.envs.gym_environment")
     settings = {"track": "chicanes", "beam_step": 60, "effects": {"range_noise_std": 0.02}}
     one = load(task="obstacles", seed=5, **settings)
     other = gym_environment.F1TenthEnv(obstacles=4, obstacle_seed=5, **settings)
@@ -179,8 +179,8 @@ except Exception as error:
     sys.exit()
 from gymnasium.utils.env_checker import check_env
 import gymnasium, mujoco.viewer
-from fg_mujoco.environment import load
-from fg_mujoco.gym_environment import ID, RENDER_MODES
+from fg_mujoco.envs.dm_environment import load
+from fg_mujoco.envs.gym_environment import ID, RENDER_MODES
 
 class StandIn:  # for a window
     shown, cam = 0, mujoco.MjvCamera()

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.car import car_parameters
-from fg_mujoco.car_changes import plain_car
-from fg_mujoco.controllers.escape import EscapeSettings, bearing_of_arc, reading, way_out
-from fg_mujoco.controllers.friction_guard import GUARD_MEMORY, FrictionGuard
-from fg_mujoco.controllers.records import record_type, record_values
-from fg_mujoco.controllers.steering import pursue
+from fg_mujoco.controllers.control.records import record_type, record_values
+from fg_mujoco.controllers.control.steering import pursue
+from fg_mujoco.controllers.safety.friction_limiter import GUARD_MEMORY, FrictionGuard
+from fg_mujoco.controllers.safety.safety_filter import EscapeSettings, bearing_of_arc, reading, way_out
+from fg_mujoco.course.random_obstacles import random_boxes
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.random_obstacles import random_boxes
+from fg_mujoco.vehicle.changes import plain_car
+from fg_mujoco.vehicle.vehicle import car_parameters
 
 CAR = car_parameters(plain_car())
 GUARD = FrictionGuard(CAR, 1.0489)

@@ -9,8 +9,8 @@ import pytest
 from map_oracles import draw_map, real_map, ring
 
 from fg_mujoco import f110
+from fg_mujoco.course.maps.map_track import read_map
 from fg_mujoco.errors import SettingsError, TrackError
-from fg_mujoco.map_track import read_map
 
 KEYS = {
     "ego_idx", "scans", "poses_x", "poses_y", "poses_theta", "linear_vels_x", "linear_vels_y", "ang_vels_z",

@@ -26,13 +26,13 @@ from lidar_worlds import (
     room,
 )
 
-from fg_mujoco import lidar as lidar_module
-from fg_mujoco.body_poses import mounted_pose
-from fg_mujoco.fan_blocks import BLOCK_TRIANGLES, make_blocks
-from fg_mujoco.fan_caster import FanScene, scan, scan_worlds
-from fg_mujoco.fan_scene import is_fan
-from fg_mujoco.lidar import Beams, RaycastLidar, lidar_spec, load_beams
-from fg_mujoco.world import World
+from fg_mujoco.lidar import lidar as lidar_module
+from fg_mujoco.lidar.body_poses import mounted_pose
+from fg_mujoco.lidar.clusters import BLOCK_TRIANGLES, make_blocks
+from fg_mujoco.lidar.lidar import Beams, RaycastLidar, lidar_spec, load_beams
+from fg_mujoco.lidar.scanline import FanScene, scan, scan_worlds
+from fg_mujoco.lidar.visible_surfaces import is_fan
+from fg_mujoco.simulation.world import World
 
 INCREMENT = load_beams().angle_increment
 

@@ -14,10 +14,10 @@ from lab_experiments import COUNT, DIES, FAILS, SLOW
 from refusals import refused
 from terminals import read_to_the_end
 
-from fg_mujoco.cli import main
-from fg_mujoco.friction_lab import lab
-from fg_mujoco.friction_lab.experiment import LabSettings
-from fg_mujoco.friction_lab.lab import run_lab
+from fg_mujoco.cli.main import main
+from fg_mujoco.studies.friction_lab import lab
+from fg_mujoco.studies.friction_lab.experiment import LabSettings
+from fg_mujoco.studies.friction_lab.lab import run_lab
 
 SAID = """\
 Squares of <numbers>
@@ -39,8 +39,8 @@ def here(tmp_path, monkeypatch):
 def command(*arguments):
     """As the real command, with the experiment that measures nothing."""
     code = (
-        "import sys; from fg_mujoco.friction_lab import lab; lab.EXPERIMENTS['squares'] = 'lab_experiments'\n"
-        "from fg_mujoco.cli import main; sys.exit(main(['friction', *sys.argv[1:]]))"
+        "import sys; from fg_mujoco.studies.friction_lab import lab; lab.EXPERIMENTS['squares'] = 'lab_experiments'\n"
+        "from fg_mujoco.cli.main import main; sys.exit(main(['friction', *sys.argv[1:]]))"
     )
     return [sys.executable, "-c", code, *arguments]
 
@@ -74,7 +74,7 @@ def test_options_are_settings_and_all_is_every_experiment(monkeypatch):
         asked.append((names, options))
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("fg_mujoco.friction_cli.run_lab", stand_in)
+    monkeypatch.setattr("fg_mujoco.cli.friction.run_lab", stand_in)
     arguments = ["--quick", "--seed", "3", "--mu", "0.3, 0.5", "--steering", "0.05,0.1", "--workers", "2"]
     assert main(["friction", "skidpad", *arguments]) == 130
     assert main(["friction", "all", "--mu", "0.7"]) == 130

@@ -11,17 +11,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scan_worlds import CAR, MU, odometry_of
 
-from fg_mujoco.controllers.friction_guard import (
+from fg_mujoco.controllers.control.speed import friction_speed, friction_steering
+from fg_mujoco.controllers.safety.friction_limiter import (
     GUARD_MEMORY,
     FrictionGuard,
     GuardSettings,
     guarded,
     longitudinal_share,
 )
-from fg_mujoco.controllers.speed import friction_speed, friction_steering
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import STOP, DriveCommand
-from fg_mujoco.tire_slip import SLIDING_SPEED, TireSlipMeter
+from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED, TireSlipMeter
 
 PERIOD = 0.025  # [s] of the LiDAR
 GRAVITY, WHEELBASE, HEIGHT, FRONT, REAR, MASS, INERTIA = 9.81, 0.3302, 0.074, 0.15875, 0.17145, 3.74, 0.04712

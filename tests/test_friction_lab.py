@@ -16,10 +16,10 @@ import pytest
 from lab_experiments import BAD, COUNT, DIES, FAILS, SLOW
 
 import fg_mujoco as fg
-from fg_mujoco.friction_lab import lab
-from fg_mujoco.friction_lab.experiment import LabSettings
-from fg_mujoco.friction_lab.lab import EXPERIMENTS, load_experiment, run_lab
-from fg_mujoco.friction_lab.lab_report import heading
+from fg_mujoco.studies.friction_lab import lab
+from fg_mujoco.studies.friction_lab.experiment import LabSettings
+from fg_mujoco.studies.friction_lab.lab import EXPERIMENTS, load_experiment, run_lab
+from fg_mujoco.studies.friction_lab.lab_report import heading
 
 REAL = tuple(EXPERIMENTS)
 
@@ -69,7 +69,8 @@ def test_a_finished_folder_is_not_measured_again(tmp_path):
 
 def test_a_killed_run_resumes_and_ends_as_one_that_was_not(tmp_path):
     code = (
-        "from fg_mujoco.friction_lab import lab; from fg_mujoco.friction_lab.experiment import LabSettings\n"
+        "from fg_mujoco.studies.friction_lab import lab\n"
+        "from fg_mujoco.studies.friction_lab.experiment import LabSettings\n"
         "lab.EXPERIMENTS['squares'] = 'lab_experiments'\n"
         f"lab.run_lab(['squares'], out='out', workers=2, settings=LabSettings(seed={SLOW}), pictures=False)"
     )
@@ -319,6 +320,6 @@ def test_each_experiment_says_its_whole_work_in_json_the_same_each_time(name, mo
 
 
 def test_the_command_line_starts_without_the_experiments():
-    code = "import sys, fg_mujoco.cli; print([name for name in sys.modules if 'friction_lab' in name])"
+    code = "import sys, fg_mujoco.cli.main; print([name for name in sys.modules if 'friction_lab' in name])"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout
     assert "lab_report" in loaded and "skidpad" not in loaded and "single_track" not in loaded

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from fg_mujoco.controllers import gaps
+from fg_mujoco.controllers.perception import gaps
 
 SLIDES = np.array([0.5, 5.1, 6.0, 7.0, math.inf, 3.0, math.inf, 3.0, math.inf, 8.0, 1.0, 3.0])
 

@@ -9,21 +9,21 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.environment_actions import ActionBounds
-from fg_mujoco.environment_kernels import reward_ticks
-from fg_mujoco.environment_observations import ObservationLayout
-from fg_mujoco.environment_rewards import Rewards
-from fg_mujoco.environment_starts import draw_start
-from fg_mujoco.lidar import load_beams
+from fg_mujoco.course.random_obstacles import CLEAR_AHEAD, CLEAR_BEHIND
+from fg_mujoco.envs.actions import ActionBounds
+from fg_mujoco.envs.observations import ObservationLayout
+from fg_mujoco.envs.reward_kernels import reward_ticks
+from fg_mujoco.envs.rewards import Rewards
+from fg_mujoco.envs.starts import draw_start
+from fg_mujoco.lidar.lidar import load_beams
 from fg_mujoco.messages import ODOMETRY
-from fg_mujoco.random_obstacles import CLEAR_AHEAD, CLEAR_BEHIND
 
 gymnasium = pytest.importorskip("gymnasium")
 
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 
-from fg_mujoco.gym_environment import ID, F1TenthEnv  # noqa: E402
-from fg_mujoco.gym_vector import F1TenthVectorEnv  # noqa: E402
+from fg_mujoco.envs.gym_environment import ID, F1TenthEnv  # noqa: E402
+from fg_mujoco.envs.gym_vector import F1TenthVectorEnv  # noqa: E402
 
 CAR = fg.car_parameters(fg.World("oval").model, "car/")
 
@@ -54,7 +54,7 @@ def test_env_checker_of_gymnasium_finds_nothing(settings):
 def test_id_needs_no_import_when_it_names_the_module():
     code = (
         "import gymnasium\n"
-        "env = gymnasium.make('fg_mujoco.gym_environment:fg_mujoco/F1Tenth-v0', track='hairpins', laps=2)\n"
+        "env = gymnasium.make('fg_mujoco.envs.gym_environment:fg_mujoco/F1Tenth-v0', track='hairpins', laps=2)\n"
         "print(env.reset(seed=1)[0]['scan'].shape)"
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -69,7 +69,7 @@ def test_importing_fg_mujoco_does_not_import_gymnasium():
 
 @pytest.mark.parametrize("module", ["gym_environment", "gym_vector"])
 def test_without_gymnasium_the_message_is_the_command_that_installs_it(module):
-    code = f"import sys; sys.modules['gymnasium'] = None\nimport fg_mujoco.{module}"
+    code = f"import sys; sys.modules['gymnasium'] = None\nimport fg_mujoco.envs.{module}"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert "pip install 'fg-mujoco[gym]'" in run.stderr.splitlines()[-1]
 

@@ -11,12 +11,12 @@ gymnasium = pytest.importorskip("gymnasium")
 
 from gymnasium.vector import AutoresetMode, SyncVectorEnv  # noqa: E402
 
-from fg_mujoco.environment_batch import ManyWorlds  # noqa: E402
-from fg_mujoco.environment_settings import EnvironmentSettings  # noqa: E402
-from fg_mujoco.environment_worlds import OneWorld  # noqa: E402
-from fg_mujoco.gym_environment import ID, F1TenthEnv  # noqa: E402
-from fg_mujoco.gym_vector import F1TenthVectorEnv  # noqa: E402
-from fg_mujoco.scenario import Start  # noqa: E402
+from fg_mujoco.envs.batch import ManyWorlds  # noqa: E402
+from fg_mujoco.envs.gym_environment import ID, F1TenthEnv  # noqa: E402
+from fg_mujoco.envs.gym_vector import F1TenthVectorEnv  # noqa: E402
+from fg_mujoco.envs.settings import EnvironmentSettings  # noqa: E402
+from fg_mujoco.envs.worlds import OneWorld  # noqa: E402
+from fg_mujoco.racing.scenario import Start  # noqa: E402
 
 WORLDS = 4
 NOISE = {"range_noise_std": 0.02, "dropout_probability": 0.02, "latency": 0.025}

@@ -5,15 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from fg_mujoco.car import car_parameters
-from fg_mujoco.car_changes import plain_car
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.friction_lab.braking import EXPERIMENT, GRIPPY
-from fg_mujoco.friction_lab.experiment import LabSettings
-from fg_mujoco.friction_lab.lab_figures import render
-from fg_mujoco.friction_lab.open_ground import OpenGround
-from fg_mujoco.friction_lab.straight_line_limits import even_torque_limit, held_share
-from fg_mujoco.tire_slip import SLIDING_SPEED
+from fg_mujoco.studies.friction_lab.braking import EXPERIMENT, GRIPPY
+from fg_mujoco.studies.friction_lab.experiment import LabSettings
+from fg_mujoco.studies.friction_lab.lab_figures import render
+from fg_mujoco.studies.friction_lab.open_ground import OpenGround
+from fg_mujoco.studies.friction_lab.straight_line_limits import even_torque_limit, held_share
+from fg_mujoco.vehicle.changes import plain_car
+from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
+from fg_mujoco.vehicle.vehicle import car_parameters
 
 CAR = car_parameters(plain_car())
 

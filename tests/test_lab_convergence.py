@@ -4,13 +4,13 @@ import math
 
 import pytest
 
-from fg_mujoco.friction_lab.convergence import EXPERIMENT, GROUPS, soften
-from fg_mujoco.friction_lab.experiment import LabSettings
-from fg_mujoco.friction_lab.lab_figures import render
-from fg_mujoco.friction_lab.open_ground import Engine, OpenGround
-from fg_mujoco.friction_lab.rigid_car import creep
-from fg_mujoco.friction_lab.steady_circle import SteadyCircle
 from fg_mujoco.messages import DriveCommand
+from fg_mujoco.studies.friction_lab.convergence import EXPERIMENT, GROUPS, soften
+from fg_mujoco.studies.friction_lab.experiment import LabSettings
+from fg_mujoco.studies.friction_lab.lab_figures import render
+from fg_mujoco.studies.friction_lab.open_ground import Engine, OpenGround
+from fg_mujoco.studies.friction_lab.rigid_car import creep
+from fg_mujoco.studies.friction_lab.steady_circle import SteadyCircle
 
 
 def reading(k=0.95, change=None, **engine):

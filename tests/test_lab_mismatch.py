@@ -6,12 +6,12 @@ from types import SimpleNamespace
 
 import pytest
 
-from fg_mujoco.car import nominal_mu
-from fg_mujoco.friction_lab import mismatch
-from fg_mujoco.friction_lab.experiment import LabSettings
-from fg_mujoco.friction_lab.lab_figures import render
-from fg_mujoco.friction_lab.mismatch import EXPERIMENT
-from fg_mujoco.tire_slip import SLIDING_SPEED
+from fg_mujoco.studies.friction_lab import mismatch
+from fg_mujoco.studies.friction_lab.experiment import LabSettings
+from fg_mujoco.studies.friction_lab.lab_figures import render
+from fg_mujoco.studies.friction_lab.mismatch import EXPERIMENT
+from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
+from fg_mujoco.vehicle.vehicle import nominal_mu
 
 
 @pytest.fixture(scope="module")

@@ -10,17 +10,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
-from fg_mujoco.car import WHEELS, car_spec, nominal_mu
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.friction_lab.experiment import LabSettings
-from fg_mujoco.friction_lab.lab_figures import render
-from fg_mujoco.friction_lab.lab_laps import LabSimulation, LabWorld, drive_laps
-from fg_mujoco.friction_lab.patch_manoeuvres import bisect, brake_onset, circle, edge_load, sliding_sideways
-from fg_mujoco.friction_lab.patches import EXPERIMENT
-from fg_mujoco.friction_patches import Patch, PatchedFloor, add_patches, random_patches, read_patches
-from fg_mujoco.simulation import STATE, complete_state, hold_controls
-from fg_mujoco.tire_slip import SLIDING_SPEED
-from fg_mujoco.world import CAR_PREFIX
+from fg_mujoco.simulation.simulation import STATE, complete_state, hold_controls
+from fg_mujoco.simulation.world import CAR_PREFIX
+from fg_mujoco.studies.friction_lab.experiment import LabSettings
+from fg_mujoco.studies.friction_lab.lab_figures import render
+from fg_mujoco.studies.friction_lab.lab_laps import LabSimulation, LabWorld, drive_laps
+from fg_mujoco.studies.friction_lab.patch_manoeuvres import bisect, brake_onset, circle, edge_load, sliding_sideways
+from fg_mujoco.studies.friction_lab.patches import EXPERIMENT
+from fg_mujoco.vehicle.friction_patches import Patch, PatchedFloor, add_patches, random_patches, read_patches
+from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
+from fg_mujoco.vehicle.vehicle import WHEELS, car_spec, nominal_mu
 
 ICE = Patch(x=6.0, y=-0.2, length=4.0, width=1.5, heading=0.1, mu=0.35)
 

@@ -5,14 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from fg_mujoco.car import car_parameters
-from fg_mujoco.car_changes import plain_car
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.friction_lab.experiment import LabSettings
-from fg_mujoco.friction_lab.lab_figures import render
-from fg_mujoco.friction_lab.rigid_car import axle_use, onset, sliding_onset, tire_loads
-from fg_mujoco.friction_lab.skidpad import EXPERIMENT
-from fg_mujoco.friction_lab.steady_circle import SteadyCircle, UnreachableError
+from fg_mujoco.studies.friction_lab.experiment import LabSettings
+from fg_mujoco.studies.friction_lab.lab_figures import render
+from fg_mujoco.studies.friction_lab.rigid_car import axle_use, onset, sliding_onset, tire_loads
+from fg_mujoco.studies.friction_lab.skidpad import EXPERIMENT
+from fg_mujoco.studies.friction_lab.steady_circle import SteadyCircle, UnreachableError
+from fg_mujoco.vehicle.changes import plain_car
+from fg_mujoco.vehicle.vehicle import car_parameters
 
 CAR = car_parameters(plain_car())
 

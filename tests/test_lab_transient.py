@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.friction_lab.experiment import LabSettings
-from fg_mujoco.friction_lab.lab_figures import render
-from fg_mujoco.friction_lab.manoeuvres import CURVATURE, MANOEUVRES
-from fg_mujoco.friction_lab.open_ground import Engine, OpenGround
-from fg_mujoco.friction_lab.speed_laws import LAWS
-from fg_mujoco.friction_lab.transient import EXPERIMENT, drive
 from fg_mujoco.messages import DriveCommand
-from fg_mujoco.tire_slip import SLIDING_SPEED
+from fg_mujoco.studies.friction_lab.experiment import LabSettings
+from fg_mujoco.studies.friction_lab.lab_figures import render
+from fg_mujoco.studies.friction_lab.manoeuvres import CURVATURE, MANOEUVRES
+from fg_mujoco.studies.friction_lab.open_ground import Engine, OpenGround
+from fg_mujoco.studies.friction_lab.speed_laws import LAWS
+from fg_mujoco.studies.friction_lab.transient import EXPERIMENT, drive
+from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 
 
 def greatest_slide(manoeuvre, mu, k, law):

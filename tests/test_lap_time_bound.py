@@ -10,13 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
-from fg_mujoco.car import car_parameters
-from fg_mujoco.car_changes import plain_car
+from fg_mujoco.course.polyline import distance_to_segment
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.friction_lab.driven_line import best_flying_lap, driven_lap
-from fg_mujoco.friction_lab.experiment import LabSettings
-from fg_mujoco.friction_lab.lab_figures import render
-from fg_mujoco.friction_lab.lap_time_bound import (
+from fg_mujoco.studies.friction_lab.driven_line import best_flying_lap, driven_lap
+from fg_mujoco.studies.friction_lab.experiment import LabSettings
+from fg_mujoco.studies.friction_lab.lab_figures import render
+from fg_mujoco.studies.friction_lab.lap_time_bound import (
     HoldingCar,
     Line,
     PointMass,
@@ -25,8 +24,9 @@ from fg_mujoco.friction_lab.lap_time_bound import (
     smooth_line,
     step_times,
 )
-from fg_mujoco.friction_lab.laps import EXPERIMENT, GREATEST_RATIO
-from fg_mujoco.polyline import distance_to_segment
+from fg_mujoco.studies.friction_lab.laps import EXPERIMENT, GREATEST_RATIO
+from fg_mujoco.vehicle.changes import plain_car
+from fg_mujoco.vehicle.vehicle import car_parameters
 
 CAR = car_parameters(plain_car())
 WITHOUT_POWER_LIMIT = replace(CAR, power_limit_speed=1e9)

@@ -24,8 +24,8 @@ from lidar_worlds import (
 )
 
 from fg_mujoco.errors import ModelError, SettingsError
-from fg_mujoco.lidar import LIDAR_BACKENDS, RangefinderLidar, RaycastLidar, lidar_spec, load_beams, make_lidar
-from fg_mujoco.ray_scene import RayScene
+from fg_mujoco.lidar.embree_rays import RayScene
+from fg_mujoco.lidar.lidar import LIDAR_BACKENDS, RangefinderLidar, RaycastLidar, lidar_spec, load_beams, make_lidar
 
 both_backends = pytest.mark.parametrize("backend", LIDAR_BACKENDS)
 

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from lidar_worlds import PREFIX, RIG, rig_spec, room
 
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.lidar import lidar_spec, make_lidar
-from fg_mujoco.lidar_effects import LidarEffects, PoseHistory, ScanPipeline
+from fg_mujoco.lidar.effects import LidarEffects, PoseHistory, ScanPipeline
+from fg_mujoco.lidar.lidar import lidar_spec, make_lidar
 
 PERIOD, STEP = 0.025, 0.0025
 

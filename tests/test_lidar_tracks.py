@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 from lidar_worlds import disagreements, mujoco_rays
 
-from fg_mujoco.obstacles import Box, Cylinder
-from fg_mujoco.track_formats import track_names
-from fg_mujoco.track_mesh import WALL_HEIGHT
-from fg_mujoco.world import World
+from fg_mujoco.course.formats import track_names
+from fg_mujoco.course.obstacles import Box, Cylinder
+from fg_mujoco.course.track_mesh import WALL_HEIGHT
+from fg_mujoco.simulation.world import World
 
 POSES = 100
 TOLERANCE = 1e-9  # [m]

@@ -12,11 +12,12 @@ import pytest
 from browsers import page_of  # noqa: F401 - a fixture
 
 import fg_mujoco as fg
-from fg_mujoco.cli import main
+from fg_mujoco.cli.main import main
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.hand_driver import HandDriver
-from fg_mujoco.live_session import LiveSession, LiveSettings
-from fg_mujoco.live_shapes import world_shapes
+from fg_mujoco.vehicle.vehicle import WHEELS
+from fg_mujoco.viz.live.hand_driver import HandDriver
+from fg_mujoco.viz.live.session import LiveSession, LiveSettings
+from fg_mujoco.viz.live.shapes import world_shapes
 
 TICK = 0.025  # [s]
 
@@ -168,7 +169,7 @@ def test_shapes_are_those_of_the_world_in_sight():
     world = fg.World("oval", obstacles=(fg.Box(x=3.0, y=0.2, length=0.4, width=0.3),))
     model, shapes = world_shapes(world)
     moving = {model.body(shape.body).name for shape in shapes if shape.body}
-    assert {"car/base_link", *(f"car/{wheel}_wheel" for wheel in fg.car.WHEELS)} <= moving
+    assert {"car/base_link", *(f"car/{wheel}_wheel" for wheel in WHEELS)} <= moving
     course = np.concatenate([shape.vertices for shape in shapes if shape.body == 0])
     walls = np.concatenate((world.track.left_wall, world.track.right_wall))
     assert np.hypot(*(walls[:, None] - course[:, :2]).transpose(2, 0, 1)).min(axis=1).max() < 0.02
@@ -235,7 +236,7 @@ def test_without_viser_the_message_is_what_installs_it(monkeypatch, capsys):
 @contextlib.contextmanager
 def served(session, port):
     """A view that drives on."""
-    from fg_mujoco.live_view import LiveView
+    from fg_mujoco.viz.live.browser import LiveView
 
     with LiveView(session, port=port) as view:
         thread = threading.Thread(target=view.run)

@@ -12,12 +12,12 @@ from map_oracles import draw_map, loop_difference, ring
 from PIL import Image
 
 import fg_mujoco as fg
-from fg_mujoco import map_file
-from fg_mujoco.cli import main
+from fg_mujoco.cli.main import main
+from fg_mujoco.course.maps import map_server as map_file
+from fg_mujoco.course.maps.export import export_track, occupancy_image
+from fg_mujoco.course.maps.map_track import read_map
+from fg_mujoco.course.track_mesh import WALL_HEIGHT, WALL_THICKNESS
 from fg_mujoco.errors import MissingExtraError, SettingsError, TrackError
-from fg_mujoco.map_export import export_track, occupancy_image
-from fg_mujoco.map_track import read_map
-from fg_mujoco.track_mesh import WALL_HEIGHT, WALL_THICKNESS
 
 
 def own_settings(path):

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from map_oracles import box_room, draw_map
 from PIL import Image
 
-from fg_mujoco import map_file
+from fg_mujoco.course.maps import map_server as map_file
+from fg_mujoco.course.maps.map_server import OccupancyMap, read_map_file
 from fg_mujoco.errors import MissingExtraError, TrackError
-from fg_mujoco.map_file import OccupancyMap, read_map_file
 
 GREYS = np.arange(256, dtype=np.uint8)[None]
 

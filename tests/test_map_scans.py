@@ -15,7 +15,7 @@ import pytest
 from map_oracles import draw_map, march, real_map, ring
 
 import fg_mujoco as fg
-from fg_mujoco.map_file import read_map_file
+from fg_mujoco.course.maps.map_server import read_map_file
 
 POSES = 200
 EVERY = 4  # of the 1081 beams

@@ -9,12 +9,12 @@ import pytest
 from map_oracles import box_room, draw_map, loop_difference, march, real_map, ring
 
 import fg_mujoco as fg
+from fg_mujoco.course.formats import write_centreline
+from fg_mujoco.course.maps.map_server import read_map_file
+from fg_mujoco.course.maps.map_track import DIRECTIONS, MapTrack, is_map, load_map, read_map
+from fg_mujoco.course.polyline import enclosed_area, self_crossings
+from fg_mujoco.course.track_mesh import wall_prisms
 from fg_mujoco.errors import TrackError
-from fg_mujoco.map_file import read_map_file
-from fg_mujoco.map_track import DIRECTIONS, MapTrack, is_map, load_map, read_map
-from fg_mujoco.polyline import enclosed_area, self_crossings
-from fg_mujoco.track_formats import write_centreline
-from fg_mujoco.track_mesh import wall_prisms
 
 PIXEL = 0.05
 LAPS = ("maps/aut", "maps/esp", "maps/gbr", "maps/mco", "circuits/Monza_map")
@@ -293,7 +293,7 @@ def test_what_is_a_map_is_told_by_its_name():
 
 
 def test_the_walls_are_part_of_what_makes_a_track(tmp_path):
-    from fg_mujoco.rollout_job import track_sha256
+    from fg_mujoco.studies.rollout.job import track_sha256
 
     track = read_map(draw_map(tmp_path, ring()))
     plain = fg.Track(name="plain", centreline=track.centreline, width_left=track.width_left,

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis.extra.numpy import arrays
 from map_oracles import box_room, loop_difference, ring
 
-from fg_mujoco.map_walls import TOLERANCE, outlines, trace
-from fg_mujoco.polyline import enclosed_area, self_crossings, step_lengths
+from fg_mujoco.course.maps.walls import TOLERANCE, outlines, trace
+from fg_mujoco.course.polyline import enclosed_area, self_crossings, step_lengths
 
 
 def middles_of_edges(region):

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
-from fg_mujoco.track_mesh import WALL_HEIGHT
+from fg_mujoco.course.track_mesh import WALL_HEIGHT
 
 places, sizes, headings = st.floats(-50, 50), st.floats(0.01, 5), st.floats(-10, 10)
 

@@ -7,8 +7,8 @@ import pytest
 from conftest import Straight
 
 import fg_mujoco as fg
-from fg_mujoco.course_drawing import describe_course
-from fg_mujoco.plots import INSTALL_COMMAND, require_matplotlib
+from fg_mujoco.viz.course_drawing import describe_course
+from fg_mujoco.viz.plots import INSTALL_COMMAND, require_matplotlib
 
 
 def pixels(draw):
@@ -49,7 +49,7 @@ def test_trace_picture_differs_with_the_race(short_race, lap):
 
 def test_trace_picture_draws_what_was_measured(lap, monkeypatch):
     drawn = []
-    monkeypatch.setattr("fg_mujoco.plots._save", lambda figure, path: drawn.append(figure))
+    monkeypatch.setattr("fg_mujoco.viz.plots._save", lambda figure, path: drawn.append(figure))
     fg.trace_picture(lap, "not written")
     (figure,) = drawn
     above, speed, steering, friction, sliding = figure.axes[:5]

@@ -12,13 +12,13 @@ import pytest
 from conftest import Straight
 
 import fg_mujoco as fg
-from fg_mujoco.car import WHEELS
-from fg_mujoco.lap_timer import fresh_timers
-from fg_mujoco.race import RaceSettings
-from fg_mujoco.race_result import RaceLog
-from fg_mujoco.tire_slip import SLIDING_SPEED
+from fg_mujoco.course.lap_timer import fresh_timers
+from fg_mujoco.racing.race import RaceSettings
+from fg_mujoco.racing.result import RaceLog
+from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
+from fg_mujoco.vehicle.vehicle import WHEELS
 
-race_module = importlib.import_module("fg_mujoco.race")  # fg_mujoco.race is the function
+race_module = importlib.import_module("fg_mujoco.racing.race")  # fg_mujoco.racing.race is the function
 TICK = 0.025
 
 

@@ -8,8 +8,8 @@ import math
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.cli import _parser, main
-from fg_mujoco.race_config import _settable, parse, settings_of
+from fg_mujoco.cli.main import _parser, main
+from fg_mujoco.racing.config import _settable, parse, settings_of
 
 FULL = """\
 # every option of the command line
@@ -153,7 +153,7 @@ def test_a_file_that_cannot_be_read_is_refused(tmp_path, capsys):
 )  # fmt: skip
 def test_a_run_folder_is_raced_again_bit_for_bit(arguments, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("fg_mujoco.cli._check_out", lambda folder: False)  # without a picture
+    monkeypatch.setattr("fg_mujoco.cli.main._check_out", lambda folder: False)  # without a picture
     main(["race", *map(str, arguments), "--out", "first"])
     main(["race", "--config", "first", "--out", "again"])
     first, again = fg.read_run("first"), fg.read_run("again")

@@ -7,8 +7,8 @@ import pytest
 from conftest import Straight
 
 import fg_mujoco as fg
-from fg_mujoco.cli import main
-from fg_mujoco.random_obstacles import CLEAR_AHEAD, ObstacleSites
+from fg_mujoco.cli.main import main
+from fg_mujoco.course.random_obstacles import CLEAR_AHEAD, ObstacleSites
 
 
 def race(track="oval", **settings):

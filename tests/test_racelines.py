@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scan_worlds import CAR, MU
 
-from fg_mujoco.controllers.friction_guard import FrictionGuard, longitudinal_share
-from fg_mujoco.controllers.racelines import SPACING, SPEED, STEP, curvature, line_table, read_line
+from fg_mujoco.controllers.control.racelines import SPACING, SPEED, STEP, curvature, line_table, read_line
+from fg_mujoco.controllers.safety.friction_limiter import FrictionGuard, longitudinal_share
 from fg_mujoco.errors import SettingsError
 
 GUARD = FrictionGuard(CAR, MU)

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
+from fg_mujoco.course.random_obstacles import CLEAR_AHEAD, CLEAR_BEHIND, SPACING, ObstacleSites
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.random_obstacles import CLEAR_AHEAD, CLEAR_BEHIND, SPACING, ObstacleSites
-from fg_mujoco.randomization import PARAMETERS, Choice, Randomization, Uniform, as_range, world_seeds
+from fg_mujoco.studies.rollout.randomization import PARAMETERS, Choice, Randomization, Uniform, as_range, world_seeds
 
 OVAL = fg.load_track("oval")
 SOME = {  # a range for each parameter

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.cli import _parser, main
+from fg_mujoco.cli.main import _parser, main
 
 README = Path(__file__).parent.parent / "README.md"
 TEXT = README.read_text() if README.exists() else ""

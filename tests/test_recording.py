@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.recording import summary_json
+from fg_mujoco.racing.run_folder import summary_json
 
 FILES = {"summary.json", "scene.xml", "states.npz", "telemetry.csv", "trace.png"}
 
@@ -106,7 +106,7 @@ def test_telemetry_is_a_table_that_any_reader_reads(written, short_race):
 
 
 def test_a_tire_off_the_ground_is_nan_in_the_table(short_race, tmp_path):
-    from fg_mujoco.recording import _read_telemetry, _write_telemetry
+    from fg_mujoco.racing.run_folder import _read_telemetry, _write_telemetry
 
     telemetry = short_race.telemetry.copy()
     telemetry[3, -3] = math.nan
@@ -250,7 +250,7 @@ def test_a_failure_half_way_leaves_nothing(short_race, tmp_path, monkeypatch):
     def full_disk(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("fg_mujoco.recording.trace_picture", full_disk)
+    monkeypatch.setattr("fg_mujoco.racing.run_folder.trace_picture", full_disk)
     with pytest.raises(fg.RunFolderError, match="No space left"):
         fg.write_run(short_race, tmp_path / "deep" / "run")
     assert list(tmp_path.iterdir()) == []
@@ -276,7 +276,7 @@ def test_an_interrupt_half_way_leaves_nothing(short_race, tmp_path, monkeypatch)
         raise KeyboardInterrupt
 
     (tmp_path / "run").mkdir()
-    monkeypatch.setattr("fg_mujoco.recording.summary_json", interrupt)
+    monkeypatch.setattr("fg_mujoco.racing.run_folder.summary_json", interrupt)
     with pytest.raises(KeyboardInterrupt):
         fg.write_run(short_race, tmp_path / "run", picture=False)
     assert list(tmp_path.rglob("*")) == [tmp_path / "run"]

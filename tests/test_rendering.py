@@ -9,9 +9,10 @@ import pytest
 from rendered import inside, needs_gl, pixel
 
 import fg_mujoco as fg
-from fg_mujoco.rendering import CAMERAS, LABELS, Film, Overlays, Renderer, find_overlays, render
-from fg_mujoco.rendering.drive import read_drive
-from fg_mujoco.rendering.planner_view import PlannerEye
+from fg_mujoco.vehicle.vehicle import WHEELS
+from fg_mujoco.viz.rendering import CAMERAS, LABELS, Film, Overlays, Renderer, find_overlays, render
+from fg_mujoco.viz.rendering.drive import read_drive
+from fg_mujoco.viz.rendering.planner_view import PlannerEye
 
 pytestmark = needs_gl
 
@@ -43,7 +44,7 @@ def test_car_is_where_the_projection_says_and_nowhere_else(films, camera, time):
     vertices = np.vstack(
         [_vertices(model, data, name) for name in ("tub", "deck", "bumper", "rear_bumper", "lidar_base")]
     )
-    wheels = np.vstack([data.body(f"car/{wheel}_wheel").xpos for wheel in fg.car.WHEELS])
+    wheels = np.vstack([data.body(f"car/{wheel}_wheel").xpos for wheel in WHEELS])
     rise = np.array([0.0, 0.0, 0.05])
     corners, depth = view.project(np.vstack((vertices, wheels, wheels + rise, wheels - rise)), SIZE)
     corners = corners[depth > 0.05]

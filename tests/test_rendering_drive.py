@@ -8,19 +8,20 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.controllers.stages import stages
-from fg_mujoco.rendering import car_meshes
-from fg_mujoco.rendering.cameras import CAMERAS, Moment, View
-from fg_mujoco.rendering.colours import friction_colour
-from fg_mujoco.rendering.drive import read_drive
-from fg_mujoco.rendering.force_arrows import TireForceMeter
-from fg_mujoco.rendering.gg_diagram import accelerations, gg_picture
-from fg_mujoco.rendering.planner_view import PlannerEye
-from fg_mujoco.rendering.ribbons import road, wall_chains
-from fg_mujoco.rendering.scenery import compile_scenery
-from fg_mujoco.rendering.telemetry_strip import law_limit
-from fg_mujoco.simulation import STATE
-from fg_mujoco.track_mesh import wall_prisms
+from fg_mujoco.controllers.control.stages import stages
+from fg_mujoco.course.track_mesh import wall_prisms
+from fg_mujoco.simulation.simulation import STATE
+from fg_mujoco.vehicle.vehicle import WHEELS
+from fg_mujoco.viz.rendering import car_meshes
+from fg_mujoco.viz.rendering.cameras import CAMERAS, Moment, View
+from fg_mujoco.viz.rendering.colours import friction_colour
+from fg_mujoco.viz.rendering.drive import read_drive
+from fg_mujoco.viz.rendering.force_arrows import TireForceMeter
+from fg_mujoco.viz.rendering.gg_diagram import accelerations, gg_picture
+from fg_mujoco.viz.rendering.planner_view import PlannerEye
+from fg_mujoco.viz.rendering.ribbons import road, wall_chains
+from fg_mujoco.viz.rendering.scenery import compile_scenery
+from fg_mujoco.viz.rendering.telemetry_strip import law_limit
 
 
 @pytest.fixture(scope="module")
@@ -150,7 +151,7 @@ def test_forces_on_the_tires_are_what_moves_the_car(lap, scenery):
         acceleration = (data.subtree_linvel[base] - before) / scenery.opt.timestep
         total = np.nansum(forces.friction, axis=0)[:2]
         np.testing.assert_allclose(total, lap.world.parameters.mass * acceleration[:2], atol=1.5)
-        recorded = [lap.column(f"friction_use_{wheel}")[tick] for wheel in fg.car.WHEELS]
+        recorded = [lap.column(f"friction_use_{wheel}")[tick] for wheel in WHEELS]
         assert (forces.use <= np.array(recorded) + 1e-6).all()  # greatest of the tick, of which this is the first step
 
 
@@ -195,8 +196,8 @@ def test_stages_only_shorten_beams_and_the_gap_is_where_the_planner_goes(lap, na
 
 def test_last_stage_of_the_gap_finder_is_what_its_decision_filters(lap):
     from fg_mujoco.controllers.gap_finder import filtered
-    from fg_mujoco.controllers.scan_filters import valid_ranges
-    from fg_mujoco.controllers.scan_geometry import scan_record
+    from fg_mujoco.controllers.perception.scan_filters import valid_ranges
+    from fg_mujoco.controllers.perception.scan_geometry import scan_record
 
     planner = fg.make_controller("gap_finder", car=lap.world.parameters, mu=1.0489, max_speed=8.0)
     scan = PlannerEye(read_drive(lap)).at_tick(222).scan

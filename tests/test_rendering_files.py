@@ -16,10 +16,10 @@ from rendered import needs_gl
 from terminals import read_to_the_end
 
 import fg_mujoco as fg
-from fg_mujoco.cli import main
-from fg_mujoco.rendering import video
-from fg_mujoco.rendering.gl import INSTALL_COMMAND
-from fg_mujoco.rendering.video import write_picture, write_video
+from fg_mujoco.cli.main import main
+from fg_mujoco.viz.rendering import video
+from fg_mujoco.viz.rendering.gl import INSTALL_COMMAND
+from fg_mujoco.viz.rendering.video import write_picture, write_video
 
 Image = pytest.importorskip("PIL.Image", reason="pip install 'fg-mujoco[render]'")
 imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="pip install 'fg-mujoco[render]'")
@@ -232,7 +232,7 @@ def test_without_opengl_the_message_is_the_install_line_and_races_run(here, run)
 
 
 def test_mujoco_imports_without_the_library_that_mujoco_gl_asks_for(here):
-    module = Path(fg.__file__).with_name("mujoco_import.py")
+    module = Path(fg.__file__).parent / "simulation" / "mujoco_import.py"
     code = f"import os, runpy; runpy.run_path({str(module)!r}); import mujoco; print(os.environ['MUJOCO_GL'])"
     bare = bare_machine(here / "bare", MUJOCO_GL="egl")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=bare)

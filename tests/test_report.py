@@ -8,13 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
-from fg_mujoco.car import WHEELS
-from fg_mujoco.report.clip import clip_start
-from fg_mujoco.report.lap_table import lap_length, lap_table
-from fg_mujoco.report.map_shapes import map_shapes
-from fg_mujoco.report.recorded_run import read_recorded
-from fg_mujoco.report.slide_events import SlideEvent, slide_events
-from fg_mujoco.report.tick_columns import SPEED_FAR_ABOVE, accelerations, limit_speed, tick_columns
+from fg_mujoco.vehicle.vehicle import WHEELS
+from fg_mujoco.viz.report.clip import clip_start
+from fg_mujoco.viz.report.lap_table import lap_length, lap_table
+from fg_mujoco.viz.report.map_shapes import map_shapes
+from fg_mujoco.viz.report.recorded_run import read_recorded
+from fg_mujoco.viz.report.slide_events import SlideEvent, slide_events
+from fg_mujoco.viz.report.tick_columns import SPEED_FAR_ABOVE, accelerations, limit_speed, tick_columns
 
 TICK = 0.025  # [s]
 

@@ -9,13 +9,14 @@ import pytest
 from browsers import page_of  # noqa: F401 - a fixture
 
 import fg_mujoco as fg
-from fg_mujoco.cli import main
+from fg_mujoco.cli.main import main
 from fg_mujoco.errors import MissingExtraError, RunFolderError
+from fg_mujoco.racing.run_folder import summary_json
 
 pytest.importorskip("bokeh", reason="no bokeh here: pip install 'fg-mujoco[report]'")
 
-from fg_mujoco.report import write_report
-from fg_mujoco.report.comparison_pages import write_comparison_report
+from fg_mujoco.viz.report import write_report
+from fg_mujoco.viz.report.comparison_pages import write_comparison_report
 
 _SCALES = """(() => {
     const find = (view) => view.model.name === "map" ? view : Array.from(view.child_views || []).map(find).find(v => v);
@@ -80,7 +81,7 @@ def test_page_says_how_the_race_went(report, lap):
     for name, value in (
         ("mu", lap.mu),
         ("seed", 0),
-        ("mujoco_version", json.loads(fg.recording.summary_json(lap))["mujoco_version"]),
+        ("mujoco_version", json.loads(summary_json(lap))["mujoco_version"]),
     ):
         assert f"<td>{name}</td><td><code>{value}</code></td>" in text
 
@@ -174,7 +175,7 @@ def test_clip_that_cannot_be_drawn_is_told_in_the_page(folder, tmp_path, monkeyp
     def refuse(*args, **settings):
         raise MissingExtraError("apt-get install something")
 
-    monkeypatch.setattr("fg_mujoco.rendering.Film", refuse)
+    monkeypatch.setattr("fg_mujoco.viz.rendering.Film", refuse)
     text = write_report(folder, tmp_path / "page.html", clip_seconds=1.0).read_text()
     assert "<video" not in text
     assert "<code>apt-get install something</code>" in text

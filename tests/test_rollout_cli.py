@@ -14,7 +14,7 @@ from rollout_worlds import stand_in
 from terminals import read_to_the_end
 
 import fg_mujoco as fg
-from fg_mujoco.cli import main
+from fg_mujoco.cli.main import main
 from fg_mujoco.errors import EngineError
 
 SLOW = """
@@ -40,7 +40,7 @@ def here(tmp_path, monkeypatch):
 
 @pytest.fixture
 def no_engine(monkeypatch):
-    monkeypatch.setattr("fg_mujoco.rollout_job.drive_worlds", stand_in)
+    monkeypatch.setattr("fg_mujoco.studies.rollout.job.drive_worlds", stand_in)
 
 
 def command(*arguments):
@@ -163,8 +163,8 @@ def test_a_cluster_that_fails_exits_1(no_engine, capsys, monkeypatch):
         raise EngineError("a chunk was lost\nfor good")
         yield
 
-    monkeypatch.setattr("fg_mujoco.rollouts.require_ray", lambda: None)
-    monkeypatch.setattr("fg_mujoco.rollouts.drive_on_ray", lost)
+    monkeypatch.setattr("fg_mujoco.studies.rollout.rollouts.require_ray", lambda: None)
+    monkeypatch.setattr("fg_mujoco.studies.rollout.rollouts.drive_on_ray", lost)
     assert main(["rollout", "--engine", "ray"]) == 1
     assert capsys.readouterr() == ("", "fg-mujoco: a chunk was lost for good\n")
 

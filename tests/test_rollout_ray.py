@@ -143,7 +143,7 @@ def test_a_cluster_that_exists_is_used_and_left_as_it_is(ray, two_nodes, planner
 
 
 def test_other_versions_on_a_node_are_refused(two_nodes, monkeypatch):
-    monkeypatch.setattr("fg_mujoco.rollout_ray.versions", lambda: {"mujoco_version": "3.0.0"})
+    monkeypatch.setattr("fg_mujoco.studies.rollout.ray_cluster.versions", lambda: {"mujoco_version": "3.0.0"})
     with pytest.raises(EngineError, match=r"a node of the cluster has mujoco_version .*; accepted: the same"):
         fg.rollout("oval", engine="ray", n=1, duration=0.5)
 

@@ -10,7 +10,7 @@ from rollout_worlds import stand_in
 
 import fg_mujoco as fg
 from fg_mujoco.errors import RunFolderError
-from fg_mujoco.rollout_store import FolderStore, MemoryStore, TemporaryFolderStore
+from fg_mujoco.studies.rollout.store import FolderStore, MemoryStore, TemporaryFolderStore
 
 ROLLOUT = {"tracks": ["oval", "tight"], "n": 21, "seed": 5, "chunk": 4, "workers": 1, "laps": 2}
 ROLLOUT["randomize"] = {"mu": (0.6, 1.2), "planner_mu": ["off", 1.0], "obstacles": "0:2"}
@@ -38,7 +38,7 @@ def engine(monkeypatch):
 
     def place(chunks=10**6):
         engine = Interrupting(chunks)
-        monkeypatch.setattr("fg_mujoco.rollout_job.drive_worlds", engine)
+        monkeypatch.setattr("fg_mujoco.studies.rollout.job.drive_worlds", engine)
         return engine
 
     place()
@@ -138,7 +138,7 @@ def test_chunks_that_are_driven_fit_the_budget_too(monkeypatch):
         sizes.append(len(scenarios))
         return stand_in(scenarios, *args, **options)
 
-    monkeypatch.setattr("fg_mujoco.rollout_job.drive_worlds", engine)
+    monkeypatch.setattr("fg_mujoco.studies.rollout.job.drive_worlds", engine)
     one = 41 * len(fg.TELEMETRY) * 8  # [bytes] a second of telemetry, and a row
     fg.rollout("oval", n=32, duration=1.0, record="telemetry", workers=2, memory_budget=10 * one)
     assert max(sizes) == 5

@@ -12,8 +12,8 @@ from rollout_worlds import stand_in
 
 import fg_mujoco as fg
 from fg_mujoco.errors import ControllerError, SettingsError, TrackError
-from fg_mujoco.race_result import trajectory_sha256
-from fg_mujoco.rollout_local import usable_cores
+from fg_mujoco.racing.result import trajectory_sha256
+from fg_mujoco.studies.rollout.local import usable_cores
 
 RANDOMIZE = {"mu": (0.6, 1.2), "max_speed": [4, 6, 8], "start_s": (0.0, 50.0), "start_speed": (0.0, 2.0)}
 MANY = {"randomize": RANDOMIZE, "duration": 0.5}
@@ -38,7 +38,7 @@ class Planner:
 @pytest.fixture
 def no_engine(monkeypatch):
     """The stand-in in place of the engine."""
-    monkeypatch.setattr("fg_mujoco.rollout_job.drive_worlds", stand_in)
+    monkeypatch.setattr("fg_mujoco.studies.rollout.job.drive_worlds", stand_in)
 
 
 @pytest.fixture
@@ -131,7 +131,7 @@ def test_the_chunks_of_a_rollout_are_each_world_once_and_of_one_track(no_engine,
         asked.append([(scenario.track.name, scenario.seed) for scenario in scenarios])
         return stand_in(scenarios, *args, **options)
 
-    monkeypatch.setattr("fg_mujoco.rollout_job.drive_worlds", engine)
+    monkeypatch.setattr("fg_mujoco.studies.rollout.job.drive_worlds", engine)
     result = fg.rollout(["oval", "tight"], n=23, chunk=4)
     assert sorted(seed for chunk in asked for _, seed in chunk) == sorted(result["seed"].tolist())
     assert all(len({name for name, _ in chunk}) == 1 and len(chunk) <= 4 for chunk in asked)
@@ -144,7 +144,7 @@ def test_few_worlds_are_shared_among_the_workers(no_engine, monkeypatch):
         sizes.append(len(scenarios))
         return stand_in(scenarios, *args, **options)
 
-    monkeypatch.setattr("fg_mujoco.rollout_job.drive_worlds", engine)
+    monkeypatch.setattr("fg_mujoco.studies.rollout.job.drive_worlds", engine)
     fg.rollout("oval", n=8, workers=4)
     assert sizes == [2, 2, 2, 2]
 
@@ -156,7 +156,7 @@ def test_workers_drive_at_the_same_time(monkeypatch):
         together.wait()
         return stand_in(*args, **options)
 
-    monkeypatch.setattr("fg_mujoco.rollout_job.drive_worlds", engine)
+    monkeypatch.setattr("fg_mujoco.studies.rollout.job.drive_worlds", engine)
     assert len(fg.rollout("oval", n=3, workers=3)) == 3
 
 
@@ -257,7 +257,7 @@ def test_what_the_engine_raises_is_raised_and_the_other_workers_stop(no_engine, 
             time.sleep(0.01)
         return stand_in(scenarios, controller)
 
-    monkeypatch.setattr("fg_mujoco.rollout_job.drive_worlds", engine)
+    monkeypatch.setattr("fg_mujoco.studies.rollout.job.drive_worlds", engine)
     seeds = [2, 4, 6]
     with pytest.raises(RuntimeError, match="out of memory"):
         fg.rollout("oval", seeds=seeds, chunk=1, workers=3)
@@ -276,7 +276,7 @@ def test_ctrl_c_stops_the_workers_and_is_raised(no_engine, monkeypatch):
             time.sleep(0.01)
         return stand_in(scenarios, controller)
 
-    monkeypatch.setattr("fg_mujoco.rollout_job.drive_worlds", engine)
+    monkeypatch.setattr("fg_mujoco.studies.rollout.job.drive_worlds", engine)
     with pytest.raises(KeyboardInterrupt):
         fg.rollout("oval", n=4, chunk=1, workers=2)
     assert threading.active_count() == before
@@ -290,7 +290,7 @@ def nothing_runs(monkeypatch):
     def engine(*args, **options):
         raise AssertionError("a world was driven")
 
-    monkeypatch.setattr("fg_mujoco.rollout_job.drive_worlds", engine)
+    monkeypatch.setattr("fg_mujoco.studies.rollout.job.drive_worlds", engine)
 
 
 @pytest.mark.parametrize(

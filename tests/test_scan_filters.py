@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scan_worlds import INCREMENT, scan_of
 
-from fg_mujoco.controllers import scan_filters as filters
+from fg_mujoco.controllers.perception import scan_filters as filters
 from fg_mujoco.kernels import kernel
 
 filters_extend, filters_widen = filters.extend_disparities, filters.widen_all

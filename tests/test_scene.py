@@ -10,10 +10,10 @@ from matplotlib.path import Path
 from scene_search import Clearances, disc_gets_through
 
 import fg_mujoco as fg
-from fg_mujoco.lap_timer import LapTimer
-from fg_mujoco.obstacles import Box
-from fg_mujoco.scene_parts import corridor, mirrored, rounded_way, walls_round
-from fg_mujoco.world_batch import drive_worlds
+from fg_mujoco.course.lap_timer import LapTimer
+from fg_mujoco.course.obstacles import Box
+from fg_mujoco.course.scenes.parts import corridor, mirrored, rounded_way, walls_round
+from fg_mujoco.studies.rollout.world_batch import drive_worlds
 
 TICK = 0.025
 

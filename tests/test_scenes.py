@@ -7,8 +7,8 @@ import pytest
 from scene_search import Clearances, car_gets_through, disc_gets_through, ray_distances
 
 import fg_mujoco as fg
-from fg_mujoco.obstacles import Box
-from fg_mujoco.scene_parts import car, turning_radius
+from fg_mujoco.course.obstacles import Box
+from fg_mujoco.course.scenes.parts import car, turning_radius
 
 SEEDS = range(6)
 WIDTH = car().width

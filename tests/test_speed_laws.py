@@ -8,13 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scan_worlds import MU
 
-from fg_mujoco.controllers.speed import (
+from fg_mujoco.controllers.control.speed import (
     forward_distance_speed,
     friction_speed,
     friction_steering,
     range_ratio_speed,
 )
-from fg_mujoco.controllers.steering import pursue, saturate
+from fg_mujoco.controllers.control.steering import pursue, saturate
 
 WHEELBASE, GRAVITY, LIDAR_OFFSET = 0.3302, 9.81, 0.275
 unhurried = settings(deadline=None)  # the first call compiles

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scan_worlds import CAR, INCREMENT, MU, corridor, mirrored, odometry_of, room, scan_of
 
-from fg_mujoco.controllers.friction_guard import FrictionGuard
-from fg_mujoco.controllers.scan_filters import valid_ranges, widen_all
-from fg_mujoco.controllers.stopping_paths import PATHS, StoppingPaths, StoppingSettings
+from fg_mujoco.controllers.perception.scan_filters import valid_ranges, widen_all
+from fg_mujoco.controllers.safety.braking_trajectories import PATHS, StoppingPaths, StoppingSettings
+from fg_mujoco.controllers.safety.friction_limiter import FrictionGuard
 from fg_mujoco.errors import SettingsError
 
 TOP_SPEED = 8.0

@@ -12,7 +12,7 @@ from scan_worlds import CAR, INCREMENT, MU, odometry_of, scan_of
 from test_gaps import SLIDES, runs_where
 
 import fg_mujoco as fg
-from fg_mujoco.controllers.gaps import runs_beyond
+from fg_mujoco.controllers.perception.gaps import runs_beyond
 from fg_mujoco.controllers.threshold_gap import ThresholdGap, ThresholdGapSettings, choose_gap
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import STOP

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fg_mujoco.course.polyline import resample, rounded_polygon
+from fg_mujoco.course.track import Track
 from fg_mujoco.errors import TrackError
-from fg_mujoco.polyline import resample, rounded_polygon
-from fg_mujoco.track import Track
 
 COUNT, RADIUS = 360, 5.0
 ANGLE = 2.0 * np.pi * np.arange(COUNT) / COUNT

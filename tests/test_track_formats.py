@@ -8,10 +8,10 @@ import os
 import numpy as np
 import pytest
 
+from fg_mujoco.course.formats import DENSE, load_track, read_centreline, track_names, write_centreline
+from fg_mujoco.course.generator import generate_track
+from fg_mujoco.course.polyline import enclosed_area, step_lengths
 from fg_mujoco.errors import TrackError
-from fg_mujoco.polyline import enclosed_area, step_lengths
-from fg_mujoco.track_formats import DENSE, load_track, read_centreline, track_names, write_centreline
-from fg_mujoco.track_generator import generate_track
 
 HEADER = "# x_m, y_m, w_tr_right_m, w_tr_left_m\n"
 

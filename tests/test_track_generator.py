@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fg_mujoco.course.generator import SPACING, GeneratorSettings, generate_track
+from fg_mujoco.course.polyline import enclosed_area, self_crossings, step_lengths, turns
+from fg_mujoco.course.track import Track
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.polyline import enclosed_area, self_crossings, step_lengths, turns
-from fg_mujoco.track import Track
-from fg_mujoco.track_generator import SPACING, GeneratorSettings, generate_track
 
 DEFAULTS = GeneratorSettings()
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fg_mujoco.polyline import (
+from fg_mujoco.course.polyline import (
     crossings,
     distance_to_segment,
     enclosed_area,

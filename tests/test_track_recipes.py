@@ -7,10 +7,10 @@ from importlib import resources
 import numpy as np
 import pytest
 
+from fg_mujoco.course.formats import load_track, track_names
+from fg_mujoco.course.polyline import turns
+from fg_mujoco.course.recipes import RECIPES, main, write_bundled
 from fg_mujoco.errors import TrackError
-from fg_mujoco.polyline import turns
-from fg_mujoco.track_formats import load_track, track_names
-from fg_mujoco.track_recipes import RECIPES, main, write_bundled
 
 
 def test_every_circuit_has_a_recipe_and_every_recipe_a_circuit():
@@ -21,7 +21,7 @@ def test_every_circuit_has_a_recipe_and_every_recipe_a_circuit():
 def test_circuit_is_what_its_header_says_makes_it(name, tmp_path):
     bundled = (resources.files("fg_mujoco.tracks") / f"{name}.csv").read_text(encoding="utf-8")
     command = next(line.partition("made by: ")[2] for line in bundled.splitlines() if "made by: " in line)
-    assert command == f"python -m fg_mujoco.track_recipes {name}"
+    assert command == f"python -m fg_mujoco.course.recipes {name}"
     assert main([*command.split()[3:], str(tmp_path / f"{name}.csv")]) == 0
     assert (tmp_path / f"{name}.csv").read_text(encoding="utf-8") == bundled
 

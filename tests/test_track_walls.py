@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fg_mujoco.errors import TrackError
-from fg_mujoco.polyline import (
+from fg_mujoco.course.polyline import (
     distance_to_segment,
     enclosed_area,
     resample,
@@ -17,8 +16,9 @@ from fg_mujoco.polyline import (
     smooth,
     step_lengths,
 )
-from fg_mujoco.track import Track
-from fg_mujoco.track_walls import SHARED_WALL, WALL_TOLERANCE
+from fg_mujoco.course.track import Track
+from fg_mujoco.course.track_walls import SHARED_WALL, WALL_TOLERANCE
+from fg_mujoco.errors import TrackError
 
 
 def circle(radius, count=400):

@@ -72,7 +72,7 @@ def test_what_was_learned_races_as_a_planner(example, trained, tmp_path, monkeyp
 
 
 def gym_environment(example):
-    from fg_mujoco.gym_vector import F1TenthVectorEnv
+    from fg_mujoco.envs.gym_vector import F1TenthVectorEnv
 
     return F1TenthVectorEnv(
         1, start="line", beam_step=example.BEAM_STEP, speed_range=example.SPEED_RANGE, normalised_actions=True

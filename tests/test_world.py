@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.car import WHEELS, car_spec, nominal_mu
-from fg_mujoco.track_mesh import WALL_HEIGHT
-from fg_mujoco.world import CAR_PREFIX
+from fg_mujoco.course.track_mesh import WALL_HEIGHT
+from fg_mujoco.simulation.world import CAR_PREFIX
+from fg_mujoco.vehicle.vehicle import WHEELS, car_spec, nominal_mu
 
 # The oval starts along x, with straight walls at y = +-1.1 m; the box is turned, the cylinder offers an edge.
 BOX = fg.Box(x=3.0, y=0.2, length=0.4, width=0.6, heading=0.5)

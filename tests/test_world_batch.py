@@ -8,12 +8,12 @@ import pytest
 from mujoco.batch import Batch
 
 import fg_mujoco as fg
-from fg_mujoco.car_changes import CarChanges, change_worlds
-from fg_mujoco.lidar_effects import LidarEffects
-from fg_mujoco.race_result import trajectory_sha256
-from fg_mujoco.scenario import Scenario, Start
-from fg_mujoco.world import CAR_PREFIX
-from fg_mujoco.world_batch import drive_worlds
+from fg_mujoco.lidar.effects import LidarEffects
+from fg_mujoco.racing.result import trajectory_sha256
+from fg_mujoco.racing.scenario import Scenario, Start
+from fg_mujoco.simulation.world import CAR_PREFIX
+from fg_mujoco.studies.rollout.world_batch import drive_worlds
+from fg_mujoco.vehicle.changes import CarChanges, change_worlds
 
 NOISY = LidarEffects(range_noise_std=0.01, dropout_probability=0.01, latency=0.025, no_return="range_max")
 SCENARIOS = (
@@ -218,7 +218,7 @@ def test_a_planner_that_fails_ends_its_world_and_no_other(planners, name, ticks)
 
 
 def test_a_state_that_mujoco_warns_of_ends_its_world_and_no_other(monkeypatch):
-    from fg_mujoco import world_group
+    from fg_mujoco.simulation import world_group
 
     place = world_group.WorldGroup._place
 

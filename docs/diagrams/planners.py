@@ -17,7 +17,7 @@ from matplotlib.patches import Circle, Polygon
 from style import BUBBLE, CUT_OFF, FREE, GAP, GOAL, STYLE, WALL, WAY, arc, draw_car, save, seen, turn
 
 import fg_mujoco as fg
-from fg_mujoco.controllers.stages import stages
+from fg_mujoco.controllers.control.stages import stages
 
 TRACK, S, OFFSET, HEADING, SPEED = "chicanes", 16.4, -0.2, 0.2, 3.0
 BOX_S, BOX_OFFSET = 19.6, -0.35  # [m] where it stands

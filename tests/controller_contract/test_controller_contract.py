@@ -25,9 +25,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scan_worlds import CAR, INCREMENT, MU, corridor, odometry_of, scan_of
 
-from fg_mujoco.controller_loading import controller_names, make_controller
 from fg_mujoco.controllers import CONTROLLERS
 from fg_mujoco.messages import ODOMETRY, STOP, DriveCommand, MapLine, ScanGeometry
+from fg_mujoco.racing.planner_loading import controller_names, make_controller
 
 TOP_SPEED = 6.0
 TURNS = np.linspace(0.0, 2.0 * math.pi, 100, endpoint=False)

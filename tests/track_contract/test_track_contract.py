@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from track_oracles import distances_to_line, inside_prisms, ray_distances, room_beside, winding
 
-from fg_mujoco.lap_timer import LapTimer
-from fg_mujoco.polyline import self_crossings
-from fg_mujoco.track_formats import load_track, read_centreline, track_names, write_centreline
-from fg_mujoco.track_mesh import wall_mesh, wall_prisms
-from fg_mujoco.track_walls import WALL_TOLERANCE
+from fg_mujoco.course.formats import load_track, read_centreline, track_names, write_centreline
+from fg_mujoco.course.lap_timer import LapTimer
+from fg_mujoco.course.polyline import self_crossings
+from fg_mujoco.course.track_mesh import wall_mesh, wall_prisms
+from fg_mujoco.course.track_walls import WALL_TOLERANCE
 
 DATA = Path(__file__).resolve().parent.joinpath("../../../shared/data").resolve()
 REAL = (

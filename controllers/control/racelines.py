@@ -1,0 +1,174 @@
+"""Lines through a map and how fast they can be driven: what a planner with a map follows.
+
+    points, speeds = read_line("Monza_raceline.csv")
+    table = line_table(points, speeds, closed=True, guard=FrictionGuard(car, mu), max_speed=8.0, **shares)
+
+Read are two formats of the community, told apart by their columns; lines starting with `#` are comments:
+
+x_m, y_m, w_tr_right_m, w_tr_left_m                             a centreline; the widths are not used
+s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2            a raceline of TUM's optimiser, of which x, y and vx are
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from fg_mujoco.errors import SettingsError
+from fg_mujoco.kernels import kernel
+from fg_mujoco.messages import FloatArray
+
+from ..safety.friction_limiter import FrictionGuard, longitudinal_share
+from .records import Record
+
+SPACING = 0.1  # [m] of the points of a table, about
+X, Y, SPEED, STEP = range(4)
+"""Columns of a table: the place [m], the speed there [m/s], and how far it is to the next point [m]; 0: the end."""
+
+_REPEATED = 1e-3  # [m] points nearer than this are one
+_FORMATS = "x_m, y_m, w_tr_right_m, w_tr_left_m or s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2"
+
+
+def read_line(path: str | Path) -> tuple[FloatArray, FloatArray]:
+    """Return the points (n, 2) [m] of a CSV file and the speeds there (n,) [m/s], inf where it has none.
+
+    Raises:
+      SettingsError: with the file, and the line where there is one: a file that cannot be read, a row of another
+        format, a cell that is no finite number, a speed that is not positive, or no two points.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+    except (OSError, ValueError) as error:
+        raise SettingsError(f"line {path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
+    rows: list[list[float]] = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        content = line.strip()
+        if content and not content.startswith("#"):
+            rows.append(_row(content, f"line {path}, row {number}"))
+            if len(rows[-1]) != len(rows[0]):
+                raise SettingsError(f"line {path}, row {number}: {len(rows[-1])} columns; accepted: {len(rows[0])}")
+    if len(rows) < 2:
+        raise SettingsError(f"line {path}: {len(rows)} points; accepted: at least 2 rows of {_FORMATS}")
+    table = np.array(rows)
+    if table.shape[1] == 4:
+        return table[:, :2], np.full(len(table), math.inf)
+    return table[:, 1:3], table[:, 5]
+
+
+def _row(content: str, where: str) -> list[float]:
+    """Return the numbers of a row of either format."""
+    cells = content.replace(";", ",").split(",")
+    if len(cells) not in (4, 7):
+        raise SettingsError(f"{where}: {len(cells)} columns; accepted: {_FORMATS}")
+    try:
+        values = [float(cell) for cell in cells]
+    except ValueError:
+        values = [math.nan]
+    if not all(map(math.isfinite, values)):
+        raise SettingsError(f"{where}: {content[:60]!r}; accepted: finite numbers, {_FORMATS}")
+    if len(values) == 7 and values[5] <= 0.0:
+        raise SettingsError(f"{where}: a speed of {values[5]} m/s; accepted: a positive number")
+    return values
+
+
+def line_table(
+    points: FloatArray,
+    speeds: FloatArray,
+    *,
+    closed: bool,
+    guard: FrictionGuard | None,
+    max_speed: float,
+    curvature_span: float,
+    cornering_use: float,
+    braking_use: float,
+) -> FloatArray:
+    """Return a line for a planner: points about SPACING apart, with the speed at each. Shape (m, 4), columns as above.
+
+    Args:
+      points: in driving order, (n, 2) [m].
+      speeds: that they are not to be driven faster than, (n,) [m/s].
+      closed: whether the last point leads to the first; one that repeats it is dropped. Else the car stops at the last.
+      guard: what the tires hold; None: no limits.
+      max_speed: [m/s].
+      curvature_span: to either side of a point, for its curvature [m].
+      cornering_use: share of the guard's cornering acceleration.
+      braking_use: share of its braking and accelerating.
+
+    Raises:
+      SettingsError: a line without length.
+    """
+    if closed:
+        points, speeds = np.vstack((points, points[:1])), np.append(speeds, speeds[0])
+    steps = np.hypot(*np.diff(points, axis=0).T)
+    kept = np.append(True, steps > _REPEATED)
+    points, speeds, steps = points[kept], speeds[kept], steps[kept[1:]]
+    length = float(steps.sum())
+    if not length > 0.0:
+        raise SettingsError(f"a line of length {length} m; accepted: points that are apart")
+    along = np.concatenate(([0.0], np.cumsum(steps)))
+    count = max(math.ceil(length / SPACING), 2)
+    places = np.linspace(0.0, length, count + 1)[: count if closed else count + 1]
+    table = np.zeros((len(places), 4))
+    table[:, X], table[:, Y] = np.interp(places, along, points[:, 0]), np.interp(places, along, points[:, 1])
+    table[:, STEP] = length / count
+    if not closed:
+        table[-1, STEP] = 0.0
+    table[:, SPEED] = np.minimum(np.interp(places, along, np.minimum(speeds, max_speed)), max_speed)
+    if guard is not None:
+        limit_speeds(table, curvature(table, curvature_span, closed), guard.record[0], cornering_use, braking_use)
+    return table
+
+
+def curvature(table: FloatArray, span: float, closed: bool) -> FloatArray:
+    """Return the curvature at each point: of the circle through it and those `span` [m] before and behind. (n,) [1/m].
+
+    The span is that over which the car rounds off the line: at a square corner nobody drives the corner.
+    """
+    count = len(table)
+    apart = max(min(round(span / table[0, STEP]), (count - 1) // 2), 1)
+    here = np.arange(count)
+    before, after = here - apart, here + apart
+    if closed:
+        before, after = before % count, after % count
+    else:
+        before, after = np.maximum(before, 0), np.minimum(after, count - 1)
+    a, b, c = table[before, :2], table[:, :2], table[after, :2]
+    u, v, w = b - a, c - b, c - a
+    sides = np.hypot(*u.T) * np.hypot(*v.T) * np.hypot(*w.T)
+    area = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+    return np.asarray(np.divide(2.0 * area, sides, out=np.zeros(count), where=sides > 0.0))
+
+
+@kernel
+def limit_speeds(table: FloatArray, bend: FloatArray, guard: Record, cornering_use: float, braking_use: float) -> None:
+    """Lower the speeds of a table to what the tires hold: cornering, and braking and accelerating beside it.
+
+    A pass against the driving direction, in which each speed is at most what can be braked from to the next, and one
+    along it, in which it is at most what can be accelerated to from the one before. Braking and accelerating have what
+    cornering leaves (friction_guard.longitudinal_share). A closed line is gone round twice, so that it does not matter
+    where it begins; at the end of an open one the car stands.
+
+    Source: the field's forward-backward solver, as in TUM's trajectory planning helpers (A. Heilmeier et al., 2019).
+    """
+    count, step, grip = len(table), table[0, STEP], guard.mu * guard.car.gravity
+    closed = table[-1, STEP] > 0.0
+    for point in range(count):
+        if bend[point] != 0.0:
+            corner = math.sqrt(cornering_use * guard.lateral / abs(bend[point]))
+            table[point, SPEED] = min(table[point, SPEED], corner)
+    if not closed:
+        table[-1, SPEED] = 0.0
+    rounds = 2 * count if closed else count - 1
+    for direction in (-1, 1):
+        most = braking_use * (guard.braking if direction < 0 else guard.accelerating)
+        point = count - 1 if direction < 0 else 0
+        for _ in range(rounds):
+            near = (point + direction) % count
+            if direction < 0 or point > 0 or closed:
+                known = table[point, SPEED]
+                share = longitudinal_share(known * known * abs(bend[point]) / grip)
+                reached = math.sqrt(known * known + 2.0 * most * share * step)
+                table[near, SPEED] = min(table[near, SPEED], reached)
+            point = near

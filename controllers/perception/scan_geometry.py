@@ -1,0 +1,63 @@
+"""Where the beams of a scan point, as kernels are told it: every world of a batch has the same.
+
+    scan = scan_record(message)[0]
+    first, end = beams_between(scan, len(message.ranges), -0.5, 0.5)
+
+What a planner makes of the readings is in scan_filters.
+"""
+
+from __future__ import annotations
+
+import math
+from operator import attrgetter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fg_mujoco.kernels import kernel
+from fg_mujoco.messages import FloatArray, LaserScan, ScanGeometry
+
+from ..control.records import Record
+
+_PERIOD = 0.025  # [s] of the field's LiDARs, for scans that do not tell theirs
+_LEAST_INCREMENT = 1e-9  # [rad] below it, counts of beams overflow
+
+SCAN = np.dtype([(name, np.float64) for name in ("angle_min", "angle_increment", "range_max", "scan_time")])
+"""What a kernel is told of the geometry of the scans; units as in LaserScan."""
+
+scan_values = attrgetter(*SCAN.names or ())
+"""Takes the values of a SCAN from a LaserScan or a ScanGeometry."""
+
+
+def scan_record(scan: LaserScan | ScanGeometry) -> NDArray[np.void]:
+    """Return a row of type SCAN, shape (1,)."""
+    return np.array([scan_values(scan)], SCAN)
+
+
+@kernel
+def sees(scan: Record, valid: FloatArray) -> bool:
+    """Say whether there is a scan to plan with: two beams or more, not all zero, a sensible angle between them."""
+    if len(valid) < 2 or not _LEAST_INCREMENT < scan.angle_increment < 2.0 * math.pi:
+        return False
+    return bool(np.max(valid) > 0.0)
+
+
+@kernel
+def bearing_of(scan: Record, beam: float) -> float:
+    """Return the bearing of a beam [rad]; between two beams, of a place between them."""
+    return float(scan.angle_min + scan.angle_increment * beam)
+
+
+@kernel
+def beams_between(scan: Record, count: int, right: float, left: float) -> tuple[int, int]:
+    """Return the beams with bearings from `right` to `left` [rad], of so many: first, and last + 1."""
+    first = math.ceil((right - scan.angle_min) / scan.angle_increment - 1e-6)
+    end = math.floor((left - scan.angle_min) / scan.angle_increment + 1e-6) + 1
+    first = min(max(first, 0), count)
+    return first, min(max(end, first), count)
+
+
+@kernel
+def period_of(scan: Record) -> float:
+    """Return the time between commands [s]."""
+    return scan.scan_time if scan.scan_time > 0.0 else _PERIOD

@@ -1,0 +1,123 @@
+"""The commands `fg-mujoco export`, a run as a ROS 2 bag, and `fg-mujoco replay-scans`, a planner over a bag's scans."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from ..course.formats import load_track
+from ..errors import SettingsError
+from ..racing.planner_choice import ControllerChoice
+from ..racing.planner_loading import make_controller
+from ..ros.bag_messages import DRIVE, ODOMETRY, SCAN, require_ros_extra
+from ..simulation.world import World
+from ..vehicle.vehicle import nominal_mu
+from .options import ProgressLine, number, number_or_off
+
+FORMATS = ("mcap",)
+
+_ANY_TRACK = "oval"  # a planner is told of the car as in a race: as MJCF text has it, to six digits
+
+
+def add_bags(add: Any, commands: Any) -> None:
+    """Add both commands; `add` makes a command."""
+    command = add(commands, "export", _export, "write a run folder as a ROS 2 bag, for Foxglove, ros2 bag and rosbags")
+    command.add_argument("folder", metavar="DIR", help="written by race --out")
+    command.add_argument("--format", default="mcap", metavar="NAME", help=f"{', '.join(FORMATS)}, the default")
+    command.add_argument("--out", metavar="FILE.mcap", type=Path, help="default: the folder's name, here")
+    command.add_argument("--force", action="store_true", help="replace the file if it exists")
+
+    command = add(commands, "replay-scans", _replay_scans, "run a planner over the scans of a robot's bag")
+    command.add_argument("bag", metavar="BAG", help=".mcap or .db3, or the folder of one; .bag of ROS 1")
+    command.add_argument(
+        "--controller", default="gap_finder",
+        help="NAME or path/to/file.py:ClassName, with settings NAME[SETTING=VALUE,...]; default: gap_finder",
+    )  # fmt: skip
+    command.add_argument(
+        "--out", metavar="FILE", type=Path,
+        help="the commands, .csv, or .mcap with /drive; default: BAG_commands.csv, here",
+    )  # fmt: skip
+    command.add_argument("--scan-topic", metavar="TOPIC", help="default: /scan, or the only one with scans")
+    command.add_argument("--odom-topic", metavar="TOPIC", help="default: /odom, or the only one with odometry")
+    command.add_argument(
+        "--planner-mu", type=number_or_off, metavar="MU",
+        help="what the planner believes mu is; off: no friction limits; default: as in the car's MJCF",
+    )  # fmt: skip
+    command.add_argument("--max-speed", type=number, default=8.0, metavar="M/S", help="default: 8")
+    command.add_argument("--track", help="whose line a planner with a map follows, as race takes it")
+    command.add_argument("--force", action="store_true", help="replace the file if it exists")
+
+
+def _export(options: argparse.Namespace) -> int:
+    from ..ros.bag_writer import export_bag
+
+    if options.format not in FORMATS:
+        raise SettingsError(f"format {options.format!r}; accepted: {', '.join(FORMATS)}")
+    path = options.out or Path(f"{Path(options.folder).resolve().name}.mcap")
+    if path.suffix.lower() != ".mcap":
+        raise SettingsError(f"{path}: is no name for a bag; accepted: one that ends in .mcap")
+    _check_new(path, force=options.force)
+    with _progress("tick") as watch:
+        ticks = export_bag(options.folder, path, watch)
+    print(f"{path}: {ticks} ticks, {path.stat().st_size / 1e6:.1f} MB")
+    return 0
+
+
+def _replay_scans(options: argparse.Namespace) -> int:
+    from ..ros.bag_reader import ScanBag
+    from ..ros.bag_replay import check_commands_file, planned, write_commands
+
+    require_ros_extra()
+    out = options.out or Path(f"{Path(options.bag).resolve().stem}_commands.csv")
+    check_commands_file(out)
+    _check_new(out, force=options.force)
+    choice, car = ControllerChoice.of(options.controller), World(_ANY_TRACK).parameters
+    planner = make_controller(
+        choice.source,
+        car=car,
+        mu=nominal_mu() if options.planner_mu is None else options.planner_mu,
+        max_speed=options.max_speed,
+        settings=dict(choice.settings),
+        map_line=None if options.track is None else load_track(options.track).map_line,
+    )
+    bag = ScanBag(options.bag, car, scan_topic=options.scan_topic, odometry_topic=options.odom_topic)
+    # what a planner prints is not our output
+    with bag, contextlib.redirect_stdout(sys.stderr), _progress("scan") as watch:
+        if ODOMETRY not in bag.topics:
+            print(f"fg-mujoco: {options.bag}: no odometry; the speed is {_speed_without(bag.topics)}", file=sys.stderr)
+
+        def watched() -> Iterator[Any]:
+            for count, delivery in enumerate(bag, start=1):
+                yield delivery
+                watch(count, bag.scans)
+
+        count = write_commands(planned(planner, watched()), out)
+    print(f"{out}: {count} commands to the scans on {bag.topics[SCAN]}")
+    return 0
+
+
+def _speed_without(topics: dict[str, str]) -> str:
+    return f"that commanded on {topics[DRIVE]}" if DRIVE in topics else "taken to be 0"
+
+
+def _check_new(path: Path, *, force: bool) -> None:
+    if path.exists() and not force:
+        raise SettingsError(f"{path}: exists; accepted: a new file, or --force to replace it")
+
+
+@contextlib.contextmanager
+def _progress(what: str) -> Iterator[Any]:
+    line = ProgressLine(show=sys.stderr.isatty())
+
+    def watch(count: int, total: int) -> None:
+        if line.due:
+            line.write(f"{what} {count}/{total}")
+
+    try:
+        yield watch
+    finally:
+        line.clear()

@@ -1,0 +1,127 @@
+"""The command `fg-mujoco compare`.
+
+Exit codes: 0 all runs were driven, however they ended; 1 a worker died; 2 input that cannot be used; 130 Ctrl-C. Runs
+that are finished then stay in the folder of `--out`, and the same command goes on with the others.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import re
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from ..course.scenes.catalogue import scene_names
+from ..errors import EngineError
+from ..studies.comparison.comparison import DEFAULT_MAX_SPEED, DEFAULT_SEEDS, Comparison, ComparisonProgress, compare
+from ..studies.rollout.store import as_json
+from .options import can_draw, number, number_or_off, shown_as, to_go, whole
+
+_DONE, _NOT_DONE = 0, 1
+_COMMA = re.compile(r",(?![^\[]*\])")  # outside brackets
+
+
+def add_compare(add_command: Callable[..., argparse.ArgumentParser], commands: Any) -> None:
+    """Add the command; `add_command` is the one that adds the others."""
+    text = "drive every controller on every course with every seed, and make a table of how they fared"
+    add = add_command(commands, "compare", _compare, text).add_argument
+    add(
+        "--controllers", type=_names, metavar="LIST",
+        help="NAME or path/to/file.py:ClassName, with settings as gap_finder[lookahead=8,clearance=0.2], comma between "
+        "two; default: all bundled ones",
+    )  # fmt: skip
+    add("--tracks", type=_names, metavar="LIST", help="NAME, random:SEED or file.csv; default: none")
+    add("--scenes", type=_names, metavar="LIST", help="names, or all; default: all, unless there are tracks")
+    add(
+        "--seeds", type=_seeds, default=DEFAULT_SEEDS, metavar="LIST",
+        help="numbers, or FIRST:END without END; of scenes, and on tracks of obstacles and noise; default: 0:10",
+    )  # fmt: skip
+    add(
+        "--max-speed", type=_numbers, default=(DEFAULT_MAX_SPEED,), metavar="LIST",
+        help="that a planner may ask for, each a run of its own [m/s]; default: 8",
+    )  # fmt: skip
+    add("--laps", type=whole, default=5, metavar="N", help="on tracks; default: 5")
+    add("--obstacles", type=whole, default=0, metavar="N", help="boxes on each track; default: 0")
+    add("--lidar-noise", type=number, default=0.0, metavar="M", help="standard deviation of each range")
+    add("--mu", type=number, metavar="MU", help="friction coefficient of the tires; default: as in the car's MJCF")
+    add(
+        "--planner-mu", type=number_or_off, metavar="MU",
+        help="what planners believe mu is; off: no friction limits; default: as in the car's MJCF",
+    )  # fmt: skip
+    add("--time-limit", type=number, metavar="S", help="of simulated time; default: as the course has it")
+    add("--workers", type=whole, metavar="N", help="processes; default: as many as there are cores")
+    add(
+        "--out", metavar="DIR", required=True,
+        help="tables, pictures and finished runs; the same command goes on with a folder left unfinished, and a larger "
+        "one drives only what is new",
+    )  # fmt: skip
+    add("--json", action="store_true", help="print one JSON object and nothing else")
+
+
+def _compare(options: argparse.Namespace) -> int:
+    tracks = options.tracks or []
+    scenes = options.scenes or ([] if tracks else ["all"])
+    with (
+        contextlib.redirect_stdout(sys.stderr),
+        shown_as(_progress, show=sys.stderr.isatty() and not options.json) as watch,
+    ):
+        try:
+            result = compare(
+                options.controllers,
+                tracks=tracks,
+                scenes=scene_names() if scenes == ["all"] else scenes,
+                seeds=options.seeds,
+                max_speeds=options.max_speed,
+                laps=options.laps,
+                obstacles=options.obstacles,
+                lidar_noise=options.lidar_noise,
+                mu=options.mu,
+                planner_mu=options.planner_mu,
+                time_limit=options.time_limit,
+                workers=options.workers,
+                out=options.out,
+                pictures=can_draw("pictures"),
+                watch=watch,
+            )
+        except EngineError as error:
+            print("fg-mujoco:", *f"{error}; finished runs are kept".split(), file=sys.stderr)
+            return _NOT_DONE
+        except KeyboardInterrupt:
+            print(f"fg-mujoco: {options.out}: interrupted; the same command goes on", file=sys.stderr)
+            raise
+    print(as_json(result.summary()) if options.json else _report(result, options.out))
+    return _DONE
+
+
+def _names(text: str) -> list[str]:
+    """Read names with commas between them; a comma in brackets is part of a name."""
+    names = [name.strip() for name in _COMMA.split(text)]
+    if not all(names):
+        raise argparse.ArgumentTypeError(f"{text!r}; accepted: names, a comma between two")
+    return names
+
+
+def _seeds(text: str) -> Sequence[int]:
+    """Read `0:10` or `1,4,7`."""
+    first, colon, end = text.partition(":")
+    try:
+        return range(int(first), int(end)) if colon else [int(part) for part in text.split(",")]
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r}; accepted: FIRST:END, or whole numbers as 1,4,7") from None
+
+
+def _numbers(text: str) -> list[float]:
+    return [number(part.strip()) for part in text.split(",")]
+
+
+def _progress(progress: ComparisonProgress) -> str:
+    done = progress.runs_found + progress.runs_driven
+    return f"{done}/{progress.runs} runs{to_go(progress.remaining_s)}"
+
+
+def _report(result: Comparison, out: str) -> str:
+    found = len(result.rows) - result.runs_driven
+    earlier = f", {found} of them by an earlier call" if found else ""
+    return f"{result.markdown()}\n{len(result.rows)} runs{earlier}; written to {out}"

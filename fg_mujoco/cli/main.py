@@ -1,0 +1,290 @@
+"""The command `fg-mujoco`: race, replay, make and show tracks; `rollout` is in rollout_cli.
+
+Exit codes: 0 all went well, 1 a race that was not driven to its end or a replay that differs, 2 input that cannot be
+used (one line on stderr, nothing written).
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import io
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+from .. import __version__
+from ..course.formats import load_track, require_track, track_names, write_centreline
+from ..course.scenes.catalogue import describe_scene, scene_names
+from ..errors import FgMujocoError, SettingsError
+from ..lidar.effects import LidarEffects
+from ..lidar.lidar import LIDAR_BACKENDS
+from ..racing.config import add_config, parse, settings_of
+from ..racing.planner_choice import ControllerChoice
+from ..racing.planner_loading import controller_names
+from ..racing.race import RaceProgress, race
+from ..racing.result import RaceResult
+from ..racing.run_folder import check_run_folder, replay, summary_json, write_run
+from ..simulation.race_rules import USUAL_LAPS
+from ..vehicle.tire_slip import SLIDING_SPEED
+from ..viz.course_drawing import describe_course
+from ..viz.plots import track_picture
+from .bags import add_bags
+from .compare import add_compare
+from .friction import add_friction
+from .maps import add_export
+from .options import ProgressLine, can_draw, number, number_or_off, whole
+from .render import add_render, check_film, film_race
+from .report import add_report, report_race
+from .rollout import add_rollout
+from .view import add_view
+
+_DONE, _NOT_DONE, _BAD_INPUT, _INTERRUPTED = 0, 1, 2, 130  # 130 is what shells call a command ended by Ctrl-C
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command and return its exit code."""
+    try:
+        options = parse(_parser(), arguments)
+        code: int = options.run(options)
+        sys.stdout.flush()
+    except FgMujocoError as error:
+        print("fg-mujoco:", *str(error).split(), file=sys.stderr)
+        return _BAD_INPUT
+    except KeyboardInterrupt:
+        return _INTERRUPTED
+    except BrokenPipeError:  # the reader of our output has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return _NOT_DONE
+    return code
+
+
+class _Parser(argparse.ArgumentParser):
+    """Complains in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(_BAD_INPUT, f"{self.prog}: {message}; see {self.prog} --help\n")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(prog="fg-mujoco", description="A MuJoCo 3D testbed for F1TENTH cars.", allow_abbrev=False)
+    parser.add_argument("--version", action="version", version=f"fg-mujoco {__version__}")
+    commands = parser.add_subparsers(title="commands", required=True)
+    _add_race(commands)
+
+    command = _add(commands, "replay", _replay, "simulate a run folder again and compare it bit for bit")
+    command.add_argument("folder", metavar="DIR", help="written by race --out")
+
+    tracks = commands.add_parser("track", help="make, show and list tracks").add_subparsers(
+        title="commands", required=True
+    )
+    command = _add(tracks, "new", _track_new, "write a random circuit as a centreline CSV")
+    command.add_argument("--seed", required=True, help="the same seed gives the same circuit")
+    command.add_argument("--force", action="store_true", help="replace the file if it exists")
+    command.add_argument("path", metavar="FILE.csv", type=Path)
+    command = _add(tracks, "show", _track_show, "draw a track or a scene as a PNG")
+    command.add_argument("track", metavar="TRACK", help="NAME, random:SEED, scene:NAME:SEED, file.csv or map.yaml")
+    command.add_argument("--out", metavar="FILE.png", type=Path, help="default: NAME.png here")
+    _add(tracks, "list", _track_list, "list the bundled tracks")
+    _add(tracks, "scenes", _track_scenes, "list the scenes")
+    add_export(_add, tracks)
+
+    _add(commands, "controllers", _controllers, "list the bundled controllers")
+    add_rollout(_add, commands)
+    add_compare(_add, commands)
+    add_render(_add, commands)
+    add_report(_add, commands)
+    add_view(_add, commands)
+    add_friction(_add, commands)
+    add_bags(_add, commands)
+    return parser
+
+
+def _add(commands: Any, name: str, run: Callable[[argparse.Namespace], int], text: str) -> argparse.ArgumentParser:
+    command: argparse.ArgumentParser = commands.add_parser(name, help=text, description=text, allow_abbrev=False)
+    command.set_defaults(run=run)
+    return command
+
+
+def _add_race(commands: Any) -> None:
+    command = _add(commands, "race", _race, "race a controller from a standing start")
+    add = command.add_argument
+    add(
+        "--track", default="oval",
+        help="NAME, random:SEED, scene:NAME:SEED, file.csv or map.yaml; default: oval; names: track list, track scenes",
+    )  # fmt: skip
+    add(
+        "--controller", default="gap_finder",
+        help="NAME or path/to/file.py:ClassName, with settings NAME[SETTING=VALUE,...]; default: gap_finder",
+    )  # fmt: skip
+    add("--laps", type=whole, metavar="N", help=f"default: {USUAL_LAPS}; a scene is driven once")
+    add("--obstacles", type=whole, default=0, metavar="N", help="boxes on the track, with a way past each; default: 0")
+    add("--obstacle-seed", type=whole, default=0, metavar="K", help="of their places; default: 0")
+    add("--mu", type=number, metavar="MU", help="friction coefficient of the tires; default: as in the car's MJCF")
+    add(
+        "--planner-mu", type=number_or_off, metavar="MU",
+        help="what the planner believes mu is; off: no friction limits; default: as in the car's MJCF",
+    )  # fmt: skip
+    add("--max-speed", type=number, default=8.0, metavar="M/S", help="that the planner may ask for; default: 8")
+    add("--lidar", default="raycast", metavar="NAME", help=f"{' or '.join(LIDAR_BACKENDS)}; default: raycast")
+    add("--lidar-noise", type=number, default=0.0, metavar="M", help="standard deviation of each range")
+    add("--lidar-dropout", type=number, default=0.0, metavar="P", help="probability that a beam fails")
+    add("--lidar-latency", type=number, default=0.0, metavar="S", help="from measurement to delivery")
+    add("--motion-distortion", action="store_true", help="each beam from the pose at its own time in the sweep")
+    add("--seed", type=whole, default=0, metavar="N", help="of noise and dropouts; default: 0")
+    add(
+        "--time-limit", type=number, metavar="S",
+        help="of simulated time; default: what a car of 0.5 m/s needs, or the scene's",
+    )  # fmt: skip
+    add("--out", metavar="DIR", help="write a run folder here; it must be new or empty")
+    add("--video", type=Path, metavar="FILE", help="write a video of the race, .mp4 or .gif; see the command render")
+    add("--json", action="store_true", help="print one JSON object and nothing else")
+    add_config(command)
+
+
+def _race(options: argparse.Namespace) -> int:
+    effects = LidarEffects(
+        range_noise_std=options.lidar_noise,
+        dropout_probability=options.lidar_dropout,
+        latency=options.lidar_latency,
+        motion_distortion=options.motion_distortion,
+    )
+    choice, settings = ControllerChoice.of(options.controller), settings_of(options)
+    picture = options.out is not None and _check_out(options.out)
+    if options.video is not None:
+        check_film(options.video)
+    # what a planner prints is not our output
+    with contextlib.redirect_stdout(sys.stderr), _Watcher(show=sys.stderr.isatty() and not options.json) as watch:
+        result = race(
+            options.track,
+            choice.source,
+            planner_settings=dict(choice.settings),
+            laps=options.laps,
+            mu=options.mu,
+            planner_mu=options.planner_mu,
+            max_speed=options.max_speed,
+            lidar=options.lidar,
+            seed=options.seed,
+            time_limit=options.time_limit,
+            obstacles=options.obstacles,
+            obstacle_seed=options.obstacle_seed,
+            effects=effects,
+            watch=watch,
+        )
+    if options.out is not None:
+        write_run(result, options.out, picture=picture, settings=settings)
+        report_race(options.out)
+    if options.video is not None:
+        with contextlib.redirect_stdout(sys.stderr):  # stdout is the table's, or the JSON object's
+            film_race(result, options.video)
+    print(summary_json(result, settings) if options.json else _table(result, options.out))
+    return _DONE if result.finished else _NOT_DONE
+
+
+def _check_out(folder: str) -> bool:
+    """Refuse a folder that cannot be written, before the race and not after it; answer whether to draw a picture."""
+    check_run_folder(folder)
+    return can_draw("trace.png", several=False)
+
+
+class _Watcher:
+    """Shows how a race goes, and on Ctrl-C ends it between two ticks, so that what was driven is whole.
+
+    A second Ctrl-C ends a planner that never answers.
+    """
+
+    def __init__(self, *, show: bool) -> None:
+        self._line = ProgressLine(show=show)
+        self._started = time.perf_counter()
+        self._interrupted = False
+
+    def __enter__(self) -> _Watcher:
+        self._before = signal.signal(signal.SIGINT, self._interrupt)
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        signal.signal(signal.SIGINT, self._before)
+        self._line.clear()
+
+    def _interrupt(self, *signal_and_frame: object) -> None:
+        self._interrupted = True
+        signal.signal(signal.SIGINT, self._before)
+
+    def __call__(self, progress: RaceProgress) -> None:
+        if self._interrupted:
+            raise KeyboardInterrupt
+        if self._line.due:
+            lap = min(progress.laps_completed + 1, progress.laps_requested)
+            self._line.write(
+                f"lap {lap}/{progress.laps_requested}  {progress.time:6.1f} s  {progress.speed:5.2f} m/s  "
+                f"{progress.time / (time.perf_counter() - self._started):.0f} x real time"
+            )
+
+
+def _table(result: RaceResult, out: str | None) -> str:
+    laps = [(f"lap {lap}", f"{seconds:.3f} s") for lap, seconds in enumerate(result.lap_times_s, start=1)]
+    rows = [
+        ("laps", f"{result.laps_completed} of {result.laps_requested}, {result.end_reason.replace('_', ' ')}"),
+        *laps,
+        ("collisions", f"{result.collisions}"),
+        ("greatest sliding", f"{result.max_slide_m_s:.4f} m/s (a tire slides above {SLIDING_SPEED} m/s)"),
+        ("time sliding", f"{100.0 * result.slide_time_fraction:.2f} %"),
+        ("top speed", f"{result.max_speed_m_s:.2f} m/s"),
+        ("mean speed", f"{result.mean_speed_m_s:.2f} m/s"),
+        ("simulated", f"{result.sim_time_s:.2f} s in {result.wall_time_s:.2f} s"),
+        ("real-time factor", f"{result.realtime_factor:.1f}"),
+    ]
+    if result.obstacles:
+        rows.insert(1, ("obstacles", f"{result.obstacles}, seed {result.obstacle_seed}"))
+    if out is not None:
+        rows.append(("written to", out))
+    return "\n".join([f"{result.track}, {result.controller}", *(f"  {name:<18}{value}" for name, value in rows)])
+
+
+def _replay(options: argparse.Namespace) -> int:
+    report = replay(options.folder)
+    print(f"{options.folder}: {report}")
+    return _DONE if report.identical else _NOT_DONE
+
+
+def _track_new(options: argparse.Namespace) -> int:
+    if options.path.exists() and not options.force:
+        raise SettingsError(f"{options.path}: exists; accepted: a new file, or --force to replace it")
+    track = require_track(load_track(f"random:{options.seed}"), "a file")
+    write_centreline(track, options.path, [f"made by: fg-mujoco track new --seed {options.seed}"])
+    print(f"{options.path}: {describe_course(track)}")
+    return _DONE
+
+
+def _track_show(options: argparse.Namespace) -> int:
+    track = load_track(options.track)
+    path = options.out or Path(f"{track.name.replace(':', '_')}.png")
+    if path.suffix.lower() != ".png":
+        raise SettingsError(f"{path}: is no name for a picture; accepted: one that ends in .png")
+    picture = io.BytesIO()
+    track_picture(track, picture)
+    try:
+        path.write_bytes(picture.getvalue())
+    except OSError as error:
+        raise SettingsError(f"{path}: cannot be written: {error.strerror or error}") from error
+    print(f"{path}: {describe_course(track)}")
+    return _DONE
+
+
+def _track_list(options: argparse.Namespace) -> int:
+    print("\n".join(describe_course(load_track(name)) for name in track_names()))
+    return _DONE
+
+
+def _track_scenes(options: argparse.Namespace) -> int:
+    print("\n".join(map(describe_scene, scene_names())))
+    return _DONE
+
+
+def _controllers(options: argparse.Namespace) -> int:
+    print("\n".join(controller_names()))
+    return _DONE

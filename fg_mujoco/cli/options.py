@@ -1,0 +1,102 @@
+"""Options of the command line: texts to numbers, each refusal in the words of all others; and a line of progress."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import math
+import sys
+import time
+from collections.abc import Callable, Iterator
+from typing import TypeVar
+
+from ..errors import MissingExtraError
+from ..viz.plots import require_matplotlib
+
+_Progress = TypeVar("_Progress")
+
+_REDRAW = 0.1  # [s] of wall time between two lines of progress
+
+
+def whole(text: str) -> int:
+    """Read a whole number."""
+    try:
+        return int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r}; accepted: a whole number") from None
+
+
+def number(text: str) -> float:
+    """Read a number."""
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r}; accepted: a number") from None
+
+
+def number_or_off(text: str) -> float:
+    """Read a number, or `off`, which is infinity."""
+    if text == "off":
+        return math.inf
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r}; accepted: a number, or off") from None
+
+
+class ProgressLine:
+    """A line on stderr that is written over and over, several times a second."""
+
+    def __init__(self, *, show: bool) -> None:
+        self._show = show
+        self._shown = time.perf_counter()
+
+    @property
+    def due(self) -> bool:
+        """Whether it is time for another text."""
+        return self._show and time.perf_counter() - self._shown >= _REDRAW
+
+    def write(self, text: str) -> None:
+        """Show a text in place of the last one."""
+        self._shown = time.perf_counter()
+        print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
+
+    def clear(self) -> None:
+        """Leave the line empty."""
+        if self._show:
+            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+
+
+@contextlib.contextmanager
+def shown_as(text: Callable[[_Progress], str], *, show: bool) -> Iterator[Callable[[_Progress], None]]:
+    """Yield what takes the progress of some work and shows it as a text."""
+    line = ProgressLine(show=show)
+
+    def watch(progress: _Progress) -> None:
+        if line.due:
+            line.write(text(progress))
+
+    try:
+        yield watch
+    finally:
+        line.clear()
+
+
+def to_go(remaining: float | None) -> str:
+    """Return the end of a progress line: the time that is left [s], in hours, minutes and seconds; None: not known."""
+    if remaining is None:
+        return ""
+    minutes, rest = divmod(round(remaining), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"  {hours}:{minutes:02}:{rest:02} to go"
+
+
+def can_draw(what: str, *, several: bool = True) -> bool:
+    """Say whether there is matplotlib; if not, say on stderr that `what` is left out, and how to have it."""
+    try:
+        require_matplotlib()
+    except MissingExtraError as error:
+        need, are, them = ("need", "are", "them") if several else ("needs", "is", "it")
+        print(f"fg-mujoco: {what} {need} matplotlib and {are} left out; to have {them}: {error}", file=sys.stderr)
+        return False
+    return True

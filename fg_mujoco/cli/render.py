@@ -1,0 +1,123 @@
+"""The command `fg-mujoco render`, and what `race --video` does: a run folder to a video, or to one picture of it."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import SettingsError
+from .options import ProgressLine, number
+
+if TYPE_CHECKING:
+    from ..racing.result import RaceResult
+    from ..viz.rendering import Film
+
+_DONE = 0
+_USUAL_SIZE = (1280, 720)
+_CAMERA_NAMES = "chase, onboard, top, track, orbit"
+_SWITCHES = {
+    "beams": "the LiDAR's beams, coloured by what the planner made of them",
+    "trace": "the trace so far, coloured by friction use",
+    "forces": "the tires' forces in their friction circles",
+    "strip": "speed, the law's limit, steering, lap and friction use along the lower edge",
+}
+
+
+def add_render(add_command: Callable[..., argparse.ArgumentParser], commands: Any) -> None:
+    """Add the command; `add_command` is the one that adds the others."""
+    command = add_command(commands, "render", _render, "draw a run folder as a video, or one moment of it as a picture")
+    add = command.add_argument
+    add("folder", metavar="DIR", help="written by race --out")
+    add("--camera", default="chase", metavar="NAME", help=f"{_CAMERA_NAMES}; default: chase")
+    add("--size", type=size_of, default=_USUAL_SIZE, metavar="WxH", help="pixels; default: 1280x720")
+    add("--fps", type=number, default=30.0, metavar="N", help="frames a second of the video; default: 30")
+    add("--quality", default="good", metavar="NAME", help="draft, good, best; default: good")
+    add("--from", dest="start", type=number, default=0.0, metavar="S", help="begin there; default: 0")
+    add("--to", dest="end", type=number, metavar="S", help="end there; default: the end of the run")
+    add("--frame", type=number, metavar="S", help="one picture, of this time, as PNG")
+    add("--out", type=Path, metavar="FILE", help=".mp4, .gif, or .png with --frame; default: DIR-CAMERA.mp4 here")
+    for name, text in _SWITCHES.items():
+        add(f"--{name}", action=argparse.BooleanOptionalAction, default=None, help=f"{text}; default: by camera")
+
+
+def size_of(text: str) -> tuple[int, int]:
+    """Read a width and a height."""
+    found = re.fullmatch(r"(\d{1,6})[xX](\d{1,6})", text)
+    if found is None:
+        raise argparse.ArgumentTypeError(f"{text!r}; accepted: width and height in pixels, as 1280x720")
+    return int(found[1]), int(found[2])
+
+
+def check_film(path: Path) -> None:
+    """Refuse a video that could not be made, before a race is driven for it."""
+    from ..viz.rendering.gl import open_context
+    from ..viz.rendering.video import check_video
+
+    check_video(path, _USUAL_SIZE)
+    open_context(*_USUAL_SIZE).free()
+
+
+def film_race(result: RaceResult, path: Path) -> None:
+    """Write a video of a race: the chase camera with its usual overlays."""
+    from ..viz.rendering import Film
+
+    with Film(result, size=_USUAL_SIZE) as film:
+        _write(film, path, fps=30.0, quality="good", start=0.0, end=None)
+
+
+def _render(options: argparse.Namespace) -> int:
+    from ..viz.rendering import Film, find_overlays, write_picture
+    from ..viz.rendering.cameras import find_camera
+    from ..viz.rendering.video import check_place, check_video
+
+    find_camera(options.camera)
+    one = options.frame is not None
+    name = f"{Path(options.folder).resolve().name}-{options.camera}{'.png' if one else '.mp4'}"
+    path = options.out or Path(name)
+    if one and path.suffix.lower() != ".png":
+        raise SettingsError(f"{path}: is no name for a picture; accepted with --frame: one that ends in .png")
+    check_place(path) if one else check_video(path, options.size)
+    overlays = find_overlays(options.camera, **{name: getattr(options, name) for name in _SWITCHES})
+    with Film(
+        options.folder, camera=options.camera, size=options.size, quality=options.quality, overlays=overlays
+    ) as film:
+        if film.note:
+            print(f"fg-mujoco: of the planner only its beams are drawn: {film.note}", file=sys.stderr)
+        if not one:
+            _write(film, path, fps=options.fps, quality=options.quality, start=options.start, end=options.end)
+            return _DONE
+        write_picture(path, film.frame(options.frame))
+        print(f"{path}: {film.size[0]} x {film.size[1]} pixels at {options.frame:g} s, {film.renderer.description}")
+    return _DONE
+
+
+def _write(film: Film, path: Path, *, fps: float, quality: str, start: float, end: float | None) -> None:
+    """Write a video, with a line of progress on a terminal, and say what was written."""
+    from ..viz.rendering.video import write_video
+
+    count = len(film.times(fps, start, end))
+    began = time.perf_counter()
+    line = ProgressLine(show=sys.stderr.isatty())
+
+    def watched() -> Iterator[Any]:
+        for index, frame in enumerate(film.frames(fps, start, end), start=1):
+            yield frame
+            if line.due:
+                rate = index / (time.perf_counter() - began)
+                line.write(f"frame {index}/{count}  {rate:5.1f} frames/s  {(count - index) / rate:4.0f} s to go")
+
+    try:
+        write_video(path, watched(), size=film.size, fps=fps, quality=quality)
+    finally:
+        line.clear()
+    rate = count / (time.perf_counter() - began)
+    width, height = film.size
+    print(
+        f"{path}: {count} frames of {width} x {height} pixels, {count / fps:.1f} s, "
+        f"{path.stat().st_size / 1e6:.1f} MB; {rate:.1f} frames/s, {film.renderer.description}"
+    )

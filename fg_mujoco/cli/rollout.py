@@ -1,0 +1,143 @@
+"""The command `fg-mujoco rollout`.
+
+Exit codes: 0 all worlds were driven, however they ended; 1 a cluster failed; 2 input that cannot be used; 130 Ctrl-C.
+Chunks that are finished then stay in the folder of `--out`, and the same command goes on with the others.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from ..errors import EngineError, SettingsError
+from ..studies.rollout.result import RolloutResult
+from ..studies.rollout.rollouts import (
+    DEFAULT_CHUNK,
+    DEFAULT_MEMORY_BUDGET,
+    DEFAULT_WORLDS,
+    ENGINES,
+    RolloutProgress,
+    rollout,
+)
+from ..studies.rollout.store import as_json
+from ..studies.rollout.world_batch import RECORDS
+from ..vehicle.tire_slip import SLIDING_SPEED
+from .options import number, shown_as, to_go, whole
+
+_DONE, _NOT_DONE = 0, 1
+_MIB = 2**20
+
+
+def add_rollout(add_command: Callable[..., argparse.ArgumentParser], commands: Any) -> None:
+    """Add the command; `add_command` is the one that adds the others."""
+    text = "drive many worlds, each drawn from its own seed, on all cores or on a cluster"
+    add = add_command(commands, "rollout", _rollout, text).add_argument
+    add(
+        "--track", action="append", metavar="TRACK",
+        help="NAME, random:SEED or file.csv, as often as wanted: the worlds take them in turn; default: oval",
+    )  # fmt: skip
+    add("--controller", default="gap_finder", help="NAME or path/to/file.py:ClassName; default: gap_finder")
+    add("--n", type=whole, metavar="N", help=f"worlds; default: {DEFAULT_WORLDS}")
+    add("--seed", type=whole, default=0, metavar="N", help="of all that is drawn; default: 0")
+    add(
+        "--randomize", action="append", default=[], metavar="NAME=RANGE",
+        help="as often as wanted; mu=0.6:1.2, max_speed=6|8, obstacles=0:4, planner.SETTING=LOW:HIGH, or one value",
+    )  # fmt: skip
+    add("--laps", type=whole, metavar="N", help="default: 1, or as many as fit the duration")
+    add("--duration", type=number, metavar="S", help="of simulated time; default: what a car of 0.5 m/s needs")
+    add("--workers", type=whole, metavar="N", help="threads, or with Ray cores; default: as many as there are")
+    add("--record", default="summary", metavar="WHAT", help=f"{', '.join(RECORDS)}; default: summary")
+    add("--out", metavar="DIR", help="keep the results here; the same command goes on with a folder left unfinished")
+    add(
+        "--memory-budget", type=whole, default=DEFAULT_MEMORY_BUDGET // _MIB, metavar="MIB",
+        help=f"of telemetry and states that are being driven; default: {DEFAULT_MEMORY_BUDGET // _MIB}",
+    )  # fmt: skip
+    add(
+        "--chunk", type=whole, default=DEFAULT_CHUNK, metavar="N",
+        help=f"worlds that a worker drives together; default: {DEFAULT_CHUNK}",
+    )  # fmt: skip
+    add("--engine", default="local", metavar="NAME", help=f"{' or '.join(ENGINES)}; default: local")
+    add("--json", action="store_true", help="print one JSON object and nothing else")
+
+
+def _rollout(options: argparse.Namespace) -> int:
+    if options.record != "summary" and options.out is None:
+        raise SettingsError(f"--record {options.record} is kept nowhere; accepted: with --out DIR")
+    with (
+        contextlib.redirect_stdout(sys.stderr),
+        shown_as(_progress, show=sys.stderr.isatty() and not options.json) as watch,
+    ):
+        try:
+            result = rollout(
+                options.track or ["oval"],
+                options.controller,
+                n=options.n,
+                seed=options.seed,
+                randomize=_named_ranges(options.randomize),
+                laps=options.laps,
+                duration=options.duration,
+                workers=options.workers,
+                record=options.record,
+                out=options.out,
+                memory_budget=options.memory_budget * _MIB,
+                chunk=options.chunk,
+                engine=options.engine,
+                watch=watch,
+            )
+        except EngineError as error:
+            print("fg-mujoco:", *str(error).split(), file=sys.stderr)
+            return _NOT_DONE
+        except KeyboardInterrupt:
+            if options.out is not None:
+                print(f"fg-mujoco: {options.out}: interrupted; the same command goes on", file=sys.stderr)
+            raise
+    print(as_json(result.summary()) if options.json else _table(result, options.out))
+    return _DONE
+
+
+def _named_ranges(texts: Sequence[str]) -> dict[str, str]:
+    ranges: dict[str, str] = {}
+    for text in texts:
+        name, equals, values = text.partition("=")
+        if not equals or name in ranges:
+            accepted = "NAME=RANGE, as mu=0.6:1.2" if not equals else f"{name} once"
+            raise SettingsError(f"--randomize {text!r}; accepted: {accepted}")
+        ranges[name] = values
+    return ranges
+
+
+def _progress(progress: RolloutProgress) -> str:
+    done = progress.worlds_found + progress.worlds_driven
+    left = to_go(progress.remaining_s)
+    return f"{done}/{progress.worlds} worlds  {progress.rate:.0f} world-seconds/s{left}"
+
+
+def _table(result: RolloutResult, out: str | None) -> str:
+    summary = result.summary()
+    reasons = ", ".join(f"{count} {reason.replace('_', ' ')}" for reason, count in summary["end_reasons"].items())
+    rows = [
+        ("worlds", f"{len(result)}: {reasons}"),
+        ("finished", f"{100.0 * summary['finished']:.1f} %"),
+        ("first lap", _spread(summary["first_lap_s"], "s")),
+        ("best lap", _spread(summary["best_lap_s"], "s")),
+        ("greatest sliding", _spread(summary["max_slide_m_s"], f"m/s (a tire slides above {SLIDING_SPEED} m/s)")),
+        ("simulated", f"{summary['world_seconds']:.1f} s"),
+    ]
+    if result.worlds_driven:
+        rows.append(("rate", f"{result.rate:.0f} world-seconds/s, {result.wall_time_s:.1f} s"))
+    if result.worlds_driven < len(result):
+        rows.append(("found there", f"{len(result) - result.worlds_driven} worlds of an earlier call"))
+    if out is not None:
+        rows.append(("written to", out))
+    tracks = ", ".join(track.name for track in result.tracks)
+    rows = [*summary["randomize"].items(), *rows]
+    return "\n".join([f"{tracks}, {summary['controller']}", *(f"  {name:<18}{value}" for name, value in rows)])
+
+
+def _spread(quantiles: dict[str, float] | None, unit: str) -> str:
+    if quantiles is None:
+        return "none"
+    return f"{quantiles['q50']:.3f} {unit}; 5 to 95 %: {quantiles['q5']:.3f} to {quantiles['q95']:.3f}"

@@ -1,0 +1,60 @@
+"""The command `fg-mujoco view`: a race to be watched as it goes, in a window or, with --web, in a browser."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from typing import Any
+
+from .options import number, whole
+
+_DONE = 0
+
+
+def add_view(add_command: Callable[..., argparse.ArgumentParser], commands: Any) -> None:
+    """Add the command; `add_command` is the one that adds the others."""
+    add = add_command(
+        commands, "view", _view, "watch a race as it goes, turn its knobs, and drive by keys"
+    ).add_argument
+    add("--track", default="oval", help="as race has it; default: oval")
+    add("--controller", default="gap_finder", help="as race has it; default: gap_finder")
+    add("--mu", type=number, metavar="MU", help="friction coefficient of the tires; default: as in the car's MJCF")
+    add("--max-speed", type=number, default=8.0, metavar="M/S", help="that the planner may ask for; default: 8")
+    add("--obstacles", type=whole, default=0, metavar="N", help="boxes on the track; default: 0")
+    add("--obstacle-seed", type=whole, default=0, metavar="K", help="of their places; default: 0")
+    add("--web", action="store_true", help="serve the view to a browser; without it, a window is opened")
+    add("--host", metavar="ADDRESS", help="with --web: listen there; default: 127.0.0.1, this machine alone")
+    add("--port", type=whole, metavar="N", help="with --web; default: 8080")
+
+
+def _view(options: argparse.Namespace) -> int:
+    from ..errors import SettingsError
+    from ..viz.live.browser import HOST, PORT, LiveView, check_port, require_viser
+    from ..viz.live.desktop import require_display, run_desktop
+    from ..viz.live.session import LiveSession, LiveSettings
+
+    host, port = options.host or HOST, PORT if options.port is None else options.port
+    if options.web:
+        require_viser()
+        check_port(host, port)  # before the world is built
+    elif options.host is not None or options.port is not None:
+        raise SettingsError("--host and --port say where a browser is served; accepted: with --web")
+    else:
+        require_display()
+    session = LiveSession(
+        LiveSettings(
+            track=options.track, controller=options.controller, mu=options.mu, max_speed=options.max_speed,
+            obstacles=options.obstacles, obstacle_seed=options.obstacle_seed,
+        )
+    )  # fmt: skip
+    if not options.web:
+        run_desktop(session)
+        return _DONE
+    with LiveView(session, host=host, port=port) as view:
+        print(f"{view.url}; Ctrl-C ends it", flush=True)
+        try:
+            view.run()
+        except KeyboardInterrupt:
+            print(file=sys.stderr)
+    return _DONE

@@ -1,0 +1,162 @@
+"""Laps by progress along the centreline, with direction: reversing subtracts.
+
+    timer = LapTimer(track)
+    timer.update(time, position)   # every tick
+    timer.laps_completed, timer.lap_times
+
+The line is where the car is first seen. On a scene the one "lap" ends at the goal.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernels import kernel
+from ..messages import FloatArray
+from .course import Course
+from .track import follow
+
+STANDSTILL = 0.1  # [m] progress below this is standing still: a car that pushes against a wall still creeps
+
+LAP_TIMER = np.dtype(
+    [
+        ("place", np.float64),  # [m] where on the line the car was last; NaN before the first update
+        ("progress", np.float64),  # [m] along the line from where the car was first seen, or from a scene's start
+        ("offset", np.float64),  # [m] from the centreline, left positive
+        ("time", np.float64),  # [s] of the last update
+        ("lap_start", np.float64),  # [s]
+        ("mark", np.float64),  # [m] greatest progress at `last_progress_time`
+        ("last_progress_time", np.float64),  # [s] when the greatest progress last grew by STANDSTILL
+        ("laps_completed", np.int64),
+    ]
+)
+"""What a lap timer remembers of one car."""
+
+
+def fresh_timers(count: int) -> NDArray[np.void]:
+    """Return the memory of lap timers that have not seen their cars yet. Shape (count,) of LAP_TIMER."""
+    timers = np.zeros(count, LAP_TIMER)
+    for name in ("place", "offset", "time", "lap_start", "last_progress_time"):
+        timers[name] = math.nan
+    return timers
+
+
+def first_seen(timers: NDArray[np.void], course: Course, positions: FloatArray) -> None:
+    """Write to timers (n,) of LAP_TIMER where their cars are at their start, positions (n, 2) [m]."""
+    timers["place"] = course.project(positions)[0]
+    if course.origin is not None:
+        timers["progress"] = timers["place"] - course.origin
+
+
+class LapTimer:
+    """Times the laps of one car, from where it is first seen.
+
+    A lap is complete when the progress reaches a whole number of lengths for the first time, so that reversing over
+    the line and coming back counts nothing twice. The time of crossing is interpolated between updates.
+
+    Attributes:
+      memory: what it remembers, (1,) of LAP_TIMER.
+    """
+
+    def __init__(self, track: Course) -> None:
+        self._track = track
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the car; the next update is its start."""
+        self.memory = fresh_timers(1)
+        self._laps_completed = self.memory["laps_completed"]  # views, quicker to read
+        self._last_progress_time = self.memory["last_progress_time"]
+        self._lap_times = np.empty((1, 8))
+        self._seen = False
+
+    @property
+    def progress(self) -> float:
+        """Driven along the centreline since the first update, backward negative [m]."""
+        return float(self.memory["progress"][0])
+
+    @property
+    def offset(self) -> float:
+        """From the centreline, left positive [m]; NaN before the first update."""
+        return float(self.memory["offset"][0])
+
+    @property
+    def last_progress_time(self) -> float:
+        """When the greatest progress last grew by STANDSTILL [s]; NaN before the first update."""
+        return float(self._last_progress_time.item(0))
+
+    @property
+    def laps_completed(self) -> int:
+        """Number of laps completed."""
+        return int(self._laps_completed.item(0))
+
+    @property
+    def lap_times(self) -> tuple[float, ...]:
+        """Times of the laps completed [s]."""
+        return tuple(self._lap_times[0, : self.laps_completed].tolist())
+
+    def update(self, time: float, position: Sequence[float]) -> int:
+        """Take the car's position at a time, and answer the number of laps completed.
+
+        Args:
+          time: not before that of the last update [s].
+          position: of the car, x and y [m]; at most half a lap from the last one along the line.
+        """
+        x, y = position
+        laps = self.laps_completed
+        if not self._seen:
+            first_seen(self.memory, self._track, np.array([[x, y]]))
+            self._seen = True
+        if laps >= self._lap_times.shape[1] - 1:
+            self._lap_times = np.concatenate((self._lap_times, np.empty_like(self._lap_times)), axis=1)
+        track = self._track
+        time_lap(self.memory, 0, self._lap_times, time, x, y, track.table, track.length, track.modulus)
+        return self.laps_completed
+
+
+@kernel
+def time_lap(
+    timers: NDArray[np.void],
+    i: int,
+    lap_times: FloatArray,
+    time: float,
+    x: float,
+    y: float,
+    table: FloatArray,
+    length: float,
+    modulus: float,
+) -> None:
+    """Give one of some timers the position of its car.
+
+    Args:
+      timers: (n,) of LAP_TIMER, written to. Before the first update they must have been through `first_seen`.
+      i: which of them.
+      lap_times: (n, at least one more than completed) [s], written to.
+      time: of the update [s].
+      x: position of the car [m].
+      y: [m].
+      table: `Course.table`.
+      length: `Course.length` [m].
+      modulus: `Course.modulus` [m].
+    """
+    timer = timers[i]
+    before = timer.progress
+    place, timer.offset = follow(x, y, timer.place, table, modulus)
+    if math.isnan(timer.time):
+        timer.lap_start = timer.last_progress_time = time
+    else:
+        distance = (place - timer.place + 0.5 * modulus) % modulus - 0.5 * modulus
+        timer.progress = before + distance
+        while timer.laps_completed < lap_times.shape[1] and timer.progress >= (timer.laps_completed + 1) * length:
+            line = (timer.laps_completed + 1) * length
+            crossed = timer.time + (time - timer.time) * (line - before) / distance
+            lap_times[i, timer.laps_completed] = crossed - timer.lap_start
+            timer.lap_start = crossed
+            timer.laps_completed += 1
+        if timer.progress >= timer.mark + STANDSTILL:
+            timer.mark, timer.last_progress_time = timer.progress, time
+    timer.place, timer.time = place, time

@@ -1,0 +1,278 @@
+"""Tracks from ROS maps: walls as the image has them, a centreline that is given or found, islands kept.
+
+    track = read_map("aut.yaml")                                  # or load_track("aut.yaml")
+    track = read_map("aut.yaml", start=(3.0, 0.5), direction="clockwise")
+    track = load_track("aut.yaml[start=3.0:0.5,direction=clockwise]")
+
+A map is driven from where the centreline is nearest to the world's origin, in the direction that is nearer to the
+world's x there: where the robot stood, and looked, when it began to map. A map without a way round, a corridor, becomes
+a Scene: driven once, from the end that is nearer to the world's origin to the other.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from ...errors import TrackError
+from ...messages import FloatArray, read_only
+from ...simulation.race_rules import default_time_limit
+from ..obstacles import Prism
+from ..polyline import enclosed_area, resample, smooth, step_lengths, steps, subdivide
+from ..scene import BEHIND, BEYOND, Scene
+from ..track import Track
+from ..track_mesh import wall_footprints
+from .map_server import OccupancyMap, read_map_file
+from .region import MapCourse, course_of, encloses, find_course
+from .walls import trace
+
+Direction = Literal["clockwise", "counterclockwise"]
+
+DIRECTIONS: tuple[Direction, ...] = ("clockwise", "counterclockwise")
+SPACING = 0.2
+"""[m] Of the points of a centreline that is found."""
+
+_SMOOTHING = 0.3  # of the median distance to the walls, standard deviation: the medial axis has corners
+_REPEATED = 1e-6  # [m] points nearer than this are one
+_HALVINGS = 5  # of the smoothing, until the line is clear of the walls
+_WALL_SPACING = 0.02  # [m] of the points of walls that the line's distance is measured to: true to 0.1 mm
+_SPECIFICATION = re.compile(r"(?P<path>.*\.ya?ml)(\[(?P<settings>.*)\])?", re.IGNORECASE)
+_SETTINGS = "centreline=FILE.csv, start=X:Y, direction=clockwise or counterclockwise, outside_folder=yes"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MapTrack(Track):
+    """A circuit whose walls are given, and not those of its widths. The widths are the distances to the walls.
+
+    Raises:
+      TrackError: when made, what Track raises of its line and widths.
+    """
+
+    wall_right: FloatArray  # (k, 2) [m] closed, in driving order
+    wall_left: FloatArray  # (m, 2) [m] closed, in driving order
+    outlines: tuple[FloatArray, ...] = ()  # of what stands between the two, each closed and counterclockwise [m]
+
+    @property
+    def islands(self) -> tuple[FloatArray, ...]:
+        """Outlines of what stands between the walls, counterclockwise. Shapes (k, 2) [m], read-only."""
+        return self.outlines
+
+    @property
+    def definition(self) -> tuple[FloatArray, ...]:
+        """All that makes it what it is: line, widths and walls."""
+        return (*super().definition, self.wall_right, self.wall_left, *self.outlines)
+
+    @cached_property
+    def _corridor(self) -> tuple[FloatArray, FloatArray]:
+        return self.width_right, self.width_left
+
+    @cached_property
+    def _walls(self) -> tuple[FloatArray, FloatArray]:
+        return read_only(self.wall_right), read_only(self.wall_left)
+
+
+def is_map(name: str) -> bool:
+    """Say whether a name of a track, as load_track takes it, is that of a map."""
+    return _SPECIFICATION.fullmatch(name) is not None
+
+
+def load_map(name: str) -> MapTrack | Scene:
+    """Load a map by `FILE.yaml` or `FILE.yaml[SETTING=VALUE,...]`.
+
+    Settings are `centreline`, `start`, as X:Y, `direction` and `outside_folder`, as the arguments of `read_map`.
+
+    Raises:
+      MissingExtraError: the extra `maps` is not installed.
+      TrackError: an unknown setting, or a value that it does not take; and what `read_map` raises.
+    """
+    match = _SPECIFICATION.fullmatch(name)
+    if match is None:
+        raise TrackError(f"{name!r} is no map; accepted: FILE.yaml, or FILE.yaml[SETTING=VALUE,...]")
+    settings: dict[str, str] = {}
+    for setting in filter(None, (match["settings"] or "").split(",")):
+        key, _, value = setting.partition("=")
+        if key not in ("centreline", "start", "direction", "outside_folder") or not value or key in settings:
+            raise TrackError(f"{name!r}: setting {setting!r}; accepted: each once, of {_SETTINGS}")
+        settings[key] = value
+    start = None
+    if "start" in settings:
+        try:
+            x, y = map(float, settings["start"].split(":"))
+        except ValueError:
+            raise TrackError(f"{name!r}: start is {settings['start']!r}; accepted: X:Y, as 1.5:-2") from None
+        start = (x, y)
+    if settings.get("outside_folder", "no") not in ("yes", "no"):
+        raise TrackError(f"{name!r}: outside_folder is {settings['outside_folder']!r}; accepted: yes or no")
+    direction = settings.get("direction")
+    return read_map(
+        match["path"],
+        centreline=settings.get("centreline"),
+        start=start,
+        direction=direction,  # type: ignore[arg-type]  # read_map says what is accepted
+        outside_folder=settings.get("outside_folder") == "yes",
+    )
+
+
+def read_map(
+    path: str | Path,
+    *,
+    centreline: str | Path | None = None,
+    start: tuple[float, float] | None = None,
+    direction: Direction | None = None,
+    image: str | Path | None = None,
+    outside_folder: bool = False,
+) -> MapTrack | Scene:
+    """Read a map_server YAML as a track, or as a scene where there is no way round; it is named after the file.
+
+    Args:
+      path: the YAML.
+      centreline: a centreline CSV in the map's frame; its widths are not used. None: the medial axis.
+      start: x and y [m] of a point; the start is the place of the centreline that is nearest to it, and the course is
+        the one on which the point is. None: as the module says; a given centreline starts with its first point.
+      direction: None: as the module says; a given centreline is driven in the order of its points.
+      image: in place of the one that the YAML names.
+      outside_folder: whether the YAML may name an image outside of its own folder.
+
+    Raises:
+      MissingExtraError: the extra `maps` is not installed.
+      TrackError: a YAML or an image that cannot be read; a map whose walls have a hole, or in which there is neither a
+        lap nor an open way; a start that is not free; a centreline that is not in free ground; an unknown direction.
+    """
+    if direction is not None and direction not in DIRECTIONS:
+        raise TrackError(f"{path}: direction is {direction!r}; accepted: {', '.join(DIRECTIONS)}")
+    if start is not None and not all(map(math.isfinite, start)):
+        raise TrackError(f"{path}: start is {start!r}; accepted: x and y in metres")
+    occupancy = read_map_file(path, image=image, outside_folder=outside_folder)
+    if centreline is not None:
+        from ..formats import read_centreline  # which reads maps, too
+
+        line = read_centreline(centreline).centreline
+        outlines = course_of(occupancy, line)
+        if start is not None or direction is not None:
+            line = _oriented(line, line[0] if start is None else np.array(start), direction, _heading(line))
+        return _map_track(occupancy, outlines, line)
+    course = find_course(occupancy, None if start is None else np.array(start))
+    if not course.closed:
+        if direction is not None:
+            raise TrackError(f"{path}: direction is {direction!r}, but there is no way round; accepted: none")
+        return _map_scene(occupancy, course, np.zeros(2) if start is None else np.array(start))
+    line = _clear_line(occupancy, course)
+    return _map_track(occupancy, course.outlines, _oriented(line, np.array(start or (0.0, 0.0)), direction, 0.0))
+
+
+def _map_track(occupancy: OccupancyMap, outlines: list[FloatArray], line: FloatArray) -> MapTrack:
+    """Return the track of a centreline (n, 2) [m] in a region with these outlines [pixel]."""
+    walls = [occupancy.to_world(trace(outline)) for outline in outlines]
+    outer, holes = walls[0], walls[1:]  # counterclockwise, clockwise
+    within = [encloses(line, wall[0]) for wall in holes]
+    if not any(within):
+        raise TrackError(f"{occupancy.path}: the centreline goes round nothing; accepted: a line round an infield")
+    infield = holes.pop(within.index(True))  # the largest
+    within.remove(True)
+    inner = [infield, *(wall for wall, is_within in zip(holes, within, strict=True) if is_within)]
+    outside = [outer, *(wall for wall, is_within in zip(holes, within, strict=True) if not is_within)]
+    counterclockwise = enclosed_area(line) > 0.0
+    left, right = (inner, outside) if counterclockwise else (outside, inner)
+    ahead = slice(None, None, -1 if counterclockwise else 1)  # holes are clockwise
+    try:
+        return MapTrack(
+            name=occupancy.path.stem,
+            centreline=line,
+            width_right=_distances(line, right),
+            width_left=_distances(line, left),
+            wall_left=infield[ahead] if counterclockwise else outer[::-1],
+            wall_right=outer if counterclockwise else infield,
+            outlines=tuple(read_only(wall[::-1]) for wall in holes),
+        )
+    except TrackError as error:
+        raise TrackError(f"{occupancy.path}: {error}") from error
+
+
+def _map_scene(occupancy: OccupancyMap, course: MapCourse, start: FloatArray) -> Scene:
+    """Return the scene of an open way, from the end that is nearer to `start` (2,) [m]."""
+    lengths = np.hypot(*np.diff(course.line, axis=0).T) * occupancy.resolution
+    if lengths.sum() < BEHIND + BEYOND + SPACING:
+        raise TrackError(
+            f"{occupancy.path}: no closed course, and the longest open way is of {lengths.sum():.1f} m; accepted: "
+            f"walls with a way round, or a way of {BEHIND + BEYOND + SPACING:.1f} m"
+        )
+    way = _clear_line(occupancy, course)
+    if np.hypot(*(way[-1] - start)) < np.hypot(*(way[0] - start)):
+        way = way[::-1]
+    length = float(np.hypot(*np.diff(way, axis=0).T).sum())
+    walls = [occupancy.to_world(trace(outline))[::-1] for outline in course.outlines]
+    return Scene(
+        name=occupancy.path.stem,
+        way=way,
+        start=BEHIND,
+        goal=length - BEYOND,
+        walls=tuple(Prism(footprint=tuple(map(tuple, feet))) for wall in walls for feet in wall_footprints(wall)),
+        time_limit=default_time_limit(1, length),
+    )
+
+
+def _clear_line(occupancy: OccupancyMap, course: MapCourse) -> FloatArray:
+    """Return the line of a course in the world, even and smooth, and still clear of the walls. Shape (n, 2) [m]."""
+    from scipy.spatial import cKDTree
+
+    line = occupancy.to_world(course.line)
+    walls = cKDTree(occupancy.to_world(np.concatenate(course.outlines)))
+    clearance = walls.query(line)[0]
+    sigma = _SMOOTHING * float(np.median(clearance))
+    for _ in range(_HALVINGS):
+        smoother = smooth(line, sigma, SPACING) if course.closed else _smooth_way(line, sigma)
+        if walls.query(smoother)[0].min() > 0.8 * clearance.min():
+            break
+        sigma *= 0.5
+    return smoother
+
+
+def _smooth_way(way: FloatArray, sigma: float) -> FloatArray:
+    """Do for an open line what polyline.smooth does for a loop: its ends stay. Shape (n, 2) [m]."""
+    loop = np.concatenate((way, 2.0 * way[-1] - way[-2:0:-1]))  # there and, turned about its end, back
+    length = float(np.hypot(*np.diff(way, axis=0).T).sum())
+    at = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(loop, axis=0).T))))
+    count = max(3, round(length / SPACING))
+    ahead = way[-1] - way[0]
+    share = np.arange(2 * count) / count  # in ways; the line less its mean advance is periodic
+    even = np.column_stack([np.interp(share * length, at, loop[:, axis]) for axis in range(2)]) - share[:, None] * ahead
+    waves = np.fft.rfftfreq(len(even), d=length / count)
+    gaussian = np.exp(-2.0 * (np.pi * sigma * waves) ** 2)[:, None]
+    smoothed = np.fft.irfft(np.fft.rfft(even, axis=0) * gaussian, n=len(even), axis=0) + share[:, None] * ahead
+    return np.asarray(smoothed[: count + 1])
+
+
+def _oriented(line: FloatArray, start: FloatArray, direction: Direction | None, heading: float) -> FloatArray:
+    """Return a loop (n, 2) [m] from its place nearest to `start`; without a direction, the one nearer to `heading`."""
+    ahead = steps(line)
+    share = np.clip(np.sum((start - line) * ahead, axis=1) / np.sum(ahead * ahead, axis=1), 0.0, 1.0)
+    feet = line + share[:, None] * ahead
+    first = int(np.argmin(np.hypot(*(feet - start).T)))
+    loop = np.concatenate((feet[first : first + 1], np.roll(line, -first - 1, axis=0)))
+    loop = loop[step_lengths(loop) > _REPEATED]
+    if direction is None:
+        turn = math.cos(_heading(loop) - heading) < 0.0
+    else:
+        turn = (enclosed_area(loop) > 0.0) != (direction == "counterclockwise")
+    (even,) = resample(np.roll(loop[::-1], 1, axis=0) if turn else loop, SPACING)
+    return even
+
+
+def _heading(line: FloatArray) -> float:
+    """Return the heading of a loop at its first point [rad]."""
+    x, y = line[1] - line[-1]
+    return math.atan2(y, x)
+
+
+def _distances(line: FloatArray, walls: list[FloatArray]) -> FloatArray:
+    """Return the distance from each point of a line (n, 2) to the nearest wall. Shape (n,) [m]."""
+    from scipy.spatial import cKDTree
+
+    points = np.concatenate([subdivide(wall, _WALL_SPACING)[0] for wall in walls])
+    return np.asarray(cKDTree(points).query(line)[0])

@@ -1,0 +1,167 @@
+"""The walls of a map: the edge of a region of pixels, as closed polylines.
+
+    outer, *holes = outlines(region)         # through the middle of each pixel's edge
+    wall = trace(outer)                      # of few points, within TOLERANCE of it
+
+The polylines go through the middles of the edges between pixels that are in the region and pixels that are not, so that
+a slanted wall is a line and not stairs: what marching squares make of a picture of two values (W. Lorensen, H. Cline,
+1987). The region is to their left. Pixels that meet at a corner only are not connected.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...messages import FloatArray
+from ..polyline import IndexArray, distance_to_segment, enclosed_area, self_crossings
+
+TOLERANCE = 0.5
+"""How far a wall may be from the middle of a pixel's edge that it stands for, in pixels."""
+
+_SMOOTHING = 3.0  # [points] of an outline, standard deviation: evens out the stairs of a slanted wall
+_MOST_MOVED = 0.4  # [pixel] by it; less than TOLERANCE, so that corners stay
+_STAY = 1e-3  # weight of where a corner is beside that of a point of the outline, so that every corner is somewhere
+_SLACK = 1e-6  # [pixel] in comparisons with the tolerance
+_HALVINGS = 6  # of the tolerance, for what is smaller than it
+_KEPT_AREA = 0.95  # of what an outline encloses, at least: obstacles of a few pixels stay as large as they are
+
+_STEPS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])  # right, up, left, down: each turns left from the one before
+_FIRST_CORNERS = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])  # of a pixel's lower, right, upper and left edge
+
+
+def outlines(region: NDArray[np.bool_]) -> list[FloatArray]:
+    """Return the edges of a region of pixels, the longest first.
+
+    Args:
+      region: shape (rows, columns), row 0 below.
+
+    Returns:
+      Closed polylines (n, 2), columns and rows in pixels from the lower left corner: the region's outer edge is
+      counterclockwise, its holes are clockwise.
+    """
+    padded = np.pad(region, 1)
+    inside = padded[1:-1, 1:-1]
+    neighbours = (padded[:-2, 1:-1], padded[1:-1, 2:], padded[2:, 1:-1], padded[1:-1, :-2])
+    found = [np.argwhere(inside & ~beyond)[:, ::-1] for beyond in neighbours]
+    direction = np.repeat(np.arange(4), [len(pixels) for pixels in found])
+    start = np.concatenate(found) + _FIRST_CORNERS[direction]
+    end = start + _STEPS[direction]
+    following = _following(start, end, direction, region.shape[1] + 1).tolist()
+    middles = start + 0.5 * _STEPS[direction]
+    seen = np.zeros(len(start), dtype=bool)
+    loops = []
+    for first in range(len(start)):
+        if seen[first]:
+            continue
+        loop, edge = [first], following[first]
+        while edge != first:
+            loop.append(edge)
+            edge = following[edge]
+        seen[loop] = True
+        loops.append(middles[loop])
+    return sorted(loops, key=len, reverse=True)
+
+
+def _following(
+    start: NDArray[np.intp], end: NDArray[np.intp], direction: NDArray[np.intp], width: int
+) -> NDArray[np.intp]:
+    """Return which edge begins where each ends: of two, the one to the left, which stays with the same pixel."""
+    key = 4 * (start[:, 1] * width + start[:, 0]) + direction
+    order = np.argsort(key)
+    result = np.full(len(start), -1)
+    for turn in (-1, 0, 1):  # the leftmost that there is
+        wanted = 4 * (end[:, 1] * width + end[:, 0]) + (direction + turn) % 4
+        place = np.minimum(np.searchsorted(key[order], wanted), len(order) - 1)
+        there = key[order][place] == wanted
+        result[there] = order[place[there]]
+    return result
+
+
+def trace(outline: FloatArray, tolerance: float = TOLERANCE) -> FloatArray:
+    """Return a closed polyline of fewer points, from which no point of an outline is further than a tolerance.
+
+    What is so small or thin that it would vanish or cross itself is traced more finely.
+
+    Args:
+      outline: shape (n, 2) [pixel].
+      tolerance: [pixel].
+    """
+    area = enclosed_area(outline)
+    for _ in range(_HALVINGS):
+        start, wall = _simplified(outline, _smoothed(outline, tolerance * _MOST_MOVED / TOLERANCE), tolerance)
+        wall = _fitted(np.roll(outline, -start[0], axis=0), start - start[0], wall, tolerance)
+        if len(wall) >= 3 and enclosed_area(wall) / area >= _KEPT_AREA and len(self_crossings(wall)[0]) == 0:
+            return wall
+        tolerance *= 0.5
+    return outline
+
+
+def _smoothed(outline: FloatArray, most: float) -> FloatArray:
+    """Return the points of an outline, averaged with their neighbours, but none moved by more than `most` [pixel]."""
+    waves = np.fft.rfftfreq(len(outline))
+    gaussian = np.exp(-2.0 * (np.pi * _SMOOTHING * waves) ** 2)
+    move = np.fft.irfft(np.fft.rfft(outline, axis=0) * gaussian[:, None], n=len(outline), axis=0) - outline
+    length = np.hypot(*move.T)[:, None]
+    return np.asarray(outline + move * np.minimum(1.0, most / np.maximum(length, 1e-12)))
+
+
+def _simplified(outline: FloatArray, points: FloatArray, tolerance: float) -> tuple[IndexArray, FloatArray]:
+    """Choose so many of `points`, one for each of the outline, that the outline is within `tolerance` of their line.
+
+    Method: Douglas and Peucker 1973, with distances to the outline and corners from `points`.
+
+    Returns:
+      Which points, shape (m,), and the points, (m, 2).
+    """
+    first = int(np.argmax(np.hypot(*(points - points.mean(axis=0)).T)))
+    outline, points = np.roll(outline, -first, axis=0), np.roll(points, -first, axis=0)
+    count, opposite = len(points), int(np.argmax(np.hypot(*(points - points[0]).T)))
+    outline, points = np.vstack((outline, outline[:1])), np.vstack((points, points[:1]))
+    kept = {0, opposite}
+    pending = [(0, opposite), (opposite, count)]
+    while pending:
+        low, high = pending.pop()
+        away = distance_to_segment(outline[low + 1 : high], points[low], points[high])
+        if len(away) and away.max() > tolerance:
+            middle = low + 1 + int(np.argmax(away))
+            kept.add(middle)
+            pending += [(low, middle), (middle, high)]
+    chosen = np.array(sorted(kept))
+    return chosen + first, points[chosen]
+
+
+def _fitted(outline: FloatArray, chosen: IndexArray, wall: FloatArray, tolerance: float) -> FloatArray:
+    """Move the corners of a wall so that its sides run through the middle of the outline, in the least squares.
+
+    The corners of a side from which the outline would then be further than `tolerance` go back by so many halves.
+
+    Args:
+      outline: (n, 2), from the first corner on.
+      chosen: which of its points each corner was made of, (m,), the first 0.
+      wall: (m, 2).
+      tolerance: of the distance of each point to its side.
+    """
+    count = len(chosen)
+    if count < 3:
+        return wall
+    sizes = np.diff(np.append(chosen, len(outline)))
+    side = np.repeat(np.arange(count), sizes)
+    share = (np.arange(len(outline)) - chosen[side]) / sizes[side]
+    following = (side + 1) % count
+    # each point of the outline is at its share of the way from one corner to the next: the normal equations of that
+    matrix, right = _STAY * np.eye(count), _STAY * wall
+    for i, a in ((side, 1.0 - share), (following, share)):
+        for j, b in ((side, 1.0 - share), (following, share)):
+            np.add.at(matrix, (i, j), a * b)
+        np.add.at(right, i, a[:, None] * outline)
+    moved: FloatArray = np.asarray(np.linalg.solve(matrix, right), np.float64)
+    while True:
+        away = distance_to_segment(outline, moved[side], moved[following])
+        before = distance_to_segment(outline[chosen], np.roll(moved, 1, axis=0), moved)
+        away[chosen] = np.minimum(away[chosen], before)  # a corner's own point is between two sides
+        far = np.unique(side[away > tolerance + _SLACK])
+        if len(far) == 0:
+            return moved
+        back = np.union1d(far, (far + 1) % count)
+        moved[back] = 0.5 * (moved[back] + wall[back])

@@ -1,0 +1,139 @@
+"""Boxes that move: a mocap body each, seen by the LiDAR, hit by the car, stopped by nothing.
+
+    leader = MovingObstacle(length=0.5, width=0.3, start=(4.0, 0.0), end=(30.0, 0.0), speed=1.5)
+    leader.corners(time=2.0)
+
+Where one is follows from the time alone, in closed form. Its motion is kept in the model, in custom numerics, so that
+whoever has the MJCF has it too: a race, a batch and a replay move it to the same bits. It is moved before every physics
+step and once more at the end of a tick, to where it is at the simulation's time: contacts and scans meet it without
+lag. A contact takes it for standing still, as MuJoCo does with mocap bodies; a race is over by then.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from ..errors import SettingsError
+from ..messages import FloatArray, require
+from .obstacles import Box
+from .track_mesh import WALL_HEIGHT
+
+PREFIX = "moving_"
+"""Of the names of the bodies, geoms, meshes and custom numerics of moving obstacles."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MovingObstacle:
+    """An upright box that keeps its heading and moves from one point to another at a constant speed.
+
+    It then stays there, or goes back and forth.
+
+    Raises:
+      SettingsError: a size or speed that is not positive, a number that is not finite, or two ends that are one.
+    """
+
+    length: float  # [m] along its heading
+    width: float  # [m]
+    start: tuple[float, float]  # [m] its centre, world frame
+    end: tuple[float, float]  # [m]
+    speed: float  # [m/s]
+    back_and_forth: bool = False
+    headway: float = 0.0  # [m] of its way behind it at time 0; back and forth, a way there and back is twice as long
+    heading: float = 0.0  # [rad]
+    height: float = WALL_HEIGHT  # [m]
+
+    def __post_init__(self) -> None:
+        sizes = ("length", "width", "height", "speed")
+        require(self, lambda value: 0.0 < value < math.inf, "a positive number", sizes, SettingsError)
+        require(self, lambda value: 0.0 <= value < math.inf, "a number from 0", ("headway",), SettingsError)
+        require(self, math.isfinite, "a finite number", ("heading",), SettingsError)
+        for name in ("start", "end"):
+            if not (len(getattr(self, name)) == 2 and all(map(math.isfinite, getattr(self, name)))):
+                raise SettingsError(f"MovingObstacle.{name} is {getattr(self, name)!r}; accepted: x and y [m]")
+        if self.way == 0.0:
+            raise SettingsError(f"MovingObstacle starts and ends at {self.start!r}; accepted: two different points")
+
+    @property
+    def way(self) -> float:
+        """From start to end [m]."""
+        return math.dist(self.start, self.end)
+
+    def position(self, time: float) -> tuple[float, float]:
+        """Return x and y of its centre [m] at a time [s]."""
+        gone = self.headway + self.speed * time
+        gone = self.way - abs(gone % (2.0 * self.way) - self.way) if self.back_and_forth else min(gone, self.way)
+        share = gone / self.way
+        (x, y), (end_x, end_y) = self.start, self.end
+        return x + share * (end_x - x), y + share * (end_y - y)
+
+    def box(self, time: float) -> Box:
+        """Return the Box that it is at a time [s]."""
+        x, y = self.position(time)
+        return Box(x=x, y=y, length=self.length, width=self.width, height=self.height, heading=self.heading)
+
+    def corners(self, time: float) -> FloatArray:
+        """Footprint at a time [s], counterclockwise. Shape (4, 2) [m]."""
+        return self.box(time).corners()
+
+    def numbers(self) -> tuple[float, ...]:
+        """Return all that it is in one row, as its model keeps it."""
+        values = (getattr(self, field.name) for field in fields(self))
+        return tuple(float(v) for value in values for v in (value if isinstance(value, tuple) else (value,)))
+
+    @classmethod
+    def of(cls, numbers: Any) -> MovingObstacle:
+        """Return the moving obstacle of `numbers`."""
+        length, width, x, y, end_x, end_y, speed, back_and_forth, headway, heading, height = map(float, numbers)
+        return cls(
+            length=length, width=width, start=(x, y), end=(end_x, end_y), speed=speed,
+            back_and_forth=bool(back_and_forth), headway=headway, heading=heading, height=height,
+        )  # fmt: skip
+
+
+def moving_obstacles(model: Any) -> tuple[MovingObstacle, ...]:
+    """Return those of a compiled model, by mocap id: what moves, with the digits that MJCF text keeps."""
+    names = [
+        mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, body) for body in np.flatnonzero(model.body_mocapid >= 0)
+    ]
+    return tuple(MovingObstacle.of(model.numeric(name).data) for name in names)
+
+
+def make_mover(model: Any) -> Mover | None:
+    """Return what moves the moving obstacles of a compiled model; None where it has none."""
+    return Mover(model) if model.nmocap else None
+
+
+class Mover:
+    """Moves the moving obstacles of a model.
+
+    Args:
+      model: the compiled mujoco.MjModel of a World.
+
+    Attributes:
+      obstacles: tuple of MovingObstacle, by mocap id.
+    """
+
+    def __init__(self, model: Any) -> None:
+        self.obstacles = moving_obstacles(model)
+
+    def place(self, data: Any) -> None:
+        """Put each where it is at `data.time`; body poses want mj_kinematics after."""
+        self.write_positions(data.time, data.mocap_pos)
+
+    def write_positions(self, time: float, out: FloatArray) -> None:
+        """Write where each is at a time [s] into `out` (n, 3) [m], world frame."""
+        for row, obstacle in zip(out, self.obstacles, strict=True):
+            row[0], row[1] = obstacle.position(time)
+
+    def positions(self, time: float, timestep: float, steps: int) -> FloatArray:
+        """Return where each is at a time [s], and after each of so many physics steps. Shape (steps + 1, n, 3) [m]."""
+        found = np.zeros((steps + 1, len(self.obstacles), 3))
+        for row in found:
+            self.write_positions(time, row)
+            time += timestep  # as MuJoCo sums it up
+        return found

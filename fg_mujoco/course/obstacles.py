@@ -1,0 +1,98 @@
+"""What may stand on a track. Rays and contact meet the same convex solid: what is seen is what is hit."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import SettingsError
+from ..messages import FloatArray, require
+from .polyline import turns
+from .track_mesh import WALL_HEIGHT
+
+_CYLINDER_SIDES = 24
+
+
+@dataclass(frozen=True, kw_only=True)
+class Box:
+    """An upright box standing on the ground.
+
+    Raises:
+      SettingsError: a size that is not positive, or a position that is not finite.
+    """
+
+    x: float  # [m] centre, world frame
+    y: float  # [m]
+    length: float  # [m] along its heading
+    width: float  # [m]
+    height: float = WALL_HEIGHT  # [m]
+    heading: float = 0.0  # [rad]
+
+    def __post_init__(self) -> None:
+        require(self, math.isfinite, "a finite number", ("x", "y", "heading"), SettingsError)
+        require(self, _positive, "a positive length in metres", ("length", "width", "height"), SettingsError)
+
+    def corners(self) -> FloatArray:
+        """Footprint, counterclockwise. Shape (4, 2) [m]."""
+        half = 0.5 * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * (self.length, self.width)
+        cos, sin = math.cos(self.heading), math.sin(self.heading)
+        turned: FloatArray = half @ np.array([[cos, sin], [-sin, cos]])
+        return np.add(turned, (self.x, self.y))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cylinder:
+    """An upright cylinder standing on the ground, as a prism of 24 sides inscribed in it.
+
+    Raises:
+      SettingsError: a size that is not positive, or a position that is not finite.
+    """
+
+    x: float  # [m] centre, world frame
+    y: float  # [m]
+    radius: float  # [m]
+    height: float = WALL_HEIGHT  # [m]
+
+    def __post_init__(self) -> None:
+        require(self, math.isfinite, "a finite number", ("x", "y"), SettingsError)
+        require(self, _positive, "a positive length in metres", ("radius", "height"), SettingsError)
+
+    def corners(self) -> FloatArray:
+        """Footprint, counterclockwise. Shape (24, 2) [m]."""
+        angles = np.arange(_CYLINDER_SIDES) * (2.0 * math.pi / _CYLINDER_SIDES)
+        return np.column_stack((self.x + self.radius * np.cos(angles), self.y + self.radius * np.sin(angles)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prism:
+    """An upright solid of any convex footprint standing on the ground.
+
+    Raises:
+      SettingsError: fewer than three corners, one that is not finite, corners that are not counterclockwise round a
+        convex footprint; a height that is not positive.
+    """
+
+    footprint: tuple[tuple[float, float], ...]  # [m] corners, counterclockwise, world frame
+    height: float = WALL_HEIGHT  # [m]
+
+    def __post_init__(self) -> None:
+        require(self, _positive, "a positive length in metres", ("height",), SettingsError)
+        corners = np.array(self.footprint, dtype=np.float64)
+        is_convex = corners.ndim == 2 and corners.shape[1] == 2 and len(corners) >= 3 and np.isfinite(corners).all()
+        if not is_convex or not np.all((turn := turns(corners)) >= 0.0) or turn.sum() > 3.0 * math.pi:
+            raise SettingsError(
+                f"Prism.footprint is {self.footprint!r}; accepted: three or more (x, y) [m], counterclockwise, convex"
+            )
+
+    def corners(self) -> FloatArray:
+        """Footprint, counterclockwise. Shape (n, 2) [m]."""
+        return np.array(self.footprint)
+
+
+Obstacle = Box | Cylinder | Prism
+
+
+def _positive(value: float) -> bool:
+    return 0.0 < value < math.inf

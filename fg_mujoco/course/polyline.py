@@ -1,0 +1,283 @@
+"""Closed polylines in the plane: (n, 2) points in order, the first not repeated; segment i runs to point i + 1.
+
+Everything here is plain geometry in numpy; what is a track, a wall or a lap is said elsewhere.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernels import kernel
+from ..messages import FloatArray
+
+IndexArray = NDArray[np.intp]
+
+_BLOCK = 32  # consecutive segments that share one bounding box in `nearby`: neighbours along a line are near in space
+
+
+def steps(points: FloatArray) -> FloatArray:
+    """From each point to the next, round the loop. Shape (n, 2) [m]."""
+    return np.roll(points, -1, axis=0) - points
+
+
+def step_lengths(points: FloatArray) -> FloatArray:
+    """Length of each segment. Shape (n,) [m]."""
+    return np.asarray(np.hypot(*steps(points).T))
+
+
+def segments(points: FloatArray) -> FloatArray:
+    """Both ends of each segment. Shape (n, 2, 2) [m]."""
+    return np.stack((points, np.roll(points, -1, axis=0)), axis=1)
+
+
+def turns(points: FloatArray) -> FloatArray:
+    """Change of heading at each point, left positive, within +-pi. Shape (n,) [rad]."""
+    after = steps(points)
+    before = np.roll(after, 1, axis=0)
+    return np.asarray(np.arctan2(cross(before, after), np.sum(before * after, axis=1)))
+
+
+def cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the z component of the cross product: positive where `b` is to the left of `a`. Shape (...,)."""
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
+def enclosed_area(points: FloatArray) -> float:
+    """Area inside, counterclockwise positive [m^2] (the shoelace formula)."""
+    return 0.5 * float(np.sum(cross(points, np.roll(points, -1, axis=0))))
+
+
+def nearby(first: FloatArray, second: FloatArray, reach: float = 0.0) -> tuple[IndexArray, IndexArray]:
+    """Find which segments come near each other: the candidates of any pairwise test, without all n x m of them.
+
+    Args:
+      first: shape (n, 2, 2) [m], best in order along a line.
+      second: shape (m, 2, 2) [m].
+      reach: how far apart two bounding boxes may be [m].
+
+    Returns:
+      Indices into `first` and into `second`, shape (k,) each.
+    """
+    low, high = first.min(axis=1) - reach, first.max(axis=1) + reach
+    other_low, other_high = second.min(axis=1), second.max(axis=1)
+    starts = np.arange(0, len(second), _BLOCK)
+    if len(first) == 0 or len(second) == 0:
+        return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
+    blocks_low, blocks_high = np.minimum.reduceat(other_low, starts), np.maximum.reduceat(other_high, starts)
+    boxes = low, high, other_low, other_high, blocks_low, blocks_high
+    none = np.empty(0, dtype=np.intp)
+    count = _overlaps(boxes, none, none)
+    found_first, found_second = np.empty(count, dtype=np.intp), np.empty(count, dtype=np.intp)
+    _overlaps(boxes, found_first, found_second)
+    return found_first, found_second
+
+
+@kernel
+def _overlaps(boxes: tuple[FloatArray, ...], found_first: IndexArray, found_second: IndexArray) -> int:
+    """Return how many pairs of boxes overlap, and write down as many of them as there is room for.
+
+    Boxes are low and high corners (n, 2), (m, 2) and, of each _BLOCK of the second kind, (b, 2).
+    """
+    low, high, other_low, other_high, blocks_low, blocks_high = boxes
+    count = 0
+    for i in range(len(low)):
+        left, bottom, right, top = low[i, 0], low[i, 1], high[i, 0], high[i, 1]
+        for block in range(len(blocks_low)):
+            if blocks_low[block, 0] > right or blocks_high[block, 0] < left:
+                continue
+            if blocks_low[block, 1] > top or blocks_high[block, 1] < bottom:
+                continue
+            for j in range(block * _BLOCK, min((block + 1) * _BLOCK, len(other_low))):
+                across = other_low[j, 0] <= right and other_high[j, 0] >= left
+                if across and other_low[j, 1] <= top and other_high[j, 1] >= bottom:
+                    if count < len(found_first):
+                        found_first[count], found_second[count] = i, j
+                    count += 1
+    return count
+
+
+def crossings(first: FloatArray, second: FloatArray) -> tuple[IndexArray, IndexArray]:
+    """Find the segments of `first` (n, 2, 2) that cross or touch those of `second` (m, 2, 2).
+
+    Returns:
+      Indices into `first` and into `second`, shape (k,) each.
+    """
+    i, j = nearby(first, second)
+    (a, b), (c, d) = np.moveaxis(first[i], 1, 0), np.moveaxis(second[j], 1, 0)
+    straddles = cross(b - a, c - a) * cross(b - a, d - a) <= 0.0
+    straddled = cross(d - c, a - c) * cross(d - c, b - c) <= 0.0
+    return i[straddles & straddled], j[straddles & straddled]
+
+
+def self_crossings(points: FloatArray) -> tuple[IndexArray, IndexArray]:
+    """Find the pairs of segments i < j that cross or touch, other than neighbours at their common point."""
+    own = segments(points)
+    i, j = crossings(own, own)
+    apart = (j - i > 1) & (j - i < len(points) - 1)
+    return i[apart], j[apart]
+
+
+def meeting_point(first: FloatArray, second: FloatArray) -> FloatArray | None:
+    """Where two segments (2, 2) cross or touch: shape (2,) [m]; None where they do not, or are parallel."""
+    along, other = first[1] - first[0], second[1] - second[0]
+    scale = float(cross(along, other))
+    if scale == 0.0:
+        return None
+    share = float(cross(second[0] - first[0], other)) / scale
+    other_share = float(cross(second[0] - first[0], along)) / scale
+    return first[0] + share * along if 0.0 <= share <= 1.0 and 0.0 <= other_share <= 1.0 else None
+
+
+def resample(points: FloatArray, spacing: float, *columns: FloatArray) -> tuple[FloatArray, ...]:
+    """Resample at even steps of arc length, nearest to `spacing` [m] that divide the loop; the first point stays.
+
+    Args:
+      points: shape (n, 2) [m].
+      spacing: wanted step [m].
+      columns: values at the points, shape (n,) each, interpolated linearly alongside.
+
+    Returns:
+      The new points (m, 2), then each column (m,).
+    """
+    at = np.concatenate(([0.0], np.cumsum(step_lengths(points))))
+    count = max(3, round(at[-1] / spacing))
+    wanted = np.arange(count) * (at[-1] / count)
+    x, y, *others = (np.interp(wanted, at, np.append(v, v[0])) for v in (points[:, 0], points[:, 1], *columns))
+    return np.column_stack((x, y)), *others
+
+
+def subdivide(points: FloatArray, spacing: float, *columns: FloatArray) -> tuple[FloatArray, ...]:
+    """Split segments longer than `spacing` [m] evenly; every point stays. Arguments and result as `resample`."""
+    parts = np.maximum(1, np.ceil(step_lengths(points) / spacing - 1e-9)).astype(int)
+    first = np.repeat(np.arange(len(points)), parts)
+    share = (np.arange(len(first)) - np.repeat(np.cumsum(parts) - parts, parts)) / np.repeat(parts, parts)
+    second = (first + 1) % len(points)
+    divided = (v[first] * (1.0 - share) + v[second] * share for v in (points[:, 0], points[:, 1], *columns))
+    x, y, *others = divided
+    return np.column_stack((x, y)), *others
+
+
+def simplify(points: FloatArray, tolerance: float) -> FloatArray:
+    """Drop points of a closed polyline that lie within `tolerance` [m] of what is left.
+
+    Method: Douglas and Peucker 1973, on the two halves between two far corners; the first point may go, too.
+    """
+    count = len(points)
+    points = np.roll(points, -int(np.argmax(np.hypot(*(points - points.mean(axis=0)).T))), axis=0)
+    loop = np.vstack((points, points[:1]))
+    farthest = int(np.argmax(np.hypot(*(points - points[0]).T)))
+    keep = np.zeros(count + 1, dtype=bool)
+    keep[[0, farthest, count]] = True
+    pending = [(0, farthest), (farthest, count)]
+    while pending:
+        low, high = pending.pop()
+        if high - low < 2:
+            continue
+        away = distance_to_segment(loop[low + 1 : high], loop[low], loop[high])
+        worst = int(np.argmax(away))
+        if away[worst] > tolerance:
+            middle = low + 1 + worst
+            keep[middle] = True
+            pending += [(low, middle), (middle, high)]
+    return points[keep[:count]]
+
+
+def distance_to_segment(points: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
+    """Distance of each point to its segment, `start` to `end` of shape (2,) or (n, 2). Shape (n,) [m]."""
+    along = end - start
+    squared = np.maximum(np.sum(along * along, axis=-1), 1e-300)
+    share = np.clip(np.sum((points - start) * along, axis=-1) / squared, 0.0, 1.0)
+    return np.asarray(np.hypot(*(points - start - share[..., None] * along).T))
+
+
+def rounded_polygon(corners: FloatArray, radii: FloatArray, spacing: float = 0.05) -> FloatArray:
+    """Polygon whose corners are replaced by tangent arcs.
+
+    Args:
+      corners: shape (n, 2) [m].
+      radii: radius of the arc at each corner, 0 for none. Shape (n,) [m].
+      spacing: step of the points along the arcs [m]; straight parts have none between.
+
+    Returns:
+      Shape (m, 2) [m], from the end of the first corner's arc on.
+    """
+    angle = turns(corners)
+    after = steps(corners) / step_lengths(corners)[:, None]
+    before = np.roll(after, 1, axis=0)
+    reach = radii * np.tan(np.abs(angle) / 2.0)  # from the corner to where its arc begins and ends
+    if np.any(reach + np.roll(reach, -1) > step_lengths(corners) + 1e-9):
+        raise ValueError("the arcs of two corners overlap")
+    pieces = []
+    for corner, turn, radius, inward, start in zip(corners, angle, radii, before, reach, strict=True):
+        count = max(1, math.ceil(radius * abs(turn) / spacing))
+        swept = turn * np.arange(count + 1) / count if radius > 0.0 else np.zeros(1)
+        left = math.copysign(1.0, turn) * np.array([-inward[1], inward[0]])
+        arc = radius * (np.sin(np.abs(swept))[:, None] * inward + (1.0 - np.cos(swept))[:, None] * left)
+        pieces.append(corner - start * inward + arc)
+    points = np.roll(np.concatenate(pieces), 1 - len(pieces[0]), axis=0)
+    return points[step_lengths(points) > 1e-9]
+
+
+def smooth(points: FloatArray, sigma: float, spacing: float) -> FloatArray:
+    """Even out curvature: the loop at even steps near `spacing` [m], averaged over a Gaussian of `sigma` [m].
+
+    Arcs and straights come out joined by easements; a straight longer than a few sigma stays straight.
+    """
+    (even,) = resample(points, spacing)
+    length = float(step_lengths(even).sum())
+    waves = np.fft.rfftfreq(len(even), d=length / len(even))  # [1/m]
+    kernel = np.exp(-2.0 * (np.pi * sigma * waves) ** 2)  # the transform of a Gaussian
+    return np.fft.irfft(np.fft.rfft(even, axis=0) * kernel[:, None], n=len(even), axis=0)
+
+
+def spline(points: FloatArray, spacing: float, *columns: FloatArray) -> tuple[FloatArray, ...]:
+    """Resample on the periodic cubic spline through the points, over chord length.
+
+    Arguments and result as `resample`; the columns are interpolated linearly, so that they keep their bounds.
+    """
+    chords = step_lengths(points)
+    curvature = _spline_second_derivatives(points, chords)
+    fine = 0.1 * spacing  # the linear interpolation that follows is then true to a hundredth of the spline's own bend
+    parts = np.maximum(1, np.ceil(chords / fine)).astype(int)
+    i = np.repeat(np.arange(len(points)), parts)
+    share = (np.arange(len(i)) - np.repeat(np.cumsum(parts) - parts, parts)) / np.repeat(parts, parts)
+    j, h = (i + 1) % len(points), chords[i]
+    low, high = 1.0 - share, share
+    bend_low, bend_high = (low**3 - low) * h * h / 6.0, (high**3 - high) * h * h / 6.0
+    dense = low[:, None] * points[i] + high[:, None] * points[j]
+    dense += bend_low[:, None] * curvature[i] + bend_high[:, None] * curvature[j]
+    return resample(dense, spacing, *(low * column[i] + high * column[j] for column in columns))
+
+
+def _spline_second_derivatives(points: FloatArray, chords: FloatArray) -> FloatArray:
+    """Second derivatives that make the cubic spline smooth: a cyclic tridiagonal system, by Sherman and Morrison."""
+    before = np.roll(chords, 1)
+    diagonal = 2.0 * (before + chords)
+    slopes = steps(points) / chords[:, None]
+    right = 6.0 * (slopes - np.roll(slopes, 1, axis=0))
+    corner, gamma = before[0], -diagonal[0]  # what couples the last point and the first
+    diagonal[0] -= gamma
+    diagonal[-1] -= corner * corner / gamma
+    rank_one = np.zeros((len(points), 1))
+    rank_one[0, 0], rank_one[-1, 0] = gamma, corner
+    solved = _solve_tridiagonal(before, diagonal, chords, np.hstack((right, rank_one)))
+    solution, response = solved[:, :2], solved[:, 2]
+    tied = solution[0] + solution[-1] * corner / gamma
+    solution -= response[:, None] * (tied / (1.0 + response[0] + response[-1] * corner / gamma))
+    return solution
+
+
+def _solve_tridiagonal(below: FloatArray, diagonal: FloatArray, above: FloatArray, right: FloatArray) -> FloatArray:
+    """Thomas' algorithm; `below[0]` and `above[-1]` are not used. Shapes (n,), (n,), (n,), (n, k) -> (n, k)."""
+    pivot, result = diagonal.copy(), right.copy()
+    for k in range(1, len(pivot)):
+        factor = below[k] / pivot[k - 1]
+        pivot[k] -= factor * above[k - 1]
+        result[k] -= factor * result[k - 1]
+    result[-1] /= pivot[-1]
+    for k in range(len(pivot) - 2, -1, -1):
+        result[k] = (result[k] - above[k] * result[k + 1]) / pivot[k]
+    return result

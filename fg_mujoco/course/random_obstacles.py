@@ -1,0 +1,131 @@
+"""Boxes at random places of a track that leave the car a way past them.
+
+A box stands along the track where that is wide enough and nearly straight. It leaves a gap between itself and one of
+the walls, the next one is SPACING further on, and none is near the start.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+
+from ..errors import SettingsError
+from ..messages import FloatArray
+from ..vehicle.changes import plain_car
+from ..vehicle.vehicle import car_parameters
+from .obstacles import Box
+from .polyline import turns
+from .scene import Scene
+from .track import Track
+
+GAP_IN_WIDTHS = 2.5
+"""Least width of the way past a box, in widths of the car."""
+
+SPACING = 3.0  # [m] least, along the centreline, from the middle of one box to that of the next
+CLEAR_AHEAD, CLEAR_BEHIND = 4.0, 2.0  # [m] of the start, without the middle of any box
+
+_STRAIGHT, _BEND = 1.0, 0.7  # [m] to either side of a box, and [rad] that the track turns there at most
+_SIDES = (0.2, 0.5)  # [m] length and width of a box are between
+_STEP = 0.1  # [m] of the stations along the line at which the track's width is looked at
+
+
+class ObstacleSites:
+    """Where on a track boxes may stand.
+
+    Args:
+      track: the Track.
+
+    Attributes:
+      gap: least width of the way past a box [m].
+      most: how many boxes there is room for, wherever the start is.
+    """
+
+    def __init__(self, track: Track) -> None:
+        self._track = track
+        self.gap = GAP_IN_WIDTHS * _car_width()
+        lap = np.union1d(np.linspace(0.0, track.length, math.ceil(track.length / _STEP) + 1)[:-1], track.arc_length)
+        edges = np.append(lap, track.length)  # the width is linear between two of them
+        wide = self._widths(edges).sum(axis=0) >= self.gap + _SIDES[0]
+        fits = wide & (_turned(track, edges + _STRAIGHT) - _turned(track, edges - _STRAIGHT) <= _BEND)
+        usable = np.diff(edges) * (fits[:-1] & fits[1:])
+        # two laps, so that one lap from any start is a slice
+        self._edges = np.concatenate((lap, edges + track.length))
+        self._usable = np.concatenate(([0.0], np.cumsum(np.tile(usable, 2))))  # [m] up to each edge
+        room = float(usable.sum()) - CLEAR_AHEAD - CLEAR_BEHIND
+        self.most = 0 if room < 0.0 else 1 + int(room / SPACING)
+
+    def place(self, count: int, start: float, rng: np.random.Generator) -> tuple[Box, ...]:
+        """Return boxes in the order in which a car meets them.
+
+        Args:
+          count: of the boxes.
+          start: progress of the car's start [m], any number of laps.
+          rng: what makes them random.
+
+        Raises:
+          SettingsError: more than there is room for.
+        """
+        if count > self.most:
+            raise SettingsError(f"{count} obstacles on track {self._track.name!r}; accepted: at most {self.most}")
+        if count == 0:
+            return ()
+        length = self._track.length
+        start %= length
+        # of the usable length between the clear stretches, which leave at least what `most` counts with
+        first, last = np.interp((start + CLEAR_AHEAD, start + length - CLEAR_BEHIND), self._edges, self._usable)
+        free = max(float(last - first) - (count - 1) * SPACING, 0.0)
+        along = first + np.sort(rng.random(count)) * free + SPACING * np.arange(count)
+        stations = np.interp(along, self._usable, self._edges) % length
+        lengths, widths = rng.uniform(*_SIDES, (2, count))
+        right, left = self._widths(stations)
+        widths = np.minimum(widths, right + left - self.gap)
+        way = self.gap + rng.random(count) * (right + left - widths - self.gap)  # on one side; the rest on the other
+        on_the_left = rng.random(count) < 0.5
+        offsets = np.where(on_the_left, left - way - 0.5 * widths, way + 0.5 * widths - right)
+        boxes = []
+        for s, offset, side, width in zip(*(a.tolist() for a in (stations, offsets, lengths, widths)), strict=True):
+            x, y, heading = self._track.start_pose(s, offset)
+            boxes.append(Box(x=x, y=y, length=side, width=width, heading=heading))
+        return tuple(boxes)
+
+    def _widths(self, s: FloatArray) -> FloatArray:
+        """Distances from the centreline to the right and the left wall at progress `s` (n,) [m]. Shape (2, n) [m]."""
+        track = self._track
+        widths = (track.corridor_right, track.corridor_left)
+        return np.array([np.interp(s, track.arc_length, width, period=track.length) for width in widths])
+
+
+def random_boxes(course: Track | Scene, count: int, seed: int, *, start: float = 0.0) -> tuple[Box, ...]:
+    """Return boxes at random places of a track: the same for the same arguments.
+
+    Args:
+      course: the Track.
+      count: of the boxes.
+      seed: of their places and sizes.
+      start: progress of the car's start [m].
+
+    Raises:
+      SettingsError: a scene, more than there is room for, or a number that is not whole.
+    """
+    for name, value in (("obstacles", count), ("obstacle_seed", seed)):
+        if not isinstance(value, int) or isinstance(value, bool) or value < 0:
+            raise SettingsError(f"{name} is {value!r}; accepted: a whole number from 0")
+    if count == 0:
+        return ()
+    if isinstance(course, Scene):
+        raise SettingsError(f"{count} obstacles on {course.name!r}, which has its own; accepted: on a track")
+    return ObstacleSites(course).place(count, start, np.random.default_rng(seed))
+
+
+def _turned(track: Track, s: FloatArray) -> FloatArray:
+    """Return by how much the line has turned, left and right alike, from the start to progress `s` (n,) [m] [rad]."""
+    sums = np.concatenate(([0.0], np.cumsum(np.abs(turns(track.centreline)))))
+    laps, along = np.divmod(s, track.length)
+    return np.asarray(laps * sums[-1] + sums[np.searchsorted(track.arc_length, along, side="right")])
+
+
+@lru_cache(maxsize=1)
+def _car_width() -> float:
+    return car_parameters(plain_car()).width

@@ -1,0 +1,105 @@
+"""The bundled circuits, each drawn by one recipe: `python -m fg_mujoco.course.recipes NAME [FILE]` makes it again.
+
+Without a name, all are written into `tracks/`.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import FgMujocoError, TrackError
+from .formats import write_centreline
+from .generator import EASEMENT, SPACING, GeneratorSettings, generate_track, start_on_longest_straight
+from .polyline import resample, rounded_polygon, smooth
+from .track import Track
+
+
+def oval() -> Track:
+    """Two straights of 16 m and two half circles of 4 m radius; the plainest circuit there is."""
+    return _circuit("oval", [(0, 0), (24, 0), (24, 8), (0, 8)], 4.0, 2.2)
+
+
+def l_corridor() -> Track:
+    """An L-shaped corridor of a building, 2.4 m wide, its corners square inside and out."""
+    corners = np.array([(-9, 0), (9, 0), (9, 6), (-3, 6), (-3, 15), (-9, 15)], dtype=np.float64)
+    (line,) = resample(np.roll(np.insert(corners, 1, (0, 0), axis=0), -1, axis=0), 0.25)  # divides every side
+    return _with_width("l_corridor", line, 2.4)
+
+
+def hairpins() -> Track:
+    """Five hairpins of 2 m radius, one after the other, and the straight back."""
+    corners = [(0, 0), (24, 0), (24, 18), (20, 18), (20, 4), (16, 4), (16, 18), (12, 18)]
+    corners += [(12, 4), (8, 4), (8, 18), (4, 18), (4, 6), (0, 6)]
+    return _circuit("hairpins", corners, 2.0, 2.2)
+
+
+def chicanes() -> Track:
+    """Four chicanes, to the left and to the right, between straights."""
+    corners = [(0, 0), (12, 0), (14, 2.6), (20, 2.6), (22, 0), (34, 0), (34, 14)]
+    corners += [(23, 14), (21, 11.4), (13, 11.4), (11, 14), (0, 14)]
+    radii = [4.0, 2.5, 2.5, 2.5, 2.5, 4.0, 4.0, 2.5, 2.5, 2.5, 2.5, 4.0]
+    return _circuit("chicanes", corners, radii, 2.2)
+
+
+def fast() -> Track:
+    """Long straights and sweepers of 7 to 16 m radius, 3 m wide."""
+    corners = [(0, 0), (62, -4), (74, 24), (48, 36), (40, 22), (18, 30), (-8, 26)]
+    return _circuit("fast", corners, [11.0, 14.0, 12.0, 7.0, 7.0, 16.0, 9.0], 3.0)
+
+
+def tight() -> Track:
+    """A random circuit, narrow and with corners down to 1.2 m radius: seed 11."""
+    settings = GeneratorSettings(min_length=80.0, max_length=110.0, min_width=1.6, max_width=1.7, min_radius=1.2)
+    return generate_track(11, settings, name="tight")
+
+
+RECIPES: dict[str, Callable[[], Track]] = {
+    recipe.__name__: recipe for recipe in (oval, l_corridor, hairpins, chicanes, fast, tight)
+}
+
+
+def write_bundled(name: str, path: str | Path) -> None:
+    """Write one bundled circuit, with its recipe in the header.
+
+    Raises:
+      TrackError: a name that has no recipe, or a path that cannot be written.
+    """
+    if name not in RECIPES:
+        raise TrackError(f"unknown recipe {name!r}; accepted: {', '.join(RECIPES)}")
+    description = str(RECIPES[name].__doc__)
+    header = (f"{name}: {description}", f"made by: python -m fg_mujoco.course.recipes {name}")
+    write_centreline(RECIPES[name](), path, header)
+
+
+def _circuit(name: str, corners: Sequence[tuple[float, float]], radii: float | Sequence[float], width: float) -> Track:
+    """Rounded polygon with easements, started from the middle of its longest straight."""
+    polygon = np.array(corners, dtype=np.float64)
+    line = rounded_polygon(polygon, np.broadcast_to(radii, len(polygon)).astype(np.float64))
+    (line,) = resample(start_on_longest_straight(smooth(line, EASEMENT, 0.25 * SPACING)), SPACING)
+    return _with_width(name, np.round(line, 4), width)
+
+
+def _with_width(name: str, line: np.ndarray, width: float) -> Track:
+    half = np.full(len(line), 0.5 * width)
+    return Track(name=name, centreline=line, width_right=half, width_left=half)
+
+
+def main(arguments: list[str]) -> int:
+    """Write the circuit named first to the file named second, or all of them to where the package has them."""
+    try:
+        with resources.as_file(resources.files("fg_mujoco.tracks")) as folder:
+            for name in arguments[:1] or list(RECIPES):
+                write_bundled(name, arguments[1] if len(arguments) > 1 else folder / f"{name}.csv")
+    except FgMujocoError as error:
+        print(error, file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,179 @@
+"""A scene: a way from a start to a goal among walls and obstacles, some of which may move.
+
+    scene = load_track("scene:narrow_gap_150:7")
+    result = race(scene, "gap_finder")
+
+A scene is raced where a track can be, once: the race is finished when the goal is passed, or, where the goal is to
+stop, once the car has stood still behind it. `scenes` makes those that have a name.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import SettingsError
+from ..messages import FloatArray, MapLine, read_only
+from .moving_obstacles import MovingObstacle
+from .obstacles import Obstacle
+from .track import follow
+
+BEHIND, BEYOND = 2.0, 3.0  # [m] least, of the way behind the start and beyond the goal
+STOP_TIME = 2.0  # [s] that the car has to stand still where the goal is to stop
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Scene:
+    """A way to be driven once, among solids. Progress on the way is counted from its first point.
+
+    Raises:
+      SettingsError: a way of less than two points, with one twice in a row or not finite; a start or goal without
+        BEHIND and BEYOND of way around them; a time limit that is not positive.
+    """
+
+    name: str
+    way: FloatArray  # (n, 2) [m] open
+    start: float  # [m] progress
+    goal: float  # [m] progress
+    walls: tuple[Obstacle, ...]
+    obstacles: tuple[Obstacle, ...] = ()
+    moving: tuple[MovingObstacle, ...] = ()
+    time_limit: float  # [s] of simulated time
+    goal_is_to_stop: bool = False  # behind the goal, without touching anything
+
+    def __post_init__(self) -> None:
+        way = read_only(self.way)
+        if way.ndim != 2 or way.shape[1] != 2 or len(way) < 2 or not np.isfinite(way).all():
+            raise SettingsError(
+                f"scene {self.name!r} has a way of shape {way.shape}; accepted: (n, 2), n from 2, finite"
+            )
+        object.__setattr__(self, "way", way)
+        if not np.all(self._steps[1] > 0.0):
+            raise SettingsError(
+                f"a point of the way of scene {self.name!r} repeats the one before; accepted: each once"
+            )
+        slack = 1e-9  # of sums
+        if not BEHIND - slack <= self.start < self.goal <= self.way_length - BEYOND + slack:
+            raise SettingsError(
+                f"scene {self.name!r} starts at {self.start:.2f} m and has its goal at {self.goal:.2f} m of a way of "
+                f"{self.way_length:.2f} m; accepted: in this order, {BEHIND} m behind the start, {BEYOND} m beyond the "
+                "goal"
+            )
+        if not 0.0 < self.time_limit < math.inf:
+            raise SettingsError(
+                f"scene {self.name!r} has time limit {self.time_limit!r} s; accepted: a positive number"
+            )
+
+    @property
+    def length(self) -> float:
+        """From the start to the goal [m]."""
+        return self.goal - self.start
+
+    @property
+    def way_length(self) -> float:
+        """Of the whole way [m]."""
+        return float(self._steps[1].sum())
+
+    @property
+    def modulus(self) -> float:
+        """More than twice the way, so that progress never wraps [m]."""
+        return 4.0 * self.way_length
+
+    @property
+    def origin(self) -> float | None:
+        """Progress of a race is counted from the start [m]."""
+        return self.start
+
+    @property
+    def most_laps(self) -> int | None:
+        """From the start to the goal, once."""
+        return 1
+
+    @property
+    def stop_time(self) -> float:
+        """That the car has to stand still behind the goal [s]."""
+        return STOP_TIME if self.goal_is_to_stop else 0.0
+
+    def longest_race(self, laps: int) -> float:
+        """Return the scene's time limit [s]."""
+        return self.time_limit
+
+    @cached_property
+    def bounds(self) -> FloatArray:
+        """Least and greatest x and y of the walls, obstacles and the way. Shape (2, 2) [m], read-only."""
+        points = np.concatenate([self.way, *(solid.corners() for solid in (*self.walls, *self.obstacles))])
+        return read_only(np.stack((points.min(axis=0), points.max(axis=0))))
+
+    @cached_property
+    def map_line(self) -> MapLine:
+        """What a planner with a map is told: the way."""
+        return MapLine(points=self.way, closed=False)
+
+    @cached_property
+    def arc_length(self) -> FloatArray:
+        """Progress at each point of the way. Shape (n,) [m], read-only."""
+        return read_only(np.concatenate(([0.0], np.cumsum(self._steps[1]))))
+
+    @cached_property
+    def table(self) -> FloatArray:
+        """What `follow` searches: s, x, y, dx, dy, length^2 of each segment of the way. Shape (6, n - 1), read-only."""
+        ahead, lengths = self._steps
+        return read_only(np.vstack((self.arc_length[:-1], self.way[:-1].T, ahead.T, lengths * lengths)))
+
+    def position(self, s: ArrayLike, offset: ArrayLike = 0.0) -> FloatArray:
+        """Points `s` [m] from the start along the way, `offset` [m] to its left; beyond its ends it goes straight on.
+
+        Args and result broadcast: shapes (...) -> (..., 2) [m].
+        """
+        s, offset = np.broadcast_arrays(np.asarray(s, float) + self.start, np.asarray(offset, float))
+        ahead, lengths = self._steps
+        i = np.clip(np.searchsorted(self.arc_length, s, side="right") - 1, 0, len(lengths) - 1)
+        along = (ahead / lengths[:, None])[i]
+        left = np.stack((-along[..., 1], along[..., 0]), axis=-1)
+        return np.asarray(self.way[i] + (s - self.arc_length[i])[..., None] * along + offset[..., None] * left)
+
+    def start_pose(self, s: float = 0.0, offset: float = 0.0) -> tuple[float, float, float]:
+        """Pose `s` [m] from the start along the way, `offset` [m] to its left: x [m], y [m], heading [rad]."""
+        x, y = self.position(s, offset)
+        ahead, lengths = self._steps
+        i = np.clip(np.searchsorted(self.arc_length, s + self.start, side="right") - 1, 0, len(lengths) - 1)
+        return float(x), float(y), math.atan2(ahead[i, 1], ahead[i, 0])
+
+    def project(self, points: ArrayLike, near: float | ArrayLike | None = None) -> tuple[FloatArray, FloatArray]:
+        """Progress on the way, counted from its first point, and offset of points: its nearest place.
+
+        Args:
+          points: shape (k, 2) [m].
+          near: progress that each point had shortly before, a number or shape (k,) [m]; as in `Track.project`.
+
+        Returns:
+          Progress and offset, left positive. Shape (k,) [m] each.
+        """
+        points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
+        if near is None:
+            near = self._nearest(points)
+        hints = np.broadcast_to(np.asarray(near, float), len(points)).tolist()
+        rows = [
+            follow(x, y, hint, self.table, self.modulus) for (x, y), hint in zip(points.tolist(), hints, strict=True)
+        ]
+        found = np.array(rows, dtype=np.float64).reshape(-1, 2)
+        return found[:, 0], found[:, 1]
+
+    def _nearest(self, points: FloatArray) -> FloatArray:
+        """Progress of the nearest place of the whole way. Shape (k,) [m]."""
+        starts, _, _, _, _, squared = self.table
+        ahead, lengths = self._steps
+        away = points[:, None] - self.way[:-1]
+        share = np.clip(np.sum(away * ahead, axis=2) / squared, 0.0, 1.0)
+        best = np.argmin(np.sum((away - share[..., None] * ahead) ** 2, axis=2), axis=1)
+        return np.asarray(starts[best] + share[np.arange(len(points)), best] * lengths[best])
+
+    @cached_property
+    def _steps(self) -> tuple[FloatArray, FloatArray]:
+        """From each point of the way to the next (n - 1, 2), and how far that is (n - 1,) [m]."""
+        ahead = np.diff(self.way, axis=0)
+        return ahead, np.asarray(np.hypot(*ahead.T))

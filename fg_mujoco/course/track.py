@@ -1,0 +1,294 @@
+"""A track: a closed centreline with a width to either side; progress s along it and lateral offset n of a point.
+
+    track = load_track("oval")
+    x, y, heading = track.start_pose()
+    s, offset = track.project(np.array([[x, y]]))
+
+All arrays are read-only; what is computed from the line is computed once.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import TrackError
+from ..kernels import kernel
+from ..messages import FloatArray, MapLine, read_only
+from ..simulation.race_rules import default_time_limit
+from .polyline import cross, self_crossings, step_lengths, steps, turns
+from .track_walls import MAX_TURN, shared_widths, wall_lines
+
+MIN_POINTS = 4  # three make a triangle, which tells nothing of a circuit
+
+_SEARCH = 1.5  # [m] to either side of the previous progress; a car at 20 m/s does 0.5 m in a tick of 25 ms
+_CHUNK = 256  # points projected at once against the whole line, to bound the memory
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Track:
+    """A circuit, driven in the order of its points.
+
+    Raises:
+      TrackError: when made, fewer than 4 points, a number that is not finite, a width that is not positive, a point
+        twice in a row, a line that turns back or crosses itself, or stretches that run over each other. When its
+        walls are asked for, corners that leave no room for the inner one.
+    """
+
+    name: str
+    centreline: FloatArray  # (n, 2) [m] closed, the first point not repeated
+    width_right: FloatArray  # (n,) [m] from the centreline to the right wall
+    width_left: FloatArray  # (n,) [m] to the left wall
+
+    def __post_init__(self) -> None:
+        line = read_only(self.centreline)
+        if line.ndim != 2 or line.shape[1] != 2 or len(line) < MIN_POINTS:
+            raise TrackError(f"a centreline of shape {line.shape}; accepted: (n, 2) with at least {MIN_POINTS} points")
+        object.__setattr__(self, "centreline", line)
+        for side in ("width_right", "width_left"):
+            width = read_only(getattr(self, side))
+            if width.shape != (len(line),):
+                raise TrackError(f"{side} has shape {width.shape}; accepted: ({len(line)},), one for each point")
+            if not np.all((width > 0.0) & (width < math.inf)):
+                bad = int(np.flatnonzero(~((width > 0.0) & (width < math.inf)))[0])
+                raise TrackError(f"{side} is {width[bad]} m at point {bad}; accepted: a positive number")
+            object.__setattr__(self, side, width)
+        _check_line(line)
+        _ = self._corridor  # refuses stretches that run over each other
+
+    @property
+    def corridor_right(self) -> FloatArray:
+        """To the right wall, less what another stretch that runs alongside takes. Shape (n,) [m], read-only."""
+        return self._corridor[0]
+
+    @property
+    def corridor_left(self) -> FloatArray:
+        """To the left wall, less what another stretch that runs alongside takes. Shape (n,) [m], read-only."""
+        return self._corridor[1]
+
+    @cached_property
+    def length(self) -> float:
+        """Length of one lap on the centreline [m]."""
+        return float(step_lengths(self.centreline).sum())
+
+    @property
+    def modulus(self) -> float:
+        """What progress is counted modulo: the length [m]."""
+        return self.length
+
+    @property
+    def origin(self) -> float | None:
+        """Progress of a race is counted from where the car is first seen."""
+        return None
+
+    @property
+    def most_laps(self) -> int | None:
+        """Any number of laps can be driven."""
+        return None
+
+    @property
+    def stop_time(self) -> float:
+        """Nobody has to stop at the line [s]."""
+        return 0.0
+
+    def longest_race(self, laps: int) -> float:
+        """Return how long a race may last: what a car as slow as SLOWEST_RACE needs [s]."""
+        return default_time_limit(laps, self.length)
+
+    @cached_property
+    def bounds(self) -> FloatArray:
+        """Least and greatest x and y of the centreline. Shape (2, 2) [m], read-only."""
+        return read_only(np.stack((self.centreline.min(axis=0), self.centreline.max(axis=0))))
+
+    @cached_property
+    def arc_length(self) -> FloatArray:
+        """Progress at each point, 0 at the first. Shape (n,) [m], read-only."""
+        return read_only(np.concatenate(([0.0], np.cumsum(step_lengths(self.centreline))[:-1])))
+
+    @cached_property
+    def headings(self) -> FloatArray:
+        """Heading at each point: between those of its two segments. Shape (n,) [rad] in +-pi, read-only."""
+        heading = np.arctan2(*steps(self.centreline).T[::-1]) - 0.5 * turns(self.centreline)
+        return read_only(np.arctan2(np.sin(heading), np.cos(heading)))
+
+    @cached_property
+    def curvature(self) -> FloatArray:
+        """Curvature at each point, left positive: turn over half the two segments. Shape (n,) [1/m], read-only."""
+        lengths = step_lengths(self.centreline)
+        return read_only(turns(self.centreline) / (0.5 * (lengths + np.roll(lengths, 1))))
+
+    @cached_property
+    def map_line(self) -> MapLine:
+        """What a planner with a map is told."""
+        return MapLine(points=self.centreline, closed=True)
+
+    @property
+    def left_wall(self) -> FloatArray:
+        """Inner face of the left wall, closed, in driving order from anywhere. Shape (m, 2) [m], read-only."""
+        return self._walls[1]
+
+    @property
+    def right_wall(self) -> FloatArray:
+        """Inner face of the right wall, closed, in driving order from anywhere. Shape (k, 2) [m], read-only."""
+        return self._walls[0]
+
+    @property
+    def islands(self) -> tuple[FloatArray, ...]:
+        """Outlines of what stands between the walls, counterclockwise; none where walls are those of the widths."""
+        return ()
+
+    @property
+    def definition(self) -> tuple[FloatArray, ...]:
+        """All that makes it what it is: line and widths."""
+        return self.centreline, self.width_right, self.width_left
+
+    @cached_property
+    def _corridor(self) -> tuple[FloatArray, FloatArray]:
+        right, left = shared_widths(self.centreline, self.width_right, self.width_left)
+        return read_only(right), read_only(left)
+
+    @cached_property
+    def _walls(self) -> tuple[FloatArray, FloatArray]:
+        return wall_lines(self.centreline, self.corridor_right, self.corridor_left)
+
+    def position(self, s: ArrayLike, offset: ArrayLike) -> FloatArray:
+        """Point at progress `s` [m], any number of laps, and `offset` [m] to the left of the centreline.
+
+        Args and result broadcast: shapes (...) -> (..., 2) [m]. The inverse of `project` where one segment is
+        nearest; in the wedge outside a corner point, `project` answers the corner.
+        """
+        s, offset = np.broadcast_arrays(np.asarray(s, float) % self.length, np.asarray(offset, float))
+        i = np.searchsorted(self.arc_length, s, side="right") - 1
+        ahead = (steps(self.centreline) / step_lengths(self.centreline)[:, None])[i]
+        left = np.stack((-ahead[..., 1], ahead[..., 0]), axis=-1)
+        return np.asarray(self.centreline[i] + (s - self.arc_length[i])[..., None] * ahead + offset[..., None] * left)
+
+    def start_pose(self, s: float = 0.0, offset: float = 0.0) -> tuple[float, float, float]:
+        """Pose at progress `s` [m], `offset` [m] to the left of the centreline, along it: x [m], y [m], heading [rad].
+
+        The heading runs evenly from that of one point to that of the next.
+        """
+        x, y = self.position(s, offset)
+        i = int(np.searchsorted(self.arc_length, s % self.length, side="right")) - 1
+        share = (s % self.length - self.arc_length[i]) / step_lengths(self.centreline)[i]
+        turn = math.remainder(self.headings[(i + 1) % len(self.headings)] - self.headings[i], 2.0 * math.pi)
+        return float(x), float(y), math.remainder(self.headings[i] + share * turn, 2.0 * math.pi)
+
+    def project(self, points: ArrayLike, near: float | ArrayLike | None = None) -> tuple[FloatArray, FloatArray]:
+        """Progress and lateral offset of points: the nearest place of the centreline.
+
+        Args:
+          points: shape (k, 2) [m].
+          near: progress that each point had shortly before, a number or shape (k,) [m]. The search starts there and
+            goes along the line, so that a stretch that runs close by is never taken for this one. Without it, a
+            stretch in whose corridor the point lies is preferred to one whose centreline is merely nearer.
+
+        Returns:
+          s in [0, length), and the offset, left positive. Shape (k,) [m] each.
+        """
+        points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
+        if near is not None:
+            hints = np.broadcast_to(np.asarray(near, float), len(points)).tolist()
+            rows = [
+                follow(x, y, hint, self.table, self.length) for (x, y), hint in zip(points.tolist(), hints, strict=True)
+            ]
+            found = np.array(rows, dtype=np.float64).reshape(-1, 2)
+            return found[:, 0], found[:, 1]
+        found = np.empty((2, len(points)))
+        for k in range(0, len(points), _CHUNK):
+            found[:, k : k + _CHUNK] = self._locate(points[k : k + _CHUNK])
+        return found[0], found[1]
+
+    def _locate(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Project (k, 2) points with no hint, against all segments."""
+        ahead = steps(self.centreline)
+        away = points[:, None] - self.centreline
+        share = np.clip(np.sum(away * ahead, axis=2) / np.sum(ahead * ahead, axis=1), 0.0, 1.0)
+        foot = away - share[..., None] * ahead
+        distance = np.hypot(foot[..., 0], foot[..., 1])
+        is_left = cross(ahead, away) >= 0.0
+        width = np.where(is_left, self.corridor_left, self.corridor_right)
+        next_width = np.where(is_left, np.roll(self.corridor_left, -1), np.roll(self.corridor_right, -1))
+        outside = distance > (1.0 - share) * width + share * next_width
+        everywhere_outside = outside.all(axis=1, keepdims=True)
+        best = np.argmin(np.where(outside & ~everywhere_outside, np.inf, distance), axis=1)
+        k = np.arange(len(points))
+        s = self.arc_length[best] + share[k, best] * step_lengths(self.centreline)[best]
+        return s % self.length, np.where(is_left[k, best], 1.0, -1.0) * distance[k, best]
+
+    @cached_property
+    def table(self) -> FloatArray:
+        """What `follow` searches: s, x, y, dx, dy, length^2 of each segment, shape (6, 3 n), read-only.
+
+        From a lap before the line to two after, so that a window about any progress in [0, length) is one slice.
+        """
+        ahead = steps(self.centreline)
+        lap = np.vstack((self.arc_length, self.centreline.T, ahead.T, np.sum(ahead * ahead, axis=1)))
+        table = np.tile(lap, 3)
+        table[0] += self.length * np.repeat((-1.0, 0.0, 1.0), len(ahead))
+        return read_only(table)
+
+
+@kernel
+def follow(x: float, y: float, near: float, table: FloatArray, modulus: float) -> tuple[float, float]:
+    """Project one point from a hint: the nearest in a window, which moves on while the nearest is at its edge.
+
+    Args:
+      x, y: the point [m].
+      near: its progress shortly before [m].
+      table: `Course.table`.
+      modulus: `Course.modulus` [m].
+
+    Returns:
+      Progress in [0, modulus) [m], and the offset [m], left positive.
+    """
+    starts = table[0]
+    s, offset = near, 0.0
+    for _ in range(math.ceil(modulus / _SEARCH)):
+        centre = s % modulus
+        first = max(int(np.searchsorted(starts, centre - _SEARCH, side="right")) - 1, 0)
+        nearest = math.inf
+        for i in range(first, len(starts)):
+            if starts[i] > centre + _SEARCH:
+                break
+            away_x, away_y, step_x, step_y = x - table[1, i], y - table[2, i], table[3, i], table[4, i]
+            share = min(max((away_x * step_x + away_y * step_y) / table[5, i], 0.0), 1.0)
+            foot_x, foot_y = away_x - share * step_x, away_y - share * step_y
+            squared = foot_x * foot_x + foot_y * foot_y
+            if squared < nearest:
+                nearest = squared
+                s = starts[i] + share * math.sqrt(table[5, i])
+                offset = math.copysign(math.sqrt(squared), step_x * away_y - step_y * away_x)
+        if abs(s - centre) < 0.9 * _SEARCH:
+            break
+    return s % modulus, offset
+
+
+def _check_line(line: FloatArray) -> None:
+    """Raise TrackError for a line that no corridor can follow."""
+    if not np.isfinite(line).all():
+        bad = int(np.flatnonzero(~np.isfinite(line).all(axis=1))[0])
+        raise TrackError(f"the centreline is {tuple(line[bad].tolist())} at point {bad}; accepted: finite numbers")
+    lengths = step_lengths(line)
+    if not np.all(lengths > 0.0):
+        bad = int(np.argmin(lengths))
+        raise TrackError(f"point {(bad + 1) % len(line)} of the centreline repeats point {bad}; accepted: each once")
+    i, j = self_crossings(line)
+    if len(i):
+        (x, y), first, second = line[i[0]], int(i[0]), int(j[0])
+        raise TrackError(
+            f"the centreline crosses itself near ({x:.2f}, {y:.2f}): between points {first} and {first + 1}, and again "
+            f"between points {second} and {(second + 1) % len(line)}; accepted: a line that never crosses itself"
+        )
+    sharpest = int(np.argmax(np.abs(turns(line))))
+    turn = math.degrees(turns(line)[sharpest])
+    if abs(turn) > math.degrees(MAX_TURN):
+        (x, y) = line[sharpest]
+        raise TrackError(
+            f"the centreline turns back by {turn:.0f} deg at point {sharpest}, ({x:.2f}, {y:.2f}); accepted: at most "
+            f"{math.degrees(MAX_TURN):.0f} deg at one point"
+        )

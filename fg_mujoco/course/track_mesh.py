@@ -1,0 +1,125 @@
+"""The walls of a track in 3D: convex pieces for contact, and one mesh of the same pieces for rays and pictures.
+
+Each segment of a wall's polyline becomes one prism that stands on the ground: its inner face is the segment itself,
+its ends lean along the bisectors at the segment's ends, so that neighbours meet without gap or overlap, and its back
+is parallel to its face. Where there is no room for the full thickness (a sharp tip, another stretch close behind) a
+piece is thinner. What is seen is what is hit, for both come from `wall_prisms`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import SettingsError
+from ..messages import FloatArray
+from .polyline import crossings, segments, step_lengths, steps, turns
+from .track import Track
+
+if TYPE_CHECKING:
+    import trimesh
+
+WALL_HEIGHT = 0.3  # [m] over the LiDAR's beams; the air ducts of RoboRacer tracks are 0.2 to 0.33 m
+WALL_THICKNESS = 0.05  # [m] 2.5 times what a car at 8 m/s moves in a physics step of 2.5 ms
+
+_MAX_LEAN = np.tan(np.deg2rad(60.0))  # of an end that leans out, behind a corner: a longer spike serves nobody
+_TAPER = 0.8  # share of the height at which leaning ends would meet that a piece may have
+_HALVINGS = 40  # of a piece's thickness, from 5 cm to less than a float can tell apart
+
+# Corners of a prism: the inner face's bottom edge 0-1, the back's 2-3, counterclockwise from above; 4-7 above 0-3.
+_FRONT, _BACK, _TOP = ((0, 1, 5), (0, 5, 4)), ((2, 3, 7), (2, 7, 6)), ((4, 5, 6), (4, 6, 7))
+_ENDS = (((1, 2, 6), (1, 6, 5)), ((3, 0, 4), (3, 4, 7)))
+
+
+def wall_prisms(track: Track, height: float = WALL_HEIGHT, thickness: float = WALL_THICKNESS) -> FloatArray:
+    """Convex pieces of the walls, one for each segment of `left_wall`, then of `right_wall`, then of the islands.
+
+    Args:
+      track: the circuit.
+      height: of the walls over the ground [m].
+      thickness: of the walls, behind their inner faces [m]; less where there is no room.
+
+    Returns:
+      Corners of each piece, shape (m, 8, 3) [m]: 0 and 1 the bottom edge of the inner face, 2 and 3 that of the back,
+      counterclockwise from above; 4 to 7 above 0 to 3.
+
+    Raises:
+      SettingsError: a height or thickness that is not positive.
+    """
+    for name, value in (("height", height), ("thickness", thickness)):
+        if not 0.0 < value < np.inf:
+            raise SettingsError(f"{name} of the walls is {value!r} m; accepted: a positive number")
+    mirror = np.array([1.0, -1.0])  # the right wall is the left wall of the mirrored track, and turns the other way
+    left = wall_footprints(track.left_wall, thickness)
+    right = wall_footprints(track.right_wall * mirror, thickness)[:, [1, 0, 3, 2]] * mirror
+    feet = np.concatenate((left, right, *(wall_footprints(island, thickness) for island in track.islands)))
+    ground = np.zeros((*feet.shape[:2], 1))
+    return np.concatenate((np.dstack((feet, ground)), np.dstack((feet, ground + height))), axis=1)
+
+
+def wall_mesh(track: Track, height: float = WALL_HEIGHT, thickness: float = WALL_THICKNESS) -> trimesh.Trimesh:
+    """All walls as one mesh, that of `wall_surface`. Arguments and errors as `wall_prisms`."""
+    import trimesh  # heavy, and a world can do without
+
+    vertices, faces = wall_surface(track, height, thickness)
+    return trimesh.Trimesh(vertices=vertices, faces=faces, process=False)
+
+
+def wall_surface(
+    track: Track, height: float = WALL_HEIGHT, thickness: float = WALL_THICKNESS
+) -> tuple[FloatArray, NDArray[np.intp]]:
+    """Vertices (v, 3) [m] and triangles (t, 3) of the faces of `wall_prisms` that can be seen, normals outward.
+
+    Left out are the undersides, and the ends where two pieces meet. Arguments and errors as `wall_prisms`.
+    """
+    prisms = wall_prisms(track, height, thickness)
+    first = 8 * np.arange(len(prisms))[:, None, None]
+    faces = [(first + np.array(face)).reshape(-1, 3) for face in (_FRONT, _BACK, _TOP)]
+    seams = np.concatenate((prisms[:, [1, 2], :2], prisms[:, [0, 3], :2])).reshape(-1, 4)
+    _, which, count = np.unique(np.round(seams, 9), axis=0, return_inverse=True, return_counts=True)
+    open_ends = (count[which.ravel()] == 1).reshape(2, -1)
+    faces += [(first[bare] + np.array(end)).reshape(-1, 3) for bare, end in zip(open_ends, _ENDS, strict=True)]
+    return prisms.reshape(-1, 3), np.concatenate(faces)
+
+
+def wall_footprints(wall: FloatArray, thickness: float = WALL_THICKNESS) -> FloatArray:
+    """Footprint of each piece of a closed wall (m, 2) [m] whose solid is to its left: segment, then back.
+
+    Shape (m, 4, 2) [m], counterclockwise.
+    """
+    lengths = step_lengths(wall)
+    ahead = steps(wall) / lengths[:, None]
+    lean = np.minimum(-np.tan(0.5 * turns(wall)), _MAX_LEAN)  # of the ends at each point, out positive
+    lean_end = np.roll(lean, -1)
+    depth = np.full(len(wall), thickness)
+    narrowing = -(lean + lean_end)
+    tapers = narrowing > 0.0
+    depth[tapers] = np.minimum(thickness, _TAPER * lengths[tapers] / narrowing[tapers])
+    for _ in range(_HALVINGS):
+        feet = _trapezoids(wall, ahead, depth, lean, lean_end)
+        blocked = _reach_another(feet, wall)
+        if len(blocked) == 0:
+            break
+        depth[blocked] *= 0.5
+    return feet
+
+
+def _trapezoids(
+    wall: FloatArray, ahead: FloatArray, depth: FloatArray, lean: FloatArray, lean_end: FloatArray
+) -> FloatArray:
+    left, depth = np.column_stack((-ahead[:, 1], ahead[:, 0])), depth[:, None]
+    end = np.roll(wall, -1, axis=0)
+    back_end = end + depth * (left + lean_end[:, None] * ahead)
+    back_start = wall + depth * (left - lean[:, None] * ahead)
+    return np.stack((wall, end, back_end, back_start), axis=1)
+
+
+def _reach_another(feet: FloatArray, wall: FloatArray) -> np.ndarray:
+    """Find the pieces whose back or ends cross a segment of the wall other than their own and its neighbours."""
+    count = len(wall)
+    edges = np.concatenate((feet[:, [1, 2]], feet[:, [2, 3]], feet[:, [3, 0]]))
+    i, j = crossings(edges, segments(wall))
+    apart = (j - i + 1) % count > 2
+    return np.unique(i[apart] % count)

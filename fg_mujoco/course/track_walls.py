@@ -1,0 +1,200 @@
+"""From a centreline and its widths to the inner faces of the walls: two closed polylines that do not cross.
+
+The corridor is what the widths sweep, square to the line. Two things make its edge more than an offset of the line:
+
+- in a corner tighter than the corridor is wide, the inner offset folds over itself; what lies in the corridor of
+  another part of the line is no wall, and the fold is cut off where its two arms meet;
+- where two stretches of the circuit run so close that their corridors would overlap, there would be no wall between
+  them; they share the room in proportion to their widths, with a wall of `SHARED_WALL` between.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import TrackError
+from ..messages import FloatArray, read_only
+from .polyline import (
+    IndexArray,
+    cross,
+    crossings,
+    distance_to_segment,
+    enclosed_area,
+    meeting_point,
+    nearby,
+    segments,
+    self_crossings,
+    simplify,
+    step_lengths,
+    steps,
+    subdivide,
+    turns,
+)
+
+BoolArray = NDArray[np.bool_]
+
+SHARED_WALL = 0.05  # [m] left between two stretches that share the room between them
+WALL_TOLERANCE = 0.005  # [m] how far a wall may stray from the edge of the corridor, to be of fewer pieces; a
+# UST-10LX measures to 40 mm (Hokuyo data sheet)
+STRETCH_WIDTHS = 3.0  # two places are different stretches when farther apart along the line than this many times
+# the sum of their half widths; nearer ones are one corner, which needs no wall between its arms
+
+_SAMPLING = 0.25  # [m] at most, between the points of the line that walls are offset from
+_TOUCH = 1e-6  # [m] a point this near to the edge of a corridor is on it
+MAX_TURN = np.deg2rad(120.0)  # at one point of the line: sharper ones turn back on themselves
+
+
+def wall_lines(centreline: FloatArray, right: FloatArray, left: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Inner faces of the right and the left wall of a closed line.
+
+    Args:
+      centreline: shape (n, 2) [m], first point not repeated.
+      right: distance from the line to the right wall. Shape (n,) [m].
+      left: to the left wall. Shape (n,) [m].
+
+    Returns:
+      Closed polylines in driving order, shapes (k, 2) and (m, 2) [m], read-only, within `WALL_TOLERANCE` of the
+      corridor's edge.
+
+    Raises:
+      TrackError: a corner so tight and a corridor so wide that there is no room for a wall inside.
+    """
+    line, right, left = subdivide(centreline, _SAMPLING, right, left)
+    mirror = np.array([1.0, -1.0])  # the right side is the left side of the mirrored line
+    return (
+        read_only(_left_wall(line * mirror, right, "right") * mirror),
+        read_only(_left_wall(line, left, "left")),
+    )
+
+
+def shared_widths(centreline: FloatArray, right: FloatArray, left: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Widths to the right and to the left, less what stretches that run side by side take from each other.
+
+    Arguments as `wall_lines`; shapes (n,) [m].
+
+    Raises:
+      TrackError: a stretch whose wall would lie beyond the centreline of another.
+    """
+    pairs = _stretch_pairs(centreline, np.maximum(right, left))
+    return _share(centreline, right, -1.0, pairs), _share(centreline, left, 1.0, pairs)
+
+
+def _stretch_pairs(line: FloatArray, widths: FloatArray) -> tuple[IndexArray, IndexArray]:
+    """Points i and segments j of other stretches that are near enough for their corridors to meet."""
+    i, j = nearby(np.stack((line, line), axis=1), segments(line), 2.0 * float(widths.max()) + SHARED_WALL)
+    lengths = step_lengths(line)
+    at = np.cumsum(lengths) - lengths
+    to_ends = np.abs(at[i] - [at[j], (at + lengths)[j]])
+    apart = np.minimum(to_ends, lengths.sum() - to_ends).min(axis=0)
+    other = apart > STRETCH_WIDTHS * (widths[i] + widths[j])
+    return i[other], j[other]
+
+
+def _share(line: FloatArray, widths: FloatArray, side: float, pairs: tuple[IndexArray, IndexArray]) -> FloatArray:
+    i, j = pairs
+    start, end = line[j], np.roll(line, -1, axis=0)[j]
+    heading = np.roll(line, -1, axis=0)[i] - np.roll(line, 1, axis=0)[i]
+    facing = side * cross(heading, 0.5 * (start + end) - line[i]) > 0.0
+    i, j, start, end = i[facing], j[facing], start[facing], end[facing]
+    distance = distance_to_segment(line[i], start, end)
+    reached = np.flatnonzero(distance <= widths[i])
+    if len(reached):
+        worst = reached[np.argmin(distance[reached])]
+        (x, y), name = line[i[worst]], "left" if side > 0.0 else "right"
+        raise TrackError(
+            f"the track runs over itself: at ({x:.2f}, {y:.2f}), point {i[worst]}, its {name} wall would be "
+            f"{widths[i[worst]]:.2f} m away, but the centreline comes by again, at point {j[worst]}, at "
+            f"{distance[worst]:.2f} m; accepted: stretches that run at least their widths apart"
+        )
+    share = (distance - SHARED_WALL) / (widths[i] + np.maximum(widths[j], np.roll(widths, -1)[j]))
+    narrowed = widths.copy()
+    np.minimum.at(narrowed, i, widths[i] * share)
+    return narrowed
+
+
+def _left_wall(line: FloatArray, widths: FloatArray, name: str) -> FloatArray:
+    half_turn = 0.5 * turns(line)
+    heading = np.arctan2(*steps(line).T[::-1]) - half_turn  # of the bisector at each point
+    mitre = np.column_stack((-np.sin(heading), np.cos(heading))) / np.cos(half_turn)[:, None]
+    wall = line + widths[:, None] * mitre  # its distance to both segments at the point is the width
+    wall = _cut_off(wall, *_runs(_in_corridor(wall, line, widths, half_turn)))
+    folds = True
+    while folds and len(wall) >= 3:  # what jumps of the widths leave: folds outside of every corridor
+        wall = wall[step_lengths(wall) > _TOUCH]
+        i, j = self_crossings(wall)
+        back_and_forth = _zigzags(turns(wall))
+        folds = len(i) > 0 or bool(back_and_forth.any())
+        wall = _cut_off(wall, *_shorter_loops(i, j, len(wall))) if len(i) else wall[~back_and_forth]
+    turned_over = enclosed_area(wall) * enclosed_area(line) <= 0.0
+    if len(wall) < 3 or turned_over or len(crossings(segments(wall), segments(line))[0]):
+        raise TrackError(
+            f"there is no room for the {name} wall: the track's corners are tighter than its corridor is wide; "
+            f"accepted: a loop wider than its corridor"
+        )
+    fewer = simplify(wall, WALL_TOLERANCE)
+    return wall if len(self_crossings(fewer)[0]) else fewer
+
+
+def _in_corridor(wall: FloatArray, line: FloatArray, widths: FloatArray, half_turn: FloatArray) -> BoolArray:
+    """Which points of the left wall, one for each of the line, lie in the corridor of another part of the line.
+
+    The corridor of a segment is the trapezoid on it; on the outside of a corner it leans out to meet the next one.
+    """
+    i, j = nearby(np.stack((wall, wall), axis=1), segments(line), 2.0 * float(widths.max()))
+    neighbour = (i == j) | (i == (j + 1) % len(line))
+    i, j = i[~neighbour], j[~neighbour]
+    lengths = step_lengths(line)
+    ahead = steps(line)[j] / lengths[j, None]
+    along = np.sum((wall[i] - line[j]) * ahead, axis=1)
+    aside = cross(ahead, wall[i] - line[j])
+    share = np.clip(along / lengths[j], 0.0, 1.0)
+    edge = (1.0 - share) * widths[j] + share * np.roll(widths, -1)[j]
+    lean = np.maximum(-np.tan(half_turn), 0.0)
+    between = (along >= -lean[j] * aside) & (along <= lengths[j] + np.roll(lean, -1)[j] * aside)
+    inside = np.zeros(len(wall), dtype=bool)
+    inside[i[between & (aside > 0.0) & (aside < edge - _TOUCH)]] = True
+    return inside
+
+
+def _runs(marked: BoolArray) -> tuple[IndexArray, IndexArray]:
+    """First point and number of points of each run of marked ones, round the loop. Shape (k,) each."""
+    if marked.all():
+        return np.zeros(1, dtype=np.intp), np.full(1, len(marked))
+    first = np.flatnonzero(marked & ~np.roll(marked, 1))
+    after = np.flatnonzero(~marked & np.roll(marked, 1))
+    if len(first) and after[0] < first[0]:
+        after = np.roll(after, -1)
+    return first, (after - first) % len(marked)
+
+
+def _zigzags(turn: FloatArray) -> BoolArray:
+    """Mark the points at which a line turns back and those at which it turns forth again next. Shape (n,)."""
+    back = np.where(np.abs(turn) > MAX_TURN, np.sign(turn), 0.0)
+    first = back * np.roll(back, -1) < 0.0
+    return np.asarray(first | np.roll(first, 1))
+
+
+def _shorter_loops(i: IndexArray, j: IndexArray, count: int) -> tuple[IndexArray, IndexArray]:
+    """First point and number of points of the shorter loop that each crossing of segments i < j makes.
+
+    That one is a fold: stretches far apart along the line do not meet, for they share the room between them.
+    """
+    forward = j - i <= count // 2
+    return (np.where(forward, i, j) + 1) % count, np.where(forward, j - i, count - j + i)
+
+
+def _cut_off(wall: FloatArray, first: IndexArray, size: IndexArray) -> FloatArray:
+    """Take out runs of points, the longest first; where the arms that led in and out cross, put their corner."""
+    count = len(wall)
+    gone = np.zeros(count, dtype=bool)
+    corners, arms = wall.copy(), segments(wall)
+    for k in np.argsort(-size, kind="stable"):
+        run = (first[k] + np.arange(size[k])) % count
+        if gone[run].any():
+            continue  # it went with a longer one
+        gone[run] = True
+        corner = meeting_point(arms[first[k] - 1], arms[run[-1]]) if size[k] > 1 else None
+        if corner is not None:
+            corners[first[k]], gone[first[k]] = corner, False
+    return corners[~gone]

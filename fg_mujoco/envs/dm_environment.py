@@ -1,0 +1,218 @@
+"""The dm_env environment: tasks for a car in the form of dm_control's suite.
+
+    env = load("oval", task="race", seed=1)
+    time_step = env.reset()
+    while not time_step.last():
+        time_step = env.step(policy(time_step.observation))
+
+Its world is that of `race`, its control timestep the LiDAR's period. `env.physics` is a dm_control Physics: named
+access, `render`, and `dm_control.viewer.launch(env)`. Observations are those of environment_observations, rewards
+those of environment_rewards. A crash and the last lap end an episode with discount 0, the time limit with discount 1.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+import mujoco
+import numpy as np
+from dm_control import mujoco as dm_mujoco
+from dm_control.mujoco import wrapper
+from dm_control.rl import control
+from dm_env import specs
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import SettingsError
+from ..simulation.simulation import BAD_STATE, Simulation
+from .actions import ACTION
+from .episodes import Episodes
+from .settings import EnvironmentSettings
+from .worlds import OneWorld
+
+TASKS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
+    {
+        # five laps from a standing start on the line: progress, less collision and sliding
+        "race": MappingProxyType({"laps": 5, "start": "line"}),
+        # one lap from the same start, in which sliding costs nothing but the time that it loses
+        "time_trial": MappingProxyType({"laps": 1, "start": "line", "rewards": {"sliding": 0.0}}),
+        # one lap from anywhere, among boxes
+        "obstacles": MappingProxyType({"laps": 1, "start": "random", "obstacles": 4}),
+    }
+)
+"""Name -> the settings in which a task differs from EnvironmentSettings."""
+
+_ALL = np.ones(1, np.bool_)
+
+
+def load(
+    track: Any = "oval",
+    task: str = "race",
+    *,
+    seed: int | None = None,
+    flat_observation: bool = False,
+    **settings: Any,
+) -> control.Environment:
+    """Return an environment.
+
+    Args:
+      track: as `load_track` takes it.
+      task: one of TASKS.
+      seed: of starts and of the LiDAR's noise, and of the places of obstacles unless `obstacle_seed` is given; None: of
+        the first two, another each time.
+      flat_observation: one array, `observations`, in the order of the names.
+      settings: those of EnvironmentSettings that are to differ from the task's.
+
+    Raises:
+      TrackError, SettingsError: what cannot be driven.
+    """
+    if task not in TASKS:
+        raise SettingsError(f"task is {task!r}; accepted: {', '.join(TASKS)}")
+    if seed is not None and (not isinstance(seed, int) or isinstance(seed, bool) or seed < 0):
+        raise SettingsError(f"seed is {seed!r}; accepted: a whole number from 0, or None")
+    chosen = EnvironmentSettings.of({"track": track, "obstacle_seed": seed or 0} | dict(TASKS[task]) | settings)
+    physics = Physics.of(chosen)
+    return control.Environment(
+        physics,
+        CarTask(chosen, physics, np.random.default_rng(seed), flat_observation=flat_observation),
+        control_timestep=physics.simulation.period,
+        flat_observation=flat_observation,
+        legacy_step=False,
+    )
+
+
+class Physics(dm_mujoco.Physics):  # type: ignore[misc]
+    """A Simulation in dm_control's clothes: both have the same data.
+
+    Attributes:
+      simulation: the Simulation.
+    """
+
+    simulation: Simulation
+
+    @classmethod
+    def of(cls, settings: EnvironmentSettings) -> Physics:
+        """Return the physics of a new world."""
+        world = settings.make_world()
+        physics: Physics = cls.from_model(wrapper.MjModel(world.model))
+        physics.simulation = _SharedSimulation(world)
+        physics.simulation.share(physics.data.ptr)
+        physics._command = np.zeros(2)
+        return physics
+
+    def set_control(self, control: ArrayLike) -> None:
+        """Set the command of the next steps, [steering angle, speed] (2,) [rad, m/s]."""
+        self._command = np.array(control, dtype=np.float64)
+
+    def step(self, nstep: int | None = None) -> None:
+        """Hold the command for so many physics steps, whole ticks of the LiDAR; None: one tick.
+
+        Raises:
+          SettingsError: a part of a tick.
+        """
+        substeps = self.simulation.substeps
+        ticks, rest = divmod(substeps if nstep is None else nstep, substeps)
+        if rest:
+            raise SettingsError(f"{nstep} physics steps; accepted: a multiple of {substeps}, which are a tick")
+        for _ in range(ticks):
+            self.simulation.drive(*self._command.tolist())
+
+    def render(self, height: int = 240, width: int = 320, camera_id: int | str = -1, **options: Any) -> NDArray[Any]:
+        """Return a picture, as dm_control's Physics does; without shadows, which are coarse on a whole circuit."""
+        if not (options.get("depth") or options.get("segmentation")):
+            options.setdefault("render_flag_overrides", {"shadow": False})
+        picture: NDArray[Any] = super().render(height, width, camera_id, **options)
+        return picture
+
+    def after_reset(self) -> None:
+        """Bring the poses up to date; no more, so that an episode has the bits of a race."""
+        mujoco.mj_kinematics(self.model.ptr, self.data.ptr)
+
+
+class _SharedSimulation(Simulation):
+    """A simulation on data that is somebody else's too."""
+
+    def share(self, data: mujoco.MjData) -> None:
+        self.data = data
+        self._bad_state = data.warning.number[BAD_STATE]
+        self.reset()
+
+
+class CarTask(control.Task):  # type: ignore[misc]
+    """Laps to be driven.
+
+    Args:
+      settings: of the environment.
+      physics: of its world.
+      rng: of starts and noise.
+      flat_observation: whether the environment makes one array of an observation.
+
+    Attributes:
+      episodes: the Episodes, of one world: `episodes.facts()` has progress, laps and how many actions were clipped.
+    """
+
+    def __init__(
+        self,
+        settings: EnvironmentSettings,
+        physics: Physics,
+        rng: np.random.Generator,
+        *,
+        flat_observation: bool = False,
+    ) -> None:
+        self._world = OneWorld(settings, physics.simulation)
+        self.episodes = Episodes(settings, self._world)
+        self._rng = rng
+        self._flat = flat_observation
+        self._observation: dict[str, NDArray[np.float32]] = {}
+
+    def initialize_episode(self, physics: Physics) -> None:
+        """Place the car."""
+        self.episodes.begin(_ALL, [self._rng])
+        self._observation = self.episodes.observe(_ALL)
+
+    def before_step(self, action: ArrayLike, physics: Physics) -> None:
+        """Take an action.
+
+        Raises:
+          MessageError: a NaN, or an action of another shape. What is out of bounds is held within them, and counted.
+        """
+        self.episodes.command(np.asarray(action)[np.newaxis])
+        physics.set_control(self.episodes.commands[0])
+
+    def after_step(self, physics: Physics) -> None:
+        """Judge what the car did, and sense."""
+        self._world.judge()
+        self.episodes.reward()
+        self._observation = self.episodes.observe(_ALL)
+
+    def get_observation(self, physics: Physics) -> OrderedDict[str, NDArray[np.float32]]:
+        """Return what the policy sees."""
+        return OrderedDict((name, values[0]) for name, values in self._observation.items())
+
+    def get_reward(self, physics: Physics) -> float:
+        """Return what the last tick was worth."""
+        return float(self.episodes.rewards[0])
+
+    def get_termination(self, physics: Physics) -> float | None:
+        """Return the discount of an episode that is over; None while it goes on."""
+        if self.episodes.running[0]:
+            return None
+        return 1.0 if self.episodes.truncated[0] else 0.0
+
+    def action_spec(self, physics: Physics) -> specs.BoundedArray:
+        """Return the bounds of an action."""
+        bounds = self.episodes.actions
+        return specs.BoundedArray((2,), np.float32, bounds.low, bounds.high, name=",".join(ACTION))
+
+    def observation_spec(self, physics: Physics) -> OrderedDict[str, specs.BoundedArray]:
+        """Return the bounds of each part of an observation."""
+        bounds = OrderedDict((name, (bound.low, bound.high)) for name, bound in self.episodes.layout.bounds.items())
+        if self._flat:
+            flat = tuple(np.concatenate(ends) for ends in zip(*bounds.values(), strict=True))
+            bounds = OrderedDict({control.FLAT_OBSERVATION_KEY: flat})
+        return OrderedDict(
+            (name, specs.BoundedArray(low.shape, low.dtype, low, high, name=name))
+            for name, (low, high) in bounds.items()
+        )

@@ -1,0 +1,159 @@
+"""Episodes in some worlds: actions in, observations, rewards and ends out. What all faces of the environment share.
+
+    episodes = Episodes(settings, OneWorld(settings))
+    episodes.begin(which, generators)
+    observation = episodes.observe(which)
+    episodes.step(actions)
+    episodes.rewards, episodes.terminated, episodes.truncated
+
+All arrays have a row for each world.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import SettingsError
+from ..lidar.lidar import load_beams
+from ..racing.scenario import Start
+from ..simulation.race_rules import END_REASONS
+from .actions import ActionBounds
+from .observations import Observation, ObservationLayout
+from .reward_kernels import reward_ticks
+from .settings import EnvironmentSettings
+from .starts import draw_start
+from .worlds import Mask, Worlds
+
+TRUNCATIONS = ("no_progress", "time_limit")
+"""End reasons that are the environment's patience, not something that happened to the car."""
+
+FACTS = ("time_s", "progress_m", "laps", "sliding", "clipped_actions")
+"""What is told of an episode besides: seconds and metres since its beginning, laps completed, the share of the last
+tick in which a tire slid, and how many actions were held within the bounds."""
+
+_TRUNCATED = np.array([reason in TRUNCATIONS for reason in END_REASONS])
+_TERMINATED = np.array([reason not in ("", *TRUNCATIONS) for reason in END_REASONS])
+
+
+class Episodes:
+    """Episodes in n worlds, each with its own beginning and end.
+
+    Args:
+      settings: of the environment.
+      worlds: of the episodes.
+
+    Attributes:
+      layout: of observations.
+      actions: their bounds.
+      commands: of the last step (n, 2) [rad, m/s].
+      rewards: of the last step (n,).
+      terminated: whether something has ended the episode: a crash, the last lap, a physics that broke down (n,).
+      truncated: whether the time limit has, or ten seconds without progress (n,).
+      clipped: how many actions of the episode were held within the bounds (n,).
+    """
+
+    def __init__(self, settings: EnvironmentSettings, worlds: Worlds) -> None:
+        self.worlds = worlds
+        self._start, self._weights = settings.start, settings.rewards.of_tick(worlds.period)
+        car, count = worlds.world.parameters, len(worlds.times)
+        self.layout = ObservationLayout(car, load_beams(), settings.beam_step)
+        self.actions = ActionBounds(car, settings.speed_range, normalised=settings.normalised_actions)
+        self.rewards = np.zeros(count)
+        self.clipped = np.zeros(count, np.int64)
+        self.commands = np.zeros((count, 2))
+        self._driven = np.zeros(count, np.bool_)
+        timers = worlds.referee.timers
+        self._progress, self._laps = timers["progress"], timers["laps_completed"]  # views
+        self._before = self._progress.copy()  # [m] at the last reward
+
+    @property
+    def running(self) -> Mask:
+        """Which episodes go on (n,)."""
+        return self.worlds.referee.running
+
+    @property
+    def terminated(self) -> Mask:
+        """See the attributes."""
+        ended: Mask = _TERMINATED.take(self.worlds.referee.reasons)
+        return ended
+
+    @property
+    def truncated(self) -> Mask:
+        """See the attributes."""
+        ended: Mask = _TRUNCATED.take(self.worlds.referee.reasons)
+        return ended
+
+    def begin(self, which: Mask, generators: Sequence[np.random.Generator], start: Start | None = None) -> None:
+        """Begin the episodes `which` (n,).
+
+        Args:
+          which: (n,).
+          generators: of each of n worlds; those of the others are not touched.
+          start: of all of them; None: as the settings have it.
+
+        Raises:
+          SettingsError: a start in a wall or an obstacle.
+        """
+        starts, seeds = [], []
+        for i in map(int, np.flatnonzero(which)):
+            rng = generators[i]
+            drawn = draw_start(self.worlds.world, rng) if self._start == "random" and start is None else Start()
+            starts.append(start or drawn)
+            seeds.append(int(rng.integers(2**63)))
+        self.worlds.begin(which, starts, seeds)
+        self.rewards[which] = 0.0
+        self.clipped[which] = 0
+        self._before[which] = self._progress[which]
+        if (self.worlds.crashed & which).any():
+            bad = starts[int(np.flatnonzero(self.worlds.crashed[which])[0])]
+            raise SettingsError(f"at {bad} the car touches a wall or an obstacle; accepted: a start where it does not")
+
+    def step(self, actions: ArrayLike) -> None:
+        """Take the actions (n, 2) in the worlds whose episodes run; what the others' rows have is not looked at.
+
+        Raises:
+          MessageError: an action that is no number.
+        """
+        self.command(actions)
+        self.worlds.drive(self.commands)
+        self.reward()
+
+    def command(self, actions: ArrayLike) -> None:
+        """Work out what the actions command.
+
+        Raises:
+          MessageError: an action that is no number.
+        """
+        self._driven[:] = self.running
+        self.actions.read(actions, self._driven, self.commands, self.clipped)
+
+    def reward(self) -> None:
+        """Reward the tick that was driven."""
+        worlds = self.worlds
+        reward_ticks(
+            self._driven, self._progress, self._before, worlds.crashed, worlds.sliding, self._weights, self.rewards
+        )  # fmt: skip
+
+    def stop(self, which: Mask) -> None:
+        """Let the episodes `which` (n,) run no longer."""
+        self.worlds.referee.running[which] = False
+
+    def observe(self, which: Mask) -> Observation:
+        """Return new observations of all worlds, (n, ...) by name; those of the worlds `which` (n,) are sensed anew."""
+        self.worlds.sense(which)
+        return self.layout.read(self.worlds.ranges, self.worlds.odometry)
+
+    def facts(self) -> dict[str, NDArray[Any]]:
+        """Return FACTS of all episodes, new arrays (n,) by name."""
+        worlds = self.worlds
+        values = (worlds.times, self._progress, self._laps, worlds.sliding, self.clipped)
+        return {name: value.copy() for name, value in zip(FACTS, values, strict=True)}
+
+    def ending(self, i: int) -> dict[str, Any]:
+        """Return how episode i, which is over, ended: its reason, and the times of its laps, NaN where not driven."""
+        referee = self.worlds.referee
+        return {"end_reason": END_REASONS[referee.reasons[i]], "lap_times_s": referee.lap_times[i].copy()}

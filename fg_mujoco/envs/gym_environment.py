@@ -1,0 +1,155 @@
+"""The Gymnasium environment: a lap to be driven on a scan and odometry. It needs the extra `gym`.
+
+    import gymnasium
+    import fg_mujoco.envs.gym_environment  # registers it
+
+    env = gymnasium.make("fg_mujoco/F1Tenth-v0", track="hairpins", laps=2, beam_step=10)
+    observation, info = env.reset(seed=1)
+    observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
+
+`gymnasium.make("fg_mujoco.envs.gym_environment:fg_mujoco/F1Tenth-v0")` needs no import. `gymnasium.make_vec` makes the
+vector environment of gym_vector. The keywords are those of EnvironmentSettings; the observation is that of
+environment_observations, the reward that of environment_rewards.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import MissingExtraError, SettingsError
+from ..lidar.lidar import load_beams
+from .actions import ActionBounds
+from .episodes import Episodes
+from .observations import ObservationLayout
+from .rendering import ChaseView, Window
+from .settings import EnvironmentSettings
+from .starts import given_start
+from .worlds import OneWorld
+
+try:
+    import gymnasium
+except ImportError as error:
+    raise MissingExtraError("Gymnasium environments need Gymnasium: pip install 'fg-mujoco[gym]'") from error
+
+ID = "fg_mujoco/F1Tenth-v0"
+RENDER_MODES = ("human", "rgb_array")
+
+Observation = dict[str, NDArray[np.float32]]
+_ALL = np.ones(1, np.bool_)
+
+
+class F1TenthEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
+    """One car on one course.
+
+    An episode is terminated by a crash, by the last lap and by a physics that breaks down; it is truncated by the time
+    limit and by ten seconds without progress. `info` has `time_s`, `progress_m`, `laps`, `sliding` (share of the tick
+    in which a tire slid) and `clipped_actions`, and at the end `end_reason` and `lap_times_s`.
+
+    Args:
+      render_mode: "rgb_array", "human" or None.
+      settings: those of EnvironmentSettings, by name.
+
+    Raises:
+      TrackError, SettingsError: what cannot be driven.
+    """
+
+    metadata = {"render_modes": list(RENDER_MODES), "render_fps": round(1.0 / load_beams().period)}  # noqa: RUF012
+
+    def __init__(self, render_mode: str | None = None, **settings: Any) -> None:
+        if render_mode not in (None, *RENDER_MODES):
+            raise SettingsError(f"render_mode is {render_mode!r}; accepted: {', '.join(RENDER_MODES)}, None")
+        self.render_mode = render_mode
+        chosen = EnvironmentSettings.of(settings)
+        self._world = OneWorld(chosen)
+        self._episodes = Episodes(chosen, self._world)
+        self.observation_space: gymnasium.Space[Any] = observation_space(self._episodes.layout)
+        self.action_space: gymnasium.Space[Any] = action_space(self._episodes.actions)
+        self._view: ChaseView | None = None
+        self._window: Window | None = None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Begin an episode; `options` may have {"start": {"s": 3.0, "offset": 0.2, "heading": 0.1, "speed": 1.0}}."""
+        super().reset(seed=seed)
+        self._episodes.begin(_ALL, [self.np_random], given_start(options))
+        observation = self._observe()
+        if self.render_mode == "human":
+            self.render()
+        return observation, self._info()
+
+    def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Drive for a tick of 25 ms.
+
+        Raises:
+          MessageError: a NaN, or an action of another shape. What is out of bounds is held within them, and counted.
+          gymnasium.error.ResetNeeded: no episode has begun, or it is over.
+        """
+        episodes = self._episodes
+        if not episodes.running[0]:
+            raise gymnasium.error.ResetNeeded("the episode is over, or none has begun; call reset()")
+        episodes.step(np.asarray(action)[np.newaxis])
+        observation, info = self._observe(), self._info()
+        if not episodes.running[0]:
+            info |= episodes.ending(0)
+        if self.render_mode == "human":
+            self.render()
+        return (
+            observation,
+            float(episodes.rewards[0]),
+            bool(episodes.terminated[0]),
+            bool(episodes.truncated[0]),
+            info,
+        )
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """Return a frame (480, 640, 3), or show it in MuJoCo's viewer; None in "human" mode and without a mode.
+
+        Raises:
+          MissingExtraError, EngineError: no OpenGL, or no display.
+        """
+        simulation = self._world.simulation
+        if self.render_mode == "rgb_array":
+            self._view = self._view or ChaseView(simulation.world)
+            return self._view.frame(simulation.data)
+        if self.render_mode == "human":
+            self._window = self._window or Window(simulation.world, simulation.data, simulation.period)
+            self._window.show()
+        return None
+
+    def close(self) -> None:
+        """Close what shows it."""
+        for shown in (self._view, self._window):
+            if shown is not None:
+                shown.close()
+        self._view = self._window = None
+
+    def _observe(self) -> Observation:
+        return {name: values[0] for name, values in self._episodes.observe(_ALL).items()}
+
+    def _info(self) -> dict[str, Any]:
+        return {name: values.item() for name, values in self._episodes.facts().items()}
+
+
+def observation_space(layout: ObservationLayout) -> gymnasium.spaces.Dict[Any]:
+    """Return the space of the observations of one car."""
+    boxes: dict[str, gymnasium.Space[Any]] = {
+        name: gymnasium.spaces.Box(bounds.low, bounds.high) for name, bounds in layout.bounds.items()
+    }
+    return gymnasium.spaces.Dict(boxes)
+
+
+def action_space(bounds: ActionBounds) -> gymnasium.spaces.Box[Any]:
+    """Return the space of the actions of one car."""
+    return gymnasium.spaces.Box(bounds.low, bounds.high)
+
+
+if ID not in gymnasium.registry:
+    gymnasium.register(
+        id=ID,
+        entry_point=f"{__name__}:F1TenthEnv",
+        vector_entry_point=f"{__name__.rpartition('.')[0]}.gym_vector:F1TenthVectorEnv",
+    )

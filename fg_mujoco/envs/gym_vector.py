@@ -1,0 +1,234 @@
+"""The Gymnasium vector environment: many worlds, stepped in C threads in this process (environment_batch).
+
+    envs = gymnasium.make_vec("fg_mujoco.envs.gym_environment:fg_mujoco/F1Tenth-v0", num_envs=64, beam_step=10)
+    observations, infos = envs.reset(seed=1)
+    observations, rewards, terminations, truncations, infos = envs.step(envs.action_space.sample())
+
+World i gives what `F1TenthEnv` gives with seed + i and the same actions, bit for bit, in the form in which
+gymnasium.vector.SyncVectorEnv would tell it, whatever the number of worlds and threads. Worlds begin anew one by one,
+as `gymnasium.vector.AutoresetMode` has it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import SettingsError
+from ..simulation.simulation import STATE
+from ..studies.rollout.local import usable_cores
+from .batch import ManyWorlds
+from .episodes import FACTS, Episodes
+from .gym_environment import F1TenthEnv, Observation, action_space, observation_space
+from .rendering import ChaseView
+from .settings import EnvironmentSettings
+from .starts import given_start
+from .worlds import OneWorld, Worlds
+
+# isort: split
+# where Gymnasium is missing, the import of gym_environment has said which command installs it
+import gymnasium
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+Flags = NDArray[np.bool_]
+_MASKS = tuple(f"_{name}" for name in FACTS)
+
+
+class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
+    """Cars on one course, each in a world of its own.
+
+    Args:
+      num_envs: how many.
+      autoreset_mode: when an episode that is over begins anew: NEXT_STEP, SAME_STEP, DISABLED, or their values.
+      max_episode_steps: an episode is truncated after so many; None: by its time limit only.
+      threads: that step the worlds; None: one for each core.
+      render_mode: "rgb_array" or None.
+      settings: those of EnvironmentSettings, by name.
+
+    Raises:
+      TrackError, SettingsError: what cannot be driven.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        max_episode_steps: int | None = None,
+        threads: int | None = None,
+        render_mode: str | None = None,
+        **settings: Any,
+    ) -> None:
+        for name, value in (("num_envs", num_envs), ("threads", threads), ("max_episode_steps", max_episode_steps)):
+            whole = isinstance(value, int) and not isinstance(value, bool) and value > 0
+            if not whole and (name == "num_envs" or value is not None):
+                raise SettingsError(f"{name} is {value!r}; accepted: a whole number from 1")
+        if render_mode not in (None, "rgb_array"):
+            raise SettingsError(f"render_mode of many worlds is {render_mode!r}; accepted: rgb_array, None")
+        self.num_envs, self.render_mode = num_envs, render_mode
+        self._mode = _autoreset_mode(autoreset_mode)
+        self.metadata = F1TenthEnv.metadata | {"autoreset_mode": self._mode, "render_modes": ["rgb_array"]}
+        chosen = EnvironmentSettings.of(settings)
+        # of one world the same bits, sooner
+        self._worlds: Worlds = (
+            ManyWorlds(chosen, num_envs, threads or min(usable_cores(), num_envs)) if num_envs > 1 else OneWorld(chosen)
+        )
+        self._episodes = Episodes(chosen, self._worlds)
+        self.single_observation_space = observation_space(self._episodes.layout)
+        self.single_action_space = action_space(self._episodes.actions)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._max_steps = max_episode_steps
+        self._steps = np.zeros(num_envs, np.int64)
+        self._every, self._none = np.ones(num_envs, np.bool_), np.zeros(num_envs, np.bool_)
+        self._begun = self._none.copy()
+        self._generators: list[np.random.Generator | None] = [None] * num_envs
+        self._seeds: list[int | None] = [None] * num_envs
+        self._view: ChaseView | None = None
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Begin the episodes of all worlds, or of those of the mask options["reset_mask"] (n,).
+
+        Args:
+          seed: of world i seed + i, or one for each; None: the worlds go on drawing from where they are.
+          options: besides the mask, those of F1TenthEnv.reset, for all worlds.
+        """
+        others = dict(options or {})
+        mask = self._checked_mask(others.pop("reset_mask", None))
+        seeds = self._seeds_of(seed)
+        start = given_start(others)
+        for i in map(int, np.flatnonzero(mask)):
+            if seeds[i] is not None or self._generators[i] is None:
+                self._generators[i], self._seeds[i] = seeding.np_random(seeds[i])
+        self._begin(mask, start)
+        return self._episodes.observe(mask), self._infos(mask)
+
+    def step(
+        self, actions: NDArray[np.float32]
+    ) -> tuple[Observation, NDArray[np.float64], Flags, Flags, dict[str, Any]]:
+        """Drive for a tick of 25 ms; where an episode begins anew in the next step, the action is not looked at.
+
+        Raises:
+          MessageError: a NaN, or actions of another shape. What is out of bounds is held within them, and counted.
+          gymnasium.error.ResetNeeded: a world was never reset; without autoreset, an episode is over.
+        """
+        episodes = self._episodes
+        anew = None if self._all_run() else ~episodes.running
+        if anew is not None and not (self._mode is AutoresetMode.NEXT_STEP and self._begun.all()):
+            waiting = np.flatnonzero(anew).tolist()
+            raise gymnasium.error.ResetNeeded(f"no episode runs in the worlds {waiting}; reset() them")
+        episodes.step(actions)
+        self._steps += 1
+        if anew is not None:
+            self._begin(anew)
+        rewards, observation = episodes.rewards.copy(), episodes.observe(self._every)
+        late = self._none.copy() if self._max_steps is None else self._steps >= self._max_steps
+        if self._all_run() and not np.count_nonzero(late):  # as nearly always
+            return observation, rewards, self._none.copy(), late, self._infos()
+        terminated, truncated = episodes.terminated, late | episodes.truncated
+        over = terminated | truncated
+        if self._mode is AutoresetMode.SAME_STEP:
+            observation, infos = self._begin_over(over, observation)
+        else:
+            infos = self._infos()
+            for i in map(int, np.flatnonzero(over & ~episodes.running)):
+                infos = self._add_info(infos, episodes.ending(i), i)
+            episodes.stop(over)
+        return observation, rewards, terminated, truncated, infos
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """Return a frame (480, 640, 3) of each world; None without a render mode.
+
+        Raises:
+          MissingExtraError: no OpenGL.
+        """
+        if self.render_mode is None:
+            return None
+        world = self._worlds.world
+        self._view = self._view or ChaseView(world)
+        data, frames = mujoco.MjData(world.model), []
+        for i in range(self.num_envs):
+            mujoco.mj_setState(world.model, data, self._worlds.state(i), STATE)
+            mujoco.mj_forward(world.model, data)
+            frames.append(self._view.frame(data))
+        return tuple(frames)
+
+    def close_extras(self, **_: Any) -> None:
+        """Let go of threads and of what draws."""
+        self._worlds.close()
+        if self._view is not None:
+            self._view.close()
+            self._view = None
+
+    @property  # type: ignore[misc]
+    def np_random(self) -> tuple[np.random.Generator | None, ...]:  # type: ignore[override]
+        """The generator of each world; None before its first reset."""
+        return tuple(self._generators)
+
+    @property
+    def np_random_seed(self) -> tuple[int | None, ...]:  # type: ignore[override]
+        """The seed of each world; None before its first reset."""
+        return tuple(self._seeds)
+
+    def _all_run(self) -> bool:
+        return int(np.count_nonzero(self._episodes.running)) == self.num_envs  # sooner said than all()
+
+    def _begin(self, which: Flags, start: Any = None) -> None:
+        self._episodes.begin(which, self._generators, start)  # type: ignore[arg-type]
+        self._steps[which] = 0
+        self._begun |= which
+
+    def _begin_over(self, over: Flags, observation: Observation) -> tuple[Observation, dict[str, Any]]:
+        """Begin anew what is over, and return what is seen and known then, with what was seen and known last."""
+        episodes, facts = self._episodes, self._episodes.facts()
+        final: dict[str, Any] = {}
+        for i in map(int, np.flatnonzero(over)):
+            known = {name: values[i].item() for name, values in facts.items()}
+            if not episodes.running[i]:
+                known |= episodes.ending(i)
+            seen = {name: values[i] for name, values in observation.items()}
+            final = self._add_info(final, {"final_obs": seen, "final_info": known}, i)
+        self._begin(over)
+        return episodes.observe(over), final | self._infos()
+
+    def _infos(self, which: Flags | None = None) -> dict[str, Any]:
+        """Return what is known of the worlds `which`, or of all, in Gymnasium's form: an array and its mask by name."""
+        infos: dict[str, Any] = self._episodes.facts()
+        if which is not None:
+            infos = {name: np.where(which, values, np.zeros_like(values)) for name, values in infos.items()}
+        infos |= zip(_MASKS, [(self._every if which is None else which).copy()] * len(_MASKS), strict=True)
+        return infos
+
+    def _checked_mask(self, mask: Any) -> Flags:
+        if mask is None:
+            return np.ones(self.num_envs, np.bool_)
+        if not (isinstance(mask, np.ndarray) and mask.dtype == np.bool_ and mask.shape == (self.num_envs,)):
+            raise SettingsError(f"options['reset_mask'] is {mask!r}; accepted: an array ({self.num_envs},) of bool")
+        if not mask.any():
+            raise SettingsError("options['reset_mask'] names no world; accepted: one or more")
+        return mask.copy()
+
+    def _seeds_of(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
+        if seed is None:
+            return [None] * self.num_envs
+        if isinstance(seed, (int, np.integer)):
+            return [int(seed) + i for i in range(self.num_envs)]
+        if len(seed) != self.num_envs:
+            raise SettingsError(f"{len(seed)} seeds for {self.num_envs} worlds; accepted: one number, or one for each")
+        return list(seed)
+
+
+def _autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
+    try:
+        return AutoresetMode(mode)
+    except ValueError as error:
+        accepted = ", ".join(known.value for known in AutoresetMode)
+        raise SettingsError(f"autoreset_mode is {mode!r}; accepted: {accepted}") from error

@@ -1,0 +1,94 @@
+"""Pictures of an environment: what a camera behind the car sees, as an array or in a window."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import EngineError
+from ..simulation.world import World
+from ..viz.rendering import Renderer
+
+WIDTH, HEIGHT = 640, 480  # [px]
+
+_DISTANCE, _ELEVATION = 2.2, -22.0  # [m] from the car, [deg] downwards
+_AHEAD = 0.5  # [m] of the rear axle, what the camera looks at
+
+
+class ChaseView:
+    """Draws frames on the GPU, or on the CPU where there is none; nothing is made before the first.
+
+    Args:
+      world: to be drawn.
+    """
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+        self._renderer: Renderer | None = None
+
+    def frame(self, data: mujoco.MjData) -> NDArray[np.uint8]:
+        """Return what is seen at a state whose poses are current. Shape (HEIGHT, WIDTH, 3).
+
+        Raises:
+          MissingExtraError: no OpenGL; the message is the command that installs it.
+        """
+        if self._renderer is None:
+            self._renderer = Renderer(self._world, size=(WIDTH, HEIGHT), quality="draft")
+        return self._renderer.rgb(data, "chase")
+
+    def close(self) -> None:
+        """Let go of the OpenGL context."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+
+class Window:
+    """MuJoCo's viewer, at the pace of the simulation at most.
+
+    Args:
+      world: to be shown.
+      data: of the simulation.
+      period: simulated time from one `show` to the next [s].
+
+    Raises:
+      EngineError: no display.
+    """
+
+    def __init__(self, world: World, data: mujoco.MjData, period: float) -> None:
+        import mujoco.viewer
+
+        self._world, self._data, self._period = world, data, period
+        self._shown = -math.inf  # [s] on time.monotonic's clock
+        try:
+            self._viewer: Any = mujoco.viewer.launch_passive(
+                world.model, data, show_left_ui=False, show_right_ui=False
+            )  # fmt: skip
+        except Exception as error:
+            raise EngineError(
+                f"no window can be opened ({error}); accepted: a display; without one, render_mode 'rgb_array'"
+            ) from error
+
+    def show(self) -> None:
+        """Show the present state, not sooner than a period after the last."""
+        if self._viewer.is_running():
+            time.sleep(max(self._shown + self._period - time.monotonic(), 0.0))
+            self._shown = time.monotonic()
+            follow(self._world, self._data, self._viewer.cam)
+            self._viewer.sync()
+
+    def close(self) -> None:
+        """Close the window."""
+        self._viewer.close()
+
+
+def follow(world: World, data: mujoco.MjData, camera: Any) -> None:
+    """Put a free camera behind the car, looking ahead."""
+    x, y, heading = world.car.pose(data)
+    camera.lookat[:] = x + _AHEAD * math.cos(heading), y + _AHEAD * math.sin(heading), 0.0
+    camera.distance, camera.azimuth, camera.elevation = _DISTANCE, math.degrees(heading), _ELEVATION

@@ -1,0 +1,110 @@
+"""The loops of an environment over its worlds, compiled: actions in, rewards and observations out."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernels import kernel
+from ..messages import FloatArray
+
+
+@kernel
+def read_actions(
+    actions: FloatArray,
+    taken: NDArray[np.bool_],
+    limits: FloatArray,
+    commands: FloatArray,
+    clipped: NDArray[np.int64],
+) -> int:
+    """Write what the actions command, and count those that had to be held within the bounds.
+
+    Args:
+      actions: (n, 2).
+      taken: (n,) whose actions count.
+      limits: (4, 2) least, greatest; and what is commanded at 0, and more at 1.
+      commands: (n, 2) written to.
+      clipped: (n,) counts, added to.
+
+    Returns:
+      Where the first part of an action that is NaN is, counted through the rows; -1: none is, and all is written.
+    """
+    for i in range(len(actions)):
+        for part in range(2):
+            if taken[i] and math.isnan(actions[i, part]):
+                return 2 * i + part
+    for i in range(len(actions)):
+        if not taken[i]:
+            continue
+        differs = False
+        for part in range(2):
+            held = min(max(actions[i, part], limits[0, part]), limits[1, part])
+            differs = differs or held != actions[i, part]
+            commands[i, part] = limits[2, part] + limits[3, part] * held
+        clipped[i] += differs
+    return -1
+
+
+@kernel
+def reward_ticks(
+    driven: NDArray[np.bool_],
+    progress: FloatArray,
+    before: FloatArray,
+    crashed: NDArray[np.bool_],
+    sliding: FloatArray,
+    weights: FloatArray,
+    rewards: FloatArray,
+) -> None:
+    """Write the rewards of a tick.
+
+    Args:
+      driven: (n,) the worlds in which it was driven; the others' rows are left as they are.
+      progress: (n,) [m] now.
+      before: (n,) [m] at the start of the tick, brought up to date.
+      crashed: (n,) whether the chassis has touched anything.
+      sliding: (n,) share of the tick in which a tire slid.
+      weights: (3,) of a metre, of a crash, and of a tick in which a tire slides all the while.
+      rewards: (n,) written to.
+    """
+    for i in range(len(driven)):
+        if driven[i]:
+            reward = weights[0] * (progress[i] - before[i]) - weights[2] * sliding[i]
+            rewards[i] = reward - weights[1] if crashed[i] else reward
+            before[i] = progress[i]
+
+
+@kernel
+def read_sensors(
+    ranges: FloatArray,
+    odometry: FloatArray,
+    first: int,
+    step: int,
+    range_max: float,
+    columns: NDArray[np.int64],
+    bounds: NDArray[np.float32],
+    scan: NDArray[np.float32],
+    values: NDArray[np.float32],
+) -> None:
+    """Write what a policy sees, held within its bounds.
+
+    Args:
+      ranges: (n, beams) [m], as in LaserScan.
+      odometry: (n, m) numbers of ODOMETRY.
+      first: of the beams that are seen.
+      step: from one of them to the next.
+      range_max: [m].
+      columns: (k,) the numbers of the odometry that are seen.
+      bounds: (k,) of their magnitude.
+      scan: (n, beams seen) [m], written to: no return reads `range_max`, too close or failed reads 0.
+      values: (n, k) written to.
+    """
+    for i in range(len(scan)):
+        for beam in range(scan.shape[1]):
+            distance = ranges[i, first + beam * step]
+            # a NaN is not above 0
+            scan[i, beam] = min(distance, range_max) if distance > 0.0 else 0.0
+        for k in range(len(columns)):
+            bound = bounds[k]
+            values[i, k] = min(max(np.float32(odometry[i, columns[k]]), -bound), bound)

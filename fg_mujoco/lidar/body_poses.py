@@ -1,0 +1,146 @@
+"""Where bodies are at the present state of a simulation.
+
+MuJoCo's `data.xpos` and `data.xmat` lie one timestep behind `data.qpos` after mj_step, until mj_kinematics runs. A body
+that is fixed to the body of a free joint, or to a mocap body, needs neither: its pose follows from the state itself.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernels import kernel
+from ..messages import FloatArray
+
+PoseArrays = tuple[NDArray[np.int32], FloatArray, FloatArray, FloatArray, FloatArray]
+"""Of m bodies: what each pose follows from and where that lies, offsets of positions and rotations, the poses."""
+StateArrays = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
+"""qpos, mocap_pos, mocap_quat, xpos and xmat, as in a mujoco.MjData."""
+
+_FREE_JOINT, _MOCAP, _KINEMATICS = 0, 1, 2  # what a pose follows from
+_LEAST_NORM = 1e-15  # mjMINVAL: MuJoCo takes shorter quaternions for no rotation
+
+
+class Mount(NamedTuple):
+    """How a body is fixed to that of a free joint: what `mounted_pose` wants, with `qpos[qpos_address :][:7]`."""
+
+    qpos_address: int  # of the free joint
+    offset_position: FloatArray  # (3,) [m] in the free body's frame
+    offset_rotation: FloatArray  # (3, 3) into the free body's frame
+
+
+class BodyPoses:
+    """The poses of some bodies, read off a simulation.
+
+    Args:
+      model: the compiled mujoco.MjModel.
+      bodies: their ids.
+
+    Attributes:
+      positions: (m, 3) [m], world frame, as of the last `read`.
+      rotations: (m, 3, 3) from the bodies' frames to the world's, as of the last `read`.
+      arrays: what `read_poses` wants, these two among it.
+    """
+
+    def __init__(self, model: Any, bodies: tuple[int, ...]) -> None:
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
+        count = len(bodies)
+        sources = np.empty((count, 2), np.int32)
+        offset_positions, offset_rotations = np.zeros((count, 3)), np.tile(np.eye(3), (count, 1, 1))
+        for index, body in enumerate(bodies):
+            root = int(model.body_weldid[body])  # the body that it is fixed to, or itself
+            joint = int(model.body_jntadr[root])
+            if joint >= 0 and model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE:
+                sources[index] = _FREE_JOINT, model.jnt_qposadr[joint]
+            elif model.body_mocapid[root] >= 0:
+                sources[index] = _MOCAP, model.body_mocapid[root]
+            else:
+                sources[index] = _KINEMATICS, body
+                continue
+            to_root = data.xmat[root].reshape(3, 3).T
+            offset_positions[index] = to_root @ (data.xpos[body] - data.xpos[root])
+            offset_rotations[index] = to_root @ data.xmat[body].reshape(3, 3)
+        self.positions, self.rotations = np.empty((count, 3)), np.empty((count, 3, 3))
+        self.arrays: PoseArrays = (sources, offset_positions, offset_rotations, self.positions, self.rotations)
+
+    def read(self, data: Any) -> None:
+        """Read the poses at the present state of `data`. Those that follow from joints want mj_kinematics before."""
+        read_poses(self.arrays, state_arrays(data))
+
+    def mount(self, index: int) -> Mount | None:
+        """Return how the body of this index is fixed to that of a free joint; None where it is not."""
+        sources, offset_positions, offset_rotations, _, _ = self.arrays
+        kind, address = sources[index]
+        if kind != _FREE_JOINT:
+            return None
+        return Mount(int(address), offset_positions[index].copy(), offset_rotations[index].copy())
+
+
+def state_arrays(data: Any) -> StateArrays:
+    """Return what `read_poses` reads of a mujoco.MjData."""
+    return data.qpos, data.mocap_pos, data.mocap_quat, data.xpos, data.xmat
+
+
+@kernel
+def mounted_pose(
+    pose: FloatArray | tuple[float, ...],
+    offset_position: FloatArray,
+    offset_rotation: FloatArray,
+    position: FloatArray,
+    rotation: FloatArray,
+) -> None:
+    """Write the pose of what is fixed to a free body: as mj_kinematics works it out, to rounding.
+
+    Args:
+      pose: (7,) of the free body: position [m] and quaternion wxyz, as a free joint has them in `qpos`.
+      offset_position: (3,) [m] in the free body's frame.
+      offset_rotation: (3, 3) into the free body's frame.
+      position: (3,) [m], world frame, written to.
+      rotation: (3, 3) into the world's frame, written to.
+    """
+    w, x, y, z = pose[3], pose[4], pose[5], pose[6]
+    norm = math.sqrt(w * w + x * x + y * y + z * z)
+    if norm < _LEAST_NORM:
+        w, x, y, z, norm = 1.0, 0.0, 0.0, 0.0, 1.0
+    w, x, y, z = w / norm, x / norm, y / norm, z / norm
+    turn = (
+        (w * w + x * x - y * y - z * z, 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
+        (2.0 * (x * y + w * z), w * w - x * x + y * y - z * z, 2.0 * (y * z - w * x)),
+        (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z),
+    )
+    for i in range(3):
+        a, b, c = turn[i]
+        position[i] = pose[i] + (a * offset_position[0] + b * offset_position[1] + c * offset_position[2])
+        for j in range(3):
+            rotation[i, j] = a * offset_rotation[0, j] + b * offset_rotation[1, j] + c * offset_rotation[2, j]
+
+
+@kernel
+def read_poses(poses: PoseArrays, state: StateArrays) -> None:
+    """Write the poses of the bodies of a BodyPoses at the state of a simulation.
+
+    Args:
+      poses: BodyPoses.arrays; the last two are written to.
+      state: as `state_arrays` returns it.
+    """
+    sources, offset_positions, offset_rotations, positions, rotations = poses
+    qpos, mocap_pos, mocap_quat, xpos, xmat = state
+    for i in range(len(sources)):
+        kind, place = sources[i]
+        if kind == _KINEMATICS:
+            for j in range(3):  # numba takes seconds to compile the copying of an array into part of another
+                positions[i, j] = xpos[place, j]
+                for k in range(3):
+                    rotations[i, j, k] = xmat[place, 3 * j + k]
+        elif kind == _FREE_JOINT:
+            pose = qpos[place : place + 7]
+            mounted_pose(pose, offset_positions[i], offset_rotations[i], positions[i], rotations[i])
+        else:
+            p, q = mocap_pos[place], mocap_quat[place]
+            mocap_pose = (p[0], p[1], p[2], q[0], q[1], q[2], q[3])
+            mounted_pose(mocap_pose, offset_positions[i], offset_rotations[i], positions[i], rotations[i])

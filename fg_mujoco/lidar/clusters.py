@@ -1,0 +1,95 @@
+"""Triangles in blocks of neighbours that face the same way, as `fan_caster` wants them.
+
+A block is what a scan takes or leaves as a whole, so it should be small in space; and all of it should be hidden or
+none, so the faces of a wall and its back go into different blocks. What is stored of a block are its edges, each once,
+because a fan of beams cuts edges, and its triangles as three edges each.
+
+Which vertex of an edge comes first, and the order of the edges of a triangle, follow from the coordinates alone. An
+edge that two blocks share is therefore cut to the same bits in both, whatever the order of the geoms.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..messages import FloatArray
+
+BLOCK_TRIANGLES = 80  # at most
+_TURN_LENGTH = 1.0  # [m] of distance that counts as much as 1 rad between the normals of two faces
+_LANES = 8  # a block's edges are filled up to a multiple of the numbers that one machine instruction works on
+_LEAST_AREA = 1e-15  # [m^2] mjMINVAL: MuJoCo's rays pass through smaller triangles
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Blocks:
+    """The blocks of one frame."""
+
+    edges: FloatArray  # (6, e) [m] both ends of each edge
+    triangles: NDArray[np.uint16]  # (t, 3) edges of each triangle, counted from the first of its block
+    boxes: FloatArray  # (7, b) [m] centre, half-sizes and half diagonal of the box around each block
+    spans: NDArray[np.int32]  # (b, 4) first edge, behind the last edge, first triangle, behind the last triangle
+
+
+def make_blocks(vertices: FloatArray, triangles: NDArray[np.int32]) -> Blocks:
+    """Return the blocks of `triangles` (t, 3), indices of `vertices` (v, 3) [m]."""
+    places, index = np.unique(vertices + 0.0, axis=0, return_inverse=True)  # in the order of x, y, z; -0.0 is 0.0
+    corners = index.reshape(-1)[triangles.reshape(-1, 3)]
+    sides = places[corners[:, 1:]] - places[corners[:, :1]]
+    normals = np.cross(sides[:, 0], sides[:, 1])
+    doubled_areas = np.linalg.norm(normals, axis=1)
+    solid = doubled_areas > _LEAST_AREA
+    corners, normals = corners[solid], normals[solid] / doubled_areas[solid, None]
+    members = _split(np.hstack((places[corners].mean(axis=1), _TURN_LENGTH * normals)))
+    block = np.repeat(np.arange(len(members)), [len(ids) for ids in members])
+    corners = corners[np.concatenate([np.empty(0, np.intp), *members])]
+
+    # Each edge once in each block; the upright ones first, because a level fan cuts those.
+    ends = np.sort(corners[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
+    edges, of_triangle = np.unique(np.column_stack((np.repeat(block, 3), ends)), axis=0, return_inverse=True)
+    along = places[edges[:, 2]] - places[edges[:, 1]]
+    lying = np.hypot(along[:, 0], along[:, 1]) > np.abs(along[:, 2])
+    order = np.lexsort((edges[:, 2], edges[:, 1], lying, edges[:, 0]))
+    edges, rank = edges[order], np.argsort(order)
+    numbers = np.arange(len(members))
+    first_edge, first_triangle = (np.searchsorted(of, np.append(numbers, len(members))) for of in (edges[:, 0], block))
+    of_triangle = np.sort(rank[of_triangle.reshape(-1, 3)], axis=1) - first_edge[block][:, None]
+
+    # Fill up with edges of no length, which no fan cuts.
+    counts = np.diff(first_edge)
+    filled = np.concatenate(([0], np.cumsum(-(-counts // _LANES) * _LANES)))
+    stored = np.empty((6, filled[-1]))
+    stored[:] = np.concatenate([places[edges[first_edge[:-1], 1]]] * 2, axis=1).T.repeat(np.diff(filled), axis=1)
+    slot = np.arange(len(edges)) + np.repeat(filled[:-1] - first_edge[:-1], counts)
+    stored[:, slot] = np.hstack((places[edges[:, 1]], places[edges[:, 2]])).T
+
+    at = places[corners]
+    starts = first_triangle[:-1]
+    low, high = np.minimum.reduceat(at.min(axis=1), starts), np.maximum.reduceat(at.max(axis=1), starts)
+    centre, half = 0.5 * (low + high), 0.5 * (high - low)
+    return Blocks(
+        edges=stored,
+        triangles=of_triangle.astype(np.uint16),
+        boxes=np.vstack((centre.T, half.T, np.linalg.norm(half, axis=1))),
+        spans=np.column_stack((filled[:-1], filled[1:], starts, first_triangle[1:])).astype(np.int32),
+    )
+
+
+def _split(places: FloatArray) -> list[NDArray[np.intp]]:
+    """Halve `places` (n, k) where they spread most, again and again. Returns the indices of each part."""
+    parts, waiting = [], [np.arange(len(places))]
+    while waiting:
+        part = waiting.pop()
+        if len(part) <= BLOCK_TRIANGLES:
+            parts.append(part)
+            continue
+        spread = places[part]
+        low, high = spread.min(axis=0), spread.max(axis=0)
+        axis = int(np.argmax(high - low))
+        left = spread[:, axis] < 0.5 * (low[axis] + high[axis])
+        if not left.any():  # all in one place
+            left = np.arange(len(part)) < len(part) // 2
+        waiting += [part[left], part[~left]]
+    return [part for part in parts if len(part)]

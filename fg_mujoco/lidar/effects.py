@@ -1,0 +1,190 @@
+"""What a real LiDAR does to a scan beyond measuring it: noise, dropouts, latency, motion distortion. Off by default.
+
+    pipeline = ScanPipeline(lidar, LidarEffects(range_noise_std=0.01), np.random.default_rng(seed))
+    for _ in range(substeps):
+        mujoco.mj_step(model, data)
+        pipeline.record(data)
+    mujoco.mj_forward(model, data)
+    scan = pipeline.scan(data)
+
+Same calls, same seed: the same bits.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from ..errors import SettingsError
+from ..messages import FloatArray, LaserScan, require
+from .lidar import NO_RETURN_READINGS, Beams, Lidar, RaycastLidar
+
+
+@dataclass(frozen=True, kw_only=True)
+class LidarEffects:
+    """Settings of a LiDAR's imperfections.
+
+    A dropout reads NaN: so REP 117 marks a failed reading, and so the ROS driver urg_node reports the zero that the
+    UST-10LX sends for one.
+
+    Raises:
+      SettingsError: a value out of its range.
+    """
+
+    range_noise_std: float = 0.0  # [m] Gaussian, each return on its own
+    dropout_probability: float = 0.0  # of each beam to fail, returns or not
+    latency: float = 0.0  # [s] from measurement to delivery, rounded up to whole sweeps
+    motion_distortion: bool = False  # each beam from the LiDAR's pose at its own time in the sweep
+    no_return: str = "inf"  # what a beam without a return reads: "inf" or "range_max"
+
+    def __post_init__(self) -> None:
+        not_negative = ("range_noise_std", "latency")
+        require(self, lambda value: 0.0 <= value < math.inf, "a finite number from 0 on", not_negative, SettingsError)
+        require(self, lambda value: 0.0 <= value <= 1.0, "0 to 1", ("dropout_probability",), SettingsError)
+        if not isinstance(self.motion_distortion, bool):
+            raise SettingsError(f"LidarEffects.motion_distortion is {self.motion_distortion!r}; accepted: True, False")
+        if self.no_return not in NO_RETURN_READINGS:
+            accepted = ", ".join(NO_RETURN_READINGS)
+            raise SettingsError(f"LidarEffects.no_return is {self.no_return!r}; accepted: {accepted}")
+
+
+class ScanPipeline:
+    """From the state of the simulation to the scan that a planner gets.
+
+    Latency holds back whole scans; a scan's stamp stays the time it was measured at. Until the first one is old
+    enough, the first one is what is delivered.
+
+    Args:
+      lidar: the back end; motion distortion needs `raycast`, because MuJoCo fires all its sensors at once.
+      effects: the settings.
+      rng: of noise and dropouts.
+
+    Attributes:
+      needs_every_step: whether `record` must be called after each physics step.
+
+    Raises:
+      SettingsError: motion distortion on a back end that cannot.
+    """
+
+    def __init__(self, lidar: Lidar, effects: LidarEffects, rng: np.random.Generator) -> None:
+        self._lidar = lidar
+        self._effects = effects
+        self._rng = rng
+        # A latency of 2 sweeps is 2, also where the division says 2.0000000000000004.
+        sweeps_late = math.ceil(effects.latency / lidar.beams.period - 1e-9)
+        self._held: deque[LaserScan] = deque(maxlen=sweeps_late + 1)
+        self._sweep: _Sweep | None = None
+        if effects.motion_distortion:
+            if not isinstance(lidar, RaycastLidar):
+                raise SettingsError(
+                    f"LidarEffects.motion_distortion is True on {type(lidar).__name__}, whose beams are all taken at "
+                    "once; accepted: the back end 'raycast'"
+                )
+            self._sweep = _Sweep(lidar)
+        self.needs_every_step = self._sweep is not None
+
+    def record(self, data: Any) -> None:
+        """Remember where the LiDAR is. Call it after each physics step, if `needs_every_step`."""
+        if self._sweep is not None:
+            self._sweep.record(data)
+
+    def scan(self, data: Any) -> LaserScan:
+        """Measure at the present state of `data`, whose body poses must be current, and return the scan due now."""
+        beams = self._lidar.beams
+        ranges = self._lidar.ranges(data) if self._sweep is None else self._sweep.ranges(data)
+        ranges = self._disturb(beams, ranges)
+        swept = self._sweep is not None
+        self._held.append(beams.to_scan(ranges, data.time, no_return=self._effects.no_return, swept=swept))
+        return self._held[0]
+
+    def _disturb(self, beams: Beams, ranges: FloatArray) -> FloatArray:
+        if self._effects.range_noise_std > 0.0:
+            noisy = ranges + self._rng.normal(0.0, self._effects.range_noise_std, len(ranges))
+            ranges = beams.readings(noisy)
+        if self._effects.dropout_probability > 0.0:
+            failed = self._rng.random(len(ranges)) < self._effects.dropout_probability
+            ranges = np.where(failed, math.nan, ranges)
+        return ranges
+
+
+class PoseHistory:
+    """Where a body was at the last physics steps.
+
+    Args:
+      span: how far back it reaches [s].
+    """
+
+    def __init__(self, span: float) -> None:
+        self._span = span
+        self._poses: deque[tuple[float, FloatArray, FloatArray]] = deque()
+
+    def record(self, time: float, position: FloatArray, quaternion: FloatArray) -> None:
+        """Add a pose: time [s], later than the last or the same one again, position (3,) [m], quaternion (4,) wxyz."""
+        while self._poses and self._poses[-1][0] >= time:
+            self._poses.pop()
+        self._poses.append((time, position.copy(), quaternion.copy()))
+        while len(self._poses) > 2 and self._poses[1][0] <= time - self._span:
+            self._poses.popleft()
+
+    def at(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return positions (n, 3) [m] and quaternions (n, 4) wxyz at `times` (n,) [s].
+
+        Linear between recorded positions, slerp between orientations; before the first pose it is the first, after
+        the last the last. Source: Shoemake, Animating rotation with quaternion curves, SIGGRAPH 1985.
+        """
+        known = np.array([pose[0] for pose in self._poses])
+        positions = np.array([pose[1] for pose in self._poses])
+        quaternions = np.array([pose[2] for pose in self._poses])
+        place = np.interp(times, known, np.arange(len(known)))
+        before = np.minimum(place.astype(np.intp), max(len(known) - 2, 0))
+        after = np.minimum(before + 1, len(known) - 1)
+        share = (place - before)[:, np.newaxis]
+        position = (1.0 - share) * positions[before] + share * positions[after]
+        first, second = quaternions[before], quaternions[after]
+        cosine = np.einsum("ij,ij->i", first, second)[:, np.newaxis]
+        second = np.where(cosine < 0.0, -second, second)  # the short way round
+        angle = np.arccos(np.minimum(np.abs(cosine), 1.0))
+        # np.sinc(x / pi) is sin(x) / x, and 1 at 0.
+        weights = [part * np.sinc(part * angle / math.pi) / np.sinc(angle / math.pi) for part in (1.0 - share, share)]
+        return position, weights[0] * first + weights[1] * second
+
+
+class _Sweep:
+    """A scan whose beams are taken one after the other, the last one at the present state.
+
+    What moves besides the LiDAR stands where it is at the end of the sweep.
+    """
+
+    def __init__(self, lidar: RaycastLidar) -> None:
+        self._lidar = lidar
+        beams = lidar.beams
+        self._ages = beams.time_increment * np.arange(len(beams.bearings) - 1, -1, -1)
+        self._history = PoseHistory(float(self._ages[0]))
+        # Poses in `data` are one step behind after mj_step; here they are worked out at the present state.
+        self._present = mujoco.MjData(lidar.model)
+
+    def record(self, data: Any) -> None:
+        present = self._present
+        present.qpos[:], present.mocap_pos[:], present.mocap_quat[:] = data.qpos, data.mocap_pos, data.mocap_quat
+        mujoco.mj_kinematics(self._lidar.model, present)
+        body = self._lidar.body
+        self._history.record(data.time, present.xpos[body], present.xquat[body])
+
+    def ranges(self, data: Any) -> FloatArray:
+        self.record(data)
+        positions, quaternions = self._history.at(data.time - self._ages)
+        origins = positions + _rotated(self._lidar.beams.origins, quaternions)
+        return self._lidar.cast(data, origins, _rotated(self._lidar.beams.directions, quaternions))
+
+
+def _rotated(vectors: FloatArray, quaternions: FloatArray) -> FloatArray:
+    """Each of `vectors` (n, 3) turned by its unit quaternion (n, 4) wxyz."""
+    axis = quaternions[:, 1:]
+    twice = 2.0 * np.cross(axis, vectors)
+    turned: FloatArray = vectors + quaternions[:, :1] * twice + np.cross(axis, twice)
+    return turned

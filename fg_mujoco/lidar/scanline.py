@@ -1,0 +1,274 @@
+"""The LiDAR's scan as a picture: all beams leave one point in one plane, so surfaces are drawn into them.
+
+    scene = FanScene(model, beams, carrier)
+    scan(scene.arrays, position, rotation, moving_positions, moving_rotations, scene.scratch(), out)
+
+The plane of the beams, the fan, cuts a triangle in a line from one of its edges to another. In the frame of the LiDAR,
+1 / distance along such a line is linear in the cosine and the sine of the bearing, and so it is for the ground: a
+surface is drawn into the beams between its ends by two multiplications a beam, the nearest wins, and in the end each
+beam takes one division. Nothing is approximate: which beam lies left of an end is decided by the sign of a cross
+product, once for all the triangles that share the end, so that no beam slips through between neighbours.
+
+Blocks of triangles that the fan misses, that are out of range or behind the LiDAR are left out, and so are those that
+lie farther, all of them, than what is already drawn there; the near ones come first. What is drawn of a surface does
+not depend on the others, and the nearest is the nearest in any order: the order of the geoms does not matter.
+
+Source: the depth buffer is Catmull's (A subdivision algorithm for computer display of curved surfaces, 1974), leaving
+out blocks by it Greene's (Hierarchical Z-buffer visibility, SIGGRAPH 1993); here in a picture of one row.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba.extending import register_jitable
+from numpy.typing import NDArray
+
+from ..kernels import kernel
+from ..messages import FloatArray
+from .culling import TINY, Pose, bearing, is_hidden, sort_by_distance, survey
+from .visible_surfaces import NO_END, Fan, FanScene, Scratch
+
+__all__ = ["Fan", "FanScene", "Scratch", "scan", "scan_worlds"]
+
+_EDGE_ON = 1e-11  # [rad] that a surface spans, under which its two ends are in one direction
+_PARALLEL = 1e-15  # mjMINVAL: MuJoCo's rays miss a plane that they approach more slowly
+_NOT_CUT = -2  # column of an edge that the fan does not cut
+
+inlined = register_jitable(inline="always")  # of what is called for each line: the call would cost a third of it
+
+
+@kernel
+def scan_worlds(
+    fan: Fan,
+    positions: FloatArray,
+    rotations: FloatArray,
+    moving_positions: FloatArray,
+    moving_rotations: FloatArray,
+    running: NDArray[np.bool_],
+    scratch: Scratch,
+    out: FloatArray,
+) -> None:
+    """Write the readings of the LiDARs of many worlds of one model: `scan` for each that runs.
+
+    Args:
+      fan: FanScene.arrays.
+      positions: (n, 3) [m] of the LiDARs, world frame.
+      rotations: (n, 3, 3) from the LiDARs' frames to the world's.
+      moving_positions: (n, m, 3) [m] of the bodies FanScene.moving.
+      moving_rotations: (n, m, 3, 3).
+      running: (n,) the worlds to scan; the others' rows are left as they are.
+      scratch: FanScene.scratch(), of this thread alone.
+      out: (n, beams) [m], written to.
+    """
+    for world in range(len(running)):
+        if running[world]:
+            scan(
+                fan, positions[world], rotations[world], moving_positions[world], moving_rotations[world], scratch,
+                out[world],
+            )  # fmt: skip
+
+
+@kernel
+def scan(
+    fan: Fan,
+    position: FloatArray,
+    rotation: FloatArray,
+    moving_positions: FloatArray,
+    moving_rotations: FloatArray,
+    scratch: Scratch,
+    out: FloatArray,
+) -> None:
+    """Write the readings of one scan: distances [m], +inf from `range_max` on, -inf below `range_min` (REP 117).
+
+    Args:
+      fan: FanScene.arrays.
+      position: (3,) [m] of the LiDAR, world frame.
+      rotation: (3, 3) from the LiDAR's frame to the world's.
+      moving_positions: (m, 3) [m] of the bodies FanScene.moving.
+      moving_rotations: (m, 3, 3).
+      scratch: FanScene.scratch(), of this thread alone.
+      out: (beams,) [m], written to.
+    """
+    range_min, range_max = fan.limits[2], fan.limits[3]
+    out[:] = (1.0 - 1e-12) / range_max  # until the end `out` holds 1 / distance; what is farther is not drawn
+    for frame in range(len(fan.frames)):
+        if frame == 0:
+            _look_from(position, rotation, scratch.poses[0])
+        else:
+            body = frame - 1
+            _look_from_moving(
+                position, rotation, moving_positions[body], moving_rotations[body], scratch.poses[frame]
+            )  # fmt: skip
+        first_block, behind_block, first_plane, behind_plane = fan.frames[frame]
+        for plane in range(first_plane, behind_plane):
+            _draw_plane(fan.planes[plane], _pose(scratch.poses, frame), fan.beams, out)
+        survey(fan, _pose(scratch.poses, frame), first_block, behind_block, scratch)
+    for place in range(sort_by_distance(fan, scratch)):
+        block = scratch.views[2, place]
+        if not is_hidden(fan, block, scratch, out):
+            _draw_block(fan, block, scratch, out)
+    for beam in range(len(out)):
+        distance = 1.0 / out[beam]
+        distance = distance if distance < range_max else math.inf
+        out[beam] = distance if distance >= range_min else -math.inf
+
+
+@kernel
+def _look_from(position: FloatArray, rotation: FloatArray, pose: FloatArray) -> None:
+    """Write where the world's frame has the LiDAR: its position, and the rotation into the LiDAR's frame."""
+    for i in range(3):
+        pose[i] = position[i]
+        for j in range(3):
+            pose[3 + 3 * i + j] = rotation[j, i]
+
+
+@kernel
+def _look_from_moving(
+    position: FloatArray, rotation: FloatArray, body_position: FloatArray, body_rotation: FloatArray, pose: FloatArray
+) -> None:
+    """Write where a body's frame has the LiDAR, as `_look_from`."""
+    for i in range(3):
+        pose[i] = 0.0
+        for k in range(3):
+            pose[i] += body_rotation[k, i] * (position[k] - body_position[k])
+        for j in range(3):
+            pose[3 + 3 * i + j] = 0.0
+            for k in range(3):
+                pose[3 + 3 * i + j] += rotation[k, i] * body_rotation[k, j]
+
+
+@kernel
+def _pose(poses: FloatArray, frame: int) -> Pose:
+    p = poses[frame]
+    return p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11]
+
+
+@kernel
+def _draw_block(fan: Fan, block: int, scratch: Scratch, out: FloatArray) -> None:
+    first_edge, behind_edge, first_triangle, behind_triangle, frame = fan.spans[block]
+    _cut_edges(fan, _pose(scratch.poses, frame), first_edge, behind_edge, scratch)
+    cuts, columns = scratch.cuts, scratch.columns
+    for edge in range(behind_edge - first_edge):
+        if columns[edge] != _NOT_CUT:
+            columns[edge] = _exact_column(fan.beams, cuts[0, edge], cuts[1, edge], columns[edge])
+    for triangle in range(first_triangle, behind_triangle):
+        one, other, third = fan.triangles[triangle, 0], fan.triangles[triangle, 1], fan.triangles[triangle, 2]
+        if columns[one] == _NOT_CUT:
+            if columns[other] == _NOT_CUT:
+                continue  # the fan cuts two edges of a triangle or none
+            one = third
+        elif columns[other] == _NOT_CUT:
+            other = third
+        if columns[one] != columns[other] or (cuts[1, one] >= 0.0) != (cuts[1, other] >= 0.0):  # else between beams
+            _draw_line(
+                fan.beams, cuts[0, one], cuts[1, one], columns[one], cuts[0, other], cuts[1, other], columns[other], out
+            )  # fmt: skip
+
+
+@kernel
+def _cut_edges(fan: Fan, pose: Pose, first: int, behind: int, scratch: Scratch) -> None:
+    """Write where the fan cuts the edges of a block, and the first beam at or to the left of that, give or take one.
+
+    The columns of what lies more than a beam beyond the first or the last beam are -1 and one more than the beams.
+    """
+    ox, oy, oz, xx, xy, xz, yx, yy, yz, zx, zy, zz = pose
+    per_radian = 1.0 / fan.limits[1]
+    angle_min = fan.limits[0]
+    beyond = float(fan.beams.shape[1] + 1)
+    start_x, start_y, start_z = fan.edges[0, first:behind], fan.edges[1, first:behind], fan.edges[2, first:behind]
+    end_x, end_y, end_z = fan.edges[3, first:behind], fan.edges[4, first:behind], fan.edges[5, first:behind]
+    count = len(start_x)
+    cut_x, cut_y, columns = scratch.cuts[0, :count], scratch.cuts[1, :count], scratch.columns[:count]
+    for i in range(count):
+        ax, ay, az = start_x[i] - ox, start_y[i] - oy, start_z[i] - oz
+        bx, by, bz = end_x[i] - ox, end_y[i] - oy, end_z[i] - oz
+        above, other_above = zx * ax + zy * ay + zz * az, zx * bx + zy * by + zz * bz
+        share = above / (above - other_above)
+        px, py, pz = ax + share * (bx - ax), ay + share * (by - ay), az + share * (bz - az)
+        x = xx * px + xy * py + xz * pz
+        y = yx * px + yy * py + yz * pz
+        column = math.ceil((bearing(x, y) - angle_min) * per_radian)
+        column = column if column > -1.0 else -1.0
+        column = column if column < beyond else beyond
+        cut_x[i], cut_y[i] = x, y
+        columns[i] = np.int32(column) if (above >= 0.0) != (other_above >= 0.0) else np.int32(_NOT_CUT)
+
+
+@inlined
+def _exact_column(beams: FloatArray, x: float, y: float, column: int) -> int:
+    """Return the first beam at or to the left of a point, from what may be one too many or too few."""
+    count = int(beams.shape[1])
+    if 0 < column <= count and x * beams[1, column - 1] - y * beams[0, column - 1] >= 0.0:
+        column -= 1
+    elif 0 <= column < count and x * beams[1, column] - y * beams[0, column] < 0.0:
+        column += 1
+    return min(max(column, 0), count)
+
+
+@inlined
+def _draw_line(beams: FloatArray, ax: float, ay: float, a: int, bx: float, by: float, b: int, out: FloatArray) -> None:
+    """Draw the line between two points of the fan, whose first beams at or to the left are `a` and `b`."""
+    ex, ey = bx - ax, by - ay
+    cross = ax * ey - ay * ex  # positive where `b` is to the left of `a`
+    edge_on = abs(cross) <= _EDGE_ON * (abs(ax) + abs(ay)) * (abs(ex) + abs(ey))
+    if edge_on and ax * bx + ay * by > 0.0:
+        # Which end is to the left is rounding. What is seen is the nearer end.
+        x, y = (ax, ay) if ax * ax + ay * ay < bx * bx + by * by else (bx, by)
+        inverse = 1.0 / (x * x + y * y)
+        along_x, along_y = x * inverse, y * inverse
+        right, left = min(a, b), max(a, b)
+        behind = x < 0.0 and (ay >= 0.0) != (by >= 0.0)
+        if behind:
+            right, left = left, right
+    else:
+        inverse = math.copysign(1.0 / max(abs(cross), TINY), cross)
+        along_x, along_y = ey * inverse, -ex * inverse
+        if cross > 0.0:
+            right, left, behind = a, b, ay >= 0.0 and by < 0.0
+        else:
+            right, left, behind = b, a, by >= 0.0 and ay < 0.0
+    # From the right end to the left one, or over straight behind.
+    _draw(beams, along_x, along_y, right, len(out) if behind else left, out)
+    if behind:
+        _draw(beams, along_x, along_y, 0, left, out)
+
+
+@inlined
+def _draw(beams: FloatArray, along_x: float, along_y: float, first: int, behind: int, out: FloatArray) -> None:
+    """Draw a surface, 1 / distance of which is along_x * cosine + along_y * sine of the bearing, into some beams."""
+    cosine, sine = beams[0], beams[1]
+    for beam in range(np.uintp(first), np.uintp(behind)):  # unsigned: else numba asks of each index if it is negative
+        inverse = along_x * cosine[beam] + along_y * sine[beam]
+        out[beam] = inverse if inverse > out[beam] else out[beam]
+
+
+@kernel
+def _draw_plane(plane: FloatArray, pose: Pose, beams: FloatArray, out: FloatArray) -> None:
+    """Draw the front of a plane; where it ends is asked of each beam."""
+    ox, oy, oz, xx, xy, xz, yx, yy, yz, _, _, _ = pose
+    gx, gy, gz = ox - plane[0], oy - plane[1], oz - plane[2]
+    height = gx * plane[5] + gy * plane[8] + gz * plane[11]
+    if not height >= 0.0:
+        return
+    slope_x, slope_y = xx * plane[5] + xy * plane[8] + xz * plane[11], yx * plane[5] + yy * plane[8] + yz * plane[11]
+    if plane[12] == NO_END and plane[13] == NO_END and height > 1e-9:
+        _draw(beams, -slope_x / height, -slope_y / height, 0, len(out), out)
+        return
+    # The place on the plane is start + distance * (slope_x * cosine + slope_y * sine), on each axis.
+    start_1 = gx * plane[3] + gy * plane[6] + gz * plane[9]
+    slope_x1, slope_y1 = xx * plane[3] + xy * plane[6] + xz * plane[9], yx * plane[3] + yy * plane[6] + yz * plane[9]
+    start_2 = gx * plane[4] + gy * plane[7] + gz * plane[10]
+    slope_x2, slope_y2 = xx * plane[4] + xy * plane[7] + xz * plane[10], yx * plane[4] + yy * plane[7] + yz * plane[10]
+    for i in range(len(out)):
+        cosine, sine = beams[0, i], beams[1, i]
+        approach = -(slope_x * cosine + slope_y * sine)
+        inverse = approach / max(height, TINY)
+        seen = (
+            approach > _PARALLEL
+            and abs(start_1 * inverse + slope_x1 * cosine + slope_y1 * sine) <= plane[12] * inverse
+            and abs(start_2 * inverse + slope_x2 * cosine + slope_y2 * sine) <= plane[13] * inverse
+        )
+        if seen and inverse > out[i]:
+            out[i] = inverse

@@ -1,0 +1,206 @@
+"""Settings of a race in a file: `fg-mujoco race --config race.toml`, or `--config DIR`, a run folder, to race it again.
+
+    track = "oval"
+    laps = 2
+    planner-mu = "off"
+    motion-distortion = true
+
+The keys are the long options of `race`, with `-` or `_`, read off its parser; a value has the type that TOML gives it,
+and paths are from the present folder, as on the command line. Options on the command line win over the file's.
+"""
+
+from __future__ import annotations
+
+import argparse
+import difflib
+import math
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from ..cli.options import number, number_or_off, whole
+from ..course.formats import load_track
+from ..errors import FgMujocoError, RunFolderError, SettingsError
+from ..lidar.effects import LidarEffects
+from ..lidar.lidar import LIDAR_BACKENDS
+from .planner_choice import ControllerChoice
+from .planner_loading import find_controller
+from .race import RaceSettings
+from .run_folder import read_summary
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+_OPTION = "--config"
+_OF_THE_OUTPUT = ("out", "video", "json")  # options that say nothing about the race itself
+
+
+def add_config(command: argparse.ArgumentParser) -> None:
+    """Give a command the option `--config`. Its parser is kept, for `parse` to set its defaults."""
+    command.add_argument(
+        _OPTION, metavar="FILE", help="settings from a TOML file, or from a run folder to race it again; options win"
+    )
+    command.set_defaults(command=command)
+
+
+def parse(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> argparse.Namespace:
+    """Return the options of a command line, those that it does not give from the file of its `--config`.
+
+    Raises:
+      SettingsError: a file that cannot be read, with an unknown key, or with a value that its option cannot have.
+      RunFolderError: a folder that is no run's, or holds no settings.
+    """
+    options = parser.parse_args(arguments)
+    if getattr(options, "config", None) is None:
+        return options
+    options.command.set_defaults(**read_config(options.config, options.command))
+    return parser.parse_args(arguments)
+
+
+def settings_of(options: argparse.Namespace) -> dict[str, Any]:
+    """Return the settings of a race among its options, as JSON has them: `planner_mu` off is "off"."""
+    names = [name for name in _settable(options.command) if name not in _OF_THE_OUTPUT]
+    values = {name: getattr(options, name) for name in names}
+    return {name: "off" if value == math.inf else value for name, value in values.items()}
+
+
+def read_config(path: str | Path, command: argparse.ArgumentParser) -> dict[str, Any]:
+    """Return the values of a command's options, by name, as a TOML file or a run folder has them.
+
+    Raises:
+      SettingsError, RunFolderError: as `parse`.
+    """
+    path = Path(path)
+    return _read_run(path, command) if path.is_dir() else _read_toml(path, command)
+
+
+def _read_toml(path: Path, command: argparse.ArgumentParser) -> dict[str, Any]:
+    try:
+        text = path.read_bytes().decode("utf-8")
+        content = tomllib.loads(text)
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise SettingsError(f"{path}: cannot be read: {reason}; accepted: a TOML file, or a run folder") from error
+    except tomllib.TOMLDecodeError as error:  # it says which line
+        raise SettingsError(f'{path}: {error}; accepted: TOML, as: track = "oval"') from error
+    values: dict[str, Any] = {}
+    for key, value in content.items():
+        where = f"{path}, line {_line(text, key)}"
+        name = _known(key, command, where)
+        if name in values:
+            raise SettingsError(f"{where}: {key!r} was given before; accepted: each setting once")
+        values[name] = _checked(name, value, command, where)
+    return values
+
+
+def _read_run(folder: Path, command: argparse.ArgumentParser) -> dict[str, Any]:
+    settings = read_summary(folder).get("settings")
+    where = f"{folder / 'summary.json'}, settings"
+    if not isinstance(settings, dict):
+        raise RunFolderError(f"{where}: there are none; accepted: a folder that `fg-mujoco race --out` wrote")
+    given = {_known(key, command, where): value for key, value in settings.items() if value is not None}
+    return {name: _checked(name, value, command, where) for name, value in given.items()}
+
+
+def _line(text: str, key: str) -> int:
+    """Return the line on which a top-level key of a TOML text is first given, from 1.
+
+    A statement begins after the longest run of whole lines that can be read without it: what TOML says, without a
+    second grammar of it here.
+    """
+    lines, begins = text.splitlines(keepends=True), 1
+    for count in range(1, len(lines) + 1):
+        try:
+            content = tomllib.loads("".join(lines[:count]))
+        except tomllib.TOMLDecodeError:  # within a value of several lines
+            continue
+        if key in content:
+            return begins
+        begins = count + 1
+    return begins
+
+
+def _settable(command: argparse.ArgumentParser) -> dict[str, argparse.Action]:
+    """Return the options of a command that a file can set, by name."""
+    return {a.dest: a for a in command._actions if a.option_strings and a.dest not in ("help", _OPTION.lstrip("-"))}
+
+
+def _known(key: str, command: argparse.ArgumentParser, where: str) -> str:
+    """Return the name of the option that a key means."""
+    name, known = key.replace("-", "_"), _settable(command)
+    if name in known:
+        return name
+    options = [option.replace("_", "-") for option in known]
+    (nearest,) = difflib.get_close_matches(name.replace("_", "-"), options, n=1, cutoff=0.0)
+    raise SettingsError(f"{where}: {key!r} is no setting, the nearest is {nearest!r}; accepted: {', '.join(options)}")
+
+
+def _checked(name: str, value: Any, command: argparse.ArgumentParser, where: str) -> Any:
+    """Return a value as its option has it."""
+    action = _settable(command)[name]
+    accepted, fits = _kind(action)
+    key = name.replace("_", "-")
+    if not fits(value):
+        raise SettingsError(f"{where}: {key} is {value!r}; accepted: {accepted}")
+    if action.type in (number, number_or_off):
+        value = math.inf if value == "off" else float(value)
+    elif action.type is not None and isinstance(value, str):
+        value = action.type(value)  # type: ignore[operator]  # Path
+    if action.choices is not None and value not in action.choices:
+        raise SettingsError(f"{where}: {key} is {value!r}; accepted: {', '.join(map(str, action.choices))}")
+    try:
+        _CHECKS.get(name, _no_check)(value)
+    except FgMujocoError as error:
+        raise type(error)(f"{where}: {key}: {error}") from error
+    return value
+
+
+def _kind(action: argparse.Action) -> tuple[str, Callable[[Any], bool]]:
+    """Return what a value of an option is called, and whether one is of that kind."""
+    if action.nargs == 0:  # a flag
+        return "true or false", lambda value: isinstance(value, bool)
+    if action.type is whole:
+        return "a whole number", lambda value: isinstance(value, int) and not isinstance(value, bool)
+    if action.type is number:
+        return "a number", _is_number
+    if action.type is number_or_off:
+        return 'a number, or "off"', lambda value: value == "off" or _is_number(value)
+    return "a text in quotes", lambda value: isinstance(value, str)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def _check_backend(name: str) -> None:
+    if name not in LIDAR_BACKENDS:
+        raise SettingsError(f"LiDAR back end {name!r}; accepted: {', '.join(LIDAR_BACKENDS)}")
+
+
+def _check_count(value: int) -> None:
+    if value < 0:
+        raise SettingsError(f"{value}; accepted: a whole number from 0")
+
+
+def _no_check(value: Any) -> None:
+    pass
+
+
+# What the race would refuse, so that the message has the line; what depends on several settings, only it can say.
+_CHECKS: dict[str, Callable[[Any], object]] = {
+    "track": load_track,
+    "controller": lambda text: find_controller(ControllerChoice.of(text).source),
+    "obstacles": _check_count,
+    "obstacle_seed": _check_count,
+    "lidar": _check_backend,
+    "lidar_noise": lambda value: LidarEffects(range_noise_std=value),
+    "lidar_dropout": lambda value: LidarEffects(dropout_probability=value),
+    "lidar_latency": lambda value: LidarEffects(latency=value),
+    **{
+        name: lambda value, name=name: RaceSettings(**{name: value})  # type: ignore[misc]
+        for name in ("laps", "mu", "planner_mu", "max_speed", "seed", "time_limit")
+    },
+}

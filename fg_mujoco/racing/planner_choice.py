@@ -1,0 +1,68 @@
+"""A controller and its settings in one text, as the command line takes it: `follow_the_gap[point=middle]`."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..course.scene import Scene
+from ..course.track import Track
+from ..errors import SettingsError
+from ..studies.rollout.randomization import Value, as_range
+from ..vehicle.changes import plain_car
+from ..vehicle.vehicle import car_parameters, nominal_mu
+from .planner_loading import build_controller, find_controller
+
+_CHOICE = re.compile(r"([^\[\]]+?)\s*(?:\[([^\[\]]*)\])?")
+
+
+@dataclass(frozen=True)
+class ControllerChoice:
+    """A controller and those of its settings that differ from its own."""
+
+    source: str  # a bundled name, or path/to/file.py:ClassName
+    settings: tuple[tuple[str, Value], ...] = ()
+
+    @classmethod
+    def of(cls, text: str) -> ControllerChoice:
+        """Read `name` or `name[setting=value,...]`; a value is a number, true, false or a word.
+
+        Raises:
+          SettingsError: a text that is neither.
+        """
+        match = _CHOICE.fullmatch(text.strip())
+        if match is None:
+            raise SettingsError(f"controller {text!r}; accepted: NAME, or NAME[SETTING=VALUE,SETTING=VALUE]")
+        source, inside = match.groups()
+        settings: dict[str, Value] = {}
+        for part in inside.split(",") if inside is not None else ():
+            name, equals, value = (piece.strip() for piece in part.partition("="))
+            if not (name and equals and value) or name in settings or set(value) & set("|:"):
+                raise SettingsError(f"controller {text!r}: {part!r}; accepted: SETTING=VALUE, each setting once")
+            (settings[name],) = as_range(value).extremes
+        return cls(source, tuple(settings.items()))
+
+    @property
+    def label(self) -> str:
+        """What it is called in tables: a file without its folder."""
+        inside = ",".join(f"{name}={str(v).lower() if isinstance(v, bool) else v}" for name, v in self.settings)
+        return Path(self.source).name + (f"[{inside}]" if inside else "")
+
+    @property
+    def sha256(self) -> str | None:
+        """Of the file of a user's controller; None for a bundled one."""
+        path, colon, _ = self.source.rpartition(":")
+        return hashlib.sha256(Path(path).read_bytes()).hexdigest() if colon else None
+
+    def check(self, course: Track | Scene) -> None:
+        """Build it once, for a race on `course`.
+
+        Raises:
+          ControllerError: it cannot be loaded, or not with these settings.
+        """
+        build_controller(
+            find_controller(self.source), self.source, car=car_parameters(plain_car()), mu=nominal_mu(), max_speed=8.0,
+            settings=dict(self.settings), map_line=course.map_line,
+        )  # fmt: skip

@@ -1,0 +1,218 @@
+"""The closed loop: scan, plan, command, physics, every 25 ms, until the laps are done or the race is over.
+
+    result = race("oval", controller="gap_finder", laps=5)
+    print(result.lap_times_s, result.max_slide_m_s)
+
+A scene is raced once, to its goal, which counts as its one lap.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..course.formats import load_track
+from ..course.obstacles import Obstacle
+from ..course.random_obstacles import random_boxes
+from ..course.scene import Scene
+from ..course.track import Track
+from ..errors import SettingsError
+from ..lidar.effects import LidarEffects
+from ..messages import Controller, require
+from ..simulation.planner_adapter import ArrayPilot, MessagePilot, make_pilot
+from ..simulation.race_rules import END_REASONS, USUAL_LAPS, laps_to_drive
+from ..simulation.simulation import Simulation
+from ..simulation.termination import Referee
+from ..simulation.world import World
+from ..vehicle.changes import CarChanges
+from ..vehicle.vehicle import nominal_mu
+from .planner_loading import make_controller, start
+from .result import RaceLog, RaceResult, tally_figures, trajectory_sha256
+from .scenario import Start
+
+
+@dataclass(frozen=True, kw_only=True)
+class RaceSettings:
+    """What a race is run with.
+
+    Raises:
+      SettingsError: a value outside what is accepted.
+    """
+
+    laps: int = USUAL_LAPS
+    mu: float | None = None  # of the tires; None: as in the car's MJCF
+    planner_mu: float | None = None  # what the planner believes; None: as in the car's MJCF; inf: no friction limits
+    max_speed: float = 8.0  # [m/s] fastest that the planner may command; that of the published lap times
+    lidar: str = "raycast"
+    seed: int = 0
+    time_limit: float | None = None  # [s]; None: as long as a car of 0.5 m/s needs, or the scene's
+
+    def __post_init__(self) -> None:
+        for name, least in (("laps", 1), ("seed", 0)):
+            value = getattr(self, name)
+            if not isinstance(value, int) or isinstance(value, bool) or value < least:
+                raise SettingsError(f"{name} is {value!r}; accepted: a whole number from {least}")
+        given = tuple(name for name in ("mu", "time_limit") if getattr(self, name) is not None)
+        require(self, lambda value: 0.0 < value < math.inf, "a positive number", (*given, "max_speed"), SettingsError)
+        if self.planner_mu is not None:
+            require(self, lambda value: value > 0.0, "a positive number, or inf", ("planner_mu",), SettingsError)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RaceProgress:
+    """What a race tells whoever watches it, once a tick."""
+
+    time: float  # [s] simulated
+    laps_completed: int
+    laps_requested: int
+    speed: float  # [m/s]
+
+
+def race(
+    track: Track | Scene | str,
+    controller: str | Controller = "gap_finder",
+    *,
+    laps: int | None = None,
+    mu: float | None = None,
+    planner_mu: float | None = None,
+    max_speed: float = 8.0,
+    lidar: str = "raycast",
+    seed: int = 0,
+    time_limit: float | None = None,
+    obstacles: tuple[Obstacle, ...] | int = (),
+    obstacle_seed: int = 0,
+    effects: LidarEffects | None = None,
+    car: CarChanges | None = None,
+    begin: Start | None = None,
+    planner_settings: Mapping[str, Any] | None = None,
+    watch: Callable[[RaceProgress], None] | None = None,
+) -> RaceResult:
+    """Race a controller round a track, or through a scene, and return how it went.
+
+    Args:
+      track: a Track, a Scene, or what `load_track` makes one of: a bundled name, `random:SEED`, `scene:NAME:SEED`, or
+        a path to a centreline CSV.
+      controller: a bundled name, `path/to/file.py:ClassName`, or a controller object.
+      laps: to be driven; None: 5, and of a scene 1, which is all it has.
+      mu: friction coefficient of the tires; None: as in the car's MJCF.
+      planner_mu: what the planner believes it is; None: as in the car's MJCF; inf: its friction limits are off.
+      max_speed: fastest that the planner may command [m/s].
+      lidar: back end, "raycast" or "rangefinder".
+      seed: of the LiDAR's noise and dropouts.
+      time_limit: of simulated time [s]; None: as long as a car of 0.5 m/s needs, or the scene's own.
+      obstacles: what stands on the track, besides what a scene has; or of how many boxes, at random places of a track
+        that leave a way past each (`random_obstacles`).
+      obstacle_seed: of the random places.
+      effects: what the LiDAR does to a scan; nothing by default.
+      car: what else differs from the car of models/f1tenth.xml.
+      begin: where and how the race starts; None: standing on the start of the centreline.
+      planner_settings: settings of the controller that differ from its own.
+      watch: called once a tick.
+
+    Raises:
+      TrackError, ControllerError, SettingsError: input that cannot be raced with.
+    """
+    settings = RaceSettings(
+        laps=USUAL_LAPS if laps is None else laps, mu=mu, planner_mu=planner_mu, max_speed=max_speed, lidar=lidar,
+        seed=seed, time_limit=time_limit,
+    )  # fmt: skip
+    course = load_track(track)
+    laps = laps_to_drive(course, laps)
+    drawn = None
+    if isinstance(obstacles, int):
+        drawn = obstacle_seed if obstacles else None
+        obstacles = random_boxes(course, obstacles, obstacle_seed, start=(begin or Start()).s)
+    world = World(course, mu=mu, lidar=lidar, obstacles=obstacles, changes=car)
+    believed_mu = nominal_mu() if planner_mu is None else float(planner_mu)
+    planner = make_controller(
+        controller, car=world.car.parameters, mu=believed_mu, max_speed=max_speed, settings=planner_settings or {},
+        map_line=world.track.map_line,
+    )  # fmt: skip
+    start(planner)
+    simulation = Simulation(world, effects=effects, seed=seed)
+    sensed = simulation.reset(**vars(begin or Start()))
+    pilot = make_pilot(planner, simulation, sensed, by_name=isinstance(controller, str))
+    referee = Referee(
+        world.track,
+        world.car.constants,
+        laps=laps,
+        time_limit=settings.time_limit or course.longest_race(laps),
+        period=simulation.period,
+        qpos=simulation.data.qpos[np.newaxis],
+    )
+    log = RaceLog(simulation.state)
+
+    started = time.perf_counter()
+    try:
+        reason = _drive(simulation, pilot, referee, log, laps, watch)
+    except KeyboardInterrupt:  # what was driven is kept
+        reason = "interrupted"
+    ended = time.perf_counter()
+    later_time = ended - (log.first_end or ended)  # [s] without the first tick
+
+    arrays = log.arrays()
+    lap_times = tuple(referee.lap_times[0, : int(referee.timers["laps_completed"][0])].tolist())
+    return RaceResult(
+        track=world.track.name,
+        controller=controller if isinstance(controller, str) else type(controller).__name__,
+        laps_requested=laps,
+        laps_completed=len(lap_times),
+        finished=reason == "finished",
+        end_reason=reason,
+        lap_times_s=lap_times,
+        collisions=int(simulation.crashed),
+        sim_time_s=simulation.time,
+        wall_time_s=ended - started,
+        realtime_factor=(simulation.time - simulation.period) / later_time if later_time > 0.0 else 0.0,
+        **tally_figures(log.tally),
+        seed=seed,
+        mu=world.car.mu,
+        planner_mu=believed_mu,
+        speed_limit_m_s=float(max_speed),
+        lidar=lidar,
+        lidar_effects=effects or LidarEffects(),
+        obstacles=len(obstacles),
+        obstacle_seed=drawn,
+        planner_settings=dict(planner_settings or {}),
+        trajectory_sha256=trajectory_sha256(arrays["states"], arrays["ctrl"]),
+        world=world,
+        **arrays,
+    )
+
+
+def _drive(
+    simulation: Simulation,
+    pilot: MessagePilot | ArrayPilot,
+    referee: Referee,
+    log: RaceLog,
+    laps: int,
+    watch: Callable[[RaceProgress], None] | None,
+) -> str:
+    """Run the loop until the race is over and return the reason."""
+    data = simulation.data
+    time, qpos, qvel = np.empty(1), data.qpos[np.newaxis], data.qvel[np.newaxis]  # views of the state
+    unstable, crashed = np.zeros(1, np.bool_), np.zeros(1, np.bool_)
+    while True:
+        time[0], unstable[0], crashed[0] = data.time, simulation.unstable, simulation.crashed
+        referee.judge(time, qpos, qvel, unstable, crashed)
+        if not referee.running[0]:
+            return END_REASONS[referee.reasons[0]]
+        log.begin(simulation, referee.timers)
+        command = pilot.decide()
+        simulation.drive(*command)
+        pilot.sense()
+        log.end(simulation, *command)
+        if watch is not None:
+            watch(
+                RaceProgress(
+                    time=simulation.time,
+                    laps_completed=int(referee.timers["laps_completed"][0]),
+                    laps_requested=laps,
+                    speed=simulation.speed,
+                )
+            )

@@ -1,0 +1,289 @@
+"""The run folder: what a race leaves on disk, and the proof that it can be driven again bit for bit.
+
+    write_run(result, "runs/oval")
+    report = replay("runs/oval")
+    assert report.identical
+
+    summary.json    the figures of the race, and the versions that made it
+    scene.xml       the MJCF text that the raced model was compiled from; plain MuJoCo loads it
+    states.npz      time (n + 1,) [s], state (n + 1, k) mjSTATE_INTEGRATION, ctrl (n, 2) [rad, m/s]: row i of ctrl is
+                    held from state i to state i + 1, one tick
+    telemetry.csv   one row a tick, columns named with their units
+    trace.png       the line over the track, and the tires' work over time (needs the extra `plot`)
+
+A folder with a summary is complete: everything is written aside, and the summary is moved in last.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import platform
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from ..course.moving_obstacles import make_mover
+from ..errors import FgMujocoError, RunFolderError
+from ..lidar.lidar import make_lidar
+from ..messages import FloatArray
+from ..simulation.simulation import STATE, complete_state, hold_controls, whole_steps
+from ..simulation.world import LIDAR_PREFIX
+from ..viz.plots import require_matplotlib, trace_picture
+from .result import TELEMETRY, RaceResult, trajectory_sha256
+
+SCHEMA = 1
+"""Of the run folder; a reader refuses any other."""
+
+_FILES = ("scene.xml", "states.npz", "telemetry.csv", "trace.png", "summary.json")  # in the order they are moved in
+_SCENE, _STATES, _TELEMETRY, _TRACE, _SUMMARY = _FILES
+_STAGING = ".partial"  # inside the folder, so that moving out of it never crosses file systems
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Run:
+    """A run folder, read back. Arrays are as in RaceResult."""
+
+    folder: Path
+    summary: dict[str, Any]
+    time: FloatArray = field(repr=False)  # (ticks + 1,) [s]
+    states: FloatArray = field(repr=False)  # (ticks + 1, k)
+    ctrl: FloatArray = field(repr=False)  # (ticks, 2)
+    telemetry: FloatArray = field(repr=False)  # (ticks, len(TELEMETRY))
+
+    @property
+    def scene(self) -> Path:
+        """The MJCF file of the world."""
+        return self.folder / _SCENE
+
+    def column(self, name: str) -> FloatArray:
+        """Return one column of the telemetry, shape (ticks,)."""
+        return self.telemetry[:, TELEMETRY.index(name)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReplayReport:
+    """How a replay compares with what was recorded; its text is one line."""
+
+    identical: bool  # every bit of every state, and the summary's trajectory_sha256
+    ticks: int
+    trajectory_sha256: str  # of what was replayed
+    first_difference: int | None = None  # tick, from 1, that first ends in another state; None: none does
+    time: float | None = None  # [s] at its end
+    greatest_difference: float | None = None  # there, of any component of the state
+
+    def __str__(self) -> str:
+        if self.identical:
+            return f"bit-identical: {self.ticks} ticks, trajectory_sha256 {self.trajectory_sha256}"
+        if self.first_difference is None:
+            return f"not identical: the states are, but {_SUMMARY} has not their hash, {self.trajectory_sha256}"
+        return (
+            f"not identical: differs from tick {self.first_difference} of {self.ticks} on, at t = {self.time:.3f} s by "
+            f"up to {self.greatest_difference:.3g} in a component of the state"
+        )
+
+
+def check_run_folder(folder: str | Path) -> None:
+    """Make sure that a run can be written to a folder, and leave everything as it was.
+
+    Raises:
+      RunFolderError: it is a file, is not empty, or cannot be written.
+    """
+    with _reserved(Path(folder), keep=False):
+        pass
+
+
+def write_run(
+    result: RaceResult, folder: str | Path, *, picture: bool = True, settings: Mapping[str, Any] | None = None
+) -> Path:
+    """Write a run folder and return its path. A failure leaves nothing behind.
+
+    Args:
+      result: of the race.
+      folder: new or empty.
+      picture: with trace.png.
+      settings: options of the command line that drive this race again; `race --config DIR` needs them.
+
+    Raises:
+      RunFolderError: the folder is a file, is not empty, or cannot be written.
+      MissingExtraError: a picture is wanted, and matplotlib is not installed.
+    """
+    folder = Path(folder)
+    if picture:
+        require_matplotlib()
+    with _reserved(folder, keep=True) as staging:
+        (staging / _SCENE).write_text(result.world.xml, encoding="utf-8")
+        time = result.states[:, 0]  # mjSTATE_TIME comes first in a state
+        np.savez_compressed(staging / _STATES, time=time, state=result.states, ctrl=result.ctrl)
+        _write_telemetry(result.telemetry, staging / _TELEMETRY)
+        if picture:
+            trace_picture(result, staging / _TRACE)
+        (staging / _SUMMARY).write_text(summary_json(result, settings) + "\n", encoding="utf-8")
+        for name in _FILES:
+            if (staging / name).exists():
+                (staging / name).rename(folder / name)
+    return folder
+
+
+def summary_json(result: RaceResult, settings: Mapping[str, Any] | None = None) -> str:
+    """Return the summary, `settings` and the versions that made it as one JSON object; NaN and infinity are null."""
+    versions = {
+        "schema": SCHEMA,
+        "fg_mujoco_version": version("fg-mujoco"),
+        "mujoco_version": mujoco.__version__,
+        "platform": f"{platform.system()}-{platform.machine()}",
+    }
+    summary = {
+        name: None if isinstance(value, float) and not math.isfinite(value) else value
+        for name, value in (result.summary() | ({"settings": dict(settings)} if settings else {}) | versions).items()
+    }
+    return json.dumps(summary, indent=2, allow_nan=False)
+
+
+def read_summary(folder: str | Path) -> dict[str, Any]:
+    """Read the summary of a run folder.
+
+    Raises:
+      RunFolderError: it is not one, or its summary is damaged.
+    """
+    path = Path(folder) / _SUMMARY
+    if not path.is_file():
+        raise RunFolderError(f"{folder}: has no {_SUMMARY}; accepted: a folder that `race --out` wrote")
+    with _blame(path):
+        summary = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(summary, dict) or summary.get("schema") != SCHEMA:
+            raise ValueError(f"no JSON object with schema {SCHEMA}")
+    return summary
+
+
+def read_run(folder: str | Path) -> Run:
+    """Read a run folder.
+
+    Raises:
+      RunFolderError: it is not one, or a file in it is missing or damaged.
+    """
+    folder = Path(folder)
+    summary = read_summary(folder)
+    with _blame(folder / _STATES), np.load(folder / _STATES, allow_pickle=False) as arrays:
+        time, states, ctrl = (np.array(arrays[name], dtype=np.float64) for name in ("time", "state", "ctrl"))
+        if ctrl.shape != (len(ctrl), 2) or states.ndim != 2 or {len(time), len(states)} != {len(ctrl) + 1}:
+            raise ValueError(f"shapes {time.shape}, {states.shape}, {ctrl.shape}")
+    with _blame(folder / _TELEMETRY):
+        telemetry = _read_telemetry(folder / _TELEMETRY)
+        if len(telemetry) != len(ctrl):
+            raise ValueError(f"{len(telemetry)} rows for {len(ctrl)} ticks")
+    for array in (time, states, ctrl, telemetry):
+        array.flags.writeable = False
+    return Run(folder=folder, summary=summary, time=time, states=states, ctrl=ctrl, telemetry=telemetry)
+
+
+def replay(folder: str | Path) -> ReplayReport:
+    """Simulate a run again from its first state and recorded controls, and compare every state bit for bit.
+
+    Raises:
+      RunFolderError: the folder is not a run folder, or is damaged.
+    """
+    run = read_run(folder)
+    with _blame(run.scene):
+        model = mujoco.MjModel.from_xml_path(str(run.scene))
+        if mujoco.mj_stateSize(model, STATE) != run.states.shape[1]:
+            raise ValueError(f"a model whose states are not those of {_STATES}")
+        if run.summary.get("lidar") == "rangefinder":
+            make_lidar("rangefinder", model, LIDAR_PREFIX)  # its beams get the digits back that MJCF text drops
+        steps = whole_steps(run.time[1] - run.time[0], model.opt.timestep) if len(run.ctrl) else 0
+
+    states = _simulate(model, run.states[0], run.ctrl, steps)
+    sha256 = trajectory_sha256(states, run.ctrl)
+    differs = (states.view(np.uint64) != run.states.view(np.uint64)).any(axis=1)  # as bits: NaN is NaN, -0 is not 0
+    if not differs.any():
+        same_hash = sha256 == run.summary.get("trajectory_sha256")
+        return ReplayReport(identical=same_hash, ticks=len(run.ctrl), trajectory_sha256=sha256)
+    first = int(differs.argmax())
+    return ReplayReport(
+        identical=False,
+        ticks=len(run.ctrl),
+        trajectory_sha256=sha256,
+        first_difference=first,
+        time=float(run.time[first]),
+        greatest_difference=float(np.abs(states[first] - run.states[first]).max()),
+    )
+
+
+def _simulate(model: mujoco.MjModel, state: FloatArray, ctrl: FloatArray, steps: int) -> FloatArray:
+    """Return the states at the start of each tick and the last, shape (ticks + 1, k)."""
+    data = mujoco.MjData(model)
+    mujoco.mj_setState(model, data, state, STATE)
+    states, records, mover = [state], np.empty((steps, model.nsensordata)), make_mover(model)
+    for row in ctrl:
+        data.ctrl[:] = row
+        hold_controls(model, data, records, mover)
+        states.append(complete_state(model, data))
+    return np.array(states)
+
+
+def _write_telemetry(telemetry: FloatArray, path: Path) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(TELEMETRY)
+        # repr is the shortest text that gives the same float back
+        writer.writerows([repr(value).removesuffix(".0") for value in row] for row in telemetry.tolist())
+
+
+def _read_telemetry(path: Path) -> FloatArray:
+    with path.open(encoding="utf-8", newline="") as file:
+        header, *rows = csv.reader(file)
+    if tuple(header) != TELEMETRY:
+        raise ValueError(f"columns {', '.join(header)[:60]}")
+    return np.array(rows, dtype=np.float64).reshape(-1, len(TELEMETRY))
+
+
+@contextmanager
+def _reserved(folder: Path, *, keep: bool) -> Iterator[Path]:
+    """Make the folder and in it one to write to; take away the latter in the end, and both unless it went well."""
+    staging = folder / _STAGING
+    created: list[Path] = []
+    ours = kept = False
+    try:
+        if folder.exists() and not folder.is_dir():
+            raise RunFolderError(f"{folder}: is a file; accepted: a new or empty folder")
+        if folder.exists() and any(folder.iterdir()):
+            raise RunFolderError(f"{folder}: is not empty; accepted: a new or empty folder")
+        created = [path for path in (folder, *folder.parents) if not path.exists()]
+        folder.mkdir(parents=True, exist_ok=True)
+        staging.mkdir()
+        ours = True
+        yield staging
+        kept = keep
+    except FgMujocoError:
+        raise
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise RunFolderError(f"{folder}: cannot be written: {reason}; accepted: a folder that can be") from error
+    finally:
+        if ours:
+            shutil.rmtree(staging, ignore_errors=True)
+        if ours and not kept:
+            for name in _FILES:
+                (folder / name).unlink(missing_ok=True)
+        if not kept:
+            for path in created:
+                with suppress(OSError):
+                    path.rmdir()
+
+
+@contextmanager
+def _blame(path: Path) -> Iterator[None]:
+    """Turn whatever reading a file raises into one line that names it."""
+    try:
+        yield
+    except Exception as error:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        raise RunFolderError(f"{path}: cannot be read: {reason}; accepted: as `race --out` wrote it") from error

@@ -1,0 +1,239 @@
+"""ROS 2 messages of what passes between car and planner, without ROS: the types, and the way there; back is bag_scans.
+
+    message = scan_message(scan)
+    data = to_cdr(message)
+
+Types and CDR are those of the package rosbags. Frames are as in REP 105: `map`, `odom`, `base_link` (rear axle), and
+`laser` and `imu` where they are mounted; axes and units as in REP 103. What is not known is said as each message has
+it: a covariance of zeros, or with -1 in front where there is no estimate at all (sensor_msgs/Imu), an empty array.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import MissingExtraError
+from ..messages import DriveCommand, FloatArray, LaserScan, Odometry
+
+INSTALL_COMMAND = "pip install 'fg-mujoco[ros]'"
+
+SCAN, ODOMETRY = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"
+IMU, JOINTS = "sensor_msgs/msg/Imu", "sensor_msgs/msg/JointState"
+DRIVE, TRANSFORMS = "ackermann_msgs/msg/AckermannDriveStamped", "tf2_msgs/msg/TFMessage"
+GRID = "nav_msgs/msg/OccupancyGrid"
+
+MAP_FRAME, ODOM_FRAME, BASE_FRAME, LASER_FRAME, IMU_FRAME = "map", "odom", "base_link", "laser", "imu"
+STEERING_JOINT = "steering"
+WHEEL_JOINTS = ("front_left_wheel", "front_right_wheel", "rear_left_wheel", "rear_right_wheel")
+
+_ACKERMANN = {  # of the package ackermann_msgs, which no release of ROS has in its core
+    DRIVE: "std_msgs/Header header\nackermann_msgs/AckermannDrive drive\n",
+    "ackermann_msgs/msg/AckermannDrive": (
+        "float32 steering_angle\nfloat32 steering_angle_velocity\nfloat32 speed\nfloat32 acceleration\nfloat32 jerk\n"
+    ),
+}
+_NANOSECONDS = 1_000_000_000
+
+
+def require_ros_extra() -> None:
+    """Make sure that bags can be read and written.
+
+    Raises:
+      MissingExtraError: a part is not installed; the message is the command that installs it.
+    """
+    if any(importlib.util.find_spec(name) is None for name in ("mcap", "rosbags", "scipy")):
+        raise MissingExtraError(INSTALL_COMMAND)
+
+
+@lru_cache(maxsize=1)
+def type_store() -> Any:
+    """Return the types of ROS 2 Humble, of which those written here are the same in every later release.
+
+    Raises:
+      MissingExtraError: the extra `ros` is not installed.
+    """
+    require_ros_extra()
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    for name, text in _ACKERMANN.items():
+        store.register(get_types_from_msg(text, name))
+    return store
+
+
+def definition(kind: str) -> str:
+    """Return the text of a type, and of all that it is made of, as `ros2 bag` keeps it beside the messages."""
+    text: str = type_store().generate_msgdef(kind, ros_version=2)[0]
+    return text
+
+
+def to_cdr(message: Any) -> bytes:
+    """Return a message as a robot would send it: little-endian CDR."""
+    return bytes(type_store().serialize_cdr(message, message.__msgtype__))
+
+
+def nanoseconds(seconds: float) -> int:
+    """Return a time in whole nanoseconds."""
+    return round(seconds * _NANOSECONDS)
+
+
+def stamp_of(message: Any) -> int:
+    """Return the time in a message's header [ns]."""
+    return int(message.header.stamp.sec) * _NANOSECONDS + int(message.header.stamp.nanosec)
+
+
+def scan_message(scan: LaserScan) -> Any:
+    """Return sensor_msgs/LaserScan. Its stamp is that of the first beam, ours that of the last."""
+    first = scan.stamp - scan.time_increment * (len(scan.ranges) - 1)
+    return _make(
+        SCAN,
+        header=_header(nanoseconds(first), LASER_FRAME),
+        angle_min=scan.angle_min,
+        angle_max=scan.angle_max,
+        angle_increment=scan.angle_increment,
+        time_increment=scan.time_increment,
+        scan_time=scan.scan_time,
+        range_min=scan.range_min,
+        range_max=scan.range_max,
+        ranges=scan.ranges.astype(np.float32),
+        intensities=np.empty(0, np.float32),
+    )
+
+
+def odometry_message(odometry: Odometry, position: FloatArray, quaternion: FloatArray, lateral_speed: float) -> Any:
+    """Return nav_msgs/Odometry: the true pose, the wheels' mean speed, and the gyro's turning rate.
+
+    Args:
+      odometry: what the car senses.
+      position: (3,) [m] of base_link in the world.
+      quaternion: (4,) wxyz of base_link in the world.
+      lateral_speed: of base_link over the ground, left positive [m/s].
+    """
+    unknown = np.zeros(36)
+    twist = _make("geometry_msgs/msg/Twist", linear=_vector((odometry.speed, lateral_speed, 0.0)),
+                  angular=_vector(odometry.angular_velocity))  # fmt: skip
+    return _make(
+        ODOMETRY,
+        header=_header(nanoseconds(odometry.stamp), ODOM_FRAME),
+        child_frame_id=BASE_FRAME,
+        pose=_make("geometry_msgs/msg/PoseWithCovariance", pose=_pose(position, quaternion), covariance=unknown),
+        twist=_make("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=unknown),
+    )
+
+
+def imu_message(odometry: Odometry) -> Any:
+    """Return sensor_msgs/Imu: gyro and accelerometer, and no orientation, which they do not measure."""
+    none = np.zeros(9)
+    none[0] = -1.0
+    return _make(
+        IMU,
+        header=_header(nanoseconds(odometry.stamp), IMU_FRAME),
+        orientation=_quaternion((1.0, 0.0, 0.0, 0.0)),
+        orientation_covariance=none,
+        angular_velocity=_vector(odometry.angular_velocity),
+        angular_velocity_covariance=np.zeros(9),
+        linear_acceleration=_vector(odometry.linear_acceleration),
+        linear_acceleration_covariance=np.zeros(9),
+    )
+
+
+def joints_message(odometry: Odometry, wheel_radius: float) -> Any:
+    """Return sensor_msgs/JointState: the steering angle [rad], and how fast each wheel turns [rad/s]."""
+    turning = odometry.wheel_speeds / wheel_radius
+    nan = np.full(len(WHEEL_JOINTS), math.nan)
+    return _make(
+        JOINTS,
+        header=_header(nanoseconds(odometry.stamp), BASE_FRAME),
+        name=[STEERING_JOINT, *WHEEL_JOINTS],
+        position=np.concatenate(([odometry.steering_angle], nan)),
+        velocity=np.concatenate(([math.nan], turning)),
+        effort=np.empty(0),
+    )
+
+
+def drive_message(command: DriveCommand, time: int) -> Any:
+    """Return ackermann_msgs/AckermannDriveStamped; its rates are 0, "as fast as it can"; `time` is in [ns]."""
+    drive = _make(
+        "ackermann_msgs/msg/AckermannDrive", steering_angle=command.steering_angle, steering_angle_velocity=0.0,
+        speed=command.speed, acceleration=0.0, jerk=0.0,
+    )  # fmt: skip
+    return _make(DRIVE, header=_header(time, BASE_FRAME), drive=drive)
+
+
+def transform_message(time: int, transforms: Sequence[tuple[str, str, FloatArray, FloatArray]]) -> Any:
+    """Return tf2_msgs/TFMessage, at `time` [ns], of (parent frame, child frame, position (3,) [m], quaternion wxyz)."""
+    return _make(
+        TRANSFORMS,
+        transforms=[
+            _make(
+                "geometry_msgs/msg/TransformStamped",
+                header=_header(time, parent),
+                child_frame_id=child,
+                transform=_make(
+                    "geometry_msgs/msg/Transform", translation=_vector(position), rotation=_quaternion(quaternion)
+                ),
+            )
+            for parent, child, position, quaternion in transforms
+        ],
+    )
+
+
+def grid_message(time: int, cells: NDArray[np.int8], resolution: float, origin: FloatArray) -> Any:
+    """Return nav_msgs/OccupancyGrid of cells (rows, columns), row 0 below: 0 free, 100 occupied, -1 unknown.
+
+    `time` is in [ns], and `origin` (2,) [m] the lower left corner of the first cell in the map frame.
+    """
+    rows, columns = cells.shape
+    info = _make(
+        "nav_msgs/msg/MapMetaData",
+        map_load_time=_time(time),
+        resolution=resolution,
+        width=columns,
+        height=rows,
+        origin=_pose(np.append(origin, 0.0), np.array((1.0, 0.0, 0.0, 0.0))),
+    )
+    return _make(GRID, header=_header(time, MAP_FRAME), info=info, data=cells.astype(np.int8).ravel())
+
+
+def heading_of(quaternion: Any) -> float:
+    """Return the heading [rad] of a geometry_msgs/Quaternion."""
+    x, y, z, w = quaternion.x, quaternion.y, quaternion.z, quaternion.w
+    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+
+def _make(kind: str, **values: Any) -> Any:
+    return type_store().types[kind](**values)
+
+
+def _time(time: int) -> Any:
+    sec, nanosec = divmod(time, _NANOSECONDS)
+    return _make("builtin_interfaces/msg/Time", sec=sec, nanosec=nanosec)
+
+
+def _header(time: int, frame: str) -> Any:
+    return _make("std_msgs/msg/Header", stamp=_time(time), frame_id=frame)
+
+
+def _vector(values: Any) -> Any:
+    x, y, z = map(float, values)
+    return _make("geometry_msgs/msg/Vector3", x=x, y=y, z=z)
+
+
+def _quaternion(wxyz: Any) -> Any:
+    w, x, y, z = map(float, wxyz)
+    return _make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w)
+
+
+def _pose(position: FloatArray, quaternion: FloatArray) -> Any:
+    x, y, z = map(float, position)
+    return _make(
+        "geometry_msgs/msg/Pose", position=_make("geometry_msgs/msg/Point", x=x, y=y, z=z),
+        orientation=_quaternion(quaternion),
+    )  # fmt: skip

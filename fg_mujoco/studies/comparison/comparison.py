@@ -1,0 +1,236 @@
+"""Every controller on every course with every seed: what survives what.
+
+    comparison = compare(["gap_finder", "follow_the_gap[point=middle]"], tracks=["oval"], out="runs/compare")
+    print(comparison.markdown())
+
+A call with the same folder drives only the runs that are not there yet. A script that calls it with several workers
+needs `if __name__ == "__main__":`, as all that starts processes.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from ...course.scenes.catalogue import PREFIX
+from ...errors import SettingsError
+from ...racing.planner_choice import ControllerChoice
+from ...racing.planner_loading import controller_names
+from ...viz.plots import require_matplotlib
+from ..rollout.job import require_whole, versions
+from ..rollout.local import usable_cores
+from ..rollout.store import blame
+from ..worker_processes import work_off
+from .ground import check_course, course_ground, course_name, course_sha256
+from .pictures import table_picture, trace_pictures
+from .run import ComparisonSettings, Run, RunKey, RunRow
+from .store import ComparisonFolder, replace_file
+from .tables import Cell, cells_csv, make_cells, markdown, runs_csv
+
+DEFAULT_SEEDS = range(10)
+DEFAULT_MAX_SPEED = 8.0  # [m/s]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ComparisonProgress:
+    """What a comparison tells whoever watches it."""
+
+    runs: int
+    runs_found: int  # in the folder, driven by an earlier call
+    runs_driven: int  # by this call
+    wall_time_s: float
+
+    @property
+    def remaining_s(self) -> float | None:
+        """What it will still take, if it goes on like this [s]; None before the first run is finished."""
+        if self.runs_driven == 0:
+            return None
+        return (self.runs - self.runs_found - self.runs_driven) * self.wall_time_s / self.runs_driven
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """How all runs went."""
+
+    rows: tuple[RunRow, ...]  # of each controller, on each course, at each speed, with each seed
+    cells: tuple[Cell, ...]  # of each controller on each course at each speed
+    folder: Path
+    runs_driven: int  # by this call
+    wall_time_s: float
+
+    def markdown(self) -> str:
+        """Return the table."""
+        return markdown(self.cells)
+
+    def summary(self) -> dict[str, Any]:
+        """Return the figures, as JSON has them."""
+        return {
+            "runs": len(self.rows),
+            "runs_driven": self.runs_driven,
+            "wall_time_s": self.wall_time_s,
+            "table": [asdict(cell) for cell in self.cells],
+        }
+
+
+def compare(
+    controllers: Sequence[str] | None = None,
+    *,
+    tracks: Sequence[str] = (),
+    scenes: Sequence[str] = (),
+    seeds: Sequence[int] = DEFAULT_SEEDS,
+    max_speeds: Sequence[float] = (DEFAULT_MAX_SPEED,),
+    laps: int = 5,
+    obstacles: int = 0,
+    lidar_noise: float = 0.0,
+    mu: float | None = None,
+    planner_mu: float | None = None,
+    time_limit: float | None = None,
+    workers: int | None = None,
+    out: str | Path,
+    pictures: bool = True,
+    watch: Callable[[ComparisonProgress], None] | None = None,
+) -> Comparison:
+    """Drive every controller on every course at every speed with every seed, and write what became of them to a folder.
+
+    A run in which the planner fails is a row that says so; the others go on. Ctrl-C raises KeyboardInterrupt once the
+    workers have stopped; finished runs are then in the folder, and the same call goes on with the others.
+
+    Args:
+      controllers: bundled names or `path/to/file.py:ClassName`, each with settings that differ from its own in brackets
+        where wanted, as `gap_finder[lookahead=8]`; None: all bundled ones.
+      tracks: as `load_track` takes them.
+      scenes: names of scenes.
+      seeds: of a scene; on a track, of the obstacles and the LiDAR's noise. Where nothing depends on it, a course is
+        driven once.
+      max_speeds: fastest that the planner may command, one after the other [m/s].
+      laps: on tracks; a scene is driven once.
+      obstacles: boxes on each track, with a way past each.
+      lidar_noise: standard deviation of each range [m].
+      mu: friction coefficient of the tires; None: as in the car's MJCF.
+      planner_mu: what planners believe it is; None: as in the car's MJCF; inf: their friction limits are off.
+      time_limit: of simulated time of each run [s]; None: as `race` has it.
+      workers: processes; None: as many as there are cores; one: no other than this.
+      out: a new or empty folder, or one of a comparison with the same settings, from `laps` to `time_limit`.
+      pictures: whether to draw them.
+      watch: called several times a second.
+
+    Raises:
+      SettingsError, TrackError, ControllerError, RunFolderError: what cannot be driven; nothing has run then.
+      MissingExtraError: no matplotlib for the pictures.
+      EngineError: a worker process died.
+    """
+    require_whole("workers", workers)
+    if pictures:
+        require_matplotlib()
+    settings = ComparisonSettings(
+        laps=laps, obstacles=obstacles, lidar_noise=lidar_noise, mu=mu, planner_mu=planner_mu, time_limit=time_limit
+    )
+    chosen = [ControllerChoice.of(text) for text in (controller_names() if controllers is None else controllers)]
+    runs = plan_runs(chosen, [*tracks, *(f"{PREFIX}{name}" for name in scenes)], max_speeds, seeds, settings)
+    folder = ComparisonFolder(out)
+    folder.open(_as_json(settings), versions())
+    missing = [run for run in runs if run.key not in folder.rows]
+
+    started, driven = time.perf_counter(), 0
+
+    def pulse() -> None:
+        if watch is not None:
+            found, elapsed = len(runs) - len(missing), time.perf_counter() - started
+            watch(ComparisonProgress(runs=len(runs), runs_found=found, runs_driven=driven, wall_time_s=elapsed))
+
+    with closing(work_off(Run.drive, missing, workers=workers or usable_cores(), pulse=pulse)) as finished:
+        for _, (row, trace) in finished:
+            folder.add(row, trace)
+            driven += 1
+            pulse()
+    rows = tuple(folder.rows[run.key] for run in runs)
+    comparison = Comparison(
+        rows=rows, cells=make_cells(rows), folder=folder.folder, runs_driven=driven,
+        wall_time_s=time.perf_counter() - started,
+    )  # fmt: skip
+    folder.sort([run.key for run in runs])
+    _write_report(comparison, runs, folder, pictures=pictures)
+    return comparison
+
+
+def plan_runs(
+    controllers: Sequence[ControllerChoice],
+    courses: Sequence[str],
+    max_speeds: Sequence[float],
+    seeds: Sequence[int],
+    settings: ComparisonSettings,
+) -> list[Run]:
+    """Return the runs of a grid, in its order.
+
+    Args:
+      controllers: which.
+      courses: tracks as `load_track` takes them, or `scene:NAME`.
+      max_speeds: [m/s].
+      seeds: whole numbers.
+      settings: what all runs have in common.
+
+    Raises:
+      SettingsError: an axis that is empty or has a value twice, a speed or seed that is not accepted, or more obstacles
+        than a track has room for.
+      TrackError, ControllerError: what cannot be loaded.
+    """
+    for seed in seeds:
+        require_whole("seed", seed, 0)
+    for speed in max_speeds:
+        if not 0.0 < speed < math.inf:
+            raise SettingsError(f"max_speed is {speed!r}; accepted: a positive number")
+    names = {course: course_name(course) for course in courses}
+    axes: tuple[tuple[str, Sequence[Any]], ...] = (
+        ("controller", [choice.label for choice in controllers]), ("course", [names[course] for course in courses]),
+        ("max_speed", max_speeds), ("seed", seeds),
+    )  # fmt: skip
+    for name, values in axes:
+        twice = next((value for i, value in enumerate(values) if value in values[:i]), None)
+        if not values or twice is not None:
+            said = f"no {name} is given" if not values else f"{name} {twice} is given twice"
+            raise SettingsError(f"{said}; accepted: one or more, each once")
+    for course in courses:
+        check_course(course, settings.obstacles)
+    for choice in controllers:
+        choice.check(course_ground(courses[0], seeds[0]).course)
+    axis: dict[str, Sequence[int | None]] = {course: _seeds(course, seeds, settings) for course in courses}
+    return [
+        Run(
+            RunKey(choice.label, choice.sha256, names[course], course_sha256(course), float(speed), seed),
+            choice, course, settings,
+        )
+        for choice in controllers
+        for course in courses
+        for speed in max_speeds
+        for seed in axis[course]
+    ]  # fmt: skip
+
+
+def _seeds(course: str, seeds: Sequence[int], settings: ComparisonSettings) -> Sequence[int | None]:
+    """Return the seeds that a course is driven with."""
+    random = course.startswith(PREFIX) or settings.obstacles > 0 or settings.lidar_noise > 0.0
+    return seeds if random else (None,)
+
+
+def _as_json(settings: ComparisonSettings) -> dict[str, Any]:
+    return {name: "off" if value == math.inf else value for name, value in asdict(settings).items()}
+
+
+def _write_report(comparison: Comparison, runs: Sequence[Run], folder: ComparisonFolder, *, pictures: bool) -> None:
+    """Write the tables and pictures, in place of those of an earlier call."""
+    out = folder.folder
+    with blame(out, "a folder that can be written"):
+        for picture in (out / "table.png", *(out / "traces").glob("*.png")):
+            picture.unlink(missing_ok=True)
+        replace_file(out / "runs.csv", runs_csv(comparison.rows).encode())
+        replace_file(out / "table.csv", cells_csv(comparison.cells).encode())
+        replace_file(out / "table.md", comparison.markdown().encode())
+        if pictures:
+            table_picture(comparison.cells, out / "table.png")
+            (out / "traces").mkdir(exist_ok=True)
+            trace_pictures(runs, folder, out / "traces")

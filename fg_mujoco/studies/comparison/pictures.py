@@ -1,0 +1,164 @@
+"""Pictures of a comparison: the table in colours, and who drove where. They need matplotlib."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...course.scene import Scene
+from ...messages import FloatArray
+from ...vehicle.changes import plain_car
+from ...vehicle.vehicle import car_parameters
+from ...viz.course_drawing import draw_course, draw_obstacles, extent
+from ...viz.plots import require_matplotlib
+from .ground import Ground
+from .run import Run, RunKey, RunRow
+from .store import ComparisonFolder
+from .tables import Cell, course_title
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_DPI = 150
+_STYLE: Any = {"font.size": 8.0, "axes.linewidth": 0.6, "lines.linewidth": 0.9}
+_CELL = (0.78, 0.42)  # [in] width and height
+_PANELS_WIDTH = 10.0  # [in]
+_COLUMNS = ((5.0, 1), (2.5, 2), (0.0, 3))  # from this width over height on, so many panels side by side
+_DRIVEN, _CAR, _CRASHED = "#0072b2", "black", "#d00000"
+
+
+def table_picture(cells: Sequence[Cell], path: Path) -> None:
+    """Draw the table: controllers down, courses across, each cell in the colour of its share of successes.
+
+    In a cell are the successes of the runs and the median of their best laps [s], of a scene of the times to its goal.
+
+    Raises:
+      MissingExtraError: matplotlib is not installed.
+      OSError: the file cannot be written.
+    """
+    require_matplotlib()
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    rows = list(dict.fromkeys(cell.controller for cell in cells))
+    columns = list(dict.fromkeys(course_title(cell, cells) for cell in cells))
+    with mpl.rc_context(_STYLE):
+        size = (1.8 + len(columns) * _CELL[0] + 0.9, 1.5 + len(rows) * _CELL[1])
+        figure = Figure(figsize=size, layout="constrained")
+        axes = figure.add_subplot()
+        shares = np.full((len(rows), len(columns)), math.nan)
+        for cell in cells:
+            row, column = rows.index(cell.controller), columns.index(course_title(cell, cells))
+            shares[row, column] = cell.success_share
+            lap = "" if cell.best_lap_s is None else f"\n{cell.best_lap_s:.1f} s"
+            colour = "white" if abs(cell.success_share - 0.5) > 0.35 else "black"  # both ends of the scale are dark
+            axes.text(column, row, f"{cell.successes}/{cell.runs}{lap}", ha="center", va="center", color=colour)
+        image = axes.imshow(shares, cmap="RdBu", vmin=0.0, vmax=1.0, aspect="auto")
+        axes.set_xticks(range(len(columns)), columns, rotation=35.0, ha="left", rotation_mode="anchor")
+        axes.set_yticks(range(len(rows)), rows)
+        axes.tick_params(top=True, labeltop=True, bottom=False, labelbottom=False, length=0.0)
+        axes.set_xticks(np.arange(len(columns) - 1) + 0.5, minor=True)
+        axes.set_yticks(np.arange(len(rows) - 1) + 0.5, minor=True)
+        axes.grid(which="minor", color="white", linewidth=1.5)
+        axes.tick_params(which="minor", length=0.0, top=False)
+        axes.spines[:].set_visible(False)
+        scale = figure.colorbar(image, ax=axes, label="share of successes", pad=0.01)
+        scale.outline.set_visible(False)
+        _save(figure, path)
+
+
+def trace_pictures(runs: Sequence[Run], folder: ComparisonFolder, out: Path) -> None:
+    """Draw, for each course at each speed, where every controller drove: the first run that failed, else the first.
+
+    Args:
+      runs: of the comparison.
+      folder: has their rows and traces.
+      out: folder of the pictures, each named after its course.
+
+    Raises:
+      MissingExtraError: matplotlib is not installed.
+      OSError: a file cannot be written.
+    """
+    groups: dict[tuple[str, float], dict[str, list[Run]]] = {}
+    for run in runs:
+        group = groups.setdefault((run.key.course, run.key.max_speed_m_s), {})
+        group.setdefault(run.key.controller, []).append(run)
+    several = len({speed for _, speed in groups}) > 1
+    for (course, speed), by_controller in groups.items():
+        title = f"{course.removeprefix('scene:')}, {speed:g} m/s" if several else course.removeprefix("scene:")
+        name = title.replace(":", "_").replace("/", "p").replace(", ", "_").replace(" ", "")
+        _trace_picture(title, by_controller, folder.rows, folder, out / f"{name}.png")
+
+
+def _trace_picture(
+    title: str,
+    by_controller: Mapping[str, Sequence[Run]],
+    rows: Mapping[RunKey, RunRow],
+    folder: ComparisonFolder,
+    path: Path,
+) -> None:
+    require_matplotlib()
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    shown = [_most_telling(runs, rows) for runs in by_controller.values()]
+    grounds = {run.key.seed: run.ground() for run in shown}
+    extents = np.array([extent(ground.course) for ground in grounds.values()])
+    (left, bottom), (right, top) = extents[:, 0].min(axis=0), extents[:, 1].max(axis=0)
+    shape = (right - left) / (top - bottom)
+    across = min(next(count for least, count in _COLUMNS if shape >= least), len(shown))
+    down = math.ceil(len(shown) / across)
+    panel = (_PANELS_WIDTH / across, _PANELS_WIDTH / across / shape + 0.42)
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(_PANELS_WIDTH, panel[1] * down + 0.35), layout="constrained")
+        figure.suptitle(title)
+        for place, (run, runs) in enumerate(zip(shown, by_controller.values(), strict=True)):
+            axes = figure.add_subplot(down, across, place + 1)
+            _draw_run(axes, grounds[run.key.seed], rows[run.key], folder.trace(run.key))
+            axes.set(xlim=(left, right), ylim=(bottom, top), xticks=[], yticks=[], xlabel="", ylabel="")
+            successes = sum(rows[other.key].figures.success for other in runs)
+            axes.set_title(f"{run.key.controller}\n{successes}/{len(runs)}; {_ending(rows[run.key])}", fontsize=7.0)
+        _save(figure, path)
+
+
+def _most_telling(runs: Sequence[Run], rows: Mapping[RunKey, RunRow]) -> Run:
+    return next((run for run in runs if not rows[run.key].figures.success), runs[0])
+
+
+def _ending(row: RunRow) -> str:
+    figures = row.figures
+    seed = "" if row.key.seed is None else f"seed {row.key.seed}: "
+    if figures.sim_time_s is None:
+        return f"{seed}failed"
+    return f"{seed}{figures.end_reason.replace('_', ' ')} at {figures.sim_time_s:.1f} s"
+
+
+def _draw_run(axes: Axes, ground: Ground, row: RunRow, trace: FloatArray) -> None:
+    """Draw the course, the driven line, and the car where it ended, with what moves where it was then."""
+    scene = ground.course if isinstance(ground.course, Scene) else None
+    draw_course(axes, ground.course)
+    standing, moving = (scene.obstacles, scene.moving) if scene else ((), ())
+    draw_obstacles(axes, (*standing, *ground.obstacles), moving, row.figures.sim_time_s or 0.0)
+    if len(trace):
+        axes.plot(*trace[:, :2].T, color=_DRIVEN, linewidth=0.8)
+        axes.plot(*trace[0, :2], ".", color=_DRIVEN, markersize=4.0)
+        axes.fill(*_footprint(trace[-1]).T, facecolor="none", edgecolor=_CRASHED if row.figures.collisions else _CAR)
+
+
+def _footprint(pose: FloatArray) -> FloatArray:
+    """Return the corners of a car whose rear axle is at x [m], y [m], heading [rad]. Shape (4, 2) [m]."""
+    car = car_parameters(plain_car())
+    x, y, heading = pose.tolist()
+    ahead, aside = np.array([math.cos(heading), math.sin(heading)]), np.array([-math.sin(heading), math.cos(heading)])
+    ends = np.array([-car.rear_overhang, -car.rear_overhang, car.length - car.rear_overhang])
+    along, across = ends[[0, 1, 2, 2]], 0.5 * car.width * np.array([-1.0, 1.0, 1.0, -1.0])
+    return np.array([x, y]) + np.outer(along, ahead) + np.outer(across, aside)
+
+
+def _save(figure: Figure, path: Path) -> None:
+    figure.savefig(path, format="png", dpi=_DPI, metadata={"Software": None})  # the same runs, the same file

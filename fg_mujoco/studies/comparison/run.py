@@ -1,0 +1,222 @@
+"""One run of a comparison: a controller, a course and a seed; what it depends on, and the figures it leaves.
+
+A run is a row of text and numbers. Same key, same versions: same figures, to the last bit, in any process.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import statistics
+from collections.abc import Mapping
+from dataclasses import asdict, astuple, dataclass, fields
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from ...errors import ControllerError, SettingsError
+from ...lidar.effects import LidarEffects
+from ...messages import FloatArray, require
+from ...racing.planner_choice import ControllerChoice
+from ...racing.race import race
+from ...racing.result import RaceResult
+from ...simulation.simulation import STATE
+from ..rollout.job import require_whole
+from .ground import Ground, course_ground, laps_of
+
+WRONG_WAY_SPEED = 0.1  # [m/s] back along the line; slower is the jitter of a car that stands
+TRACE_STEP = 2  # ticks from one pose of a trace to the next
+
+
+@dataclass(frozen=True, kw_only=True)
+class ComparisonSettings:
+    """What all runs of a comparison have in common.
+
+    Raises:
+      SettingsError: a value outside what is accepted.
+    """
+
+    laps: int = 5  # on tracks; a scene is driven once
+    obstacles: int = 0  # boxes on each track, at places drawn from the seed
+    lidar_noise: float = 0.0  # [m] standard deviation of each range, drawn from the seed
+    mu: float | None = None  # of the tires; None: as in the car's MJCF
+    planner_mu: float | None = None  # what planners believe; None: as in the car's MJCF; inf: no friction limits
+    time_limit: float | None = None  # [s] of a run; None: as `race` has it
+
+    def __post_init__(self) -> None:
+        require_whole("laps", self.laps)
+        require_whole("obstacles", self.obstacles, 0)
+        LidarEffects(range_noise_std=self.lidar_noise)
+        given = tuple(name for name in ("mu", "time_limit") if getattr(self, name) is not None)
+        require(self, lambda value: 0.0 < value < math.inf, "a positive number", given, SettingsError)
+        if self.planner_mu is not None:
+            require(self, lambda value: value > 0.0, "a positive number, or inf", ("planner_mu",), SettingsError)
+
+
+@dataclass(frozen=True)
+class RunKey:
+    """What a run depends on, but for the settings that all runs have in common and the versions."""
+
+    controller: str
+    controller_sha256: str | None  # of a user's file
+    course: str
+    course_sha256: str | None  # of a track's line and widths
+    max_speed_m_s: float
+    seed: int | None  # None: nothing depends on one
+
+    @property
+    def sha256(self) -> str:
+        """Names the files of the run."""
+        return hashlib.sha256(repr(astuple(self)).encode()).hexdigest()
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunFigures:
+    """How a run went. None: there is no such figure, as of a lap time without a lap, or of a planner that failed."""
+
+    success: bool  # finished, and touched nothing
+    end_reason: str  # of END_REASONS
+    message: str | None  # why it failed
+    laps_completed: int
+    laps_requested: int
+    first_lap_s: float | None
+    best_lap_s: float | None
+    mean_lap_s: float | None
+    collisions: int
+    max_slide_m_s: float | None
+    slide_time_fraction: float | None
+    least_clearance_m: float | None  # of the footprint to anything, at any tick; 0 where it touched
+    wrong_way_time_s: float | None  # in ticks over which the progress fell faster than WRONG_WAY_SPEED
+    distance_m: float | None  # that the rear axle drove
+    mean_speed_m_s: float | None
+    sim_time_s: float | None
+    trajectory_sha256: str | None
+
+
+@dataclass(frozen=True)
+class RunRow:
+    """A run and its figures: one line of runs.jsonl, one row of runs.csv."""
+
+    key: RunKey
+    figures: RunFigures
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return key and figures in one, as JSON has them."""
+        return asdict(self.key) | asdict(self.figures)
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> RunRow:
+        """Return the row that `as_dict` made the values of.
+
+        Raises:
+          KeyError: a value is missing.
+        """
+        key = RunKey(**{field.name: values[field.name] for field in fields(RunKey)})
+        return cls(key, RunFigures(**{field.name: values[field.name] for field in fields(RunFigures)}))
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run to be driven. It travels to a worker process."""
+
+    key: RunKey
+    controller: ControllerChoice
+    course: str  # as `course_ground` takes it
+    settings: ComparisonSettings
+
+    def __str__(self) -> str:
+        seed = "" if self.key.seed is None else f", seed {self.key.seed}"
+        return f"{self.key.controller} on {self.key.course}{seed}"
+
+    def drive(self) -> tuple[RunRow, FloatArray]:
+        """Drive it and return its row and its trace: x [m], y [m], heading [rad] of the rear axle, shape (n, 3).
+
+        What raises on the way is a run that failed.
+
+        Raises:
+          KeyboardInterrupt: Ctrl-C.
+        """
+        try:
+            result = self.race()
+        except Exception as error:
+            text = str(error) if isinstance(error, ControllerError) else f"{type(error).__name__}: {error}"
+            laps = laps_of(self.ground().course, self.settings.laps)
+            return RunRow(self.key, _failed(" ".join(text.split()), laps)), np.empty((0, 3))
+        if result.end_reason == "interrupted":
+            raise KeyboardInterrupt
+        poses = driven_poses(result)
+        trace = np.concatenate((poses[:-1:TRACE_STEP], poses[-1:]))
+        return RunRow(self.key, run_figures(result, poses, self.ground())), trace
+
+    def ground(self) -> Ground:
+        """Return what it is driven on."""
+        return course_ground(self.course, self.key.seed, self.settings.obstacles)
+
+    def race(self) -> RaceResult:
+        """Drive it, and return the whole result."""
+        shared = self.settings
+        ground = self.ground()
+        return race(
+            ground.course,
+            self.controller.source,
+            laps=laps_of(ground.course, shared.laps),
+            mu=shared.mu,
+            planner_mu=shared.planner_mu,
+            max_speed=self.key.max_speed_m_s,
+            seed=self.key.seed or 0,
+            time_limit=shared.time_limit,
+            obstacles=ground.obstacles,
+            effects=LidarEffects(range_noise_std=shared.lidar_noise),
+            planner_settings=dict(self.controller.settings),
+        )
+
+
+def run_figures(result: RaceResult, poses: FloatArray, ground: Ground) -> RunFigures:
+    """Return the figures of a race, with its `driven_poses` and what it was driven on."""
+    laps = result.lap_times_s
+    times = np.append(result.column("time_s"), result.sim_time_s)
+    return RunFigures(
+        success=result.finished and result.collisions == 0,
+        end_reason=result.end_reason,
+        message=None,
+        laps_completed=result.laps_completed,
+        laps_requested=result.laps_requested,
+        first_lap_s=laps[0] if laps else None,
+        best_lap_s=min(laps, default=None),
+        mean_lap_s=statistics.fmean(laps) if laps else None,
+        collisions=result.collisions,
+        max_slide_m_s=result.max_slide_m_s,
+        slide_time_fraction=result.slide_time_fraction,
+        least_clearance_m=0.0 if result.collisions else ground.least_clearance(times, poses, result.world.parameters),
+        wrong_way_time_s=wrong_way_time(result.column("time_s"), result.column("progress_m")),
+        distance_m=float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum()),
+        mean_speed_m_s=result.mean_speed_m_s,
+        sim_time_s=result.sim_time_s,
+        trajectory_sha256=result.trajectory_sha256,
+    )
+
+
+def driven_poses(result: RaceResult) -> FloatArray:
+    """Return x [m], y [m], heading [rad] of the rear axle at the start of each tick and at the end, (ticks + 1, 3)."""
+    data = mujoco.MjData(result.world.model)
+    mujoco.mj_setState(result.world.model, data, result.states[-1], STATE)
+    rows = np.column_stack([result.column(name) for name in ("x_m", "y_m", "heading_rad")])
+    return np.concatenate((rows, [result.world.car.pose(data)]))
+
+
+def wrong_way_time(time: FloatArray, progress: FloatArray) -> float:
+    """Return how long a car drove the wrong way [s]: the ticks over which its progress fell by WRONG_WAY_SPEED or more.
+
+    Args:
+      time: of the starts of the ticks (n,) [s].
+      progress: along the course's line at these times (n,) [m].
+    """
+    ticks = np.diff(time)
+    return float(ticks[np.diff(progress) < -WRONG_WAY_SPEED * ticks].sum())
+
+
+def _failed(message: str, laps: int) -> RunFigures:
+    none = {field.name: None for field in fields(RunFigures)}
+    given = {"success": False, "end_reason": "failed", "message": message}
+    return RunFigures(**none | given | {"laps_completed": 0, "laps_requested": laps, "collisions": 0})  # type: ignore[arg-type]

@@ -1,0 +1,141 @@
+"""The tables of a comparison: of its runs, and of its cells, a controller on a course over all seeds.
+
+All are written anew by each call, of the runs that it asked for:
+
+    runs.csv      a row a run
+    table.csv     a row for each controller on each course at each speed, over all seeds
+    table.md      the same, as Markdown
+    table.png     the same, as a picture; traces/COURSE.png: who drove where (comparison_pictures)
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import statistics
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import astuple, dataclass, fields
+from typing import Any
+
+from .run import RunFigures, RunKey, RunRow
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cell:
+    """How a controller fared on a course, over all seeds. None: no run has such a figure."""
+
+    controller: str
+    course: str
+    max_speed_m_s: float
+    runs: int
+    successes: int  # finished, and touched nothing
+    end_reasons: str  # "8 finished, 2 crash"
+    laps_completed: int
+    laps_requested: int
+    best_lap_s: float | None  # median over the successes of each one's best
+    collisions: int
+    slide_time_fraction: float | None  # mean
+    max_slide_m_s: float | None  # greatest of any run
+    least_clearance_m: float | None  # least of any run
+    wrong_way_time_s: float | None  # of all runs together
+
+    @property
+    def success_share(self) -> float:
+        """From 0 to 1."""
+        return self.successes / self.runs
+
+
+def make_cells(rows: Sequence[RunRow]) -> tuple[Cell, ...]:
+    """Return the cells of some rows, in the order in which they first occur."""
+    groups: dict[tuple[str, str, float], list[RunFigures]] = {}
+    for row in rows:
+        key = row.key
+        groups.setdefault((key.controller, key.course, key.max_speed_m_s), []).append(row.figures)
+    return tuple(_cell(*place, runs) for place, runs in groups.items())
+
+
+def _cell(controller: str, course: str, max_speed: float, runs: Sequence[RunFigures]) -> Cell:
+    reasons = Counter(run.end_reason for run in runs)
+    return Cell(
+        controller=controller,
+        course=course,
+        max_speed_m_s=max_speed,
+        runs=len(runs),
+        successes=sum(run.success for run in runs),
+        end_reasons=", ".join(f"{count} {reason}" for reason, count in sorted(reasons.items())),
+        laps_completed=sum(run.laps_completed for run in runs),
+        laps_requested=sum(run.laps_requested for run in runs),
+        best_lap_s=_of(statistics.median, (run.best_lap_s for run in runs if run.success)),
+        collisions=sum(run.collisions for run in runs),
+        slide_time_fraction=_of(statistics.fmean, (run.slide_time_fraction for run in runs)),
+        max_slide_m_s=_of(max, (run.max_slide_m_s for run in runs)),
+        least_clearance_m=_of(min, (run.least_clearance_m for run in runs)),
+        wrong_way_time_s=_of(sum, (run.wrong_way_time_s for run in runs)),
+    )
+
+
+def runs_csv(rows: Sequence[RunRow]) -> str:
+    """Return a CSV of a row a run; what there is not is empty."""
+    names = [field.name for kind in (RunKey, RunFigures) for field in fields(kind)]
+    return _csv(names, (row.as_dict().values() for row in rows))
+
+
+def cells_csv(cells: Sequence[Cell]) -> str:
+    """Return a CSV of a row a cell; what there is not is empty."""
+    return _csv([field.name for field in fields(Cell)], (astuple(cell) for cell in cells))
+
+
+def markdown(cells: Sequence[Cell]) -> str:
+    """Return a Markdown table of a row a cell."""
+    rows = [
+        (
+            cell.controller,
+            course_title(cell, cells),
+            f"{cell.successes}/{cell.runs}",
+            f"{cell.laps_completed}/{cell.laps_requested}",
+            _text(cell.best_lap_s, "{:.2f}"),
+            _not_finished(cell.end_reasons),
+            str(cell.collisions),
+            _text(cell.slide_time_fraction, "{:.1%}").replace("%", " %"),
+            _text(cell.least_clearance_m, "{:.3f}"),
+            _text(cell.wrong_way_time_s, "{:.1f}"),
+        )
+        for cell in cells
+    ]
+    header = (
+        "controller", "course", "success", "laps", "best lap [s]", "not finished", "collisions", "sliding",
+        "least clearance [m]", "wrong way [s]",
+    )  # fmt: skip
+    rule = ["---" if name in ("controller", "course", "not finished") else "--:" for name in header]
+    lines = ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in (header, rule, *rows)]
+    return "\n".join(lines) + "\n"
+
+
+def course_title(cell: Cell, cells: Iterable[Cell]) -> str:
+    """Return what the course of a cell is called among others: with the speed, where there are several."""
+    name = cell.course.removeprefix("scene:")
+    several = any(other.max_speed_m_s != cell.max_speed_m_s for other in cells)
+    return f"{name}, {cell.max_speed_m_s:g} m/s" if several else name
+
+
+def _of(figure: Callable[[list[float]], float], values: Iterable[float | None]) -> float | None:
+    given = [value for value in values if value is not None]
+    return figure(given) if given else None
+
+
+def _text(value: float | None, form: str) -> str:
+    return "-" if value is None else form.format(value)
+
+
+def _not_finished(end_reasons: str) -> str:
+    others = [part.replace("_", " ") for part in end_reasons.split(", ") if not part.endswith(" finished")]
+    return ", ".join(others) or "-"
+
+
+def _csv(header: Sequence[str], rows: Iterable[Iterable[Any]]) -> str:
+    file = io.StringIO()
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(["" if value is None else value for value in row] for row in rows)
+    return file.getvalue()

@@ -1,0 +1,263 @@
+"""Convergence: what the results owe to the timestep and to the settings of the solver and of the contact.
+
+Of the car as it is, at its own settings but for one, on a circle of dry ground: where the tires let go, what a holding
+tire creeps at 0.95 of the law's speed, what it does when it slides, at 1.03 and 1.1. And a lap of the oval.
+
+`impedance` varies what makes a sliding tire hop. MuJoCo's elliptic friction cones are convex: a contact point that
+slides at v is also pushed up, by mu s v, where s is the rate [1/s] at which solreffriction slows it down. Against that
+stands what the contact needs to carry the load N, N w (1 - d) / d, with d its impedance and w the inverse mass. So a
+tire lifts from v = N w (1 - d) / (d mu s) on, at the load of a standing tire some 30 mm/s above its
+creep at d = .8, 120 at .5, at any timestep; at a large one it then hops. d is changed here with all that hangs on it,
+so that stiffness and creep stay as they are.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import mujoco
+import numpy as np
+
+from ...errors import ModelError
+from ...messages import FloatArray
+from ...vehicle.tire_slip import SLIDING_SPEED
+from ...vehicle.vehicle import WHEELS, car_parameters, car_spec, element_id, nominal_mu
+from . import figure_style as style
+from .experiment import Cell, Experiment, Figure, LabSettings, Row, Section, Tables
+from .figure_style import column
+from .lab_laps import LabWorld, drive_laps
+from .open_ground import Engine
+from .rigid_car import creep
+from .steady_circle import CircleReading, SteadyCircle, UnreachableError
+
+if TYPE_CHECKING:
+    import matplotlib.figure
+
+STEERING = 0.1  # [rad] of the circle
+CREEPING, SLIDING, FAST = 0.95, 1.03, 1.1  # of the law's speed
+EXACT = 0.00025  # [s] the timestep that others are compared with
+GROUPS: dict[str, tuple[Any, ...]] = {
+    "timestep": (0.005, 0.0025, 0.002, 0.001, 0.0005, EXACT),
+    "impratio": (1.0, 10.0, 20.0, 40.0, 100.0),
+    "solver": ("Newton", "CG"),
+    "cone": ("elliptic", "pyramidal"),
+    "iterations": (5, 10, 100),
+    "tolerance": (1e-4, 1e-8, 1e-12),
+    "impedance": (0.5, 0.4, 0.6, 0.7, 0.8),
+}
+"""Settings that are varied one at a time, and their values."""
+
+_QUICK = {"timestep": (0.005, 0.001), "impratio": (1.0, 40.0)}
+_LAPS = 2  # of the oval; the second is told, a flying one
+_CIRCLE = ("k_grip", "k_slides", "creep_m_s", "slide_m_s", "airborne_share", "fast_slide_m_s")
+_LAP = ("lap_s", "lap_slide_m_s")
+
+
+class Convergence:
+    """See the module."""
+
+    name = "convergence"
+    title = "Convergence: timestep, solver and contact"
+
+    def cells(self, settings: LabSettings) -> list[Cell]:
+        """One for each value of each setting."""
+        groups = _QUICK if settings.quick else GROUPS
+        return [{"setting": setting, "value": value} for setting, values in groups.items() for value in values]
+
+    def measure(self, cell: Cell) -> Tables:
+        """Drive a circle and a lap with one setting changed."""
+        row: Row = {"setting": cell["setting"], "value": str(cell["value"]), **_circle(cell), **_lap(cell)}
+        reasons = [str(row.pop(name)) for name in ("why_no_k", "why_no_lap")]
+        return {"settings": [{**row, "reason": "; ".join(reason for reason in reasons if reason)}]}
+
+    def section(self, tables: Tables) -> Section:
+        """Say what moves, and what the timestep is chosen by."""
+        rows = tables["settings"]
+        return Section(
+            sentences=_sentences(rows),
+            figures=(
+                Figure(
+                    name="timestep",
+                    caption="What moves with the timestep, the rightmost the car's own. Grey: 1 % about the law; "
+                    "the axis of the lap spans 2 % of it; broken: where tires count as sliding.",
+                    draw=lambda figure: _draw_timestep(figure, _of(rows, "timestep")),
+                ),
+                Figure(
+                    name="impratio",
+                    caption=f"Creep of a holding tire at {CREEPING:g} of the law's speed; line: the closed form. "
+                    "At 1 tires give way before their friction is used up.",
+                    draw=lambda figure: _draw_impratio(figure, _of(rows, "impratio")),
+                    height=2.6,
+                ),
+            ),
+            columns={"settings": ("setting", "value", *_CIRCLE, *_LAP, "reason")},
+            expected=_expected(rows),
+        )
+
+
+EXPERIMENT: Experiment = Convergence()
+
+
+def soften(model: mujoco.MjModel, impedance: float, prefix: str = "") -> None:
+    """Change the impedance d of the tires' contacts, and what keeps their stiffness, their creep and their slowing.
+
+    The stiffness is 1 / ((time constant * damping ratio)^2 (1 - d)) over the inverse mass; the creep goes with
+    solreffriction / d and with (1 - d) / d / impratio (MuJoCo documentation, "Computation").
+    """
+    pairs = [element_id(model, mujoco.mjtObj.mjOBJ_PAIR, f"{prefix}{wheel}_tire") for wheel in WHEELS]
+    before = float(model.pair_solimp[pairs[0], 0])
+    softer = (1.0 - impedance) / impedance / ((1.0 - before) / before)
+    model.pair_solimp[pairs, :2] = impedance
+    model.pair_solreffriction[pairs, 1] *= impedance / before
+    model.pair_solref[pairs, 1] *= math.sqrt((1.0 - before) / (1.0 - impedance))
+    model.opt.impratio *= softer
+
+
+def _change(model: mujoco.MjModel, cell: Cell, prefix: str = "") -> None:
+    if cell["setting"] == "impedance":
+        soften(model, cell["value"], prefix)
+    else:
+        Engine(**{"timestep": None, cell["setting"]: cell["value"]}).apply(model)
+
+
+def _circle(cell: Cell) -> Row:
+    circle = SteadyCircle(nominal_mu(), STEERING, Engine(timestep=None))
+    _change(circle.ground.model, cell)
+    row: Row = {"creep_closed_form_m_s": creep(CREEPING, circle.mu, STEERING, circle.car, circle.ground.model)}
+    reasons = []
+
+    def tell(names: tuple[str, ...], numbers: Callable[[], tuple[float, ...]]) -> None:
+        try:
+            row.update(zip(names, numbers(), strict=True))
+        except UnreachableError as error:
+            row.update(dict.fromkeys(names, math.nan))
+            reasons.append(f"{', '.join(names)}: {error}")
+
+    def k(happens: Callable[[CircleReading], bool]) -> tuple[float]:
+        before, after = circle.bisect(happens, width=0.001)
+        return (0.5 * (before.k + after.k),)
+
+    tell(("creep_m_s",), lambda: (circle.at(CREEPING).slide,))
+    tell(("k_grip",), lambda: k(lambda reading: bool(reading.lets_go)))
+    tell(("k_slides",), lambda: k(lambda reading: reading.slide > SLIDING_SPEED))
+    tell(("slide_m_s", "airborne_share"), lambda: (circle.at(SLIDING).slide, circle.at(SLIDING).airborne))
+    tell(("fast_slide_m_s",), lambda: (circle.at(FAST).slide,))
+    return {**row, "why_no_k": "; ".join(reasons)}
+
+
+def _lap(cell: Cell) -> Row:
+    world = LabWorld("oval")
+    _change(world.model, cell, world.car.prefix)
+    nothing: Row = dict.fromkeys(_LAP, math.nan)
+    try:
+        laps = drive_laps(world, laps=_LAPS)
+    except ModelError as error:
+        return {**nothing, "why_no_lap": f"lap_s: {error}"}
+    if len(laps.lap_times_s) < _LAPS:
+        return {**nothing, "why_no_lap": f"lap_s: ended by {laps.end_reason}"}
+    return {"lap_s": laps.lap_times_s[-1], "lap_slide_m_s": laps.max_slide_m_s, "why_no_lap": ""}
+
+
+def _of(rows: list[Row], setting: str) -> list[Row]:
+    return [row for row in rows if row["setting"] == setting]
+
+
+def _values(rows: list[Row]) -> FloatArray:
+    return np.array([float(str(row["value"])) for row in rows])
+
+
+def _moves(rows: list[Row], name: str) -> float:
+    """Return by how much a column moves over some rows."""
+    return float(np.ptp(column(rows, name)[np.isfinite(column(rows, name))]))
+
+
+def _sentences(rows: list[Row]) -> tuple[str, ...]:
+    steps = _of(rows, "timestep")
+    own, finest = steps[0], steps[-1]
+    lap, lap_slide = column(steps, "lap_s"), 1e3 * column(steps, "lap_slide_m_s")
+    creeps, slides, airborne = (column(steps, name) for name in ("creep_m_s", "slide_m_s", "airborne_share"))
+    ratios = [row for row in _of(rows, "impratio") if float(str(row["value"])) > 1.0]
+    by_ratio = 1e3 * column(ratios, "creep_m_s")
+    closed = 1e3 * column(ratios, "creep_closed_form_m_s")
+    text = [
+        f"While tires hold, the car's own {own['value']} s is enough: from there to {finest['value']} s the tires let "
+        f"go within {_moves(steps, 'k_grip'):.3f} of one k and creep within {1e3 * np.ptp(creeps):.2f} mm/s, a lap "
+        f"of the oval changes by {100 * abs(lap[0] / lap[-1] - 1):.2f} %, its greatest slide by "
+        f"{abs(lap_slide[0] - lap_slide[-1]):.0f} mm/s.",
+        f"Where tires slide, it matters a little: at {SLIDING:g} of the law's speed one is off the ground for "
+        f"{100 * airborne[0]:.0f} % of the time, and slides at up to {slides[0]:.2f} m/s, where {finest['value']} s "
+        f"has {100 * airborne[-1]:.0f} % and {slides[-1]:.2f} m/s. What slides in this lab is driven at 1 ms.",
+        f"Creep falls with impratio, from {by_ratio[0]:.1f} mm/s at {ratios[0]['value']} to {by_ratio[-1]:.1f} at "
+        f"{ratios[-1]['value']}, as the closed form says to {100 * np.abs(by_ratio / closed - 1).max():.1f} %: what is "
+        "left there is solreffriction's.",
+    ]
+    others = [row for row in rows if row["setting"] in ("solver", "iterations", "tolerance")]
+    if others:
+        text.append(
+            f"Solver, iterations from 5 on and tolerance move k by {_moves(others, 'k_grip'):.3f} and the lap by "
+            f"{1e3 * _moves(others, 'lap_s'):.0f} ms. With pyramidal cones tires do not hold at all."
+        )
+    soft = _of(rows, "impedance")
+    if soft:
+        text.append(
+            f"With an impedance of {soft[-1]['value']} for {soft[0]['value']}, stiffness and creep as they are, tires "
+            f"that slide would hop at the car's own timestep: at {SLIDING:g} at up to {soft[-1]['slide_m_s']:.2f} m/s, "
+            f"not {soft[0]['slide_m_s']:.2f}, at {FAST:g} at {soft[-1]['fast_slide_m_s']:.2f}, not "
+            f"{soft[0]['fast_slide_m_s']:.2f}."
+        )
+    return tuple(text)
+
+
+def _expected(rows: list[Row]) -> tuple[tuple[str, str, str], ...]:
+    steps = _of(rows, "timestep")
+    laps = column(steps, "lap_s")
+    return (
+        ("k where tires let go, over all timesteps", "moves by less than 0.01", f"{_moves(steps, 'k_grip'):.3f}"),
+        ("creep at 0.95, over all timesteps", "the same", f"within {1e3 * _moves(steps, 'creep_m_s'):.2f} mm/s"),
+        ("lap of the oval, own timestep over the finest", "1", f"{laps[0] / laps[-1]:.4f}"),
+    )
+
+
+def _draw_timestep(figure: matplotlib.figure.Figure, rows: list[Row]) -> None:
+    panels = figure.subplots(2, 2, sharex=True)
+    timestep = 1e3 * _values(rows)
+    drawn: tuple[tuple[str, str, tuple[tuple[str, str], ...]], ...] = (
+        ("k [-]", "", (("k_grip", "tires let go"), ("k_slides", f"above {SLIDING_SPEED} m/s"))),
+        ("sliding [m/s]", "log", (("creep_m_s", f"at {CREEPING:g}"), ("slide_m_s", f"at {SLIDING:g}"))),
+        ("lap of the oval [s]", "", (("lap_s", ""),)),
+        ("time with a tire off\nthe ground [-]", "", (("airborne_share", f"at {SLIDING:g}"),)),
+    )
+    for place, (axes, (label, scale, lines)) in enumerate(zip(panels.flat, drawn, strict=True)):
+        for (name, what), colour in zip(lines, style.COLOURS, strict=False):
+            values = column(rows, name)
+            known = np.isfinite(values)
+            style.measured(axes, timestep[known], values[known], what, colour=colour, linestyle="-", linewidth=0.6)
+        axes.set_xscale("log")
+        if scale:
+            axes.set_yscale(scale)
+            style.limit(axes, SLIDING_SPEED)
+        style.finish(axes, "timestep [ms]" if place > 1 else "", label)
+    panels[0, 0].axhspan(0.99, 1.01, color="0.93", zorder=0.5)
+    panels[0, 0].set_ylim(0.98, 1.02)
+    lap = float(np.nanmean(column(rows, "lap_s")))
+    panels[1, 0].set_ylim(0.99 * lap, 1.01 * lap)
+    panels[0, 0].set_xticks(timestep, [f"{value:g}" for value in timestep])
+    panels[0, 0].minorticks_off()
+
+
+def _draw_impratio(figure: matplotlib.figure.Figure, rows: list[Row]) -> None:
+    axes = figure.add_subplot()
+    model = car_spec().compile()
+    car = car_parameters(model)
+    ratios = np.geomspace(_values(rows)[0], _values(rows)[-1], 60)
+    closed = []
+    for ratio in ratios:
+        model.opt.impratio = ratio
+        closed.append(creep(CREEPING, nominal_mu(), STEERING, car, model))
+    style.theory(axes, ratios, closed, "closed form")
+    style.measured(axes, _values(rows), column(rows, "creep_m_s"), "measured")
+    style.limit(axes, SLIDING_SPEED, "counts as sliding")
+    axes.set_xscale("log")
+    style.finish(axes, "impratio [-]", "creep [m/s]")

@@ -1,0 +1,189 @@
+"""Laps for the lab: those of `race`, on a floor with patches, at a timestep of the lab's choice.
+
+    world = LabWorld("oval", timestep=0.001, patches=(Patch(x=6.0, y=0.0, length=2.0, width=1.0, mu=0.5),))
+    laps = drive_laps(world, laps=2, planner_mu=0.9)
+    print(laps.lap_times_s, laps.max_slide_m_s)
+
+Tires that slide do so a little faster at the default timestep: what is to slide is run at
+open_ground.LAB_TIMESTEP. With neither patches nor a timestep, a race here is `race`'s, bit for bit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from ...course.track import Track
+from ...messages import FloatArray, LaserScan, Odometry
+from ...racing.planner_loading import make_controller, start
+from ...racing.result import TELEMETRY, RaceLog, tally_figures, trajectory_sha256
+from ...simulation.planner_adapter import make_pilot
+from ...simulation.race_rules import END_REASONS
+from ...simulation.simulation import Simulation
+from ...simulation.termination import Referee
+from ...simulation.world import CAR_PREFIX, World
+from ...vehicle.friction_patches import Patch, PatchedFloor, add_patches
+from ...vehicle.vehicle import Car, nominal_mu
+
+MAX_SPEED = 8.0  # [m/s] as `race` has it
+_USE = 1  # which of TireSlip's quantities the friction use is
+
+
+class LabWorld(World):
+    """A World with patches on its floor, or with another timestep.
+
+    Args:
+      track: as of a World.
+      mu: as of a World.
+      timestep: of the physics [s]; None: as in the car's MJCF.
+      patches: of the floor.
+
+    Raises:
+      TrackError, SettingsError: as a World.
+    """
+
+    def __init__(
+        self,
+        track: Track | str,
+        *,
+        mu: float | None = None,
+        timestep: float | None = None,
+        patches: Sequence[Patch] = (),
+    ) -> None:
+        super().__init__(track, mu=mu)
+        if timestep is None and not patches:
+            return
+        spec = mujoco.MjSpec.from_string(self.xml)
+        if timestep is not None:
+            spec.option.timestep = timestep
+        add_patches(spec, patches)
+        self.xml = spec.to_xml()
+        self.model = mujoco.MjModel.from_xml_string(self.xml)
+        self.car = Car(self.model, CAR_PREFIX)
+
+
+class LabSimulation(Simulation):
+    """A Simulation in which each tire has the friction of the floor under it, at every physics step.
+
+    Attributes:
+      floor_mu: friction coefficient under each tire in the last step, (substeps, 4); without patches (1, 4).
+    """
+
+    def __init__(self, world: LabWorld) -> None:
+        self._floor = PatchedFloor(world.model, CAR_PREFIX)
+        self.floor_mu = self._floor.mu[np.newaxis]  # of ground without patches
+        self._under: list[FloatArray] = []
+        super().__init__(world)
+
+    def reset(self, **start: float) -> tuple[LaserScan, Odometry]:
+        """Place the car as Simulation does."""
+        sensed = super().reset(**start)
+        if self._floor.patches:
+            self._after_step = self._look_at_floor
+            self._floor.apply(self.data)
+            self._under = [self._floor.mu]
+        return sensed
+
+    def drive(self, steering_angle: float, speed: float) -> None:
+        """Hold a command [rad, m/s] for one period; the friction use is of what each tire had."""
+        super().drive(steering_angle, speed)
+        if not self._floor.patches:
+            return
+        self.floor_mu = np.array(self._under[:-1])
+        self._under = self._under[-1:]
+        self.slip_values[_USE] *= self._slip_meter.mu / self.floor_mu
+
+    def _look_at_floor(self, data: mujoco.MjData) -> None:
+        self._floor.apply(data)
+        self._under.append(self._floor.mu)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LabLaps:
+    """How some laps went; fields as in RaceResult."""
+
+    end_reason: str
+    lap_times_s: tuple[float, ...]
+    max_slide_m_s: float
+    slide_time_fraction: float
+    mean_speed_m_s: float
+    max_speed_m_s: float
+    trajectory_sha256: str
+    telemetry: FloatArray = field(repr=False)
+    states: FloatArray = field(repr=False)
+    ctrl: FloatArray = field(repr=False)
+    floor_mu: FloatArray = field(repr=False)  # (ticks, 4) least that each tire had in a tick [-]
+
+    def column(self, name: str) -> FloatArray:
+        """Return one column of the telemetry by its name in TELEMETRY. Shape (ticks,)."""
+        return self.telemetry[:, TELEMETRY.index(name)]
+
+    @property
+    def crashed(self) -> bool:
+        """Whether the chassis touched anything."""
+        return self.end_reason == "crash"
+
+    @property
+    def best_flying_lap_s(self) -> float:
+        """Best lap but the first, which is from a standing start; NaN where there is none [s]."""
+        return min(self.lap_times_s[1:], default=math.nan)
+
+
+def drive_laps(
+    world: LabWorld,
+    controller: str = "gap_finder",
+    *,
+    laps: int,
+    planner_mu: float | None = None,
+    planner_settings: Mapping[str, Any] | None = None,
+) -> LabLaps:
+    """Drive laps as `race` does, and return how they went.
+
+    Args:
+      world: a LabWorld that no other simulation uses.
+      controller: a bundled name.
+      laps: to be driven.
+      planner_mu: what the planner believes; None: as in the car's MJCF.
+      planner_settings: settings of the controller that differ from its own.
+
+    Raises:
+      ControllerError: a controller that cannot be built, or fails.
+    """
+    planner = make_controller(
+        controller, car=world.car.parameters, mu=nominal_mu() if planner_mu is None else planner_mu,
+        max_speed=MAX_SPEED, settings=planner_settings or {}, map_line=world.track.map_line,
+    )  # fmt: skip
+    start(planner)
+    simulation = LabSimulation(world)
+    pilot = make_pilot(planner, simulation, simulation.reset(), by_name=True)
+    data, track = simulation.data, world.track
+    referee = Referee(
+        track, world.car.constants, laps=laps, time_limit=track.longest_race(laps), period=simulation.period,
+        qpos=data.qpos[np.newaxis],
+    )  # fmt: skip
+    log, floor_mu = RaceLog(simulation.state), []
+    while True:
+        now = (np.array([value]) for value in (simulation.unstable, simulation.crashed))
+        referee.judge(np.array([data.time]), data.qpos[np.newaxis], data.qvel[np.newaxis], *now)
+        if not referee.running[0]:
+            break
+        log.begin(simulation, referee.timers)
+        steering_angle, speed = pilot.decide()
+        simulation.drive(steering_angle, speed)
+        pilot.sense()
+        log.end(simulation, steering_angle, speed)
+        floor_mu.append(simulation.floor_mu.min(axis=0))
+    arrays = log.arrays()
+    return LabLaps(
+        end_reason=END_REASONS[referee.reasons[0]],
+        lap_times_s=tuple(referee.lap_times[0, : int(referee.timers["laps_completed"][0])].tolist()),
+        **tally_figures(log.tally),
+        trajectory_sha256=trajectory_sha256(arrays["states"], arrays["ctrl"]),
+        floor_mu=np.array(floor_mu).reshape(-1, 4),
+        **arrays,
+    )

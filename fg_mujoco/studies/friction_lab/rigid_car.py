@@ -1,0 +1,111 @@
+"""What Newton and Coulomb say of a rigid car on a steady circle: where its tires let go, and what they do beyond.
+
+The law v = sqrt(g mu b / tan d) is that of a point on the circle of the rear axle. A car on four wheels differs, at
+R = b / tan d and ay = v^2 / R:
+
+- its centre of gravity, lr ahead of the rear axle, needs ay lr / R pointing backwards besides ay across. Rolling
+  tires push across their own heading, so that the front ones must give all of it: S_f sin d_f = m ay lr / R. (That no
+  drive is needed is the balance of power: on a steady circle nothing gains speed, and what rolls loses none.)
+- the outer front wheel, which carries the most, is turned in less than the middle one;
+- the backward acceleration leans the car on its front axle.
+
+All three are of second order in d, so that the law is exact on wide circles; at the car's lock the front axle lets go
+2.5 to 3 % below it. How an axle's load is shared by its two tires does not count but through the wheels' angles: under
+Coulomb's law what one tire loses the other gains.
+
+    onset(mu=0.7, steering=0.4, car=parameters)  # 0.9725
+"""
+
+from __future__ import annotations
+
+import math
+
+import mujoco
+import numpy as np
+
+from fg_mujoco.controllers.control.speed import friction_speed
+
+from ...messages import CarParameters, FloatArray
+from ...vehicle.tire_slip import SLIDING_SPEED
+from ...vehicle.vehicle import WHEELS, element_id
+
+
+def tire_loads(k: float, mu: float, steering: float, car: CarParameters) -> FloatArray:
+    """Return the loads of a rigid car's tires at `k` times the law's speed, in the order of WHEELS. Shape (4,) [N].
+
+    Moments about the axles and about the middle of the car, both axles rolling alike. 0 where a wheel would lift; what
+    is left to the other one is then wrong by as much.
+
+    Args:
+      k: speed of the rear axle over the law's [-].
+      mu: friction coefficient [-].
+      steering: angle, left positive [rad].
+      car: parameters.
+    """
+    across = k * k * mu * car.gravity
+    backwards = across * car.rear_axle_distance * math.tan(abs(steering)) / car.wheelbase
+    levers = np.array([car.rear_axle_distance, car.front_axle_distance])
+    pitch = backwards * car.center_of_gravity_height * np.array([1.0, -1.0])
+    axles = car.mass * (car.gravity * levers + pitch) / car.wheelbase
+    moved = math.copysign(car.mass * across * car.center_of_gravity_height / car.track_width, steering)
+    loads: FloatArray = np.maximum(np.column_stack((axles - moved, axles + moved)).ravel() / 2.0, 0.0)
+    return loads
+
+
+def axle_use(k: float, mu: float, steering: float, car: CarParameters) -> tuple[float, float]:
+    """Return the share of its friction that the front and the rear axle use, 1 at the limit; arguments as above."""
+    steering = abs(steering)
+    loads = tire_loads(k, mu, steering, car)
+    radius, half = car.wheelbase / math.tan(steering), 0.5 * car.track_width
+    across = k * k * mu * car.gravity
+    angles = np.arctan(car.wheelbase / (radius - np.array([half, -half])))  # Ackermann
+    front = loads[:2] / loads[:2].sum()  # share of the axle's force, at the limit that of its load
+    backwards = car.mass * across * car.rear_axle_distance / radius
+    front_force = backwards / float(front @ np.sin(angles))
+    rear_force = car.mass * across - front_force * float(front @ np.cos(angles))
+    return front_force / (mu * float(loads[:2].sum())), rear_force / (mu * float(loads[2:].sum()))
+
+
+def onset(mu: float, steering: float, car: CarParameters) -> float:
+    """Return the k at which the first axle of a rigid car has used up its friction [-]; arguments as above."""
+    low, high = 0.5, 1.5
+    while high - low > 1e-6:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if max(axle_use(middle, mu, steering, car)) < 1.0 else (low, middle)
+    return 0.5 * (low + high)
+
+
+def creep(k: float, mu: float, steering: float, car: CarParameters, model: mujoco.MjModel) -> float:
+    """Return how fast the contact point of the most loaded tire creeps while it holds [m/s].
+
+    MuJoCo's contact is regularised: it slows a contact point by c v, and lets it accelerate by r F. In a car that needs
+    the acceleration a of its tires c v = a + r F, with r = (1 - d) / d / effective mass / impratio (MuJoCo
+    documentation, "Computation", on friction constraints; the numbers are those of models/f1tenth.xml). Near the limit
+    F is mu times the load.
+    """
+    pair = element_id(model, mujoco.mjtObj.mjOBJ_PAIR, f"{WHEELS[0]}_tire")
+    wheel = element_id(model, mujoco.mjtObj.mjOBJ_BODY, f"{WHEELS[0]}_wheel")
+    impedance = float(model.pair_solimp[pair, 1])
+    slowing = -float(model.pair_solreffriction[pair, 1]) / impedance
+    softness = (1.0 - impedance) / impedance * float(model.body_invweight0[wheel, 0]) / float(model.opt.impratio)
+    force = mu * float(tire_loads(k, mu, steering, car).max())
+    return k * k * (mu * car.gravity + softness * force) / slowing
+
+
+def sliding_onset(mu: float, steering: float, car: CarParameters, model: mujoco.MjModel) -> float:
+    """Return the k at which the front tires pass SLIDING_SPEED [-]; arguments as in `creep`.
+
+    Up to the onset k0 they creep. Beyond, the car's curvature stays (k0 / k)^2 of the one that its front wheels point
+    along, and they cross their way at v sin d (1 - (k0 / k)^2), above what they creep. So this k is not `onset`: it
+    lies below where creep alone passes SLIDING_SPEED, on grippy ground, and above on slippery ground, where the car
+    has to run wide by what creep leaves of it.
+    """
+    limit = onset(mu, steering, car)
+    law = friction_speed(steering, mu, car.wheelbase, car.gravity)
+    low, high = 0.5, 3.0
+    while high - low > 1e-6:
+        k = 0.5 * (low + high)
+        wide = k * law * math.sin(abs(steering)) * max(1.0 - (limit / k) ** 2, 0.0)
+        slides = creep(min(k, limit), mu, steering, car, model) + wide > SLIDING_SPEED
+        low, high = (low, k) if slides else (k, high)
+    return 0.5 * (low + high)

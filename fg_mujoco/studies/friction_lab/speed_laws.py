@@ -1,0 +1,68 @@
+"""Four ways to read the friction law: from a wished steering angle and speed to a command.
+
+    hold = LAWS["guard"](car, mu=0.7)
+    command = hold(steering_angle, speed, odometry)
+
+none       the wish as it is
+one way    the speed by the wished steering: v <= sqrt(g mu b / tan|d|)
+both ways  and the steering by the present speed: |d| <= atan(g mu b / v^2)
+guard      the whole of controllers/safety/friction_limiter.py
+
+All that read it use the guard's share of the tires' friction, so that they differ in how they read it and in nothing
+else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+from fg_mujoco.controllers.control.speed import friction_speed, friction_steering
+from fg_mujoco.controllers.control.steering import saturate
+from fg_mujoco.controllers.safety.friction_limiter import FrictionGuard, GuardSettings
+
+from ...messages import CarParameters, DriveCommand, Odometry
+from .open_ground import TICK
+
+Law: TypeAlias = Callable[[float, float, Odometry], DriveCommand]
+"""From a wished steering angle [rad] and speed [m/s], and the present motion, to a command."""
+
+
+def _none(car: CarParameters, mu: float) -> Law:
+    return lambda steering, speed, odometry: DriveCommand(steering_angle=steering, speed=speed)
+
+
+def _one_way(car: CarParameters, mu: float) -> Law:
+    grip = mu * GuardSettings().lateral_use
+
+    def hold(steering: float, speed: float, odometry: Odometry) -> DriveCommand:
+        limit = friction_speed(steering, grip, car.wheelbase, car.gravity)
+        return DriveCommand(steering_angle=steering, speed=min(speed, limit))
+
+    return hold
+
+
+def _both_ways(car: CarParameters, mu: float) -> Law:
+    grip = mu * GuardSettings().lateral_use
+    by_steering = _one_way(car, mu)
+
+    def hold(steering: float, speed: float, odometry: Odometry) -> DriveCommand:
+        limit = friction_steering(odometry.speed, grip, car.wheelbase, car.gravity)
+        slower = by_steering(steering, speed, odometry).speed
+        return DriveCommand(steering_angle=saturate(steering, limit), speed=slower)
+
+    return hold
+
+
+def _guard(car: CarParameters, mu: float) -> Law:
+    guard = FrictionGuard(car, mu)
+    return lambda steering, speed, odometry: guard(steering, speed, odometry, TICK)
+
+
+LAWS: dict[str, Callable[[CarParameters, float], Law]] = {
+    "none": _none,
+    "one way": _one_way,
+    "both ways": _both_ways,
+    "guard": _guard,
+}
+"""By name: makes one for a car, and a friction coefficient that it believes in."""

@@ -1,0 +1,196 @@
+"""A car held on a circle: constant steering, and the speed brought slowly to k times the law's.
+
+    circle = SteadyCircle(mu=0.7, steering=0.2)
+    reading = circle.at(0.98)
+    reading.slide, reading.axle_use, reading.curvature
+    circle.bisect(lambda reading: reading.slide > SLIDING_SPEED)  # the readings before and after
+
+The state settles at each k: it is reached from the nearest slower one that was settled before, gaining 3 % of mu g of
+speed at most, so that the tires have the circle to hold and nothing else.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fg_mujoco.controllers.control.speed import friction_speed
+
+from ...errors import SettingsError
+from ...messages import DriveCommand, FloatArray
+from ...vehicle.vehicle import WHEELS
+from .open_ground import Engine, OpenGround
+from .trace import Trace, join
+
+_PERIOD = 0.01  # [s] of the speed's control: whole steps of 0.25 to 5 ms
+_GAIN = 3.0  # [1/s] of the command's rate, per missing speed: slower than the speed servo, so that it does not swing
+_GENTLE = 0.03  # of mu g, for gaining speed
+_SETTLING = 1.5  # [s] after the speed is there: several times what yaw (.1 s), springs (.2 s) and command (.4 s) take
+_WINDOW = 0.5  # [s] that is measured
+_START = 0.8  # of the law's speed
+_STRIDE = 0.05  # of the law's speed, upwards to where a bisection begins
+_SHORT = 0.02  # of the law's speed, by which a car may fall behind what was asked for
+_EXHAUSTED = 0.999  # of an axle's friction: the rest is what settles
+_SPINNING = 0.2  # [m/s] sliding speed of a wheel that spins, before its axle slides
+_UPRIGHT = 0.9  # cosine of the car's lean, below which it is falling over
+
+
+class UnreachableError(Exception):
+    """A speed that the car does not reach on the circle; the text is the reason for a table."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CircleReading:
+    """A settled car on a circle: means over the last half second, where nothing else is said."""
+
+    k: float  # [-] speed of the rear axle over the law's
+    speed: float  # [m/s]
+    curvature: float  # [-] of the rear axle's path, over that of the steering angle, tan(d) / b
+    slides: FloatArray  # (4,) [m/s] greatest sliding speed of each tire; NaN: off the ground all the time
+    axle_use: tuple[float, float]  # [-] friction over mu times load, of the front and of the rear axle
+    loads: FloatArray  # (4,) [N]
+    airborne: float  # [-] share of the time that some tire is off the ground
+
+    @property
+    def slide(self) -> float:
+        """Greatest sliding speed of any tire [m/s]."""
+        return float(np.nanmax(self.slides))
+
+    @property
+    def lets_go(self) -> str:
+        """What does: an axle, whose friction is used up, or a wheel, too light for the torque that all share; or ""."""
+        if max(self.axle_use) > _EXHAUSTED:
+            return ("front axle", "rear axle")[int(np.argmax(self.axle_use))]
+        return f"{self.fastest_tire} spins" if self.slide > _SPINNING else ""
+
+    @property
+    def fastest_tire(self) -> str:
+        """Name of the one that slides fastest."""
+        return WHEELS[int(np.nanargmax(self.slides))]
+
+
+class SteadyCircle:
+    """A car on a circle, for any k.
+
+    Args:
+      mu: friction coefficient of the tires [-].
+      steering: angle [rad], left positive.
+      engine: settings of the physics.
+
+    Attributes:
+      ground: the OpenGround it is driven on.
+      law: speed of the law at this mu and steering [m/s].
+
+    Raises:
+      SettingsError: a friction coefficient that the lab does not accept, no steering, or more than the car's lock.
+    """
+
+    def __init__(self, mu: float, steering: float, engine: Engine | None = None) -> None:
+        self.ground = OpenGround(mu, engine)
+        self.car = self.ground.car.parameters
+        self.mu, self.steering = mu, steering
+        lock = self.car.max_steering_angle
+        if not 0.0 < abs(steering) <= lock:
+            raise SettingsError(
+                f"steering is {steering!r} rad; accepted: a number other than 0, at which the law's speed is infinite, "
+                f"and up to the car's lock, {lock:g} rad, to either side"
+            )
+        self.law = friction_speed(steering, mu, self.car.wheelbase, self.car.gravity)
+        self._settled: dict[float, tuple[FloatArray, float, CircleReading]] = {}  # by k: state, command, reading
+
+    def at(self, k: float) -> CircleReading:
+        """Return how the car runs at `k` times the law's speed.
+
+        Raises:
+          UnreachableError: it never gets there.
+        """
+        if k not in self._settled:
+            self._settle(k)
+        return self._settled[k][2]
+
+    def bisect(
+        self, happens: Callable[[CircleReading], bool], *, low: float = 0.85, high: float = 1.3, width: float = 0.002
+    ) -> tuple[CircleReading, CircleReading]:
+        """Return the last reading before something `happens` and the first after, no farther than `width` apart in k.
+
+        From `low` upwards it goes in steps, so that the car is driven no farther beyond the limit than it must be.
+
+        Raises:
+          UnreachableError: it happens at `low`, or not up to `high`, or the car does not get there.
+        """
+        if happens(self.at(low)):
+            raise UnreachableError(f"it happens at {low:g} of the law's speed already")
+        upper = low
+        while not happens(self.at(upper)):
+            if upper >= high:
+                raise UnreachableError(f"it does not happen up to {high:g} of the law's speed")
+            low, upper = upper, min(upper + _STRIDE, high)
+        while upper - low > width:
+            middle = 0.5 * (low + upper)
+            low, upper = (low, middle) if happens(self.at(middle)) else (middle, upper)
+        return self.at(low), self.at(upper)
+
+    def _settle(self, k: float) -> None:
+        target = k * self.law
+        if target > self.car.max_speed:
+            raise UnreachableError(f"{target:.1f} m/s is above the car's greatest speed, {self.car.max_speed:g} m/s")
+        slower = [settled for settled in self._settled if settled < k]
+        if slower:
+            state, command, _ = self._settled[max(slower)]
+            self.ground.state = state
+            gained = (k - max(slower)) * self.law
+        else:
+            command = min(_START, 0.9 * k) * self.law
+            self.ground.place(command)
+            gained = target - command
+        ramp = gained / (_GENTLE * self.mu * self.car.gravity)
+        traces: list[Trace] = []
+        for _ in range(round((ramp + _SETTLING + _WINDOW) / _PERIOD)):
+            command = self._next_command(command, target)
+            traces.append(self.ground.hold(self._drive(command), _PERIOD))
+        reading = self._read(join(traces).last(_WINDOW))
+        if reading.k < k - _SHORT:
+            raise UnreachableError(f"{_why_not(reading)} at {reading.speed:.2f} m/s; {target:.2f} were asked for")
+        self._settled[k] = self.ground.state, command, reading
+
+    def _drive(self, command: float) -> DriveCommand:
+        turned_in = min(1.0, self.ground.data.time / 0.5)
+        return DriveCommand(steering_angle=self.steering * turned_in, speed=command)
+
+    def _next_command(self, command: float, target: float) -> float:
+        """Return the set point [m/s] that brings the rear axle to `target` [m/s] gently.
+
+        The servo holds the mean of all wheels, of which the front ones go faster: hence by integration.
+        """
+        data = self.ground.data
+        if 1.0 - 2.0 * (data.qpos[4] ** 2 + data.qpos[5] ** 2) < _UPRIGHT:
+            raise UnreachableError("the car tips over first")
+        gentle = _GENTLE * self.mu * self.car.gravity
+        rate = _GAIN * (target - math.hypot(data.qvel[0], data.qvel[1]))
+        return command + _PERIOD * max(-gentle, min(gentle, rate))
+
+    def _read(self, trace: Trace) -> CircleReading:
+        slip, speed = trace.slip, float(trace.speed.mean())
+        friction, load = np.nan_to_num(slip.friction_force).mean(axis=0), np.nan_to_num(slip.normal_force).mean(axis=0)
+        front, rear = (float(friction[axle].sum() / (self.mu * load[axle].sum())) for axle in (slice(2), slice(2, 4)))
+        airborne = np.isnan(slip.normal_force)
+        slides = np.nanmax(np.where(airborne, -1.0, slip.sliding_speed), axis=0)
+        return CircleReading(
+            k=speed / self.law,
+            speed=speed,
+            curvature=float(trace.yaw_rate.mean()) / speed * self.car.wheelbase / math.tan(self.steering),
+            slides=np.where(slides < 0.0, math.nan, slides),
+            axle_use=(front, rear),
+            loads=load,
+            airborne=float(airborne.any(axis=1).mean()),
+        )
+
+
+def _why_not(reading: CircleReading) -> str:
+    if reading.slide > _SPINNING:
+        wheel = reading.fastest_tire.replace("_", " ")
+        return f"the {wheel} wheel, with {np.min(reading.loads):.1f} N on it, spins, and open differentials stop there"
+    return "the motor gives no more"

@@ -1,0 +1,67 @@
+"""Closed forms of braking and accelerating straight ahead, of a car with one motor and open differentials."""
+
+from __future__ import annotations
+
+import math
+
+from fg_mujoco.controllers.safety.friction_limiter import FrictionGuard
+
+from ...messages import CarParameters
+from ...vehicle.changes import plain_car
+from ...vehicle.vehicle import WHEELS
+from .open_ground import TICK
+
+
+def even_torque_limit(mu: float, car: CarParameters, direction: int, spin_inertia: float = 0.0) -> float:
+    """Return the greatest acceleration straight ahead with the same torque on all wheels [m/s^2].
+
+    Moments about the heavier axle: the lighter one carries m (g l - a h') / b and passes on m a / 2. Wheels that spin
+    up push the nose up, and down in braking: h' = h + 4 I / (m r).
+
+    Args:
+      mu: friction coefficient [-].
+      car: parameters.
+      direction: -1 braking (the rear axle is lighter), 1 accelerating.
+      spin_inertia: I, of a wheel [kg m^2]; 0 for wheels that keep their speed.
+    """
+    lever = car.front_axle_distance if direction < 0 else car.rear_axle_distance
+    height = car.center_of_gravity_height + 4.0 * spin_inertia / (car.mass * car.wheel_radius)
+    return car.gravity * lever / car.wheelbase / (height / car.wheelbase + 0.5 / mu)
+
+
+def held_share(car: CarParameters) -> float:
+    """Return the share of an asked acceleration that the car has on average, its set point held for a tick [-].
+
+    The servo, of time constant t, catches up with the set point in the tick T: t / T (1 - exp(-T / t)).
+    """
+    lag = car.speed_time_constant
+    return lag / TICK * -math.expm1(-TICK / lag)
+
+
+def stopping_distance(speed: float, mu: float, car: CarParameters, how: str) -> float:
+    """Return the closed form of a stop [m].
+
+    held: mu g. full: the rear axle's friction, twice. guard: what its braking is with a set point held for a tick; it
+    grows over the load's transfer time, a tick of which is there at once.
+
+    Args:
+      speed: at its beginning [m/s].
+      mu: friction coefficient [-].
+      car: parameters.
+      how: "held", "full" or "guard".
+    """
+    if how == "held":
+        return speed**2 / (2.0 * mu * car.gravity)
+    if how == "full":
+        return speed**2 / (2.0 * even_torque_limit(mu, car, -1))
+    guard = FrictionGuard(car, mu)
+    braking = guard.braking * held_share(car)
+    growing = guard.settings.load_transfer_time - TICK
+    distance: float = speed**2 / (2.0 * braking) + 0.5 * speed * growing - braking * growing**2 / 24.0
+    return distance
+
+
+def wheel_inertia() -> float:
+    """Return the spin inertia of a wheel [kg m^2], off the compiled model."""
+    model = plain_car()
+    return float(model.body_inertia[model.body(f"{WHEELS[0]}_wheel").id, 1])

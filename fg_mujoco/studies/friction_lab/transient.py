@@ -1,0 +1,239 @@
+"""Transients: what the law is worth while steering and speed change, by how it is read.
+
+A driver comes along straight ahead at k times the law's speed, and wishes to keep it through a manoeuvre whose
+sharpest bend is just what the law allows at k = 1. The servo turns at its real rate. Read one way only, the law slows
+the car for a bend that it is in already, for steering turns faster than the car slows; read both ways, the steering
+waits for the speed; the guard besides holds braking and turning in within what cornering leaves.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fg_mujoco.controllers.control.speed import friction_speed
+
+from ...messages import DriveCommand, Odometry
+from ...vehicle.tire_slip import SLIDING_SPEED
+from . import figure_style as style
+from .experiment import Cell, Experiment, Figure, LabSettings, Row, Section, Tables
+from .figure_style import column
+from .manoeuvres import CURVATURE, MANOEUVRES
+from .open_ground import OpenGround
+from .speed_laws import LAWS
+from .trace import Trace
+
+if TYPE_CHECKING:
+    import matplotlib.figure
+
+MUS = (1.0489, 0.6)
+KS = (0.7, 0.9, 1.0, 1.1, 1.5)  # of the law's speed, that is wished
+_QUICK_KS = (0.9, 1.1)
+_QUICK_MANOEUVRES = ("step", "slalom")
+_SHOWN = ("step", MUS[0], 1.1)  # manoeuvre, mu, k of the figure over time
+_ASIDE = math.cos(math.radians(45.0))  # farther than this from its heading, a car's rear axle goes no way it steers
+_EVERY = 10  # [steps] of a trace that is drawn
+
+
+class Transient:
+    """See the module."""
+
+    name = "transient"
+    title = "Transients: one way, both ways, and the whole guard"
+
+    def cells(self, settings: LabSettings) -> list[Cell]:
+        """One for each manoeuvre, friction and speed; a cell drives under every law."""
+        names = _QUICK_MANOEUVRES if settings.quick else tuple(MANOEUVRES)
+        mus, ks = (MUS[:1], _QUICK_KS) if settings.quick else (MUS, KS)
+        return [{"manoeuvre": name, "mu": mu, "k": k} for name, mu, k in product(names, mus, ks)]
+
+    def measure(self, cell: Cell) -> Tables:
+        """Drive a manoeuvre under each of the laws."""
+        tables: Tables = {"runs": [], "trace": []}
+        ground = OpenGround(cell["mu"])
+        for law in LAWS:
+            trace, wished = drive(ground, cell["manoeuvre"], cell["mu"], cell["k"], law)
+            tables["runs"].append({**cell, "law": law, **_figures(trace, wished, cell["manoeuvre"])})
+            if (cell["manoeuvre"], cell["mu"], cell["k"]) == _SHOWN:
+                tables["trace"] += _samples(trace, law)
+        return tables
+
+    def section(self, tables: Tables) -> Section:
+        """Say which reading of the law slides, and what it costs not to."""
+        runs = tables["runs"]
+        name, mu, k = _SHOWN
+        return Section(
+            sentences=_sentences(runs),
+            figures=(
+                Figure(
+                    name="sliding",
+                    caption="Share of the physics steps in which a tire slides, and the time lost against a car that "
+                    "keeps the wished speed, over that speed, k times the law's. A car that spins has no time.",
+                    draw=lambda figure: _draw_runs(figure, runs),
+                    height=1.2 + 1.5 * (1 + len({row["mu"] for row in runs})),
+                ),
+                Figure(
+                    name="time",
+                    caption=f"A {name} at {k:g} times the law's speed, mu {mu:g}, under each law.",
+                    draw=lambda figure: _draw_time(figure, tables["trace"]),
+                    height=4.2,
+                ),
+            ),
+            columns={
+                "runs": (
+                    "manoeuvre", "mu", "k", "law", "sliding_share", "greatest_slide_m_s", "time_s", "time_lost_s",
+                    "off_path_m", "reason",
+                )
+            },
+            expected=_expected(runs),
+        )  # fmt: skip
+
+
+EXPERIMENT: Experiment = Transient()
+
+
+def drive(ground: OpenGround, manoeuvre: str, mu: float, k: float, law: str) -> tuple[Trace, float]:
+    """Drive a manoeuvre under a law, and return the trace and the wished speed [m/s]: k times the law's.
+
+    Args:
+      ground: of friction mu.
+      manoeuvre: one of MANOEUVRES.
+      mu: that the law believes in.
+      k: wished speed over the law's.
+      law: one of LAWS.
+    """
+    plan, car = MANOEUVRES[manoeuvre], ground.car.parameters
+    hold = LAWS[law](car, mu)
+    wished = k * friction_speed(math.atan(car.wheelbase * CURVATURE), mu, car.wheelbase, car.gravity)
+
+    def driver(odometry: Odometry) -> DriveCommand:
+        return hold(plan.steering(odometry, car), wished, odometry)
+
+    ground.place(wished)
+    return ground.drive(driver, plan.seconds, until=plan.ended), wished
+
+
+def _figures(trace: Trace, wished: float, manoeuvre: str) -> Row:
+    time = len(trace.time) * trace.timestep
+    distance = float(trace.speed.sum()) * trace.timestep
+    aside = np.arctan2(trace.velocity[:, 1], trace.velocity[:, 0]) - trace.heading
+    spun = bool((np.cos(aside) < _ASIDE).any()) or MANOEUVRES[manoeuvre].lost(trace.heading[-1])
+    return {
+        "wished_speed_m_s": wished,
+        "sliding_share": float(trace.slip.slides.any(axis=1).mean()),
+        "greatest_slide_m_s": float(np.nanmax(trace.slip.sliding_speed)),
+        "time_s": time,
+        "distance_m": distance,
+        "time_lost_s": math.nan if spun else time - distance / wished,
+        "least_speed_m_s": float(trace.speed.min()),
+        "turned_rad": float(trace.heading[-1]),
+        "off_path_m": MANOEUVRES[manoeuvre].off_path(trace.position),
+        "spun": spun,
+        "reason": "time_lost_s: the car spun" if spun else "",
+    }
+
+
+def _samples(trace: Trace, law: str) -> list[Row]:
+    """Return what is drawn over time, of each `_EVERY` steps: the first, and the greatest slide of all."""
+    slides = np.fmax.reduce(trace.slip.sliding_speed, axis=1)
+    slides = np.fmax.reduce(slides[: len(slides) // _EVERY * _EVERY].reshape(-1, _EVERY), axis=1)
+    motion = np.column_stack((trace.time, trace.steering_angle, trace.speed))[::_EVERY]
+    names = ("time_s", "steering_rad", "speed_m_s", "slide_m_s")
+    values = np.column_stack((motion[: len(slides)], slides))
+    return [{"law": law, **dict(zip(names, row, strict=True))} for row in values.tolist()]
+
+
+def _under(runs: list[Row], law: str) -> list[Row]:
+    return [row for row in runs if row["law"] == law]
+
+
+def _greatest(rows: list[Row], name: str) -> float:
+    return float(np.nanmax(column(rows, name)))
+
+
+def _sentences(runs: list[Row]) -> tuple[str, ...]:
+    guarded, both, one = (_under(runs, law) for law in ("guard", "both ways", "one way"))
+    longest = 100.0 * _greatest(guarded, "sliding_share")
+    fastest = _greatest(guarded, "greatest_slide_m_s")
+    if longest == 0.0:
+        first = (
+            f"Under the whole guard no tire slides in any of {len(guarded)} runs: {fastest:.3f} m/s at most, where "
+            f"{SLIDING_SPEED} m/s count as sliding."
+        )
+    else:
+        first = f"Under the whole guard a tire slides for up to {longest:.1f} % of the time, at {fastest:.3f} m/s."
+    return (
+        first,
+        f"With the law read one way tires slide in {_sliding(one)} runs, for {_share(one)} of the time; read both ways "
+        f"in {_sliding(both)}, for {_share(both)}. What is left then is braking, which locks the lighter rear axle, "
+        f"and turning in: {_spun(one)} and {_spun(both)} of the cars spin, with the guard {_spun(guarded)}.",
+        f"Against a car that keeps the wished speed the guard loses {_lost(guarded)} s; cars that do not spin lose "
+        f"{_lost(both)} s with the law read both ways, {_lost(one)} s one way.",
+    )
+
+
+def _sliding(rows: list[Row]) -> str:
+    return f"{int((column(rows, 'sliding_share') > 0.0).sum())} of {len(rows)}"
+
+
+def _spun(rows: list[Row]) -> int:
+    return sum(bool(row["spun"]) for row in rows)
+
+
+def _share(rows: list[Row]) -> str:
+    return f"up to {100.0 * _greatest(rows, 'sliding_share'):.0f} %"
+
+
+def _lost(rows: list[Row]) -> str:
+    lost = column(rows, "time_lost_s")
+    return f"{np.nanmin(lost):.2f} to {np.nanmax(lost):.2f}"
+
+
+def _expected(runs: list[Row]) -> tuple[tuple[str, str, str], ...]:
+    return tuple(
+        (
+            f"{law}: longest share of time sliding, greatest slide",
+            asked,
+            f"{100 * _greatest(_under(runs, law), 'sliding_share'):.1f} %, "
+            f"{_greatest(_under(runs, law), 'greatest_slide_m_s'):.3f} m/s",
+        )
+        for law, asked in (("guard", f"none, below {SLIDING_SPEED} m/s"), ("both ways", "-"), ("one way", "slides"))
+    )
+
+
+def _draw_runs(figure: matplotlib.figure.Figure, runs: list[Row]) -> None:
+    names = list(dict.fromkeys(str(row["manoeuvre"]) for row in runs))
+    mus = list(dict.fromkeys(column(runs, "mu").tolist()))
+    rows = [(mu, "sliding_share", 100.0, f"mu {mu:g}\ntime sliding [%]") for mu in mus]
+    rows.append((mus[0], "time_lost_s", 1.0, f"mu {mus[0]:g}\ntime lost [s]"))
+    grid = figure.subplots(len(rows), len(names), sharex=True, sharey="row", squeeze=False)
+    for (row, (mu, name, scale, label)), (place, manoeuvre) in product(enumerate(rows), enumerate(names)):
+        axes = grid[row, place]
+        for law, colour in zip(LAWS, style.COLOURS, strict=False):
+            found = [run for run in _under(runs, law) if run["manoeuvre"] == manoeuvre and run["mu"] == mu]
+            values = scale * column(found, name)
+            style.measured(axes, column(found, "k"), values, law, colour=colour, linestyle="-", linewidth=0.6)
+        if row == 0:
+            axes.set_title(manoeuvre, fontsize="medium")
+        style.finish(axes, "k wished [-]" if row == len(rows) - 1 else "", label if place == 0 else "", legend=False)
+    figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=len(LAWS))
+
+
+def _draw_time(figure: matplotlib.figure.Figure, samples: list[Row]) -> None:
+    if not samples:
+        return
+    panels = figure.subplots(3, 1, sharex=True)
+    for law, colour in zip(LAWS, style.COLOURS, strict=False):
+        rows = _under(samples, law)
+        for axes, name in zip(panels, ("steering_rad", "speed_m_s", "slide_m_s"), strict=True):
+            axes.plot(column(rows, "time_s"), column(rows, name), color=colour, label=law)
+    style.limit(panels[2], SLIDING_SPEED)
+    panels[2].set_yscale("log")
+    panels[2].set_ylim(1e-2, None)
+    panels[2].set_xlim(0.4, 2.0)
+    style.finish(panels[0], "", "steering [rad]")
+    style.finish(panels[1], "", "speed [m/s]", legend=False)
+    style.finish(panels[2], "time [s]", "greatest slide [m/s]", legend=False)

@@ -1,0 +1,256 @@
+"""What a rollout drives: worlds by number, cut into chunks, each chunk driven on its own wherever there is a core.
+
+World i depends on its seed and on its track, `tracks[i % len(tracks)]`, and on nothing else: not on how many worlds
+there are, nor on the chunk. The worlds of a chunk are of one track, because those can be stepped together.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import platform
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from importlib.metadata import version
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ...course.formats import load_track, require_track
+from ...course.random_obstacles import ObstacleSites
+from ...course.track import Track
+from ...errors import ControllerError, SettingsError
+from ...racing.planner_loading import build_controller, find_controller
+from ...racing.result import TELEMETRY
+from ...racing.scenario import Scenario
+from ...simulation.race_rules import default_time_limit
+from ...simulation.simulation import STATE
+from ...vehicle.changes import CarChanges, change_spec, plain_car
+from ...vehicle.vehicle import car_parameters, car_spec, nominal_mu
+from .randomization import Randomization, Value
+from .world_batch import RECORDS, RESULT, WorldResults, drive_worlds
+
+TICK = 0.025  # [s] a period of the LiDAR, for estimates of what a rollout will take and has done
+
+Arrays = dict[str, NDArray[Any]]
+"""What a driven chunk leaves, by name: "worlds" (n,) of `RolloutJob.world_dtype` and "lap_times_s" (n, k); if recorded
+"ticks" (n,) and, of all its worlds one after the other, "telemetry" (ticks, len(TELEMETRY)); and "states", all states
+in one row, with "state_size" (n,) and "ctrl" (ticks, 2)."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RolloutJob:
+    """Worlds to be driven.
+
+    Raises:
+      SettingsError: when made, laps, duration, chunk or record that are not what is accepted.
+    """
+
+    tracks: tuple[Track, ...]
+    controller: str  # as `drive_worlds` takes it
+    seed: int | None  # that the seeds were drawn from; None: they were given
+    seeds: NDArray[np.int64]  # (n,) of the worlds
+    randomization: Randomization
+    laps: int | None
+    duration: float | None  # [s]
+    record: str
+    chunk: int  # worlds in one, at most
+
+    def __post_init__(self) -> None:
+        require_whole("laps", self.laps)
+        require_whole("chunk", self.chunk)
+        number = isinstance(self.duration, (int, float)) and not isinstance(self.duration, bool)
+        if self.duration is not None and not (number and 0.0 < self.duration < math.inf):
+            raise SettingsError(f"duration is {self.duration!r}; accepted: a positive number")
+        if self.laps is None and self.duration is None:
+            raise SettingsError("neither laps nor duration is given; accepted: either or both")
+        if self.record not in RECORDS:
+            raise SettingsError(f"record is {self.record!r}; accepted: {', '.join(RECORDS)}")
+
+    def check(self) -> None:
+        """Refuse what cannot be driven, before anything is.
+
+        Raises:
+          TrackError: a scene, a track that is too narrow, or that no walls can be put round.
+          ControllerError: a controller that cannot be built, with its settings at any end of their ranges too.
+          SettingsError: no track, or more obstacles than one has room for.
+        """
+        if not self.tracks:
+            raise SettingsError("no track is given; accepted: one or more")
+        width = car_parameters(plain_car()).width
+        for track in self.tracks:
+            load_track(require_track(track, "a rollout"), minimum_width=width)
+            _ = track.left_wall  # refuses corners without room for a wall
+        for track, sites in zip(self.tracks, self._sites, strict=True):
+            wanted = self.randomization.most_obstacles
+            if sites is not None and wanted > sites.most:
+                raise SettingsError(f"randomize obstacles={wanted} on {track.name!r}; accepted: at most {sites.most}")
+        if not isinstance(self.controller, str):
+            raise ControllerError(
+                f"controller {type(self.controller).__name__} is an object; accepted: a name or "
+                "path/to/file.py:ClassName, for each world to have one of its own"
+            )
+        found = find_controller(self.controller)
+        car, mu = car_parameters(plain_car()), nominal_mu()
+        for settings in ({}, *self.randomization.planner_extremes):
+            build_controller(
+                found, self.controller, car=car, mu=mu, max_speed=8.0, settings=settings,
+                map_line=self.tracks[0].map_line,
+            )  # fmt: skip
+
+    @cached_property
+    def chunks(self) -> tuple[NDArray[np.int64], ...]:
+        """Numbers of the worlds of each chunk."""
+        every = len(self.tracks)
+        by_track = [np.arange(first, len(self.seeds), every) for first in range(every)]
+        return tuple(own[i : i + self.chunk] for own in by_track for i in range(0, len(own), self.chunk))
+
+    @cached_property
+    def places(self) -> NDArray[np.int64]:
+        """Of each world, its chunk and its place in there. Shape (n, 2)."""
+        places = np.empty((len(self.seeds), 2), np.int64)
+        for number, worlds in enumerate(self.chunks):
+            places[worlds, 0], places[worlds, 1] = number, np.arange(len(worlds))
+        return places
+
+    @cached_property
+    def world_dtype(self) -> np.dtype[Any]:
+        """Of a world's row: its number, that of its track, what was drawn for it, and how it went."""
+        return np.dtype([("world", np.int64), ("track", np.int64), *self.randomization.dtypes(), *RESULT.descr])
+
+    def scenario(self, world: int, values: dict[str, Value] | None = None) -> Scenario:
+        """Return world number `world`; `values` are those that were drawn for it, if they are known."""
+        track, seed = world % len(self.tracks), int(self.seeds[world])
+        return self.randomization.scenario(self.tracks[track], seed, values, self._sites[track])
+
+    def drive(
+        self,
+        number: int,
+        *,
+        controller: str | None = None,
+        stop: Callable[[], bool] | None = None,
+        watch: Callable[[int, int], None] | None = None,
+    ) -> Arrays:
+        """Drive a chunk in the calling thread and return what it leaves.
+
+        Args:
+          number: of the chunk.
+          controller: where it is on this machine; None: where the job says.
+          stop: as `drive_worlds` takes it; what an ended chunk leaves is not to be kept.
+          watch: as `drive_worlds` takes it.
+        """
+        numbers = self.chunks[number].tolist()
+        drawn = [self.randomization.draw(seed) for seed in self.seeds[self.chunks[number]].tolist()]
+        results = drive_worlds(
+            [self.scenario(*world) for world in zip(numbers, drawn, strict=True)],
+            controller or self.controller,
+            laps=self.laps,
+            duration=self.duration,
+            record=self.record,
+            stop=stop,
+            watch=watch,
+        )
+        worlds = np.empty(len(numbers), self.world_dtype)
+        worlds["world"], worlds["track"] = numbers, self.chunks[number] % len(self.tracks)
+        for name in self.randomization.ranges:
+            worlds[name] = [values[name] for values in drawn]
+        for name in RESULT.names or ():
+            worlds[name] = results.rows[name]
+        return {"worlds": worlds, "lap_times_s": results.lap_times_s} | _traces(results, self.record)
+
+    def trace_bytes(self) -> int:
+        """Return what the telemetry, states and controls of one world take at most [bytes]."""
+        if self.record == "summary":
+            return 0
+        longest = max(track.length for track in self.tracks)
+        limit = self.duration if self.duration is not None else default_time_limit(self.laps or 1, longest)
+        row = len(TELEMETRY) + (_state_size() + 2 if self.record == "states" else 0)
+        return int(limit / TICK + 1) * row * 8
+
+    def settings(self) -> dict[str, Any]:
+        """Return all that the results depend on, but for the versions, as it can stand in JSON."""
+        return {
+            "tracks": [{"name": track.name, "sha256": track_sha256(track)} for track in self.tracks],
+            "controller": Path(self.controller).name,
+            "controller_sha256": _sha256(text) if (text := self.controller_text) is not None else None,
+            "n": len(self.seeds),
+            "seed": self.seed,
+            "seeds_sha256": _sha256(np.ascontiguousarray(self.seeds, "<i8").tobytes()),
+            "randomize": self.randomization.texts(),
+            "laps": self.laps,
+            "duration": self.duration,
+            "record": self.record,
+        }
+
+    @cached_property
+    def controller_text(self) -> bytes | None:
+        """The file of a user's controller; None for a bundled one."""
+        path, colon, _ = self.controller.rpartition(":")
+        return Path(path).read_bytes() if colon else None
+
+    @cached_property
+    def _sites(self) -> tuple[ObstacleSites | None, ...]:
+        wanted = self.randomization.most_obstacles > 0
+        return tuple(ObstacleSites(track) if wanted else None for track in self.tracks)
+
+
+@lru_cache(maxsize=1)
+def versions() -> dict[str, str]:
+    """Return what else the results depend on, to the last bit."""
+    sources = hashlib.sha256()
+    for package in ("fg_mujoco", "fg_mujoco.controllers", "fg_mujoco.models"):
+        folder = Path(str(files(package)))
+        for source in sorted(path for path in folder.rglob("*") if path.suffix in (".py", ".xml")):
+            sources.update(source.relative_to(folder).as_posix().encode() + source.read_bytes())
+    return {
+        "fg_mujoco_version": version("fg-mujoco"),
+        "mujoco_version": mujoco.__version__,
+        "numpy_version": np.__version__,
+        "numba_version": version("numba"),
+        "sources_sha256": sources.hexdigest(),
+        "platform": f"{platform.system()}-{platform.machine()}",
+    }
+
+
+def require_whole(name: str, value: Any, least: int = 1) -> None:
+    """Raise SettingsError for a value that is neither None nor a whole number from `least`."""
+    if value is not None and (not isinstance(value, int) or isinstance(value, bool) or value < least):
+        raise SettingsError(f"{name} is {value!r}; accepted: a whole number from {least}")
+
+
+def _traces(results: WorldResults, record: str) -> Arrays:
+    if record == "summary":
+        return {}
+    arrays: Arrays = {
+        "ticks": np.array([len(rows) for rows in results.telemetry], np.int64),
+        "telemetry": np.concatenate([rows.reshape(-1, len(TELEMETRY)) for rows in results.telemetry]),
+    }
+    if record == "states":
+        arrays["state_size"] = np.array([rows.shape[1] for rows in results.states], np.int64)
+        arrays["states"] = np.concatenate([rows.ravel() for rows in results.states])
+        arrays["ctrl"] = np.concatenate([rows.reshape(-1, 2) for rows in results.ctrl])
+    return arrays
+
+
+def _state_size() -> int:
+    """Return the length of a state, that of a car whose commands are delayed, which has the longest."""
+    spec = car_spec()
+    change_spec(spec, CarChanges(command_delay=0.0))
+    return int(mujoco.mj_stateSize(spec.compile(), STATE))
+
+
+def track_sha256(track: Track) -> str:
+    """Return the hash of all that makes a track what it is."""
+    return _sha256(*(np.ascontiguousarray(line, "<f8").tobytes() for line in track.definition))
+
+
+def _sha256(*texts: bytes) -> str:
+    digest = hashlib.sha256()
+    for text in texts:
+        digest.update(text)
+    return digest.hexdigest()

@@ -1,0 +1,316 @@
+"""What differs from world to world: for each parameter a range, and from a world's seed a value for each.
+
+    randomization = Randomization.of({"mu": (0.6, 1.2), "planner.lookahead": [8, 10], "obstacles": "0:4"})
+    scenario = randomization.scenario(load_track("oval"), seed=7)
+
+A world depends on its seed alone. Its one generator draws one share of a range for each of PARAMETERS, in their order,
+whether they are randomised or not; a setting of the planner has a generator of its own, by its name. So one more
+randomised parameter never changes what another is.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+from zlib import crc32
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...course.random_obstacles import ObstacleSites
+from ...course.track import Track
+from ...errors import SettingsError
+from ...lidar.effects import LidarEffects
+from ...racing.scenario import Scenario, Start
+from ...vehicle.changes import CarChanges, change_spec
+from ...vehicle.vehicle import car_spec
+
+Value = float | int | bool | str
+
+PARAMETERS = {
+    "mu": (CarChanges, "mu"),
+    "mass": (CarChanges, "mass"),
+    "cog_height": (CarChanges, "center_of_gravity_height"),
+    "steering_gain": (CarChanges, "steering_gain"),
+    "speed_gain": (CarChanges, "speed_gain"),
+    "command_delay": (CarChanges, "command_delay"),
+    "lidar_noise": (LidarEffects, "range_noise_std"),
+    "lidar_dropout": (LidarEffects, "dropout_probability"),
+    "start_s": (Start, "s"),
+    "start_offset": (Start, "offset"),
+    "start_heading": (Start, "heading"),
+    "start_speed": (Start, "speed"),
+    "planner_mu": (Scenario, "planner_mu"),
+    "max_speed": (Scenario, "max_speed"),
+    "obstacles": (Scenario, "obstacles"),  # how many
+}
+"""Name -> whose field it is, in the order in which their shares are drawn: a new one goes to the end."""
+
+PLANNER = "planner."
+"""Prefix of the names of the planner's settings."""
+
+_OBSTACLES = "obstacles"
+_MOST_OBSTACLES = 1000
+_WORD = re.compile(r"[A-Za-z_./][\w./-]*")  # and paths
+_WORDS: dict[str, Value] = {"true": True, "false": False, "off": math.inf, "inf": math.inf}
+
+
+@dataclass(frozen=True)
+class Uniform:
+    """Any number from `low` to `high`, each as likely.
+
+    Raises:
+      SettingsError: an end that is not a finite number, or a low one above the high one.
+    """
+
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        ends = (self.low, self.high)
+        if not all(_is_number(end) for end in ends) or not math.isfinite(self.high - self.low) or self.low > self.high:
+            raise SettingsError(f"range {self.low}:{self.high}; accepted: finite LOW:HIGH, LOW first")
+        object.__setattr__(self, "low", float(self.low))
+        object.__setattr__(self, "high", float(self.high))
+
+    @property
+    def extremes(self) -> tuple[Value, ...]:
+        """Values that are refused if any is."""
+        return self.low, self.high, self.at(0.618)  # where a whole number is needed, the last one is refused
+
+    def at(self, share: float) -> float:
+        """Return the value at a share of the range from 0 to 1."""
+        return min(self.low + share * (self.high - self.low), self.high)
+
+    def __str__(self) -> str:
+        return f"{_text(self.low)}:{_text(self.high)}"
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One of some values, each as likely; where there is one, that one.
+
+    Raises:
+      SettingsError: no value, or one that is no number, True, False or word.
+    """
+
+    values: tuple[Value, ...]
+
+    def __post_init__(self) -> None:
+        bad = [v for v in self.values if not (_is_number(v) or isinstance(v, (bool, str))) or v != v]
+        if bad or not self.values:
+            said = f"value {bad[0]!r}" if bad else "no values"
+            raise SettingsError(f"{said}; accepted: numbers, true, false or words")
+
+    @property
+    def extremes(self) -> tuple[Value, ...]:
+        """Values that are refused if any is."""
+        return self.values
+
+    def at(self, share: float) -> Value:
+        """Return the value at a share of the list from 0 to 1, which counts as just below."""
+        return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
+
+    def __str__(self) -> str:
+        return "|".join(map(_text, self.values))
+
+
+Range = Uniform | Choice
+
+
+def as_range(value: Any) -> Range:
+    """Return the range that is meant: `(low, high)`, a list of values, one value, text, or a range.
+
+    Text is as `str` of a range has it: `0.6:1.2`, `a|b|c`, or one value.
+
+    Raises:
+      SettingsError: none is.
+    """
+    if isinstance(value, (Uniform, Choice)):
+        return value
+    if isinstance(value, str):
+        ends = value.split(":")
+        return Uniform(*map(_number, ends)) if len(ends) == 2 else Choice(tuple(map(_value, value.split("|"))))
+    if isinstance(value, tuple) and len(value) == 2:
+        return Uniform(*map(_plain, value))
+    if isinstance(value, (Sequence, np.ndarray)):
+        return Choice(tuple(_value(v) if isinstance(v, str) else _plain(v) for v in value))
+    return Choice((_plain(value),))
+
+
+@dataclass(frozen=True)
+class Randomization:
+    """The range of each randomised parameter, by its name: one of PARAMETERS, or `planner.` and one of its settings.
+
+    Raises:
+      SettingsError: a name that is not known, or a range with a value that its parameter cannot have.
+    """
+
+    ranges: Mapping[str, Range]
+
+    @classmethod
+    def of(cls, ranges: Mapping[str, Any] | None) -> Randomization:
+        """Return the randomisation of what `as_range` takes, by name.
+
+        Raises:
+          SettingsError: as the class, or what is no range.
+        """
+        read = {}
+        for name, value in (ranges or {}).items():
+            try:
+                read[name] = as_range(value)
+            except SettingsError as error:
+                raise SettingsError(f"randomize {name}: {error}") from error
+        return cls(read)
+
+    def __post_init__(self) -> None:
+        for name in self.ranges:
+            if name not in PARAMETERS and not (name.startswith(PLANNER) and name.removeprefix(PLANNER)):
+                known = ", ".join((*PARAMETERS, f"{PLANNER}SETTING"))
+                raise SettingsError(f"randomize {name}: no parameter; accepted: {known}")
+        # sorted, so that the same ranges in another order are the same randomisation
+        order = (*PARAMETERS, *sorted(self.ranges))
+        sorted_ranges = {name: self.ranges[name] for name in sorted(self.ranges, key=order.index)}
+        if _OBSTACLES in sorted_ranges:
+            sorted_ranges[_OBSTACLES] = _counts(sorted_ranges[_OBSTACLES])
+        object.__setattr__(self, "ranges", sorted_ranges)
+        for name, values in self.ranges.items():
+            for value in values.extremes:
+                try:
+                    _check_value(name, value)
+                except SettingsError as error:
+                    raise SettingsError(f"randomize {name}={values}: {error}") from error
+
+    @property
+    def most_obstacles(self) -> int:
+        """The greatest number of obstacles that may be drawn."""
+        return max((int(v) for v in self.ranges[_OBSTACLES].extremes), default=0) if _OBSTACLES in self.ranges else 0
+
+    @property
+    def planner_extremes(self) -> list[dict[str, Value]]:
+        """Settings of the planner, one at a time, that are refused if any is."""
+        planner = {name: values for name, values in self.ranges.items() if name.startswith(PLANNER)}
+        return [{name.removeprefix(PLANNER): v} for name, values in planner.items() for v in values.extremes]
+
+    def texts(self) -> dict[str, str]:
+        """Return each range as text that `as_range` reads back, by name."""
+        return {name: str(values) for name, values in self.ranges.items()}
+
+    def dtypes(self) -> list[tuple[str, np.dtype[Any]]]:
+        """Return the names, and what holds their values in a structured array."""
+        return [(name, np.asarray(values.extremes).dtype) for name, values in self.ranges.items()]
+
+    def draw(self, seed: int) -> dict[str, Value]:
+        """Return the values of a world by name, in the order of `dtypes`."""
+        shares = dict(zip(PARAMETERS, _generator(seed, "").random(len(PARAMETERS)).tolist(), strict=True))
+        return {
+            name: values.at(shares[name] if name in shares else float(_generator(seed, name).random()))
+            for name, values in self.ranges.items()
+        }
+
+    def scenario(
+        self, track: Track, seed: int, values: Mapping[str, Value] | None = None, sites: ObstacleSites | None = None
+    ) -> Scenario:
+        """Return a world.
+
+        Args:
+          track: of the world.
+          seed: of the world.
+          values: that `draw(seed)` returned; None: it is called.
+          sites: of obstacles on the track; None: they are worked out.
+
+        Raises:
+          SettingsError: more obstacles than there is room for.
+        """
+        values = self.draw(seed) if values is None else values
+        of: dict[type, dict[str, Any]] = {CarChanges: {}, LidarEffects: {}, Start: {}, Scenario: {}}
+        for name, value in values.items():
+            if name in PARAMETERS:
+                owner, field = PARAMETERS[name]
+                of[owner][field] = value
+        start = Start(**of[Start])
+        if _OBSTACLES in values:
+            sites = sites or ObstacleSites(track)
+            of[Scenario][_OBSTACLES] = sites.place(int(values[_OBSTACLES]), start.s, _generator(seed, _OBSTACLES))
+        return Scenario(
+            track=track,
+            seed=seed,
+            car=CarChanges(**of[CarChanges]),
+            start=start,
+            effects=LidarEffects(**of[LidarEffects]),
+            planner={name.removeprefix(PLANNER): v for name, v in values.items() if name.startswith(PLANNER)},
+            **of[Scenario],
+        )
+
+
+def world_seeds(seed: int, count: int) -> NDArray[np.int64]:
+    """Return the seeds of the first `count` worlds of a rollout: each depends on `seed` and its own place only.
+
+    They are below 2^53, so that any reader of JSON keeps them.
+    """
+    return np.random.default_rng(seed).integers(2**53, size=count)
+
+
+def _generator(seed: int, name: str) -> np.random.Generator:
+    """Return the generator that a world has for one name; none of them is that of its LiDAR's noise."""
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(crc32(name.encode()),)))
+
+
+def _check_value(name: str, value: Value) -> None:
+    """Raise SettingsError where a parameter cannot have a value. What the planner's settings can have, it says."""
+    if name in PARAMETERS and name != _OBSTACLES:
+        owner, field = PARAMETERS[name]
+        made = owner(**{field: value})
+        if isinstance(made, CarChanges):
+            change_spec(car_spec(), made)
+
+
+def _counts(values: Range) -> Choice:
+    """Return the numbers of obstacles of a range: of one of numbers, all whole numbers in it."""
+    accepted = f"whole numbers from 0 to {_MOST_OBSTACLES}"
+    if not all(isinstance(v, (int, float)) and v in range(_MOST_OBSTACLES + 1) for v in _ends(values)):
+        raise SettingsError(f"randomize {_OBSTACLES}={values}; accepted: {accepted}")
+    if isinstance(values, Uniform):
+        return Choice(tuple(range(int(values.low), int(values.high) + 1)))
+    return Choice(tuple(int(v) for v in values.values))
+
+
+def _ends(values: Range) -> tuple[Value, ...]:
+    return (values.low, values.high) if isinstance(values, Uniform) else values.values
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def _plain(value: Any) -> Any:
+    """Return numpy's numbers as Python's."""
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _text(value: Value) -> str:
+    """Return the shortest text that is read back as the value."""
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise SettingsError(f"{text.strip()!r}; accepted: a number, as in LOW:HIGH") from None
+
+
+def _value(text: str) -> Value:
+    """Return the number, the truth value or the word that a text is."""
+    text = text.strip()
+    for read in (int, float):
+        try:
+            return _WORDS[text] if text in _WORDS else read(text)
+        except ValueError:
+            continue
+    if not _WORD.fullmatch(text):
+        raise SettingsError(f"{text!r}; accepted: LOW:HIGH, or values A|B|C that are numbers, true, false or words")
+    return text

@@ -1,0 +1,147 @@
+"""Drives the chunks of a rollout as tasks of Ray: on a cluster that exists, or on one of this machine's own.
+
+Ray decides where a chunk is driven, and drives it again when its worker or its whole node is lost. The results are
+those of `rollout_local`, bit for bit: each task runs the same function in one thread, and a node whose versions differ
+is refused.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import logging
+import os
+import socket
+import tempfile
+from collections import deque
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import EngineError, FgMujocoError, MissingExtraError
+from .job import Arrays, RolloutJob, versions
+from .local import PULSE, usable_cores
+
+INSTALL_COMMAND = "pip install 'fg-mujoco[cluster]'"
+
+RETRIES = 5
+"""How often a chunk is driven again after its worker was lost."""
+
+_KNOCK = 10.0  # [s] for a cluster to answer
+_AHEAD = 2  # chunks submitted for each core of the cluster: what is finished and not yet fetched stays bounded
+
+
+def drive_on_ray(
+    job: RolloutJob, chunks: Sequence[int], *, workers: int | None, pulse: Callable[[float], None]
+) -> Generator[tuple[int, Arrays], None, None]:
+    """Drive some chunks of a rollout and yield each, with its number, when it is finished.
+
+    Args:
+      job: the rollout.
+      chunks: their numbers.
+      workers: most chunks at a time, and cores of a cluster of this machine's own; None: as many as there are.
+      pulse: called every now and then, with 0: chunks that are being driven do not say how far they are.
+
+    Raises:
+      MissingExtraError: Ray is not installed.
+      EngineError: a cluster that cannot be reached, that has other versions, or that loses a chunk again and again.
+    """
+    ray = require_ray()
+    with _cluster(ray, workers):
+        task = ray.remote(num_cpus=1, max_retries=RETRIES)(_drive)
+        shared = ray.put(job)
+        text, here = job.controller_text, versions()
+        waiting, running = deque(chunks), dict[Any, int]()
+        try:
+            while waiting or running:
+                room = workers or _AHEAD * int(ray.cluster_resources().get("CPU", 1))
+                while waiting and len(running) < room:
+                    number = waiting.popleft()
+                    running[task.remote(shared, number, text, here)] = number
+                finished, _ = ray.wait(list(running), timeout=PULSE)
+                pulse(0.0)
+                for reference in finished:
+                    number = running.pop(reference)
+                    yield number, _fetch(ray, reference)
+        finally:
+            for reference in running:
+                ray.cancel(reference)
+
+
+def _drive(job: RolloutJob, number: int, controller_text: bytes | None, expected: dict[str, str]) -> Arrays:
+    """Drive a chunk; this runs on a worker."""
+    if versions() != expected:
+        differing = [f"{name} {versions()[name]}" for name in expected if versions()[name] != expected[name]]
+        raise EngineError(f"a node of the cluster has {', '.join(differing)}; accepted: the same as where it started")
+    if controller_text is None:
+        return job.drive(number)
+    path, _, class_name = job.controller.rpartition(":")
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / Path(path).name
+        file.write_bytes(controller_text)
+        return job.drive(number, controller=f"{file}:{class_name}")
+
+
+def _fetch(ray: Any, reference: Any) -> Arrays:
+    try:
+        arrays = ray.get(reference)
+    except ray.exceptions.RayTaskError as error:
+        if isinstance(error.cause, FgMujocoError):
+            raise error.cause from None
+        raise EngineError(f"a chunk failed on the cluster: {_last_line(error)}") from error
+    except ray.exceptions.RayError as error:
+        raise EngineError(f"a chunk was lost more than {RETRIES} times: {_last_line(error)}") from error
+    return {name: np.array(values) for name, values in arrays.items()}  # ray's own are views of its store
+
+
+@contextmanager
+def _cluster(ray: Any, workers: int | None) -> Iterator[None]:
+    """Connect to the cluster that there is, else start one here; leave things as they were in the end."""
+    if ray.is_initialized():
+        yield
+        return
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    quiet = {"log_to_driver": False, "logging_level": logging.ERROR}
+    logging.getLogger("ray").setLevel(logging.ERROR)  # it speaks before it reads its options
+    address = os.environ.get("RAY_ADDRESS", "")
+    try:
+        _knock(address)
+        try:
+            ray.init(address="auto", **quiet)  # $RAY_ADDRESS, or one that runs on this machine
+        except ConnectionError:
+            if address:
+                raise
+            ray.init(address="local", num_cpus=workers or usable_cores(), include_dashboard=False, **quiet)
+    except Exception as error:
+        where = address or "this machine"
+        raise EngineError(f"no cluster at {where}: {_last_line(error)}; accepted: RAY_ADDRESS of one") from error
+    try:
+        yield
+    finally:
+        ray.shutdown()
+
+
+def _knock(address: str) -> None:
+    """Raise OSError where nobody listens at HOST:PORT: Ray itself would try for minutes."""
+    host, _, port = address.rpartition(":")
+    if host and port.isdigit() and "//" not in address:
+        socket.create_connection((host, int(port)), timeout=_KNOCK).close()
+
+
+def require_ray() -> Any:
+    """Return Ray.
+
+    Raises:
+      MissingExtraError: it is not installed; the message is the command that installs it.
+    """
+    if importlib.util.find_spec("ray") is None:
+        raise MissingExtraError(INSTALL_COMMAND)
+    return importlib.import_module("ray")
+
+
+def _last_line(error: BaseException) -> str:
+    lines = str(error).strip().splitlines()
+    return f"{type(error).__name__}: {lines[-1].strip() if lines else ''}"

@@ -1,0 +1,213 @@
+"""Many worlds, each drawn from its own seed, driven by a controller on all cores or on a cluster.
+
+    result = rollout("oval", n=1024, randomize={"mu": (0.6, 1.2)}, laps=1)
+    print(result["mu"], result["first_lap_s"], result.summary()["end_reasons"])
+    alone = result.scenario(17)  # the same world, to be driven by `race`
+
+A world's result is the same, bit for bit, whatever n, the chunk, the number of workers and the engine are.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...course.formats import load_track
+from ...course.track import Track
+from ...errors import SettingsError
+from .job import Arrays, RolloutJob, require_whole, versions
+from .local import drive_in_threads, usable_cores
+from .randomization import Randomization, world_seeds
+from .ray_cluster import drive_on_ray, require_ray
+from .result import RolloutResult, gather
+from .store import ChunkStore, FolderStore, MemoryStore, TemporaryFolderStore
+
+ENGINES = ("local", "ray")
+DEFAULT_WORLDS = 1024
+DEFAULT_CHUNK = 64
+DEFAULT_MEMORY_BUDGET = 2**30  # [bytes]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RolloutProgress:
+    """What a rollout tells whoever watches it."""
+
+    worlds: int
+    worlds_found: int  # in the folder, driven by an earlier call
+    worlds_driven: int  # by this call
+    world_seconds: float  # [s] simulated by this call, about
+    wall_time_s: float
+
+    @property
+    def rate(self) -> float:
+        """World-seconds per second."""
+        return self.world_seconds / self.wall_time_s if self.wall_time_s > 0.0 else 0.0
+
+    @property
+    def remaining_s(self) -> float | None:
+        """What it will still take, if it goes on like this [s]; None before the first chunk is finished."""
+        if self.worlds_driven == 0:
+            return None
+        return (self.worlds - self.worlds_found - self.worlds_driven) * self.wall_time_s / self.worlds_driven
+
+
+def rollout(
+    tracks: Track | str | Sequence[Track | str],
+    controller: str = "gap_finder",
+    *,
+    n: int | None = None,
+    seed: int = 0,
+    seeds: Sequence[int] | NDArray[np.integer] | None = None,
+    randomize: Mapping[str, Any] | None = None,
+    laps: int | None = None,
+    duration: float | None = None,
+    workers: int | None = None,
+    record: str = "summary",
+    out: str | Path | None = None,
+    memory_budget: int = DEFAULT_MEMORY_BUDGET,
+    chunk: int = DEFAULT_CHUNK,
+    engine: str = "local",
+    watch: Callable[[RolloutProgress], None] | None = None,
+) -> RolloutResult:
+    """Drive many worlds and return how they went.
+
+    A world that crashes, or in which the planner or the engine fails, ends with its reason; the others go on. Ctrl-C
+    raises KeyboardInterrupt once the workers have stopped; finished chunks are then in `out`, and the same call goes on
+    with the others.
+
+    Args:
+      tracks: one or more, as `load_track` takes them; world i drives `tracks[i % len(tracks)]`.
+      controller: a bundled name or `path/to/file.py:ClassName`; each world gets a controller of its own.
+      n: how many worlds; None: as many as `seeds`, else 1024.
+      seed: the seeds of the worlds are drawn from it, each by its number only.
+      seeds: the seeds of the worlds themselves, instead.
+      randomize: parameters that differ from world to world: names of `randomization.PARAMETERS`, or `planner.SETTING`,
+        and for each `(low, high)`, a list of values, one value for all, or any of these as text: "0.6:1.2", "1|2|3".
+      laps: to be driven; None: one, or as many as fit the duration.
+      duration: of simulated time at most [s]; None: what a car of 0.5 m/s needs for the laps.
+      workers: threads, or with Ray cores; None: as many as there are.
+      record: "summary", "telemetry" (each tick of each world too) or "states" (and its state and controls).
+      out: a new or empty folder, or one of the same rollout, which is then finished.
+      memory_budget: what telemetry and states may take; what might take more goes to disk: to `out`, else to a
+        temporary folder that is gone with the result [bytes].
+      chunk: worlds that a worker drives together, at most; a folder that is gone on with keeps its own.
+      engine: "local" or "ray".
+      watch: called several times a second, and after each chunk.
+
+    Raises:
+      SettingsError, TrackError, ControllerError, RunFolderError: what cannot be driven; nothing has run then.
+      MissingExtraError, EngineError: no Ray, or no cluster that can be worked with.
+    """
+    if engine not in ENGINES:
+        raise SettingsError(f"engine is {engine!r}; accepted: {', '.join(ENGINES)}")
+    if engine == "ray":
+        require_ray()
+    require_whole("workers", workers)
+    require_whole("memory_budget", memory_budget, 0)
+    several = isinstance(tracks, Sequence) and not isinstance(tracks, str)
+    job = RolloutJob(
+        tracks=tuple(load_track(track) for track in (tracks if several else [tracks])),  # type: ignore[arg-type,union-attr]
+        controller=controller,
+        seed=seed if seeds is None else None,
+        seeds=_seeds(n, seed, seeds),
+        randomization=Randomization.of(randomize),
+        laps=1 if laps is None and duration is None else laps,
+        duration=duration,
+        record=record,
+        chunk=chunk,
+    )
+    job.check()
+    cores = workers or usable_cores()
+    trace = job.trace_bytes()
+    # no worker is to be idle, and what is being driven is to fit the budget too
+    fitting = max(memory_budget // (cores * trace), 1) if trace else chunk
+    job = replace(job, chunk=min(chunk, -(-len(job.seeds) // cores), fitting))
+    if out is not None:
+        folder = FolderStore(out)
+        job = replace(job, chunk=folder.open(job.settings(), versions(), job.chunk, job.tracks))
+        result = _drive(job, folder, engine, workers, watch)
+        if not folder.finished:
+            folder.finish(result.summary(), result.to_csv)
+        return result
+    fits = trace * len(job.seeds) <= memory_budget
+    return _drive(job, MemoryStore() if fits else TemporaryFolderStore(), engine, workers, watch)
+
+
+def _drive(
+    job: RolloutJob,
+    store: ChunkStore,
+    engine: str,
+    workers: int | None,
+    watch: Callable[[RolloutProgress], None] | None,
+) -> RolloutResult:
+    """Drive the chunks that the store has not, and return how all worlds went."""
+    progress = _Progress(job, store.numbers(), watch)
+    if progress.missing:
+        drive = drive_on_ray if engine == "ray" else drive_in_threads
+        with closing(drive(job, progress.missing, workers=workers, pulse=progress.pulse)) as finished:
+            for number, arrays in finished:
+                store.add(number, arrays)
+                progress.add(arrays)
+    return gather(
+        job,
+        store,
+        worlds_driven=progress.driven,
+        world_seconds_driven=progress.world_seconds,
+        wall_time_s=progress.wall_time_s,
+    )
+
+
+class _Progress:
+    """Counts what is done and says so."""
+
+    def __init__(self, job: RolloutJob, found: set[int], watch: Callable[[RolloutProgress], None] | None) -> None:
+        self.missing = [number for number in range(len(job.chunks)) if number not in found]
+        self.driven = 0
+        self.world_seconds = 0.0
+        self._count = len(job.seeds)
+        self._found = self._count - sum(len(job.chunks[number]) for number in self.missing)
+        self._watch = watch
+        self._started = time.perf_counter()
+
+    @property
+    def wall_time_s(self) -> float:
+        return time.perf_counter() - self._started
+
+    def add(self, arrays: Arrays) -> None:
+        """Take a finished chunk."""
+        self.driven += len(arrays["worlds"])
+        self.world_seconds += float(arrays["worlds"]["sim_time_s"].sum())
+        self.pulse(0.0)
+
+    def pulse(self, world_seconds: float) -> None:
+        """Say how far it is, with what unfinished chunks have behind them [s]."""
+        if self._watch is not None:
+            self._watch(
+                RolloutProgress(
+                    worlds=self._count,
+                    worlds_found=self._found,
+                    worlds_driven=self.driven,
+                    world_seconds=self.world_seconds + world_seconds,
+                    wall_time_s=self.wall_time_s,
+                )
+            )
+
+
+def _seeds(n: int | None, seed: int, seeds: Any) -> NDArray[np.int64]:
+    require_whole("n", n)
+    require_whole("seed", seed, 0)
+    if seeds is None:
+        return world_seeds(seed, n or DEFAULT_WORLDS)
+    given = np.asarray(seeds)
+    if given.ndim != 1 or len(given) == 0 or given.dtype.kind not in "iu" or given.min() < 0 or given.max() >= 2**63:
+        raise SettingsError("seeds are not what is accepted: one row of whole numbers from 0, below 2^63")
+    if n is not None and n != len(given):
+        raise SettingsError(f"n is {n} and there are {len(given)} seeds; accepted: one of them, or as many")
+    return given.astype(np.int64)

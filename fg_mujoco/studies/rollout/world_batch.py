@@ -1,0 +1,197 @@
+"""Many worlds driven in one thread, whatever they differ in.
+
+    results = drive_worlds([Scenario(seed=seed) for seed in range(64)], "gap_finder", laps=1)
+    print(results.rows["first_lap_s"])
+
+Worlds that can share a compiled model are stepped together (world_group). Each world's result is the same, bit for bit,
+whatever the others are, and that of the same world driven alone by `race`. Most of the time is spent without the GIL:
+several threads that drive worlds each use several cores.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from threading import Lock
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...course.obstacles import Obstacle
+from ...course.scene import Scene
+from ...course.track import Track
+from ...errors import SettingsError
+from ...messages import FloatArray
+from ...racing.result import tally_figures
+from ...racing.scenario import Scenario
+from ...simulation.race_rules import END_REASONS, laps_to_drive
+from ...simulation.world import World
+from ...simulation.world_group import WorldGroup
+from ...vehicle.changes import CarChanges
+
+RECORDS = ("summary", "telemetry", "states")
+
+RESULT = np.dtype(
+    [
+        ("seed", np.int64),
+        ("end_reason", "U12"),
+        ("laps_completed", np.int64),
+        ("sim_time_s", np.float64),
+        ("distance_m", np.float64),
+        ("first_lap_s", np.float64),  # NaN where none was completed
+        ("best_lap_s", np.float64),
+        ("collisions", np.int64),
+        ("max_slide_m_s", np.float64),
+        ("slide_time_fraction", np.float64),
+        ("mean_speed_m_s", np.float64),
+        ("max_speed_m_s", np.float64),
+    ]
+)
+"""How it went in one world; fields as in RaceResult."""
+
+_FASTEST = 20.0  # [m/s] where only the duration is given, it makes room for the laps of a car as fast as this
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WorldResults:
+    """How it went, in the order of the scenarios."""
+
+    rows: NDArray[np.void]  # (n,) of RESULT
+    lap_times_s: FloatArray  # (n, k), NaN where fewer laps were driven
+    telemetry: tuple[FloatArray, ...] = ()  # (ticks, len(TELEMETRY)) of each world, if recorded
+    states: tuple[FloatArray, ...] = ()  # (ticks + 1, k), as in RaceResult, if recorded
+    ctrl: tuple[FloatArray, ...] = ()  # (ticks, 2), if states are
+
+
+def drive_worlds(
+    scenarios: Sequence[Scenario],
+    controller: str,
+    *,
+    laps: int | None = None,
+    duration: float | None = None,
+    record: str = "summary",
+    stop: Callable[[], bool] | None = None,
+    watch: Callable[[int, int], None] | None = None,
+) -> WorldResults:
+    """Drive each scenario to its end, in the calling thread.
+
+    Args:
+      scenarios: the worlds.
+      controller: a bundled name or `path/to/file.py:ClassName`; each world gets a controller of its own.
+      laps: to be driven, of a scene 1; None: as many as fit the duration.
+      duration: of simulated time at most [s]; None: what a car of 0.5 m/s needs for the laps, or the scene's own limit.
+      record: "summary", "telemetry" (every tick's row too) or "states" (and its state and controls).
+      stop: asked every tick; once it says True, all worlds that still run end as "interrupted".
+      watch: told every tick how many ticks were done in this call and how many worlds run.
+
+    Raises:
+      SettingsError: neither laps nor duration, more laps than a scene has, or an unknown record.
+      TrackError, ControllerError: input that cannot be driven.
+    """
+    if laps is None and duration is None:
+        raise SettingsError("neither laps nor duration is given; accepted: either or both")
+    for name, value in (("laps", laps), ("duration", duration)):
+        if value is not None and not 0 < value < math.inf:
+            raise SettingsError(f"{name} is {value!r}; accepted: a positive number")
+    if record not in RECORDS:
+        raise SettingsError(f"record is {record!r}; accepted: {', '.join(RECORDS)}")
+    for scenario in scenarios:
+        if scenario.effects.motion_distortion:
+            raise SettingsError("motion distortion of the LiDAR, in a batch; accepted: in `race` only")
+    results = _Results(len(scenarios), record)
+    groups: dict[tuple[Track | Scene | str, tuple[Obstacle, ...], bool], list[int]] = {}
+    for i, scenario in enumerate(scenarios):
+        key = (scenario.track, scenario.obstacles, scenario.car.command_delay is not None)
+        groups.setdefault(key, []).append(i)
+    ticks = 0
+    for key, members in groups.items():
+        with _BUILDING:
+            world = _shared_world(*key)
+        laps_to_drive(world.track, laps)  # refuses more than a scene has
+        course = world.track
+        limit = duration if duration is not None else course.longest_race(laps or 1)
+        room = course.most_laps or laps or int(limit * _FASTEST / course.length) + 2
+        group = WorldGroup(world, [scenarios[i] for i in members], controller, laps=room, time_limit=limit)
+        results.begin(members, group)
+        while group.running.any():
+            if stop is not None and stop():
+                group.interrupt()
+                break
+            ran = group.running.copy()
+            group.tick()
+            results.add(members, group, ran)
+            ticks += 1
+            if watch is not None:
+                watch(ticks, int(group.running.sum()))
+        results.end(members, group, scenarios)
+    return results.gathered()
+
+
+_BUILDING = Lock()  # threads that want the same world build it once
+
+
+@lru_cache(maxsize=8)
+def _shared_world(track: Track | Scene | str, obstacles: tuple[Obstacle, ...], delayed: bool) -> World:
+    """Return a world to be read by any thread; a delay is one of 0 s, for each world's own to be put in its place."""
+    return World(track, obstacles=obstacles, changes=CarChanges(command_delay=0.0) if delayed else None)
+
+
+class _Results:
+    """Gathers what the groups leave."""
+
+    def __init__(self, count: int, record: str) -> None:
+        self._rows = np.zeros(count, RESULT)
+        self._lap_times: list[FloatArray] = [np.empty(0)] * count  # [s] of each world
+        self._record = record
+        self._telemetry: list[list[FloatArray]] = [[] for _ in range(count)]
+        self._states: list[list[FloatArray]] = [[] for _ in range(count)]
+        self._ctrl: list[list[FloatArray]] = [[] for _ in range(count)]
+
+    def begin(self, members: Sequence[int], group: WorldGroup) -> None:
+        if self._record == "states":
+            for place, i in enumerate(members):
+                self._states[i].append(group.states[place].copy())
+
+    def add(self, members: Sequence[int], group: WorldGroup, ran: NDArray[np.bool_]) -> None:
+        """Keep the tick of the worlds that ran it."""
+        if self._record == "summary":
+            return
+        for place in map(int, np.flatnonzero(ran & ~group.failed)):
+            i = members[place]
+            self._telemetry[i].append(group.telemetry[place].copy())
+            if self._record == "states":
+                self._states[i].append(group.states[place].copy())
+                self._ctrl[i].append(group.ctrl[place].copy())
+
+    def end(self, members: Sequence[int], group: WorldGroup, scenarios: Sequence[Scenario]) -> None:
+        for place, i in enumerate(members):
+            row, tally = self._rows[i], group.tallies[place]
+            driven = group.referee.lap_times[place, : group.referee.timers["laps_completed"][place]]
+            self._lap_times[i] = driven.copy()
+            row["seed"] = scenarios[i].seed
+            row["end_reason"] = END_REASONS[group.referee.reasons[place]]
+            row["laps_completed"] = len(driven)
+            row["sim_time_s"] = group.times[place]
+            row["distance_m"] = group.referee.timers["progress"][place]
+            row["first_lap_s"] = driven[0] if len(driven) else np.nan
+            row["best_lap_s"] = driven.min() if len(driven) else np.nan
+            row["collisions"] = group.crashed[place]
+            for name, value in tally_figures(tally).items():
+                row[name] = value
+
+    def gathered(self) -> WorldResults:
+        def stacked(rows: list[list[FloatArray]], *wanted: str) -> tuple[FloatArray, ...]:
+            return tuple(np.array(ticks) for ticks in rows) if self._record in wanted else ()
+
+        lap_times = np.full((len(self._rows), max(map(len, self._lap_times), default=1) or 1), np.nan)
+        for row, driven in zip(lap_times, self._lap_times, strict=True):
+            row[: len(driven)] = driven
+        return WorldResults(
+            rows=self._rows,
+            lap_times_s=lap_times,
+            telemetry=stacked(self._telemetry, "telemetry", "states"),
+            states=stacked(self._states, "states"),
+            ctrl=stacked(self._ctrl, "states"),
+        )

@@ -1,0 +1,137 @@
+"""Cars that differ from models/f1tenth.xml: friction, mass, height of the CoG, servo gains, delay.
+
+A change is made to the MJCF before it is compiled, or to the worlds of a batch that share one compiled model. Both get
+the same numbers, of six digits, because that is what MJCF text keeps.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
+from functools import lru_cache
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from ..errors import SettingsError
+from ..messages import FloatArray, require
+from .vehicle import car_spec
+
+_LONGEST_DELAY = 0.15  # [s] 30 physics steps of 5 ms
+_DELAY_SAMPLES = 32
+_CHASSIS, _SERVOS = "base_link", ("steering", "speed")
+
+
+@dataclass(frozen=True, kw_only=True)
+class CarChanges:
+    """What differs from the car of models/f1tenth.xml; None: nothing does.
+
+    Raises:
+      SettingsError: a value out of its range.
+    """
+
+    mu: float | None = None  # [-] friction coefficient of the tires
+    mass: float | None = None  # [kg] of the whole car; what is added or taken sits in the chassis' centre of gravity
+    center_of_gravity_height: float | None = None  # [m] of the whole car over the ground
+    steering_gain: float | None = None  # [-] times the stiffness of the steering servo
+    speed_gain: float | None = None  # [-] times the gain of the speed servo
+    command_delay: float | None = None  # [s] from a command to the servos
+
+    def __post_init__(self) -> None:
+        given = {field.name for field in fields(self) if getattr(self, field.name) is not None}
+        positive = tuple(sorted(given - {"command_delay"}))
+        require(self, lambda value: 0.0 < value < math.inf, "a positive number", positive, SettingsError)
+        if "command_delay" in given:
+            accepted = f"0 to {_LONGEST_DELAY} s"
+            require(self, lambda value: 0.0 <= value <= _LONGEST_DELAY, accepted, ("command_delay",), SettingsError)
+
+
+@lru_cache(maxsize=1)
+def plain_car() -> Any:
+    """Return the compiled model of the car of models/f1tenth.xml. Not to be changed."""
+    return car_spec().compile()
+
+
+def change_spec(spec: Any, changes: CarChanges) -> None:
+    """Change the car of a spec from `car_spec`, in place.
+
+    Raises:
+      SettingsError: a mass or height that the chassis cannot have.
+    """
+    for pair in spec.pairs:  # a tire and the ground
+        if changes.mu is not None:
+            pair.friction = [six_digits(changes.mu)] * 2 + list(pair.friction[2:])
+    if changes.mass is not None or changes.center_of_gravity_height is not None:
+        chassis = spec.body(_CHASSIS)
+        chassis.mass, chassis.inertia, chassis.ipos = _chassis(changes)
+    for servo, gain in zip(_SERVOS, (changes.steering_gain, changes.speed_gain), strict=True):
+        actuator = spec.actuator(servo)
+        if gain is not None:
+            actuator.gainprm = [six_digits(gain * value) for value in actuator.gainprm]
+            actuator.biasprm = [six_digits(gain * value) for value in actuator.biasprm]
+        if changes.command_delay is not None:
+            actuator.delay, actuator.nsample = six_digits(changes.command_delay), _DELAY_SAMPLES
+
+
+def change_worlds(batch: Any, changes: Sequence[CarChanges], prefix: str = "") -> None:
+    """Change the car of each world of a mujoco.batch.Batch, whose model has the car unchanged.
+
+    Args:
+      batch: of `len(changes)` worlds; where any of them has a `command_delay`, its model must have one too.
+      changes: one for each world.
+      prefix: of the car's names in the batch's model.
+    """
+    model = batch.model
+    pairs = [index for index in range(model.npair) if model.pair(index).name.startswith(prefix)]
+    chassis = model.body(prefix + _CHASSIS).id
+    servos = [model.actuator(prefix + servo).id for servo in _SERVOS]
+    for world, change in _where(changes, "mu"):
+        batch.expand("pair_friction")[world, pairs, :2] = six_digits(change.mu)
+    heavier = dict((*_where(changes, "mass"), *_where(changes, "center_of_gravity_height")))
+    for world, change in heavier.items():
+        mass, inertia, position = _chassis(change)
+        batch.expand("body_mass")[world, chassis] = mass
+        batch.expand("body_inertia")[world, chassis] = inertia
+        batch.expand("body_ipos")[world, chassis] = position
+    for name, servo in zip(("steering_gain", "speed_gain"), servos, strict=True):
+        for world, change in _where(changes, name):
+            for parameters in ("actuator_gainprm", "actuator_biasprm"):
+                plain = getattr(model, parameters)[servo]
+                batch.expand(parameters)[world, servo] = [six_digits(getattr(change, name) * v) for v in plain]
+    for world, change in _where(changes, "command_delay"):
+        batch.expand("actuator_delay")[world, servos] = six_digits(change.command_delay)
+    if heavier:
+        batch.set_const()
+
+
+def _where(changes: Sequence[CarChanges], name: str) -> Iterator[tuple[int, Any]]:
+    return ((world, change) for world, change in enumerate(changes) if getattr(change, name) is not None)
+
+
+def _chassis(changes: CarChanges) -> tuple[float, list[float], list[float]]:
+    """Return mass [kg], principal inertia (3,) [kg m^2] and centre of gravity (3,) [m] that the chassis then has."""
+    car_model = plain_car()
+    data = mujoco.MjData(car_model)
+    mujoco.mj_kinematics(car_model, data)
+    chassis = car_model.body(_CHASSIS).id
+    others = np.flatnonzero((car_model.body_rootid == chassis) & (np.arange(car_model.nbody) != chassis))
+    other_masses, other_heights = car_model.body_mass[others], data.xipos[others, 2]
+    present: float = car_model.body_mass[chassis]
+    position: FloatArray = car_model.body_ipos[chassis].copy()
+    whole = changes.mass if changes.mass is not None else present + float(other_masses.sum())
+    mass = whole - float(other_masses.sum())
+    if mass <= 0.0:
+        least = float(other_masses.sum())
+        raise SettingsError(f"CarChanges.mass is {whole!r}; accepted: more than {least:.3g} kg, wheels and axles")
+    if changes.center_of_gravity_height is not None:
+        height = changes.center_of_gravity_height * whole - float(other_masses @ other_heights)
+        position[2] = height / mass - data.xpos[chassis, 2]
+    inertia = car_model.body_inertia[chassis] * (mass / present)
+    return six_digits(mass), [six_digits(v) for v in inertia], [six_digits(v) for v in position]
+
+
+def six_digits(value: float) -> float:
+    """Return the number that MJCF text keeps of `value`."""
+    return float(f"{value:.6g}")

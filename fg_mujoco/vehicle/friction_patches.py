@@ -1,0 +1,184 @@
+"""Patches of floor on which the tires have another friction: ice, sand, paint.
+
+    spec = car_spec()
+    add_patches(spec, (Patch(x=3.0, y=0.0, length=2.0, width=1.0, mu=0.4),))
+    model = spec.compile()
+    floor = PatchedFloor(model)
+    floor.apply(data)  # before each physics step
+
+A patch has no thickness, so that nothing but friction changes where it begins. That is more than MJCF can say. Of two
+geoms that touch, MuJoCo takes the greater friction; a `pair` of the tire with a patch flush with the ground adds a
+second contact, and the ground's still acts; and a patch that is high enough to lift the tire off the
+ground is a bump. So a patch is a site, which touches nothing and which rays skip, and before each physics step each
+tire's own pair with the ground gets the friction of what lies under the middle of the wheel. A tire touches the ground
+in one point, so that it is on a patch or not; where patches overlap, the last counts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ..course.obstacles import Box
+from ..course.track import Track
+from ..errors import SettingsError
+from ..messages import FloatArray, require
+from .motion import planar_pose
+from .vehicle import WHEELS, Car, element_id
+
+PREFIX = "patch_"
+"""Of the names of the sites, and of the numbers that hold their friction."""
+
+_HALF_THICKNESS = 5e-4  # [m] as drawn, over the ground by this much
+_COLOUR = (0.55, 0.75, 0.95, 0.8)
+_CLEAR = 3.0  # [m] of the start, without the middle of any random patch
+
+
+@dataclass(frozen=True, kw_only=True)
+class Patch:
+    """A rectangle of floor.
+
+    Raises:
+      SettingsError: a size or friction that is not positive, or a position that is not finite.
+    """
+
+    x: float  # [m] centre, world frame
+    y: float  # [m]
+    length: float  # [m] along its heading
+    width: float  # [m]
+    heading: float = 0.0  # [rad]
+    mu: float  # [-] friction coefficient of the tires on it
+
+    def __post_init__(self) -> None:
+        require(self, math.isfinite, "a finite number", ("x", "y", "heading"), SettingsError)
+        require(self, lambda v: 0.0 < v < math.inf, "a positive length in metres", ("length", "width"), SettingsError)
+        require(self, lambda v: 0.0 < v < math.inf, "a number above 0", ("mu",), SettingsError)
+
+    def corners(self) -> FloatArray:
+        """Counterclockwise. Shape (4, 2) [m]."""
+        return Box(x=self.x, y=self.y, length=self.length, width=self.width, heading=self.heading).corners()
+
+    def covers(self, points: FloatArray) -> NDArray[np.bool_]:
+        """Say which points (n, 2) [m] are on it. Shape (n,)."""
+        away_x, away_y = points[:, 0] - self.x, points[:, 1] - self.y
+        cos, sin = math.cos(self.heading), math.sin(self.heading)
+        along, across = cos * away_x + sin * away_y, cos * away_y - sin * away_x
+        return np.asarray((np.abs(along) <= 0.5 * self.length) & (np.abs(across) <= 0.5 * self.width))
+
+
+def add_patches(spec: Any, patches: Sequence[Patch]) -> None:
+    """Add patches to the floor of a spec, in place: a site where each is, and a number for its friction."""
+    for index, patch in enumerate(patches):
+        name = f"{PREFIX}{index}"
+        half = 0.5 * patch.heading
+        spec.worldbody.add_site(
+            name=name, type=mujoco.mjtGeom.mjGEOM_BOX, pos=(patch.x, patch.y, 0.0), rgba=_COLOUR,
+            quat=(math.cos(half), 0.0, 0.0, math.sin(half)),
+            size=(0.5 * patch.length, 0.5 * patch.width, _HALF_THICKNESS),
+        )  # fmt: skip
+        spec.add_numeric(name=name, data=[patch.mu])
+
+
+class PatchedFloor:
+    """Gives each tire of a car the friction of the floor that it is on.
+
+    Args:
+      model: compiled from a spec that `add_patches` was called with, or from its XML. `apply` writes to it: it must not
+        be shared with another simulation.
+      prefix: of the car's names.
+
+    Attributes:
+      patches: as they are in the model.
+      mu: what the tires' pairs have now [-], (4,).
+
+    Raises:
+      ModelError: the model does not hold the car under this prefix.
+    """
+
+    def __init__(self, model: mujoco.MjModel, prefix: str = "") -> None:
+        self._model = model
+        self.patches = read_patches(model)
+        self._pairs = [element_id(model, mujoco.mjtObj.mjOBJ_PAIR, f"{prefix}{wheel}_tire") for wheel in WHEELS]
+        self._ground_mu: FloatArray = model.pair_friction[self._pairs, 0].copy()
+        self.mu = self._ground_mu
+        self._car = Car(model, prefix).constants
+        self._wheels = _wheel_positions(model, prefix)
+        reach = float(np.hypot(*self._wheels.T).max())
+        self._patches = [
+            (p.x, p.y, (0.5 * math.hypot(p.length, p.width) + reach) ** 2, p) for p in self.patches
+        ]  # with the square of how far the car may be for a wheel to be on it [m^2]
+
+    def apply(self, data: mujoco.MjData) -> None:
+        """Write to the model what the tires have where the car is now; call it before each physics step."""
+        x, y, heading = planar_pose(data.qpos, self._car)
+        mu = self._ground_mu
+        near = [patch for at_x, at_y, far, patch in self._patches if (x - at_x) ** 2 + (y - at_y) ** 2 <= far]
+        if near:
+            cos, sin = math.cos(heading), math.sin(heading)
+            wheels = self._wheels @ np.array([[cos, sin], [-sin, cos]]) + (x, y)
+            mu = mu.copy()
+            for patch in near:
+                mu[patch.covers(wheels)] = patch.mu
+        if mu is not self.mu and (mu != self.mu).any():
+            self._model.pair_friction[self._pairs, 0] = mu
+            self._model.pair_friction[self._pairs, 1] = mu
+        self.mu = mu
+
+
+def read_patches(model: mujoco.MjModel) -> tuple[Patch, ...]:
+    """Return the patches of a compiled model, in their order."""
+    patches = []
+    for site in range(model.nsite):
+        name = model.site(site).name
+        if name.startswith(PREFIX):
+            quat, size = model.site_quat[site], model.site_size[site]
+            (x, y, _), mu = model.site_pos[site].tolist(), float(model.numeric(name).data[0])
+            heading = 2.0 * math.atan2(float(quat[3]), float(quat[0]))
+            length, width = 2.0 * float(size[0]), 2.0 * float(size[1])
+            patches.append(Patch(x=x, y=y, length=length, width=width, heading=heading, mu=mu))
+    return tuple(patches)
+
+
+def random_patches(
+    track: Track, count: int, rng: np.random.Generator, *, mu: float, length: float = 1.5, width: float = 1.4
+) -> tuple[Patch, ...]:
+    """Return patches along a track, one in each of `count` equal parts of the lap, none of them near the start.
+
+    Args:
+      track: the Track.
+      count: of the patches.
+      rng: what makes their places random: along the part, and across the corridor.
+      mu: friction coefficient on all of them [-].
+      length: along the track [m].
+      width: across [m].
+
+    Raises:
+      SettingsError: fewer than one, or parts that are shorter than a patch.
+    """
+    part = (track.length - 2.0 * _CLEAR) / max(count, 1)
+    if count < 1 or part < length:
+        raise SettingsError(f"{count} patches of {length} m on {track.name!r}; accepted: at least 1, and room for each")
+    patches = []
+    for index in range(count):
+        s = _CLEAR + part * index + 0.5 * length + rng.random() * (part - length)
+        nearest = int(np.abs(track.arc_length - s).argmin())
+        right, left = float(track.corridor_right[nearest]), float(track.corridor_left[nearest])
+        x, y, heading = track.start_pose(s, rng.uniform(-0.5 * right, 0.5 * left))
+        patches.append(Patch(x=x, y=y, length=length, width=width, heading=heading, mu=mu))
+    return tuple(patches)
+
+
+def _wheel_positions(model: mujoco.MjModel, prefix: str) -> FloatArray:
+    """Return where the middles of the wheels are in the car's frame, at rest. Shape (4, 2) [m]."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    base = element_id(model, mujoco.mjtObj.mjOBJ_BODY, f"{prefix}base_link")
+    wheels = [element_id(model, mujoco.mjtObj.mjOBJ_BODY, f"{prefix}{wheel}_wheel") for wheel in WHEELS]
+    places = (data.xpos[wheels] - data.xpos[base]) @ data.xmat[base].reshape(3, 3)
+    return np.asarray(places[:, :2])

@@ -1,0 +1,104 @@
+"""What a tick reads off a car's state and writes to its actuators, compiled: for one car and for many."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernels import kernel
+from ..messages import FloatArray
+
+CAR = np.dtype(
+    [
+        ("free_qpos", np.int64),  # where in qpos the free joint of base_link is
+        ("free_dof", np.int64),  # and in qvel
+        ("steering_qpos", np.int64),
+        ("wheel_dofs", np.int64, (4,)),
+        ("accelerometer", np.int64),  # where in sensordata
+        ("steering_ctrl", np.int64),
+        ("speed_ctrl", np.int64),
+        ("wheel_radius", np.float64),  # [m]; from here on as in CarParameters
+        ("max_steering_angle", np.float64),
+        ("min_speed", np.float64),
+        ("max_speed", np.float64),
+        ("max_acceleration", np.float64),
+        ("power_limit_speed", np.float64),
+        ("speed_time_constant", np.float64),
+    ]
+)
+"""Where a car is in its model, and its limits. Kernels take an array (1,) of it."""
+
+CarArray = NDArray[np.void]
+
+
+@kernel
+def planar_pose(qpos: FloatArray, car: CarArray) -> tuple[float, float, float]:
+    """Return x [m], y [m] and heading [rad] of base_link in the world."""
+    i = car[0].free_qpos
+    qw, qx, qy, qz = qpos[i + 3], qpos[i + 4], qpos[i + 5], qpos[i + 6]
+    return qpos[i], qpos[i + 1], math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+
+
+@kernel
+def ground_speed(qpos: FloatArray, qvel: FloatArray, car: CarArray) -> float:
+    """Return the true speed of base_link along its heading [m/s], forward positive."""
+    _, _, heading = planar_pose(qpos, car)
+    i = car[0].free_dof
+    speed: float = qvel[i] * math.cos(heading) + qvel[i + 1] * math.sin(heading)
+    return speed
+
+
+@kernel
+def surface_speed(qvel: FloatArray, car: CarArray) -> float:
+    """Return the mean surface speed of the wheels [m/s]."""
+    total = 0.0
+    for dof in car[0].wheel_dofs:
+        total += qvel[dof]
+    speed: float = 0.25 * total * car[0].wheel_radius
+    return speed
+
+
+@kernel
+def read_odometry(
+    time: float, qpos: FloatArray, qvel: FloatArray, sensordata: FloatArray, car: CarArray, odometry: NDArray[np.void]
+) -> None:
+    """Write what the car's own sensors say into `odometry`, an array (1,) of messages.ODOMETRY, and the true pose.
+
+    Encoders, steering sensor, gyro and pose are of the present state; the accelerometer is that of `sensordata`.
+    """
+    constants, row = car[0], odometry[0]
+    row.stamp = time
+    row.speed = surface_speed(qvel, car)
+    row.steering_angle = qpos[constants.steering_qpos]
+    for axis in range(3):
+        row.angular_velocity[axis] = qvel[constants.free_dof + 3 + axis]
+        row.linear_acceleration[axis] = sensordata[constants.accelerometer + axis]
+    for wheel in range(4):
+        row.wheel_speeds[wheel] = qvel[constants.wheel_dofs[wheel]] * constants.wheel_radius
+    row.pose[0], row.pose[1], row.pose[2] = planar_pose(qpos, car)
+
+
+@kernel
+def limit_speed_command(speed_command: float, speed: float, car: CarArray) -> float:
+    """Return the set point [m/s] that asks for no more than the motor's power gives at `speed` [m/s].
+
+    Above `power_limit_speed` the acceleration falls as power_limit_speed / speed (f1tenth_gym, CommonRoad); the
+    force range in the MJCF cannot say that. Braking is not limited: it keeps the full force range.
+    """
+    limits = car[0]
+    if abs(speed) <= limits.power_limit_speed:
+        return speed_command
+    reach = limits.max_acceleration * limits.power_limit_speed / abs(speed) * limits.speed_time_constant
+    limited: float = min(speed_command, speed + reach) if speed > 0.0 else max(speed_command, speed - reach)
+    return limited
+
+
+@kernel
+def drive(qvel: FloatArray, steering_angle: float, speed: float, car: CarArray, ctrl: FloatArray) -> None:
+    """Write a command [rad, m/s] to the actuators, held within their limits and the motor's power."""
+    limits = car[0]
+    command = min(max(speed, limits.min_speed), limits.max_speed)
+    ctrl[limits.steering_ctrl] = min(max(steering_angle, -limits.max_steering_angle), limits.max_steering_angle)
+    ctrl[limits.speed_ctrl] = limit_speed_command(command, surface_speed(qvel, car), car)

@@ -1,0 +1,175 @@
+"""The slip meter: how fast each tire's contact point slides over the ground, and how much of its friction it uses.
+
+    meter = TireSlipMeter(model)
+    for _ in range(substeps):
+        mujoco.mj_step(model, data)
+        meter.record(data)
+    slip = meter.read()  # arrays of shape (substeps, 4)
+
+`record` copies the tires' sensors, which hold the contacts that the step was made with; `read` does the arithmetic
+for all steps at once. A tire off the ground has no contact point: it reads NaN, never zero.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import ModelError
+from ..kernels import kernel
+from ..messages import FloatArray
+from .vehicle import WHEELS, element_id, sensor_slice
+
+SLIDING_SPEED = 0.05
+"""[m/s] A tire slides when its contact point moves faster than this over the ground.
+
+A tire that holds still creeps by 4 mm/s for each m/s^2 (see the tires' `solreffriction` in models/f1tenth.xml): 42 mm/s
+at the limit of dry ground, measured on steady circles; past the limit the speed soon exceeds 100 mm/s.
+"""
+
+_SENSORS = ("tire_contact", "wheel_position", "wheel_velocity", "wheel_angular_velocity")
+_READINGS = 19
+"""Of a tire: found, force in the contact's frame (normal first), point, normal; centre, velocity and angular velocity
+of the wheel."""
+
+_SLIDING_SPEED, _FRICTION_USE, _NORMAL_FORCE, _FRICTION_FORCE = range(4)  # what `measure_slip` writes, in this order
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TireSlip:
+    """What the tires did in the recorded steps; columns: front left, front right, rear left, rear right.
+
+    All have shape (steps, 4), NaN where a tire is off the ground.
+    """
+
+    values: FloatArray  # (4, steps, 4) the four quantities below
+
+    @property
+    def sliding_speed(self) -> FloatArray:
+        """Of the contact point over the ground [m/s]."""
+        values: FloatArray = self.values[_SLIDING_SPEED]
+        return values
+
+    @property
+    def friction_use(self) -> FloatArray:
+        """|Ft| / (mu Fn), 1 at the limit [-]."""
+        values: FloatArray = self.values[_FRICTION_USE]
+        return values
+
+    @property
+    def normal_force(self) -> FloatArray:
+        """Fn [N]."""
+        values: FloatArray = self.values[_NORMAL_FORCE]
+        return values
+
+    @property
+    def friction_force(self) -> FloatArray:
+        """|Ft| [N]."""
+        values: FloatArray = self.values[_FRICTION_FORCE]
+        return values
+
+    @property
+    def slides(self) -> NDArray[np.bool_]:
+        """Whether each tire slides, faster than SLIDING_SPEED. Shape (steps, 4); False off the ground."""
+        return self.sliding_speed > SLIDING_SPEED
+
+
+class TireSlipMeter:
+    """Records the tires' contacts at every physics step.
+
+    mu is that of the tire's `pair` with the ground, and the ground is taken to be at rest.
+
+    Attributes:
+      mu: friction coefficient of each tire, (4,).
+      readings: where the tires' sensors are in `data.sensordata`.
+
+    Raises:
+      ModelError: the model does not hold the car under this prefix.
+    """
+
+    def __init__(self, model: mujoco.MjModel, prefix: str = "") -> None:
+        pairs = [element_id(model, mujoco.mjtObj.mjOBJ_PAIR, f"{prefix}{wheel}_tire") for wheel in WHEELS]
+        self.mu: FloatArray = model.pair_friction[pairs, 0]
+        slices = [sensor_slice(model, f"{prefix}{wheel}_{sensor}") for wheel in WHEELS for sensor in _SENSORS]
+        if any(before.stop != after.start for before, after in pairwise(slices)):
+            raise ModelError(f"the tires' sensors are apart; accepted: for each of {WHEELS}, {_SENSORS} side by side")
+        self.readings = slice(slices[0].start, slices[-1].stop)
+        self._records = np.empty((8, model.nsensordata))
+        self._count = 0
+
+    def record(self, data: mujoco.MjData) -> None:
+        """Copy the sensors; call right after each `mj_step`."""
+        if self._count == len(self._records):
+            self._records = np.concatenate((self._records, np.empty_like(self._records)))
+        self._records[self._count] = data.sensordata
+        self._count += 1
+
+    def read(self) -> TireSlip:
+        """Return the slip of all steps recorded since the last reading, shape (steps, 4), and forget them."""
+        slip = self.measure(self._records[: self._count])
+        self._count = 0
+        return slip
+
+    def measure(self, records: FloatArray) -> TireSlip:
+        """Return the slip of steps whose `sensordata` are the rows of `records` (steps, nsensordata)."""
+        slip = np.empty((4, len(records), len(WHEELS)))
+        measure_slip(records, self.readings.start, self.mu, slip)
+        return TireSlip(values=slip)
+
+
+@kernel
+def measure_slip(records: FloatArray, start: int, mu: FloatArray, slip: FloatArray) -> None:
+    """Work out the slip of the tires in each of some steps.
+
+    Args:
+      records: (at least steps, m) sensor readings, one row a step.
+      start: where in a row the tires' are.
+      mu: (4,).
+      slip: (4, steps, 4), written to: sliding speed, friction use, normal force, friction force; by step, by tire.
+    """
+    for step in range(slip.shape[1]):
+        for tire in range(4):
+            row = records[step, start + tire * _READINGS : start + (tire + 1) * _READINGS]
+            if row[0] == 0.0:
+                slip[:, step, tire] = math.nan
+                continue
+            normal = row[7:10]
+            arm_x, arm_y, arm_z = row[4] - row[10], row[5] - row[11], row[6] - row[12]  # wheel's centre to the point
+            x = row[13] + row[17] * arm_z - row[18] * arm_y
+            y = row[14] + row[18] * arm_x - row[16] * arm_z
+            z = row[15] + row[16] * arm_y - row[17] * arm_x
+            into_ground = x * normal[0] + y * normal[1] + z * normal[2]
+            x, y, z = x - into_ground * normal[0], y - into_ground * normal[1], z - into_ground * normal[2]
+            friction = math.hypot(row[2], row[3])
+            slip[_SLIDING_SPEED, step, tire] = math.sqrt(x * x + y * y + z * z)
+            slip[_FRICTION_USE, step, tire] = friction / (mu[tire] * row[1])
+            slip[_NORMAL_FORCE, step, tire] = row[1]
+            slip[_FRICTION_FORCE, step, tire] = friction
+
+
+@kernel
+def greatest_slip(slip: FloatArray, greatest: FloatArray) -> int:
+    """Return in how many steps any tire slides, and write the greatest of each tire's sliding speed and friction use.
+
+    Args:
+      slip: (4, steps, 4) from `measure_slip`.
+      greatest: (8,) written to: four sliding speeds [m/s], four friction uses [-]; NaN only where all is NaN.
+    """
+    greatest[:] = math.nan
+    sliding_steps = 0
+    for step in range(slip.shape[1]):
+        slides = False
+        for tire in range(4):
+            speed, use = slip[_SLIDING_SPEED, step, tire], slip[_FRICTION_USE, step, tire]
+            slides = slides or speed > SLIDING_SPEED
+            if not speed <= greatest[tire] and not math.isnan(speed):
+                greatest[tire] = speed
+            if not use <= greatest[4 + tire] and not math.isnan(use):
+                greatest[4 + tire] = use
+        sliding_steps += slides
+    return sliding_steps

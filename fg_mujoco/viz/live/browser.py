@@ -1,0 +1,228 @@
+"""A live race in a browser: the world, what the LiDAR sees, where the planner is heading; knobs, and keys to drive by.
+
+    session = LiveSession(LiveSettings(track="oval"))
+    with LiveView(session, port=8080) as view:
+        view.run()  # until Ctrl-C
+
+The server is viser's. It listens on 127.0.0.1 unless told otherwise: whoever reaches it can turn the knobs.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import io
+import socket
+import threading
+import time
+import typing
+from dataclasses import fields
+from typing import Any
+
+from ...errors import MissingExtraError, SettingsError
+from .browser_scene import CAMERAS, LiveScene, camera_view
+from .hand_driver import KEYS
+from .session import LiveSession
+
+INSTALL_COMMAND = "pip install 'fg-mujoco[live]'"
+HOST, PORT = "127.0.0.1", 8080
+
+_FRAME = 1.0 / 25.0  # [s] of wall time between two pictures
+_SLOW_FRAME = 0.1  # [s] between two looks at the texts and the trace
+
+
+def require_viser() -> None:
+    """Make sure that a browser can be served.
+
+    Raises:
+      MissingExtraError: viser is not installed; the message is the command that installs it.
+    """
+    if importlib.util.find_spec("viser") is None:
+        raise MissingExtraError(INSTALL_COMMAND)
+
+
+def check_port(host: str, port: int) -> None:
+    """Refuse an address that cannot be listened on.
+
+    Raises:
+      SettingsError: it is in use, is no address of this machine, or needs rights.
+    """
+    if not 1 <= port <= 65535:
+        raise SettingsError(f"port {port}; accepted: 1 to 65535")
+    try:
+        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
+        with socket.socket(family, socket.SOCK_STREAM) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind((host, port))
+    except OSError as error:
+        raise SettingsError(
+            f"{host}:{port} cannot be listened on: {error.strerror or error}; accepted: an address of this machine "
+            "and a port that is free, by --port"
+        ) from error
+
+
+class LiveView:
+    """Serves a session to browsers.
+
+    Args:
+      session: to be shown, and driven on.
+      host: address to listen on.
+      port: to listen on.
+
+    Attributes:
+      session: the same.
+      url: where it is to be seen.
+
+    Raises:
+      MissingExtraError: viser is not installed.
+      SettingsError: an address that cannot be listened on.
+    """
+
+    def __init__(self, session: LiveSession, *, host: str = HOST, port: int = PORT) -> None:
+        require_viser()
+        check_port(host, port)
+        import viser
+
+        self.session = session
+        with contextlib.redirect_stdout(io.StringIO()):  # its banner
+            self._server = viser.ViserServer(host=host, port=port, label="fg_mujoco", verbose=False)
+        if self._server.get_port() != port:  # somebody was faster
+            self._server.stop()
+            raise SettingsError(f"{host}:{port} is in use; accepted: a port that is free, by --port")
+        self.url = f"http://{'localhost' if host in ('127.0.0.1', '0.0.0.0', '::1', '::') else host}:{port}"
+        self._stop = threading.Event()
+        self._rate = 1.0  # of simulated to wall time
+        with self._server.atomic():
+            self._scene = LiveScene(self._server.scene, session)
+            self._build_knobs()
+        self._server.on_client_connect(self._aim)
+        self.show()
+
+    def __enter__(self) -> LiveView:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End `run`, and stop serving."""
+        self._stop.set()
+        with contextlib.redirect_stdout(io.StringIO()):
+            self._server.stop()
+
+    def run(self) -> None:
+        """Drive on in real time, or at the rate that the knob says, until `close` or Ctrl-C."""
+        due = shown = texts = time.perf_counter()
+        while not self._stop.is_set():
+            self.session.tick()
+            due += self.session.period / self._rate
+            now = time.perf_counter()
+            if now - shown >= _FRAME:
+                self.show()
+                shown = now
+            if now - texts >= _SLOW_FRAME:
+                self._show_texts()
+                self._scene.show_trace()
+                texts = now
+            due = max(due, now - 4.0 * self.session.period)  # what could not be caught up with is let go
+            self._stop.wait(max(0.0, due - time.perf_counter()))
+
+    def show(self) -> None:
+        """Show the session as it is now."""
+        with self._server.atomic():
+            self._scene.show()
+            for client in self._server.get_clients().values():
+                self._aim(client)
+
+    def _build_knobs(self) -> None:
+        gui, session = self._server.gui, self.session
+        gui.configure_theme(show_logo=False, show_share_button=False)  # which would go through a server elsewhere
+        self._status = gui.add_markdown("")
+        self._pause = gui.add_button("pause", hint="key P")
+        self._pause.on_click(lambda _: self._toggle_pause())
+        reset = gui.add_button("reset", hint="key R: back to the start")
+        reset.on_click(lambda _: session.reset())
+        self._driver = gui.add_dropdown("driver", ("planner", "keys"), initial_value="planner", hint="key M")
+        self._driver.on_update(lambda event: setattr(session, "by_hand", event.target.value == "keys"))
+        self._camera = gui.add_dropdown("camera", CAMERAS, initial_value="chase")
+        with gui.add_folder("race"):
+            self._slider("speed limit", "max_speed", session.settings.max_speed, (0.5, 20.0, 0.1))
+            self._slider("tires' mu", "mu", round(session.world.car.mu, 4), (0.1, 1.5, 0.01))
+            believed = session.settings.planner_mu or round(session.world.car.mu, 4)
+            self._slider("planner's mu", "planner_mu", believed, (0.1, 1.5, 0.01))
+            rate = gui.add_slider("time rate", 0.1, 4.0, 0.1, 1.0)
+            rate.on_update(lambda event: setattr(self, "_rate", float(event.target.value)))
+        with gui.add_folder("drive by keys"):
+            gui.add_markdown(", ".join(f"**{key}** {name}" for name, key in KEYS.items()) + "; or:")
+            for names in (("left", "faster", "right"), ("slower", "stop")):
+                group = gui.add_button_group("", names)
+                group.on_click(lambda event: self._press(event.target.value))
+        defaults = session.planner_defaults
+        if defaults is not None:
+            with gui.add_folder(f"planner: {session.settings.controller}", expand_by_default=False):
+                self._planner_knobs(defaults)
+        self._hotkey("pause or go on", "P", self._toggle_pause)
+        self._hotkey("reset", "R", session.reset)
+        self._hotkey("planner or keys", "M", self._toggle_driver)
+        for name, key in KEYS.items():
+            self._hotkey(name, key, lambda name=name: self._press(name))
+
+    def _planner_knobs(self, defaults: Any) -> None:
+        """Add a knob for each of the planner's settings, by its kind."""
+        gui, session = self._server.gui, self.session
+        kinds = typing.get_type_hints(type(defaults))
+        for field in fields(defaults):
+            name, value = field.name, session.planner_settings.get(field.name, getattr(defaults, field.name))
+            label, words = name.replace("_", " "), typing.get_args(kinds[name])
+            if isinstance(value, bool):
+                knob = gui.add_checkbox(label, value)
+            elif isinstance(value, (int, float)):
+                top = 2.0 * value if value > 0.0 else 1.0
+                knob = gui.add_slider(label, 0.0, top, top / 200.0, float(value))
+            elif words and all(isinstance(word, str) for word in words):
+                knob = gui.add_dropdown(label, words, initial_value=value)
+            else:
+                continue
+            whole = isinstance(value, int) and not isinstance(value, bool)
+            knob.on_update(
+                lambda event, name=name, whole=whole: session.change(
+                    f"planner.{name}", round(event.target.value) if whole else event.target.value
+                )
+            )
+
+    def _slider(self, label: str, name: str, value: float, span: tuple[float, float, float]) -> None:
+        least, greatest, step = span
+        knob = self._server.gui.add_slider(label, min(least, value), max(greatest, value), step, value)
+        knob.on_update(lambda event: self.session.change(name, float(event.target.value)))
+
+    def _hotkey(self, label: str, key: Any, act: Any) -> None:
+        self._server.gui.add_command(label, hotkey=key).on_trigger(lambda _: act())
+
+    def _toggle_pause(self) -> None:
+        self.session.paused = not self.session.paused
+        self._pause.label = "go on" if self.session.paused else "pause"
+
+    def _toggle_driver(self) -> None:
+        self._driver.value = "planner" if self.session.by_hand else "keys"
+
+    def _press(self, name: str) -> None:
+        self.session.key(name)
+        if self._driver.value != "keys":
+            self._driver.value = "keys"
+
+    def _show_texts(self) -> None:
+        session = self.session
+        limit = session.limit_speed
+        best = f", best lap {min(session.laps.lap_times):.3f} s" if session.laps.lap_times else ""
+        state = "paused" if session.paused else session.message
+        self._status.content = (
+            f"**{session.simulation.speed:.2f} m/s** at t = {session.simulation.time:.2f} s\n\n"
+            f"limit {'none' if limit > 99.0 else f'{limit:.2f} m/s'}, friction use {session.friction_use:.2f}, "
+            f"sliding {session.sliding_speed:.3f} m/s\n\n"
+            f"lap {session.laps.laps_completed + 1}{best}\n\n{state or 'all is well'}"
+        )
+
+    def _aim(self, client: Any) -> None:
+        view = camera_view(self.session, self._camera.value)
+        if view is not None:
+            client.camera.position, client.camera.look_at = view

@@ -1,0 +1,113 @@
+"""What a browser shows of a live race, the world, the LiDAR's points, the goal and the trace; and from where."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ...course.scene import Scene
+from ...messages import FloatArray
+from ...simulation.simulation import STATE
+from .session import LiveSession
+from .shapes import world_shapes
+
+CAMERAS = ("chase", "above", "course", "free")
+
+_BEAM_STEP = 2  # every other beam is shown
+_SCAN, _TRACE, _GOAL = (255, 70, 50), (40, 110, 230), (60, 200, 90)
+
+
+class LiveScene:
+    """Shows a session in a scene of viser's.
+
+    Args:
+      scene: of a viser server, empty.
+      session: to be shown.
+    """
+
+    def __init__(self, scene: Any, session: LiveSession) -> None:
+        self._scene, self._session = scene, session
+        self._model, shapes = world_shapes(session.world)
+        self._data = mujoco.MjData(self._model)
+        scene.set_up_direction("+z")
+        scene.set_background_image(_sky())
+        scene.configure_default_lights(cast_shadow=False)  # they cost most of the time, and leave seams on the floor
+        self._frames: dict[int, Any] = {}
+        for number, shape in enumerate(shapes):
+            parent = "/course"
+            if shape.body != 0:
+                parent = f"/body_{shape.body}"
+                if shape.body not in self._frames:
+                    self._frames[shape.body] = scene.add_frame(parent, show_axes=False)
+            scene.add_mesh_simple(
+                f"{parent}/shape_{number}", shape.vertices, shape.faces, color=shape.colour, flat_shading=True,
+                side="double", opacity=shape.opacity if shape.opacity < 1.0 else None,
+            )  # fmt: skip
+        self._points = scene.add_point_cloud(
+            "/scan", self._scan_points(), _SCAN, point_size=0.025, point_shape="circle", precision="float32"
+        )
+        self._goal = scene.add_icosphere("/goal", radius=0.12, color=_GOAL)
+        self._trace: Any = None
+        course = session.world.track
+        if isinstance(course, Scene):
+            ends = course.position(course.length, (-0.6, 0.6))
+            line = np.column_stack((ends, [0.01, 0.01]))[np.newaxis]
+            scene.add_line_segments("/finish", line.astype(np.float32), _GOAL, thickness=6.0, thickness_units="screen")
+
+    def show(self) -> None:
+        """Move everything but the trace to where it is now."""
+        mujoco.mj_setState(self._model, self._data, self._session.simulation.state, STATE)
+        mujoco.mj_kinematics(self._model, self._data)
+        for body, frame in self._frames.items():
+            frame.position, frame.wxyz = self._data.xpos[body], self._data.xquat[body]
+        self._points.points = self._scan_points()
+        goal = self._session.goal()
+        self._goal.visible = goal is not None
+        if goal is not None:
+            self._goal.position = goal
+
+    def show_trace(self) -> None:
+        """Draw the trace anew."""
+        trace = self._session.trace
+        if len(trace) > 1:
+            line = np.column_stack((trace, np.full(len(trace), 0.02))).astype(np.float32)
+            pieces = np.stack((line[:-1], line[1:]), axis=1)
+            self._trace = self._scene.add_line_segments(
+                "/trace", pieces, _TRACE, thickness=4.0, thickness_units="screen"
+            )
+        elif self._trace is not None:
+            self._trace.remove()
+            self._trace = None
+
+    def _scan_points(self) -> NDArray[np.float32]:
+        """Return where the beams end, always as many points: those of beams that come to nothing are in the car."""
+        points = self._session.scan_points(_BEAM_STEP)
+        count = len(self._session.scan.ranges[::_BEAM_STEP])
+        x, y, _ = self._session.simulation.pose
+        return np.concatenate((points, np.tile((x, y, 0.0), (count - len(points), 1)))).astype(np.float32)
+
+
+def camera_view(session: LiveSession, camera: str) -> tuple[FloatArray, FloatArray] | None:
+    """Return where a camera of CAMERAS is and what it looks at, (3,) [m] each; None for one that is moved by hand."""
+    if camera == "free":
+        return None
+    if camera == "course":
+        low, high = session.world.track.bounds
+        middle, size = np.append(0.5 * (low + high), 0.0), float((high - low).max())
+        return middle + np.array([0.0, -0.5 * size, 0.9 * size + 2.0]), middle
+    x, y, heading = session.simulation.pose
+    car, ahead = np.array([x, y, 0.0]), np.array([math.cos(heading), math.sin(heading), 0.0])
+    if camera == "chase":
+        return car - 1.6 * ahead + np.array([0.0, 0.0, 0.9]), car + 1.2 * ahead
+    return car + np.array([0.0, -0.01, 9.0]), car
+
+
+def _sky() -> NDArray[np.uint8]:
+    """Return a picture of the sky, light at the horizon. Shape (64, 64, 3)."""
+    shares = np.clip(np.linspace(0.0, 2.0, 64), 0.0, 1.0)[:, None]
+    rows = (1.0 - shares) * np.array([110, 160, 220]) + shares * np.array([225, 234, 242])
+    return np.repeat(rows[:, None], 64, axis=1).astype(np.uint8)

@@ -1,0 +1,69 @@
+"""A live race in MuJoCo's own viewer, in a window on the desktop."""
+
+from __future__ import annotations
+
+import os
+import platform
+import time
+import warnings
+
+from ...errors import FgMujocoError, SettingsError
+from .hand_driver import KEYS
+from .session import LiveSession
+
+_NO_DISPLAY = "no display here; accepted: --web, which serves the view to a browser"
+
+
+def require_display() -> None:
+    """Make sure that a window can be opened.
+
+    Raises:
+      SettingsError: there is no display.
+    """
+    if platform.system() == "Linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise SettingsError(_NO_DISPLAY)
+    import glfw  # MuJoCo's own viewer ends the process where this fails
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        if not glfw.init():
+            raise SettingsError(_NO_DISPLAY)
+
+
+def run_desktop(session: LiveSession) -> None:
+    """Show a session in a window, and drive it on in real time, until the window is closed.
+
+    Keys: P pause, R reset, M planner or keys, and those of hand_driver.KEYS.
+
+    Raises:
+      SettingsError: there is no display, or it cannot be used.
+    """
+    require_display()
+    import mujoco.viewer
+
+    actions = {ord(key): name for name, key in KEYS.items()}
+
+    def on_key(code: int) -> None:
+        if code == ord("P"):
+            session.paused = not session.paused
+        elif code == ord("R"):
+            session.reset()
+        elif code == ord("M"):
+            session.by_hand = not session.by_hand
+        elif code in actions:
+            session.key(actions[code])
+
+    try:
+        viewer = mujoco.viewer.launch_passive(session.world.model, session.simulation.data, key_callback=on_key)
+    except FgMujocoError:
+        raise
+    except Exception as error:  # whatever a window system says
+        raise SettingsError(f"the display cannot be used: {' '.join(str(error).split())}; accepted: --web") from error
+    with viewer:
+        due = time.perf_counter()
+        while viewer.is_running():
+            with viewer.lock():
+                session.tick()
+            viewer.sync()
+            due = max(due + session.period, time.perf_counter() - 4.0 * session.period)
+            time.sleep(max(0.0, due - time.perf_counter()))

@@ -1,0 +1,268 @@
+"""A race that goes on while somebody turns its knobs: pause, reset, drive by hand, another speed limit, other tires.
+
+    session = LiveSession(LiveSettings(track="oval"))
+    session.change("max_speed", 4.0)
+    session.tick()
+
+Knobs may be turned from any thread; what was asked for happens at the start of the next tick, in the thread that calls
+`tick`. A value that cannot be is refused in `message`, and the old one stays.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+import threading
+from collections import deque
+from dataclasses import dataclass, replace
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from ...course.formats import load_track
+from ...course.lap_timer import LapTimer
+from ...course.random_obstacles import random_boxes
+from ...errors import FgMujocoError, SettingsError
+from ...messages import DriveCommand, FloatArray, LaserScan, Odometry
+from ...racing.planner_choice import ControllerChoice
+from ...racing.planner_loading import make_controller, plan, start
+from ...simulation.simulation import STATE, Simulation
+from ...simulation.world import LIDAR_PREFIX, World
+from ...vehicle.vehicle import nominal_mu
+from .hand_driver import HandDriver
+
+_TRACE_STEP = 0.2  # [m] from one point of the trace to the next
+_TRACE_LENGTH = 2000  # points
+
+
+@dataclass(frozen=True, kw_only=True)
+class LiveSettings:
+    """What a live view begins with; the knobs change it."""
+
+    track: str = "oval"
+    controller: str = "gap_finder"  # as the command line takes it, with settings in brackets where wanted
+    mu: float | None = None  # of the tires; None: as in the car's MJCF
+    planner_mu: float | None = None  # what the planner believes it is; None: as in the car's MJCF
+    max_speed: float = 8.0  # [m/s] fastest that the planner may command
+    obstacles: int = 0  # boxes on a track
+    obstacle_seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("mu", "planner_mu", "max_speed"):
+            value = getattr(self, name)
+            if value is not None and not 0.0 < value < math.inf:
+                raise SettingsError(f"{name} is {value!r}; accepted: a positive number")
+
+
+class LiveSession:
+    """A car, its planner and whoever drives along.
+
+    Args:
+      settings: to begin with.
+
+    Attributes:
+      settings: as they are now.
+      planner_settings: those of the planner that differ from its own, as they are now.
+      world: the World; it is another one after `mu` was changed.
+      simulation: of the world.
+      hand: what the keys ask for.
+      paused: whether time stands still.
+      by_hand: whether the keys drive, and not the planner.
+      message: what happened last; empty where all is well.
+      scan: what the LiDAR sees.
+      laps: the lap timer.
+
+    Raises:
+      TrackError, ControllerError, SettingsError: what cannot be driven.
+    """
+
+    def __init__(self, settings: LiveSettings | None = None) -> None:
+        self.settings = settings or LiveSettings()
+        choice = ControllerChoice.of(self.settings.controller)
+        self._source = choice.source
+        self.planner_settings: dict[str, Any] = dict(choice.settings)
+        self._course = load_track(self.settings.track)
+        self._obstacles = random_boxes(self._course, self.settings.obstacles, self.settings.obstacle_seed)
+        self.world = World(self._course, mu=self.settings.mu, obstacles=self._obstacles)
+        self.simulation = Simulation(self.world)
+        self.laps = LapTimer(self.world.track)
+        self._planner = self._make_planner(self.planner_settings, self.settings)
+        self.hand = HandDriver(self.world.parameters)
+        self.paused = self.by_hand = False
+        self._lock = threading.Lock()
+        self._wishes: dict[str, Any] = {}
+        self._reset = False
+        self._trace: deque[tuple[float, float]] = deque(maxlen=_TRACE_LENGTH)
+        self.scan: LaserScan
+        self.odometry: Odometry
+        self.message = ""
+        self._place()
+
+    @property
+    def period(self) -> float:
+        """Time that a tick takes [s]."""
+        return self.simulation.period
+
+    @property
+    def planner_defaults(self) -> Any:
+        """The planner's own settings, a dataclass object; None: it has none."""
+        kind = getattr(type(self._planner), "Settings", None)
+        return kind() if kind is not None else None
+
+    def change(self, name: str, value: Any) -> None:
+        """Ask for another `mu`, `planner_mu`, `max_speed` or `planner.SETTING`; of several the last counts."""
+        with self._lock:
+            self._wishes[name] = value
+
+    def reset(self) -> None:
+        """Ask for the car to be put back on the start."""
+        with self._lock:
+            self._reset = True
+
+    def key(self, name: str) -> None:
+        """Press one of the keys of `hand`: from now on it drives."""
+        self.by_hand = True
+        self.hand.press(name, self.simulation.time)
+
+    def tick(self) -> bool:
+        """Do what was asked for, and drive on for one tick unless paused; answer whether it did."""
+        self._obey()
+        if self.paused:
+            return False
+        if self.simulation.crashed or self.simulation.unstable:
+            self.message = "crashed: reset to go on"
+            return False
+        try:
+            command = self._command()
+        except FgMujocoError as error:
+            self.message, self.paused = " ".join(str(error).split()), True
+            return False
+        self.scan, self.odometry = self.simulation.step(command)
+        x, y, _ = self.simulation.pose
+        if not self._trace or math.dist(self._trace[-1], (x, y)) >= _TRACE_STEP:
+            self._trace.append((x, y))
+        before = self.laps.laps_completed
+        if self.laps.update(self.simulation.time, (x, y)) > before:
+            self.message = f"lap {before + 1}: {self.laps.lap_times[-1]:.3f} s"
+        return True
+
+    @property
+    def trace(self) -> FloatArray:
+        """Where the rear axle was since the reset. Shape (n, 2) [m]."""
+        return np.array(self._trace, dtype=np.float64).reshape(-1, 2)
+
+    @property
+    def limit_speed(self) -> float:
+        """The law's limit at the present steering angle, sqrt(g mu b / tan|steering|) [m/s]; inf: straight on."""
+        car = self.world.parameters
+        tangent = math.tan(abs(self.odometry.steering_angle))
+        return math.sqrt(car.gravity * self.world.car.mu * car.wheelbase / tangent) if tangent > 1e-6 else math.inf
+
+    @property
+    def friction_use(self) -> float:
+        """Of the tire with the greatest, in the last tick [-]; 0 where all are in the air."""
+        return _greatest(self.simulation.slip.friction_use)
+
+    @property
+    def sliding_speed(self) -> float:
+        """Of the tire with the greatest, in the last tick [m/s]; 0 where all are in the air."""
+        return _greatest(self.simulation.slip.sliding_speed)
+
+    def scan_points(self, step: int = 1) -> FloatArray:
+        """Return where every `step`-th beam ends, in the world; none for beams that come to nothing. (n, 3) [m]."""
+        ranges = self.scan.ranges[::step]
+        seen = np.isfinite(ranges)
+        bearings = self.scan.bearings[::step][seen]
+        ends = ranges[seen, None] * np.column_stack((np.cos(bearings), np.sin(bearings), np.zeros(len(bearings))))
+        position, rotation = self._lidar_pose()
+        points: FloatArray = position + ends @ rotation.T
+        return points
+
+    def goal(self) -> FloatArray | None:
+        """Return where the planner is heading, (3,) [m] in the world; None: nowhere, or it does not say."""
+        find = getattr(self._planner, "find_goal", None)
+        wanted = tuple(inspect.signature(find).parameters) if find is not None else ()
+        position, rotation = self._lidar_pose()
+        if find is not None and wanted == ("scan",):
+            found = find(self.scan)
+            if found is not None:
+                bearing, distance = found
+                return np.asarray(
+                    position + rotation @ (distance * np.array([math.cos(bearing), math.sin(bearing), 0.0]))
+                )
+        if find is not None and wanted == ("odometry",):
+            place = find(self.odometry)
+            return None if place is None else np.array([*place, position[2]])
+        return None
+
+    def _lidar_pose(self) -> tuple[FloatArray, FloatArray]:
+        body = self.world.model.body(f"{LIDAR_PREFIX}hokuyo").id
+        data = self.simulation.data
+        return data.xpos[body].copy(), data.xmat[body].reshape(3, 3).copy()
+
+    def _command(self) -> DriveCommand:
+        if self.by_hand:
+            return self.hand.command(self.simulation.time, self.period, self.settings.max_speed)
+        return plan(self._planner, self.scan, self.odometry)
+
+    def _obey(self) -> None:
+        with self._lock:
+            wishes, self._wishes = self._wishes, {}
+            reset, self._reset = self._reset, False
+        for name, value in wishes.items():
+            try:
+                self._change(name, value)
+                self.message = ""
+            except FgMujocoError as error:
+                self.message = " ".join(str(error).split())
+        if reset:
+            self._place()
+
+    def _change(self, name: str, value: Any) -> None:
+        if name == "mu":
+            self._change_mu(replace(self.settings, mu=value))
+        elif name in ("max_speed", "planner_mu"):
+            settings = replace(self.settings, **{name: value})
+            self._planner = self._make_planner(self.planner_settings, settings)
+            self.settings = settings
+        elif name.startswith("planner."):
+            wanted = self.planner_settings | {name.removeprefix("planner."): value}
+            self._planner = self._make_planner(wanted, self.settings)
+            self.planner_settings = wanted
+        else:
+            raise SettingsError(f"{name} is no knob; accepted: mu, planner_mu, max_speed, planner.SETTING")
+
+    def _change_mu(self, settings: LiveSettings) -> None:
+        """Give the car other tires where it is, as fast as it is: a new world takes the state of the old one."""
+        state = self.simulation.state
+        world = World(self._course, mu=settings.mu, obstacles=self._obstacles)
+        simulation = Simulation(world)
+        mujoco.mj_setState(world.model, simulation.data, state, STATE)
+        mujoco.mj_forward(world.model, simulation.data)
+        simulation.crashed = self.simulation.crashed
+        self.world, self.simulation, self.settings = world, simulation, settings
+
+    def _make_planner(self, settings: dict[str, Any], shared: LiveSettings) -> Any:
+        planner = make_controller(
+            self._source,
+            car=self.world.parameters,
+            mu=nominal_mu() if shared.planner_mu is None else shared.planner_mu,
+            max_speed=shared.max_speed,
+            settings=settings,
+            map_line=self.world.track.map_line,
+        )
+        start(planner)
+        return planner
+
+    def _place(self) -> None:
+        self.scan, self.odometry = self.simulation.reset()
+        start(self._planner)
+        self.hand.release()
+        self.laps.reset()
+        self._trace.clear()
+        self.message = ""
+
+
+def _greatest(values: FloatArray) -> float:
+    return float(np.nan_to_num(values, nan=0.0).max(initial=0.0))

@@ -1,0 +1,189 @@
+"""Pictures of tracks and races, as PNG files. They need matplotlib: pip install 'fg-mujoco[plot]'.
+
+track_picture(load_track("oval"), "oval.png")
+trace_picture(race("oval"), "trace.png")
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+import numpy as np
+
+from ..course.obstacles import Obstacle
+from ..course.scene import Scene
+from ..course.track import Track
+from ..errors import MissingExtraError
+from ..messages import FloatArray
+from ..racing.result import TELEMETRY, RaceResult
+from ..vehicle.tire_slip import SLIDING_SPEED
+from ..vehicle.vehicle import WHEELS
+from .course_drawing import describe_course, draw_course, draw_line, draw_obstacles, extent
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from ..simulation.world import World
+
+INSTALL_COMMAND = "pip install 'fg-mujoco[plot]'"
+
+_WIDTH = 7.2  # [in] two columns of a paper
+_MAP_HEIGHT = (2.2, 5.5)  # [in] least and greatest
+_PANEL_HEIGHT = 1.15  # [in] of each panel over time
+_LEGEND_EDGE = 0.88  # of the width; right of it are colour bar and legends
+_DPI = 150
+_MAX_LAP_LABELS = 12
+_STYLE: Any = {"font.size": 8.0, "axes.linewidth": 0.6, "lines.linewidth": 0.9, "legend.frameon": False}
+_TIRE_COLOURS = ("#0072b2", "#56b4e9", "#d55e00", "#e69f00")  # Okabe and Ito; front blue, rear orange
+_LIMIT: Any = {"color": "0.2", "linewidth": 0.8, "linestyle": (0, (4, 2))}
+_COMMAND: Any = {"color": "0.55", "linewidth": 0.8}
+
+
+def require_matplotlib() -> None:
+    """Make sure that pictures can be made.
+
+    Raises:
+      MissingExtraError: matplotlib is not installed; the message is the command that installs it.
+    """
+    if importlib.util.find_spec("matplotlib") is None:
+        raise MissingExtraError(INSTALL_COMMAND)
+
+
+def track_picture(track: Track | Scene, path: str | Path | BinaryIO) -> None:
+    """Draw a track or a scene from above: walls, line, start, direction; and a scene's goal and obstacles.
+
+    Raises:
+      MissingExtraError: matplotlib is not installed.
+      OSError: the file cannot be written.
+    """
+    require_matplotlib()
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(_WIDTH, _map_height(track)), layout="constrained")
+        axes = figure.add_subplot()
+        draw_course(axes, track)
+        draw_line(axes, track)
+        if isinstance(track, Scene):
+            draw_obstacles(axes, track.obstacles, track.moving)
+        axes.set_title(describe_course(track))
+        _save(figure, path)
+
+
+def trace_picture(result: RaceResult, path: str | Path | BinaryIO) -> None:
+    """Draw a race: the line over the track coloured by speed, and speed, steering and the tires' work over time.
+
+    What moves is drawn where it was at the end.
+
+    Raises:
+      MissingExtraError: matplotlib is not installed.
+      OSError: the file cannot be written.
+    """
+    require_matplotlib()
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    column = {name: result.telemetry[:, index] for index, name in enumerate(TELEMETRY)}
+    map_height = _map_height(result.world.track)
+    with mpl.rc_context(_STYLE):
+        layout = ConstrainedLayoutEngine(rect=(0.0, 0.0, _LEGEND_EDGE, 1.0))
+        figure = Figure(figsize=(_WIDTH, map_height + 4.0 * _PANEL_HEIGHT), layout=layout)
+        grid = figure.add_gridspec(5, 1, height_ratios=(map_height, *(4 * [_PANEL_HEIGHT])))
+        axes = figure.add_subplot(grid[0])
+        draw_course(axes, result.world.track)
+        draw_obstacles(axes, _obstacles(result.world), result.world.moving, result.sim_time_s)
+        line = _draw_line(axes, column["x_m"], column["y_m"], column["speed_m_s"])
+        scale = axes.inset_axes((1.015, 0.05, 0.02, 0.9))
+        scale.set_in_layout(False)
+        figure.colorbar(line, cax=scale, label="speed [m/s]")
+        axes.set_title(_headline(result))
+
+        panels = [figure.add_subplot(grid[1])]
+        panels += [figure.add_subplot(grid[row], sharex=panels[0]) for row in (2, 3, 4)]
+        _draw_panels(panels, column)
+        _mark_laps(panels, result.lap_times_s)
+        for panel in panels:
+            panel.grid(axis="y", color="0.9", linewidth=0.5)
+            panel.spines[["top", "right"]].set_visible(False)
+        for panel in panels[:-1]:
+            panel.tick_params(labelbottom=False)
+        panels[-1].set_xlabel("time [s]")
+        end = max(result.sim_time_s, 1e-3)
+        panels[-1].set_xlim(-0.005 * end, end)  # what happens at once must not hide behind the axis
+        figure.align_ylabels(panels)
+        _save(figure, path)
+
+
+def _headline(result: RaceResult) -> str:
+    laps = f"{result.laps_completed} of {result.laps_requested} laps"
+    best = f", best {min(result.lap_times_s):.2f} s" if result.lap_times_s else ""
+    end = "" if result.finished else f", ended by {result.end_reason}"
+    return f"{result.track}, {result.controller}: {laps}{best}{end}; greatest sliding {result.max_slide_m_s:.3f} m/s"
+
+
+def _draw_panels(panels: list[Axes], column: dict[str, FloatArray]) -> None:
+    speed, steering, friction, sliding = panels
+    time = column["time_s"]
+    speed.plot(time, column["command_speed_m_s"], **_COMMAND, label="command")
+    speed.plot(time, column["speed_m_s"], color="black", label="car")
+    speed.set_ylabel("speed\n[m/s]")
+    steering.plot(time, column["command_steering_rad"], **_COMMAND)
+    steering.plot(time, column["steering_angle_rad"], color="black")
+    steering.set_ylabel("steering\n[rad]")
+    for wheel, colour in zip(WHEELS, _TIRE_COLOURS, strict=True):
+        label = wheel.replace("_", " ")
+        friction.plot(time, column[f"friction_use_{wheel}"], color=colour, linewidth=0.6, label=label)
+        sliding.plot(time, column[f"slide_{wheel}_m_s"], color=colour, linewidth=0.6)
+    friction.axhline(1.0, **_LIMIT, label="limit")
+    friction.set_ylabel("friction use\n[-]")
+    friction.set_ylim(0.0, 1.1)
+    sliding.axhline(SLIDING_SPEED, **_LIMIT, label="limit")
+    sliding.set_ylabel("sliding\n[m/s]")
+    sliding.set_ylim(0.0, max(1.2 * SLIDING_SPEED, 1.05 * sliding.dataLim.y1))
+    for panel in (speed, friction, sliding):
+        legend = panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7.0, handlelength=1.2)
+        legend.set_in_layout(False)
+
+
+def _draw_line(axes: Axes, x: FloatArray, y: FloatArray, speed: FloatArray) -> Any:
+    """Draw where the rear axle went, each piece in the colour of its speed."""
+    from matplotlib.collections import LineCollection
+
+    points = np.column_stack((x, y))
+    line = LineCollection(
+        list(np.stack((points[:-1], points[1:]), axis=1)), array=speed[:-1], cmap="viridis", linewidth=1.4,
+        capstyle="round",
+    )  # fmt: skip
+    line.set_clim(0.0, max(float(speed.max(initial=0.0)), 1.0))
+    return axes.add_collection(line)
+
+
+def _mark_laps(panels: list[Axes], lap_times: tuple[float, ...]) -> None:
+    """Mark where each lap ends, and write its number over the first panel."""
+    for lap, (time, end) in enumerate(zip(lap_times, np.cumsum(lap_times), strict=True), start=1):
+        for panel in panels:
+            panel.axvline(end, color="0.6", linewidth=0.6, linestyle=":")
+        if len(lap_times) <= _MAX_LAP_LABELS:
+            above = panels[0].get_xaxis_transform()
+            panels[0].text(end - 0.5 * time, 1.02, f"lap {lap}", transform=above, ha="center", va="bottom")
+
+
+def _obstacles(world: World) -> tuple[Obstacle, ...]:
+    """Return what stands in a world but the walls."""
+    return world.obstacles[len(world.track.walls) :] if isinstance(world.track, Scene) else world.obstacles
+
+
+def _map_height(track: Track | Scene) -> float:
+    """Return the height of the map [in] for which it fills the width."""
+    width, height = np.ptp(extent(track), axis=0)
+    least, greatest = _MAP_HEIGHT
+    return float(np.clip(_WIDTH * 0.85 * height / width + 0.6, least, greatest))
+
+
+def _save(figure: Figure, path: str | Path | BinaryIO) -> None:
+    figure.savefig(path, format="png", dpi=_DPI, metadata={"Software": None})  # the same race, the same file

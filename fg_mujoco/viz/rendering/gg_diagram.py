@@ -1,0 +1,96 @@
+"""The g-g diagram of a drive: the acceleration of the car along and across, in every tick, in the circle of mu g.
+
+The accelerations are those of the accelerometer in the CoG, read again at the recorded states, so they are what the
+tires must hold. Source of the diagram: Rice, "Measuring car-driver interaction with the g-g diagram", SAE 730018, 1973.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import mujoco
+import numpy as np
+
+from ...messages import FloatArray
+from ...racing.result import RaceResult
+from ...racing.run_folder import Run
+from ...simulation.simulation import STATE
+from ...simulation.world import CAR_PREFIX
+from ...vehicle.tire_slip import SLIDING_SPEED
+from ...vehicle.vehicle import Car
+from ..plots import require_matplotlib
+from .drive import Drive, read_drive
+
+_STYLE: Any = {"font.size": 8.0, "axes.linewidth": 0.6, "legend.frameon": False}
+
+
+def accelerations(source: Drive | Run | RaceResult | str | Path) -> FloatArray:
+    """Return the car's acceleration at the start of each tick, ahead and to the left. Shape (ticks, 2) [m/s^2].
+
+    Raises:
+      RunFolderError: a folder that is none of `race --out`.
+    """
+    drive = read_drive(source)
+    model = mujoco.MjModel.from_xml_string(drive.xml)
+    car, data = Car(model, CAR_PREFIX), mujoco.MjData(model)
+    result = np.empty((len(drive.ctrl), 2))
+    for row, state, ctrl in zip(result, drive.states[:-1], drive.ctrl, strict=True):
+        mujoco.mj_setState(model, data, state, STATE)
+        data.ctrl[:] = ctrl
+        mujoco.mj_forward(model, data)
+        row[:] = car.odometry(data).linear_acceleration[:2]
+    return result
+
+
+def gg_picture(source: Drive | Run | RaceResult | str | Path, path: str | Path | BinaryIO) -> None:
+    """Draw the g-g diagram of a drive as PNG: each tick in the colour of its speed, ticks that slide with a red rim.
+
+    Raises:
+      RunFolderError: a folder that is none of `race --out`.
+      MissingExtraError: matplotlib is not installed; the message is the command that installs it.
+      OSError: the file cannot be written.
+    """
+    require_matplotlib()
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Circle
+
+    drive = read_drive(source)
+    ahead, left = accelerations(drive).T
+    speed, slides = drive.column("speed_m_s"), drive.sliding_speed > SLIDING_SPEED
+    gravity = -float(mujoco.MjModel.from_xml_string(drive.xml).opt.gravity[2])
+    limit = float(drive.summary["mu"]) * gravity
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(4.6, 4.0), layout="constrained")
+        axes = figure.add_subplot()
+        axes.axhline(0.0, color="0.85", linewidth=0.6, zorder=0)
+        axes.axvline(0.0, color="0.85", linewidth=0.6, zorder=0)
+        for share in (0.5, 1.0):
+            axes.add_patch(
+                Circle((0.0, 0.0), share * limit, fill=False, color="0.2" if share == 1.0 else "0.7", linewidth=0.9,
+                       linestyle="-" if share == 1.0 else (0, (4, 3)))
+            )  # fmt: skip
+        order = np.argsort(speed)
+        points = axes.scatter(
+            left[order], ahead[order], c=speed[order], s=7.0, cmap="viridis", vmin=0.0, linewidths=0.0, zorder=2
+        )
+        if slides.any():
+            axes.scatter(
+                left[slides], ahead[slides], s=16.0, facecolors="none", edgecolors="#d62728", linewidths=0.7, zorder=3
+            )
+        reach = 1.12 * max(limit, float(np.abs(np.concatenate((ahead, left))).max(initial=0.0)))
+        axes.set(xlim=(reach, -reach), ylim=(-reach, reach), aspect="equal")  # left is left
+        axes.set_xlabel("acceleration to the left [m/s$^2$]")
+        axes.set_ylabel("acceleration ahead [m/s$^2$]")
+        axes.annotate(
+            f"$\\mu g$ = {limit:.1f} m/s$^2$", (-0.71 * limit, 0.71 * limit), xytext=(3, 3), textcoords="offset points"
+        )
+        axes.spines[["top", "right"]].set_visible(False)
+        figure.colorbar(points, label="speed [m/s]", shrink=0.85, pad=0.02)
+        share = 100.0 * float(slides.mean()) if len(slides) else 0.0
+        summary = drive.summary
+        axes.set_title(
+            f"{summary.get('track', '')}, {summary.get('controller', '')}: sliding in {share:.1f} % of the ticks"
+        )
+        figure.savefig(path, format="png", dpi=200, metadata={"Software": None})

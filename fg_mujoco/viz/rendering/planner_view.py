@@ -1,0 +1,150 @@
+"""What the planner of a recorded drive saw in a tick: its scan, what it made of it, and where it was heading.
+
+The scan is measured again at the recorded state, with the noise and delay of the run, and given to the planner anew.
+What it makes of it, stage by stage, a planner says by a method `stages(scan) -> {name: ranges (n,)}`; for the bundled
+ones controllers/control/stages.py says it. A planner that is not to be had any more leaves the bare scan.
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import math
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from ...course.formats import load_track
+from ...course.moving_obstacles import make_mover
+from ...errors import FgMujocoError, TrackError
+from ...lidar.effects import LidarEffects, ScanPipeline
+from ...lidar.lidar import make_lidar
+from ...messages import FloatArray, LaserScan
+from ...racing.planner_loading import make_controller, start
+from ...simulation.simulation import STATE, hold_controls, whole_steps
+from ...simulation.world import CAR_PREFIX, LIDAR_PREFIX
+from ...vehicle.vehicle import Car
+from .drive import Drive
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlannerView:
+    """What a planner saw in one tick, and where from."""
+
+    scan: LaserScan
+    stages: dict[str, FloatArray]  # ranges (n,) [m] by name: raw, extended, bubble, gap; those that there are
+    goal: FloatArray | None  # (3,) [m] where it was heading, in the world; None: nowhere, or it does not say
+    position: FloatArray  # (3,) [m] of the LiDAR
+    rotation: FloatArray  # (3, 3) of the LiDAR
+
+    def points(self, ranges: FloatArray, beams: Any = slice(None)) -> FloatArray:
+        """Return the ends of some beams of these lengths (n,) [m], in the world. Shape (n, 3) [m]."""
+        bearings = self.scan.bearings[beams]
+        directions = np.column_stack((np.cos(bearings), np.sin(bearings), np.zeros(len(bearings))))
+        ends: FloatArray = self.position + (ranges[beams, None] * directions) @ self.rotation.T
+        return ends
+
+
+class PlannerEye:
+    """Looks through the eyes of the planner of a drive.
+
+    Args:
+      drive: the recording.
+
+    Attributes:
+      missing: why its planner is not to be had; empty where it is.
+    """
+
+    def __init__(self, drive: Drive) -> None:
+        self._drive = drive
+        self._model = model = mujoco.MjModel.from_xml_string(drive.xml)
+        self._data = mujoco.MjData(model)
+        self._car = Car(model, CAR_PREFIX)
+        self._lidar = make_lidar("raycast", model, LIDAR_PREFIX)
+        self._lidar_body = model.body(f"{LIDAR_PREFIX}hokuyo").id
+        self._mover = make_mover(model)
+        self._effects = LidarEffects(**drive.summary.get("lidar_effects", {}))
+        self._scans: list[LaserScan] = []
+        self.missing = ""
+        self._planner = self._make_planner()
+        # the engine names no planner
+        self._stages = importlib.import_module("fg_mujoco.controllers.control.stages").stages
+
+    def _make_planner(self) -> Any:
+        summary = self._drive.summary
+        try:
+            mu = summary.get("planner_mu")
+            course = None  # a track or map of one's own is not found by its name, and few planners drive by a map
+            with suppress(TrackError):
+                course = load_track(summary["track"])
+            planner = make_controller(
+                summary["controller"], car=self._car.parameters, mu=math.inf if mu is None else mu,
+                max_speed=summary["speed_limit_m_s"], settings=summary.get("planner_settings") or {},
+                map_line=None if course is None else course.map_line,
+            )  # fmt: skip
+            start(planner)
+            return planner
+        except (FgMujocoError, KeyError, OSError) as error:
+            self.missing = " ".join(str(error).split())
+            return None
+
+    def at_tick(self, tick: int) -> PlannerView:
+        """Return what the planner saw at the start of a tick."""
+        scan = self._scan(tick)
+        self._place(tick)
+        position = self._data.xpos[self._lidar_body].copy()
+        rotation = self._data.xmat[self._lidar_body].reshape(3, 3).copy()
+        goal = None
+        stages = {"raw": np.nan_to_num(scan.ranges, nan=0.0, posinf=scan.range_max, neginf=0.0)}
+        if self._planner is not None:
+            stages = self._stages(self._planner, scan)
+            goal = self._goal(scan, position, rotation)
+        return PlannerView(scan=scan, stages=stages, goal=goal, position=position, rotation=rotation)
+
+    def _goal(self, scan: LaserScan, position: FloatArray, rotation: FloatArray) -> FloatArray | None:
+        """Return the goal: of one that looks for it in the scan a bearing and a distance, in the map x and y."""
+        find = getattr(self._planner, "find_goal", None)
+        wanted = tuple(inspect.signature(find).parameters) if find is not None else ()
+        if find is not None and wanted == ("scan",):
+            found = find(scan)
+            if found is None:
+                return None
+            bearing, distance = found
+            goal: FloatArray = position + rotation @ (distance * np.array([math.cos(bearing), math.sin(bearing), 0.0]))
+            return goal
+        if find is not None and wanted == ("odometry",):
+            place = find(self._car.odometry(self._data))
+            return None if place is None else np.array([*place, position[2]])
+        return None
+
+    def _place(self, tick: int) -> None:
+        mujoco.mj_setState(self._model, self._data, self._drive.states[tick], STATE)
+        mujoco.mj_forward(self._model, self._data)
+
+    def _scan(self, tick: int) -> LaserScan:
+        if self._effects == LidarEffects():
+            self._place(tick)
+            return self._lidar.beams.to_scan(self._lidar.ranges(self._data), self._data.time)
+        if not self._scans:  # noise is drawn in the order of the ticks, and late scans move up: all at once
+            self._scans = self._measure_all()
+        return self._scans[tick]
+
+    def _measure_all(self) -> list[LaserScan]:
+        """Return the scan at the start of every tick, as the race had them."""
+        drive, data = self._drive, self._data
+        rng = np.random.default_rng(drive.summary.get("seed", 0))
+        pipeline = ScanPipeline(self._lidar, self._effects, rng)
+        steps = whole_steps(self._lidar.beams.period, self._model.opt.timestep)
+        records = np.empty((steps, self._model.nsensordata))
+        self._place(0)
+        scans = [pipeline.scan(data)]
+        for ctrl in drive.ctrl:
+            data.ctrl[:] = ctrl
+            hold_controls(
+                self._model, data, records, self._mover, pipeline.record if pipeline.needs_every_step else None
+            )
+            scans.append(pipeline.scan(data))
+        return scans

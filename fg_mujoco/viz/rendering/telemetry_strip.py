@@ -1,0 +1,225 @@
+"""The strip along a picture's lower edge: lap and time, speed and the law's limit, steering, tires; and the legend.
+
+The law's limit is the speed at which the tires hold the car on the circle of its present steering angle,
+v = sqrt(g mu b / tan|d|), with the mu that the planner believes in (the notes of the field's gap_finder_base).
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import MissingExtraError
+from ...messages import CarParameters
+from ...racing.result import TELEMETRY
+from ...vehicle.tire_slip import SLIDING_SPEED
+from ...vehicle.vehicle import WHEELS
+from .colours import STAGES, friction_colour
+from .drive import Drive
+
+INSTALL_COMMAND = "pip install 'fg-mujoco[render]'"
+
+_BACK = np.array((16.0, 20.0, 27.0))
+_COVER = 0.80  # of the picture under the strip
+_WHITE, _GREY, _DIM = (245, 247, 250), (160, 168, 178), (72, 80, 92)
+_BLUE, _AMBER, _RED, _GREEN = (92, 168, 255), (255, 188, 66), (255, 74, 64), (74, 208, 112)
+
+Picture = NDArray[np.uint8]
+
+
+def require_pillow() -> None:
+    """Make sure that pictures can be written on and stored.
+
+    Raises:
+      MissingExtraError: Pillow is not installed; the message is the command that installs it.
+    """
+    import importlib.util
+
+    if importlib.util.find_spec("PIL") is None:
+        raise MissingExtraError(INSTALL_COMMAND)
+
+
+def strip_height(height: int) -> int:
+    """Return how many of a picture's rows the strip takes [px]."""
+    return min(max(round(0.105 * height), 30), height // 3)
+
+
+def law_limit(steering_angle: float, mu: float, car: CarParameters) -> float:
+    """Return the friction law's speed limit [m/s] at a steering angle [rad]; inf straight ahead."""
+    slope = math.tan(abs(steering_angle))
+    return math.sqrt(car.gravity * mu * car.wheelbase / slope) if slope > 0.0 else math.inf
+
+
+def draw_strip(picture: Picture, drive: Drive, time: float, car: CarParameters) -> None:
+    """Draw the strip of a time [s] onto a picture (height, width, 3)."""
+    from PIL import Image, ImageDraw
+
+    rows = strip_height(picture.shape[0])
+    under = picture[-rows:].astype(np.float32)
+    image = Image.fromarray((under * (1.0 - _COVER) + _BACK * _COVER).astype(np.uint8))
+    if len(drive.telemetry):
+        row = dict(zip(TELEMETRY, drive.telemetry[drive.tick_at(time)].tolist(), strict=True))
+        believed = drive.summary.get("planner_mu")
+        mu = math.inf if believed is None else float(believed)
+        limit = law_limit(row["steering_angle_rad"], mu, car)
+        _Strip(ImageDraw.Draw(image), image.width, rows).draw(row, time, limit, drive.summary, car)
+    picture[-rows:] = np.asarray(image)
+
+
+class _Strip:
+    """Lays out panels from left to right; a narrow picture has fewer."""
+
+    def __init__(self, pen: Any, width: int, rows: int) -> None:
+        self._pen, self._width, self._rows = pen, width, rows
+        self._small = _font(max(round(0.21 * rows), 9))
+        self._large = _font(max(round(0.40 * rows), 13))
+        self._pad = max(round(0.16 * rows), 4)
+
+    def draw(
+        self, row: dict[str, float], time: float, limit: float, summary: dict[str, Any], car: CarParameters
+    ) -> None:
+        width, pad = self._width, 2 * self._pad
+        panels: list[tuple[float, Any]] = [(1.35, lambda x, w: self._lap(x, w, row, time, summary))]
+        panels.append((2.6, lambda x, w: self._speed(x, w, row["speed_m_s"], limit, summary)))
+        if width >= 420:
+            panels.append((1.9, lambda x, w: self._steering(x, w, row["steering_angle_rad"], car)))
+        panels.append((1.9, lambda x, w: self._tires(x, w, row)))
+        total = sum(share for share, _ in panels)
+        room = width - pad * (len(panels) + 1)
+        x = float(pad)
+        for share, panel in panels:
+            panel(x, room * share / total)
+            x += room * share / total + pad
+            if panel is not panels[-1][1]:
+                at = x - 0.5 * pad
+                self._pen.line((at, 0.2 * self._rows, at, 0.8 * self._rows), fill=_DIM)
+
+    def _title(self, x: float, text: str, value: str = "", width: float = 0.0, fill: Any = _GREY) -> None:
+        self._pen.text((x, self._pad), text, font=self._small, fill=_GREY, anchor="lt")
+        if value:
+            self._pen.text((x + width, self._pad), value, font=self._small, fill=fill, anchor="rt")
+
+    def _fits(self, text: str, width: float) -> bool:
+        """Say whether a title and a value, set apart, are within a width [px]."""
+        fits: bool = self._small.getlength(text) + self._small.size < width
+        return fits
+
+    def _lap(self, x: float, width: float, row: dict[str, float], time: float, summary: dict[str, Any]) -> None:
+        laps = int(summary.get("laps_requested", 0))
+        self._title(x, "LAP")
+        text = f"{min(int(row['lap']), laps or 10**9)}/{laps}" if laps else f"{int(row['lap'])}"
+        below = self._rows - self._pad
+        self._pen.text((x, below), text, font=self._large, fill=_WHITE, anchor="ls")
+        if width > 3.2 * self._large.size:
+            self._pen.text((x + width, below), f"{time:.1f} s", font=self._small, fill=_WHITE, anchor="rs")
+
+    def _speed(self, x: float, width: float, speed: float, limit: float, summary: dict[str, Any]) -> None:
+        top = max(float(summary.get("speed_limit_m_s", 8.0)), 1.0)
+        whose = "law's limit" if limit < top else "top"  # where the law says nothing, what may be commanded at most
+        limit = min(limit, top)
+        title, shown = "SPEED m/s", f"{whose} {limit:.1f}"
+        if not self._fits(title + shown, width):
+            title, shown = "SPEED", f"{limit:.1f}"
+        self._title(x, title, shown, width, _AMBER)
+        below = self._rows - self._pad
+        text = f"{speed:.1f}"
+        self._pen.text((x, below), text, font=self._large, fill=_WHITE, anchor="ls")
+        start = x + 2.5 * self._large.size
+        if x + width - start > 20:
+            self._bar(start, x + width, speed / top, _BLUE)
+            self._tick(start + (x + width - start) * limit / top, _AMBER)
+
+    def _steering(self, x: float, width: float, angle: float, car: CarParameters) -> None:
+        self._title(x, "STEERING", f"{math.degrees(angle):+.0f}°", width, _WHITE)
+        low, high = self._bar_rows()
+        middle = x + 0.5 * width
+        self._pen.rectangle((x, low, x + width, high), fill=_DIM)
+        end = middle - 0.5 * width * max(-1.0, min(1.0, angle / car.max_steering_angle))  # to the left is left
+        self._pen.rectangle((min(middle, end), low, max(middle, end), high), fill=_BLUE)
+        self._tick(middle, _WHITE)
+
+    def _tires(self, x: float, width: float, row: dict[str, float]) -> None:
+        use = [row[f"friction_use_{wheel}"] for wheel in WHEELS]
+        slide = max((row[f"slide_{wheel}_m_s"] for wheel in WHEELS), key=lambda v: -1.0 if math.isnan(v) else v)
+        slides = slide > SLIDING_SPEED
+        title, note = "FRICTION USE", f"SLIDES {slide:.2f} m/s" if slides else "holds"
+        if not self._fits(title + note, width):
+            title, note = "GRIP", note[:6]
+        self._title(x, title)
+        self._pen.text((x + width, self._pad), note, font=self._small, fill=_RED if slides else _GREEN, anchor="rt")
+        low, high = self._bar_rows()
+        gap = max(round(0.02 * width), 2)
+        each = (width - 3 * gap) / 4
+        for index, share in enumerate(use):
+            left = x + index * (each + gap)
+            self._pen.rectangle((left, low, left + each, high), fill=_DIM)
+            if math.isfinite(share):
+                colour = tuple(int(255 * part) for part in friction_colour(share))
+                self._pen.rectangle((left, low, left + each * min(share, 1.0), high), fill=colour)
+
+    def _bar_rows(self) -> tuple[float, float]:
+        return 0.56 * self._rows, self._rows - 1.15 * self._pad
+
+    def _bar(self, start: float, end: float, share: float, colour: Any) -> None:
+        low, high = self._bar_rows()
+        self._pen.rectangle((start, low, end, high), fill=_DIM)
+        self._pen.rectangle((start, low, start + (end - start) * max(0.0, min(share, 1.0)), high), fill=colour)
+
+    def _tick(self, x: float, colour: Any) -> None:
+        low, high = self._bar_rows()
+        half = max(0.022 * self._rows, 1.0)
+        self._pen.rectangle((x - half, low - 2, x + half, high + 2), fill=colour)
+
+
+def draw_legend(picture: Picture, stages: tuple[str, ...], friction: bool) -> None:
+    """Draw onto a picture's upper left corner what the colours of beams and trace mean."""
+    legend, opacity = _legend(stages, friction, picture.shape[0])
+    rows, columns = legend.shape[:2]
+    margin = max(round(0.018 * picture.shape[0]), 3)
+    if rows + margin > picture.shape[0] or columns + margin > picture.shape[1]:
+        return
+    place = picture[margin : margin + rows, margin : margin + columns]
+    place[:] = (place * (1.0 - opacity) + legend * opacity).astype(np.uint8)
+
+
+@lru_cache(maxsize=16)
+def _legend(stages: tuple[str, ...], friction: bool, height: int) -> tuple[NDArray[np.float32], float]:
+    from PIL import Image, ImageDraw
+
+    font = _font(max(round(0.024 * height), 9))
+    step, pad = round(1.5 * font.size), round(0.6 * font.size)
+    texts = [{"raw": "beam", "extended": "cut off"}.get(name, name) for name in stages]
+    wide = round(max([font.getlength(text) for text in texts] + [8.0 * font.size * friction], default=0.0))
+    lines = len(stages) + 2 * friction
+    image = Image.new("RGB", (wide + 3 * pad + 2 * font.size, lines * step + pad), tuple(int(c) for c in _BACK))
+    pen = ImageDraw.Draw(image)
+    for index, (name, text) in enumerate(zip(stages, texts, strict=True)):
+        y = pad + index * step
+        colour = tuple(int(255 * part) for part in STAGES[name])
+        pen.rectangle((pad, y + 0.25 * font.size, pad + 1.5 * font.size, y + 0.75 * font.size), fill=colour)
+        pen.text((2 * pad + 1.5 * font.size, y + 0.5 * font.size), text, font=font, fill=_WHITE, anchor="lm")
+    if friction:
+        y = pad + len(stages) * step
+        pen.text((pad, y + 0.5 * font.size), "friction use", font=font, fill=_WHITE, anchor="lm")
+        y += step
+        width = image.width - 2 * pad - 2 * font.size
+        for column in range(width):
+            colour = tuple(int(255 * part) for part in friction_colour(column / max(width - 1, 1)))
+            pen.line(
+                (pad + font.size + column, y + 0.2 * font.size, pad + font.size + column, y + 0.8 * font.size),
+                fill=colour,
+            )
+        pen.text((pad, y + 0.5 * font.size), "0", font=font, fill=_WHITE, anchor="lm")
+        pen.text((image.width - pad, y + 0.5 * font.size), "1", font=font, fill=_WHITE, anchor="rm")
+    return np.asarray(image).astype(np.float32), 0.82
+
+
+@lru_cache(maxsize=16)
+def _font(size: int) -> Any:
+    from PIL import ImageFont
+
+    return ImageFont.load_default(size)

@@ -1,0 +1,85 @@
+"""A few seconds of a run as a video that a page can hold in itself."""
+
+from __future__ import annotations
+
+import base64
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ...errors import MissingExtraError
+from ...racing.result import RaceResult
+from ...racing.run_folder import Run
+from .slide_events import SlideEvent
+
+SIZE = (640, 360)  # [px]
+FRAME_RATE = 20.0  # [1/s]
+_BEFORE = 2.0  # [s] that are shown before what is worth seeing
+
+
+@dataclass(frozen=True, kw_only=True)
+class Clip:
+    """A video, or why there is none."""
+
+    video: str = ""  # MP4, base64
+    start: float = 0.0  # [s] in the race
+    end: float = 0.0  # [s]
+    missing: str = ""  # why there is none
+
+
+def clip_start(
+    seconds: float, end: float, lap_times: tuple[float, ...], events: tuple[SlideEvent, ...], crashed: bool
+) -> float:
+    """Return when a clip of so many seconds begins [s]: before the crash, the worst slide, or with the best lap."""
+    latest = max(end - seconds, 0.0)
+    if crashed:
+        return latest
+    if events:
+        worst = max(events, key=lambda event: event.greatest)
+        return min(max(worst.start - _BEFORE, 0.0), latest)
+    if lap_times:
+        best = min(range(len(lap_times)), key=lap_times.__getitem__)
+        return min(sum(lap_times[:best]), latest)
+    return 0.0
+
+
+def make_clip(
+    source: RaceResult | Run | str | Path,
+    start: float,
+    end: float,
+    watch: Callable[[int, int, str], None] | None = None,
+) -> Clip:
+    """Draw a clip of a run from one time to another [s].
+
+    Where the extra `render` or OpenGL is missing, the Clip says what installs it, and has no video.
+
+    Args:
+      source: a run folder, a Run or a RaceResult.
+      start: [s].
+      end: [s].
+      watch: told how many frames are done, of how many, and the word "frame".
+    """
+    try:
+        from ..rendering import Film, write_video
+
+        with (
+            tempfile.TemporaryDirectory() as folder,
+            Film(source, camera="chase", size=SIZE, quality="draft") as film,
+        ):
+            path = Path(folder) / "clip.mp4"
+
+            count = len(film.times(FRAME_RATE, start, end))
+
+            def frames() -> Iterator[Any]:
+                for done, frame in enumerate(film.frames(FRAME_RATE, start, end), start=1):
+                    yield frame
+                    if watch is not None:
+                        watch(done, count, "frame")
+
+            write_video(path, frames(), size=film.size, fps=FRAME_RATE, quality="draft")
+            video = base64.b64encode(path.read_bytes()).decode()
+    except MissingExtraError as error:
+        return Clip(missing=str(error))
+    return Clip(video=video, start=start, end=end)

@@ -1,0 +1,198 @@
+"""The pages of a comparison: an index with its table, and the report of every run.
+
+    write_comparison_report("runs/tracks")
+
+    report/index.html       the table, with links to all runs
+    report/bokeh.min.js     the one library of all pages
+    report/COURSE-CONTROLLER-SPEED-SEED-KEY.html
+
+A comparison keeps where the cars were and the figures, not what the tires did. So each run is driven again for its
+page: same key, same versions, same bits, as its hash then shows. A planner or track of a user's own is looked for in
+the current folder, by its name and the hash of what it was; where it is not, the index says so. Pages that are there
+stay.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from ...errors import FgMujocoError, RunFolderError
+from ...racing.planner_choice import ControllerChoice
+from ...studies.comparison.ground import course_sha256
+from ...studies.comparison.run import ComparisonSettings, Run, RunKey, RunRow
+from ...studies.comparison.store import ComparisonFolder
+from ...studies.comparison.tables import Cell, course_title, make_cells
+from ...studies.rollout.store import blame
+from .page import LIBRARY, library, page_frame, write_page, write_report
+from .plot_style import require_bokeh
+from .sections import table
+
+_FOLDER, _MANIFEST, _RUNS = "report", "manifest.json", "runs.jsonl"
+_ACCEPTED = "a folder that `compare --out` wrote"
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Page:
+    """Of a run."""
+
+    name: str = ""  # of its file; empty: there is none
+    remark: str = ""  # why not, or what is to be known of it
+
+
+def is_comparison(folder: str | Path) -> bool:
+    """Say whether a folder is one of `compare`; one of `race` is not."""
+    return (Path(folder) / _MANIFEST).is_file() and not (Path(folder) / "summary.json").exists()
+
+
+def write_comparison_report(folder: str | Path, watch: Callable[[int, int, str], None] | None = None) -> Path:
+    """Write the pages of a comparison and return the path of their index.
+
+    After Ctrl-C the pages that are finished stay, with an index of them, and the same call goes on.
+
+    Args:
+      folder: of a comparison.
+      watch: told how many pages are done, of how many, and the word "page".
+
+    Raises:
+      RunFolderError: it is none, is damaged or of another version, or cannot be written.
+      MissingExtraError: bokeh is not installed.
+    """
+    require_bokeh()
+    settings, rows = _read(Path(folder))
+    out = Path(folder) / _FOLDER
+    with blame(out, "a folder that can be written"):
+        out.mkdir(exist_ok=True)
+        (out / LIBRARY).write_text(library(), encoding="utf-8")
+    pages: dict[RunKey, _Page] = {}
+    try:
+        for done, row in enumerate(rows):
+            if watch is not None:
+                watch(done, len(rows), "page")
+            pages[row.key] = _run_page(row, settings, out)
+    finally:
+        write_page(out / "index.html", _index(Path(folder), settings, rows, pages))
+    return out / "index.html"
+
+
+def _read(folder: Path) -> tuple[ComparisonSettings, list[RunRow]]:
+    path = folder / _MANIFEST
+    with blame(path, _ACCEPTED):
+        manifest = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(manifest, dict) or not {"settings", "versions"} <= set(manifest):
+            raise ValueError("no JSON object with settings and versions")
+        values: dict[str, Any] = {
+            name: float("inf") if value == "off" else value for name, value in manifest["settings"].items()
+        }
+        if not isinstance(values.get("laps"), int):
+            raise ValueError("settings that are not those of a comparison")
+        settings = ComparisonSettings(**values)
+    store = ComparisonFolder(folder)
+    store.open(manifest["settings"], manifest["versions"])
+    if not store.rows:
+        raise RunFolderError(f"{folder / _RUNS}: has no finished run; accepted: {_ACCEPTED}")
+    return settings, list(store.rows.values())
+
+
+def _run_page(row: RunRow, settings: ComparisonSettings, out: Path) -> _Page:
+    """Drive a run again and write its page, unless it is there."""
+    if row.figures.trajectory_sha256 is None:
+        return _Page(remark=row.figures.message or "failed")
+    key = row.key
+    seed = "" if key.seed is None else f"-{key.seed}"
+    words = f"{key.course}-{key.controller}-{key.max_speed_m_s:g}{seed}"
+    name = f"{re.sub(r'[^A-Za-z0-9._-]+', '_', words)[:80]}-{key.sha256[:8]}.html"
+    if (out / name).exists():
+        return _Page(name=name)
+    try:
+        result = _find_run(key, settings).race()
+    except FgMujocoError as error:
+        return _Page(remark=" ".join(str(error).split()))
+    if result.end_reason == "interrupted":
+        raise KeyboardInterrupt
+    same = result.trajectory_sha256 == row.figures.trajectory_sha256
+    said = "the same run, bit for bit" if same else "another run than that in the table, which another version drove"
+    note = f'Driven again for this page: {said}. <a href="index.html">All runs</a>'
+    write_report(result, out / name, clip_seconds=None, share_library=True, notes=(note,))
+    return _Page(name=name, remark="" if same else said)
+
+
+def _find_run(key: RunKey, settings: ComparisonSettings) -> Run:
+    """Return a run to be driven again, with the planner and the course that its key means.
+
+    Raises:
+      FgMujocoError: one of them is not here.
+    """
+    choice = ControllerChoice.of(key.controller)
+    if key.controller_sha256 is not None and (
+        not Path(choice.source.rpartition(":")[0]).is_file() or choice.sha256 != key.controller_sha256
+    ):
+        raise RunFolderError(f"{choice.source}: is not in this folder as it was; accepted: call from where its file is")
+    for course in (key.course, f"{key.course}.csv"):
+        try:
+            if course_sha256(course) == key.course_sha256:
+                return Run(key, choice, course, settings)
+        except FgMujocoError:
+            continue
+    raise RunFolderError(f"{key.course}.csv: is not in this folder as it was; accepted: call from where its file is")
+
+
+def _index(folder: Path, settings: ComparisonSettings, rows: Sequence[RunRow], pages: Mapping[RunKey, _Page]) -> str:
+    cells = make_cells(rows)
+    header = ("controller", "course", "success", "laps", "best lap [s]", "collisions", "sliding", "least clearance [m]",
+              "wrong way [s]", "runs, by seed")  # fmt: skip
+    lines = [_row(cell, cells, rows, pages) for cell in cells]
+    remarks = [
+        f"<li>{escape(row.key.controller)} on {escape(row.key.course)}{_seed(row)}: {escape(page.remark)}</li>"
+        for row in rows
+        if (page := pages.get(row.key, _Page())).remark
+    ]
+    shared = ", ".join(f"{name} {value}" for name, value in vars(settings).items() if value is not None)
+    wins = sum(row.figures.success for row in rows)
+    body = (
+        f"<h1>{escape(folder.resolve().name)}: {len(rows)} runs</h1>"
+        f'<p class="result">{wins} of {len(rows)} finished without touching anything.</p>'
+        f'<p class="note">{escape(shared)}. A click on a seed opens the report of that run.</p>'
+        f'<div class="scroll" style="max-height:none">{table(header, lines)}</div>'
+        + (f'<h2>Remarks</h2><ul class="note">{"".join(remarks)}</ul>' if remarks else "")
+    )
+    return page_frame(f"{folder.resolve().name}: comparison", body)
+
+
+def _row(cell: Cell, cells: Sequence[Cell], rows: Sequence[RunRow], pages: Mapping[RunKey, _Page]) -> str:
+    own = [
+        row for row in rows
+        if (row.key.controller, row.key.course, row.key.max_speed_m_s)
+        == (cell.controller, cell.course, cell.max_speed_m_s)
+    ]  # fmt: skip
+    values = (
+        escape(cell.controller), escape(course_title(cell, cells)), f"{cell.successes}/{cell.runs}",
+        f"{cell.laps_completed}/{cell.laps_requested}", _text(cell.best_lap_s, ".2f"), str(cell.collisions),
+        _text(cell.slide_time_fraction, ".1%"), _text(cell.least_clearance_m, ".3f"),
+        _text(cell.wrong_way_time_s, ".1f"),
+    )  # fmt: skip
+    links = " ".join(_link(row, pages.get(row.key, _Page())) for row in own)
+    return f'<tr>{"".join(f"<td>{value}</td>" for value in values)}<td class="left">{links}</td></tr>'
+
+
+def _link(row: RunRow, page: _Page) -> str:
+    name = "run" if row.key.seed is None else str(row.key.seed)
+    reason = row.figures.end_reason.replace("_", " ")
+    colour = "good" if row.figures.success else "bad"
+    mark = "✓" if row.figures.success else "✗"
+    if not page.name:
+        return f'<span class="{colour}" title="{escape(reason)}; no page">{name}{mark}</span>'
+    return f'<a class="{colour}" href="{escape(page.name)}" title="{escape(reason)}">{name}{mark}</a>'
+
+
+def _seed(row: RunRow) -> str:
+    return "" if row.key.seed is None else f", seed {row.key.seed}"
+
+
+def _text(value: Any, form: str) -> str:
+    return "-" if value is None else format(value, form)

@@ -1,0 +1,185 @@
+"""The page of one run: everything in one HTML file that loads nothing from anywhere.
+
+    write_report("runs/oval", "runs/oval/report.html")
+
+Its plots are bokeh's, whose JavaScript is in the page too, or beside it where many pages share one.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+
+from ...errors import RunFolderError
+from ...racing.result import RaceResult
+from ...racing.run_folder import Run
+from . import sections
+from .clip import clip_start, make_clip
+from .gg_plot import gg_plot
+from .lap_table import lap_length, lap_table
+from .map_plot import colour_scales, map_plot
+from .map_shapes import map_shapes
+from .plot_style import cursor_source, require_bokeh, tick_source
+from .recorded_run import RecordedRun, read_recorded
+from .slide_events import slide_events
+from .tick_columns import SPEED_FAR_ABOVE, tick_columns
+from .time_plots import time_plots
+
+LIBRARY = "bokeh.min.js"
+"""Name of the file with bokeh's JavaScript, where pages share one."""
+
+CLIP_SECONDS = 8.0
+
+_COLOURS = (("speed_m_s", "speed"), ("friction_use", "friction use"), ("slide_m_s", "sliding"))
+_AXES = (("distance_m", "over distance"), ("time_s", "over time"))
+
+_READOUT = (
+    ("t", "time_s", 3, "s"), ("lap", "lap", 0, ""), ("progress", "progress_m", 1, "m"),
+    ("speed", "speed_m_s", 2, "m/s"), ("limit", "limit_speed_m_s", 2, "m/s"),
+    ("steering", "steering_angle_rad", 3, "rad"), ("friction use", "friction_use", 2, ""),
+    ("sliding", "slide_m_s", 3, "m/s"), ("ahead", "acceleration_ahead_m_s2", 1, "m/s²"),
+    ("left", "acceleration_left_m_s2", 1, "m/s²"),
+)  # fmt: skip
+
+
+def write_report(
+    source: RaceResult | Run | str | Path,
+    path: str | Path,
+    *,
+    clip_seconds: float | None = CLIP_SECONDS,
+    share_library: bool = False,
+    notes: Sequence[str] = (),
+    watch: Callable[[int, int, str], None] | None = None,
+) -> Path:
+    """Write the report of a run and return its path. It appears whole, in the place of one that may be there.
+
+    Args:
+      source: a run folder, a Run or a RaceResult.
+      path: of the page.
+      clip_seconds: of the video in it [s]; None: there is none.
+      share_library: whether bokeh's JavaScript is read from a file LIBRARY beside the page, and not in the page.
+      notes: lines of text (HTML) under the result.
+      watch: told how many frames of the video are done, of how many, and the word "frame".
+
+    Raises:
+      RunFolderError: a folder that is none of `race --out`, lacks a file, or is of another version; or the page
+        cannot be written.
+      MissingExtraError: bokeh is not installed.
+    """
+    require_bokeh()
+    run = read_recorded(source)
+    path = Path(path)
+    page = _page(run, source, clip_seconds, share_library, notes, watch)
+    write_page(path, page)
+    return path
+
+
+def write_page(path: Path, page: str) -> None:
+    """Write a page in one piece.
+
+    Raises:
+      RunFolderError: it cannot be written.
+    """
+    partial = path.with_name(f".{path.name}.partial")
+    try:
+        partial.write_text(page, encoding="utf-8")
+        os.replace(partial, path)
+    except OSError as error:
+        with suppress(OSError):
+            partial.unlink()
+        reason = error.strerror or str(error)
+        raise RunFolderError(
+            f"{path}: cannot be written: {reason}; accepted: a file in a folder that can be"
+        ) from error
+
+
+def library() -> str:
+    """Return bokeh's JavaScript."""
+    from bokeh.resources import Resources
+
+    return "\n".join(Resources(mode="inline", components=["bokeh"], log_level="error").js_raw)
+
+
+def page_frame(title: str, body: str, script: str = "", *, beside: bool = False) -> str:
+    """Return a page that may load nothing, but for scripts that lie `beside` it."""
+    style = (files(__package__) / "report.css").read_text(encoding="utf-8")
+    scripts = "'unsafe-inline' 'self' file:" if beside else "'unsafe-inline'"
+    policy = (
+        f"default-src 'none'; script-src {scripts}; style-src 'unsafe-inline'; img-src data: blob:; "
+        "media-src data:; font-src data:"
+    )
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{escape(title)}</title>\n<style>\n{style}</style>\n</head>\n<body>\n{body}\n{script}</body>\n</html>\n"
+    )
+
+
+def _page(
+    run: RecordedRun,
+    source: RaceResult | Run | str | Path,
+    clip_seconds: float | None,
+    share_library: bool,
+    notes: Sequence[str],
+    watch: Callable[[int, int, str], None] | None,
+) -> str:
+    from bokeh.embed import components
+
+    columns = tick_columns(run)
+    summary, lap_times = run.summary, run.lap_times
+    length = lap_length(columns["time_s"], columns["progress_m"], lap_times)
+    unfinished = len(lap_times) < int(summary["laps_requested"])
+    laps = lap_table(columns, lap_times, length, end=run.end if unfinished else None)
+    events = slide_events(columns, length)
+    film = None
+    if clip_seconds is not None:
+        start = clip_start(clip_seconds, run.end, lap_times, events, bool(summary["collisions"]))
+        film = make_clip(source, start, min(start + clip_seconds, run.end), watch)
+
+    ticks, cursor = tick_source(columns), cursor_source()
+    grip = run.mu * run.car.gravity
+    script, places = components(
+        {
+            "map": map_plot(map_shapes(run.model, run.end), columns, events, cursor),
+            "time": time_plots(ticks, columns, lap_times),
+            "gg": gg_plot(ticks, columns, grip, cursor),
+        }
+    )
+    data = {
+        "readout": _READOUT,
+        "free": SPEED_FAR_ABOVE,
+        "colours": colour_scales(columns),
+        "axes": {"distance_m": "distance driven [m]", "time_s": "time [s]"},
+        "clip_start": film.start if film else 0.0,
+    }
+    title = f"{summary['track']}, {summary['controller']}"
+    body = "\n".join(
+        (
+            sections.head(run, title, notes),
+            sections.switch("colour", _COLOURS),
+            f'<div id="map" class="plots">{places["map"]}</div>',
+            '<div id="readout" class="readout"><span>move over a plot: the values of that moment, here and in all '
+            "plots</span></div>",
+            f'<div class="columns"><div class="grow"><h2>Laps</h2>{sections.laps(laps, summary)}</div>'
+            f"{sections.clip(film)}</div>",
+            "<h2>Along the drive</h2>",
+            sections.switch("across", _AXES),
+            f'<div class="plots">{places["time"]}</div>',
+            f'<div class="columns"><div><h2>g-g diagram</h2><p class="note">In the circle of μ g = {grip:.2f} m/s².'
+            f'</p>{places["gg"]}</div><div class="grow"><h2>Sliding</h2>{sections.events(events)}</div></div>',
+            f"<h2>Settings, versions, hashes</h2>{sections.settings(run)}",
+        )
+    )
+    code = (files(__package__) / "report.js").read_text(encoding="utf-8")
+    loads = f'<script src="{LIBRARY}"></script>' if share_library else f"<script>{library()}</script>"
+    text = json.dumps(data).replace("</", "<\\/")
+    return page_frame(
+        title, body, f'{loads}\n{script}\n<script type="application/json" id="report-data">{text}</script>\n'
+        f"<script>\n{code}</script>\n", beside=share_library,
+    )  # fmt: skip

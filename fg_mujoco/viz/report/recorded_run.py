@@ -1,0 +1,87 @@
+"""What a report is made of: a run folder, a Run or a RaceResult, all three told alike."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import mujoco
+
+from ...errors import ModelError, RunFolderError
+from ...messages import CarParameters, FloatArray
+from ...racing.result import TELEMETRY, RaceResult
+from ...racing.run_folder import Run, read_run, summary_json
+from ...simulation.world import CAR_PREFIX
+from ...vehicle.vehicle import car_parameters
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RecordedRun:
+    """A race as it was recorded."""
+
+    source: str  # a folder, or what else it was read from
+    summary: dict[str, Any] = field(repr=False)  # as in summary.json
+    telemetry: FloatArray = field(repr=False)  # (ticks, len(TELEMETRY))
+    model: mujoco.MjModel = field(repr=False)  # of its world
+
+    def column(self, name: str) -> FloatArray:
+        """Return one column of the telemetry, shape (ticks,)."""
+        return self.telemetry[:, TELEMETRY.index(name)]
+
+    @property
+    def mu(self) -> float:
+        """Friction coefficient of the tires [-]."""
+        return float(self.summary["mu"])
+
+    @property
+    def lap_times(self) -> tuple[float, ...]:
+        """Of the laps that were completed [s]."""
+        return tuple(float(time) for time in self.summary["lap_times_s"])
+
+    @property
+    def end(self) -> float:
+        """Simulated time at the end [s]."""
+        return float(self.summary["sim_time_s"])
+
+    @cached_property
+    def car(self) -> CarParameters:
+        """Of the car that was raced."""
+        return car_parameters(self.model, CAR_PREFIX)
+
+
+_NEEDED = (
+    "track", "controller", "laps_requested", "laps_completed", "finished", "end_reason", "lap_times_s", "collisions",
+    "max_slide_m_s", "slide_time_fraction", "mean_speed_m_s", "max_speed_m_s", "sim_time_s", "mu", "speed_limit_m_s",
+    "trajectory_sha256",
+)  # fmt: skip
+
+
+def read_recorded(source: RaceResult | Run | str | Path) -> RecordedRun:
+    """Return a race to be reported.
+
+    Raises:
+      RunFolderError: a folder that is none of `race --out`, lacks a file, or is of another version.
+    """
+    if isinstance(source, RaceResult):
+        return RecordedRun(
+            source=f"{source.track}, {source.controller}", summary=json.loads(summary_json(source)),
+            telemetry=source.telemetry, model=source.world.model,
+        )  # fmt: skip
+    run = source if isinstance(source, Run) else read_run(source)
+    missing = [name for name in _NEEDED if run.summary.get(name) is None]
+    if missing:
+        raise RunFolderError(
+            f"{run.folder / 'summary.json'}: has no {', '.join(missing)}; accepted: as this version's `race --out` "
+            "wrote it"
+        )
+    try:
+        model = mujoco.MjModel.from_xml_path(str(run.scene))
+        recorded = RecordedRun(source=str(run.folder), summary=run.summary, telemetry=run.telemetry, model=model)
+        _ = recorded.car
+    except (ValueError, OSError, ModelError) as error:
+        reason = " ".join(str(error).split())
+        raise RunFolderError(f"{run.scene}: cannot be read: {reason}; accepted: as `race --out` wrote it") from error
+    return recorded

@@ -1,0 +1,144 @@
+"""The parts of a report that are text and tables, as HTML."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from html import escape
+from typing import Any
+
+from ...vehicle.tire_slip import SLIDING_SPEED
+from .clip import Clip
+from .lap_table import SECTORS, Lap
+from .recorded_run import RecordedRun
+from .slide_events import SlideEvent
+
+_MOST_EVENTS = 200  # rows of the list of sliding
+
+
+def table(header: Sequence[str], rows: Sequence[str], kind: str = "") -> str:
+    """Return a table of rows that are HTML already."""
+    head = "".join(f"<th>{escape(name)}</th>" for name in header)
+    return f'<table class="{kind}"><thead><tr>{head}</tr></thead><tbody>{"".join(rows)}</tbody></table>'
+
+
+def head(run: RecordedRun, title: str, notes: Sequence[str]) -> str:
+    """Return the title, the result line, notes (HTML) and the figures."""
+    summary, lap_times = run.summary, run.lap_times
+    good = bool(summary["finished"]) and not summary["collisions"]
+    word = "finished" if good else str(summary["end_reason"]).replace("_", " ")
+    best = f", best {min(lap_times):.3f} s" if lap_times else ""
+    slides = float(summary["max_slide_m_s"])
+    share = f"{100 * summary['slide_time_fraction']:.2f} %"
+    verdict = "no tire slid" if slides <= SLIDING_SPEED else f"a tire slid {share} of the time"
+    boxes = [
+        (f"{summary['laps_completed']} of {summary['laps_requested']}", "laps"),
+        (f"{min(lap_times):.3f} s" if lap_times else "-", "best lap"),
+        (f"{summary['collisions']}", "collisions"),
+        (f"{slides:.3f} m/s", "greatest sliding"),
+        (share, "of the time sliding"),
+        (f"{summary['max_speed_m_s']:.2f} m/s", "top speed"),
+        (f"{summary['mean_speed_m_s']:.2f} m/s", "mean speed"),
+        (f"{run.mu:g}", "μ of the tires"),
+    ]
+    figures = "".join(f"<div><b>{escape(value)}</b><span>{escape(name)}</span></div>" for value, name in boxes)
+    said = "".join(f'<p class="note">{note}</p>' for note in notes)
+    return (
+        f"<h1>{escape(title)}</h1>"
+        f'<p class="result"><span class="badge {"good" if good else "bad"}">{escape(word)}</span>'
+        f"{summary['laps_completed']} of {summary['laps_requested']} laps{best}; {verdict}.</p>{said}"
+        f'<div class="figures">{figures}</div>'
+    )
+
+
+def switch(name: str, choices: Sequence[tuple[str, str]]) -> str:
+    """Return buttons of which one is pressed, the first: (value, text) each; `report.js` acts on them."""
+    buttons = "".join(
+        f'<button type="button" data-switch="{name}" value="{value}" aria-pressed="{"false" if i else "true"}">'
+        f"{text}</button>"
+        for i, (value, text) in enumerate(choices)
+    )
+    return f'<div class="switch" role="group">{buttons}</div>'
+
+
+def laps(laps: Sequence[Lap], summary: dict[str, Any]) -> str:
+    """Return the table of the laps; a click on one puts the cursor on its start."""
+    if not laps:
+        return '<p class="note">No tick was driven.</p>'
+    header = ("lap", "time [s]", *(f"sector {i + 1}" for i in range(SECTORS)), "top [m/s]", "mean [m/s]",
+              "friction use", "sliding")  # fmt: skip
+    best_lap = min((lap.time for lap in laps if lap.time is not None), default=None)
+    best = [
+        min((time for lap in laps if (time := lap.sectors[sector]) is not None), default=None)
+        for sector in range(SECTORS)
+    ]
+    rows = []
+    start = 0.0
+    for lap in laps:
+        times = [(lap.time, best_lap), *zip(lap.sectors, best, strict=True)]
+        cells = "".join(_time_cell(value, least) for value, least in times)
+        ending = "" if lap.time is not None else f", {str(summary['end_reason']).replace('_', ' ')}"
+        rows.append(
+            f'<tr class="here" data-time="{start:.3f}"><td>{lap.number}{escape(ending)}</td>{cells}'
+            f"<td>{lap.top_speed:.2f}</td><td>{lap.mean_speed:.2f}</td><td>{lap.friction_use:.2f}</td>"
+            f"<td>{100 * lap.sliding_share:.1f} %</td></tr>"
+        )
+        start += lap.time or 0.0
+    note = '<p class="note">Sectors are thirds of the lap by progress.</p>'
+    return f'<div class="scroll">{table(header, rows)}</div>{note}'
+
+
+def _time_cell(value: float | None, least: float | None) -> str:
+    if value is None:
+        return "<td>-</td>"
+    return f'<td class="{"best" if value == least else ""}">{value:.3f}</td>'
+
+
+def events(events: Sequence[SlideEvent]) -> str:
+    """Return the list of sliding; a click on a row puts the cursor there."""
+    if not events:
+        return f'<p class="note">None: no contact point of a tire moved faster than {SLIDING_SPEED} m/s.</p>'
+    rows = [
+        f'<tr class="here" data-time="{event.start:.3f}"><td>{event.start:.3f}</td>'
+        f"<td>{1e3 * (event.end - event.start):.0f}</td><td>{event.lap}</td>"
+        f"<td>{event.progress:.1f}</td><td>{event.tire.replace('_', ' ')}</td>"
+        f"<td>{event.speed:.2f}</td><td>{event.greatest:.3f}</td></tr>"
+        for event in events[:_MOST_EVENTS]
+    ]
+    more = f" The first {_MOST_EVENTS} are listed." if len(events) > _MOST_EVENTS else ""
+    header = ("time [s]", "for [ms]", "lap", "progress [m]", "tire", "car [m/s]", "greatest [m/s]")
+    return (
+        f'<p class="note">{len(events)} times a tire slid, faster than {SLIDING_SPEED} m/s.{more} '
+        "A click shows where.</p>"
+        f'<div class="scroll">{table(header, rows)}</div>'
+    )
+
+
+def clip(clip: Clip | None) -> str:
+    """Return the video, or what it takes to have one; nothing where none was wanted."""
+    if clip is None:
+        return ""
+    if clip.missing:
+        text = f"Not drawn here; to have it: <code>{escape(clip.missing)}</code>"
+        return f'<div class="clip"><h2>Clip</h2><p class="note">{text}</p></div>'
+    return (
+        f'<div class="clip"><h2>From {clip.start:.1f} to {clip.end:.1f} s</h2><video controls loop muted playsinline '
+        f'src="data:video/mp4;base64,{clip.video}"></video></div>'
+    )
+
+
+def settings(run: RecordedRun) -> str:
+    """Return the whole summary: settings, versions and hashes."""
+
+    def rows(name: str, value: Any) -> list[tuple[str, str]]:
+        if isinstance(value, dict) and value:
+            return [row for key, part in value.items() for row in rows(f"{name}.{key}", part)]
+        return [(name, value if isinstance(value, str) else json.dumps(value))]
+
+    listed = [row for name, value in run.summary.items() for row in rows(name, value)]
+    cells = [f"<tr><td>{escape(name)}</td><td><code>{escape(text)}</code></td></tr>" for name, text in listed]
+    half = (len(cells) + 1) // 2
+    halves = "".join(
+        f'<table class="settings"><tbody>{"".join(part)}</tbody></table>' for part in (cells[:half], cells[half:])
+    )
+    return f'<div class="halves">{halves}</div>'
