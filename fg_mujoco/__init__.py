@@ -40,10 +40,11 @@ from .lidar.lidar import Beams, Lidar, RangefinderLidar, RaycastLidar, lidar_spe
 from .messages import STOP, CarParameters, Controller, DriveCommand, LaserScan, Odometry
 from .racing.planner_loading import controller_names, make_controller
 from .racing.race import RaceProgress, race
-from .racing.result import TELEMETRY, RaceResult
-from .racing.run_folder import ReplayReport, Run, check_run_folder, read_run, replay, write_run
-from .racing.scenario import Scenario, Start
+from .racing.result import RaceResult
+from .racing.run_folder import ReplayReport, Run, check_run_folder, read_run, replay
+from .simulation.scenario import Scenario, Start
 from .simulation.simulation import Simulation
+from .simulation.telemetry import TELEMETRY
 from .simulation.world import World
 from .studies.comparison.comparison import Comparison, ComparisonProgress, compare
 from .studies.rollout.randomization import Choice, Randomization, Uniform
@@ -52,7 +53,7 @@ from .studies.rollout.rollouts import RolloutProgress, rollout
 from .vehicle.changes import CarChanges
 from .vehicle.tire_slip import SLIDING_SPEED, TireSlip, TireSlipMeter
 from .vehicle.vehicle import Car, car_parameters, car_spec
-from .viz.plots import trace_picture, track_picture
+from .viz.plots import trace_picture, track_picture, write_run
 from .viz.rendering import Film, Renderer, render, write_video
 
 __version__ = _version("fg-mujoco")

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from fg_mujoco.racing.result import TELEMETRY
+from fg_mujoco.simulation.telemetry import TELEMETRY
 from fg_mujoco.studies.rollout.world_batch import RESULT, WorldResults
 
 STATE = 5

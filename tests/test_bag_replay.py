@@ -14,9 +14,9 @@ import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.lidar.effects import LidarEffects
 from fg_mujoco.racing.planner_loading import controller_names
-from fg_mujoco.racing.scenario import Start
 from fg_mujoco.ros.bag_replay import COLUMNS
 from fg_mujoco.ros.bag_writer import export_bag
+from fg_mujoco.simulation.scenario import Start
 
 STEERING_TOLERANCE, SPEED_TOLERANCE = 1e-6, 1e-5  # [rad], [m/s]; float32 knows 1e-6 m of a range of 10 m
 HAIRPIN = 26.0  # [m] along the line

@@ -70,7 +70,7 @@ def test_decorating_leaves_the_cache_of_others_alone():
 
 @pytest.mark.skipif(not hasattr(os, "openpty"), reason="no pseudo-terminals here")
 def test_the_first_compilation_is_announced_on_a_terminal_and_nowhere_else(tmp_path):
-    code = "from fg_mujoco.simulation.race_rules import end_reason; end_reason(False, False, 0, 1, 0.0, 0.0, 1.0)"
+    code = "from fg_mujoco.simulation.termination import end_reason; end_reason(False, False, 0, 1, 0.0, 0.0, 1.0)"
     environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path)}
     terminal, end = os.openpty()
     subprocess.run([sys.executable, "-c", code], env=environment, stderr=end, check=True)

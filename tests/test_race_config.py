@@ -8,8 +8,8 @@ import math
 import pytest
 
 import fg_mujoco as fg
+from fg_mujoco.cli.config import _settable, parse, settings_of
 from fg_mujoco.cli.main import _parser, main
-from fg_mujoco.racing.config import _settable, parse, settings_of
 
 FULL = """\
 # every option of the command line

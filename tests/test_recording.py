@@ -250,7 +250,7 @@ def test_a_failure_half_way_leaves_nothing(short_race, tmp_path, monkeypatch):
     def full_disk(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("fg_mujoco.racing.run_folder.trace_picture", full_disk)
+    monkeypatch.setattr("fg_mujoco.viz.plots.trace_picture", full_disk)
     with pytest.raises(fg.RunFolderError, match="No space left"):
         fg.write_run(short_race, tmp_path / "deep" / "run")
     assert list(tmp_path.iterdir()) == []

@@ -15,8 +15,8 @@ from fg_mujoco.racing.run_folder import summary_json
 
 pytest.importorskip("bokeh", reason="no bokeh here: pip install 'fg-mujoco[report]'")
 
+from fg_mujoco.studies.comparison.pages import write_comparison_report
 from fg_mujoco.viz.report import write_report
-from fg_mujoco.viz.report.comparison_pages import write_comparison_report
 
 _SCALES = """(() => {
     const find = (view) => view.model.name === "map" ? view : Array.from(view.child_views || []).map(find).find(v => v);

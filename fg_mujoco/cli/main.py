@@ -18,23 +18,23 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from .. import __version__
+from ..course.course import USUAL_LAPS
 from ..course.formats import load_track, require_track, track_names, write_centreline
 from ..course.scenes.catalogue import describe_scene, scene_names
 from ..errors import FgMujocoError, SettingsError
 from ..lidar.effects import LidarEffects
 from ..lidar.lidar import LIDAR_BACKENDS
-from ..racing.config import add_config, parse, settings_of
 from ..racing.planner_choice import ControllerChoice
 from ..racing.planner_loading import controller_names
 from ..racing.race import RaceProgress, race
 from ..racing.result import RaceResult
-from ..racing.run_folder import check_run_folder, replay, summary_json, write_run
-from ..simulation.race_rules import USUAL_LAPS
+from ..racing.run_folder import check_run_folder, replay, summary_json
 from ..vehicle.tire_slip import SLIDING_SPEED
 from ..viz.course_drawing import describe_course
-from ..viz.plots import track_picture
+from ..viz.plots import track_picture, write_run
 from .bags import add_bags
 from .compare import add_compare
+from .config import add_config, parse, settings_of
 from .friction import add_friction
 from .maps import add_export
 from .options import ProgressLine, can_draw, number, number_or_off, whole

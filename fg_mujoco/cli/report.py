@@ -43,8 +43,8 @@ def report_race(folder: str | Path) -> None:
 
 
 def _report(options: argparse.Namespace) -> int:
+    from ..studies.comparison.pages import is_comparison, write_comparison_report
     from ..viz.report import write_report
-    from ..viz.report.comparison_pages import is_comparison, write_comparison_report
 
     if not 0.0 < options.clip <= 600.0:
         raise SettingsError(f"--clip is {options.clip:g}; accepted: seconds above 0, at most 600")

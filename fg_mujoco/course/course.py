@@ -9,7 +9,11 @@ from typing import Protocol
 
 from numpy.typing import ArrayLike
 
+from ..errors import SettingsError
 from ..messages import FloatArray, MapLine
+
+USUAL_LAPS = 5
+SLOWEST_RACE = 0.5  # [m/s] the default time limit is what a car as slow as this needs
 
 
 class Course(Protocol):
@@ -59,3 +63,22 @@ class Course(Protocol):
 
     def longest_race(self, laps: int) -> float:
         """Return how long a race may last, unless it is told otherwise [s]."""
+
+
+def default_time_limit(laps: int, length: float) -> float:
+    """Return how long a race of so many laps of a track of that length [m] may last [s]."""
+    return laps * length / SLOWEST_RACE
+
+
+def laps_to_drive(course: Course, laps: int | None) -> int:
+    """Return how many laps a race has that wants so many; None: what is usual on the course.
+
+    Raises:
+      SettingsError: more than the course has.
+    """
+    most = course.most_laps
+    if laps is None:
+        return USUAL_LAPS if most is None else min(USUAL_LAPS, most)
+    if most is not None and laps > most:
+        raise SettingsError(f"laps is {laps!r} on {course.name!r}, which goes from a start to a goal; accepted: {most}")
+    return laps

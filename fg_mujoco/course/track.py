@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from ..errors import TrackError
 from ..kernels import kernel
 from ..messages import FloatArray, MapLine, read_only
-from ..simulation.race_rules import default_time_limit
+from .course import default_time_limit
 from .polyline import cross, self_crossings, step_lengths, steps, turns
 from .track_walls import MAX_TURN, shared_widths, wall_lines
 

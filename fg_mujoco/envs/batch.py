@@ -19,11 +19,11 @@ from ..course.moving_obstacles import make_mover
 from ..lidar.effects import LidarEffects, ScanPipeline
 from ..lidar.lidar import RaycastLidar
 from ..messages import ODOMETRY, FloatArray
-from ..racing.result import TALLY, TELEMETRY
-from ..racing.scenario import Start
 from ..simulation.batch_kernels import book_worlds, command_worlds, sense_worlds
-from ..simulation.race_rules import END_REASONS
+from ..simulation.scenario import Start
 from ..simulation.simulation import BAD_STATE, STATE, whole_steps
+from ..simulation.telemetry import TALLY, TELEMETRY
+from ..simulation.termination import END_REASONS
 from ..simulation.world import CAR_PREFIX
 from ..simulation.world_group import RangesRow
 from ..vehicle.tire_slip import TireSlipMeter

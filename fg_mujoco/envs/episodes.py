@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SettingsError
 from ..lidar.lidar import load_beams
-from ..racing.scenario import Start
-from ..simulation.race_rules import END_REASONS
+from ..simulation.scenario import Start
+from ..simulation.termination import END_REASONS
 from .actions import ActionBounds
 from .observations import Observation, ObservationLayout
 from .reward_kernels import reward_ticks

@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
+from ..course.course import laps_to_drive
 from ..course.formats import load_track
 from ..course.random_obstacles import random_boxes
 from ..course.scene import Scene
@@ -21,7 +22,6 @@ from ..course.track import Track
 from ..errors import SettingsError
 from ..lidar.effects import LidarEffects
 from ..messages import require
-from ..simulation.race_rules import laps_to_drive
 from ..simulation.world import World
 from .rewards import Rewards
 

@@ -15,7 +15,7 @@ from ..course.scene import Scene
 from ..course.track import Track
 from ..errors import SettingsError
 from ..messages import FloatArray
-from ..racing.scenario import Start
+from ..simulation.scenario import Start
 from ..simulation.world import World
 
 OFF_CENTRE = 0.5

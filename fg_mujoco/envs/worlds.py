@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..course.lap_timer import first_seen, fresh_timers
 from ..lidar.effects import LidarEffects, ScanPipeline
 from ..messages import ODOMETRY, FloatArray
-from ..racing.scenario import Start
+from ..simulation.scenario import Start
 from ..simulation.simulation import Simulation
 from ..simulation.termination import Referee
 from ..simulation.world import World

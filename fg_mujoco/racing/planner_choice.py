@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,12 +11,17 @@ from pathlib import Path
 from ..course.scene import Scene
 from ..course.track import Track
 from ..errors import SettingsError
-from ..studies.rollout.randomization import Value, as_range
 from ..vehicle.changes import plain_car
 from ..vehicle.vehicle import car_parameters, nominal_mu
 from .planner_loading import build_controller, find_controller
 
+Value = float | int | bool | str
+"""Of a setting, as text can say it."""
+
 _CHOICE = re.compile(r"([^\[\]]+?)\s*(?:\[([^\[\]]*)\])?")
+
+_WORD = re.compile(r"[A-Za-z_./][\w./-]*")  # and paths
+_WORDS: dict[str, Value] = {"true": True, "false": False, "off": math.inf, "inf": math.inf}
 
 
 @dataclass(frozen=True)
@@ -41,7 +47,7 @@ class ControllerChoice:
             name, equals, value = (piece.strip() for piece in part.partition("="))
             if not (name and equals and value) or name in settings or set(value) & set("|:"):
                 raise SettingsError(f"controller {text!r}: {part!r}; accepted: SETTING=VALUE, each setting once")
-            (settings[name],) = as_range(value).extremes
+            settings[name] = read_value(value)
         return cls(source, tuple(settings.items()))
 
     @property
@@ -66,3 +72,16 @@ class ControllerChoice:
             find_controller(self.source), self.source, car=car_parameters(plain_car()), mu=nominal_mu(), max_speed=8.0,
             settings=dict(self.settings), map_line=course.map_line,
         )  # fmt: skip
+
+
+def read_value(text: str) -> Value:
+    """Return the number, the truth value or the word that a text is."""
+    text = text.strip()
+    for read in (int, float):
+        try:
+            return _WORDS[text] if text in _WORDS else read(text)
+        except ValueError:
+            continue
+    if not _WORD.fullmatch(text):
+        raise SettingsError(f"{text!r}; accepted: LOW:HIGH, or values A|B|C that are numbers, true, false or words")
+    return text

@@ -15,7 +15,8 @@ from types import ModuleType
 from typing import Any
 
 from ..errors import ControllerError
-from ..messages import CarParameters, Controller, DriveCommand, LaserScan, MapLine, Odometry
+from ..messages import CarParameters, Controller, MapLine
+from ..simulation.planner_adapter import one_line, short, short_text
 
 
 def controller_names() -> tuple[str, ...]:
@@ -81,7 +82,7 @@ def build_controller(
     try:
         parameters = inspect.signature(factory).parameters.values()
     except ValueError as error:
-        raise ControllerError(f"{origin} cannot be built: {_one_line(error)}") from error
+        raise ControllerError(f"{origin} cannot be built: {one_line(error)}") from error
     wanted = [p.name for p in parameters if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)]
     required = [p.name for p in parameters if p.name in wanted and p.default is p.empty]
     if settings or ("settings" in required and hasattr(factory, "Settings")):
@@ -96,40 +97,8 @@ def build_controller(
     try:
         controller = factory(**{name: value for name, value in offered.items() if name in wanted})
     except (Exception, SystemExit) as error:
-        raise ControllerError(f"{origin} cannot be built: {_one_line(error)}") from error
+        raise ControllerError(f"{origin} cannot be built: {one_line(error)}") from error
     return _checked(controller, origin)
-
-
-def start(controller: Controller) -> None:
-    """Reset the controller for a new race.
-
-    Raises:
-      ControllerError: its `reset` raises.
-    """
-    try:
-        controller.reset()
-    except (Exception, SystemExit) as error:
-        name = type(controller).__name__
-        raise ControllerError(f"controller {name} failed in reset(): {_one_line(error)}") from error
-
-
-def plan(controller: Controller, scan: LaserScan, odometry: Odometry) -> DriveCommand:
-    """Return the controller's answer to a scan.
-
-    Raises:
-      ControllerError: it raises, or answers something else than a DriveCommand.
-    """
-    try:
-        command = controller(scan, odometry)
-    except (Exception, SystemExit) as error:
-        name = type(controller).__name__
-        raise ControllerError(f"controller {name} failed at t = {scan.stamp:.3f} s: {_one_line(error)}") from error
-    if not isinstance(command, DriveCommand):
-        name = type(controller).__name__
-        raise ControllerError(
-            f"controller {name} answered {_short(command)} at t = {scan.stamp:.3f} s; accepted: a DriveCommand"
-        )
-    return command
 
 
 def _settings(factory: Any, changes: Mapping[str, Any], origin: str, *, taken: bool) -> Any:
@@ -146,12 +115,12 @@ def _settings(factory: Any, changes: Mapping[str, Any], origin: str, *, taken: b
             raise ControllerError(f"{origin} has no setting {name!r}; accepted: {', '.join(defaults)}")
         accepted = _like(defaults[name], value)
         if accepted:
-            raise ControllerError(f"{origin}: setting {name} is {_short(value)}; accepted: {accepted}")
+            raise ControllerError(f"{origin}: setting {name} is {short(value)}; accepted: {accepted}")
     try:
         return kind(**changes)
     except (Exception, SystemExit) as error:
         given = ", ".join(f"{name}={value!r}" for name, value in changes.items())
-        raise ControllerError(f"{origin} cannot have settings {_short_text(given)}: {_one_line(error)}") from error
+        raise ControllerError(f"{origin} cannot have settings {short_text(given)}: {one_line(error)}") from error
 
 
 def _like(default: Any, value: Any) -> str:
@@ -198,7 +167,7 @@ def _import_file(path: Path, origin: str) -> ModuleType:
         # not by the import system: its cache takes a file that was edited within a second for the old one
         exec(compile(path.read_bytes(), str(path), "exec"), module.__dict__)
     except (Exception, SystemExit) as error:
-        raise ControllerError(f"{origin} does not import: {_one_line(error)}") from error
+        raise ControllerError(f"{origin} does not import: {one_line(error)}") from error
     return module
 
 
@@ -208,16 +177,3 @@ def _checked(controller: Any, origin: str) -> Controller:
     if not callable(controller) or not callable(getattr(controller, "reset", None)):
         raise ControllerError(f"{origin} is no controller; accepted: one with __call__(scan, odometry) and reset()")
     return controller  # type: ignore[no-any-return]
-
-
-def _one_line(error: BaseException) -> str:
-    return f"{type(error).__name__}: {' '.join(str(error).split())}"
-
-
-def _short(value: object) -> str:
-    return _short_text(repr(value))
-
-
-def _short_text(text: str) -> str:
-    text = " ".join(text.split())
-    return text if len(text) <= 60 else text[:57] + "..."

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from ..course.course import USUAL_LAPS, laps_to_drive
 from ..course.formats import load_track
 from ..course.obstacles import Obstacle
 from ..course.random_obstacles import random_boxes
@@ -24,16 +25,16 @@ from ..course.track import Track
 from ..errors import SettingsError
 from ..lidar.effects import LidarEffects
 from ..messages import Controller, require
-from ..simulation.planner_adapter import ArrayPilot, MessagePilot, make_pilot
-from ..simulation.race_rules import END_REASONS, USUAL_LAPS, laps_to_drive
+from ..simulation.planner_adapter import ArrayPilot, MessagePilot, make_pilot, start
+from ..simulation.scenario import Start
 from ..simulation.simulation import Simulation
-from ..simulation.termination import Referee
+from ..simulation.telemetry import tally_figures
+from ..simulation.termination import END_REASONS, Referee
 from ..simulation.world import World
 from ..vehicle.changes import CarChanges
 from ..vehicle.vehicle import nominal_mu
-from .planner_loading import make_controller, start
-from .result import RaceLog, RaceResult, tally_figures, trajectory_sha256
-from .scenario import Start
+from .planner_loading import make_controller
+from .result import RaceLog, RaceResult, trajectory_sha256
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,7 +21,7 @@ import json
 import math
 import platform
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from importlib.metadata import version
@@ -36,9 +36,9 @@ from ..errors import FgMujocoError, RunFolderError
 from ..lidar.lidar import make_lidar
 from ..messages import FloatArray
 from ..simulation.simulation import STATE, complete_state, hold_controls, whole_steps
+from ..simulation.telemetry import TELEMETRY
 from ..simulation.world import LIDAR_PREFIX
-from ..viz.plots import require_matplotlib, trace_picture
-from .result import TELEMETRY, RaceResult, trajectory_sha256
+from .result import RaceResult, trajectory_sha256
 
 SCHEMA = 1
 """Of the run folder; a reader refuses any other."""
@@ -102,30 +102,31 @@ def check_run_folder(folder: str | Path) -> None:
 
 
 def write_run(
-    result: RaceResult, folder: str | Path, *, picture: bool = True, settings: Mapping[str, Any] | None = None
+    result: RaceResult,
+    folder: str | Path,
+    *,
+    draw: Callable[[RaceResult, Path], None] | None = None,
+    settings: Mapping[str, Any] | None = None,
 ) -> Path:
     """Write a run folder and return its path. A failure leaves nothing behind.
 
     Args:
       result: of the race.
       folder: new or empty.
-      picture: with trace.png.
+      draw: draws trace.png; None: without a picture. `fg_mujoco.write_run` has one.
       settings: options of the command line that drive this race again; `race --config DIR` needs them.
 
     Raises:
       RunFolderError: the folder is a file, is not empty, or cannot be written.
-      MissingExtraError: a picture is wanted, and matplotlib is not installed.
     """
     folder = Path(folder)
-    if picture:
-        require_matplotlib()
     with _reserved(folder, keep=True) as staging:
         (staging / _SCENE).write_text(result.world.xml, encoding="utf-8")
         time = result.states[:, 0]  # mjSTATE_TIME comes first in a state
         np.savez_compressed(staging / _STATES, time=time, state=result.states, ctrl=result.ctrl)
         _write_telemetry(result.telemetry, staging / _TELEMETRY)
-        if picture:
-            trace_picture(result, staging / _TRACE)
+        if draw is not None:
+            draw(result, staging / _TRACE)
         (staging / _SUMMARY).write_text(summary_json(result, settings) + "\n", encoding="utf-8")
         for name in _FILES:
             if (staging / name).exists():

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from ..errors import BagError, SettingsError
 from ..messages import Controller, DriveCommand
-from ..racing.planner_loading import plan, start
+from ..simulation.planner_adapter import plan, start
 from .bag_messages import drive_message
 from .bag_reader import Delivery
 from .bag_writer import BagWriter

@@ -11,10 +11,10 @@ from ..kernels import kernel
 from ..lidar.body_poses import Mount, mounted_pose
 from ..lidar.scanline import Fan, Scratch, scan
 from ..messages import FloatArray
-from ..racing.result import begin_row, tally_tick
 from ..vehicle.motion import drive, read_odometry
 from ..vehicle.tire_slip import measure_slip
 from .simulation import any_touch
+from .telemetry import begin_row, tally_tick
 
 Mask = NDArray[np.bool_]
 Rows = NDArray[np.void]

@@ -11,8 +11,7 @@ import math
 import numpy as np
 
 from ..errors import ControllerError
-from ..messages import ODOMETRY, Controller, ControllerBatch, LaserScan, Odometry
-from ..racing.planner_loading import plan
+from ..messages import ODOMETRY, Controller, ControllerBatch, DriveCommand, LaserScan, Odometry
 from ..vehicle.motion import read_odometry
 from .simulation import Simulation
 
@@ -93,3 +92,51 @@ def make_pilot(
     if batch is None or simulation.has_effects:
         return MessagePilot(planner, simulation, sensed)
     return ArrayPilot(batch([planner]), simulation)
+
+
+def start(controller: Controller) -> None:
+    """Reset the controller for a new race.
+
+    Raises:
+      ControllerError: its `reset` raises.
+    """
+    try:
+        controller.reset()
+    except (Exception, SystemExit) as error:
+        name = type(controller).__name__
+        raise ControllerError(f"controller {name} failed in reset(): {one_line(error)}") from error
+
+
+def plan(controller: Controller, scan: LaserScan, odometry: Odometry) -> DriveCommand:
+    """Return the controller's answer to a scan.
+
+    Raises:
+      ControllerError: it raises, or answers something else than a DriveCommand.
+    """
+    try:
+        command = controller(scan, odometry)
+    except (Exception, SystemExit) as error:
+        name = type(controller).__name__
+        raise ControllerError(f"controller {name} failed at t = {scan.stamp:.3f} s: {one_line(error)}") from error
+    if not isinstance(command, DriveCommand):
+        name = type(controller).__name__
+        raise ControllerError(
+            f"controller {name} answered {short(command)} at t = {scan.stamp:.3f} s; accepted: a DriveCommand"
+        )
+    return command
+
+
+def one_line(error: BaseException) -> str:
+    """Return the kind and the message of an error in one line."""
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"
+
+
+def short(value: object) -> str:
+    """Return how Python writes a value, cut to 60 characters."""
+    return short_text(repr(value))
+
+
+def short_text(text: str) -> str:
+    """Return a text in one line, cut to 60 characters."""
+    text = " ".join(text.split())
+    return text if len(text) <= 60 else text[:57] + "..."

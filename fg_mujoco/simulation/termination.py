@@ -12,9 +12,17 @@ from ..course.lap_timer import first_seen, fresh_timers, time_lap
 from ..kernels import kernel
 from ..messages import FloatArray
 from ..vehicle.motion import CarArray, planar_pose
-from .race_rules import STANDING_SPEED, end_reason
 
 Mask = NDArray[np.bool_]
+
+NO_PROGRESS_LIMIT = 10.0  # [s] a race ends when the car has not come further for this long
+STANDING_SPEED = 0.05  # [m/s] a car slower than this stands still, where the goal is to stop
+
+END_REASONS = ("", "unstable", "crash", "finished", "no_progress", "time_limit", "interrupted", "failed")
+"""By number; the first is that of a race that goes on. "unstable": MuJoCo warned of a bad state. "failed": in a batch,
+the planner or the engine raised, which in a race of one car is an exception."""
+
+_UNSTABLE, _CRASH, _FINISHED, _NO_PROGRESS, _TIME_LIMIT = range(1, 6)
 
 
 class Referee:
@@ -110,3 +118,30 @@ def judge_worlds(
             )  # fmt: skip
             reasons[i] = reason
             running[i] = reason == 0
+
+
+@kernel
+def end_reason(
+    unstable: bool,
+    crashed: bool,
+    laps_completed: int,
+    laps: int,
+    time: float,
+    last_progress_time: float,
+    last_time: float,
+) -> int:
+    """Return the number in END_REASONS of why a race is over, 0 while it goes on.
+
+    `last_time` [s] is half a tick before the time limit, because times are sums of many ticks.
+    """
+    if unstable:
+        return _UNSTABLE
+    if crashed:
+        return _CRASH
+    if laps_completed >= laps:
+        return _FINISHED
+    if time - last_progress_time >= NO_PROGRESS_LIMIT:
+        return _NO_PROGRESS
+    if time >= last_time:
+        return _TIME_LIMIT
+    return 0

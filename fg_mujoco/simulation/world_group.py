@@ -23,16 +23,16 @@ from ..errors import ControllerError
 from ..lidar.effects import LidarEffects, ScanPipeline
 from ..lidar.lidar import Beams, RaycastLidar
 from ..messages import ODOMETRY, Controller, ControllerBatch, FloatArray, LaserScan, MapLine, Odometry
-from ..racing.planner_loading import build_controller, find_controller, plan, start
-from ..racing.result import TALLY, TELEMETRY
-from ..racing.scenario import Scenario
+from ..racing.planner_loading import build_controller, find_controller
 from ..vehicle.changes import CarChanges, change_worlds, six_digits
 from ..vehicle.tire_slip import TireSlipMeter
 from ..vehicle.vehicle import Car, nominal_mu
 from .batch_kernels import book_worlds, command_worlds, not_finite, sense_worlds
-from .race_rules import END_REASONS
+from .planner_adapter import plan, start
+from .scenario import Scenario
 from .simulation import BAD_STATE, STATE, whole_steps
-from .termination import Referee
+from .telemetry import TALLY, TELEMETRY
+from .termination import END_REASONS, Referee
 from .world import CAR_PREFIX, World
 
 _FAILED, _INTERRUPTED = END_REASONS.index("failed"), END_REASONS.index("interrupted")

@@ -7,6 +7,7 @@ trace_picture(race("oval"), "trace.png")
 from __future__ import annotations
 
 import importlib.util
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -17,7 +18,9 @@ from ..course.scene import Scene
 from ..course.track import Track
 from ..errors import MissingExtraError
 from ..messages import FloatArray
-from ..racing.result import TELEMETRY, RaceResult
+from ..racing import run_folder
+from ..racing.result import RaceResult
+from ..simulation.telemetry import TELEMETRY
 from ..vehicle.tire_slip import SLIDING_SPEED
 from ..vehicle.vehicle import WHEELS
 from .course_drawing import describe_course, draw_course, draw_line, draw_obstacles, extent
@@ -187,3 +190,23 @@ def _map_height(track: Track | Scene) -> float:
 
 def _save(figure: Figure, path: str | Path | BinaryIO) -> None:
     figure.savefig(path, format="png", dpi=_DPI, metadata={"Software": None})  # the same race, the same file
+
+
+def write_run(
+    result: RaceResult, folder: str | Path, *, picture: bool = True, settings: Mapping[str, Any] | None = None
+) -> Path:
+    """Write a run folder, with its picture, and return its path. A failure leaves nothing behind.
+
+    Args:
+      result: of the race.
+      folder: new or empty.
+      picture: with trace.png.
+      settings: options of the command line that drive this race again; `race --config DIR` needs them.
+
+    Raises:
+      RunFolderError: the folder is a file, is not empty, or cannot be written.
+      MissingExtraError: a picture is wanted, and matplotlib is not installed.
+    """
+    if picture:
+        require_matplotlib()
+    return run_folder.write_run(result, folder, draw=trace_picture if picture else None, settings=settings)

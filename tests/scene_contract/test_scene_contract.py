@@ -10,7 +10,7 @@ import pytest
 from scene_search import Clearances, disc_gets_through, ray_distances
 
 import fg_mujoco as fg
-from fg_mujoco.simulation.race_rules import SLOWEST_RACE
+from fg_mujoco.course.course import SLOWEST_RACE
 
 CELL = 0.025
 SEEDS = (0, 1, 2)

@@ -22,7 +22,7 @@ import numpy as np
 
 from ...errors import TrackError
 from ...messages import FloatArray, read_only
-from ...simulation.race_rules import default_time_limit
+from ..course import default_time_limit
 from ..obstacles import Prism
 from ..polyline import enclosed_area, resample, smooth, step_lengths, steps, subdivide
 from ..scene import BEHIND, BEYOND, Scene

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ...simulation.race_rules import SLOWEST_RACE
+from ..course import SLOWEST_RACE
 from ..scene import Scene
 from .corridors import BEHIND, BEYOND, WAY_BEHIND, WIDTH
 from .parts import corridor, mirrored, rounded_way, walls_round

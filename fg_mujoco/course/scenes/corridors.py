@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...simulation.race_rules import SLOWEST_RACE
+from ..course import SLOWEST_RACE
 from ..moving_obstacles import MovingObstacle
 from ..obstacles import Box, Obstacle
 from ..scene import Scene

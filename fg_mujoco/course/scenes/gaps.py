@@ -8,7 +8,7 @@ import numpy as np
 
 from ...errors import TrackError
 from ...messages import FloatArray
-from ...simulation.race_rules import SLOWEST_RACE
+from ..course import SLOWEST_RACE
 from ..obstacles import Box, Cylinder
 from ..scene import Scene
 from .corridors import BEHIND, BEYOND, WAY_BEHIND, WIDTH, straight

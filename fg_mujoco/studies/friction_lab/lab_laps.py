@@ -20,12 +20,12 @@ import numpy as np
 
 from ...course.track import Track
 from ...messages import FloatArray, LaserScan, Odometry
-from ...racing.planner_loading import make_controller, start
-from ...racing.result import TELEMETRY, RaceLog, tally_figures, trajectory_sha256
-from ...simulation.planner_adapter import make_pilot
-from ...simulation.race_rules import END_REASONS
+from ...racing.planner_loading import make_controller
+from ...racing.result import RaceLog, trajectory_sha256
+from ...simulation.planner_adapter import make_pilot, start
 from ...simulation.simulation import Simulation
-from ...simulation.termination import Referee
+from ...simulation.telemetry import TELEMETRY, tally_figures
+from ...simulation.termination import END_REASONS, Referee
 from ...simulation.world import CAR_PREFIX, World
 from ...vehicle.friction_patches import Patch, PatchedFloor, add_patches
 from ...vehicle.vehicle import Car, nominal_mu

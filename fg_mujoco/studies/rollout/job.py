@@ -21,18 +21,19 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ...course.course import default_time_limit
 from ...course.formats import load_track, require_track
 from ...course.random_obstacles import ObstacleSites
 from ...course.track import Track
 from ...errors import ControllerError, SettingsError
 from ...racing.planner_loading import build_controller, find_controller
-from ...racing.result import TELEMETRY
-from ...racing.scenario import Scenario
-from ...simulation.race_rules import default_time_limit
+from ...simulation.scenario import Scenario
 from ...simulation.simulation import STATE
+from ...simulation.telemetry import TELEMETRY
 from ...vehicle.changes import CarChanges, change_spec, plain_car
 from ...vehicle.vehicle import car_parameters, car_spec, nominal_mu
-from .randomization import Randomization, Value
+from ...racing.planner_choice import Value
+from .randomization import Randomization
 from .world_batch import RECORDS, RESULT, WorldResults, drive_worlds
 
 TICK = 0.025  # [s] a period of the LiDAR, for estimates of what a rollout will take and has done

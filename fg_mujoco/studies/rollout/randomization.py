@@ -11,7 +11,6 @@ randomised parameter never changes what another is.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -24,11 +23,10 @@ from ...course.random_obstacles import ObstacleSites
 from ...course.track import Track
 from ...errors import SettingsError
 from ...lidar.effects import LidarEffects
-from ...racing.scenario import Scenario, Start
+from ...racing.planner_choice import Value, read_value
+from ...simulation.scenario import Scenario, Start
 from ...vehicle.changes import CarChanges, change_spec
 from ...vehicle.vehicle import car_spec
-
-Value = float | int | bool | str
 
 PARAMETERS = {
     "mu": (CarChanges, "mu"),
@@ -54,8 +52,6 @@ PLANNER = "planner."
 
 _OBSTACLES = "obstacles"
 _MOST_OBSTACLES = 1000
-_WORD = re.compile(r"[A-Za-z_./][\w./-]*")  # and paths
-_WORDS: dict[str, Value] = {"true": True, "false": False, "off": math.inf, "inf": math.inf}
 
 
 @dataclass(frozen=True)
@@ -133,11 +129,11 @@ def as_range(value: Any) -> Range:
         return value
     if isinstance(value, str):
         ends = value.split(":")
-        return Uniform(*map(_number, ends)) if len(ends) == 2 else Choice(tuple(map(_value, value.split("|"))))
+        return Uniform(*map(_number, ends)) if len(ends) == 2 else Choice(tuple(map(read_value, value.split("|"))))
     if isinstance(value, tuple) and len(value) == 2:
         return Uniform(*map(_plain, value))
     if isinstance(value, (Sequence, np.ndarray)):
-        return Choice(tuple(_value(v) if isinstance(v, str) else _plain(v) for v in value))
+        return Choice(tuple(read_value(v) if isinstance(v, str) else _plain(v) for v in value))
     return Choice((_plain(value),))
 
 
@@ -180,7 +176,7 @@ class Randomization:
         for name, values in self.ranges.items():
             for value in values.extremes:
                 try:
-                    _check_value(name, value)
+                    _checkread_value(name, value)
                 except SettingsError as error:
                     raise SettingsError(f"randomize {name}={values}: {error}") from error
 
@@ -259,7 +255,7 @@ def _generator(seed: int, name: str) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(crc32(name.encode()),)))
 
 
-def _check_value(name: str, value: Value) -> None:
+def _checkread_value(name: str, value: Value) -> None:
     """Raise SettingsError where a parameter cannot have a value. What the planner's settings can have, it says."""
     if name in PARAMETERS and name != _OBSTACLES:
         owner, field = PARAMETERS[name]
@@ -301,16 +297,3 @@ def _number(text: str) -> float:
         return float(text)
     except ValueError:
         raise SettingsError(f"{text.strip()!r}; accepted: a number, as in LOW:HIGH") from None
-
-
-def _value(text: str) -> Value:
-    """Return the number, the truth value or the word that a text is."""
-    text = text.strip()
-    for read in (int, float):
-        try:
-            return _WORDS[text] if text in _WORDS else read(text)
-        except ValueError:
-            continue
-    if not _WORD.fullmatch(text):
-        raise SettingsError(f"{text!r}; accepted: LOW:HIGH, or values A|B|C that are numbers, true, false or words")
-    return text

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...course.track import Track
 from ...errors import SettingsError
 from ...messages import FloatArray
-from ...racing.scenario import Scenario
+from ...simulation.scenario import Scenario
 from .job import Arrays, RolloutJob
 from .randomization import Randomization
 from .store import ChunkStore, FolderStore, blame

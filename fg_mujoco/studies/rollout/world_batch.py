@@ -19,14 +19,15 @@ from threading import Lock
 import numpy as np
 from numpy.typing import NDArray
 
+from ...course.course import laps_to_drive
 from ...course.obstacles import Obstacle
 from ...course.scene import Scene
 from ...course.track import Track
 from ...errors import SettingsError
 from ...messages import FloatArray
-from ...racing.result import tally_figures
-from ...racing.scenario import Scenario
-from ...simulation.race_rules import END_REASONS, laps_to_drive
+from ...simulation.scenario import Scenario
+from ...simulation.telemetry import tally_figures
+from ...simulation.termination import END_REASONS
 from ...simulation.world import World
 from ...simulation.world_group import WorldGroup
 from ...vehicle.changes import CarChanges

@@ -26,7 +26,8 @@ from ...course.random_obstacles import random_boxes
 from ...errors import FgMujocoError, SettingsError
 from ...messages import DriveCommand, FloatArray, LaserScan, Odometry
 from ...racing.planner_choice import ControllerChoice
-from ...racing.planner_loading import make_controller, plan, start
+from ...racing.planner_loading import make_controller
+from ...simulation.planner_adapter import plan, start
 from ...simulation.simulation import STATE, Simulation
 from ...simulation.world import LIDAR_PREFIX, World
 from ...vehicle.vehicle import nominal_mu

@@ -18,9 +18,10 @@ import numpy as np
 from ...course.moving_obstacles import make_mover
 from ...errors import RunFolderError, SettingsError
 from ...messages import FloatArray
-from ...racing.result import TELEMETRY, RaceResult
+from ...racing.result import RaceResult
 from ...racing.run_folder import Run, read_run
 from ...simulation.simulation import STATE
+from ...simulation.telemetry import TELEMETRY
 from .renderer import Renderer, track_start
 
 

@@ -23,7 +23,8 @@ from ...errors import FgMujocoError, TrackError
 from ...lidar.effects import LidarEffects, ScanPipeline
 from ...lidar.lidar import make_lidar
 from ...messages import FloatArray, LaserScan
-from ...racing.planner_loading import make_controller, start
+from ...racing.planner_loading import make_controller
+from ...simulation.planner_adapter import start
 from ...simulation.simulation import STATE, hold_controls, whole_steps
 from ...simulation.world import CAR_PREFIX, LIDAR_PREFIX
 from ...vehicle.vehicle import Car

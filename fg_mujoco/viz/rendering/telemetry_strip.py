@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...errors import MissingExtraError
 from ...messages import CarParameters
-from ...racing.result import TELEMETRY
+from ...simulation.telemetry import TELEMETRY
 from ...vehicle.tire_slip import SLIDING_SPEED
 from ...vehicle.vehicle import WHEELS
 from .colours import STAGES, friction_colour

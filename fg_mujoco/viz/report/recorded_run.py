@@ -12,8 +12,9 @@ import mujoco
 
 from ...errors import ModelError, RunFolderError
 from ...messages import CarParameters, FloatArray
-from ...racing.result import TELEMETRY, RaceResult
+from ...racing.result import RaceResult
 from ...racing.run_folder import Run, read_run, summary_json
+from ...simulation.telemetry import TELEMETRY
 from ...simulation.world import CAR_PREFIX
 from ...vehicle.vehicle import car_parameters
 

@@ -19,15 +19,15 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..cli.options import number, number_or_off, whole
 from ..course.formats import load_track
 from ..errors import FgMujocoError, RunFolderError, SettingsError
 from ..lidar.effects import LidarEffects
 from ..lidar.lidar import LIDAR_BACKENDS
-from .planner_choice import ControllerChoice
-from .planner_loading import find_controller
-from .race import RaceSettings
-from .run_folder import read_summary
+from ..racing.planner_choice import ControllerChoice
+from ..racing.planner_loading import find_controller
+from ..racing.race import RaceSettings
+from ..racing.run_folder import read_summary
+from .options import number, number_or_off, whole
 
 if sys.version_info >= (3, 11):
     import tomllib

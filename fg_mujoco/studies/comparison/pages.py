@@ -24,14 +24,14 @@ from typing import Any
 
 from ...errors import FgMujocoError, RunFolderError
 from ...racing.planner_choice import ControllerChoice
-from ...studies.comparison.ground import course_sha256
-from ...studies.comparison.run import ComparisonSettings, Run, RunKey, RunRow
-from ...studies.comparison.store import ComparisonFolder
-from ...studies.comparison.tables import Cell, course_title, make_cells
-from ...studies.rollout.store import blame
-from .page import LIBRARY, library, page_frame, write_page, write_report
-from .plot_style import require_bokeh
-from .sections import table
+from ...viz.report.page import LIBRARY, library, page_frame, write_page, write_report
+from ...viz.report.plot_style import require_bokeh
+from ...viz.report.sections import table
+from ..rollout.store import blame
+from .ground import course_sha256
+from .run import ComparisonSettings, Run, RunKey, RunRow
+from .store import ComparisonFolder
+from .tables import Cell, course_title, make_cells
 
 _FOLDER, _MANIFEST, _RUNS = "report", "manifest.json", "runs.jsonl"
 _ACCEPTED = "a folder that `compare --out` wrote"
