@@ -7,7 +7,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from fg_mujoco.lidar.lidar import Beams, lidar_spec
+from fg_mujoco.lidar.beams import Beams
+from fg_mujoco.lidar.lidar import lidar_spec
 
 GEOM = mujoco.mjtGeom
 RIG = "rig"

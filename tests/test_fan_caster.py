@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import mujoco
@@ -27,14 +28,15 @@ from lidar_worlds import (
 )
 
 from fg_mujoco.lidar import lidar as lidar_module
+from fg_mujoco.lidar.beams import Beams, LidarModel
 from fg_mujoco.lidar.body_poses import mounted_pose
 from fg_mujoco.lidar.clusters import BLOCK_TRIANGLES, make_blocks
-from fg_mujoco.lidar.lidar import Beams, RaycastLidar, lidar_spec, load_beams
+from fg_mujoco.lidar.lidar import RaycastLidar, lidar_spec
 from fg_mujoco.lidar.scanline import FanScene, scan, scan_worlds
 from fg_mujoco.lidar.visible_surfaces import is_fan
 from fg_mujoco.simulation.world import World
 
-INCREMENT = load_beams().angle_increment
+INCREMENT = LidarModel.load().beams.angle_increment
 
 
 def scanner(spec: Any) -> Any:
@@ -116,7 +118,7 @@ def fan_of(bearings: Any) -> Beams:
     directions = np.column_stack((np.cos(bearings), np.sin(bearings), 0.0 * bearings))
     steps = np.diff(bearings)
     return replace(
-        load_beams(),
+        LidarModel.load().beams,
         directions=directions,
         origins=0.0 * directions,
         bearings=bearings,
@@ -221,7 +223,7 @@ def test_on_the_ground_the_beams_that_point_down_read_closer_than_range_min(pitc
 def test_no_beam_leaks_through_a_vertex_or_along_a_row_of_them(diagonals: int, height: float) -> None:
     """A ring of three rows of vertices, each straight ahead of a beam; two of the heights are those of a row."""
     count, radius = 1440, 10.0
-    around = radius * np.exp(1j * (load_beams().bearings[0] + np.arange(count) * INCREMENT))
+    around = radius * np.exp(1j * (LidarModel.load().beams.bearings[0] + np.arange(count) * INCREMENT))
     rows = [np.column_stack((around.real, around.imag, np.full(count, z))) for z in (0.0, 0.1, 0.2, 0.3)]
     index, following = np.arange(count), (np.arange(count) + 1) % count
     faces = []
@@ -474,7 +476,7 @@ def test_lidar_on_a_hinge_is_followed_by_mj_kinematics() -> None:
 
 
 def no_fans() -> dict[str, Beams]:
-    beams = load_beams()
+    beams = LidarModel.load().beams
     up = beams.directions + np.array([0.0, 0.0, 0.1])
     ring = 0.05 * np.column_stack((np.cos(beams.bearings), np.sin(beams.bearings), 0.0 * beams.bearings))
     return {
@@ -487,7 +489,7 @@ def no_fans() -> dict[str, Beams]:
 def test_beams_that_are_no_fan_are_cast_one_by_one(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     beams = no_fans()[kind]
     assert not is_fan(beams)
-    monkeypatch.setattr(lidar_module, "load_beams", lambda: beams)
+    monkeypatch.setattr(lidar_module, "lidar_of", lambda *model: SimpleNamespace(beams=beams))
     model, data, lidar = scanner(random_spec(np.random.default_rng(2)))
     place(model, data, (1.0, 0.5, 0.2), pitch=0.05, yaw=1.0)
     origins = data.body(PREFIX + "hokuyo").xpos + beams.origins @ data.body(PREFIX + "hokuyo").xmat.reshape(3, 3).T
@@ -505,7 +507,7 @@ def test_beams_that_are_no_fan_are_cast_one_by_one(kind: str, monkeypatch: pytes
 
 def test_beams_that_are_not_evenly_spaced_are_no_fan() -> None:
     assert not is_fan(fan_of(np.array([-1.0, 0.0, 0.5])))
-    assert is_fan(load_beams())
+    assert is_fan(LidarModel.load().beams)
 
 
 def test_embree_builds_nothing_before_it_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:

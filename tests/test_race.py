@@ -15,8 +15,8 @@ import fg_mujoco as fg
 from fg_mujoco.course.lap_timer import fresh_timers
 from fg_mujoco.racing.race import RaceSettings
 from fg_mujoco.racing.result import RaceLog
+from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
-from fg_mujoco.vehicle.vehicle import WHEELS
 
 race_module = importlib.import_module("fg_mujoco.racing.race")  # fg_mujoco.racing.race is the function
 TICK = 0.025

@@ -8,7 +8,7 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.simulation.simulation import STATE, whole_steps
-from fg_mujoco.vehicle.vehicle import WHEELS
+from fg_mujoco.vehicle.car import WHEELS
 
 GENTLE = fg.DriveCommand(steering_angle=0.03, speed=2.0)
 

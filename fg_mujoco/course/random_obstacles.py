@@ -13,8 +13,7 @@ import numpy as np
 
 from ..errors import SettingsError
 from ..messages import FloatArray
-from ..vehicle.changes import plain_car
-from ..vehicle.vehicle import car_parameters
+from ..vehicle.vehicle import Vehicle
 from .obstacles import Box
 from .polyline import turns
 from .scene import Scene
@@ -128,4 +127,4 @@ def _turned(track: Track, s: FloatArray) -> FloatArray:
 
 @lru_cache(maxsize=1)
 def _car_width() -> float:
-    return car_parameters(plain_car()).width
+    return Vehicle.load().parameters.width

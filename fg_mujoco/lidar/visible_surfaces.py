@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..messages import FloatArray
+from .beams import Beams
 from .clusters import make_blocks
 from .surfaces import Plane, visible_surfaces
-
-if TYPE_CHECKING:
-    from .lidar import Beams
 
 BINS = 64  # of distance, into which a scan sorts the blocks
 NO_END = 1e300  # [m] half-size of a plane without end

@@ -21,7 +21,7 @@ from ..lidar.lidar import Lidar, make_lidar
 from ..messages import DriveCommand, FloatArray, LaserScan, Odometry
 from ..simulation.simulation import STATE, complete_state, hold_controls, whole_steps
 from ..simulation.world import CAR_PREFIX, LIDAR_PREFIX
-from ..vehicle.vehicle import Car
+from ..vehicle.car import Car
 from .run_folder import Run
 
 

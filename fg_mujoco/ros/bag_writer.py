@@ -33,7 +33,7 @@ from ..errors import BagError
 from ..racing.resimulation import load_scene, sensed
 from ..racing.run_folder import read_run
 from ..simulation.world import CAR_PREFIX
-from ..vehicle.vehicle import car_parameters, element_id
+from ..vehicle.car import car_parameters, element_id
 from .bag_messages import (
     BASE_FRAME,
     DRIVE,

@@ -21,8 +21,8 @@ from ..kernels import kernel
 from ..lidar.effects import LidarEffects, ScanPipeline
 from ..messages import DriveCommand, FloatArray, LaserScan, Odometry
 from ..vehicle import motion as car_motion
+from ..vehicle.car import WHEELS
 from ..vehicle.tire_slip import TireSlip, TireSlipMeter, measure_slip
-from ..vehicle.vehicle import WHEELS
 from .world import World
 
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION

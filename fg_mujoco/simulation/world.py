@@ -7,6 +7,7 @@ starts from the same bits.
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -20,12 +21,13 @@ from ..course.scene import Scene
 from ..course.track import Track
 from ..course.track_mesh import WALL_HEIGHT, wall_prisms, wall_surface
 from ..errors import SettingsError
-from ..lidar.lidar import LIDAR_BACKENDS, Lidar, lidar_spec, make_lidar
+from ..lidar.lidar import LIDAR_BACKENDS, Lidar, make_lidar
 from ..messages import CarParameters, FloatArray
-from ..vehicle.changes import CarChanges, change_spec
-from ..vehicle.vehicle import Car, car_parameters, car_spec
+from ..vehicle.car import Car
+from ..vehicle.changes import CarChanges
+from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 
-_WALL_CONTYPE = 2  # contact roles are those of models/f1tenth.xml: the chassis meets walls and obstacles
+_WALL_CONTYPE = 2  # contact roles are those of the vehicles' MJCF: the chassis meets walls and obstacles
 _COLLISION_GROUP = 3  # viewers hide it, as the car's own collision geoms
 _WALL_COLOUR = (0.86, 0.84, 0.80, 1.0)
 _OBSTACLE_COLOUR = (0.85, 0.45, 0.15, 1.0)
@@ -43,13 +45,15 @@ class World:
 
     Args:
       track: a Track, a Scene, or what `load_track` makes one of.
-      mu: friction coefficient of the tires; None is the car model's own.
+      vehicle: a bundled name, the path of a vehicle's MJCF, or a Vehicle.
+      mu: friction coefficient of the tires; None: as in the vehicle's MJCF.
       lidar: back end of the LiDAR, "raycast" or "rangefinder".
       obstacles: what stands on the track, besides what a scene has.
-      changes: what else differs from the car of models/f1tenth.xml.
+      changes: what else differs from the vehicle's MJCF.
 
     Attributes:
       track: the Track or Scene.
+      vehicle: the Vehicle, without the changes.
       obstacles: all that stands there and the chassis can hit, but for the walls of a track: of a scene its walls too.
       moving: the moving obstacles, as they are in `model`.
       xml: the MJCF text that `model` was compiled from.
@@ -58,25 +62,26 @@ class World:
 
     Raises:
       TrackError: a track that cannot be read, or is narrower than the car.
-      SettingsError: a friction that is not positive, or an unknown LiDAR back end.
+      SettingsError: a friction that is not positive, or not that of `changes`; an unknown vehicle or LiDAR back end.
+      ModelError: an MJCF that is not that of a vehicle.
     """
 
     def __init__(
         self,
         track: Track | Scene | str,
+        vehicle: Vehicle | str | Path = DEFAULT_VEHICLE,
         *,
         mu: float | None = None,
         lidar: str = "raycast",
         obstacles: tuple[Obstacle, ...] = (),
         changes: CarChanges | None = None,
     ) -> None:
-        car = car_spec(mu)
-        change_spec(car, changes or CarChanges())
-        self.track = load_track(track, minimum_width=car_parameters(car.compile()).width)
+        self.vehicle = Vehicle.load(vehicle)
+        self.track = load_track(track, minimum_width=self.vehicle.parameters.width)
         self.lidar_backend = lidar
         scene = self.track if isinstance(self.track, Scene) else None
         self.obstacles = (scene.walls + scene.obstacles if scene else ()) + tuple(obstacles)
-        self.xml = _compose(self.track, car, lidar, obstacles).to_xml()
+        self.xml = _compose(self.track, self.vehicle, mu, changes, lidar, obstacles).to_xml()
         self.model = mujoco.MjModel.from_xml_string(self.xml)
         self.moving = moving_obstacles(self.model)
         self.car = Car(self.model, CAR_PREFIX)
@@ -91,10 +96,18 @@ class World:
         return make_lidar(self.lidar_backend, self.model, LIDAR_PREFIX)
 
 
-def _compose(track: Track | Scene, car: Any, lidar: str, obstacles: tuple[Obstacle, ...]) -> Any:
+def _compose(
+    track: Track | Scene,
+    vehicle: Vehicle,
+    mu: float | None,
+    changes: CarChanges | None,
+    lidar: str,
+    obstacles: tuple[Obstacle, ...],
+) -> Any:
     """Return the spec of the whole world: walls, obstacles, and the car with its ground and its LiDAR."""
     if lidar not in LIDAR_BACKENDS:
         raise SettingsError(f"LiDAR back end {lidar!r}; accepted: {', '.join(LIDAR_BACKENDS)}")
+    car = vehicle.spec(mu, changes)
     spec = mujoco.MjSpec()
     spec.modelname = f"fg_mujoco {track.name}"
     spec.option, spec.memory = car.option, car.memory  # the engine settings that the car was validated with
@@ -110,7 +123,7 @@ def _compose(track: Track | Scene, car: Any, lidar: str, obstacles: tuple[Obstac
         _add_walls(spec, track)
     for index, obstacle in enumerate(obstacles):
         _add_hull(spec, f"obstacle_{index}", _prism(obstacle), _OBSTACLE_COLOUR)
-    car.attach(lidar_spec(sensors=lidar == "rangefinder"), site=car.site("lidar_mount"), prefix=_LIDAR_IN_CAR)
+    car.attach(vehicle.lidar.spec(sensors=lidar == "rangefinder"), site=car.site("lidar_mount"), prefix=_LIDAR_IN_CAR)
     spec.attach(car, frame=spec.worldbody.add_frame(), prefix=CAR_PREFIX)
     return spec
 

@@ -20,13 +20,14 @@ from numpy.typing import NDArray
 
 from ..course.moving_obstacles import make_mover
 from ..errors import ControllerError
+from ..lidar.beams import Beams
 from ..lidar.effects import LidarEffects, ScanPipeline
-from ..lidar.lidar import Beams, RaycastLidar
+from ..lidar.lidar import RaycastLidar
 from ..messages import ODOMETRY, Controller, ControllerBatch, FloatArray, LaserScan, MapLine, Odometry
 from ..racing.planner_loading import build_controller, find_controller
+from ..vehicle.car import Car
 from ..vehicle.changes import CarChanges, change_worlds, six_digits
 from ..vehicle.tire_slip import TireSlipMeter
-from ..vehicle.vehicle import Car, nominal_mu
 from .batch_kernels import book_worlds, command_worlds, not_finite, sense_worlds
 from .planner_adapter import plan, start
 from .scenario import Scenario
@@ -70,7 +71,7 @@ class WorldGroup:
         self._world = world
         self._batch = Batch(world.model, count, nthread=1, persistent=True)
         self.states = self._batch.state
-        change_worlds(self._batch, [scenario.car for scenario in scenarios], CAR_PREFIX)
+        change_worlds(self._batch, [scenario.car for scenario in scenarios], world.vehicle.compile(), CAR_PREFIX)
         cars = self._cars_of([scenario.car for scenario in scenarios])
         self._cars = np.concatenate([car.constants for car in cars])
         meter = TireSlipMeter(world.model, CAR_PREFIX)
@@ -97,7 +98,8 @@ class WorldGroup:
         self._moving, self._turned = np.zeros((len(world.moving), 3)), np.tile(np.eye(3), (len(world.moving), 1, 1))
         kind = find_controller(controller)  # once: what is in a file becomes a new class each time
         planners = [
-            _planner(kind, controller, world.track.map_line, *pair) for pair in zip(scenarios, cars, strict=True)
+            _planner(kind, controller, world.track.map_line, world.vehicle.nominal_mu, *pair)
+            for pair in zip(scenarios, cars, strict=True)
         ]
         self._decide = _together(planners, lidar.beams)
 
@@ -278,8 +280,8 @@ def _together(planners: list[Controller], beams: Beams) -> _OneByOne | _Together
     return _Together(batch(planners), beams)
 
 
-def _planner(kind: Any, source: str, map_line: MapLine, scenario: Scenario, car: Car) -> Controller:
-    believed_mu = nominal_mu() if scenario.planner_mu is None else float(scenario.planner_mu)
+def _planner(kind: Any, source: str, map_line: MapLine, nominal_mu: float, scenario: Scenario, car: Car) -> Controller:
+    believed_mu = nominal_mu if scenario.planner_mu is None else float(scenario.planner_mu)
     planner = build_controller(
         kind, source, car=car.parameters, mu=believed_mu, max_speed=scenario.max_speed, settings=scenario.planner,
         map_line=map_line,

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...messages import CarParameters, FloatArray
-from ...vehicle.changes import plain_car
-from ...vehicle.vehicle import car_parameters
+from ...vehicle.vehicle import Vehicle
 from ..moving_obstacles import MovingObstacle
 from ..obstacles import Box, Obstacle, Prism
 from ..polyline import step_lengths, steps, turns
@@ -28,7 +27,7 @@ _ARC_STEP = math.radians(5.0)
 @lru_cache(maxsize=1)
 def car() -> CarParameters:
     """Return the parameters of the car of models/f1tenth.xml, which the sizes of scenes refer to."""
-    return car_parameters(plain_car())
+    return Vehicle.load().parameters
 
 
 def turning_radius() -> float:

@@ -17,8 +17,7 @@ from ...course.scenes.catalogue import PREFIX
 from ...course.track import Track
 from ...errors import SettingsError
 from ...messages import CarParameters, FloatArray
-from ...vehicle.changes import plain_car
-from ...vehicle.vehicle import car_parameters
+from ...vehicle.vehicle import Vehicle
 from ..rollout.job import track_sha256
 
 
@@ -85,7 +84,7 @@ def check_course(course: str, obstacles: int) -> None:
     """
     found = _load(f"{course}:0" if course.startswith(PREFIX) else course)
     if isinstance(found, Track):
-        load_track(found, minimum_width=car_parameters(plain_car()).width)
+        load_track(found, minimum_width=Vehicle.load().parameters.width)
         _ = found.left_wall  # refuses corners without room for a wall
         if obstacles > 0 and obstacles > (most := ObstacleSites(found).most):
             raise SettingsError(f"{obstacles} obstacles on track {found.name!r}; accepted: at most {most}")

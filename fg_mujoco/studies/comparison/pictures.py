@@ -11,8 +11,7 @@ import numpy as np
 
 from ...course.scene import Scene
 from ...messages import FloatArray
-from ...vehicle.changes import plain_car
-from ...vehicle.vehicle import car_parameters
+from ...vehicle.vehicle import Vehicle
 from ...viz.course_drawing import draw_course, draw_obstacles, extent
 from ...viz.plots import require_matplotlib
 from .ground import Ground
@@ -152,7 +151,7 @@ def _draw_run(axes: Axes, ground: Ground, row: RunRow, trace: FloatArray) -> Non
 
 def _footprint(pose: FloatArray) -> FloatArray:
     """Return the corners of a car whose rear axle is at x [m], y [m], heading [rad]. Shape (4, 2) [m]."""
-    car = car_parameters(plain_car())
+    car = Vehicle.load().parameters
     x, y, heading = pose.tolist()
     ahead, aside = np.array([math.cos(heading), math.sin(heading)]), np.array([-math.sin(heading), math.cos(heading)])
     ends = np.array([-car.rear_overhang, -car.rear_overhang, car.length - car.rear_overhang])

@@ -27,8 +27,8 @@ from ...simulation.simulation import Simulation
 from ...simulation.telemetry import TELEMETRY, tally_figures
 from ...simulation.termination import END_REASONS, Referee
 from ...simulation.world import CAR_PREFIX, World
+from ...vehicle.car import Car
 from ...vehicle.friction_patches import Patch, PatchedFloor, add_patches
-from ...vehicle.vehicle import Car, nominal_mu
 
 MAX_SPEED = 8.0  # [m/s] as `race` has it
 _USE = 1  # which of TireSlip's quantities the friction use is
@@ -155,7 +155,7 @@ def drive_laps(
       ControllerError: a controller that cannot be built, or fails.
     """
     planner = make_controller(
-        controller, car=world.car.parameters, mu=nominal_mu() if planner_mu is None else planner_mu,
+        controller, car=world.car.parameters, mu=world.vehicle.nominal_mu if planner_mu is None else planner_mu,
         max_speed=MAX_SPEED, settings=planner_settings or {}, map_line=world.track.map_line,
     )  # fmt: skip
     start(planner)

@@ -26,13 +26,13 @@ from ...course.formats import load_track, require_track
 from ...course.random_obstacles import ObstacleSites
 from ...course.track import Track
 from ...errors import ControllerError, SettingsError
+from ...racing.planner_choice import Value
 from ...racing.planner_loading import build_controller, find_controller
 from ...simulation.scenario import Scenario
 from ...simulation.simulation import STATE
 from ...simulation.telemetry import TELEMETRY
-from ...vehicle.changes import CarChanges, change_spec, plain_car
-from ...vehicle.vehicle import car_parameters, car_spec, nominal_mu
-from ...racing.planner_choice import Value
+from ...vehicle.changes import CarChanges
+from ...vehicle.vehicle import Vehicle
 from .randomization import Randomization
 from .world_batch import RECORDS, RESULT, WorldResults, drive_worlds
 
@@ -83,7 +83,7 @@ class RolloutJob:
         """
         if not self.tracks:
             raise SettingsError("no track is given; accepted: one or more")
-        width = car_parameters(plain_car()).width
+        width = Vehicle.load().parameters.width
         for track in self.tracks:
             load_track(require_track(track, "a rollout"), minimum_width=width)
             _ = track.left_wall  # refuses corners without room for a wall
@@ -97,10 +97,10 @@ class RolloutJob:
                 "path/to/file.py:ClassName, for each world to have one of its own"
             )
         found = find_controller(self.controller)
-        car, mu = car_parameters(plain_car()), nominal_mu()
+        vehicle = Vehicle.load()
         for settings in ({}, *self.randomization.planner_extremes):
             build_controller(
-                found, self.controller, car=car, mu=mu, max_speed=8.0, settings=settings,
+                found, self.controller, car=vehicle.parameters, mu=vehicle.nominal_mu, max_speed=8.0, settings=settings,
                 map_line=self.tracks[0].map_line,
             )  # fmt: skip
 
@@ -240,9 +240,8 @@ def _traces(results: WorldResults, record: str) -> Arrays:
 
 def _state_size() -> int:
     """Return the length of a state, that of a car whose commands are delayed, which has the longest."""
-    spec = car_spec()
-    change_spec(spec, CarChanges(command_delay=0.0))
-    return int(mujoco.mj_stateSize(spec.compile(), STATE))
+    delayed = Vehicle.load().compile(changes=CarChanges(command_delay=0.0))
+    return int(mujoco.mj_stateSize(delayed, STATE))
 
 
 def track_sha256(track: Track) -> str:

@@ -20,6 +20,7 @@ import numpy as np
 from ...course.formats import load_track
 from ...course.moving_obstacles import make_mover
 from ...errors import FgMujocoError, TrackError
+from ...lidar.beams import lidar_body
 from ...lidar.effects import LidarEffects, ScanPipeline
 from ...lidar.lidar import make_lidar
 from ...messages import FloatArray, LaserScan
@@ -27,7 +28,7 @@ from ...racing.planner_loading import make_controller
 from ...simulation.planner_adapter import start
 from ...simulation.simulation import STATE, hold_controls, whole_steps
 from ...simulation.world import CAR_PREFIX, LIDAR_PREFIX
-from ...vehicle.vehicle import Car
+from ...vehicle.car import Car
 from .drive import Drive
 
 
@@ -65,7 +66,7 @@ class PlannerEye:
         self._data = mujoco.MjData(model)
         self._car = Car(model, CAR_PREFIX)
         self._lidar = make_lidar("raycast", model, LIDAR_PREFIX)
-        self._lidar_body = model.body(f"{LIDAR_PREFIX}hokuyo").id
+        self._lidar_body = lidar_body(model, LIDAR_PREFIX)
         self._mover = make_mover(model)
         self._effects = LidarEffects(**drive.summary.get("lidar_effects", {}))
         self._scans: list[LaserScan] = []
