@@ -13,7 +13,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from importlib.metadata import version
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +24,7 @@ from .car import car_parameters, car_spec, nominal_mu
 from .car_changes import CarChanges, change_spec, plain_car
 from .controller_loading import build_controller, find_controller
 from .errors import ControllerError, SettingsError
+from .kernels import package_files
 from .race_result import TELEMETRY
 from .race_rules import default_time_limit
 from .random_obstacles import ObstacleSites
@@ -203,10 +203,9 @@ class RolloutJob:
 def versions() -> dict[str, str]:
     """Return what else the results depend on, to the last bit."""
     sources = hashlib.sha256()
-    for package in ("fg_mujoco", "fg_mujoco.controllers", "fg_mujoco.models"):
-        for source in sorted(files(package).iterdir(), key=lambda entry: entry.name):
-            if source.name.endswith((".py", ".xml")):
-                sources.update(source.name.encode() + source.read_bytes())
+    for path, source in package_files(".py", ".xml", ".toml", ".json"):
+        text = source.read_bytes()
+        sources.update(f"{path} {len(text)}\n".encode() + text)
     return {
         "fg_mujoco_version": version("fg-mujoco"),
         "mujoco_version": mujoco.__version__,
