@@ -8,6 +8,7 @@ from __future__ import annotations
 import difflib
 import math
 import re
+import warnings
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -20,7 +21,9 @@ import numpy as np
 
 from ..errors import FgMujocoError, ModelError
 from ..lidar.beams import DEFAULT_LIDAR, LidarModel
+from ..messages import CarParameters
 from .car import WHEELS, Car, car_parameters, element_id, sensor_slice
+from .fitting import ackermann_angle
 from .tire_slip import TireSlipMeter
 
 _FREE, _HINGE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
@@ -28,6 +31,7 @@ _PLANE, _BOX = mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_BOX
 
 _GAP, _DEPTH = 0.001, 0.005  # [m] of a tire over the ground, and in it, before the car has settled
 _SETTLING, _SETTLED = 0.5, 0.005  # [s] that a car is given to come to rest, and [m] by which it may move meanwhile
+_STEERING_TOLERANCE = 0.005  # [rad] of a front wheel's angle at the steering's limit, from Ackermann's
 _RADIUS_TOLERANCE = 0.05  # [-] of the radius that wheels roll on, from the height of their middles
 
 
@@ -189,6 +193,8 @@ def _named_file(spec: Any, text: str, folder: Path | None, where: str, default: 
 def check_model(model: Any, where: str) -> None:
     """Refuse a compiled vehicle that could not be driven: its wheels, its servos, its constants, how it stands.
 
+    Front wheels that are not steered as Ackermann's are warned of.
+
     Raises:
       ModelError: saying which, and what is accepted.
     """
@@ -204,6 +210,7 @@ def check_model(model: Any, where: str) -> None:
     if names != ["steering", "speed"]:
         raise ModelError(f"{where}: its actuators are {', '.join(names)}; accepted: steering, speed, in this order")
     _check_stance(model, parameters.wheel_radius, where)
+    _check_steering(model, parameters, where)
 
 
 def _check_places(model: Any, where: str) -> None:
@@ -268,3 +275,22 @@ def _check_stance(model: Any, wheel_radius: float, where: str) -> None:
             f"{where}: base_link moves by {1e3 * moved:.3g} mm in the first {_SETTLING:g} s at rest; accepted: at most "
             f"{1e3 * _SETTLED:g} mm (springref puts the car at rest as it is drawn)"
         )
+
+
+def _check_steering(model: Any, car: CarParameters, where: str) -> None:
+    """Warn of front wheels that do not roll about one point, as when a wheelbase was changed and nothing else."""
+    data = mujoco.MjData(model)
+    data.ctrl[:] = car.max_steering_angle, 0.0
+    for _ in range(math.ceil(_SETTLING / model.opt.timestep)):
+        mujoco.mj_step(model, data)
+    for side, track_width in (("left", car.track_width), ("right", -car.track_width)):
+        kingpin = f"front_{side}_kingpin"
+        angle = float(data.joint(kingpin).qpos[0])
+        exact = float(ackermann_angle(car.max_steering_angle, car.wheelbase, track_width))
+        if not abs(angle - exact) <= _STEERING_TOLERANCE:
+            warnings.warn(
+                f"{where}: {kingpin} is at {angle:.4f} rad at the steering's limit, and {exact:.4f} rad is Ackermann's of "
+                "this wheelbase and track width: its tires slide in turns; fg_mujoco.vehicle.fitting.fit gives coefficients",
+                stacklevel=2,
+            )
+            return
