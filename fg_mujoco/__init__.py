@@ -41,8 +41,9 @@ from .lidar.lidar import Lidar, RangefinderLidar, RaycastLidar, lidar_spec, make
 from .messages import STOP, CarParameters, Controller, DriveCommand, LaserScan, Odometry
 from .racing.planner_loading import controller_names, make_controller
 from .racing.race import RaceProgress, race
+from .racing.replay import ReplayReport, replay
 from .racing.result import RaceResult
-from .racing.run_folder import ReplayReport, Run, check_run_folder, read_run, replay
+from .racing.run_folder import Run, check_run_folder, read_run
 from .simulation.scenario import Scenario, Start
 from .simulation.simulation import Simulation
 from .simulation.telemetry import TELEMETRY

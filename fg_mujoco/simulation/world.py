@@ -76,8 +76,8 @@ class World:
         obstacles: tuple[Obstacle, ...] = (),
         changes: CarChanges | None = None,
     ) -> None:
-        self.vehicle = Vehicle.load(vehicle)
-        self.track = load_track(track, minimum_width=self.vehicle.parameters.width)
+        self.vehicle: Any = Vehicle.load(vehicle)
+        self.track: Any = load_track(track, minimum_width=self.vehicle.parameters.width)
         self.lidar_backend = lidar
         scene = self.track if isinstance(self.track, Scene) else None
         self.obstacles = (scene.walls + scene.obstacles if scene else ()) + tuple(obstacles)
@@ -85,6 +85,22 @@ class World:
         self.model = mujoco.MjModel.from_xml_string(self.xml)
         self.moving = moving_obstacles(self.model)
         self.car = Car(self.model, CAR_PREFIX)
+
+    @classmethod
+    def from_xml(cls, xml: str, *, lidar: str = "raycast") -> World:
+        """Return the world of the MJCF text that a run folder keeps: without course and vehicle, which it does not say.
+
+        Raises:
+          ValueError: it does not compile.
+          ModelError: it does not hold the car.
+        """
+        world = cls.__new__(cls)
+        world.track = world.vehicle = None
+        world.lidar_backend, world.obstacles, world.xml = lidar, (), xml
+        world.model = mujoco.MjModel.from_xml_string(xml)
+        world.moving = moving_obstacles(world.model)
+        world.car = Car(world.model, CAR_PREFIX)
+        return world
 
     @property
     def parameters(self) -> CarParameters:

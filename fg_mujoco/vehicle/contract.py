@@ -289,8 +289,8 @@ def _check_steering(model: Any, car: CarParameters, where: str) -> None:
         exact = float(ackermann_angle(car.max_steering_angle, car.wheelbase, track_width))
         if not abs(angle - exact) <= _STEERING_TOLERANCE:
             warnings.warn(
-                f"{where}: {kingpin} is at {angle:.4f} rad at the steering's limit, and {exact:.4f} rad is Ackermann's of "
-                "this wheelbase and track width: its tires slide in turns; fg_mujoco.vehicle.fitting.fit gives coefficients",
+                f"{where}: {kingpin} is at {angle:.4f} rad at the steering's limit, and Ackermann's of this wheelbase and "
+                f"track width is {exact:.4f} rad: tires slide in turns; fg_mujoco.vehicle.fitting.fit gives coefficients",
                 stacklevel=2,
             )
             return

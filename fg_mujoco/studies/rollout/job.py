@@ -28,8 +28,8 @@ from ...errors import ControllerError, SettingsError
 from ...kernels import package_files
 from ...racing.planner_choice import Value
 from ...racing.planner_loading import build_controller, find_controller
+from ...simulation.physics import STATE
 from ...simulation.scenario import Scenario
-from ...simulation.simulation import STATE
 from ...simulation.telemetry import TELEMETRY
 from ...vehicle.changes import CarChanges
 from ...vehicle.vehicle import Vehicle

@@ -28,8 +28,9 @@ from ...lidar.beams import lidar_body
 from ...messages import DriveCommand, FloatArray, LaserScan, Odometry
 from ...racing.planner_choice import ControllerChoice
 from ...racing.planner_loading import make_controller
+from ...simulation.physics import STATE
 from ...simulation.planner_adapter import plan, start
-from ...simulation.simulation import STATE, Simulation
+from ...simulation.simulation import Simulation
 from ...simulation.world import LIDAR_PREFIX, World
 from .hand_driver import HandDriver
 
