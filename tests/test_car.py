@@ -1,4 +1,4 @@
-"""The car's MJCF has the community's constants, and `Car` reads, places and drives it under any prefix."""
+"""The cars' MJCFs have the published constants, and `Car` reads, places and drives it under any prefix."""
 
 import math
 from importlib.resources import files
@@ -43,6 +43,16 @@ COMMUNITY = {
     "speed_time_constant": 0.1,
 }
 
+NUC2 = COMMUNITY | {
+    # ForzaETH/On-Track-SysID, NUC2; the others are those of f1tenth.xml
+    "mass": 4.5,
+    "front_axle_distance": 0.17,
+    "rear_axle_distance": 0.155,
+    "wheelbase": 0.325,
+    "center_of_gravity_height": 0.02,
+    "yaw_inertia": 0.0627,
+}
+
 
 @pytest.fixture(scope="module")
 def flat():
@@ -52,6 +62,16 @@ def flat():
 @pytest.mark.parametrize(("name", "value"), COMMUNITY.items())
 def test_compiled_car_has_the_community_constant(flat, name, value):
     assert getattr(flat[2].parameters, name) == pytest.approx(value, rel=1e-4)
+
+
+@pytest.mark.parametrize(("name", "value"), NUC2.items())
+def test_compiled_nuc2_has_its_measured_constant_or_the_community_one(name, value):
+    assert getattr(Vehicle.load("nuc2").parameters, name) == pytest.approx(value, rel=1e-4)
+
+
+def test_the_default_vehicle_is_the_communitys():
+    assert Vehicle.load() == Vehicle.load("f1tenth") and Vehicle.load().name == "f1tenth"
+    assert Vehicle.load("nuc2").nominal_mu == Vehicle.load().nominal_mu == 1.0489
 
 
 def test_default_friction_is_the_community_one(flat):

@@ -21,7 +21,7 @@ import numpy as np
 
 from ..errors import FgMujocoError, ModelError
 from ..lidar.beams import DEFAULT_LIDAR, LidarModel
-from ..messages import CarParameters
+from ..messages import CarParameters, FloatArray
 from .car import WHEELS, Car, car_parameters, element_id, sensor_slice
 from .fitting import ackermann_angle
 from .tire_slip import TireSlipMeter
@@ -260,10 +260,10 @@ def _check_stance(model: Any, wheel_radius: float, where: str) -> None:
                 f"{where}: tendon 'drive' makes wheels roll on {wheel_radius:.4g} m, and the middle of {wheel}_wheel "
                 f"is {height:.4g} m over the ground; accepted: coefficients of a quarter of the radius"
             )
-    drawn = data.body("base_link").xpos.copy()
+    drawn = _chassis_places(data)
     for _ in range(math.ceil(_SETTLING / model.opt.timestep)):
         mujoco.mj_step(model, data)
-    moved = float(np.abs(data.body("base_link").xpos - drawn).max())
+    moved = float(np.abs(_chassis_places(data) - drawn).max())
     for wheel in WHEELS:
         if not data.sensordata[sensor_slice(model, f"{wheel}_tire_contact")][0] > 0.0:
             raise ModelError(
@@ -272,9 +272,14 @@ def _check_stance(model: Any, wheel_radius: float, where: str) -> None:
             )
     if not moved <= _SETTLED:
         raise ModelError(
-            f"{where}: base_link moves by {1e3 * moved:.3g} mm in the first {_SETTLING:g} s at rest; accepted: at most "
-            f"{1e3 * _SETTLED:g} mm (springref puts the car at rest as it is drawn)"
+            f"{where}: the chassis moves by {1e3 * moved:.3g} mm in its first {_SETTLING:g} s at rest; accepted: at "
+            f"most {1e3 * _SETTLED:g} mm (springref puts the car at rest as it is drawn)"
         )
+
+
+def _chassis_places(data: Any) -> FloatArray:
+    """Return where two points of the chassis are, behind and ahead (2, 3) [m]."""
+    return np.array((data.body("base_link").xpos, data.site("lidar_mount").xpos))
 
 
 def _check_steering(model: Any, car: CarParameters, where: str) -> None:
@@ -289,8 +294,8 @@ def _check_steering(model: Any, car: CarParameters, where: str) -> None:
         exact = float(ackermann_angle(car.max_steering_angle, car.wheelbase, track_width))
         if not abs(angle - exact) <= _STEERING_TOLERANCE:
             warnings.warn(
-                f"{where}: {kingpin} is at {angle:.4f} rad at the steering's limit, and Ackermann's of this wheelbase and "
-                f"track width is {exact:.4f} rad: tires slide in turns; fg_mujoco.vehicle.fitting.fit gives coefficients",
+                f"{where}: {kingpin} is at {angle:.4f} rad at the steering's limit, where Ackermann's angle is "
+                f"{exact:.4f}: tires slide in turns; fg_mujoco.vehicle.fitting.fit gives the coefficients",
                 stacklevel=2,
             )
             return

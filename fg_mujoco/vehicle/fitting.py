@@ -26,9 +26,11 @@ _BODY_HEIGHT = 0.10  # [m] of the chassis, which its roll and pitch inertia foll
 def fit(spec: Any, *, mass: float, center_of_gravity: tuple[float, float], yaw_inertia: float) -> None:
     """Give a vehicle's spec masses, and all that follows from these and from its lengths, in place.
 
-    Written are the chassis' `inertial`; the tires' sizes, the height of base_link and the suspensions' `springref`,
-    with which the car rests as it is drawn; the two Ackermann equalities; and gain and force of the drive, so that its
-    greatest acceleration and its time constant stay what they were.
+    Written are:
+      the chassis' `inertial`, and the place of the accelerometer, which is in the centre of gravity;
+      the tires' sizes, the height of base_link and the suspensions' `springref`: the car rests as it is drawn;
+      the Ackermann equality of each side;
+      gain and force of the drive: its greatest acceleration and its time constant stay what they were.
 
     Args:
       spec: of a car built as models/f1tenth.xml, lengths changed and the rest not.
@@ -147,6 +149,7 @@ def _fit_chassis(spec: Any, mass: float, center_of_gravity: tuple[float, float],
     chassis = spec.body("base_link")
     chassis.mass, chassis.ipos, chassis.inertia = left, place - data.xpos[base], rest
     chassis.iquat, chassis.explicitinertial = (1.0, 0.0, 0.0, 0.0), True
+    spec.site(spec.sensor("accelerometer").objname).pos = center - data.xpos[base]
 
 
 def _levers(places: FloatArray) -> FloatArray:
