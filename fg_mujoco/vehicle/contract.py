@@ -76,7 +76,7 @@ def _parts() -> Iterator[Part]:
 
 
 PARTS = tuple(_parts())
-"""All that the MJCF of a vehicle must name; docs/vehicles.md shows it."""
+"""All that the MJCF of a vehicle must name; docs/howto/own_car.md shows it."""
 
 
 def parsed(text: str, where: str) -> Any:

@@ -4,7 +4,7 @@
     spec = vehicle.spec(mu=0.8, changes=CarChanges(mass=4.6))
     model = vehicle.compile()
 
-The MJCF is the source of every constant of the car; `docs/vehicles.md` lists the names that it must have.
+The MJCF is the source of every constant of the car; docs/howto/own_car.md lists the names that it must have.
 """
 
 from __future__ import annotations

@@ -4,6 +4,8 @@ import copy
 import dataclasses
 import math
 import pickle
+import re
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -30,6 +32,18 @@ def test_it_has_every_part_once(name):
     spec = load(name).spec()
     for part in PARTS:
         assert getattr(spec, part.kind)(part.name) is not None, part
+
+
+def test_the_documentation_lists_the_parts_and_the_bundled_vehicles():
+    page = Path(__file__).parents[2] / "docs" / "howto" / "own_car.md"
+    if not page.exists():
+        pytest.skip("not a checkout of the repository")
+    rows = re.findall(r"^\| (\w+) \| (`.*?`) \|", page.read_text("utf-8"), re.MULTILINE)
+    named = [(kind, name) for kind, names in rows for name in re.findall(r"`(.+?)`", names)]
+    listed = {(kind, name.format(wheel=wheel)) for kind, name in named for wheel in WHEELS}
+    assert listed - {("text", "lidar"), ("text", "look")} == {(part.kind, part.name) for part in PARTS}
+    bundled = re.findall(r"^\| `(\w+)` \| .* kg, ", page.read_text("utf-8"), re.MULTILINE)
+    assert sorted(bundled) == sorted(fg.vehicle_names())
 
 
 @every_vehicle
