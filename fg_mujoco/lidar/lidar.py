@@ -4,7 +4,7 @@
     mujoco.mj_forward(model, data)
     scan = lidar.beams.to_scan(lidar.ranges(data), stamp=data.time)
 
-`rangefinder` reads MuJoCo's own sensors, `raycast` draws the scan as a picture (scanline.py): the same beams through
+`rangefinder` reads MuJoCo's own sensors, `raycast` draws the scan by a z-buffer (scanline.py): the same beams through
 the same world in 3D, the same distances to float64 rounding, some 80 times as fast (benchmarks/lidar_backends.py).
 
 `rangefinder` reads the body poses of `data`, so mj_kinematics (or mj_forward, which has it) must have run at the
@@ -28,7 +28,7 @@ from .beams import DEFAULT_LIDAR, Beams, LidarModel, lidar_body, lidar_of
 from .body_poses import BodyPoses, PoseArrays, StateArrays, read_poses, state_arrays
 from .embree_rays import RayScene
 from .scanline import scan
-from .visible_surfaces import Fan, FanScene, Scratch, is_fan
+from .scene import ScanlineScene, SceneArrays, Scratch, is_scanline
 
 LIDAR_BACKENDS = ("raycast", "rangefinder")
 
@@ -88,10 +88,10 @@ class RangefinderLidar:
 
 
 class RaycastLidar:
-    """The visible geoms of the model, except those of the car that carries the LiDAR, drawn into the beams.
+    """The visible geoms of the model, except those of the car that carries the LiDAR, drawn into a scanline.
 
-    That takes beams that leave one point in one plane, as those of a scanning rangefinder. Any others, and the
-    beams of a LiDAR that moves during its sweep, are cast as single rays by Embree. The sites and sensors of the
+    Beams that do not leave one point in one plane, and those of a LiDAR that moves during its sweep, are cast as single
+    rays by Embree. The sites and sensors of the
     rangefinders need not be in the model: `lidar_spec(sensors=False)`. One object serves one thread.
 
     Attributes:
@@ -108,17 +108,17 @@ class RaycastLidar:
         self.beams = lidar_of(model, prefix).beams
         self.model = model
         self.body = lidar_body(model, prefix)
-        self.scene = FanScene(model, self.beams, self.body)
+        self.scene = ScanlineScene(model, self.beams, self.body)
         self._poses = BodyPoses(model, (self.body, *self.scene.moving))
         self.mount = self._poses.mount(0)
-        self._is_fan = is_fan(self.beams)
-        self._fan, self._scratch = tuple(self.scene.arrays), tuple(self.scene.scratch())
+        self._is_scanline = is_scanline(self.beams)
+        self._arrays, self._scratch = tuple(self.scene.arrays), tuple(self.scene.scratch())
 
     def ranges(self, data: Any) -> FloatArray:
         """Return the readings at the present state of `data`, all beams at once. Shape (n,) [m]."""
-        if self._is_fan:
+        if self._is_scanline:
             readings = np.empty(len(self.beams.bearings))
-            _scan_state(self._fan, self._poses.arrays, state_arrays(data), self._scratch, readings)
+            _scan_state(self._arrays, self._poses.arrays, state_arrays(data), self._scratch, readings)
             return readings
         self._poses.read(data)
         position, to_body = self._poses.positions[0], self._poses.rotations[0].T
@@ -141,12 +141,12 @@ class RaycastLidar:
 
 @kernel
 def _scan_state(
-    fan: tuple[Any, ...], poses: PoseArrays, state: StateArrays, scratch: tuple[Any, ...], out: FloatArray
+    scene: tuple[Any, ...], poses: PoseArrays, state: StateArrays, scratch: tuple[Any, ...], out: FloatArray
 ) -> None:
     """Write the readings at a state. Plain tuples: numba takes named ones over from Python at twice the cost."""
     read_poses(poses, state)
     positions, rotations = poses[3], poses[4]
-    scan(Fan(*fan), positions[0], rotations[0], positions[1:], rotations[1:], Scratch(*scratch), out)
+    scan(SceneArrays(*scene), positions[0], rotations[0], positions[1:], rotations[1:], Scratch(*scratch), out)
 
 
 def make_lidar(backend: str, model: Any, prefix: str = "") -> Lidar:

@@ -19,6 +19,7 @@ import numpy as np
 
 from ...course.formats import load_track
 from ...errors import FgMujocoError, TrackError
+from ...lidar.beams import lidar_body
 from ...lidar.effects import LidarEffects
 from ...lidar.lidar import make_lidar
 from ...messages import FloatArray, LaserScan
@@ -65,7 +66,7 @@ class PlannerEye:
         self._data = mujoco.MjData(model)
         self._car = Car(model, CAR_PREFIX)
         self._lidar = make_lidar("raycast", model, LIDAR_PREFIX)
-        self._lidar_body = model.body(f"{LIDAR_PREFIX}hokuyo").id
+        self._lidar_body = lidar_body(model, LIDAR_PREFIX)
         self._effects = LidarEffects(**drive.summary.get("lidar_effects", {}))
         self._scans: list[LaserScan] = []
         self.missing = ""
