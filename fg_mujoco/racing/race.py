@@ -26,15 +26,13 @@ from ..messages import Controller, require
 from ..simulation.engine import Engine
 from ..simulation.planner_adapter import adapt, start
 from ..simulation.scenario import Start
-from ..simulation.telemetry import TELEMETRY, statistics_figures
+from ..simulation.telemetry import statistics_figures
 from ..simulation.termination import END_REASONS
 from ..simulation.world import World
 from ..vehicle.changes import CarChanges
 from ..vehicle.vehicle import nominal_mu
 from .planner_loading import make_controller
 from .result import History, RaceResult, trajectory_sha256
-
-_SPEED = TELEMETRY.index("speed_m_s")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,7 +180,7 @@ def race(
 
 def _drive(engine: Engine, history: History, laps: int, watch: Callable[[RaceProgress], None] | None) -> None:
     """Run the loop until the race is over."""
-    running, telemetry, timers = engine.running, engine.telemetry, engine.monitor.timers
+    running, timers = engine.running, engine.monitor.timers
     while running[0]:
         engine.sense()
         engine.decide()
@@ -195,6 +193,6 @@ def _drive(engine: Engine, history: History, laps: int, watch: Callable[[RacePro
                     time=float(engine.times[0]),
                     laps_completed=int(timers["laps_completed"][0]),
                     laps_requested=laps,
-                    speed=float(telemetry[0, _SPEED]),
+                    speed=engine.speed(0),
                 )
             )
