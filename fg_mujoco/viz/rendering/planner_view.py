@@ -17,13 +17,13 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from ...course.formats import load_track
 from ...course.moving_obstacles import make_mover
 from ...errors import FgMujocoError, TrackError
 from ...lidar.effects import LidarEffects, ScanPipeline
 from ...lidar.lidar import make_lidar
 from ...messages import FloatArray, LaserScan
 from ...racing.planner_loading import make_controller
+from ...simulation.course_loading import load_track
 from ...simulation.planner_adapter import start
 from ...simulation.simulation import STATE, hold_controls, whole_steps
 from ...simulation.world import CAR_PREFIX, LIDAR_PREFIX
