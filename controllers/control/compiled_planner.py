@@ -66,10 +66,12 @@ _motion_of = attrgetter(*ODOMETRY.names or ())
 _NO_LINE = np.empty((0, 0))
 
 _DECIDE_WORLDS = """
-def {name}(scan, ranges, odometry, running, planners, memories, paths, lines, commands):
-    for world in range(len(running)):
-        if running[world]:
-            commands[world, 0], commands[world, 1] = decide({arguments})
+def around(decide):
+    def {name}(scan, ranges, odometry, running, planners, memories, paths, lines, commands):
+        for world in range(len(running)):
+            if running[world]:
+                commands[world, 0], commands[world, 1] = decide({arguments})
+    return {name}
 """
 _OF_A_WORLD = {
     "scan": "scan[0]", "ranges": "ranges[world]", "odometry": "odometry[world]", "planner": "planners[world]",
@@ -188,10 +190,11 @@ def _over_worlds(decide: Callable[..., tuple[float, float]], name: str) -> Calla
         raise ControllerError(f"{name}.decide wants {', '.join(unknown)}; accepted: {', '.join(_OF_A_WORLD)}")
     name = f"decide_worlds_of_{name}"
     source = _DECIDE_WORLDS.format(name=name, arguments=", ".join(_OF_A_WORLD[argument] for argument in wanted))
-    scope: dict[str, Any] = {"decide": decide, "__name__": function.__module__}
-    # in the name of the planner's file: what is compiled is kept until that file changes
+    scope: dict[str, Any] = {"__name__": function.__module__}
+    # In the name of the planner's file, so that it is compiled anew when that file changes, and as a closure over
+    # `decide`, so that two planners made by one function are not taken for each other.
     exec(compile(source, function.__code__.co_filename, "exec"), scope)
-    decide_worlds: Callable[..., None] = kernel(scope[name])
+    decide_worlds: Callable[..., None] = kernel(scope["around"](decide))
     return decide_worlds
 
 

@@ -13,7 +13,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from importlib.metadata import version
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +23,7 @@ from numpy.typing import NDArray
 from ...course.course import Course, Sites, laps_to_drive
 from ...course.definitions import course_sha256
 from ...errors import ControllerError, SettingsError
+from ...kernels import package_files
 from ...racing.planner_choice import Value
 from ...racing.planner_loading import build_controller, find_controller
 from ...simulation.course_loading import default_car
@@ -215,10 +215,9 @@ class RolloutJob:
 def versions() -> dict[str, str]:
     """Return what else the results depend on, to the last bit."""
     sources = hashlib.sha256()
-    for package in ("fg_mujoco", "fg_mujoco.controllers", "fg_mujoco.models"):
-        folder = Path(str(files(package)))
-        for source in sorted(path for path in folder.rglob("*") if path.suffix in (".py", ".xml")):
-            sources.update(source.relative_to(folder).as_posix().encode() + source.read_bytes())
+    for path, source in package_files(".py", ".xml", ".toml", ".json"):
+        text = source.read_bytes()
+        sources.update(f"{path} {len(text)}\n".encode() + text)
     return {
         "fg_mujoco_version": version("fg-mujoco"),
         "mujoco_version": mujoco.__version__,
