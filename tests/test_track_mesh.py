@@ -1,4 +1,4 @@
-"""Walls in 3D: what is seen is what is hit. What all tracks keep is in track_contract."""
+"""Walls in 3D: what is seen is what is hit. What all tracks keep is in course_contract."""
 
 from __future__ import annotations
 
