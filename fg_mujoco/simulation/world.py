@@ -80,6 +80,22 @@ class World:
         self.moving = moving_obstacles(self.model)
         self.car = Car(self.model, CAR_PREFIX)
 
+    @classmethod
+    def from_xml(cls, xml: str, *, lidar: str = "raycast") -> World:
+        """Return the world of the MJCF text that a run folder keeps: without a course, which the text does not say.
+
+        Raises:
+          ValueError: it does not compile.
+          ModelError: it does not hold the car.
+        """
+        world = cls.__new__(cls)
+        world.track = None  # type: ignore[assignment]  # nobody asks for it
+        world.lidar_backend, world.obstacles, world.xml = lidar, (), xml
+        world.model = mujoco.MjModel.from_xml_string(xml)
+        world.moving = moving_obstacles(world.model)
+        world.car = Car(world.model, CAR_PREFIX)
+        return world
+
     @property
     def parameters(self) -> CarParameters:
         """What a planner is told of the car, read off `model`."""

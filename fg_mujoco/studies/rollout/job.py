@@ -27,8 +27,8 @@ from ...kernels import package_files
 from ...racing.planner_choice import Value
 from ...racing.planner_loading import build_controller, find_controller
 from ...simulation.course_loading import default_car
+from ...simulation.physics import STATE
 from ...simulation.scenario import Scenario
-from ...simulation.simulation import STATE
 from ...simulation.telemetry import TELEMETRY
 from ...vehicle.changes import CarChanges, change_spec
 from ...vehicle.vehicle import car_spec, nominal_mu

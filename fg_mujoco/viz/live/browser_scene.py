@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...messages import FloatArray
-from ...simulation.simulation import STATE
+from ...simulation.physics import STATE
 from .session import LiveSession
 from .shapes import world_shapes
 
