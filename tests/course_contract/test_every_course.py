@@ -104,8 +104,9 @@ def test_its_bounds_hold_the_start_and_its_walls_are_round_it(course):
 def test_the_lidar_sees_what_stands_there_and_nothing_else(course):
     simulation = fg.Simulation(fg.World(course))
     scan, _ = simulation.reset()
-    lidar = simulation.data.body(simulation.lidar.body)
-    expected = ray_distances(solids_of(course), lidar.xpos[:2], scan.bearings + simulation.pose[2])
+    x, y, heading = simulation.pose
+    lidar = np.array([x + CAR.lidar_offset * math.cos(heading), y + CAR.lidar_offset * math.sin(heading)])
+    expected = ray_distances(solids_of(course), lidar, scan.bearings + heading)
     expected[expected > scan.range_max] = math.inf
     seen = np.asarray(scan.ranges)
     agree = np.isclose(seen, expected, atol=2e-3, rtol=1e-3)
