@@ -90,7 +90,7 @@ def test_before_the_end_of_a_dead_end_it_stops_or_nearly_does_and_without_ways_o
 @pytest.mark.parametrize("circuit", ["oval", "chicanes", "fast"])
 def test_sparse_obstacles_are_passed(planner, circuit):
     for seed in range(8):
-        boxes = random_boxes(fg.load_track(circuit), 4, seed)
+        boxes = random_boxes(fg.load_track(circuit), 4, seed, car=CAR)
         result = fg.race(circuit, planner, laps=1, obstacles=boxes)
         assert result.finished and result.max_slide_m_s <= fg.SLIDING_SPEED, seed
 

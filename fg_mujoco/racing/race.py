@@ -14,15 +14,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ..course.course import USUAL_LAPS, laps_to_drive
-from ..course.formats import load_track
+from ..course.course import USUAL_LAPS, Course, laps_to_drive
 from ..course.obstacles import Obstacle
 from ..course.random_obstacles import random_boxes
-from ..course.scene import Scene
-from ..course.track import Track
 from ..errors import SettingsError
 from ..lidar.effects import LidarEffects
 from ..messages import Controller, require
+from ..simulation.course_loading import default_car, load_track
 from ..simulation.engine import Engine
 from ..simulation.planner_adapter import adapt, start
 from ..simulation.scenario import Start
@@ -73,7 +71,7 @@ class RaceProgress:
 
 
 def race(
-    track: Track | Scene | str,
+    track: Course | str,
     controller: str | Controller = "gap_finder",
     *,
     laps: int | None = None,
@@ -94,7 +92,7 @@ def race(
     """Race a controller round a track, or through a scene, and return how it went.
 
     Args:
-      track: a Track, a Scene, or what `load_track` makes one of: a bundled name, `random:SEED`, `scene:NAME:SEED`, or
+      track: a course, or what `load_track` makes one of: a bundled name, `random:SEED`, `scene:NAME:SEED`, or
         a path to a centreline CSV.
       controller: a bundled name, `path/to/file.py:ClassName`, or a controller object.
       laps: to be driven; None: 5, and of a scene 1, which is all it has.
@@ -125,7 +123,7 @@ def race(
     drawn = None
     if isinstance(obstacles, int):
         drawn = obstacle_seed if obstacles else None
-        obstacles = random_boxes(course, obstacles, obstacle_seed, start=(begin or Start()).s)
+        obstacles = random_boxes(course, obstacles, obstacle_seed, car=default_car(), start=(begin or Start()).s)
     world = World(course, mu=mu, lidar=lidar, obstacles=obstacles, changes=car)
     believed_mu = nominal_mu() if planner_mu is None else float(planner_mu)
     planner = make_controller(

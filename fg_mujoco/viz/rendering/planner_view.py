@@ -17,13 +17,13 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from ...course.formats import load_track
 from ...errors import FgMujocoError, TrackError
 from ...lidar.effects import LidarEffects
 from ...lidar.lidar import make_lidar
 from ...messages import FloatArray, LaserScan
 from ...racing.planner_loading import make_controller
 from ...racing.resimulation import resimulate
+from ...simulation.course_loading import load_track
 from ...simulation.physics import STATE
 from ...simulation.planner_adapter import start
 from ...simulation.world import CAR_PREFIX, LIDAR_PREFIX, World
