@@ -12,10 +12,9 @@ from fg_mujoco.controllers.safety.friction_limiter import GUARD_MEMORY, Friction
 from fg_mujoco.controllers.safety.safety_filter import EscapeSettings, bearing_of_arc, reading, way_out
 from fg_mujoco.course.random_obstacles import random_boxes
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.vehicle.changes import plain_car
-from fg_mujoco.vehicle.vehicle import car_parameters
+from fg_mujoco.vehicle.vehicle import Vehicle
 
-CAR = car_parameters(plain_car())
+CAR = Vehicle.load().parameters
 GUARD = FrictionGuard(CAR, 1.0489)
 BEAMS, INCREMENT = 1081, math.radians(0.25)
 START = -0.5 * (BEAMS - 1) * INCREMENT

@@ -15,8 +15,8 @@ from fg_mujoco.racing.race import RaceSettings
 from fg_mujoco.racing.result import History
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.telemetry import end_row
+from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
-from fg_mujoco.vehicle.vehicle import WHEELS
 
 race_module = importlib.import_module("fg_mujoco.racing.race")  # fg_mujoco.racing.race is the function
 TICK = 0.025

@@ -124,7 +124,7 @@ def test_a_changed_car_is_the_same_compiled_alone_or_in_a_batch(changes):
     plain = fg.World("oval", changes=CarChanges(command_delay=0.0) if changes.command_delay is not None else None)
     compiled = fg.World("oval", changes=changes).model
     batch = Batch(plain.model, 2, nthread=1, persistent=True)
-    change_worlds(batch, [CarChanges(), changes], CAR_PREFIX)
+    change_worlds(batch, [CarChanges(), changes], plain.vehicle.compile(), CAR_PREFIX)
     changed = batch.get_model(1)
     for name in dir(compiled):
         value = getattr(compiled, name)
@@ -284,7 +284,7 @@ def test_models_are_left_alone():
     world = fg.World("oval")
     before = [getattr(world.model, name).copy() for name in ("body_mass", "pair_friction", "actuator_gainprm")]
     batch = Batch(world.model, 1, nthread=1, persistent=True)
-    change_worlds(batch, [CarChanges(mass=5.0, mu=0.2, speed_gain=2.0)], CAR_PREFIX)
+    change_worlds(batch, [CarChanges(mass=5.0, mu=0.2, speed_gain=2.0)], world.vehicle.compile(), CAR_PREFIX)
     after = [getattr(world.model, name) for name in ("body_mass", "pair_friction", "actuator_gainprm")]
     assert all(np.array_equal(a, b) for a, b in zip(before, after, strict=True))
     assert mujoco.mj_stateSize(world.model, mujoco.mjtState.mjSTATE_INTEGRATION) == batch.nstate

@@ -28,7 +28,6 @@ from ..simulation.telemetry import statistics_figures
 from ..simulation.termination import END_REASONS
 from ..simulation.world import World
 from ..vehicle.changes import CarChanges
-from ..vehicle.vehicle import nominal_mu
 from .planner_loading import make_controller
 from .result import History, RaceResult, trajectory_sha256
 
@@ -125,7 +124,7 @@ def race(
         drawn = obstacle_seed if obstacles else None
         obstacles = random_boxes(course, obstacles, obstacle_seed, car=default_car(), start=(begin or Start()).s)
     world = World(course, mu=mu, lidar=lidar, obstacles=obstacles, changes=car)
-    believed_mu = nominal_mu() if planner_mu is None else float(planner_mu)
+    believed_mu = world.vehicle.nominal_mu if planner_mu is None else float(planner_mu)
     planner = make_controller(
         controller, car=world.car.parameters, mu=believed_mu, max_speed=max_speed, settings=planner_settings or {},
         map_line=world.track.map_line,

@@ -27,13 +27,14 @@ from numpy.typing import NDArray
 
 from ..course.moving_obstacles import make_mover
 from ..errors import ModelError
+from ..lidar.beams import Beams
 from ..lidar.effects import LidarEffects, ScanPipeline
-from ..lidar.lidar import Beams, RaycastLidar
+from ..lidar.lidar import RaycastLidar
 from ..messages import ODOMETRY, FloatArray, LaserScan
+from ..vehicle.car import WHEELS, Car
 from ..vehicle.changes import CarChanges, change_worlds, six_digits
 from ..vehicle.motion import ground_speed
 from ..vehicle.tire_slip import TireSlipMeter
-from ..vehicle.vehicle import WHEELS, Car
 from .physics import STATE, Batch, StateLayout
 from .planner_adapter import Planners
 from .scenario import Start
@@ -176,7 +177,7 @@ class Engine:
         scratch = copy(self.world.model)
         for part in self._parts:
             own = changes[part.worlds]
-            change_worlds(part.batch, own, CAR_PREFIX)
+            change_worlds(part.batch, own, self.world.vehicle.compile(), CAR_PREFIX)
             for i, change in enumerate(own):
                 row = part.cars.start + i
                 if change.mu is not None:

@@ -30,8 +30,8 @@ from ...simulation.course_loading import default_car
 from ...simulation.physics import STATE
 from ...simulation.scenario import Scenario
 from ...simulation.telemetry import TELEMETRY
-from ...vehicle.changes import CarChanges, change_spec
-from ...vehicle.vehicle import car_spec, nominal_mu
+from ...vehicle.changes import CarChanges
+from ...vehicle.vehicle import Vehicle
 from .randomization import Randomization
 from .world_batch import RECORDS, RESULT, WorldResults, drive_worlds
 
@@ -83,7 +83,8 @@ class RolloutJob:
         """
         if not self.tracks:
             raise SettingsError("no track is given; accepted: one or more")
-        car = default_car()
+        vehicle = Vehicle.load()
+        car = vehicle.parameters
         for track in self.tracks:
             track.check_car(car)
             laps_to_drive(track, self.laps)  # refuses more than a scene has
@@ -98,10 +99,9 @@ class RolloutJob:
                 "path/to/file.py:ClassName, for each world to have one of its own"
             )
         found = find_controller(self.controller)
-        mu = nominal_mu()
         for settings in ({}, *self.randomization.planner_extremes):
             build_controller(
-                found, self.controller, car=car, mu=mu, max_speed=8.0, settings=settings,
+                found, self.controller, car=vehicle.parameters, mu=vehicle.nominal_mu, max_speed=8.0, settings=settings,
                 map_line=self.tracks[0].map_line,
             )  # fmt: skip
 
@@ -250,9 +250,8 @@ def _traces(results: WorldResults, record: str) -> Arrays:
 
 def _state_size() -> int:
     """Return the length of a state, that of a car whose commands are delayed, which has the longest."""
-    spec = car_spec()
-    change_spec(spec, CarChanges(command_delay=0.0))
-    return int(mujoco.mj_stateSize(spec.compile(), STATE))
+    delayed = Vehicle.load().compile(changes=CarChanges(command_delay=0.0))
+    return int(mujoco.mj_stateSize(delayed, STATE))
 
 
 def _sha256(*texts: bytes) -> str:

@@ -25,8 +25,8 @@ from ...lidar.effects import LidarEffects
 from ...racing.planner_choice import Value, read_value
 from ...simulation.course_loading import default_car
 from ...simulation.scenario import Scenario, Start
-from ...vehicle.changes import CarChanges, change_spec
-from ...vehicle.vehicle import car_spec
+from ...vehicle.changes import CarChanges
+from ...vehicle.vehicle import Vehicle
 
 PARAMETERS = {
     "mu": (CarChanges, "mu"),
@@ -261,7 +261,7 @@ def _checkread_value(name: str, value: Value) -> None:
         owner, field = PARAMETERS[name]
         made = owner(**{field: value})
         if isinstance(made, CarChanges):
-            change_spec(car_spec(), made)
+            Vehicle.load().spec(changes=made)
 
 
 def _counts(values: Range) -> Choice:

@@ -31,7 +31,6 @@ from ...simulation.telemetry import statistics_figures
 from ...simulation.termination import END_REASONS
 from ...simulation.world import World
 from ...vehicle.changes import CarChanges
-from ...vehicle.vehicle import nominal_mu
 
 RECORDS = ("summary", "telemetry", "states")
 
@@ -148,7 +147,7 @@ def make_engine(
     kind = find_controller(controller)  # once: what is in a file becomes a new class each time
     planners = []
     for scenario, car in zip(scenarios, engine.cars, strict=True):
-        believed_mu = nominal_mu() if scenario.planner_mu is None else float(scenario.planner_mu)
+        believed_mu = world.vehicle.nominal_mu if scenario.planner_mu is None else float(scenario.planner_mu)
         planner = build_controller(
             kind, controller, car=car.parameters, mu=believed_mu, max_speed=scenario.max_speed,
             settings=scenario.planner, map_line=world.track.map_line,
