@@ -103,3 +103,22 @@ def middle_of(first: int, end: int) -> float:
 def range_at(ranges: FloatArray, place: float) -> float:
     """Return the reading [m] at a place between two beams: the nearer of the two."""
     return float(min(ranges[math.floor(place)], ranges[math.ceil(place)]))
+
+
+@kernel
+def run_around(ranges: FloatArray, beam: int, first: int, end: int) -> tuple[int, int]:
+    """Return the run of readings above 0 that a beam is in, within `ranges[first:end]`."""
+    start, stop = beam, beam
+    while start > first and ranges[start - 1] > 0.0:
+        start -= 1
+    while stop < end and ranges[stop] > 0.0:
+        stop += 1
+    return start, stop
+
+
+@kernel
+def show_run(gap: FloatArray, ranges: FloatArray, first: int, end: int) -> None:
+    """Write `ranges[first:end]` into a picture of a gap (n,) [m], and NaN elsewhere."""
+    gap[:first] = math.nan
+    gap[first:end] = ranges[first:end]
+    gap[end:] = math.nan

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray, LaserScan, ScanGeometry
 
-from ..control.records import Record
+from ..control.settings import Record
 
 _PERIOD = 0.025  # [s] of the field's LiDARs, for scans that do not tell theirs
 _LEAST_INCREMENT = 1e-9  # [rad] below it, counts of beams overflow
