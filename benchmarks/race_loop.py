@@ -22,7 +22,7 @@ from common import parser, report, stay_on_cores, table
 
 import fg_mujoco as fg
 from fg_mujoco.simulation.planner_adapter import ArrayPilot
-from fg_mujoco.simulation.simulation import STATE
+from fg_mujoco.simulation.physics import STATE
 from fg_mujoco.simulation.world import World
 
 SIMULATION = importlib.import_module("fg_mujoco.simulation.simulation")

@@ -40,8 +40,9 @@ from .lidar.lidar import Beams, Lidar, RangefinderLidar, RaycastLidar, lidar_spe
 from .messages import STOP, CarParameters, Controller, DriveCommand, LaserScan, Odometry
 from .racing.planner_loading import controller_names, make_controller
 from .racing.race import RaceProgress, race
+from .racing.replay import ReplayReport, replay
 from .racing.result import RaceResult
-from .racing.run_folder import ReplayReport, Run, check_run_folder, read_run, replay
+from .racing.run_folder import Run, check_run_folder, read_run
 from .simulation.scenario import Scenario, Start
 from .simulation.simulation import Simulation
 from .simulation.telemetry import TELEMETRY

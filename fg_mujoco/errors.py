@@ -38,4 +38,4 @@ class MissingExtraError(FgMujocoError, ImportError):
 
 
 class EngineError(FgMujocoError, RuntimeError):
-    """A cluster that cannot be reached, or that lost what it was given."""
+    """A part of the machinery that fails: MuJoCo's engine, or a cluster that cannot be reached or lost what it had."""

@@ -31,13 +31,14 @@ from numpy.typing import ArrayLike
 
 from .course.formats import load_track
 from .course.maps.map_track import MapTrack, is_map, read_map
-from .course.moving_obstacles import make_mover
 from .course.scene import Scene
 from .course.track import Track
 from .errors import SettingsError
 from .lidar.lidar import RaycastLidar
 from .messages import FloatArray
-from .simulation.simulation import BAD_STATE, hold_controls, look_over
+from .simulation.engine import Engine
+from .simulation.scenario import Start
+from .simulation.simulation import complete_state
 from .simulation.world import LIDAR_PREFIX, World
 from .vehicle import motion as car_motion
 
@@ -129,10 +130,10 @@ class F110Env:
           SettingsError: another shape, or a number that is not finite.
         """
         ((x, y, heading),) = _checked(poses, 3, "poses", "x, y, heading")
-        mujoco.mj_resetData(self.world.model, self.data)
-        if self._mover is not None:
-            self._mover.place(self.data)
+        self._engine.place([Start()])
+        self._engine.read(0, self.data)
         self.world.car.set_pose(self.data, x, y, heading)
+        self._engine.load(complete_state(self.world.model, self.data))
         self._rng = np.random.default_rng(self._seed)
         self._collided = False
         self._place = float(self.world.track.project([[x, y]])[0][0])
@@ -156,11 +157,11 @@ class F110Env:
           SettingsError: another shape, or a number that is not finite.
         """
         ((steering_angle, speed),) = _checked(action, 2, "action", "steering angle, speed")
-        model, data, car = self.world.model, self.data, self.world.car
-        car_motion.drive(data.qvel, steering_angle, speed, car.constants, data.ctrl)
-        hold_controls(model, data, self._records, self._mover)
-        touched, unstable = look_over(self._records, car.chassis_contact, data.warning.number[BAD_STATE])
-        self._collided = self._collided or touched or unstable
+        engine = self._engine
+        engine.commands[0] = steering_angle, speed
+        engine.drive()
+        engine.read(0, self.data)
+        self._collided = self._collided or bool(engine.crashed[0]) or engine.unstable(0)
         self._count_laps()
         finished = self._laps >= LAPS
         if self._viewer is not None:
@@ -205,12 +206,11 @@ class F110Env:
         if self._params is not None:
             _check_parameters(self._params, self.world)
         self.data = mujoco.MjData(self.world.model)
-        self._mover = make_mover(self.world.model)
         physics = float(self.world.model.opt.timestep)
         steps = round(self.timestep / physics)
         if steps < 1 or abs(steps * physics - self.timestep) > 1e-9:
             raise SettingsError(f"timestep is {self.timestep} s; accepted: a multiple of the physics' own, {physics} s")
-        self._records = np.empty((steps, self.world.model.nsensordata))
+        self._engine = Engine(self.world, period=self.timestep)
         self._lidar = RaycastLidar(self.world.model, LIDAR_PREFIX)
         bearings = np.linspace(-0.5 * FIELD_OF_VIEW, 0.5 * FIELD_OF_VIEW, BEAMS)
         self._beams = np.column_stack((np.cos(bearings), np.sin(bearings), np.zeros(BEAMS)))

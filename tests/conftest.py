@@ -10,6 +10,9 @@ settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.register_profile("fuzz", max_examples=1000, deadline=None, print_blob=True)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
+# Commands that the tests run write nothing about kernels, in a cache that is empty as in one that is not.
+os.environ["FG_MUJOCO_COMPILING"] = "in tests"
+
 
 class Straight:
     """Drives straight on, gently."""

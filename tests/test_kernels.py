@@ -1,17 +1,29 @@
-"""Kernels give numpy's arithmetic, and are kept where their user may write."""
+"""Kernels give numpy's arithmetic, and are kept where only their user may write, under names made of their sources."""
 
+import errno
+import hashlib
+import json
 import os
+import pickle
+import shutil
 import subprocess
 import sys
 import threading
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scan_worlds import CAR, MU, odometry_of, scan_of
 
-from fg_mujoco.kernels import cache_folder, kernel
+from fg_mujoco.controllers.control.compiled_planner import CompiledPlanner
+from fg_mujoco.controllers.control.driving import DrivingSettings
+from fg_mujoco.kernels import cache_folder, kernel, package_files, source_digest
 
-CODE = "from fg_mujoco.kernels import cache_folder; print(cache_folder())"
+FOLDER = "from fg_mujoco.kernels import cache_folder; print(cache_folder())"
+REASON = "from fg_mujoco.simulation.termination import end_reason; print(end_reason(False, True, 0, 1, 0.0, 0.0, 1.0))"
+CRASH = "2\n"  # what REASON prints
+ANNOUNCEMENT = "compiling kernels, once"
 
 
 @kernel
@@ -20,12 +32,35 @@ def quotients(values, divisor, out):
         out[i] = values[i] / divisor
 
 
-def folder_with(**environment):
-    kept = {name: value for name, value in os.environ.items() if name not in ("XDG_CACHE_HOME", "HOME")}
-    done = subprocess.run(
-        [sys.executable, "-c", CODE], env=kept | environment, capture_output=True, text=True, check=True
+def run(code, *arguments, cwd=None, **environment):
+    """Run a program with kernels kept where `environment` says, by a process that compiles first of all."""
+    own = ("XDG_CACHE_HOME", "HOME", "FG_MUJOCO_COMPILING")
+    kept = {name: value for name, value in os.environ.items() if name not in own}
+    return subprocess.run(
+        [sys.executable, "-c", code, *arguments], env=kept | environment, capture_output=True, text=True, cwd=cwd
     )
-    return Path(done.stdout.strip())
+
+
+@pytest.fixture
+def cache(tmp_path, monkeypatch):
+    """An empty cache of this process."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.delenv("FG_MUJOCO_COMPILING", raising=False)
+    cache_folder.cache_clear()
+    yield tmp_path
+    cache_folder.cache_clear()
+
+
+def halve_anew():
+    """Use a kernel as a new process would, and say whether it had to be compiled."""
+    again, out = kernel(quotients.py_func), np.empty(2)
+    again(np.array([1.0, 3.0]), 2.0, out)
+    assert out.tolist() == [0.5, 1.5]
+    return sum(again.stats.cache_misses.values()) == 1
+
+
+def kept_in(cache):
+    return sorted((cache / "fg_mujoco" / "kernels").iterdir())
 
 
 def test_division_by_zero_is_numpys():
@@ -47,17 +82,256 @@ def test_threads_get_the_same_bits():
 
 
 def test_kernels_are_kept_in_the_users_cache(tmp_path):
-    folder = folder_with(XDG_CACHE_HOME=str(tmp_path / "cache"), HOME=str(tmp_path))
-    assert folder.parent == tmp_path / "cache" / "fg_mujoco" and folder.is_dir()
-    assert folder.name == cache_folder().name, "the name is of the sources alone"
-    assert folder_with(HOME=str(tmp_path)).parent == tmp_path / ".cache" / "fg_mujoco"
+    folder = tmp_path / ".cache" / "fg_mujoco" / "kernels"
+    assert run(FOLDER, HOME=str(tmp_path)).stdout == f"{folder}\n"
+    assert [path.stat().st_mode & 0o777 for path in (folder, folder.parent)] == [0o700, 0o700]
 
 
-def test_without_such_a_place_they_are_kept_in_a_new_folder_each_time(tmp_path):
-    blocked = tmp_path / "file"
-    blocked.write_text("not a folder")
-    first, second = (folder_with(XDG_CACHE_HOME=str(blocked)) for _ in range(2))
-    assert first != second and first.is_dir()
+def test_what_is_kept_is_found_again(cache):
+    assert cache_folder() == cache / "fg_mujoco" / "kernels"
+    assert [halve_anew() for _ in range(3)] == [True, False, False]
+    (file,) = kept_in(cache)
+    assert file.name.startswith("quotients-")
+    kernel(quotients.py_func)(np.ones(2), 2, np.empty(2))
+    assert len(kept_in(cache)) == 2, "another signature"
+
+
+def test_without_a_place_they_are_kept_in_a_new_folder_each_time(cache, monkeypatch, capsys):
+    (cache / "file").write_text("not a folder")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(cache / "file"))
+    first = cache_folder()
+    cache_folder.cache_clear()
+    assert first != cache_folder() and first.is_dir() and first.stat().st_mode & 0o777 == 0o700
+    assert halve_anew() and not halve_anew()
+    assert "may write" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("mode", [0o720, 0o702])
+@pytest.mark.parametrize("of", ["fg_mujoco", "fg_mujoco/kernels"])
+def test_a_folder_that_others_may_write_to_is_not_used(cache, capsys, of, mode):
+    assert halve_anew()
+    (file,) = kept_in(cache)
+    file.write_bytes(b"not to be read")
+    (cache / of).chmod(mode)
+    capsys.readouterr()
+    cache_folder.cache_clear()
+    assert halve_anew()
+    warning = f"fg_mujoco: other users may write to {cache / of}: compiled kernels are not kept there\n"
+    assert capsys.readouterr().err == warning
+    assert cache not in cache_folder().parents and cache_folder().stat().st_mode & 0o777 == 0o700
+    assert [path.read_bytes() for path in kept_in(cache)] == [b"not to be read"]
+
+
+@pytest.mark.parametrize("of", ["fg_mujoco", "fg_mujoco/kernels"])
+def test_a_folder_of_another_user_is_not_used(cache, monkeypatch, capsys, of):
+    assert halve_anew()
+    true_stat = Path.stat
+
+    def stat(path, **options):
+        found = true_stat(path, **options)
+        values = [*found[:10]]
+        values[4] += path == cache / of  # st_uid
+        return os.stat_result(values)
+
+    monkeypatch.setattr(Path, "stat", stat)
+    capsys.readouterr()
+    cache_folder.cache_clear()
+    assert halve_anew()
+    assert f"other users may write to {cache / of}:" in capsys.readouterr().err
+    assert cache not in cache_folder().parents
+
+
+@pytest.mark.parametrize("damage", ["empty", "garbage", "cut short", "one bit", "unexpected", "a folder"])
+def test_a_damaged_file_is_compiled_anew_and_replaced(cache, damage):
+    assert halve_anew()
+    (file,) = kept_in(cache)
+    whole = file.read_bytes()
+    wrong = bytearray(whole)
+    wrong[len(whole) // 2] ^= 1
+    other = pickle.dumps(("not", "what", "was", "compiled"))
+    damaged = {
+        "empty": b"",
+        "garbage": b"\x80\x04garbage" * 50,
+        "cut short": whole[:-1],
+        "one bit": bytes(wrong),
+        "unexpected": hashlib.sha256(other).digest() + other,
+    }
+    if damage == "a folder":
+        file.unlink()
+        file.mkdir()
+    else:
+        file.write_bytes(damaged[damage])
+    assert halve_anew()
+    assert kept_in(cache) == [file], "nothing unfinished is left"
+    assert halve_anew() == (damage == "a folder")
+
+
+@pytest.mark.parametrize("failing", ["write_bytes", "replace", "read_bytes"])
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EROFS, errno.EACCES])
+def test_where_nothing_can_be_written_or_read_kernels_are_compiled(cache, monkeypatch, failing, code):
+    def fail(path, *_):
+        if failing == "write_bytes":
+            path.touch()  # a part of it
+        raise OSError(code, os.strerror(code))
+
+    if failing == "read_bytes":
+        assert halve_anew()
+        monkeypatch.setattr(Path, failing, fail)
+        source_digest(quotients.py_func)
+        assert halve_anew()
+    else:
+        source_digest(quotients.py_func)
+        monkeypatch.setattr(Path, failing, fail)
+        assert halve_anew() and halve_anew()
+        assert kept_in(cache) == []
+
+
+def times(factor):
+    @kernel
+    def product(x):
+        return factor * x
+
+    return product
+
+
+def plus_one(function):
+    @kernel
+    def more(x):
+        return function(x) + 1.0
+
+    return more
+
+
+def test_closures_are_told_apart_and_found_again(cache):
+    for _ in range(2):
+        assert [times(factor)(3.0) for factor in (2.0, 5.0)] == [6.0, 15.0]
+        assert [plus_one(times(factor))(3.0) for factor in (2.0, 5.0)] == [7.0, 16.0]
+        assert len(kept_in(cache)) == 4
+
+
+def planner_of(constant):
+    @kernel
+    def decide(odometry):
+        return 0.0, constant
+
+    return type("Constant", (CompiledPlanner,), {"Settings": DrivingSettings, "decide": staticmethod(decide)})
+
+
+def test_planners_made_by_one_function_are_told_apart(cache):
+    for _ in range(2):
+        planners = [planner_of(constant)(CAR, MU) for constant in (1.0, 2.0)]
+        assert [planner(scan_of(np.ones(5)), odometry_of()).speed for planner in planners] == [1.0, 2.0]
+        assert len([file for file in kept_in(cache) if "decide" in file.name]) == 4
+
+
+def test_a_function_without_source_is_not_kept(cache):
+    scope = {"__name__": "nowhere"}
+    exec("def half(x):\n    return 0.5 * x", scope)
+    assert kernel(scope["half"])(3.0) == 1.5
+    assert not (cache / "fg_mujoco").exists() or kept_in(cache) == []
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    """The package as it is installed, with one more kernel in a folder of a folder, and a user's planner."""
+    site = tmp_path_factory.mktemp("site")
+    for name in ("fg_mujoco", "fg_mujoco.controllers", "fg_mujoco.models", "fg_mujoco.tracks"):
+        place = site.joinpath(*name.split("."))
+        shutil.copytree(str(files(name)), place, ignore=shutil.ignore_patterns("__pycache__"), dirs_exist_ok=True)
+    nested = site / "fg_mujoco" / "one" / "two"
+    nested.mkdir(parents=True)
+    (nested.parent / "__init__.py").write_text("")
+    (nested / "__init__.py").write_text("FACTOR = 2.0\n")
+    (nested / "constants.py").write_text("OFFSET = 1.0\n")
+    (nested / "deep.py").write_text(
+        "from ...kernels import kernel\nfrom . import FACTOR, constants\n\n\n@kernel\ndef deep(x):\n"
+        "    return FACTOR * x + constants.OFFSET\n"
+    )
+    (nested.parent / "above.py").write_text(
+        "from ..kernels import kernel\nfrom .two.deep import (  # the kernel\n    deep,\n)\n\n\n@kernel\n"
+        "def above(x):\n    return deep(x)\n"
+    )
+    (site / "users.py").write_text(
+        "from fg_mujoco.kernels import kernel\nfrom fg_mujoco.one.above import above\n\n\n@kernel\n"
+        "def mine(x):\n    return above(x)\n"
+    )
+    return site
+
+
+DIGESTS = """
+import json, sys
+import users
+from fg_mujoco import kernels
+from fg_mujoco.studies.rollout import job as rollout_job
+from fg_mujoco.controllers.gap_finder import decide
+from fg_mujoco.lidar.scanline import scan
+from fg_mujoco.one.above import above
+from fg_mujoco.one.two.deep import deep
+import linecache, pathlib
+def digests():
+    for cached in (kernels._modules, kernels._digest_of, kernels._read, rollout_job.versions):
+        cached.cache_clear()
+    linecache.clearcache()
+    found = {"decide": decide, "scan": scan, "above": above, "deep": deep, "mine": users.mine}
+    found = {name: kernels.source_digest(function.py_func) for name, function in found.items()}
+    return found | {"all": rollout_job.versions()["sources_sha256"]}
+before, changes = digests(), {}
+for path in map(pathlib.Path, sys.argv[1:]):
+    whole = path.read_text()
+    path.write_text(whole + "# another line")
+    after = digests()
+    path.write_text(whole)
+    changes[str(path)] = sorted(name for name in before if after[name] != before[name])
+assert digests() == before
+print(json.dumps(changes))
+"""
+
+
+def test_names_are_of_all_sources_that_a_kernel_depends_on_and_of_no_others(installed):
+    expected = {
+        "fg_mujoco/one/two/deep.py": ["above", "all", "deep", "mine"],
+        "fg_mujoco/one/two/__init__.py": ["above", "all", "deep", "mine"],
+        "fg_mujoco/one/two/constants.py": ["above", "all", "deep", "mine"],
+        "fg_mujoco/one/above.py": ["above", "all", "mine"],
+        "users.py": ["mine"],
+        "fg_mujoco/kernels.py": ["above", "all", "decide", "deep", "mine", "scan"],
+        "fg_mujoco/controllers/gap_finder.py": ["all", "decide"],
+        "fg_mujoco/controllers/perception/scan_filters.py": ["all", "decide"],
+        "fg_mujoco/controllers/weighted_gap.py": ["all"],
+        "fg_mujoco/models/scene.xml": ["all"],
+    }
+    done = run(DIGESTS, *expected, cwd=installed)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout) == expected
+
+
+def test_names_are_the_same_in_a_checkout_and_installed(installed):
+    code = "from fg_mujoco.kernels import source_digest as d; from fg_mujoco.controllers.gap_finder import decide as k"
+    here = run(f"{code}; print(d(k.py_func))")
+    there = run(f"{code}; print(d(k.py_func))", cwd=installed)
+    assert here.returncode == 0 and here.stdout == there.stdout
+
+
+def test_every_source_is_hashed_once_under_its_path_in_the_package():
+    paths = [path for path, _ in package_files(".py")]
+    assert {"kernels.py", "viz/rendering/gl.py", "controllers/perception/gaps.py", "models/__init__.py"} <= set(paths)
+    assert len(paths) == len(set(paths)) and sorted(paths) == paths
+    assert not [path for path in paths if path.startswith("fg_mujoco/") or "__pycache__" in path]
+
+
+def test_a_kernel_that_is_called_from_another_one_is_recompiled_there(installed, tmp_path):
+    code = "from fg_mujoco.one.above import above; print(above(3.0))"
+    environment = {"cwd": installed, "XDG_CACHE_HOME": str(tmp_path)}
+    assert run(code, **environment).stdout == "7.0\n"
+    assert (run(code, **environment).stdout, run(code, **environment).stderr) == ("7.0\n", "")
+    path = installed / "fg_mujoco/one/two/constants.py"
+    whole = path.read_text()
+    path.write_text("OFFSET = 2.0\n")
+    try:
+        done = run(code, **environment)
+    finally:
+        path.write_text(whole)
+    assert done.stdout == "8.0\n" and ANNOUNCEMENT in done.stderr
 
 
 def test_decorating_leaves_the_cache_of_others_alone():
@@ -68,17 +342,30 @@ def test_decorating_leaves_the_cache_of_others_alone():
     assert before == numba.config.CACHE_DIR
 
 
-@pytest.mark.skipif(not hasattr(os, "openpty"), reason="no pseudo-terminals here")
-def test_the_first_compilation_is_announced_on_a_terminal_and_nowhere_else(tmp_path):
-    code = "from fg_mujoco.simulation.termination import end_reason; end_reason(False, False, 0, 1, 0.0, 0.0, 1.0)"
-    environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path)}
-    terminal, end = os.openpty()
-    subprocess.run([sys.executable, "-c", code], env=environment, stderr=end, check=True)
-    os.close(end)
-    assert os.read(terminal, 1000).count(b"compiling, once") == 1
-    piped = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, check=True)
-    assert piped.stderr == b""
-    terminal, end = os.openpty()
-    subprocess.run([sys.executable, "-c", f"{code}; import sys; sys.stderr.write('.')"], env=environment, stderr=end)
-    os.close(end)
-    assert os.read(terminal, 1000) == b".", "what is kept on disk is not compiled again"
+def test_without_compilation_a_kernel_is_the_function():
+    done = run(f"{REASON}; print(type(end_reason).__name__)", NUMBA_DISABLE_JIT="1")
+    assert done.stdout == CRASH + "function\n" and done.stderr == ""
+
+
+def test_the_first_compilation_is_announced_once(tmp_path):
+    """In a pipe as on a terminal; not by processes that the first one starts, nor where all is on disk."""
+    both = (
+        f"import subprocess, sys; {REASON}; from fg_mujoco.controllers.control.steering import saturate;"
+        "saturate(1.0, 2.0);"
+        "subprocess.run([sys.executable, '-c', 'from fg_mujoco.controllers.control.speed import friction_steering as f;"
+        "f(1.0, 1.0, 1.0, 9.81)'], check=True)"
+    )
+    done = run(both, XDG_CACHE_HOME=str(tmp_path))
+    assert (done.returncode, done.stdout) == (0, CRASH)
+    assert done.stderr.count(ANNOUNCEMENT) == 1 and done.stderr.count("\n") == 1
+    assert run(both, XDG_CACHE_HOME=str(tmp_path)).stderr == ""
+
+
+def test_kernels_of_others_are_not_announced(tmp_path):
+    code = "import numba, fg_mujoco.kernels; print(numba.njit(lambda x: x + 1)(1))"
+    done = run(code, XDG_CACHE_HOME=str(tmp_path))
+    assert (done.stdout, done.stderr) == ("2\n", "")
+
+
+def test_without_stderr_kernels_are_compiled_all_the_same(tmp_path):
+    assert run(f"import sys; sys.stderr = None; {REASON}", XDG_CACHE_HOME=str(tmp_path)).stdout == CRASH

@@ -27,8 +27,9 @@ from ..lidar.lidar import LIDAR_BACKENDS
 from ..racing.planner_choice import ControllerChoice
 from ..racing.planner_loading import controller_names
 from ..racing.race import RaceProgress, race
+from ..racing.replay import replay
 from ..racing.result import RaceResult
-from ..racing.run_folder import check_run_folder, replay, summary_json
+from ..racing.run_folder import check_run_folder, summary_json
 from ..vehicle.tire_slip import SLIDING_SPEED
 from ..viz.course_drawing import describe_course
 from ..viz.plots import track_picture, write_run

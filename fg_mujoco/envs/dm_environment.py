@@ -26,11 +26,11 @@ from dm_env import specs
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SettingsError
-from ..simulation.simulation import BAD_STATE, Simulation
+from ..simulation.simulation import Simulation
 from .actions import ACTION
 from .episodes import Episodes
 from .settings import EnvironmentSettings
-from .worlds import OneWorld
+from .worlds import Worlds
 
 TASKS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
@@ -97,8 +97,7 @@ class Physics(dm_mujoco.Physics):  # type: ignore[misc]
         """Return the physics of a new world."""
         world = settings.make_world()
         physics: Physics = cls.from_model(wrapper.MjModel(world.model))
-        physics.simulation = _SharedSimulation(world)
-        physics.simulation.share(physics.data.ptr)
+        physics.simulation = Simulation(world, engine=settings.make_engine(world=world), data=physics.data.ptr)
         physics._command = np.zeros(2)
         return physics
 
@@ -131,15 +130,6 @@ class Physics(dm_mujoco.Physics):  # type: ignore[misc]
         mujoco.mj_kinematics(self.model.ptr, self.data.ptr)
 
 
-class _SharedSimulation(Simulation):
-    """A simulation on data that is somebody else's too."""
-
-    def share(self, data: mujoco.MjData) -> None:
-        self.data = data
-        self._bad_state = data.warning.number[BAD_STATE]
-        self.reset()
-
-
 class CarTask(control.Task):  # type: ignore[misc]
     """Laps to be driven.
 
@@ -161,7 +151,7 @@ class CarTask(control.Task):  # type: ignore[misc]
         *,
         flat_observation: bool = False,
     ) -> None:
-        self._world = OneWorld(settings, physics.simulation)
+        self._world = Worlds(settings, engine=physics.simulation.engine)
         self.episodes = Episodes(settings, self._world)
         self._rng = rng
         self._flat = flat_observation
@@ -170,6 +160,7 @@ class CarTask(control.Task):  # type: ignore[misc]
     def initialize_episode(self, physics: Physics) -> None:
         """Place the car."""
         self.episodes.begin(_ALL, [self._rng])
+        self._world.engine.read(0, physics.data.ptr)
         self._observation = self.episodes.observe(_ALL)
 
     def before_step(self, action: ArrayLike, physics: Physics) -> None:

@@ -66,25 +66,25 @@ class Episodes:
         self.clipped = np.zeros(count, np.int64)
         self.commands = np.zeros((count, 2))
         self._driven = np.zeros(count, np.bool_)
-        timers = worlds.referee.timers
+        timers = worlds.monitor.timers
         self._progress, self._laps = timers["progress"], timers["laps_completed"]  # views
         self._before = self._progress.copy()  # [m] at the last reward
 
     @property
     def running(self) -> Mask:
         """Which episodes go on (n,)."""
-        return self.worlds.referee.running
+        return self.worlds.monitor.running
 
     @property
     def terminated(self) -> Mask:
         """See the attributes."""
-        ended: Mask = _TERMINATED.take(self.worlds.referee.reasons)
+        ended: Mask = _TERMINATED.take(self.worlds.monitor.reasons)
         return ended
 
     @property
     def truncated(self) -> Mask:
         """See the attributes."""
-        ended: Mask = _TRUNCATED.take(self.worlds.referee.reasons)
+        ended: Mask = _TRUNCATED.take(self.worlds.monitor.reasons)
         return ended
 
     def begin(self, which: Mask, generators: Sequence[np.random.Generator], start: Start | None = None) -> None:
@@ -140,7 +140,7 @@ class Episodes:
 
     def stop(self, which: Mask) -> None:
         """Let the episodes `which` (n,) run no longer."""
-        self.worlds.referee.running[which] = False
+        self.worlds.monitor.running[which] = False
 
     def observe(self, which: Mask) -> Observation:
         """Return new observations of all worlds, (n, ...) by name; those of the worlds `which` (n,) are sensed anew."""
@@ -155,5 +155,5 @@ class Episodes:
 
     def ending(self, i: int) -> dict[str, Any]:
         """Return how episode i, which is over, ended: its reason, and the times of its laps, NaN where not driven."""
-        referee = self.worlds.referee
-        return {"end_reason": END_REASONS[referee.reasons[i]], "lap_times_s": referee.lap_times[i].copy()}
+        monitor = self.worlds.monitor
+        return {"end_reason": END_REASONS[monitor.reasons[i]], "lap_times_s": monitor.lap_times[i].copy()}

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,7 +28,7 @@ from .observations import ObservationLayout
 from .rendering import ChaseView, Window
 from .settings import EnvironmentSettings
 from .starts import given_start
-from .worlds import OneWorld
+from .worlds import Worlds
 
 try:
     import gymnasium
@@ -63,10 +64,11 @@ class F1TenthEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             raise SettingsError(f"render_mode is {render_mode!r}; accepted: {', '.join(RENDER_MODES)}, None")
         self.render_mode = render_mode
         chosen = EnvironmentSettings.of(settings)
-        self._world = OneWorld(chosen)
+        self._world = Worlds(chosen)
         self._episodes = Episodes(chosen, self._world)
         self.observation_space: gymnasium.Space[Any] = observation_space(self._episodes.layout)
         self.action_space: gymnasium.Space[Any] = action_space(self._episodes.actions)
+        self._data: mujoco.MjData | None = None  # that is drawn
         self._view: ChaseView | None = None
         self._window: Window | None = None
 
@@ -111,13 +113,16 @@ class F1TenthEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         Raises:
           MissingExtraError, EngineError: no OpenGL, or no display.
         """
-        simulation = self._world.simulation
+        if self.render_mode is None:
+            return None
+        worlds = self._world
+        self._data = self._data or mujoco.MjData(worlds.world.model)
+        worlds.engine.read(0, self._data)
         if self.render_mode == "rgb_array":
-            self._view = self._view or ChaseView(simulation.world)
-            return self._view.frame(simulation.data)
-        if self.render_mode == "human":
-            self._window = self._window or Window(simulation.world, simulation.data, simulation.period)
-            self._window.show()
+            self._view = self._view or ChaseView(worlds.world)
+            return self._view.frame(self._data)
+        self._window = self._window or Window(worlds.world, self._data, worlds.period)
+        self._window.show()
         return None
 
     def close(self) -> None:

@@ -19,15 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import SettingsError
-from ..simulation.simulation import STATE
+from ..simulation.physics import STATE
 from ..studies.rollout.local import usable_cores
-from .batch import ManyWorlds
 from .episodes import FACTS, Episodes
 from .gym_environment import F1TenthEnv, Observation, action_space, observation_space
 from .rendering import ChaseView
 from .settings import EnvironmentSettings
 from .starts import given_start
-from .worlds import OneWorld, Worlds
+from .worlds import Worlds
 
 # isort: split
 # where Gymnasium is missing, the import of gym_environment has said which command installs it
@@ -75,10 +74,7 @@ class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
         self._mode = _autoreset_mode(autoreset_mode)
         self.metadata = F1TenthEnv.metadata | {"autoreset_mode": self._mode, "render_modes": ["rgb_array"]}
         chosen = EnvironmentSettings.of(settings)
-        # of one world the same bits, sooner
-        self._worlds: Worlds = (
-            ManyWorlds(chosen, num_envs, threads or min(usable_cores(), num_envs)) if num_envs > 1 else OneWorld(chosen)
-        )
+        self._worlds = Worlds(chosen, num_envs, threads or min(usable_cores(), num_envs))
         self._episodes = Episodes(chosen, self._worlds)
         self.single_observation_space = observation_space(self._episodes.layout)
         self.single_action_space = action_space(self._episodes.actions)

@@ -22,6 +22,7 @@ from ..course.track import Track
 from ..errors import SettingsError
 from ..lidar.effects import LidarEffects
 from ..messages import require
+from ..simulation.engine import Engine
 from ..simulation.world import World
 from .rewards import Rewards
 
@@ -86,6 +87,17 @@ class EnvironmentSettings:
         laps_to_drive(course, self.laps)  # refuses more than a scene has
         boxes = random_boxes(course, self.obstacles, self.obstacle_seed)
         return World(course, mu=self.mu, obstacles=boxes)
+
+    def make_engine(self, count: int = 1, threads: int = 1, *, world: World | None = None) -> Engine:
+        """Return an engine of so many worlds; of `world` itself, if it is given, which then is the only one.
+
+        Raises:
+          TrackError, SettingsError: what cannot be driven.
+        """
+        return Engine(
+            world or self.make_world(), count, laps=self.laps, time_limit=self.time_limit, threads=threads,
+            own_model=world is not None,
+        )  # fmt: skip
 
 
 def _known(settings: Mapping[str, Any], kind: Any, what: str) -> Mapping[str, Any]:

@@ -14,8 +14,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from ..course.course import USUAL_LAPS, laps_to_drive
 from ..course.formats import load_track
 from ..course.obstacles import Obstacle
@@ -25,16 +23,18 @@ from ..course.track import Track
 from ..errors import SettingsError
 from ..lidar.effects import LidarEffects
 from ..messages import Controller, require
-from ..simulation.planner_adapter import ArrayPilot, MessagePilot, make_pilot, start
+from ..simulation.engine import Engine
+from ..simulation.planner_adapter import adapt, start
 from ..simulation.scenario import Start
-from ..simulation.simulation import Simulation
-from ..simulation.telemetry import tally_figures
-from ..simulation.termination import END_REASONS, Referee
+from ..simulation.telemetry import TELEMETRY, statistics_figures
+from ..simulation.termination import END_REASONS
 from ..simulation.world import World
 from ..vehicle.changes import CarChanges
 from ..vehicle.vehicle import nominal_mu
 from .planner_loading import make_controller
-from .result import RaceLog, RaceResult, trajectory_sha256
+from .result import History, RaceResult, trajectory_sha256
+
+_SPEED = TELEMETRY.index("speed_m_s")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,29 +135,23 @@ def race(
         map_line=world.track.map_line,
     )  # fmt: skip
     start(planner)
-    simulation = Simulation(world, effects=effects, seed=seed)
-    sensed = simulation.reset(**vars(begin or Start()))
-    pilot = make_pilot(planner, simulation, sensed, by_name=isinstance(controller, str))
-    referee = Referee(
-        world.track,
-        world.car.constants,
-        laps=laps,
-        time_limit=settings.time_limit or course.longest_race(laps),
-        period=simulation.period,
-        qpos=simulation.data.qpos[np.newaxis],
-    )
-    log = RaceLog(simulation.state)
+    engine = Engine(world, laps=laps, time_limit=settings.time_limit)
+    engine.planners = adapt([planner], arrays=isinstance(controller, str), raises=True)
+    engine.place([begin or Start()], effects=[effects or LidarEffects()], seeds=[seed])
+    history = History(engine)
 
     started = time.perf_counter()
     try:
-        reason = _drive(simulation, pilot, referee, log, laps, watch)
+        _drive(engine, history, laps, watch)
     except KeyboardInterrupt:  # what was driven is kept
-        reason = "interrupted"
+        engine.interrupt()
     ended = time.perf_counter()
-    later_time = ended - (log.first_end or ended)  # [s] without the first tick
+    later_time = ended - (history.first_end or ended)  # [s] without the first tick
 
-    arrays = log.arrays()
-    lap_times = tuple(referee.lap_times[0, : int(referee.timers["laps_completed"][0])].tolist())
+    arrays, monitor = history.arrays(), engine.monitor
+    reason = END_REASONS[monitor.reasons[0]]
+    simulated = float(arrays["states"][-1, 0])  # mjSTATE_TIME comes first in a state
+    lap_times = tuple(monitor.lap_times[0, : int(monitor.timers["laps_completed"][0])].tolist())
     return RaceResult(
         track=world.track.name,
         controller=controller if isinstance(controller, str) else type(controller).__name__,
@@ -166,11 +160,11 @@ def race(
         finished=reason == "finished",
         end_reason=reason,
         lap_times_s=lap_times,
-        collisions=int(simulation.crashed),
-        sim_time_s=simulation.time,
+        collisions=int(engine.crashed[0]),
+        sim_time_s=simulated,
         wall_time_s=ended - started,
-        realtime_factor=(simulation.time - simulation.period) / later_time if later_time > 0.0 else 0.0,
-        **tally_figures(log.tally),
+        realtime_factor=(simulated - engine.period) / later_time if later_time > 0.0 else 0.0,
+        **statistics_figures(engine.statistics[0]),
         seed=seed,
         mu=world.car.mu,
         planner_mu=believed_mu,
@@ -186,34 +180,21 @@ def race(
     )
 
 
-def _drive(
-    simulation: Simulation,
-    pilot: MessagePilot | ArrayPilot,
-    referee: Referee,
-    log: RaceLog,
-    laps: int,
-    watch: Callable[[RaceProgress], None] | None,
-) -> str:
-    """Run the loop until the race is over and return the reason."""
-    data = simulation.data
-    time, qpos, qvel = np.empty(1), data.qpos[np.newaxis], data.qvel[np.newaxis]  # views of the state
-    unstable, crashed = np.zeros(1, np.bool_), np.zeros(1, np.bool_)
-    while True:
-        time[0], unstable[0], crashed[0] = data.time, simulation.unstable, simulation.crashed
-        referee.judge(time, qpos, qvel, unstable, crashed)
-        if not referee.running[0]:
-            return END_REASONS[referee.reasons[0]]
-        log.begin(simulation, referee.timers)
-        command = pilot.decide()
-        simulation.drive(*command)
-        pilot.sense()
-        log.end(simulation, *command)
+def _drive(engine: Engine, history: History, laps: int, watch: Callable[[RaceProgress], None] | None) -> None:
+    """Run the loop until the race is over."""
+    running, telemetry, timers = engine.running, engine.telemetry, engine.monitor.timers
+    while running[0]:
+        engine.sense()
+        engine.decide()
+        engine.drive()
+        history.append()
+        engine.judge()
         if watch is not None:
             watch(
                 RaceProgress(
-                    time=simulation.time,
-                    laps_completed=int(referee.timers["laps_completed"][0]),
+                    time=float(engine.times[0]),
+                    laps_completed=int(timers["laps_completed"][0]),
                     laps_requested=laps,
-                    speed=simulation.speed,
+                    speed=float(telemetry[0, _SPEED]),
                 )
             )

@@ -1,111 +1,138 @@
-"""What the car of a run sensed, tick by tick: a run folder keeps states, and this measures in them once more.
+"""Simulates a run again, tick by tick: from its first state, with its recorded controls and the LiDAR's own seed.
 
-Each tick is simulated again from its recorded state with its recorded controls, and the LiDAR measures with the same
-effects, drawn from the same seed: the scans, late, noisy and distorted as they were, are those that the planner got,
-bit for bit where `fg-mujoco replay` is bit-identical. Elsewhere, as under another version of MuJoCo, they are measured
-in the recorded states all the same, and each tick's accelerometer is at most one tick's rounding off.
+    run = read_run("runs/oval")
+    for tick in resimulate(run, load_world(run)):
+        tick.sensed.scan, tick.command, tick.state
+
+A run folder keeps states and controls. The scans, late, noisy and distorted as they were, follow from them: they are
+those that the planner got, bit for bit where `fg-mujoco replay` is bit-identical. Elsewhere, as under another version
+of MuJoCo, each tick starts again from its recorded state.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import mujoco
 import numpy as np
 
-from ..course.moving_obstacles import make_mover
-from ..errors import RunFolderError
-from ..lidar.effects import LidarEffects, ScanPipeline
-from ..lidar.lidar import Lidar, make_lidar
+from ..errors import FgMujocoError, RunFolderError
+from ..lidar.effects import LidarEffects
 from ..messages import DriveCommand, FloatArray, LaserScan, Odometry
-from ..simulation.simulation import STATE, complete_state, hold_controls, whole_steps
-from ..simulation.world import CAR_PREFIX, LIDAR_PREFIX
-from ..vehicle.vehicle import Car
+from ..simulation.engine import Engine
+from ..simulation.physics import STATE
+from ..simulation.planner_adapter import odometry_message
+from ..simulation.world import World
 from .run_folder import Run
+
+
+class Recording(Protocol):
+    """What a run has to have kept: a run folder that was read, or a drive that is shown."""
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """As in its summary.json."""
+
+    @property
+    def states(self) -> FloatArray:
+        """At the start of each tick, and the last. Shape (ticks + 1, k)."""
+
+    @property
+    def ctrl(self) -> FloatArray:
+        """What the actuators got. Shape (ticks, controls)."""
+
+    def column(self, name: str) -> FloatArray:
+        """Return one column of the telemetry, shape (ticks,)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sensed:
-    """One tick: what the planner was told, where the car was, and what the planner answered."""
+    """What the car sensed at the start of a tick, and where it was."""
 
-    time: float  # [s]
     scan: LaserScan  # as delivered; measured earlier where the LiDAR is late
     odometry: Odometry
     position: FloatArray  # (3,) [m] of base_link, world frame
     quaternion: FloatArray  # (4,) wxyz of base_link
     lateral_speed: float  # [m/s] of base_link over the ground, left positive
-    command: DriveCommand
 
 
-def load_scene(run: Run) -> mujoco.MjModel:
-    """Return the model that a run was raced in, compiled from its scene.xml.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Tick:
+    """One tick of a run, simulated again."""
+
+    time: float  # [s] at its start
+    sensed: Sensed | None  # None where nothing was to be sensed
+    command: DriveCommand  # that the planner answered
+    state: FloatArray  # (k,) at its end
+
+
+def load_world(run: Run) -> World:
+    """Return the world that a run was raced in, compiled from its scene.xml.
 
     Raises:
       RunFolderError: it does not compile, or is not that of the states.
     """
     try:
-        model = mujoco.MjModel.from_xml_path(str(run.scene))
-    except ValueError as error:
-        reason = " ".join(str(error).split())
+        world = World.from_xml(run.scene.read_text("utf-8"), lidar=str(run.summary.get("lidar", "raycast")))
+    except (OSError, UnicodeDecodeError, ValueError, FgMujocoError) as error:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
         raise RunFolderError(f"{run.scene}: cannot be read: {reason}; accepted: as `race --out` wrote it") from error
-    if mujoco.mj_stateSize(model, STATE) != run.states.shape[1]:
+    if mujoco.mj_stateSize(world.model, int(STATE)) != run.states.shape[1]:
         raise RunFolderError(f"{run.scene}: its states are not those of states.npz; accepted: as `race --out` wrote it")
-    return model
+    return world
 
 
-def sensed(run: Run, model: mujoco.MjModel) -> Iterator[Sensed]:
+def resimulate(run: Recording, world: World, *, sense: bool = True, follow: bool = True) -> Iterator[Tick]:
     """Yield each tick of a run.
 
     Args:
-      run: as read from its folder.
-      model: of `load_scene(run)`.
+      run: what was recorded.
+      world: of `load_world(run)`.
+      sense: measure what the car sensed.
+      follow: start each tick from its recorded state, where the one that was simulated differs.
 
     Raises:
       RunFolderError: a summary without what the LiDAR was set to.
     """
-    lidar, pipeline = _lidar(run, model)
-    car, mover, data = Car(model, CAR_PREFIX), make_mover(model), mujoco.MjData(model)
-    steps = whole_steps(lidar.beams.period, model.opt.timestep)
-    records = np.empty((steps, model.nsensordata))
-    after_step = pipeline.record if pipeline.needs_every_step else None
-    commands = np.column_stack((run.column("command_steering_rad"), run.column("command_speed_m_s")))
-
-    here = mujoco.MjData(model)  # sensors need a forward pass at the start, which would change what is simulated
-    mujoco.mj_setState(model, here, run.states[0], STATE)
-    mujoco.mj_forward(model, here)
-    mujoco.mj_setState(model, data, run.states[0], STATE)
-    for (steering_angle, speed), controls, after in zip(commands.tolist(), run.ctrl, run.states[1:], strict=True):
-        constants = car.constants[0]
-        pose = here.qpos[constants["free_qpos"] :][:7].copy()
-        heading = car.pose(here)[2]
-        velocity = here.qvel[constants["free_dof"] :][:2]
-        yield Sensed(
-            time=float(here.time),
-            scan=pipeline.scan(here),
-            odometry=car.odometry(here),
-            position=pose[:3],
-            quaternion=pose[3:],
-            lateral_speed=float(velocity @ (-np.sin(heading), np.cos(heading))),
-            command=DriveCommand(steering_angle=steering_angle, speed=speed),
+    effects, seed = _lidar_settings(run.summary) if sense else (None, 0)
+    commands = np.column_stack((run.column("command_steering_rad"), run.column("command_speed_m_s"))).tolist()
+    engine = Engine(world)
+    engine.load(run.states[0], effects=effects, seed=seed)
+    for controls, (steering_angle, speed), after in zip(run.ctrl, commands, run.states[1:], strict=True):
+        time = float(engine.times[0])
+        sensed = _sense(engine) if sense else None
+        engine.drive(controls=controls[np.newaxis])
+        state = engine.state(0).copy()
+        yield Tick(
+            time=time, sensed=sensed, command=DriveCommand(steering_angle=steering_angle, speed=speed), state=state
         )
-        data.ctrl[:] = controls
-        hold_controls(model, data, records, mover, after_step)
-        if not np.array_equal(complete_state(model, data), after, equal_nan=True):
-            mujoco.mj_setState(model, data, after, STATE)
-            mujoco.mj_kinematics(model, data)
-        here = data
+        if follow and not np.array_equal(state, after, equal_nan=True):
+            engine.state(0)[:] = after
 
 
-def _lidar(run: Run, model: mujoco.MjModel) -> tuple[Lidar, ScanPipeline]:
-    """Return the LiDAR that a run was raced with, and what it did to a scan, from its seed."""
+def _sense(engine: Engine) -> Sensed:
+    """Return what the car of world 0 senses now."""
+    engine.sense()
+    odometry = odometry_message(engine.odometry[0])
+    pose, (x, y) = engine.free_joint(0)
+    heading = odometry.pose[2]
+    return Sensed(
+        scan=engine.scans.get(0) or engine.beams.to_scan(engine.ranges[0], odometry.stamp),
+        odometry=odometry,
+        position=pose[:3],
+        quaternion=pose[3:],
+        lateral_speed=float(-x * np.sin(heading) + y * np.cos(heading)),
+    )
+
+
+def _lidar_settings(summary: dict[str, Any]) -> tuple[LidarEffects, int]:
+    """Return what the LiDAR of a run did to its scans, and the seed of its noise."""
     try:
-        backend, seed = str(run.summary["lidar"]), int(run.summary["seed"])
-        effects = LidarEffects(**run.summary["lidar_effects"])
+        return LidarEffects(**summary["lidar_effects"]), int(summary["seed"])
     except (KeyError, TypeError, ValueError) as error:
         raise RunFolderError(
-            f"{run.folder / 'summary.json'}: {type(error).__name__}: {error}; accepted: with lidar, lidar_effects and "
-            "seed, as `race --out` wrote it"
+            f"summary.json: {type(error).__name__}: {error}; accepted: with lidar_effects and seed, as `race --out` "
+            "wrote it"
         ) from error
-    lidar = make_lidar(backend, model, LIDAR_PREFIX)
-    return lidar, ScanPipeline(lidar, effects, np.random.default_rng(seed))

@@ -8,14 +8,13 @@ from dataclasses import asdict, dataclass, field, fields
 from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..lidar.effects import LidarEffects
 from ..messages import FloatArray, read_only
-from ..simulation.telemetry import TALLY, TELEMETRY, begin_row, end_row
+from ..simulation.telemetry import TELEMETRY
 
 if TYPE_CHECKING:
-    from ..simulation.simulation import Simulation
+    from ..simulation.engine import Engine
     from ..simulation.world import World
 
 
@@ -80,49 +79,40 @@ class Trajectory(TypedDict):
     ctrl: FloatArray
 
 
-class RaceLog:
-    """Grows by one row a tick.
+class History:
+    """What happened in world 0 of an engine, one row a tick.
 
     Args:
-      state: at the start of the race.
+      engine: at the start of the race.
     """
 
-    def __init__(self, state: FloatArray) -> None:
+    def __init__(self, engine: Engine) -> None:
         self.ticks = 0
         self.first_end: float | None = None  # when the first tick was over, on time.perf_counter's clock [s]
-        self._tally = np.zeros(1, TALLY)
-        self._telemetry = np.empty((512, len(TELEMETRY)))
-        self._ctrl = np.empty((512, 2))
+        state, ctrl = engine.state(0), engine.ctrl(0)
+        self._now = (engine.telemetry, state, ctrl)  # live
+        self._telemetry = np.empty((512, *engine.telemetry.shape))
         self._states = np.empty((513, len(state)))
+        self._ctrl = np.empty((512, len(ctrl)))
         self._states[0] = state
 
-    def begin(self, simulation: Simulation, timers: NDArray[np.void]) -> None:
-        """Begin a tick: where the car is, and how fast; `timers` is its lap timer, (1,) of LAP_TIMER."""
-        if self.ticks == len(self._telemetry):
+    def append(self) -> None:
+        """Keep the tick that was driven."""
+        tick = self.ticks
+        if tick == len(self._telemetry):
             for name in ("_telemetry", "_ctrl", "_states"):
                 rows = getattr(self, name)
                 setattr(self, name, np.concatenate((rows, np.empty_like(rows))))
-        data, row = simulation.data, self._telemetry[self.ticks]
-        begin_row(data.time, data.qpos, data.qvel, simulation.world.car.constants, timers, 0, row)
-
-    def end(self, simulation: Simulation, steering_angle: float, speed: float) -> None:
-        """End it: what the planner commanded [rad, m/s], and what the car then did."""
-        tick = self.ticks
-        simulation.write_state(self._states[tick + 1])
-        ctrl, slip = simulation.data.ctrl, simulation.slip_values
-        end_row(self._telemetry[tick], steering_angle, speed, slip, ctrl, self._ctrl[tick], self._tally)
-        self.first_end = self.first_end or time.perf_counter()
-        self.ticks += 1  # last: an interrupted tick leaves no row
-
-    @property
-    def tally(self) -> Any:
-        """The figures so far, a row of TALLY."""
-        return self._tally[0]
+        telemetry, state, ctrl = self._now
+        self._telemetry[tick], self._states[tick + 1], self._ctrl[tick] = telemetry, state, ctrl
+        if self.first_end is None:
+            self.first_end = time.perf_counter()
+        self.ticks = tick + 1  # last: an interrupted tick leaves no row
 
     def arrays(self) -> Trajectory:
         """Return telemetry, states and ctrl as in RaceResult, of the ticks that are complete."""
         return {
-            "telemetry": self._telemetry[: self.ticks],
+            "telemetry": self._telemetry[: self.ticks, 0],
             "states": self._states[: self.ticks + 1],
             "ctrl": self._ctrl[: self.ticks],
         }

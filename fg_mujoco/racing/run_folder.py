@@ -31,20 +31,16 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from ..course.moving_obstacles import make_mover
 from ..errors import FgMujocoError, RunFolderError
-from ..lidar.lidar import make_lidar
 from ..messages import FloatArray
-from ..simulation.simulation import STATE, complete_state, hold_controls, whole_steps
 from ..simulation.telemetry import TELEMETRY
-from ..simulation.world import LIDAR_PREFIX
-from .result import RaceResult, trajectory_sha256
+from .result import RaceResult
 
 SCHEMA = 1
 """Of the run folder; a reader refuses any other."""
 
 _FILES = ("scene.xml", "states.npz", "telemetry.csv", "trace.png", "summary.json")  # in the order they are moved in
-_SCENE, _STATES, _TELEMETRY, _TRACE, _SUMMARY = _FILES
+_SCENE, _STATES, _TELEMETRY, _TRACE, SUMMARY = _FILES
 _STAGING = ".partial"  # inside the folder, so that moving out of it never crosses file systems
 
 
@@ -67,28 +63,6 @@ class Run:
     def column(self, name: str) -> FloatArray:
         """Return one column of the telemetry, shape (ticks,)."""
         return self.telemetry[:, TELEMETRY.index(name)]
-
-
-@dataclass(frozen=True, kw_only=True)
-class ReplayReport:
-    """How a replay compares with what was recorded; its text is one line."""
-
-    identical: bool  # every bit of every state, and the summary's trajectory_sha256
-    ticks: int
-    trajectory_sha256: str  # of what was replayed
-    first_difference: int | None = None  # tick, from 1, that first ends in another state; None: none does
-    time: float | None = None  # [s] at its end
-    greatest_difference: float | None = None  # there, of any component of the state
-
-    def __str__(self) -> str:
-        if self.identical:
-            return f"bit-identical: {self.ticks} ticks, trajectory_sha256 {self.trajectory_sha256}"
-        if self.first_difference is None:
-            return f"not identical: the states are, but {_SUMMARY} has not their hash, {self.trajectory_sha256}"
-        return (
-            f"not identical: differs from tick {self.first_difference} of {self.ticks} on, at t = {self.time:.3f} s by "
-            f"up to {self.greatest_difference:.3g} in a component of the state"
-        )
 
 
 def check_run_folder(folder: str | Path) -> None:
@@ -127,7 +101,7 @@ def write_run(
         _write_telemetry(result.telemetry, staging / _TELEMETRY)
         if draw is not None:
             draw(result, staging / _TRACE)
-        (staging / _SUMMARY).write_text(summary_json(result, settings) + "\n", encoding="utf-8")
+        (staging / SUMMARY).write_text(summary_json(result, settings) + "\n", encoding="utf-8")
         for name in _FILES:
             if (staging / name).exists():
                 (staging / name).rename(folder / name)
@@ -155,9 +129,9 @@ def read_summary(folder: str | Path) -> dict[str, Any]:
     Raises:
       RunFolderError: it is not one, or its summary is damaged.
     """
-    path = Path(folder) / _SUMMARY
+    path = Path(folder) / SUMMARY
     if not path.is_file():
-        raise RunFolderError(f"{folder}: has no {_SUMMARY}; accepted: a folder that `race --out` wrote")
+        raise RunFolderError(f"{folder}: has no {SUMMARY}; accepted: a folder that `race --out` wrote")
     with _blame(path):
         summary = json.loads(path.read_text(encoding="utf-8"))
         if not isinstance(summary, dict) or summary.get("schema") != SCHEMA:
@@ -184,50 +158,6 @@ def read_run(folder: str | Path) -> Run:
     for array in (time, states, ctrl, telemetry):
         array.flags.writeable = False
     return Run(folder=folder, summary=summary, time=time, states=states, ctrl=ctrl, telemetry=telemetry)
-
-
-def replay(folder: str | Path) -> ReplayReport:
-    """Simulate a run again from its first state and recorded controls, and compare every state bit for bit.
-
-    Raises:
-      RunFolderError: the folder is not a run folder, or is damaged.
-    """
-    run = read_run(folder)
-    with _blame(run.scene):
-        model = mujoco.MjModel.from_xml_path(str(run.scene))
-        if mujoco.mj_stateSize(model, STATE) != run.states.shape[1]:
-            raise ValueError(f"a model whose states are not those of {_STATES}")
-        if run.summary.get("lidar") == "rangefinder":
-            make_lidar("rangefinder", model, LIDAR_PREFIX)  # its beams get the digits back that MJCF text drops
-        steps = whole_steps(run.time[1] - run.time[0], model.opt.timestep) if len(run.ctrl) else 0
-
-    states = _simulate(model, run.states[0], run.ctrl, steps)
-    sha256 = trajectory_sha256(states, run.ctrl)
-    differs = (states.view(np.uint64) != run.states.view(np.uint64)).any(axis=1)  # as bits: NaN is NaN, -0 is not 0
-    if not differs.any():
-        same_hash = sha256 == run.summary.get("trajectory_sha256")
-        return ReplayReport(identical=same_hash, ticks=len(run.ctrl), trajectory_sha256=sha256)
-    first = int(differs.argmax())
-    return ReplayReport(
-        identical=False,
-        ticks=len(run.ctrl),
-        trajectory_sha256=sha256,
-        first_difference=first,
-        time=float(run.time[first]),
-        greatest_difference=float(np.abs(states[first] - run.states[first]).max()),
-    )
-
-
-def _simulate(model: mujoco.MjModel, state: FloatArray, ctrl: FloatArray, steps: int) -> FloatArray:
-    """Return the states at the start of each tick and the last, shape (ticks + 1, k)."""
-    data = mujoco.MjData(model)
-    mujoco.mj_setState(model, data, state, STATE)
-    states, records, mover = [state], np.empty((steps, model.nsensordata)), make_mover(model)
-    for row in ctrl:
-        data.ctrl[:] = row
-        hold_controls(model, data, records, mover)
-        states.append(complete_state(model, data))
-    return np.array(states)
 
 
 def _write_telemetry(telemetry: FloatArray, path: Path) -> None:

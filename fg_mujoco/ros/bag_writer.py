@@ -30,10 +30,10 @@ import mujoco
 import numpy as np
 
 from ..errors import BagError
-from ..racing.resimulation import load_scene, sensed
+from ..racing.resimulation import load_world, resimulate
 from ..racing.run_folder import read_run
 from ..simulation.world import CAR_PREFIX
-from ..vehicle.vehicle import car_parameters, element_id
+from ..vehicle.vehicle import element_id
 from .bag_messages import (
     BASE_FRAME,
     DRIVE,
@@ -168,23 +168,25 @@ def export_bag(folder: str | Path, path: str | Path, watch: Callable[[int, int],
     """
     require_ros_extra()
     run = read_run(folder)
-    model = load_scene(run)
-    radius = car_parameters(model, CAR_PREFIX).wheel_radius
+    world = load_world(run)
+    model = world.model
+    radius = world.parameters.wheel_radius
     ticks = len(run.ctrl)
     with BagWriter(path, {"summary": json.dumps(run.summary)}) as bag:
-        for index, tick in enumerate(sensed(run, model), start=1):
-            time = nanoseconds(tick.time)
+        for index, tick in enumerate(resimulate(run, world), start=1):
+            time, sensed = nanoseconds(tick.time), tick.sensed
+            assert sensed is not None
             if index == 1:
-                grid = grid_of(model, tick.position[:2])
+                grid = grid_of(model, sensed.position[:2])
                 bag.write("/map", grid_message(time, grid.cells, grid.resolution, grid.origin), time)
                 bag.write("/tf_static", transform_message(time, _mounts(model)), time)
-            moved = (ODOM_FRAME, BASE_FRAME, tick.position, tick.quaternion)
+            moved = (ODOM_FRAME, BASE_FRAME, sensed.position, sensed.quaternion)
             bag.write("/tf", transform_message(time, [moved]), time)
-            odometry = odometry_message(tick.odometry, tick.position, tick.quaternion, tick.lateral_speed)
+            odometry = odometry_message(sensed.odometry, sensed.position, sensed.quaternion, sensed.lateral_speed)
             bag.write("/odom", odometry, time)
-            bag.write("/imu", imu_message(tick.odometry), time)
-            bag.write("/joint_states", joints_message(tick.odometry, radius), time)
-            bag.write("/scan", scan_message(tick.scan), time)
+            bag.write("/imu", imu_message(sensed.odometry), time)
+            bag.write("/joint_states", joints_message(sensed.odometry, radius), time)
+            bag.write("/scan", scan_message(sensed.scan), time)
             bag.write("/drive", drive_message(tick.command, time), time)
             if watch is not None:
                 watch(index, ticks)

@@ -1,97 +1,117 @@
-"""Between a simulation and a planner: what the car senses goes one way, what the planner commands the other.
+"""Planner adapters: what the cars of an engine sense goes one way, what their planners command the other.
 
-Any planner can be told in messages. One that decides for many worlds at once is told in arrays, as in a batch of one:
-the same decision, bit for bit, for that is the contract of `batch`, without the messages in between.
+Any planner can be told in messages. One that decides for many worlds at once is told in arrays: the same decision, bit
+for bit, for that is the contract of `batch`, without the messages in between.
 """
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import ControllerError
 from ..messages import ODOMETRY, Controller, ControllerBatch, DriveCommand, LaserScan, Odometry
-from ..vehicle.motion import read_odometry
-from .simulation import Simulation
+from .tick import not_finite
+
+if TYPE_CHECKING:
+    from .engine import Engine
+
+_ODOMETRY = ODOMETRY.names or ()
 
 
-class MessagePilot:
-    """Calls a planner with a scan and odometry.
+class Planners(Protocol):
+    """The planners of the cars of an engine."""
+
+    def __call__(self, engine: Engine) -> NDArray[np.bool_] | None:
+        """Write the commands of the cars that race; return whose planner failed, (r,), or None: nobody's."""
+
+
+class MessagePlanners:
+    """Planners that are called with messages, one after the other.
 
     Args:
-      planner: to be asked.
-      simulation: of the car.
-      sensed: by the car now.
+      planners: in the order of the cars.
+      raises: whether what a planner raises is raised, and not noted as a failure of its car.
     """
 
-    def __init__(self, planner: Controller, simulation: Simulation, sensed: tuple[LaserScan, Odometry]) -> None:
-        self._planner, self._simulation, self._sensed = planner, simulation, sensed
+    def __init__(self, planners: Sequence[Controller], *, raises: bool = False) -> None:
+        self._planners, self._raises = planners, raises
 
-    def decide(self) -> tuple[float, float]:
-        """Return the planner's command for what was sensed last: steering angle [rad] and speed [m/s].
+    def __call__(self, engine: Engine) -> NDArray[np.bool_] | None:
+        """See Planners.
 
         Raises:
-          ControllerError: it raises, or answers something else than a DriveCommand.
+          ControllerError: a planner raises, or answers something else than a DriveCommand.
         """
-        command = plan(self._planner, *self._sensed)
-        return command.steering_angle, command.speed
+        failed = np.zeros_like(engine.running)
+        for row in map(int, np.flatnonzero(engine.running)):
+            sensed = odometry_message(engine.odometry[row])
+            scan = engine.scans.get(row) or engine.beams.to_scan(engine.ranges[row], sensed.stamp)
+            try:
+                command = plan(self._planners[row], scan, sensed)
+            except ControllerError:
+                if self._raises:
+                    raise
+                failed[row] = True
+            else:
+                engine.commands[row] = command.steering_angle, command.speed
+        return failed
 
-    def sense(self) -> None:
-        """Take in what the car senses now; call it once a tick."""
-        self._sensed = self._simulation.sense()
 
-
-class ArrayPilot:
-    """Has a planner decide as a batch of one. The simulation's LiDAR must have no effects.
+class BatchPlanners:
+    """Planners of a class that decides for many worlds at once.
 
     Args:
-      planner: a ControllerBatch for one world.
-      simulation: of the car.
+      planners: in the order of the cars.
+      raises: whether a command that is no number is raised, and not noted as a failure of its car.
     """
 
-    def __init__(self, planner: ControllerBatch, simulation: Simulation) -> None:
-        self._planner, self._simulation = planner, simulation
-        self._geometry = simulation.lidar.beams.geometry
-        self._odometry = np.zeros(1, ODOMETRY)
-        self._running = np.ones(1, np.bool_)
-        self._commands = np.zeros((1, 2))
-        self.sense()
+    def __init__(self, planners: ControllerBatch, *, raises: bool = False) -> None:
+        self._planners, self._raises = planners, raises
 
-    def decide(self) -> tuple[float, float]:
-        """Return the planner's command for what was sensed last: steering angle [rad] and speed [m/s].
+    def __call__(self, engine: Engine) -> NDArray[np.bool_] | None:
+        """See Planners.
 
         Raises:
           ControllerError: a command that is no number.
         """
-        self._planner(self._geometry, self._ranges, self._odometry, self._running, self._commands)
-        steering_angle, speed = self._commands[0].tolist()
-        if not math.isfinite(steering_angle + speed):
-            time = self._simulation.time
+        self._planners(engine.beams.geometry, engine.ranges, engine.odometry, engine.running, engine.commands)
+        if np.isfinite(engine.commands).all():
+            return None
+        failed = not_finite(engine.running, engine.commands)
+        if self._raises and failed.any():
+            row = int(failed.argmax())
+            steering_angle, speed = engine.commands[row].tolist()
+            time = float(engine.odometry["stamp"][row])
             raise ControllerError(
                 f"the controller commanded {steering_angle} rad, {speed} m/s at t = {time:.3f} s; accepted: numbers"
             )
-        return steering_angle, speed
-
-    def sense(self) -> None:
-        """Take in what the car senses now; call it once a tick."""
-        simulation = self._simulation
-        data = simulation.data
-        self._ranges = simulation.lidar.ranges(data)[np.newaxis]
-        self._ranges.setflags(write=False)
-        read_odometry(
-            data.time, data.qpos, data.qvel, data.sensordata, simulation.world.car.constants, self._odometry
-        )  # fmt: skip
+        return failed
 
 
-def make_pilot(
-    planner: Controller, simulation: Simulation, sensed: tuple[LaserScan, Odometry], *, by_name: bool
-) -> MessagePilot | ArrayPilot:
-    """Return the pilot for a planner, as new, that was found `by_name`, or is the caller's own object."""
-    batch = getattr(type(planner), "batch", None) if by_name else None
-    if batch is None or simulation.has_effects:
-        return MessagePilot(planner, simulation, sensed)
-    return ArrayPilot(batch([planner]), simulation)
+def adapt(planners: Sequence[Controller], *, arrays: bool = True, raises: bool = False) -> Planners:
+    """Return the adapter for some planners, as new.
+
+    Args:
+      planners: in the order of the cars.
+      arrays: whether planners that can decide together are told in arrays; False where a planner is the caller's own
+        object, which may have been used before.
+      raises: whether the failure of a planner is raised.
+    """
+    kind = type(planners[0])
+    batch = getattr(kind, "batch", None) if arrays else None
+    if batch is None or any(type(planner) is not kind for planner in planners):
+        return MessagePlanners(planners, raises=raises)
+    return BatchPlanners(batch(planners), raises=raises)
+
+
+def odometry_message(row: Any) -> Odometry:
+    """Return the message of a row of ODOMETRY."""
+    values: dict[str, Any] = {name: row[name] if row[name].ndim else float(row[name]) for name in _ODOMETRY}
+    return Odometry(**values)
 
 
 def start(controller: Controller) -> None:

@@ -1,35 +1,26 @@
-"""One world, stepped at the LiDAR's rate: a command in, the next scan and odometry out.
+"""One world, stepped by hand at the LiDAR's rate: a command in, the next scan and odometry out.
 
     simulation = Simulation(World("oval"))
     scan, odometry = simulation.reset()
     scan, odometry = simulation.step(DriveCommand(steering_angle=0.1, speed=2.0))
 
-Each step holds the command for one period of the LiDAR (25 ms). Same world, same seed, same commands: same bits.
+Each step holds the command for one period of the LiDAR (25 ms). Same world, same seed, same commands: same bits. A race
+drives the same engine without the MuJoCo data in between.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
-from ..course.moving_obstacles import Mover, make_mover
-from ..errors import ModelError
-from ..kernels import kernel
-from ..lidar.effects import LidarEffects, ScanPipeline
+from ..lidar.effects import LidarEffects
 from ..messages import DriveCommand, FloatArray, LaserScan, Odometry
-from ..vehicle import motion as car_motion
-from ..vehicle.tire_slip import TireSlip, TireSlipMeter, measure_slip
-from ..vehicle.vehicle import WHEELS
+from ..vehicle.tire_slip import TireSlip
+from .engine import Engine
+from .physics import STATE
+from .planner_adapter import odometry_message
+from .scenario import Start
 from .world import World
-
-STATE = mujoco.mjtState.mjSTATE_INTEGRATION
-"""What a state holds: all that the next step depends on."""
-
-BAD_STATE = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC) + 1)
-"""Warnings after which MuJoCo resets a state by itself."""
 
 
 class Simulation:
@@ -39,33 +30,36 @@ class Simulation:
       world: the compiled world.
       effects: what the LiDAR does to a scan beyond measuring it; nothing by default.
       seed: of the LiDAR's noise and dropouts.
+      engine: of this one world, whose model is the world's own; None: a new one.
+      data: to be used as `data`, of the world's model; None: a new one.
 
     Attributes:
       world: the World.
-      data: the mujoco.MjData; poses are those of the present state, sensors those of the last physics step.
-      lidar: measures without effects.
+      engine: the Engine of one world that is stepped.
+      data: the mujoco.MjData: what is written to its state is driven from; poses are those of the present state,
+        sensors those of the last physics step.
       period: time that a step takes [s].
-      slip_values: what the tires did in the last step, (4, substeps, 4) as TireSlip.values; `slip` is a copy.
-      crashed: whether the chassis has touched a wall or an obstacle since the last reset.
-      unstable: whether MuJoCo has met a bad position, velocity or acceleration, and so reset the state by itself.
+      substeps: physics steps of one.
 
     Raises:
-      ModelError: a timestep that does not divide the LiDAR's period.
+      ModelError: a timestep that does not divide the period.
     """
 
-    def __init__(self, world: World, *, effects: LidarEffects | None = None, seed: int = 0) -> None:
+    def __init__(
+        self,
+        world: World,
+        *,
+        effects: LidarEffects | None = None,
+        seed: int = 0,
+        engine: Engine | None = None,
+        data: mujoco.MjData | None = None,
+    ) -> None:
         self.world = world
-        self.data = mujoco.MjData(world.model)
-        self._bad_state = self.data.warning.number[BAD_STATE]  # a view: MuJoCo counts there
-        self.lidar = world.make_lidar()
-        self.period = self.lidar.beams.period
-        self.substeps = whole_steps(self.period, world.model.opt.timestep)
-        self._mover = make_mover(world.model)
-        self._slip_meter = TireSlipMeter(world.model, world.car.prefix)
-        self._records = np.empty((self.substeps, world.model.nsensordata))  # the sensors at each step of a tick
-        self.slip_values = np.empty((4, self.substeps, len(WHEELS)))
-        self._effects = effects or LidarEffects()
-        self._seed = seed
+        self.engine = engine or Engine(world, own_model=True)
+        self.data = mujoco.MjData(world.model) if data is None else data
+        self.period, self.substeps = self.engine.period, self.engine.substeps
+        self._effects, self._seed = effects or LidarEffects(), seed
+        self._all = np.ones(1, np.bool_)
         self.reset()
 
     def reset(
@@ -79,16 +73,9 @@ class Simulation:
           heading: from that of the centreline, left positive [rad].
           speed: forward [m/s], wheels rolling.
         """
-        model, car = self.world.model, self.world.car
-        mujoco.mj_resetData(model, self.data)
-        x, y, along = self.world.track.start_pose(s, offset)
-        if self._mover is not None:
-            self._mover.place(self.data)
-        car.set_pose(self.data, x, y, along + heading, speed)
-        self.crashed = car.crashed(self.data)
-        self.unstable = False
-        self._pipeline = ScanPipeline(self.lidar, self._effects, np.random.default_rng(self._seed))
-        self._after_step = self._pipeline.record if self._pipeline.needs_every_step else None
+        start = Start(s=s, offset=offset, heading=heading, speed=speed)
+        self.engine.place([start], effects=[self._effects], seeds=[self._seed])
+        self.engine.read(0, self.data)
         return self.sense()
 
     def step(self, command: DriveCommand) -> tuple[LaserScan, Odometry]:
@@ -98,35 +85,45 @@ class Simulation:
 
     def drive(self, steering_angle: float, speed: float) -> None:
         """Hold a command [rad, m/s] for one period; `sense` then tells what it led to."""
-        data = self.data
-        car_motion.drive(data.qvel, steering_angle, speed, self.world.car.constants, data.ctrl)
-        hold_controls(self.world.model, data, self._records, self._mover, self._after_step)
-        measure_slip(self._records, self._slip_meter.readings.start, self._slip_meter.mu, self.slip_values)
-        touched, self.unstable = look_over(self._records, self.world.car.chassis_contact, self._bad_state)
-        self.crashed = self.crashed or touched
+        engine = self.engine
+        mujoco.mj_getState(self.world.model, self.data, engine.state(0), int(STATE))
+        engine.monitor.running[0] = True  # whoever steps by hand decides when it is over
+        engine.commands[0] = steering_angle, speed
+        engine.drive()
+        engine.read(0, self.data)
+
+    def sense(self) -> tuple[LaserScan, Odometry]:
+        """Return what the car senses at the end of a period. Once for each: noise is drawn, late scans move up."""
+        engine = self.engine
+        mujoco.mj_getState(self.world.model, self.data, engine.state(0), int(STATE))
+        engine.sense(self._all)
+        odometry = odometry_message(engine.odometry[0])
+        return engine.scans.get(0) or engine.beams.to_scan(engine.ranges[0], odometry.stamp), odometry
+
+    @property
+    def crashed(self) -> bool:
+        """Whether the chassis has touched a wall or an obstacle since the last reset."""
+        return bool(self.engine.crashed[0])
+
+    @crashed.setter
+    def crashed(self, crashed: bool) -> None:
+        self.engine.crashed[0] = crashed
+
+    @property
+    def unstable(self) -> bool:
+        """Whether MuJoCo has met a bad position, velocity or acceleration, and so reset the state by itself."""
+        return self.engine.unstable(0)
 
     @property
     def slip(self) -> TireSlip:
         """What the tires did in the last step; no rows before the first."""
-        return TireSlip(values=self.slip_values.copy() if self.data.time > 0.0 else self.slip_values[:, :0].copy())
-
-    def sense(self) -> tuple[LaserScan, Odometry]:
-        """Return what the car senses at the end of a period. Once for each: noise is drawn, late scans move up."""
-        return self._pipeline.scan(self.data), self.world.car.odometry(self.data)
-
-    @property
-    def has_effects(self) -> bool:
-        """Whether the LiDAR does anything to a scan beyond measuring it."""
-        return self._effects != LidarEffects()
+        values = self.engine.slip()
+        return TireSlip(values=values.copy() if self.data.time > 0.0 else values[:, :0].copy())
 
     @property
     def state(self) -> FloatArray:
         """The complete state of the physics (mjSTATE_INTEGRATION), a copy."""
         return complete_state(self.world.model, self.data)
-
-    def write_state(self, out: FloatArray) -> None:
-        """Write the complete state of the physics into `out`, as long as `state`."""
-        mujoco.mj_getState(self.world.model, self.data, out, STATE)
 
     @property
     def time(self) -> float:
@@ -144,65 +141,8 @@ class Simulation:
         return self.world.car.pose(self.data)
 
 
-@kernel
-def any_touch(records: FloatArray, sensor: int) -> bool:
-    """Say whether a contact sensor found anything in any of the rows of `records` (steps, nsensordata)."""
-    touched = False
-    for step in range(len(records)):
-        touched = touched or records[step, sensor] > 0.0
-    return touched
-
-
-@kernel
-def look_over(records: FloatArray, sensor: int, warnings: NDArray[np.int32]) -> tuple[bool, bool]:
-    """Return `any_touch`, and whether MuJoCo has counted any of `warnings`: one call a tick, not two."""
-    warned = False
-    for kind in range(len(warnings)):
-        warned = warned or warnings[kind] > 0
-    return any_touch(records, sensor), warned
-
-
-def hold_controls(
-    model: mujoco.MjModel,
-    data: mujoco.MjData,
-    records: FloatArray,
-    mover: Mover | None = None,
-    after_step: Callable[[mujoco.MjData], None] | None = None,
-) -> None:
-    """Hold `data.ctrl` for one tick of physics steps. A replay makes the very calls of the race.
-
-    Args:
-      model: the compiled model.
-      data: at the start of the tick; left at its end, with poses that are current.
-      records: (steps, nsensordata) written to: the sensors at each step, each of the state at its start.
-      mover: of the moving obstacles, which are where they are to be at the start of the tick; None: there are none.
-      after_step: called after each.
-    """
-    step, sensors = mujoco.mj_step, data.sensordata
-    for row in records:
-        step(model, data)
-        row[:] = sensors
-        if mover is not None:
-            mover.place(data)
-        if after_step is not None:
-            after_step(data)
-    mujoco.mj_kinematics(model, data)  # mj_step leaves poses one timestep behind the state
-
-
 def complete_state(model: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:
     """Return a copy of the complete state of the physics (mjSTATE_INTEGRATION)."""
-    state = np.empty(mujoco.mj_stateSize(model, STATE))
-    mujoco.mj_getState(model, data, state, STATE)
+    state = np.empty(mujoco.mj_stateSize(model, int(STATE)))
+    mujoco.mj_getState(model, data, state, int(STATE))
     return state
-
-
-def whole_steps(period: float, timestep: float) -> int:
-    """Return how many physics steps make one period.
-
-    Raises:
-      ModelError: not a whole number of them.
-    """
-    steps = round(period / timestep)
-    if steps < 1 or abs(steps * timestep - period) > 1e-9:
-        raise ModelError(f"timestep is {timestep} s; accepted: a whole fraction of the LiDAR's period of {period} s")
-    return steps

@@ -25,7 +25,7 @@ while it was held each tire's greatest sliding speed and friction use (NaN: off 
 many of the physics steps any tire slid."""
 
 
-TALLY = np.dtype(
+STATISTICS = np.dtype(
     [
         ("ticks", np.int64),
         ("steps", np.int64),
@@ -35,11 +35,11 @@ TALLY = np.dtype(
         ("max_speed", np.float64),  # [m/s]
     ]
 )
-"""The figures of a race, as far as it has gone."""
+"""Running statistics of a drive, one row a car."""
 
 
-class TallyFigures(TypedDict):
-    """What the summary says of a tally."""
+class StatisticsFigures(TypedDict):
+    """What the summary says of the running statistics."""
 
     max_slide_m_s: float
     slide_time_fraction: float
@@ -47,20 +47,21 @@ class TallyFigures(TypedDict):
     max_speed_m_s: float
 
 
-def tally_figures(tally: Any) -> TallyFigures:
-    """Return the summary's figures of a row of TALLY."""
-    ticks, steps = int(tally["ticks"]), int(tally["steps"])
+def statistics_figures(row: Any) -> StatisticsFigures:
+    """Return the summary's figures of a row of STATISTICS."""
+    ticks, steps = int(row["ticks"]), int(row["steps"])
     return {
-        "max_slide_m_s": float(tally["max_slide"]),
-        "slide_time_fraction": int(tally["sliding_steps"]) / steps if steps else 0.0,
-        "mean_speed_m_s": float(tally["speed_sum"]) / ticks if ticks else 0.0,
-        "max_speed_m_s": float(tally["max_speed"]),
+        "max_slide_m_s": float(row["max_slide"]),
+        "slide_time_fraction": int(row["sliding_steps"]) / steps if steps else 0.0,
+        "mean_speed_m_s": float(row["speed_sum"]) / ticks if ticks else 0.0,
+        "max_speed_m_s": float(row["max_speed"]),
     }
 
 
 _SLIDE = TELEMETRY.index(f"slide_{WHEELS[0]}_m_s")
 _SPEED = TELEMETRY.index("speed_m_s")
-_COMMAND = TELEMETRY.index("command_steering_rad")
+COMMAND = TELEMETRY.index("command_steering_rad")
+"""Column of the commanded steering angle; the commanded speed is the one behind it."""
 
 
 @kernel
@@ -86,39 +87,23 @@ def begin_row(
 
 
 @kernel
-def tally_tick(tallies: NDArray[np.void], i: int, row: FloatArray, slip: FloatArray) -> None:
-    """Fill in what the tires did in the row of telemetry of a tick, and add the row to a tally.
+def end_row(statistics: NDArray[np.void], i: int, row: FloatArray, slip: FloatArray) -> None:
+    """Fill in what the tires did in the row of telemetry of a tick, and add the row to the running statistics.
 
     Args:
-      tallies: (n,) of TALLY, written to.
+      statistics: (n,) of STATISTICS, written to.
       i: which of them.
       row: (len(TELEMETRY),), its last ten columns written to.
       slip: (4, steps, 4) of `measure_slip`.
     """
-    tally = tallies[i]
+    so_far = statistics[i]
     row[-2] = greatest_slip(slip, row[_SLIDE : _SLIDE + 8])
     row[-1] = slip.shape[1]
-    tally.ticks += 1
-    tally.steps += slip.shape[1]
-    tally.sliding_steps += int(row[-2])
+    so_far.ticks += 1
+    so_far.steps += slip.shape[1]
+    so_far.sliding_steps += int(row[-2])
     for tire in range(4):
-        if row[_SLIDE + tire] > tally.max_slide:
-            tally.max_slide = row[_SLIDE + tire]
-    tally.speed_sum += abs(row[_SPEED])
-    tally.max_speed = max(tally.max_speed, abs(row[_SPEED]))
-
-
-@kernel
-def end_row(
-    row: FloatArray,
-    steering_angle: float,
-    speed: float,
-    slip: FloatArray,
-    ctrl: FloatArray,
-    ctrl_row: FloatArray,
-    tally: NDArray[np.void],
-) -> None:
-    """Complete a row of telemetry, keep the controls, and add the row to a tally (1,)."""
-    row[_COMMAND], row[_COMMAND + 1] = steering_angle, speed
-    ctrl_row[:] = ctrl
-    tally_tick(tally, 0, row, slip)
+        if row[_SLIDE + tire] > so_far.max_slide:
+            so_far.max_slide = row[_SLIDE + tire]
+    so_far.speed_sum += abs(row[_SPEED])
+    so_far.max_speed = max(so_far.max_speed, abs(row[_SPEED]))

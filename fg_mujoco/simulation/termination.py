@@ -1,4 +1,4 @@
-"""Times the laps of the cars of some worlds, and says when each race is over and why."""
+"""Race monitor: times the laps of the cars of some worlds, and says when each race is over and why."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from ..course.lap_timer import first_seen, fresh_timers, time_lap
 from ..kernels import kernel
 from ..messages import FloatArray
 from ..vehicle.motion import CarArray, planar_pose
+from .physics import StateLayout
 
 Mask = NDArray[np.bool_]
 
@@ -25,68 +26,100 @@ the planner or the engine raised, which in a race of one car is an exception."""
 _UNSTABLE, _CRASH, _FINISHED, _NO_PROGRESS, _TIME_LIMIT = range(1, 6)
 
 
-class Referee:
-    """Judges the races of n cars on one course, each in a world of its own.
+class RaceMonitor:
+    """Monitors the races of r cars on one course. None runs before its first `begin`.
 
     Args:
-      track: of all of them.
-      cars: (n,) of CAR.
+      course: of all of them; None: it is not known, and nothing is timed or ended.
+      cars: (r,) of CAR.
+      cars_per_world: r of them make one world.
+      layout: of the worlds' states.
       laps: to be driven.
-      time_limit: of simulated time [s].
+      time_limit: of simulated time [s]; None: that of the course.
       period: of a tick [s].
-      qpos: (n, nq) at the start.
 
     Attributes:
-      running: which races go on, (n,).
-      reasons: numbers in END_REASONS, (n,).
-      timers: of the laps, (n,) of LAP_TIMER.
-      lap_times: [s], NaN where not driven, (n, laps).
+      course: as given.
+      running: which races go on, (r,).
+      reasons: numbers in END_REASONS, (r,).
+      timers: of the laps, (r,) of LAP_TIMER.
+      lap_times: [s], NaN where not driven, (r, laps).
     """
 
     def __init__(
-        self, track: Course, cars: CarArray, *, laps: int, time_limit: float, period: float, qpos: FloatArray
+        self,
+        course: Course | None,
+        cars: CarArray,
+        cars_per_world: int,
+        layout: StateLayout,
+        *,
+        laps: int,
+        time_limit: float | None,
+        period: float,
     ) -> None:
-        self._track, self._cars, self._laps = track, cars, laps
+        self.course = course
+        self._cars, self._cars_per_world, self._layout, self._laps = cars, cars_per_world, layout, laps
+        if time_limit is None:
+            time_limit = math.inf if course is None else course.longest_race(laps)
         self._last_time = time_limit - 0.5 * period
-        self.running = np.ones(len(cars), np.bool_)
+        self.running = np.zeros(len(cars), np.bool_)
         self.reasons = np.zeros(len(cars), np.int64)
         self.lap_times = np.full((len(cars), laps), math.nan)
         self.timers = fresh_timers(len(cars))
-        first = int(cars["free_qpos"][0])
-        first_seen(self.timers, track, qpos[:, first : first + 2])
         self._standing_since = np.full(len(cars), math.nan)
 
-    def judge(self, times: FloatArray, qpos: FloatArray, qvel: FloatArray, unstable: Mask, crashed: Mask) -> None:
-        """Take the cars that run where they are now and end what is over.
+    def begin(self, which: Mask, rows: slice, states: FloatArray, warned: NDArray[np.int32], crashed: Mask) -> None:
+        """Begin the races of the cars `which` (r,) among `rows`, where they are now; otherwise as `judge`."""
+        if self.course is None:
+            self.running[rows] |= which[rows]
+            return
+        chosen = np.flatnonzero(which[rows])
+        positions = np.empty((len(chosen), 2))
+        for place, row in enumerate(chosen.tolist()):
+            first = self._layout.qpos[0] + int(self._cars["free_qpos"][rows][row])
+            positions[place] = states[row // self._cars_per_world, first : first + 2]
+        timers = fresh_timers(len(chosen))
+        first_seen(timers, self.course, positions)
+        self.timers[rows][chosen] = timers
+        self.lap_times[rows][chosen] = self._standing_since[rows][chosen] = math.nan
+        running = self.running[rows]
+        others = running & ~which[rows]
+        running[:] = which[rows]  # a timer is told of a moment only once
+        self.judge(rows, states, warned, crashed)
+        running |= others
+
+    def judge(self, rows: slice, states: FloatArray, warned: NDArray[np.int32], crashed: Mask) -> None:
+        """Take the cars of `rows` that run where they are now and end what is over.
 
         Args:
-          times: (n,) [s].
-          qpos: (n, nq).
-          qvel: (n, nv).
-          unstable: whether MuJoCo warned of a bad state, (n,).
-          crashed: whether the chassis has touched anything, (n,).
+          rows: consecutive cars, of whole worlds.
+          states: (n, k) of their worlds.
+          warned: how often MuJoCo warned of a bad state in each, (n, kinds).
+          crashed: whether the chassis of each car has touched anything, (r,).
         """
-        track = self._track
-        judge_worlds(
-            self.running, self.reasons, times, qpos, qvel, self._cars, unstable, crashed, self.timers, self.lap_times,
-            self._standing_since, track.table, track.length, track.modulus, track.stop_time, self._laps,
-            self._last_time,
+        course = self.course
+        if course is None:
+            return
+        judge_cars(
+            self.running[rows], self.reasons[rows], self._cars_per_world, states, self._layout, self._cars[rows],
+            warned, crashed, self.timers[rows], self.lap_times[rows], self._standing_since[rows], course.table,
+            course.length, course.modulus, course.stop_time, self._laps, self._last_time,
         )  # fmt: skip
 
-    def end(self, which: Mask, reason: int) -> None:
-        """End some races, (n,), for another reason, a number in END_REASONS."""
-        self.reasons[which], self.running[which] = reason, False
+    def end(self, which: Mask, reason: str) -> None:
+        """End the races of some cars, (r,), for another reason, one of END_REASONS."""
+        self.reasons[which], self.running[which] = END_REASONS.index(reason), False
 
 
 @kernel
-def judge_worlds(
+def judge_cars(
     running: Mask,
     reasons: NDArray[np.int64],
-    times: FloatArray,
-    qpos: FloatArray,
-    qvel: FloatArray,
+    cars_per_world: int,
+    states: FloatArray,
+    layout: StateLayout,
     cars: CarArray,
-    unstable: Mask,
+    warned: NDArray[np.int32],
     crashed: Mask,
     timers: NDArray[np.void],
     lap_times: FloatArray,
@@ -98,26 +131,31 @@ def judge_worlds(
     laps: int,
     last_time: float,
 ) -> None:
-    """Time the laps of each world that runs, and end those that are over, with the number of their reason."""
-    for i in range(len(running)):
-        if running[i]:
-            x, y, _ = planar_pose(qpos[i], cars[i : i + 1])
-            time_lap(timers, i, lap_times, times[i], x, y, table, length, modulus)
-            done = timers[i].laps_completed
-            if stop_time > 0.0:  # the goal counts once the car has stood behind it
-                dof = cars[i].free_dof
-                stands = math.hypot(qvel[i, dof], qvel[i, dof + 1]) < STANDING_SPEED and timers[i].progress >= length
-                if not stands:
-                    standing_since[i] = math.nan
-                elif math.isnan(standing_since[i]):
-                    standing_since[i] = times[i]
-                if not times[i] - standing_since[i] >= stop_time:  # nor is NaN
-                    done = 0
-            reason = end_reason(
-                unstable[i], crashed[i], done, laps, times[i], timers[i].last_progress_time, last_time
-            )  # fmt: skip
-            reasons[i] = reason
-            running[i] = reason == 0
+    """Time the laps of each car that runs, and end the races that are over, with the number of their reason."""
+    for row in range(len(running)):
+        if not running[row]:
+            continue
+        world = row // cars_per_world
+        time = states[world, layout.time]
+        qpos = states[world, layout.qpos[0] : layout.qpos[1]]
+        x, y, _ = planar_pose(qpos, cars[row : row + 1])
+        time_lap(timers, row, lap_times, time, x, y, table, length, modulus)
+        done = timers[row].laps_completed
+        if stop_time > 0.0:  # the goal counts once the car has stood behind it
+            dof = layout.qvel[0] + cars[row].free_dof
+            speed = math.hypot(states[world, dof], states[world, dof + 1])
+            if not (speed < STANDING_SPEED and timers[row].progress >= length):
+                standing_since[row] = math.nan
+            elif math.isnan(standing_since[row]):
+                standing_since[row] = time
+            if not time - standing_since[row] >= stop_time:  # nor is NaN
+                done = 0
+        unstable = False
+        for kind in range(warned.shape[1]):
+            unstable = unstable or warned[world, kind] > 0
+        reason = end_reason(unstable, crashed[row], done, laps, time, timers[row].last_progress_time, last_time)
+        reasons[row] = reason
+        running[row] = reason == 0
 
 
 @kernel

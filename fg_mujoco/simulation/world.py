@@ -72,7 +72,7 @@ class World:
     ) -> None:
         car = car_spec(mu)
         change_spec(car, changes or CarChanges())
-        self.track = load_track(track, minimum_width=car_parameters(car.compile()).width)
+        self.track: Any = load_track(track, minimum_width=car_parameters(car.compile()).width)
         self.lidar_backend = lidar
         scene = self.track if isinstance(self.track, Scene) else None
         self.obstacles = (scene.walls + scene.obstacles if scene else ()) + tuple(obstacles)
@@ -80,6 +80,21 @@ class World:
         self.model = mujoco.MjModel.from_xml_string(self.xml)
         self.moving = moving_obstacles(self.model)
         self.car = Car(self.model, CAR_PREFIX)
+
+    @classmethod
+    def from_xml(cls, xml: str, *, lidar: str = "raycast") -> World:
+        """Return the world of the MJCF text that a run folder keeps: without a course, which the text does not say.
+
+        Raises:
+          ValueError: it does not compile.
+          ModelError: it does not hold the car.
+        """
+        world = cls.__new__(cls)
+        world.track, world.lidar_backend, world.obstacles, world.xml = None, lidar, (), xml
+        world.model = mujoco.MjModel.from_xml_string(xml)
+        world.moving = moving_obstacles(world.model)
+        world.car = Car(world.model, CAR_PREFIX)
+        return world
 
     @property
     def parameters(self) -> CarParameters:

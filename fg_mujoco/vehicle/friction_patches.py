@@ -114,9 +114,9 @@ class PatchedFloor:
             (p.x, p.y, (0.5 * math.hypot(p.length, p.width) + reach) ** 2, p) for p in self.patches
         ]  # with the square of how far the car may be for a wheel to be on it [m^2]
 
-    def apply(self, data: mujoco.MjData) -> None:
-        """Write to the model what the tires have where the car is now; call it before each physics step."""
-        x, y, heading = planar_pose(data.qpos, self._car)
+    def apply(self, qpos: FloatArray) -> None:
+        """Write to the model what the tires have at the positions `qpos` (nq,); call it before each physics step."""
+        x, y, heading = planar_pose(qpos, self._car)
         mu = self._ground_mu
         near = [patch for at_x, at_y, far, patch in self._patches if (x - at_x) ** 2 + (y - at_y) ** 2 <= far]
         if near:

@@ -21,7 +21,7 @@ from ...messages import FloatArray, require
 from ...racing.planner_choice import ControllerChoice
 from ...racing.race import race
 from ...racing.result import RaceResult
-from ...simulation.simulation import STATE
+from ...simulation.physics import STATE
 from ..rollout.job import require_whole
 from .ground import Ground, course_ground, laps_of
 

@@ -19,18 +19,22 @@ import mujoco
 import numpy as np
 
 from ...course.track import Track
-from ...messages import FloatArray, LaserScan, Odometry
+from ...messages import FloatArray
 from ...racing.planner_loading import make_controller
-from ...racing.result import RaceLog, trajectory_sha256
-from ...simulation.planner_adapter import make_pilot, start
+from ...racing.result import History, trajectory_sha256
+from ...simulation.engine import Engine
+from ...simulation.planner_adapter import adapt, start
+from ...simulation.scenario import Start
 from ...simulation.simulation import Simulation
-from ...simulation.telemetry import TELEMETRY, tally_figures
-from ...simulation.termination import END_REASONS, Referee
+from ...simulation.telemetry import TELEMETRY, statistics_figures
+from ...simulation.termination import END_REASONS
 from ...simulation.world import CAR_PREFIX, World
 from ...vehicle.friction_patches import Patch, PatchedFloor, add_patches
-from ...vehicle.vehicle import Car, nominal_mu
+from ...vehicle.tire_slip import greatest_slip
+from ...vehicle.vehicle import WHEELS, Car, nominal_mu
 
 MAX_SPEED = 8.0  # [m/s] as `race` has it
+_SLIDE = TELEMETRY.index(f"slide_{WHEELS[0]}_m_s")
 _USE = 1  # which of TireSlip's quantities the friction use is
 
 
@@ -67,40 +71,50 @@ class LabWorld(World):
         self.car = Car(self.model, CAR_PREFIX)
 
 
-class LabSimulation(Simulation):
-    """A Simulation in which each tire has the friction of the floor under it, at every physics step.
+class LabEngine(Engine):
+    """An engine in which each tire has the friction of the floor under it, at every physics step.
 
     Attributes:
-      floor_mu: friction coefficient under each tire in the last step, (substeps, 4); without patches (1, 4).
+      floor_mu: friction coefficient under each tire in the steps of the last tick, (substeps, 4); without patches
+        (1, 4).
     """
 
-    def __init__(self, world: LabWorld) -> None:
+    def __init__(self, world: World, **settings: Any) -> None:
+        super().__init__(world, **(settings | {"own_model": True}))
         self._floor = PatchedFloor(world.model, CAR_PREFIX)
-        self.floor_mu = self._floor.mu[np.newaxis]  # of ground without patches
+        self._tire_mu = self._floor.mu
+        self.floor_mu = self._tire_mu[np.newaxis]
         self._under: list[FloatArray] = []
-        super().__init__(world)
-
-    def reset(self, **start: float) -> tuple[LaserScan, Odometry]:
-        """Place the car as Simulation does."""
-        sensed = super().reset(**start)
         if self._floor.patches:
-            self._after_step = self._look_at_floor
-            self._floor.apply(self.data)
-            self._under = [self._floor.mu]
-        return sensed
+            self.before_substep.append(self._look_at_floor)
 
-    def drive(self, steering_angle: float, speed: float) -> None:
-        """Hold a command [rad, m/s] for one period; the friction use is of what each tire had."""
-        super().drive(steering_angle, speed)
-        if not self._floor.patches:
-            return
-        self.floor_mu = np.array(self._under[:-1])
-        self._under = self._under[-1:]
-        self.slip_values[_USE] *= self._slip_meter.mu / self.floor_mu
+    def drive(self, **settings: Any) -> None:
+        """Hold the commands for a tick; the friction utilisation is of what each tire had."""
+        super().drive(**settings)
+        if self._floor.patches and self._under:
+            self.floor_mu, self._under = np.array(self._under), []
+            slip = self.slip()
+            slip[_USE] *= self._tire_mu / self.floor_mu
+            greatest_slip(slip, self.telemetry[0, _SLIDE : _SLIDE + 8])
 
-    def _look_at_floor(self, data: mujoco.MjData) -> None:
-        self._floor.apply(data)
+    def _look_at_floor(self, engine: Engine, worlds: Any) -> None:
+        self._floor.apply(engine.qpos(0))
         self._under.append(self._floor.mu)
+
+
+class LabSimulation(Simulation):
+    """A Simulation on a LabEngine."""
+
+    def __init__(self, world: World) -> None:
+        super().__init__(world, engine=LabEngine(world))
+
+    @property
+    def floor_mu(self) -> FloatArray:
+        """See LabEngine."""
+        engine = self.engine
+        assert isinstance(engine, LabEngine)
+        under: FloatArray = engine.floor_mu
+        return under
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -159,30 +173,22 @@ def drive_laps(
         max_speed=MAX_SPEED, settings=planner_settings or {}, map_line=world.track.map_line,
     )  # fmt: skip
     start(planner)
-    simulation = LabSimulation(world)
-    pilot = make_pilot(planner, simulation, simulation.reset(), by_name=True)
-    data, track = simulation.data, world.track
-    referee = Referee(
-        track, world.car.constants, laps=laps, time_limit=track.longest_race(laps), period=simulation.period,
-        qpos=data.qpos[np.newaxis],
-    )  # fmt: skip
-    log, floor_mu = RaceLog(simulation.state), []
-    while True:
-        now = (np.array([value]) for value in (simulation.unstable, simulation.crashed))
-        referee.judge(np.array([data.time]), data.qpos[np.newaxis], data.qvel[np.newaxis], *now)
-        if not referee.running[0]:
-            break
-        log.begin(simulation, referee.timers)
-        steering_angle, speed = pilot.decide()
-        simulation.drive(steering_angle, speed)
-        pilot.sense()
-        log.end(simulation, steering_angle, speed)
-        floor_mu.append(simulation.floor_mu.min(axis=0))
-    arrays = log.arrays()
+    engine = LabEngine(world, laps=laps)
+    engine.planners = adapt([planner], raises=True)
+    engine.place([Start()])
+    history, floor_mu = History(engine), []
+    while engine.running[0]:
+        engine.sense()
+        engine.decide()
+        engine.drive()
+        history.append()
+        floor_mu.append(engine.floor_mu.min(axis=0))
+        engine.judge()
+    arrays, monitor = history.arrays(), engine.monitor
     return LabLaps(
-        end_reason=END_REASONS[referee.reasons[0]],
-        lap_times_s=tuple(referee.lap_times[0, : int(referee.timers["laps_completed"][0])].tolist()),
-        **tally_figures(log.tally),
+        end_reason=END_REASONS[monitor.reasons[0]],
+        lap_times_s=tuple(monitor.lap_times[0, : int(monitor.timers["laps_completed"][0])].tolist()),
+        **statistics_figures(engine.statistics[0]),
         trajectory_sha256=trajectory_sha256(arrays["states"], arrays["ctrl"]),
         floor_mu=np.array(floor_mu).reshape(-1, 4),
         **arrays,

@@ -20,7 +20,9 @@ import numpy as np
 
 from ...errors import SettingsError
 from ...messages import DriveCommand, FloatArray, Odometry, require
-from ...simulation.simulation import STATE, complete_state, whole_steps
+from ...simulation.engine import whole_steps
+from ...simulation.physics import STATE
+from ...simulation.simulation import complete_state
 from ...vehicle.vehicle import Car, car_spec
 from .experiment import GREATEST_MU
 from .trace import CarSensors, Trace, join

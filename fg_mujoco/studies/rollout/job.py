@@ -13,7 +13,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from importlib.metadata import version
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -26,13 +25,14 @@ from ...course.formats import load_track, require_track
 from ...course.random_obstacles import ObstacleSites
 from ...course.track import Track
 from ...errors import ControllerError, SettingsError
+from ...kernels import package_files
+from ...racing.planner_choice import Value
 from ...racing.planner_loading import build_controller, find_controller
+from ...simulation.physics import STATE
 from ...simulation.scenario import Scenario
-from ...simulation.simulation import STATE
 from ...simulation.telemetry import TELEMETRY
 from ...vehicle.changes import CarChanges, change_spec, plain_car
 from ...vehicle.vehicle import car_parameters, car_spec, nominal_mu
-from ...racing.planner_choice import Value
 from .randomization import Randomization
 from .world_batch import RECORDS, RESULT, WorldResults, drive_worlds
 
@@ -204,10 +204,9 @@ class RolloutJob:
 def versions() -> dict[str, str]:
     """Return what else the results depend on, to the last bit."""
     sources = hashlib.sha256()
-    for package in ("fg_mujoco", "fg_mujoco.controllers", "fg_mujoco.models"):
-        folder = Path(str(files(package)))
-        for source in sorted(path for path in folder.rglob("*") if path.suffix in (".py", ".xml")):
-            sources.update(source.relative_to(folder).as_posix().encode() + source.read_bytes())
+    for path, source in package_files(".py", ".xml", ".toml", ".json"):
+        text = source.read_bytes()
+        sources.update(f"{path} {len(text)}\n".encode() + text)
     return {
         "fg_mujoco_version": version("fg-mujoco"),
         "mujoco_version": mujoco.__version__,

@@ -3,7 +3,7 @@
     results = drive_worlds([Scenario(seed=seed) for seed in range(64)], "gap_finder", laps=1)
     print(results.rows["first_lap_s"])
 
-Worlds that can share a compiled model are stepped together (world_group). Each world's result is the same, bit for bit,
+Worlds that can share a compiled model are stepped together by one engine. Each world's result is the same, bit for bit,
 whatever the others are, and that of the same world driven alone by `race`. Most of the time is spent without the GIL:
 several threads that drive worlds each use several cores.
 """
@@ -25,12 +25,15 @@ from ...course.scene import Scene
 from ...course.track import Track
 from ...errors import SettingsError
 from ...messages import FloatArray
+from ...racing.planner_loading import build_controller, find_controller
+from ...simulation.engine import Engine
+from ...simulation.planner_adapter import adapt, start
 from ...simulation.scenario import Scenario
-from ...simulation.telemetry import tally_figures
+from ...simulation.telemetry import statistics_figures
 from ...simulation.termination import END_REASONS
 from ...simulation.world import World
-from ...simulation.world_group import WorldGroup
 from ...vehicle.changes import CarChanges
+from ...vehicle.vehicle import nominal_mu
 
 RECORDS = ("summary", "telemetry", "states")
 
@@ -114,20 +117,52 @@ def drive_worlds(
         course = world.track
         limit = duration if duration is not None else course.longest_race(laps or 1)
         room = course.most_laps or laps or int(limit * _FASTEST / course.length) + 2
-        group = WorldGroup(world, [scenarios[i] for i in members], controller, laps=room, time_limit=limit)
-        results.begin(members, group)
-        while group.running.any():
+        engine = make_engine(world, [scenarios[i] for i in members], controller, laps=room, time_limit=limit)
+        results.begin(members, engine)
+        while engine.running.any():
             if stop is not None and stop():
-                group.interrupt()
+                engine.interrupt()
                 break
-            ran = group.running.copy()
-            group.tick()
-            results.add(members, group, ran)
+            ran = engine.running.copy()
+            engine.tick()
+            results.add(members, engine, ran)
             ticks += 1
             if watch is not None:
-                watch(ticks, int(group.running.sum()))
-        results.end(members, group, scenarios)
+                watch(ticks, int(engine.running.sum()))
+        results.end(members, engine, scenarios)
     return results.gathered()
+
+
+def make_engine(
+    world: World, scenarios: Sequence[Scenario], controller: str, *, laps: int, time_limit: float
+) -> Engine:
+    """Return an engine of worlds that share a compiled model, their cars at the start, each with a planner of its own.
+
+    Args:
+      world: what they share; where any scenario has a `command_delay`, its car must have one.
+      scenarios: one for each world.
+      controller: as `race` takes it by name.
+      laps: to be driven.
+      time_limit: of simulated time [s].
+    """
+    changes = [scenario.car for scenario in scenarios]
+    engine = Engine(world, len(scenarios), changes=changes, laps=laps, time_limit=time_limit)
+    kind = find_controller(controller)  # once: what is in a file becomes a new class each time
+    planners = []
+    for scenario, car in zip(scenarios, engine.cars, strict=True):
+        believed_mu = nominal_mu() if scenario.planner_mu is None else float(scenario.planner_mu)
+        planner = build_controller(
+            kind, controller, car=car.parameters, mu=believed_mu, max_speed=scenario.max_speed,
+            settings=scenario.planner, map_line=world.track.map_line,
+        )  # fmt: skip
+        start(planner)
+        planners.append(planner)
+    engine.planners = adapt(planners)
+    engine.place(
+        [scenario.start for scenario in scenarios], effects=[scenario.effects for scenario in scenarios],
+        seeds=[scenario.seed for scenario in scenarios],
+    )  # fmt: skip
+    return engine
 
 
 _BUILDING = Lock()  # threads that want the same world build it once
@@ -150,36 +185,37 @@ class _Results:
         self._states: list[list[FloatArray]] = [[] for _ in range(count)]
         self._ctrl: list[list[FloatArray]] = [[] for _ in range(count)]
 
-    def begin(self, members: Sequence[int], group: WorldGroup) -> None:
+    def begin(self, members: Sequence[int], engine: Engine) -> None:
         if self._record == "states":
             for place, i in enumerate(members):
-                self._states[i].append(group.states[place].copy())
+                self._states[i].append(engine.state(place).copy())
 
-    def add(self, members: Sequence[int], group: WorldGroup, ran: NDArray[np.bool_]) -> None:
+    def add(self, members: Sequence[int], engine: Engine, ran: NDArray[np.bool_]) -> None:
         """Keep the tick of the worlds that ran it."""
         if self._record == "summary":
             return
-        for place in map(int, np.flatnonzero(ran & ~group.failed)):
+        for place in map(int, np.flatnonzero(ran & ~engine.failed)):
             i = members[place]
-            self._telemetry[i].append(group.telemetry[place].copy())
+            self._telemetry[i].append(engine.telemetry[place].copy())
             if self._record == "states":
-                self._states[i].append(group.states[place].copy())
-                self._ctrl[i].append(group.ctrl[place].copy())
+                self._states[i].append(engine.state(place).copy())
+                self._ctrl[i].append(engine.ctrl(place).copy())
 
-    def end(self, members: Sequence[int], group: WorldGroup, scenarios: Sequence[Scenario]) -> None:
+    def end(self, members: Sequence[int], engine: Engine, scenarios: Sequence[Scenario]) -> None:
+        times = engine.times
         for place, i in enumerate(members):
-            row, tally = self._rows[i], group.tallies[place]
-            driven = group.referee.lap_times[place, : group.referee.timers["laps_completed"][place]]
+            row, statistics = self._rows[i], engine.statistics[place]
+            driven = engine.monitor.lap_times[place, : engine.monitor.timers["laps_completed"][place]]
             self._lap_times[i] = driven.copy()
             row["seed"] = scenarios[i].seed
-            row["end_reason"] = END_REASONS[group.referee.reasons[place]]
+            row["end_reason"] = END_REASONS[engine.monitor.reasons[place]]
             row["laps_completed"] = len(driven)
-            row["sim_time_s"] = group.times[place]
-            row["distance_m"] = group.referee.timers["progress"][place]
+            row["sim_time_s"] = times[place]
+            row["distance_m"] = engine.monitor.timers["progress"][place]
             row["first_lap_s"] = driven[0] if len(driven) else np.nan
             row["best_lap_s"] = driven.min() if len(driven) else np.nan
-            row["collisions"] = group.crashed[place]
-            for name, value in tally_figures(tally).items():
+            row["collisions"] = engine.crashed[place]
+            for name, value in statistics_figures(statistics).items():
                 row[name] = value
 
     def gathered(self) -> WorldResults:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...course.scene import Scene
 from ...messages import FloatArray
-from ...simulation.simulation import STATE
+from ...simulation.physics import STATE
 from .session import LiveSession
 from .shapes import world_shapes
 

@@ -27,8 +27,9 @@ from ...errors import FgMujocoError, SettingsError
 from ...messages import DriveCommand, FloatArray, LaserScan, Odometry
 from ...racing.planner_choice import ControllerChoice
 from ...racing.planner_loading import make_controller
+from ...simulation.physics import STATE
 from ...simulation.planner_adapter import plan, start
-from ...simulation.simulation import STATE, Simulation
+from ...simulation.simulation import Simulation
 from ...simulation.world import LIDAR_PREFIX, World
 from ...vehicle.vehicle import nominal_mu
 from .hand_driver import HandDriver

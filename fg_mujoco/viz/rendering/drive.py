@@ -20,7 +20,7 @@ from ...errors import RunFolderError, SettingsError
 from ...messages import FloatArray
 from ...racing.result import RaceResult
 from ...racing.run_folder import Run, read_run
-from ...simulation.simulation import STATE
+from ...simulation.physics import STATE
 from ...simulation.telemetry import TELEMETRY
 from .renderer import Renderer, track_start
 

@@ -15,7 +15,7 @@ import numpy as np
 from ...messages import FloatArray
 from ...racing.result import RaceResult
 from ...racing.run_folder import Run
-from ...simulation.simulation import STATE
+from ...simulation.physics import STATE
 from ...simulation.world import CAR_PREFIX
 from ...vehicle.tire_slip import SLIDING_SPEED
 from ...vehicle.vehicle import Car

@@ -17,15 +17,15 @@ import mujoco
 import numpy as np
 
 from ...course.formats import load_track
-from ...course.moving_obstacles import make_mover
 from ...errors import FgMujocoError, TrackError
-from ...lidar.effects import LidarEffects, ScanPipeline
+from ...lidar.effects import LidarEffects
 from ...lidar.lidar import make_lidar
 from ...messages import FloatArray, LaserScan
 from ...racing.planner_loading import make_controller
+from ...racing.resimulation import resimulate
+from ...simulation.physics import STATE
 from ...simulation.planner_adapter import start
-from ...simulation.simulation import STATE, hold_controls, whole_steps
-from ...simulation.world import CAR_PREFIX, LIDAR_PREFIX
+from ...simulation.world import CAR_PREFIX, LIDAR_PREFIX, World
 from ...vehicle.vehicle import Car
 from .drive import Drive
 
@@ -71,7 +71,6 @@ class PlannerEye:
         self._car = Car(model, CAR_PREFIX)
         self._lidar = make_lidar("raycast", model, LIDAR_PREFIX)
         self._lidar_body = model.body(f"{LIDAR_PREFIX}hokuyo").id
-        self._mover = make_mover(model)
         self._effects = LidarEffects(**drive.summary.get("lidar_effects", {}))
         self._scans: list[LaserScan] = []
         self.missing = ""
@@ -138,17 +137,5 @@ class PlannerEye:
 
     def _measure_all(self) -> list[LaserScan]:
         """Return the scan at the start of every tick, as the race had them."""
-        drive, data = self._drive, self._data
-        rng = np.random.default_rng(drive.summary.get("seed", 0))
-        pipeline = ScanPipeline(self._lidar, self._effects, rng)
-        steps = whole_steps(self._lidar.beams.period, self._model.opt.timestep)
-        records = np.empty((steps, self._model.nsensordata))
-        self._place(0)
-        scans = [pipeline.scan(data)]
-        for ctrl in drive.ctrl:
-            data.ctrl[:] = ctrl
-            hold_controls(
-                self._model, data, records, self._mover, pipeline.record if pipeline.needs_every_step else None
-            )
-            scans.append(pipeline.scan(data))
-        return scans
+        world = World.from_xml(self._drive.xml)
+        return [tick.sensed.scan for tick in resimulate(self._drive, world) if tick.sensed is not None]

@@ -1,0 +1,258 @@
+"""Many states of one model, stepped in C: MuJoCo's batch functions, called from Python and from kernels.
+
+A kernel calls `step_states` without Python in between and without the GIL. The bits of each state are those that
+`mujoco.mj_step` gives it alone. What one state raises, such as a stack that is too small, fails that state only.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import llvmlite.binding
+import mujoco
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from ..errors import EngineError
+from ..kernels import kernel
+from ..messages import FloatArray
+
+STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+"""What a state holds: all that the next step depends on."""
+
+BAD_STATE = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC) + 1)
+"""Warnings after which MuJoCo resets a state by itself."""
+
+_WARNINGS = int(mujoco.mjtWarning.mjNWARNING)
+
+CTRL = int(mujoco.mjtState.mjSTATE_CTRL)
+CTRL_AND_MOCAP = CTRL | int(mujoco.mjtState.mjSTATE_MOCAP_POS)
+
+_ALL_STAGES = int(mujoco.mjtStage.mjSTAGE_ACC)
+_PARTS = {
+    "time": mujoco.mjtState.mjSTATE_TIME,
+    "qpos": mujoco.mjtState.mjSTATE_QPOS,
+    "qvel": mujoco.mjtState.mjSTATE_QVEL,
+    "ctrl": mujoco.mjtState.mjSTATE_CTRL,
+    "mocap_pos": mujoco.mjtState.mjSTATE_MOCAP_POS,
+}
+
+
+def _library_path() -> str:
+    """Return the file of the MuJoCo library that the Python package uses.
+
+    Raises:
+      EngineError: there is none beside the package.
+    """
+    folder = Path(mujoco.__file__).parent
+    for pattern in ("libmujoco.so*", "libmujoco*.dylib", "mujoco.dll"):
+        for path in sorted(folder.glob(pattern)):
+            return str(path)
+    raise EngineError(f"there is no MuJoCo library in {folder}; accepted: the package `mujoco` as pip installs it")
+
+
+class _Config(ctypes.Structure):
+    """mjBatchConfig."""
+
+    _fields_ = (("nthread", ctypes.c_int), ("persistent", ctypes.c_ubyte))
+
+
+class _Record(ctypes.Structure):
+    """mjBatchRecord."""
+
+    _fields_ = (("field", ctypes.c_char_p), ("spec", ctypes.c_int), ("buffer", ctypes.c_void_p))
+
+
+_LIBRARY = ctypes.CDLL(_library_path())
+llvmlite.binding.load_library_permanently(_library_path())  # so that kernels, compiled or read from disk, find it
+
+_ADDRESS, _INT = ctypes.c_void_p, ctypes.c_int
+_FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
+    "mjb_makeBatch": (_ADDRESS, (_ADDRESS, _INT, _ADDRESS, _ADDRESS, _INT)),
+    "mjb_deleteBatch": (None, (_ADDRESS,)),
+    "mjb_state": (_ADDRESS, (_ADDRESS,)),
+    "mjb_warning": (_ADDRESS, (_ADDRESS,)),
+    "mjb_status": (_ADDRESS, (_ADDRESS,)),
+    "mjb_error": (ctypes.c_char_p, (_ADDRESS, _INT)),
+    "mjb_output": (_ADDRESS, (_ADDRESS, ctypes.c_char_p, _ADDRESS, _ADDRESS)),
+    "mjb_expand": (_ADDRESS, (_ADDRESS, ctypes.c_char_p, _ADDRESS, _ADDRESS)),
+    "mjb_setConst": (_INT, (_ADDRESS, _ADDRESS, _INT)),
+    "mjb_setModels": (None, (_ADDRESS, _ADDRESS)),
+    "mjb_forward": (_INT, (_ADDRESS, _ADDRESS, _INT, _INT)),
+    "mjb_reset": (_INT, (_ADDRESS, _ADDRESS, _INT, _ADDRESS, _INT)),
+    "mjb_rollout": (_INT, (_ADDRESS, _ADDRESS, _INT, _INT, _ADDRESS, _INT, _ADDRESS, _INT)),
+    "mjb_getModel": (None, (_ADDRESS, _INT, _ADDRESS)),
+    "mjb_getData": (None, (_ADDRESS, _INT, _ADDRESS)),
+}  # fmt: skip
+for _name, (_result, _arguments) in _FUNCTIONS.items():
+    _function = getattr(_LIBRARY, _name)
+    _function.restype, _function.argtypes = _result, _arguments
+
+_rollout: Any = types.ExternalFunction(
+    "mjb_rollout",
+    types.int32(types.uintp, types.uintp, types.int32, types.int32, types.uintp, types.int32, types.uintp, types.int32),
+)
+
+
+@kernel
+def step_states(
+    batch: int, ids: NDArray[np.int32], count: int, steps: int, control: int, parts: int, record: int
+) -> int:
+    """Step some states; return how many of them failed. For kernels.
+
+    Args:
+      batch: `Batch.address`.
+      ids: (at least count,) which states.
+      count: how many.
+      steps: physics steps.
+      control: address of (count, steps, k) values set before each step; 0: there are none.
+      parts: of the state that `control` sets, CTRL or CTRL_AND_MOCAP.
+      record: `Batch.record`.
+    """
+    failed: int = _rollout(batch, ids.ctypes.data, count, steps, control, parts, record, 1)
+    return failed
+
+
+class StateLayout(NamedTuple):
+    """Where the parts of a state lie in its row: the first place, and the one behind the last."""
+
+    time: int
+    qpos: tuple[int, int]
+    qvel: tuple[int, int]
+    ctrl: tuple[int, int]
+    mocap_pos: tuple[int, int]
+
+    @classmethod
+    def of(cls, model: mujoco.MjModel) -> StateLayout:
+        """Return the layout of the states of a model."""
+        places = {}
+        for name, part in _PARTS.items():
+            before = sum(
+                mujoco.mj_stateSize(model, 1 << bit)
+                for bit in range(int(part).bit_length() - 1)
+                if int(STATE) & (1 << bit)
+            )
+            places[name] = (before, before + mujoco.mj_stateSize(model, int(part)))
+        return cls(time=places.pop("time")[0], **places)
+
+
+class Batch:
+    """States of one model that are stepped together. The model is copied.
+
+    Args:
+      model: compiled.
+      count: how many states.
+      steps: physics steps of one call, whose sensors are recorded.
+
+    Attributes:
+      address: of the batch, for `step_states`.
+      record: address of what says where sensors are recorded.
+      states: (n, k) as mj_getState has them with STATE. Live: what is written here is stepped from.
+      sensors: (n, nsensordata) after the last step or forward pass. Live.
+      records: (n, steps, nsensordata) the sensors of each step of the last call, in the order of its ids.
+      status: (n,) not 0 where the last call failed. Live.
+
+    Raises:
+      EngineError: MuJoCo cannot make the batch.
+    """
+
+    def __init__(self, model: mujoco.MjModel, count: int, steps: int) -> None:
+        self.model = model
+        message = ctypes.create_string_buffer(1024)
+        config = _Config(1, 1)
+        self.address: int = _LIBRARY.mjb_makeBatch(
+            model._address, count, ctypes.byref(config), message, len(message)
+        ) or _failed(message)
+        self._count = count
+        size = mujoco.mj_stateSize(model, int(STATE))
+        self.states: FloatArray = _view(_LIBRARY.mjb_state(self.address), (count, size), np.float64)
+        self._warnings = _view(_LIBRARY.mjb_warning(self.address), (count, _WARNINGS, 2), np.int32)
+        self.status: NDArray[np.int32] = _view(_LIBRARY.mjb_status(self.address), (count,), np.int32)
+        self.sensors: FloatArray = self._live("mjb_output", "sensordata", (model.nsensordata,))
+        self.records = np.zeros((count, steps, model.nsensordata))
+        self._record = _Record(b"sensordata", 0, self.records.ctypes.data)
+        self.record = ctypes.addressof(self._record)
+        self._models: tuple[mujoco.MjModel, ...] = ()
+
+    def __del__(self) -> None:
+        if getattr(self, "address", 0):
+            _LIBRARY.mjb_deleteBatch(self.address)
+            self.address = 0
+
+    @property
+    def warned(self) -> NDArray[np.int32]:
+        """How often MuJoCo has warned of a bad state, by its kind. Live. Shape (n, 3)."""
+        warned: NDArray[np.int32] = self._warnings[:, BAD_STATE, 1]
+        return warned
+
+    def expand(self, name: str) -> Any:
+        """Return the values of a field of the model, a row for each state, to be written to. Live."""
+        return self._live("mjb_expand", name, np.shape(getattr(self.model, name)))
+
+    def set_const(self) -> None:
+        """Work out anew what follows from fields that `expand` gave."""
+        self._check(_LIBRARY.mjb_setConst(self.address, None, 0))
+
+    def set_models(self, models: Sequence[mujoco.MjModel]) -> None:
+        """Give each state a model of its own, all of the same sizes."""
+        self._models = tuple(models)
+        addresses = (ctypes.c_void_p * len(models))(*(model._address for model in models))
+        _LIBRARY.mjb_setModels(self.address, addresses)
+
+    def model_of(self, i: int, into: mujoco.MjModel) -> mujoco.MjModel:
+        """Write the model of state i into a copy of the batch's, and return it."""
+        _LIBRARY.mjb_getModel(self.address, i, into._address)
+        return into
+
+    def read(self, i: int, data: mujoco.MjData) -> None:
+        """Write state i, and all that was worked out of it last, into `data`."""
+        _LIBRARY.mjb_getData(self.address, i, data._address)
+
+    def reset(self, ids: NDArray[np.int32]) -> None:
+        """Forget warnings, and all else that no state holds, of some states."""
+        self._check(_LIBRARY.mjb_reset(self.address, ids.ctypes.data, len(ids), None, 0))
+
+    def forward(self, ids: NDArray[np.int32]) -> None:
+        """Work out everything of some states, sensors too, as mj_forward does."""
+        self._check(_LIBRARY.mjb_forward(self.address, ids.ctypes.data, len(ids), _ALL_STAGES))
+
+    def step(self, ids: NDArray[np.int32], place: int) -> None:
+        """Step some states once; their sensors become step `place` of `records`."""
+        _LIBRARY.mjb_rollout(self.address, ids.ctypes.data, len(ids), 1, None, CTRL, None, 0)
+        self.records[: len(ids), place] = self.sensors[ids]
+
+    def error(self, i: int) -> str:
+        """Return why the last call failed for state i."""
+        return str(_LIBRARY.mjb_error(self.address, i).decode())
+
+    def _live(self, function: str, name: str, shape: tuple[int, ...]) -> Any:
+        size, bytes_each = ctypes.c_int(), ctypes.c_int()
+        address = getattr(_LIBRARY, function)(
+            self.address, name.encode(), ctypes.byref(size), ctypes.byref(bytes_each)
+        )  # fmt: skip
+        if not address or bytes_each.value != 8 or size.value != math.prod(shape):
+            raise EngineError(f"MuJoCo gives no values of {name!r} for each state; accepted: a field of numbers")
+        return _view(address, (self._count, *shape), np.float64)
+
+    def _check(self, failed: int) -> None:
+        if failed:
+            first = int(np.flatnonzero(self.status)[0])
+            raise EngineError(f"MuJoCo failed in world {first}: {self.error(first)}")
+
+
+def _view(address: int, shape: tuple[int, ...], kind: Any) -> Any:
+    """Return an array of what lies at an address."""
+    count = math.prod(shape)
+    if count == 0:
+        return np.zeros(shape, kind)
+    buffer = (ctypes.c_byte * (count * np.dtype(kind).itemsize)).from_address(address)
+    return np.frombuffer(buffer, kind).reshape(shape)
+
+
+def _failed(message: Any) -> int:
+    raise EngineError(f"MuJoCo makes no batch: {' '.join(message.value.decode().split())}")

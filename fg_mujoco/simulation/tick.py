@@ -1,0 +1,283 @@
+"""The compiled parts of a tick: what the cars of some worlds sense, how they are driven, and where obstacles move.
+
+Arrays have one row a car: the cars of world 0, then those of world 1, and so on. A state has one row a world.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..course.moving_obstacles import MovingObstacle
+from ..kernels import kernel
+from ..lidar.body_poses import Mount, mounted_pose
+from ..lidar.scanline import Fan, Scratch, scan
+from ..messages import FloatArray
+from ..vehicle.motion import drive, read_odometry
+from ..vehicle.tire_slip import measure_slip
+from .physics import CTRL, CTRL_AND_MOCAP, StateLayout, step_states
+from .telemetry import COMMAND, begin_row, end_row
+
+Mask = NDArray[np.bool_]
+Rows = NDArray[np.void]
+
+
+def motion_table(obstacles: Sequence[MovingObstacle]) -> FloatArray:
+    """Return what `obstacle_position` wants to know of moving obstacles. Shape (k, 8), read-only."""
+    table = np.array(
+        [(*o.start, *o.end, o.speed, float(o.back_and_forth), o.headway, o.way) for o in obstacles], np.float64
+    ).reshape(-1, 8)
+    table.flags.writeable = False
+    return table
+
+
+@kernel
+def obstacle_position(motion: FloatArray, time: float) -> tuple[float, float]:
+    """Return x and y [m] of a moving obstacle at a time [s], as MovingObstacle.position does; `motion` is its row."""
+    x, y, end_x, end_y, speed, back_and_forth, headway, way = motion
+    gone = headway + speed * time
+    gone = way - abs(gone % (2.0 * way) - way) if back_and_forth else min(gone, way)
+    share = gone / way
+    return x + share * (end_x - x), y + share * (end_y - y)
+
+
+@kernel
+def read_cars(
+    which: Mask,
+    cars_per_world: int,
+    states: FloatArray,
+    layout: StateLayout,
+    sensors: FloatArray,
+    cars: Rows,
+    timers: Rows,
+    odometry: Rows,
+    telemetry: FloatArray,
+) -> None:
+    """Write the odometry of each car, and the first columns of its row of telemetry.
+
+    Args:
+      which: (r,) the cars that sense.
+      cars_per_world: r of them make one world.
+      states: (n, k) of the worlds.
+      layout: of a state.
+      sensors: (n, nsensordata) of the last physics step.
+      cars: (r,) of CAR.
+      timers: (r,) of LAP_TIMER, up to date.
+      odometry: (r,) of ODOMETRY, written to.
+      telemetry: (r, len(TELEMETRY)), written to.
+    """
+    for row in range(len(which)):
+        if which[row]:
+            world = row // cars_per_world
+            state = states[world]
+            time, car = state[layout.time], cars[row : row + 1]
+            qpos, qvel = state[layout.qpos[0] : layout.qpos[1]], state[layout.qvel[0] : layout.qvel[1]]
+            read_odometry(time, qpos, qvel, sensors[world], car, odometry[row : row + 1])
+            begin_row(time, qpos, qvel, car, timers, row, telemetry[row])
+
+
+@kernel
+def scan_cars(
+    which: Mask,
+    cars_per_world: int,
+    states: FloatArray,
+    layout: StateLayout,
+    mount: Mount,
+    motions: FloatArray,
+    fan: Fan,
+    scratch: Scratch,
+    ranges: FloatArray,
+) -> None:
+    """Write what the LiDAR of each car measures.
+
+    Args:
+      which: (r,) the cars that sense.
+      cars_per_world: r of them make one world.
+      states: (n, k) of the worlds.
+      layout: of a state.
+      mount: of the LiDARs.
+      motions: (obstacles, 8) of `motion_table`.
+      fan: of the worlds' LiDARs.
+      scratch: of this thread.
+      ranges: (r, beams) [m], written to.
+    """
+    position, rotation = np.empty(3), np.empty((3, 3))
+    moving, turned = np.zeros((len(motions), 3)), np.zeros((len(motions), 3, 3))
+    for k in range(len(motions)):
+        turned[k, 0, 0] = turned[k, 1, 1] = turned[k, 2, 2] = 1.0
+    for row in range(len(which)):
+        if which[row]:
+            state = states[row // cars_per_world]
+            for k in range(len(motions)):
+                moving[k, 0], moving[k, 1] = obstacle_position(motions[k], state[layout.time])
+            first = layout.qpos[0] + mount.qpos_address
+            mounted_pose(state[first : first + 7], mount.offset_position, mount.offset_rotation, position, rotation)
+            scan(fan, position, rotation, moving, turned, scratch, ranges[row])
+
+
+@kernel
+def drive_cars(
+    running: Mask,
+    cars_per_world: int,
+    states: FloatArray,
+    layout: StateLayout,
+    commands: FloatArray,
+    cars: Rows,
+    motions: FloatArray,
+    timestep: float,
+    batch: int,
+    record: int,
+    records: FloatArray,
+    ids: NDArray[np.int32],
+    controls: FloatArray,
+    status: NDArray[np.int32],
+    failed: Mask,
+    tires: int,
+    chassis_contact: int,
+    mu: FloatArray,
+    slip: FloatArray,
+    crashed: Mask,
+    telemetry: FloatArray,
+    statistics: Rows,
+) -> None:
+    """Hold the commands of the cars for a tick, and write what the tires and the chassis did meanwhile.
+
+    A world is stepped as long as any of its cars runs.
+
+    Args:
+      running: (r,) which cars run.
+      cars_per_world: r of them make one world.
+      states: (n, k) of the worlds, stepped.
+      layout: of a state.
+      commands: (r, 2) [rad, m/s].
+      cars: (r,) of CAR.
+      motions: (obstacles, 8) of `motion_table`.
+      timestep: of the physics [s].
+      batch: `Batch.address`.
+      record: `Batch.record`.
+      records: (n, steps, nsensordata) `Batch.records`.
+      ids: (n,) room for the worlds that are stepped.
+      controls: (n, steps, controls and positions of obstacles) room, where obstacles move.
+      status: (n,) `Batch.status`.
+      failed: (r,) written to: whether the engine failed.
+      tires: where the tires' readings begin in the sensors.
+      chassis_contact: and that of the chassis.
+      mu: (r, 4) of the tires.
+      slip: (4, steps, 4) room; left with the slip of the last car.
+      crashed: (r,) written to.
+      telemetry: (r, len(TELEMETRY)), its last columns written to.
+      statistics: (r,) of STATISTICS, written to.
+    """
+    count = 0
+    for world in range(len(states)):
+        runs = False
+        for row in range(world * cars_per_world, (world + 1) * cars_per_world):
+            runs = runs or running[row]
+        if runs:
+            ids[count] = world
+            count += 1
+    hold_commands(ids, count, cars_per_world, states, layout, commands, cars, telemetry)
+    steps = records.shape[1]
+    if count > 0:
+        if len(motions) > 0:
+            first, end = layout.ctrl
+            for place in range(count):
+                time = states[ids[place], layout.time]
+                for step in range(steps):
+                    control = controls[place, step]
+                    control[: end - first] = states[ids[place], first:end]
+                    _place_obstacles(motions, time, control[end - first :])
+                    time += timestep  # as MuJoCo sums it up
+            step_states(batch, ids, count, steps, controls.ctypes.data, CTRL_AND_MOCAP, record)
+        else:
+            step_states(batch, ids, count, steps, 0, CTRL, record)
+    for place in range(count):
+        world = ids[place]
+        if len(motions) > 0:
+            _place_obstacles(motions, states[world, layout.time], states[world, layout.mocap_pos[0] :])
+    book_cars(
+        ids, count, cars_per_world, records, status, failed, tires, chassis_contact, mu, slip, crashed, telemetry,
+        statistics,
+    )  # fmt: skip
+
+
+@kernel
+def hold_commands(
+    ids: NDArray[np.int32],
+    count: int,
+    cars_per_world: int,
+    states: FloatArray,
+    layout: StateLayout,
+    commands: FloatArray,
+    cars: Rows,
+    telemetry: FloatArray,
+) -> None:
+    """Write the commands of all cars of `count` worlds `ids` to their actuators, and to the telemetry."""
+    for place in range(count):
+        world = ids[place]
+        qvel = states[world, layout.qvel[0] : layout.qvel[1]]
+        ctrl = states[world, layout.ctrl[0] : layout.ctrl[1]]
+        for row in range(world * cars_per_world, (world + 1) * cars_per_world):
+            drive(qvel, commands[row, 0], commands[row, 1], cars[row : row + 1], ctrl)
+            telemetry[row, COMMAND], telemetry[row, COMMAND + 1] = commands[row, 0], commands[row, 1]
+
+
+@kernel
+def book_cars(
+    ids: NDArray[np.int32],
+    count: int,
+    cars_per_world: int,
+    records: FloatArray,
+    status: NDArray[np.int32],
+    failed: Mask,
+    tires: int,
+    chassis_contact: int,
+    mu: FloatArray,
+    slip: FloatArray,
+    crashed: Mask,
+    telemetry: FloatArray,
+    statistics: Rows,
+) -> None:
+    """Read what the physics steps of a tick recorded in `count` worlds `ids`; arguments as in `drive_cars`."""
+    for place in range(count):
+        world = ids[place]
+        for row in range(world * cars_per_world, (world + 1) * cars_per_world):
+            failed[row] = failed[row] or status[world] != 0
+            crashed[row] = crashed[row] or any_touch(records[place], chassis_contact)
+            measure_slip(records[place], tires, mu[row], slip)
+            end_row(statistics, row, telemetry[row], slip)
+
+
+@kernel
+def _place_obstacles(motions: FloatArray, time: float, positions: FloatArray) -> None:
+    """Write where the moving obstacles are at a time [s]: x, y, z of each, one after the other."""
+    for k in range(len(motions)):
+        positions[3 * k], positions[3 * k + 1] = obstacle_position(motions[k], time)
+        positions[3 * k + 2] = 0.0
+
+
+def place_obstacles(motions: FloatArray, state: FloatArray, layout: StateLayout) -> None:
+    """Put the moving obstacles of a world where they are at the time of its state (k,), which is written to."""
+    if len(motions):
+        _place_obstacles(motions, state[layout.time], state[layout.mocap_pos[0] : layout.mocap_pos[1]])
+
+
+@kernel
+def any_touch(records: FloatArray, sensor: int) -> bool:
+    """Say whether a contact sensor found anything in any of the rows of `records` (steps, nsensordata)."""
+    touched = False
+    for step in range(len(records)):
+        touched = touched or records[step, sensor] > 0.0
+    return touched
+
+
+@kernel
+def not_finite(running: Mask, commands: FloatArray) -> Mask:
+    """Return which of the running cars got a command that is no number. Shape (r,)."""
+    bad = np.zeros(len(running), np.bool_)
+    for row in range(len(running)):
+        bad[row] = running[row] and not (math.isfinite(commands[row, 0]) and math.isfinite(commands[row, 1]))
+    return bad
