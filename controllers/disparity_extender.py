@@ -28,9 +28,10 @@ from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from .control.driving import DrivingSettings
-from .control.planner import GoalPlanner, IntermediateScans
+from .control.planner import GoalPlanner
 from .control.settings import FROM_ZERO, Record, setting, setting_of_car
 from .perception.gaps import furthest_beam
+from .perception.intermediate_scans import IntermediateScans, keep
 from .perception.scan_filters import extend_disparities
 from .perception.scan_geometry import beams_between, bearing_of
 
@@ -74,8 +75,8 @@ class DisparityExtender(GoalPlanner):
         """Return the goal's bearing [rad] and distance [m]; NaN where nothing is reachable."""
         radius = 0.5 * car.width + settings.tolerance
         reachable = extend_disparities(ranges, scan.angle_increment, settings.disparity_threshold, radius)
-        shown.extended[:] = reachable
-        shown.filtered[:] = reachable
+        keep(shown.extended, reachable)
+        keep(shown.filtered, reachable)
         goal = furthest_beam(reachable, *beams_between(scan, len(ranges), -_ABEAM, _ABEAM))
         if goal < 0 or reachable[goal] <= 0.0:
             return math.nan, 0.0

@@ -32,9 +32,10 @@ from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from .control.driving import DrivingSettings
-from .control.planner import GoalPlanner, IntermediateScans
+from .control.planner import GoalPlanner
 from .control.settings import FROM_ZERO, POSITIVE, Record, setting, setting_of_car
-from .perception.gaps import chord, deepest_run, longest_run, middle_of, range_at, show_run
+from .perception.gaps import chord, deepest_run, longest_run, middle_of, range_at
+from .perception.intermediate_scans import IntermediateScans, keep, keep_run
 from .perception.scan_filters import clip_to_lookahead, mask_nearest
 from .perception.scan_geometry import beams_between, bearing_of
 
@@ -96,12 +97,12 @@ class FollowTheGap(GoalPlanner):
         """Return the goal's bearing [rad] and distance [m]; NaN where nothing is free."""
         half = 0.5 * settings.field_of_view
         first, end = beams_between(scan, len(ranges), -half, half)
-        shown.bubble[:] = clip_to_lookahead(ranges, settings.lookahead)
+        keep(shown.bubble, clip_to_lookahead(ranges, settings.lookahead))
         free = shown.bubble[first:end]
-        free[:] = free_space(free, scan.angle_increment, settings)
+        keep(free, free_space(free, scan.angle_increment, settings))
         gap_first, gap_end = longest_run(free)
         if gap_first == gap_end:
             return math.nan, 0.0
-        show_run(shown.gap, shown.bubble, first + gap_first, first + gap_end)
+        keep_run(shown.gap, shown.bubble, first + gap_first, first + gap_end)
         place = best_place(free, gap_first, gap_end, settings)
         return bearing_of(scan, first + place), range_at(free, place)

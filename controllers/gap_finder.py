@@ -31,9 +31,10 @@ from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from .control.driving import DrivingSettings
-from .control.planner import GoalPlanner, IntermediateScans
+from .control.planner import GoalPlanner
 from .control.settings import FROM_ZERO, POSITIVE, Accepted, Record, setting
-from .perception.gaps import run_around, show_run
+from .perception.gaps import run_around
+from .perception.intermediate_scans import IntermediateScans, keep, keep_run
 from .perception.scan_filters import (
     clip_to_lookahead,
     extend_disparities,
@@ -76,9 +77,9 @@ class GapFinder(GoalPlanner):
         increment = scan.angle_increment
         clipped = clip_to_lookahead(ranges, settings.lookahead)
         reach = 0.5 * car.width + settings.clearance
-        shown.extended[:] = extend_disparities(clipped, increment, settings.disparity_threshold, reach)
-        shown.bubble[:] = mask_nearest(shown.extended, increment, settings.nearest_bubble)
-        shown.filtered[:] = rolling_mean(shown.bubble, increment, settings.mean_radius)
+        keep(shown.extended, extend_disparities(clipped, increment, settings.disparity_threshold, reach))
+        keep(shown.bubble, mask_nearest(shown.extended, increment, settings.nearest_bubble))
+        keep(shown.filtered, rolling_mean(shown.bubble, increment, settings.mean_radius))
         half = 0.5 * settings.field_of_view
         first, end = beams_between(scan, len(ranges), -half, half)
         bearings = scan.angle_min + increment * np.arange(first, end)
@@ -89,5 +90,5 @@ class GapFinder(GoalPlanner):
         if preferred[goal] <= 0.0:
             return math.nan, 0.0
         gap_first, gap_end = run_around(shown.filtered, first + goal, first, end)
-        show_run(shown.gap, shown.filtered, gap_first, gap_end)
+        keep_run(shown.gap, shown.filtered, gap_first, gap_end)
         return bearings[goal], shown.filtered[first + goal]

@@ -35,9 +35,10 @@ from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from .control.driving import DrivingSettings
-from .control.planner import GoalPlanner, IntermediateScans
+from .control.planner import GoalPlanner
 from .control.settings import FROM_ZERO, POSITIVE, Accepted, Record, setting
-from .perception.gaps import middle_of, range_at, runs_beyond, show_run
+from .perception.gaps import middle_of, range_at, runs_beyond
+from .perception.intermediate_scans import IntermediateScans, keep_run
 from .perception.scan_geometry import beams_between, bearing_of
 
 _WIDEST = 0  # the place of the word in `gap`
@@ -90,6 +91,6 @@ class ThresholdGap(GoalPlanner):
         if chosen < 0:
             return math.nan, 0.0
         gap_first, gap_end = gaps[chosen, 0], gaps[chosen, 1]
-        show_run(shown.gap, ranges, first + gap_first, first + gap_end)
+        keep_run(shown.gap, ranges, first + gap_first, first + gap_end)
         place = middle_of(gap_first, gap_end)
         return bearing_of(scan, first + place), range_at(seen, place)

@@ -36,9 +36,10 @@ from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from .control.driving import DrivingSettings
-from .control.planner import GoalPlanner, IntermediateScans
+from .control.planner import GoalPlanner
 from .control.settings import FROM_ZERO, POSITIVE, Accepted, Record, setting
-from .perception.gaps import runs_beyond, show_run
+from .perception.gaps import runs_beyond
+from .perception.intermediate_scans import IntermediateScans, keep, keep_run
 from .perception.scan_filters import widen_all
 from .perception.scan_geometry import beams_between, bearing_of
 
@@ -84,7 +85,7 @@ class WeightedGap(GoalPlanner):
         scan: Record, ranges: FloatArray, car: Record, settings: Record, shown: IntermediateScans
     ) -> tuple[float, float]:
         """Return the heading [rad] and how far along it the goal lies [m]; NaN without a gap."""
-        shown.extended[:] = widen_all(ranges, scan.angle_increment, 0.5 * car.width + settings.clearance)
+        keep(shown.extended, widen_all(ranges, scan.angle_increment, 0.5 * car.width + settings.clearance))
         half = 0.5 * settings.field_of_view
         first, end = beams_between(scan, len(ranges), -half, half)
         seen = shown.extended[first:end]
@@ -93,7 +94,7 @@ class WeightedGap(GoalPlanner):
             return math.nan, 0.0
         widest = np.argmax(gaps[:, 1] - gaps[:, 0])
         gap_first, gap_end = gaps[widest, 0], gaps[widest, 1]
-        show_run(shown.gap, shown.extended, first + gap_first, first + gap_end)
+        keep_run(shown.gap, shown.extended, first + gap_first, first + gap_end)
         right, left = max(gap_first - 1, 0), min(gap_end, len(seen) - 1)
         right_distance, left_distance = min(seen[right], settings.horizon), min(seen[left], settings.horizon)
         right_bearing, left_bearing = bearing_of(scan, first + right), bearing_of(scan, first + left)

@@ -31,9 +31,10 @@ from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray, LaserScan, Odometry
 
 from .control.driving import DrivingSettings
-from .control.planner import GoalPlanner, IntermediateScans
+from .control.planner import GoalPlanner
 from .control.settings import FROM_ZERO, POSITIVE, Record, setting, setting_of_car
 from .perception.gaps import chord, furthest_beam
+from .perception.intermediate_scans import IntermediateScans
 from .perception.scan_filters import valid_ranges
 from .perception.scan_geometry import beams_between, bearing_of, scan_record, sees
 

@@ -6,7 +6,7 @@
         @staticmethod
         @kernel
         def goal(scan, ranges, car, settings, shown):
-            shown.filtered[:] = extend_disparities(ranges, scan.angle_increment, 0.3, 0.5 * car.width)
+            keep(shown.extended, extend_disparities(ranges, scan.angle_increment, 0.3, 0.5 * car.width))
             ...
             return bearing, distance
 
@@ -27,7 +27,7 @@ import inspect
 import math
 from collections.abc import Callable, Sequence
 from operator import attrgetter
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +45,7 @@ from fg_mujoco.messages import (
     require,
 )
 
+from ..perception.intermediate_scans import IntermediateScans, keep
 from ..perception.scan_filters import valid_ranges
 from ..perception.scan_geometry import SCAN, scan_values, sees
 from ..safety.braking_trajectories import TRAJECTORIES, BrakingTrajectories
@@ -61,19 +62,6 @@ from .driving import (
     refer_to_goal,
 )
 from .settings import for_car, record_type, record_values
-
-
-class IntermediateScans(NamedTuple):
-    """What a goal kernel makes of a scan on its way to the goal, for pictures: each of all beams, (n,) [m].
-
-    The kernel writes those that it has; it does so in every decision, so a picture shows what was decided by.
-    """
-
-    filtered: FloatArray  # readings as the speed law range_ratio averages them; unless written, those of the LiDAR
-    extended: FloatArray  # after edges were widened
-    bubble: FloatArray  # after the surroundings of the nearest point were set to 0
-    gap: FloatArray  # the beams of the gap that was chosen; NaN elsewhere
-
 
 _NO_MEMORY = np.dtype([("unused", np.int8)])
 _NO_LINE = np.empty((0, 0))
@@ -246,11 +234,11 @@ def _goals_of_worlds(goal: Callable[..., tuple[float, float]]) -> Callable[..., 
         scans = IntermediateScans(shown[0], shown[1], shown[2], shown[3])
         for world in range(len(running)):
             if running[world]:
-                valid[world] = valid_ranges(ranges[world], scan[0].range_max)
+                keep(valid[world], valid_ranges(ranges[world], scan[0].range_max))
                 driver, reference = drivers[world], references[world]
                 bearing, distance = math.nan, 0.0
                 if sees(scan[0], valid[world]):
-                    scans.filtered[:] = valid[world]
+                    keep(scans.filtered, valid[world])
                     bearing, distance = goal(scan[0], valid[world], driver.car, settings[world], scans)
                 refer_to_goal(scan[0], scans.filtered, odometry[world], driver, bearing, distance, reference)
 
@@ -267,7 +255,7 @@ def _references_of_worlds(reference: Callable[..., tuple[float, float, float]]) 
     ):
         for world in range(len(running)):
             if running[world]:
-                valid[world] = valid_ranges(ranges[world], scan[0].range_max)
+                keep(valid[world], valid_ranges(ranges[world], scan[0].range_max))
                 driver, steering_angle, speed, bearing = drivers[world], math.nan, 0.0, math.nan
                 if sees(scan[0], valid[world]):
                     line = lines[driver.line_first : driver.line_end]

@@ -114,11 +114,3 @@ def run_around(ranges: FloatArray, beam: int, first: int, end: int) -> tuple[int
     while stop < end and ranges[stop] > 0.0:
         stop += 1
     return start, stop
-
-
-@kernel
-def show_run(gap: FloatArray, ranges: FloatArray, first: int, end: int) -> None:
-    """Write `ranges[first:end]` into a picture of a gap (n,) [m], and NaN elsewhere."""
-    gap[:first] = math.nan
-    gap[first:end] = ranges[first:end]
-    gap[end:] = math.nan
