@@ -13,7 +13,9 @@ from importlib.metadata import version as _version
 from .simulation import mujoco_import as _mujoco_import  # noqa: F401  # first: it chooses how pictures are drawn
 
 # isort: split
-from .course.formats import load_track, read_centreline, track_names, write_centreline
+from .course.centreline_csv import read_centreline, write_centreline
+from .course.course import Course
+from .course.formats import track_names
 from .course.generator import GeneratorSettings, generate_track
 from .course.lap_timer import LapTimer
 from .course.maps.export import export_track
@@ -44,6 +46,7 @@ from .racing.race import RaceProgress, race
 from .racing.replay import ReplayReport, replay
 from .racing.result import RaceResult
 from .racing.run_folder import Run, check_run_folder, read_run
+from .simulation.course_loading import load_track
 from .simulation.scenario import Scenario, Start
 from .simulation.simulation import Simulation
 from .simulation.telemetry import TELEMETRY
@@ -76,6 +79,7 @@ __all__ = [
     "ComparisonProgress",
     "Controller",
     "ControllerError",
+    "Course",
     "Cylinder",
     "DriveCommand",
     "EngineError",

@@ -10,6 +10,7 @@ from mujoco.batch import Batch
 import fg_mujoco as fg
 from fg_mujoco.lidar.effects import LidarEffects
 from fg_mujoco.racing.result import trajectory_sha256
+from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.scenario import Scenario, Start
 from fg_mujoco.simulation.world import CAR_PREFIX
 from fg_mujoco.studies.rollout.world_batch import drive_worlds
@@ -218,16 +219,13 @@ def test_a_planner_that_fails_ends_its_world_and_no_other(planners, name, ticks)
 
 
 def test_a_state_that_mujoco_warns_of_ends_its_world_and_no_other(monkeypatch):
-    from fg_mujoco.simulation import world_group
+    place = Engine.place
 
-    place = world_group.WorldGroup._place
+    def place_badly(self, *args, **kwargs):
+        place(self, *args, **kwargs)
+        self.state(1)[1:4] = 1e12  # time comes first, then positions
 
-    def place_badly(self, *args):
-        place(self, *args)
-        self._batch.bind("qvel")[1] = 1e12
-        self._qvel[1] = 1e12
-
-    monkeypatch.setattr(world_group.WorldGroup, "_place", place_badly)
+    monkeypatch.setattr(Engine, "place", place_badly)
     results = drive_worlds([Scenario(), Scenario()], "gap_finder", duration=0.5)
     assert results.rows["end_reason"].tolist() == ["time_limit", "unstable"]
 

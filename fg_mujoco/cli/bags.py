@@ -9,11 +9,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from ..course.formats import load_track
 from ..errors import SettingsError
 from ..racing.planner_choice import ControllerChoice
 from ..racing.planner_loading import make_controller
 from ..ros.bag_messages import DRIVE, ODOMETRY, SCAN, require_ros_extra
+from ..simulation.course_loading import load_track
 from ..simulation.world import World
 from ..vehicle.vehicle import Vehicle
 from .options import ProgressLine, number, number_or_off

@@ -8,8 +8,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..course.scene import Scene
-from ..course.track import Track
+from ..course.course import Course
 from ..errors import SettingsError
 from ..vehicle.vehicle import Vehicle
 from .planner_loading import build_controller, find_controller
@@ -61,7 +60,7 @@ class ControllerChoice:
         path, colon, _ = self.source.rpartition(":")
         return hashlib.sha256(Path(path).read_bytes()).hexdigest() if colon else None
 
-    def check(self, course: Track | Scene) -> None:
+    def check(self, course: Course) -> None:
         """Build it once, for a race on `course`.
 
         Raises:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fg_mujoco.controllers.safety.friction_limiter import FrictionGuard, longitudinal_share
+from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longitudinal_share
 
 from ...vehicle.car import WHEELS
 from ...vehicle.vehicle import Vehicle
@@ -78,8 +78,8 @@ def draw_splits(figure: matplotlib.figure.Figure, splits: list[Row]) -> None:
     half = np.linspace(0.0, math.pi, 200)
     style.theory(axes, np.cos(half), np.sin(half), "mu g")
     for mu, colour in zip(dict.fromkeys(column(splits, "mu").tolist()), style.COLOURS, strict=False):
-        guard = FrictionGuard(car, mu)
-        shares = np.array([longitudinal_share(share) for share in across]) / (mu * car.gravity)
+        guard = FrictionLimiter(car, mu)
+        shares = np.array([longitudinal_share(share, guard.exponent) for share in across]) / (mu * car.gravity)
         style.theory(axes, -guard.braking * shares, across, f"guard, mu {mu:g}", colour=colour)
         style.theory(axes, guard.accelerating * shares, across, colour=colour)
         rows = [row for row in splits if row["mu"] == mu and not row["reason"]]

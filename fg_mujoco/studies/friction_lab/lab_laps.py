@@ -18,7 +18,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from ...course.track import Track
+from ...course.course import Course
 from ...messages import FloatArray
 from ...racing.planner_loading import make_controller
 from ...racing.result import History, trajectory_sha256
@@ -53,7 +53,7 @@ class LabWorld(World):
 
     def __init__(
         self,
-        track: Track | str,
+        track: Course | str,
         *,
         mu: float | None = None,
         timestep: float | None = None,

@@ -61,7 +61,7 @@ class Slab:
 
     def step(self) -> None:
         """Step the physics."""
-        self._floor.apply(self.data)
+        self._floor.apply(self.data.qpos)
         mujoco.mj_step(self.model, self.data)
         mujoco.mj_subtreeVel(self.model, self.data)
 

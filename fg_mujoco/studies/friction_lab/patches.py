@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...course.formats import load_track
-from ...course.track import Track
 from ...messages import FloatArray
+from ...simulation.course_loading import load_track
 from ...vehicle.car import WHEELS
 from ...vehicle.friction_patches import Patch, random_patches, read_patches
 from ...vehicle.tire_slip import SLIDING_SPEED
@@ -136,7 +135,7 @@ def _acting(cell: Cell) -> Tables:
 
 
 def _laps(cell: Cell) -> Tables:
-    track: Track = load_track(cell["track"])
+    track: Any = load_track(cell["track"])
     patches: tuple[Patch, ...] = ()
     if cell["patches"]:
         patches = random_patches(track, cell["patches"], np.random.default_rng(cell["seed"]), mu=_PATCH_MU)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from fg_mujoco.controllers.safety.friction_limiter import FrictionGuard
+from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
 
 from ...messages import CarParameters
 from ...vehicle.car import WHEELS
@@ -54,7 +54,7 @@ def stopping_distance(speed: float, mu: float, car: CarParameters, how: str) -> 
         return speed**2 / (2.0 * mu * car.gravity)
     if how == "full":
         return speed**2 / (2.0 * even_torque_limit(mu, car, -1))
-    guard = FrictionGuard(car, mu)
+    guard = FrictionLimiter(car, mu)
     braking = guard.braking * held_share(car)
     growing = guard.settings.load_transfer_time - TICK
     distance: float = speed**2 / (2.0 * braking) + 0.5 * speed * growing - braking * growing**2 / 24.0

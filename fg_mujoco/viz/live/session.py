@@ -20,7 +20,6 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from ...course.formats import load_track
 from ...course.lap_timer import LapTimer
 from ...course.random_obstacles import random_boxes
 from ...errors import FgMujocoError, SettingsError
@@ -28,6 +27,7 @@ from ...lidar.beams import lidar_body
 from ...messages import DriveCommand, FloatArray, LaserScan, Odometry
 from ...racing.planner_choice import ControllerChoice
 from ...racing.planner_loading import make_controller
+from ...simulation.course_loading import default_car, load_track
 from ...simulation.physics import STATE
 from ...simulation.planner_adapter import plan, start
 from ...simulation.simulation import Simulation
@@ -85,7 +85,9 @@ class LiveSession:
         self._source = choice.source
         self.planner_settings: dict[str, Any] = dict(choice.settings)
         self._course = load_track(self.settings.track)
-        self._obstacles = random_boxes(self._course, self.settings.obstacles, self.settings.obstacle_seed)
+        self._obstacles = random_boxes(
+            self._course, self.settings.obstacles, self.settings.obstacle_seed, car=default_car()
+        )
         self.world = World(self._course, mu=self.settings.mu, obstacles=self._obstacles)
         self.simulation = Simulation(self.world)
         self.laps = LapTimer(self.world.track)
