@@ -185,7 +185,7 @@ def _drive(engine: Engine, history: History, laps: int, watch: Callable[[RacePro
         if watch is not None:
             watch(
                 RaceProgress(
-                    time=float(engine.times[0]),
+                    time=engine.time(0),
                     laps_completed=int(timers["laps_completed"][0]),
                     laps_requested=laps,
                     speed=engine.speed(0),
