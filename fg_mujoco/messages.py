@@ -16,7 +16,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .errors import MessageError
+from .errors import MessageError, SettingsError
 
 FloatArray = NDArray[np.float64]
 
@@ -37,6 +37,12 @@ def require(
         number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
         if not number or not holds(float(value)):
             raise error(f"{type(message).__name__}.{name} is {value!r}; accepted: {accepted}")
+
+
+def require_whole(name: str, value: object, least: int = 1) -> None:
+    """Raise SettingsError for a value that is neither None nor a whole number from `least`."""
+    if value is not None and (not isinstance(value, int) or isinstance(value, bool) or value < least):
+        raise SettingsError(f"{name} is {value!r}; accepted: a whole number from {least}")
 
 
 def require_finite(message: object, *values: object, names: tuple[str, ...]) -> None:

@@ -19,17 +19,17 @@ from typing import Any
 
 from ...course.scenes.catalogue import PREFIX
 from ...errors import SettingsError
+from ...messages import require_whole
 from ...racing.planner_choice import ControllerChoice
 from ...racing.planner_loading import controller_names
 from ...viz.plots import require_matplotlib
-from ..rollout.job import require_whole, versions
-from ..rollout.local import usable_cores
-from ..rollout.store import blame
-from ..worker_processes import work_off
+from ..folders import blame, replace_file
+from ..rollout.job import versions
+from ..worker_processes import usable_cores, work_off
 from .ground import check_course, course_ground, course_name, ground_sha256
 from .pictures import table_picture, trace_pictures
 from .run import ComparisonSettings, Run, RunKey, RunRow
-from .store import ComparisonFolder, replace_file
+from .store import ComparisonFolder
 from .tables import Cell, cells_csv, make_cells, markdown, runs_csv
 
 DEFAULT_SEEDS = range(10)

@@ -28,7 +28,7 @@ from ...racing.planner_choice import ControllerChoice
 from ...viz.report.page import LIBRARY, library, page_frame, write_page, write_report
 from ...viz.report.plot_style import require_bokeh
 from ...viz.report.sections import table
-from ..rollout.store import blame
+from ..folders import blame
 from .ground import ground_sha256
 from .run import ComparisonSettings, Run, RunKey, RunRow
 from .store import ComparisonFolder

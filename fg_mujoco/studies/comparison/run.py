@@ -17,12 +17,11 @@ import numpy as np
 
 from ...errors import ControllerError, SettingsError
 from ...lidar.effects import LidarEffects
-from ...messages import FloatArray, require
+from ...messages import FloatArray, require, require_whole
 from ...racing.planner_choice import ControllerChoice
 from ...racing.race import race
 from ...racing.result import RaceResult
 from ...simulation.physics import STATE
-from ..rollout.job import require_whole
 from .ground import Ground, course_ground, laps_of
 
 WRONG_WAY_SPEED = 0.1  # [m/s] back along the line; slower is the jitter of a car that stands

@@ -20,7 +20,7 @@ import numpy as np
 
 from ...errors import RunFolderError
 from ...messages import FloatArray
-from ..rollout.store import blame, write_file
+from ..folders import blame, replace_file
 from .run import RunKey, RunRow
 
 SCHEMA = 1
@@ -126,11 +126,6 @@ class ComparisonFolder:
                         f"{self.folder}: holds another comparison: {name} is {json.dumps(there)} there and "
                         f"{json.dumps(here)} here; accepted: the same, or a new or empty folder"
                     )
-
-
-def replace_file(path: Path, text: bytes) -> None:
-    """Write a file in one piece, in the place of one that may be there."""
-    write_file(path, lambda file: file.write(text))
 
 
 def _line(row: RunRow) -> bytes:

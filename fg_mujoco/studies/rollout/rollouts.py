@@ -21,9 +21,11 @@ from numpy.typing import NDArray
 
 from ...course.course import Course
 from ...errors import SettingsError
+from ...messages import require_whole
 from ...simulation.course_loading import load_track
-from .job import Arrays, RolloutJob, require_whole, versions
-from .local import drive_in_threads, usable_cores
+from ..worker_processes import usable_cores
+from .job import Arrays, RolloutJob, versions
+from .local import drive_in_threads
 from .randomization import Randomization, world_seeds
 from .ray_cluster import drive_on_ray, require_ray
 from .result import RolloutResult, gather
