@@ -1,10 +1,10 @@
-"""Every controller on every course with every seed: what survives what.
+"""Drives every controller on every course with every seed, and writes tables and pictures of how they fared.
 
     comparison = compare(["gap_finder", "follow_the_gap[point=middle]"], tracks=["oval"], out="runs/compare")
     print(comparison.markdown())
 
-A call with the same folder drives only the runs that are not there yet. A script that calls it with several workers
-needs `if __name__ == "__main__":`, as all that starts processes.
+A later call with the same folder drives only the runs that are missing. A script that calls it with several workers
+needs `if __name__ == "__main__":`, as every script that starts processes does.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
-"""One run of a comparison: a controller, a course and a seed; what it depends on, and the figures it leaves.
+"""One run of a comparison: a controller, a course and a seed; what it depends on, and its figures.
 
-A run is a row of text and numbers. Same key, same versions: same figures, to the last bit, in any process.
+A run is a row of text and numbers. The same key and the same versions give the same figures, to the last bit, in any
+process.
 """
 
 from __future__ import annotations
