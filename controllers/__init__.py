@@ -1,10 +1,11 @@
-"""Planners by name, each in one file, and what they share.
+"""The planners, one file each, and what they share.
 
-Their eyes are in `scan_filters` and `gaps`, their hands in `steering` and `speed`; `driving` makes what they wish for
-safe, by `stopping_paths`, `escape` and `friction_guard`; `compiled_planner` makes controllers of them, for
-one world or for many.
+- control: the base classes of planners, from a reference to a command, steering, speed laws, settings;
+- perception: filters of a scan, gaps in it, and where its beams point;
+- safety: braking trajectories, the safety filter, recovery and the friction limiter.
 
-A planner needs no entry here to be raced: `--controller path/to/file.py:ClassName` does too.
+A planner needs no entry here to be raced: `--controller path/to/file.py:ClassName` does too, and an installed package
+may register its own (entry point group `fg_mujoco.controllers`).
 """
 
 CONTROLLERS = {

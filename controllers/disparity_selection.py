@@ -14,8 +14,8 @@ reading before a jump, so its middle is off to the right: of [0.4, 0.5, 2.5, 2.5
 where the middle of the free space is the fourth.
 
 Limits: between walls a corner shows one disparity, its inner edge, or none, and the planner is then the naive follow
-the gap, with its limits: on the bundled circuits it drives as that does, to the bit. A gap's end is no disparity:
-an opening beside the masked obstacle is not seen as one. Noise over the threshold makes openings. It measures an
+the gap, with its limits: on the bundled circuits it drives as that does, to the bit. A gap's end is no disparity: an
+opening beside the masked obstacle is not seen as one. Noise over the threshold makes openings. The planner measures an
 opening, but does not ask whether the car fits through.
 """
 
@@ -24,40 +24,26 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-from fg_mujoco.errors import SettingsError
 from fg_mujoco.kernels import kernel
-from fg_mujoco.messages import FloatArray, LaserScan, require
+from fg_mujoco.messages import FloatArray
 
-from .control.compiled_planner import CompiledPlanner
-from .control.driving import DrivingSettings, brake, drive_to
-from .control.records import Record
+from .control.driving import DrivingSettings
+from .control.planner import GoalPlanner
+from .control.settings import FROM_ZERO, POSITIVE, Record, setting, setting_of_car
 from .perception.gaps import chord, deepest_run, longest_run, middle_of, range_at
-from .perception.scan_filters import clip_to_lookahead, mask_nearest, valid_ranges
-from .perception.scan_geometry import beams_between, bearing_of, sees
+from .perception.intermediate_scans import IntermediateScans, keep, keep_run
+from .perception.scan_filters import clip_to_lookahead, mask_nearest
+from .perception.scan_geometry import beams_between, bearing_of
 
 
 @dataclass(frozen=True, kw_only=True)
 class DisparitySelectionSettings(DrivingSettings):
-    """Parameters of the steps; the lookahead clips the ranges too.
+    """Parameters of the steps; the lookahead clips the ranges too."""
 
-    Raises:
-      SettingsError: a radius or field of view that is not positive; a threshold that is negative or not finite.
-    """
-
-    disparity_threshold: float = 0.5  # [m]
-    bubble_radius: float = 0.4  # [m]
-    lookahead: float = 3.0  # [m]
-    field_of_view: float = math.pi  # [rad]
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        positive = ("bubble_radius", "field_of_view")
-        require(self, lambda value: 0.0 < value < math.inf, "a positive number", positive, SettingsError)
-        from_zero = ("disparity_threshold",)
-        require(self, lambda value: 0.0 <= value < math.inf, "a number from 0", from_zero, SettingsError)
+    disparity_threshold: float = setting(0.5, "m", "between neighbouring readings, for an edge", FROM_ZERO)
+    bubble_radius: float = setting_of_car(0.4, "m", "round the nearest point", POSITIVE)
+    lookahead: float = setting(3.0, "m", "what lies beyond counts as no farther", POSITIVE)
+    field_of_view: float = setting(math.pi, "rad", "in which gaps are looked for", POSITIVE)
 
 
 @kernel
@@ -80,51 +66,32 @@ def widest_opening(
 
 
 @kernel
-def best_place(free: FloatArray, angle_increment: float, threshold: float) -> float:
-    """Return the place of the goal, in beams, in masked ranges (n,) [m]; NaN where nothing is free."""
+def best_opening(free: FloatArray, angle_increment: float, threshold: float) -> tuple[int, int]:
+    """Return the first beam, and the last + 1, whose middle is the goal in masked ranges (n,) [m]: 0, 0 without one."""
     first, end = longest_run(free)
-    if first == end:
-        return math.nan
-    goal_first, goal_end = widest_opening(free, first, end, angle_increment, threshold)
-    if goal_first == goal_end:
-        goal_first, goal_end = deepest_run(free, first, end, 0.0)
-    return middle_of(goal_first, goal_end)
+    best = widest_opening(free, first, end, angle_increment, threshold)
+    return best if best[0] != best[1] else deepest_run(free, first, end, 0.0)
 
 
-@kernel
-def find_goal(scan: Record, ranges: FloatArray, settings: Record) -> tuple[float, float]:
-    """Return the goal's bearing [rad] and distance [m] for clipped ranges (n,) [m]; NaN where there is none."""
-    half = 0.5 * settings.field_of_view
-    first, end = beams_between(scan, len(ranges), -half, half)
-    free = mask_nearest(ranges[first:end], scan.angle_increment, settings.bubble_radius)
-    place = best_place(free, scan.angle_increment, settings.disparity_threshold)
-    if math.isnan(place):
-        return math.nan, 0.0
-    return bearing_of(scan, first + place), range_at(free, place)
-
-
-@kernel
-def decide(
-    scan: Record, ranges: FloatArray, odometry: Record, planner: Record, memory: Record, paths: NDArray[np.void]
-) -> tuple[float, float]:
-    """Return the command for one scan: steering angle [rad] and speed [m/s]. Types as in `driving`."""
-    valid = valid_ranges(ranges, scan.range_max)
-    if not sees(scan, valid):
-        return brake(scan, odometry, planner.driver, memory.driving)
-    clipped = clip_to_lookahead(valid, planner.settings.lookahead)
-    bearing, distance = find_goal(scan, clipped, planner.settings)
-    return drive_to(scan, valid, clipped, odometry, planner, memory.driving, paths, bearing, distance)
-
-
-class DisparitySelection(CompiledPlanner):
-    """The planner of the openings. Where nothing is free it brakes and keeps the wheels as they are."""
+class DisparitySelection(GoalPlanner):
+    """The planner of the openings. Where nothing is free it brakes and keeps its steering angle."""
 
     Settings = DisparitySelectionSettings
-    decide = staticmethod(decide)
 
-    def find_goal(self, scan: LaserScan) -> tuple[float, float] | None:
-        """Return the goal's bearing [rad] and distance [m]; None where nothing is free."""
-        lookahead = self.settings.lookahead
-        return self._goal_by(
-            lambda row, valid, own: find_goal(row, clip_to_lookahead(valid, lookahead), own["settings"]), scan
-        )
+    @staticmethod
+    @kernel
+    def goal(
+        scan: Record, ranges: FloatArray, car: Record, settings: Record, shown: IntermediateScans
+    ) -> tuple[float, float]:
+        """Return the goal's bearing [rad] and distance [m]; NaN where nothing is free."""
+        half = 0.5 * settings.field_of_view
+        first, end = beams_between(scan, len(ranges), -half, half)
+        keep(shown.bubble, clip_to_lookahead(ranges, settings.lookahead))
+        free = shown.bubble[first:end]
+        keep(free, mask_nearest(free, scan.angle_increment, settings.bubble_radius))
+        gap_first, gap_end = best_opening(free, scan.angle_increment, settings.disparity_threshold)
+        if gap_first == gap_end:
+            return math.nan, 0.0
+        keep_run(shown.gap, shown.bubble, first + gap_first, first + gap_end)
+        place = middle_of(gap_first, gap_end)
+        return bearing_of(scan, first + place), range_at(free, place)

@@ -1,27 +1,27 @@
 """Pure pursuit: the car has a map, and follows a line through it. The reference for what a map is worth.
 
-1. Where the car is, Odometry.pose, and of the line the point that is nearest to its rear axle: from the one of the last
-   tick on, so that a stretch that runs close by is not taken for this one. At first, and where the car is further than
-   `lost_distance` from the stretch that it was on, of the whole line.
+1. Where the car is (Odometry.pose), and the point of the line that is nearest to its rear axle: from the one of the
+last
+   tick on, so that a stretch that runs close by is not mistaken for this one. At first, and where the car is further
+   than `lost_distance` from the stretch that it was on, the whole line is searched.
 2. The goal is the first point from there on that is at least a lookahead away. The lookahead grows with the speed, and
    with the distance to the line, so that the car joins it at a flat angle. Beyond the end of an open line it is
    straight on.
 3. The arc through the goal, tangent to the car at its rear axle, has curvature 2 y / L^2 (steering.pursue). That to a
    goal behind the car leads away from it at first: there the car turns as sharply as it can.
-4. The speed is that of a profile worked out once (racelines.limit_speeds): cornering, braking and accelerating within
-   what the planner believes that the tires hold, and no faster than the line's own speeds, where it has them. It is
-   read where the car is and where it will be after `reaction`, the slower of the two. An open line is driven to its
-   end, and there the car stops.
+4. The speed is that of a profile computed once (racelines.limit_speeds): cornering, braking and accelerating within
+what
+   the planner assumes the tires hold, and no faster than the line's own speeds. It is read where the car is and where
+   it will be after `reaction`, the slower of the two. At the end of an open line the car stops.
 
 The line is the centreline, or that of a CSV file (racelines.read_line), driven in the order of its points; it is closed
 if the map's own line is.
 
 Source: R. Coulter, Implementation of the Pure Pursuit Path Tracking Algorithm, CMU-RI-TR-92-01.
 
-Limits: it does not see obstacles. Its speed law is `friction`, the profile held in transients; `stopping` and
-`minimum` stop it before what stands on its line, and it stays there. It cuts corners, more with a longer lookahead.
-Without a pose it brakes; and so it does without a scan, though it needs none: a car whose LiDAR is dead does not know
-its pose for long.
+Limits: the planner does not see obstacles. Its speed law is `friction`, the profile held in transients; `stopping` and
+`minimum` stop it before an obstacle on its line, and it stays there. It cuts corners, more with a longer lookahead. It
+brakes without a pose, and without a scan: a car whose LiDAR is dead does not know its pose for long.
 """
 
 from __future__ import annotations
@@ -32,53 +32,40 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.kernels import kernel
-from fg_mujoco.messages import CarParameters, FloatArray, MapLine, Odometry, require
+from fg_mujoco.messages import CarParameters, FloatArray, MapLine, Odometry
 
-from .control.compiled_planner import MEMORY, CompiledPlanner
-from .control.driving import DrivingSettings, SpeedLaw, brake, drive, speed_towards
+from .control.driving import DrivingSettings, SpeedLaw
+from .control.planner import Planner
 from .control.racelines import SPEED, STEP, X, Y, line_table, read_line
-from .control.records import Record
+from .control.settings import FROM_ZERO, POSITIVE, SHARE, Record, for_car, setting, setting_of_car
 from .control.steering import pursue
-from .perception.scan_filters import valid_ranges
-from .perception.scan_geometry import sees
-from .safety.friction_limiter import FrictionGuard
+from .safety.friction_limiter import FrictionLimiter
 
 _SEARCH = 2.0  # [m] along the line, to either side of the last nearest point
 
 
 @dataclass(frozen=True, kw_only=True)
 class PurePursuitSettings(DrivingSettings):
-    """Which line, how far ahead, and how fast.
+    """Which line, how far ahead, and how fast."""
 
-    Raises:
-      SettingsError: a line that is not a word or a path; a length that is not positive; a time that is negative; a
-        share that is not above 0 and at most 1.
-    """
-
-    speed_law: SpeedLaw = "friction"
-    line: str = "centreline"  # or the path of a CSV file
-    least_lookahead: float = 0.8  # [m] from the rear axle
-    lookahead_time: float = 0.15  # [s] that the lookahead is driven in, where that is further
-    joining_lookahead: float = 3.0  # [m/m] as much more for each metre beside the line
-    lost_distance: float = 2.0  # [m]
-    reaction: float = 0.1  # [s] the servo's lag
-    curvature_span: float = 0.8  # [m] to either side of a point, for the profile
-    cornering_use: float = 0.9  # of the acceleration that the guard lets it use in cornering
-    braking_use: float = 0.6  # of those in braking and accelerating
+    speed_law: SpeedLaw = setting("friction", text="which speed laws apply")  # noqa: RUF009
+    line: str = setting("centreline", text="or the path of a CSV file")
+    least_lookahead: float = setting_of_car(0.8, "m", "from the rear axle", POSITIVE)
+    lookahead_time: float = setting(0.15, "s", "the lookahead is at least the way of this time", FROM_ZERO)
+    joining_lookahead: float = setting(3.0, "m/m", "as much more for each metre beside the line", FROM_ZERO)
+    lost_distance: float = setting(2.0, "m", "from the line, beyond which the whole line is searched", POSITIVE)
+    reaction: float = setting(0.1, "s", "the speed servo's lag", FROM_ZERO)
+    curvature_span: float = setting_of_car(0.8, "m", "to either side of a point, for the profile", POSITIVE)
+    cornering_use: float = setting(0.9, "", "share of the cornering that the friction limiter allows", SHARE)
+    braking_use: float = setting(0.6, "", "share of the braking and accelerating that it allows", SHARE)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if not isinstance(self.line, str) or not self.line:
             raise SettingsError(f"PurePursuitSettings.line is {self.line!r}; accepted: centreline, or a path to a .csv")
-        positive = ("least_lookahead", "lost_distance", "curvature_span")
-        require(self, lambda value: 0.0 < value < math.inf, "a positive number", positive, SettingsError)
-        from_zero, shares = ("lookahead_time", "joining_lookahead", "reaction"), ("cornering_use", "braking_use")
-        require(self, lambda value: 0.0 <= value < math.inf, "a number from 0", from_zero, SettingsError)
-        require(self, lambda value: 0.0 < value <= 1.0, "a share above 0, at most 1", shares, SettingsError)
 
 
 @kernel
@@ -165,54 +152,19 @@ def profile_speed(line: FloatArray, nearest: int, ahead: float) -> float:
     return float(min(line[nearest, SPEED], line[point, SPEED]))
 
 
-@kernel
-def decide(
-    scan: Record,
-    ranges: FloatArray,
-    odometry: Record,
-    planner: Record,
-    memory: Record,
-    paths: NDArray[np.void],
-    lines: FloatArray,
-) -> tuple[float, float]:
-    """Return the command for one scan: steering angle [rad] and speed [m/s]. Types as in `driving`."""
-    driver, settings = planner.driver, planner.settings
-    x, y, heading = odometry.pose
-    valid = valid_ranges(ranges, scan.range_max)
-    if not (sees(scan, valid) and math.isfinite(x + y + heading) and math.isfinite(odometry.speed)):
-        return brake(scan, odometry, driver, memory.driving)
-    line = lines[planner.line.first : planner.line.end]
-    now = min(abs(odometry.speed), driver.car.max_speed)
-    nearest = nearest_point(line, memory, settings.lost_distance, x, y)
-    if line[nearest, SPEED] == 0.0:
-        return brake(scan, odometry, driver, memory.driving)
-    lookahead = lookahead_at(settings, now, distance_to(line, nearest, x, y))
-    goal_x, goal_y = goal_ahead(line, nearest, lookahead, x, y)
-    bearing, distance = math.atan2(goal_y - y, goal_x - x) - heading, math.hypot(goal_x - x, goal_y - y)
-    bearing = math.atan2(math.sin(bearing), math.cos(bearing))
-    steering_angle = pursue(bearing, distance, 0.0, driver.car.wheelbase)
-    if abs(bearing) > 0.5 * math.pi:
-        steering_angle = math.copysign(driver.car.max_steering_angle, bearing)
-    speed = min(
-        profile_speed(line, nearest, settings.reaction * now), speed_towards(scan, valid, valid, planner, bearing)
-    )
-    return drive(scan, valid, odometry, driver, memory.driving, paths, steering_angle, speed)
-
-
-class PurePursuit(CompiledPlanner):
-    """The planner with a map. Without a pose, or a scan, it brakes and keeps the wheels as they are.
+class PurePursuit(Planner):
+    """The planner with a map. Without a pose, or a scan, it brakes and keeps its steering angle.
 
     Args:
-      car, mu, max_speed, settings: as of CompiledPlanner.
+      car, mu, max_speed, settings: as of Planner.
       map_line: the line through the course.
 
     Raises:
-      SettingsError: a line that cannot be read, with its file and row; and as CompiledPlanner.
+      SettingsError: a line that cannot be read, with its file and row; and as Planner.
     """
 
     Settings = PurePursuitSettings
-    memory_type = np.dtype([*MEMORY.descr, ("point", np.int64), ("on_line", np.bool_)])
-    decide = staticmethod(decide)
+    memory_type = np.dtype([("point", np.int64), ("on_line", np.bool_)])
 
     def __init__(
         self, car: CarParameters, mu: float, max_speed: float = 8.0, settings: Any = None, *, map_line: MapLine
@@ -224,7 +176,36 @@ class PurePursuit(CompiledPlanner):
         if settings.line != "centreline":
             points, speeds = read_line(settings.line)
         shape = (points.tobytes(), speeds.tobytes(), map_line.closed)
-        super().__init__(car, mu, max_speed, settings, line=_table(*shape, car, mu, max_speed, settings))
+        table = _table(*shape, car, mu, max_speed, for_car(settings, car))
+        super().__init__(car, mu, max_speed, settings, line=table)
+
+    @staticmethod
+    @kernel
+    def reference(
+        scan: Record,
+        ranges: FloatArray,
+        odometry: Record,
+        car: Record,
+        settings: Record,
+        memory: Record,
+        line: FloatArray,
+    ) -> tuple[float, float, float]:
+        """Return the steering angle [rad], the speed of the profile [m/s] and the goal's bearing [rad]; NaN: brake."""
+        x, y, heading = odometry.pose
+        if not (math.isfinite(x + y + heading) and math.isfinite(odometry.speed)):
+            return math.nan, 0.0, math.nan
+        now = min(abs(odometry.speed), car.max_speed)
+        nearest = nearest_point(line, memory, settings.lost_distance, x, y)
+        if line[nearest, SPEED] == 0.0:
+            return math.nan, 0.0, math.nan
+        lookahead = lookahead_at(settings, now, distance_to(line, nearest, x, y))
+        goal_x, goal_y = goal_ahead(line, nearest, lookahead, x, y)
+        bearing, distance = math.atan2(goal_y - y, goal_x - x) - heading, math.hypot(goal_x - x, goal_y - y)
+        bearing = math.atan2(math.sin(bearing), math.cos(bearing))
+        steering_angle = pursue(bearing, distance, 0.0, car.wheelbase)
+        if abs(bearing) > 0.5 * math.pi:
+            steering_angle = math.copysign(car.max_steering_angle, bearing)
+        return steering_angle, profile_speed(line, nearest, settings.reaction * now), bearing
 
     def speed_profile(self) -> FloatArray:
         """Return the line and its profile: x [m], y [m] and speed [m/s] of each point. Shape (n, 3)."""
@@ -238,7 +219,7 @@ class PurePursuit(CompiledPlanner):
             return None
         nearest = nearest_of_all(self.line, x, y)
         beside = distance_to(self.line, nearest, x, y)
-        lookahead = lookahead_at(self.record[0]["settings"], abs(odometry.speed), beside)
+        lookahead = lookahead_at(self.settings_row[0], abs(odometry.speed), beside)
         return goal_ahead(self.line, nearest, lookahead, x, y)
 
 
@@ -251,7 +232,7 @@ def _table(
         np.frombuffer(points).reshape(-1, 2),
         np.frombuffer(speeds),
         closed=closed,
-        guard=FrictionGuard(car, mu) if math.isfinite(mu) else None,
+        limiter=FrictionLimiter(car, mu) if math.isfinite(mu) else None,
         max_speed=max_speed,
         curvature_span=settings.curvature_span,
         cornering_use=settings.cornering_use,

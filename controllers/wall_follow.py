@@ -1,4 +1,4 @@
-"""Wall following: a steady distance from the wall beside the car. It looks at nothing else.
+"""Wall following: a steady distance from the wall beside the car. The planner looks at nothing else.
 
 Two beams to one side, b at 90 degrees and a at theta ahead of it, meet the wall at two points. From these
 
@@ -9,19 +9,18 @@ Two beams to one side, b at 90 degrees and a at theta ahead of it, meet the wall
 and the steering angle, towards the wall, is kp (D' - desired) + kd sin(alpha), saturated. sin(alpha) is by how much
 the distance grows on each metre, so this is a PD law whose derivative is measured, not differenced.
 
-`side` says which wall: left, right, or both, which holds the middle: half of the difference of the two sides' D' and of
-their sin(alpha), and no desired distance.
+`side` says which wall: left, right, or both, which holds the middle: half of the difference of the two sides' D' and
+of their sin(alpha), and no desired distance. Where one of a wall's beams has no return, or the scan does not reach
+that far round, there is no wall: with both sides the car keeps the desired distance from the other wall, and where no
+wall is left it goes straight on.
 
-Where one of a wall's beams has no return, or the scan does not reach that far round, there is no wall: with both sides
-the car keeps the desired distance from the other, and where no wall is left it goes straight on.
+Source: the F1TENTH course, lecture and lab on wall following. There the derivative is differenced in time, and there is
+an integral term. The speed is that of the planner's speed law, in the direction in which the car steers.
 
-Source: the F1TENTH course, lecture and lab on wall following; the speed is that of the planner's speed law, in the
-direction in which it steers. There the derivative is differenced in time, and there is an integral term.
-
-Limits, which are where the slides on reactive methods begin: it sees two beams of a side. An obstacle ahead it does not
-steer round: it stops before it, by its speed law, unless `way_out=true` leads it past. A box at the wall is a wall that
-is near, then far. At a square corner of the inner wall the beam ahead is lost round the corner, and the car turns in on
-the corner; the default is the middle, where the outer wall outweighs that.
+Limits, which are where the slides on reactive methods begin: two beams of a side. The planner does not steer round an
+obstacle ahead: it stops before it, by its speed law, unless `safety_filter=true` leads it past. A box at the wall is a
+wall that is near, then far. At a square corner of the inner wall the beam ahead is lost round the corner, and the car
+turns in on the corner; the default is the middle, where the outer wall outweighs that.
 """
 
 from __future__ import annotations
@@ -30,16 +29,12 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
-from fg_mujoco.errors import SettingsError
 from fg_mujoco.kernels import kernel
-from fg_mujoco.messages import FloatArray, LaserScan, require
+from fg_mujoco.messages import FloatArray, LaserScan
 
-from .control.compiled_planner import CompiledPlanner
-from .control.driving import DrivingSettings, brake, drive, speed_towards
-from .control.records import Record
+from .control.driving import DrivingSettings
+from .control.planner import Planner
+from .control.settings import FROM_ZERO, Accepted, Record, setting, setting_of_car
 from .control.steering import saturate
 from .perception.scan_filters import valid_ranges
 from .perception.scan_geometry import scan_record, sees
@@ -49,103 +44,92 @@ _LEFT, _RIGHT, _BOTH = 0, 1, 2  # places of the words of `side`
 
 @dataclass(frozen=True, kw_only=True)
 class WallFollowSettings(DrivingSettings):
-    """Parameters of the law.
+    """Parameters of the law."""
 
-    Raises:
-      SettingsError: an unknown side; an angle that is not between 0 and 90 degrees; a number that is negative.
-    """
-
-    way_out: bool = False  # it steers by the walls alone, and a way out is a way off them
-    side: Literal["left", "right", "both"] = "both"
-    desired_distance: float = 0.9  # [m] from the LiDAR to the wall
-    beam_angle: float = math.radians(45.0)  # [rad] theta, from the beam abeam to the one ahead of it
-    projection: float = 1.5  # [m] the lookahead L
-    proportional_gain: float = 0.2  # [rad/m] kp
-    derivative_gain: float = 0.3  # [rad] kd
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        angle, accepted = ("beam_angle",), "an angle between 0 and 90 degrees, in radians"
-        require(self, lambda value: 0.0 < value < 0.5 * math.pi, accepted, angle, SettingsError)
-        from_zero = ("desired_distance", "projection", "proportional_gain", "derivative_gain")
-        require(self, lambda value: 0.0 <= value < math.inf, "a number from 0", from_zero, SettingsError)
+    safety_filter: bool = setting(
+        False, text="off: the planner steers by the walls alone, and the filter leads off them"
+    )
+    side: Literal["left", "right", "both"] = setting("both", text="wall that is followed")
+    desired_distance: float = setting(0.9, "m", "from the LiDAR to the wall", FROM_ZERO)
+    beam_angle: float = setting(
+        math.radians(45.0), "rad", "theta, from the beam abeam to the one ahead of it",
+        Accepted("an angle between 0 and 90 degrees, in radians", lambda value: 0.0 < value < 0.5 * math.pi),
+    )  # fmt: skip
+    projection: float = setting_of_car(1.5, "m", "the lookahead L", FROM_ZERO)
+    proportional_gain: float = setting(0.2, "rad/m", "kp", FROM_ZERO)
+    derivative_gain: float = setting(0.3, "rad", "kd", FROM_ZERO)
 
 
 @kernel
-def reading_at(scan: Record, ranges: FloatArray, valid: FloatArray, bearing: float) -> float:
+def reading_at(scan: Record, valid: FloatArray, bearing: float) -> float:
     """Return the reading [m] of the beam nearest to a bearing [rad]; NaN without a return, or without a beam there."""
     place = round((bearing - scan.angle_min) / scan.angle_increment)
-    if not 0 <= place < len(valid) or ranges[place] >= scan.range_max:
+    if not 0 <= place < len(valid) or valid[place] >= scan.range_max:
         return math.nan
     return float(valid[place])
 
 
 @kernel
-def wall_beside(
-    scan: Record, ranges: FloatArray, valid: FloatArray, side: float, beam_angle: float
-) -> tuple[float, float]:
+def wall_beside(scan: Record, valid: FloatArray, side: float, beam_angle: float) -> tuple[float, float]:
     """Return the distance to the wall [m] and the angle by which the car turns away from it [rad]; NaN without a wall.
 
     Args:
       scan: of type SCAN.
-      ranges: (n,) [m], as in LaserScan.
-      valid: the same without NaN or inf.
+      valid: readings without NaN or inf (n,) [m].
       side: 1 left, -1 right.
       beam_angle: theta [rad].
     """
-    b = reading_at(scan, ranges, valid, side * 0.5 * math.pi)
-    a = reading_at(scan, ranges, valid, side * (0.5 * math.pi - beam_angle))
+    b = reading_at(scan, valid, side * 0.5 * math.pi)
+    a = reading_at(scan, valid, side * (0.5 * math.pi - beam_angle))
     alpha = math.atan2(a * math.cos(beam_angle) - b, a * math.sin(beam_angle))
     return b * math.cos(alpha), alpha
 
 
 @kernel
-def steering_towards(scan: Record, ranges: FloatArray, valid: FloatArray, side: float, settings: Record) -> float:
+def steering_towards(scan: Record, valid: FloatArray, side: float, settings: Record) -> float:
     """Return the steering angle [rad], towards the wall at that side (1 left, -1 right); NaN without a wall."""
-    distance, alpha = wall_beside(scan, ranges, valid, side, settings.beam_angle)
+    distance, alpha = wall_beside(scan, valid, side, settings.beam_angle)
     error = distance + settings.projection * math.sin(alpha) - settings.desired_distance
     return float(settings.proportional_gain * error + settings.derivative_gain * math.sin(alpha))
 
 
-@kernel
-def wished_steering(scan: Record, ranges: FloatArray, valid: FloatArray, settings: Record) -> float:
-    """Return the steering angle [rad], left positive, not saturated; 0 without a wall."""
-    left = right = math.nan
-    if settings.side != _RIGHT:
-        left = steering_towards(scan, ranges, valid, 1.0, settings)
-    if settings.side != _LEFT:
-        right = steering_towards(scan, ranges, valid, -1.0, settings)
-    if math.isnan(left):
-        return 0.0 if math.isnan(right) else -right
-    return left if math.isnan(right) else 0.5 * (left - right)
-
-
-@kernel
-def decide(
-    scan: Record, ranges: FloatArray, odometry: Record, planner: Record, memory: Record, paths: NDArray[np.void]
-) -> tuple[float, float]:
-    """Return the command for one scan: steering angle [rad] and speed [m/s]. Types as in `driving`."""
-    driver = planner.driver
-    valid = valid_ranges(ranges, scan.range_max)
-    if not sees(scan, valid):
-        return brake(scan, odometry, driver, memory.driving)
-    steering_angle = wished_steering(scan, ranges, valid, planner.settings)
-    steering_angle = saturate(steering_angle, driver.car.max_steering_angle)
-    speed = speed_towards(scan, valid, valid, planner, steering_angle)
-    return drive(scan, valid, odometry, driver, memory.driving, paths, steering_angle, speed)
-
-
-class WallFollow(CompiledPlanner):
-    """The baseline of the course. Where there is nothing to see it brakes and keeps the wheels as they are."""
+class WallFollow(Planner):
+    """The baseline of the course. Where there is nothing to see it brakes and keeps its steering angle."""
 
     Settings = WallFollowSettings
-    decide = staticmethod(decide)
+
+    @staticmethod
+    @kernel
+    def reference(
+        scan: Record,
+        ranges: FloatArray,
+        odometry: Record,
+        car: Record,
+        settings: Record,
+        memory: Record,
+        line: FloatArray,
+    ) -> tuple[float, float, float]:
+        """Return the steering angle [rad], no limit to the speed, and the bearing [rad] in which the car steers."""
+        left = right = math.nan
+        if settings.side != _RIGHT:
+            left = steering_towards(scan, ranges, 1.0, settings)
+        if settings.side != _LEFT:
+            right = steering_towards(scan, ranges, -1.0, settings)
+        if math.isnan(left) and math.isnan(right):
+            steering_angle = 0.0
+        elif math.isnan(left):
+            steering_angle = -right
+        elif math.isnan(right):
+            steering_angle = left
+        else:
+            steering_angle = 0.5 * (left - right)
+        steering_angle = saturate(steering_angle, car.max_steering_angle)
+        return steering_angle, math.inf, steering_angle
 
     def find_wall(self, scan: LaserScan, side: Literal["left", "right"]) -> tuple[float, float] | None:
         """Return the distance to the wall at a side [m] and the angle by which the car turns away from it [rad]."""
         record, valid = scan_record(scan)[0], valid_ranges(scan.ranges, scan.range_max)
         if not sees(record, valid):
             return None
-        towards = 1.0 if side == "left" else -1.0
-        distance, alpha = wall_beside(record, scan.ranges, valid, towards, self.settings.beam_angle)
+        distance, alpha = wall_beside(record, valid, 1.0 if side == "left" else -1.0, self.settings.beam_angle)
         return None if math.isnan(distance) else (distance, alpha)

@@ -1,33 +1,28 @@
-"""Weighted gap: the gap's bearing counts the more, the nearer the nearest obstacle is.
+"""Weighted gap: the nearer the nearest obstacle is, the more the gap's bearing counts.
 
 "If you are 3-4 m away from your closest obstacle, should you immediately make a sharp turn to avoid it?" (the F1TENTH
 course slides on reactive methods.) Sezer and Gokasan's follow the gap method says how sharp:
 
-1. The robot is a point, and all obstacles are enlarged by its radius: half the car's width and a clearance
-   (scan_filters.widen_all).
+1. All obstacles are enlarged by the robot's radius: half the car's width and a clearance (scan_filters.widen_all).
 2. An obstacle is what is nearer than the `horizon`; the widest angle without one is the gap.
-3. Its centre is the middle of the line between the two obstacles beside it, d1 away at phi1 to the one side and d2 at
-   phi2 to the other (with d3 the median, by Apollonius' theorem):
+3. Its centre is the middle of the line between the two obstacles beside it, d1 away at phi1 and d2 at phi2:
 
        phi_gap = arccos((d1 + d2 cos(phi1 + phi2)) / sqrt(d1^2 + d2^2 + 2 d1 d2 cos(phi1 + phi2))) - phi1
 
-   which is the direction of the sum of the two vectors, and is worked out as that: it has no quotient of 0 by 0.
-4. The heading is the mean of the gap's and the goal's, weighted by the nearest obstacle of all, at d_min:
+   which is the direction of the sum of the two vectors, and is computed as that: it has no quotient of 0 by 0.
+4. The heading is the mean of the gap's and of straight ahead, weighted by the nearest obstacle of all, at d_min:
+   phi = (alpha / d_min phi_gap) / (alpha / d_min + 1). At d_min = alpha both weigh the same.
 
-       phi = (alpha / d_min phi_gap + phi_goal) / (alpha / d_min + 1)
+Source: V. Sezer and M. Gokasan, A novel obstacle avoidance algorithm: "Follow the Gap Method", Robotics and
+Autonomous Systems 60(9), 2012. Differences: their obstacles are circles, and all that are seen count; these are
+readings, with walls all round, so there is a horizon. Where the gap reaches the edge of the field of view, an
+obstacle is assumed there at the horizon. d_min is measured from the LiDAR. The car drives the arc to a point
+`pursuit_distance` along the heading.
 
-   The goal is straight ahead, phi_goal = 0: there is none but to go on. At d_min = alpha both weigh the same.
-
-Source: V. Sezer and M. Gokasan, A novel obstacle avoidance algorithm: "Follow the Gap Method", Robotics and Autonomous
-Systems 60(9), 2012. Where this differs: their obstacles are circles, and all that are seen count, these are readings,
-and walls are all round, so there is a horizon; where the gap reaches the edge of the field of view, an
-obstacle is taken to stand there at the horizon; d_min is measured from the LiDAR. They steer to the heading, here the
-car drives the arc to a point `pursuit_distance` along it.
-
-Limits: between walls d_min is hardly more than half the road's width, so the weight hardly changes, and what is left is
-a threshold gap that steers less than it should. The median leans to the farther of the two obstacles, in a corner
-to the inner edge's horizon or to the outer wall: at 2.25 m the car is lost in the square one. With nothing beyond the
-horizon there is no gap, and it brakes.
+Limits: between walls d_min is hardly more than half the road's width, so the weight hardly changes, and what is left
+is a threshold gap that steers less than it should. The median leans to the farther of the two obstacles, in a corner
+to the inner edge's horizon or to the outer wall: at 2.25 m the car is lost in the square one. Without a gap the car
+brakes.
 """
 
 from __future__ import annotations
@@ -36,41 +31,30 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fg_mujoco.errors import SettingsError
 from fg_mujoco.kernels import kernel
-from fg_mujoco.messages import FloatArray, LaserScan, require
+from fg_mujoco.messages import FloatArray
 
-from .control.compiled_planner import CompiledPlanner
-from .control.driving import DrivingSettings, brake, drive_to
-from .control.records import Record
+from .control.driving import DrivingSettings
+from .control.planner import GoalPlanner
+from .control.settings import FROM_ZERO, POSITIVE, Accepted, Record, setting
 from .perception.gaps import runs_beyond
-from .perception.scan_filters import valid_ranges, widen_all
-from .perception.scan_geometry import beams_between, bearing_of, sees
+from .perception.intermediate_scans import IntermediateScans, keep, keep_run
+from .perception.scan_filters import widen_all
+from .perception.scan_geometry import beams_between, bearing_of
 
 
 @dataclass(frozen=True, kw_only=True)
 class WeightedGapSettings(DrivingSettings):
-    """Parameters of the method.
+    """Parameters of the method. The middle of a gap wider than half a turn would lie behind the car."""
 
-    Raises:
-      SettingsError: an alpha or a horizon that is not positive; a negative clearance; a field of view that is not
-        positive or more than half a turn, as the middle of a wider gap's ends lies behind.
-    """
-
-    alpha: float = 2.0  # [m] of the nearest obstacle, at which the gap weighs as much as the goal
-    horizon: float = 2.75  # [m]
-    clearance: float = 0.05  # [m] beside the car
-    field_of_view: float = math.pi  # [rad]
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        positive = ("alpha", "horizon")
-        require(self, lambda value: 0.0 < value < math.inf, "a positive number", positive, SettingsError)
-        require(self, lambda value: 0.0 <= value < math.inf, "a number from 0", ("clearance",), SettingsError)
-        accepted = "a number above 0, at most pi"
-        require(self, lambda value: 0.0 < value <= math.pi, accepted, ("field_of_view",), SettingsError)
+    alpha: float = setting(2.0, "m", "of the nearest obstacle, at which the gap weighs as much as the goal", POSITIVE)
+    horizon: float = setting(2.75, "m", "what is nearer is an obstacle", POSITIVE)
+    clearance: float = setting(0.05, "m", "beside the car", FROM_ZERO)
+    field_of_view: float = setting(
+        math.pi, "rad", "in which gaps are looked for",
+        Accepted("a number above 0, at most pi", lambda value: 0.0 < value <= math.pi),
+    )  # fmt: skip
 
 
 @kernel
@@ -85,60 +69,34 @@ def gap_centre(right: float, right_distance: float, left: float, left_distance: 
 def blended(gap: float, goal: float, nearest: float, alpha: float) -> float:
     """Return the heading [rad] between those of gap and goal [rad]; `nearest` is d_min [m], `alpha` is in [m].
 
-    Both weights are taken times d_min, so that it may be 0: then the gap alone counts.
+    Both weights are multiplied by d_min, so that it may be 0: then the gap alone counts.
     """
     return (alpha * gap + nearest * goal) / (alpha + nearest)
 
 
-@kernel
-def find_gap(scan: Record, widened: FloatArray, settings: Record) -> tuple[float, float]:
-    """Return the bearing of the gap's centre [rad] and d_min [m] for widened ranges (n,); NaN where there is none."""
-    half = 0.5 * settings.field_of_view
-    first, end = beams_between(scan, len(widened), -half, half)
-    seen = widened[first:end]
-    gaps = runs_beyond(seen, min(settings.horizon, 0.999 * scan.range_max), 1)
-    if len(gaps) == 0:
-        return math.nan, 0.0
-    widest = np.argmax(gaps[:, 1] - gaps[:, 0])
-    right, left = max(gaps[widest, 0] - 1, 0), min(gaps[widest, 1], len(seen) - 1)
-    right_distance, left_distance = min(seen[right], settings.horizon), min(seen[left], settings.horizon)
-    centre = gap_centre(bearing_of(scan, first + right), right_distance, bearing_of(scan, first + left), left_distance)
-    return centre, np.min(seen)
-
-
-@kernel
-def find_heading(scan: Record, widened: FloatArray, settings: Record) -> float:
-    """Return the heading [rad] for widened ranges (n,) [m]; NaN where there is no gap."""
-    gap, nearest = find_gap(scan, widened, settings)
-    return blended(gap, 0.0, nearest, settings.alpha)
-
-
-@kernel
-def decide(
-    scan: Record, ranges: FloatArray, odometry: Record, planner: Record, memory: Record, paths: NDArray[np.void]
-) -> tuple[float, float]:
-    """Return the command for one scan: steering angle [rad] and speed [m/s]. Types as in `driving`."""
-    valid = valid_ranges(ranges, scan.range_max)
-    if not sees(scan, valid):
-        return brake(scan, odometry, planner.driver, memory.driving)
-    radius = 0.5 * planner.driver.car.width + planner.settings.clearance
-    heading = find_heading(scan, widen_all(valid, scan.angle_increment, radius), planner.settings)
-    distance = planner.settings.pursuit_distance
-    return drive_to(scan, valid, valid, odometry, planner, memory.driving, paths, heading, distance)
-
-
-class WeightedGap(CompiledPlanner):
-    """The follow the gap method. Without a gap it brakes and keeps the wheels as they are."""
+class WeightedGap(GoalPlanner):
+    """The follow the gap method. Without a gap it brakes and keeps its steering angle."""
 
     Settings = WeightedGapSettings
-    decide = staticmethod(decide)
 
-    def find_goal(self, scan: LaserScan) -> tuple[float, float] | None:
-        """Return the heading [rad] and how far along it the goal lies [m]; None without a gap."""
-        radius = 0.5 * self.record[0]["driver"]["car"]["width"] + self.settings.clearance
-
-        def find(row: Record, valid: FloatArray, own: Record) -> tuple[float, float]:
-            widened = widen_all(valid, scan.angle_increment, radius)
-            return find_heading(row, widened, own["settings"]), self.settings.pursuit_distance
-
-        return self._goal_by(find, scan)
+    @staticmethod
+    @kernel
+    def goal(
+        scan: Record, ranges: FloatArray, car: Record, settings: Record, shown: IntermediateScans
+    ) -> tuple[float, float]:
+        """Return the heading [rad] and how far along it the goal lies [m]; NaN without a gap."""
+        keep(shown.extended, widen_all(ranges, scan.angle_increment, 0.5 * car.width + settings.clearance))
+        half = 0.5 * settings.field_of_view
+        first, end = beams_between(scan, len(ranges), -half, half)
+        seen = shown.extended[first:end]
+        gaps = runs_beyond(seen, min(settings.horizon, 0.999 * scan.range_max), 1)
+        if len(gaps) == 0:
+            return math.nan, 0.0
+        widest = np.argmax(gaps[:, 1] - gaps[:, 0])
+        gap_first, gap_end = gaps[widest, 0], gaps[widest, 1]
+        keep_run(shown.gap, shown.extended, first + gap_first, first + gap_end)
+        right, left = max(gap_first - 1, 0), min(gap_end, len(seen) - 1)
+        right_distance, left_distance = min(seen[right], settings.horizon), min(seen[left], settings.horizon)
+        right_bearing, left_bearing = bearing_of(scan, first + right), bearing_of(scan, first + left)
+        centre = gap_centre(right_bearing, right_distance, left_bearing, left_distance)
+        return blended(centre, 0.0, np.min(seen), settings.alpha), settings.pursuit_distance

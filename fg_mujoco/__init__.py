@@ -37,8 +37,9 @@ from .errors import (
     SettingsError,
     TrackError,
 )
+from .lidar.beams import Beams
 from .lidar.effects import LidarEffects
-from .lidar.lidar import Beams, Lidar, RangefinderLidar, RaycastLidar, lidar_spec, make_lidar
+from .lidar.lidar import Lidar, RangefinderLidar, RaycastLidar, lidar_spec, make_lidar
 from .messages import STOP, CarParameters, Controller, DriveCommand, LaserScan, Odometry
 from .racing.planner_loading import controller_names, make_controller
 from .racing.race import RaceProgress, race
@@ -46,7 +47,7 @@ from .racing.replay import ReplayReport, replay
 from .racing.result import RaceResult
 from .racing.run_folder import Run, check_run_folder, read_run
 from .simulation.course_loading import load_track
-from .simulation.scenario import Scenario, Start
+from .simulation.settings import Scenario, Start
 from .simulation.simulation import Simulation
 from .simulation.telemetry import TELEMETRY
 from .simulation.world import World
@@ -54,9 +55,10 @@ from .studies.comparison.comparison import Comparison, ComparisonProgress, compa
 from .studies.rollout.randomization import Choice, Randomization, Uniform
 from .studies.rollout.result import RolloutResult, read_rollout
 from .studies.rollout.rollouts import RolloutProgress, rollout
+from .vehicle.car import Car, car_parameters
 from .vehicle.changes import CarChanges
 from .vehicle.tire_slip import SLIDING_SPEED, TireSlip, TireSlipMeter
-from .vehicle.vehicle import Car, car_parameters, car_spec
+from .vehicle.vehicle import Vehicle, car_spec, vehicle_names
 from .viz.plots import trace_picture, track_picture, write_run
 from .viz.rendering import Film, Renderer, render, write_video
 
@@ -115,6 +117,7 @@ __all__ = [
     "Track",
     "TrackError",
     "Uniform",
+    "Vehicle",
     "World",
     "__version__",
     "car_parameters",
@@ -140,6 +143,7 @@ __all__ = [
     "trace_picture",
     "track_names",
     "track_picture",
+    "vehicle_names",
     "write_centreline",
     "write_run",
     "write_video",

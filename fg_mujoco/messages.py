@@ -39,9 +39,11 @@ def require(
             raise error(f"{type(message).__name__}.{name} is {value!r}; accepted: {accepted}")
 
 
-def require_whole(name: str, value: object, least: int = 1) -> None:
-    """Raise SettingsError for a value that is neither None nor a whole number from `least`."""
-    if value is not None and (not isinstance(value, int) or isinstance(value, bool) or value < least):
+def require_whole(name: str, value: object, least: int, *, optional: bool = False) -> None:
+    """Raise SettingsError unless a value is a whole number from `least`; None is accepted where it is optional."""
+    if optional and value is None:
+        return
+    if not isinstance(value, int) or isinstance(value, bool) or value < least:
         raise SettingsError(f"{name} is {value!r}; accepted: a whole number from {least}")
 
 
@@ -177,7 +179,7 @@ class MapLine:
 
 @dataclass(frozen=True, kw_only=True)
 class CarParameters:
-    """What a planner is told of its car. Read off the compiled model by `fg_mujoco.vehicle.vehicle`, never typed twice.
+    """What a planner is told of its car. Read off the compiled model by `fg_mujoco.vehicle.car`, never typed twice.
 
     Raises:
       MessageError: a value that is not a positive number (`min_speed`: not a finite one).

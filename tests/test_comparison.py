@@ -22,9 +22,8 @@ from fg_mujoco.studies.comparison.run import (
     wrong_way_time,
 )
 from fg_mujoco.studies.comparison.tables import make_cells, markdown
-from fg_mujoco.vehicle.changes import plain_car
 
-CAR = fg.car_parameters(plain_car())
+CAR = fg.Vehicle.load().parameters
 GRID = ["planners.py:Gentle", "planners.py:Gentle[speed=2,steering=0.1]", "planners.py:Broken"]
 
 

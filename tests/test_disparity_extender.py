@@ -10,6 +10,7 @@ from hypothesis.extra.numpy import arrays
 from scan_worlds import CAR, INCREMENT, MU, corridor, mirrored, odometry_of, scan_of
 
 import fg_mujoco as fg
+from fg_mujoco.controllers.control.settings import for_car
 from fg_mujoco.controllers.disparity_extender import DisparityExtender, DisparityExtenderSettings
 from fg_mujoco.errors import SettingsError
 
@@ -103,9 +104,9 @@ def test_it_does_not_turn_into_a_side_that_is_too_close_behind(side):
     def view(distance):
         return scan_beside(distance) if side > 0.0 else mirrored(scan_beside(distance))
 
-    limit = DisparityExtenderSettings().side_distance
+    limit = for_car(DisparityExtenderSettings(), CAR).side_distance
     for distance in (0.9 * limit, 1.1 * limit):
-        assert side * extender().find_goal(view(distance))[0] > 0.3
+        assert side * extender(side_distance=0.0).find_goal(view(distance))[0] > 0.3  # without the rule
     assert wished_steering(view(0.9 * limit)) == 0.0
     assert side * wished_steering(view(1.1 * limit)) > 0.1
 

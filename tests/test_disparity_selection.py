@@ -16,9 +16,10 @@ import fg_mujoco as fg
 from fg_mujoco.controllers.disparity_selection import (
     DisparitySelection,
     DisparitySelectionSettings,
-    best_place,
+    best_opening,
     widest_opening,
 )
+from fg_mujoco.controllers.perception.gaps import middle_of
 
 DIAGRAM = np.array([0.4, 0.5, 2.5, 2.5, 2.5, 0.6, 0.5])
 
@@ -36,18 +37,18 @@ def opening(ranges, threshold=0.5, increment=0.01):
 def test_in_the_diagram_it_aims_at_the_middle_of_the_free_space():
     """The source's code takes the third reading, (1 + 4) // 2; of the three that are free the fourth is the middle."""
     assert opening(DIAGRAM) == (2, 5)
-    assert best_place(DIAGRAM, 0.01, 0.5) == 3.0
+    assert middle_of(*best_opening(DIAGRAM, 0.01, 0.5)) == 3.0
 
 
 def test_the_drop_of_the_sources_first_example_is_an_edge_and_alone_no_opening():
     assert opening([2.5, 2.5, 0.5]) == (0, 0)
-    assert best_place(np.array([2.5, 2.5, 0.5]), 0.01, 0.5) == 0.5  # the furthest: the middle of the two
+    assert middle_of(*best_opening(np.array([2.5, 2.5, 0.5]), 0.01, 0.5)) == 0.5  # the furthest: the middle of the two
 
 
 def test_between_two_disparities_may_be_a_box_and_that_is_no_free_space():
     box = np.array([3.0, 3.0, 3.1, 1.0, 1.0, 1.0, 3.0, 3.0])
     assert opening(box) == (0, 0)
-    assert best_place(box, 0.01, 0.5) == 2.0
+    assert middle_of(*best_opening(box, 0.01, 0.5)) == 2.0
 
 
 def test_the_first_two_disparities_are_not_the_ones_that_belong_together():

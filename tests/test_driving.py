@@ -8,13 +8,13 @@ import pytest
 from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
 
 from fg_mujoco.controllers.control.driving import DrivingSettings
-from fg_mujoco.controllers.control.records import record_type, record_values
+from fg_mujoco.controllers.control.settings import for_car, record_type, record_values
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
 from fg_mujoco.controllers.perception.scan_filters import valid_ranges, widen_all
 from fg_mujoco.controllers.perception.scan_geometry import beams_between, scan_record, sees
-from fg_mujoco.controllers.safety.braking_trajectories import StoppingPaths
-from fg_mujoco.controllers.safety.friction_limiter import FrictionGuard
-from fg_mujoco.controllers.safety.safety_filter import EscapeSettings
+from fg_mujoco.controllers.safety.braking_trajectories import BrakingTrajectories
+from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
+from fg_mujoco.controllers.safety.safety_filter import SafetyFilterSettings
 from fg_mujoco.errors import SettingsError
 
 TOP = 8.0
@@ -65,8 +65,8 @@ def test_range_ratio_is_by_the_mean_range_towards_the_goal(reach):
 def test_friction_is_the_guard_and_nothing_else():
     near = corridor(1.0, 1.0, ahead=0.6)  # any law that looks at ranges would stop here
     asked = command(near, "friction", speed=2.0)
-    guard = FrictionGuard(CAR, MU)
-    expected = guard(asked.steering_angle, TOP, odometry_of(2.0), PERIOD)
+    limiter = FrictionLimiter(CAR, MU)
+    expected = limiter(asked.steering_angle, TOP, odometry_of(2.0), PERIOD)
     assert asked == expected
     assert asked.speed > 2.0
     assert command(near, "minimum", speed=2.0).speed < 2.0
@@ -74,7 +74,7 @@ def test_friction_is_the_guard_and_nothing_else():
 
 def test_stopping_is_the_speed_from_which_the_car_stops_within_what_it_sees():
     scan = corridor(1.0, 1.0, ahead=3.0)
-    paths = StoppingPaths(CAR, FrictionGuard(CAR, MU), TOP)
+    paths = BrakingTrajectories(CAR, FrictionLimiter(CAR, MU), TOP)
     asked = command(scan, "stopping", speed=7.0)
     widened = widen_all(valid_ranges(scan.ranges, scan.range_max), scan.angle_increment, paths.radius)
     assert asked.speed == paths.safe_speed(widened, scan.angle_min, scan.angle_increment, 7.0, 0.0)
@@ -86,7 +86,7 @@ def test_without_the_friction_law_the_wheels_turn_as_sharply_as_possible():
     angles = {law: command(scan, law, speed=7.0).steering_angle for law in LAWS}
     assert angles["forward_distance"] == angles["range_ratio"] == angles["stopping"] == CAR.max_steering_angle
     assert 0.0 < angles["friction"] < 0.1 and abs(angles["minimum"]) < 0.1
-    assert 0.0 < command(scan, "minimum", speed=7.0, way_out=False).steering_angle < 0.1
+    assert 0.0 < command(scan, "minimum", speed=7.0, safety_filter=False).steering_angle < 0.1
 
 
 def test_the_minimum_is_never_faster_than_any_law_but_to_crawl():
@@ -94,8 +94,10 @@ def test_the_minimum_is_never_faster_than_any_law_but_to_crawl():
         scan = corridor(1.2, 0.9, ahead=ahead)
         speeds = {law: command(scan, law, mu=math.inf).speed for law in LAWS}
         assert speeds["minimum"] == min(speeds["forward_distance"], speeds["range_ratio"])
-        guarded = {law: command(scan, law).speed for law in LAWS}
-        assert guarded["minimum"] <= max(min(guarded.values()), EscapeSettings().crawl_speed) + 1e-12
+        limited = {law: command(scan, law).speed for law in LAWS}
+        assert (
+            limited["minimum"] <= max(min(limited.values()), for_car(SafetyFilterSettings(), CAR).crawl_speed) + 1e-12
+        )
 
 
 def test_a_law_that_is_not_known_is_refused_with_those_that_are():
@@ -111,7 +113,7 @@ def test_a_law_that_is_not_known_is_refused_with_those_that_are():
 def test_a_word_is_its_place_in_a_record():
     row = np.zeros(1, record_type(DrivingSettings))
     for place, law in enumerate(LAWS):
-        row[0] = record_values(DrivingSettings(speed_law=law))
+        row[0] = record_values(for_car(DrivingSettings(speed_law=law), CAR))
         assert row["speed_law"][0] == place
 
 

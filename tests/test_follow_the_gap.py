@@ -19,6 +19,7 @@ from fg_mujoco.controllers.follow_the_gap import (
     free_space,
     mask_points,
 )
+from fg_mujoco.controllers.perception.gaps import longest_run
 
 SLIDES = np.array([4.8, 3.1, 4.3, 4.5, 6.0, 10.1, 8.3])  # for ".." one reading of 6 m
 
@@ -30,7 +31,7 @@ def planner(**settings):
 
 def told(**settings):
     """Settings as the kernels get them."""
-    return planner(**settings).record[0]["settings"]
+    return planner(**settings).settings_row[0]
 
 
 def with_post(ranges, bearing, distance, half_width=0.1):
@@ -52,7 +53,7 @@ def test_the_slides_bubble_masks_the_points_within_its_radius():
     """4.8 m is next to the nearest point and free, 4.5 m is two beams away and is not: it goes by distance."""
     free = free_space(SLIDES, 0.01, told(bubble="points", bubble_radius=1.6))
     assert free.tolist() == [4.8, 0.0, 0.0, 0.0, 6.0, 10.1, 8.3]
-    assert best_place(free, told(point="furthest")) == 5.0
+    assert best_place(free, *longest_run(free), told(point="furthest")) == 5.0
 
 
 def test_a_bubble_at_the_end_of_a_scan_does_not_wrap_round():
@@ -80,15 +81,15 @@ def test_the_points_in_a_bubble_are_those_near_the_nearest_in_the_plane(ranges, 
 def test_each_point_is_what_it_says():
     #                0    1    2    3    4    5    6    7    8
     free = np.array([0.0, 3.0, 2.8, 2.7, 1.0, 2.0, 2.9, 1.0, 1.0])
-    assert best_place(free, told(point="furthest")) == 1.0
-    assert best_place(free, told(point="middle")) == 4.5
-    assert best_place(free, told(point="deepest", depth_tolerance=0.5)) == 2.0
-    assert math.isnan(best_place(np.zeros(9), told()))
+    assert best_place(free, *longest_run(free), told(point="furthest")) == 1.0
+    assert best_place(free, *longest_run(free), told(point="middle")) == 4.5
+    assert best_place(free, *longest_run(free), told(point="deepest", depth_tolerance=0.5)) == 2.0
+    assert planner().find_goal(scan_of(np.zeros(9))) is None
 
 
 def test_the_goal_is_in_the_longest_run_even_if_another_is_deeper():
     free = np.array([9.0, 9.0, 0.0, 2.0, 3.0, 2.0])
-    assert best_place(free, told()) == 4.0
+    assert best_place(free, *longest_run(free), told()) == 4.0
 
 
 def test_it_passes_a_post_on_the_side_that_is_open():
@@ -137,7 +138,7 @@ def test_limit_the_longest_run_may_be_the_way_back():
 
 @pytest.mark.parametrize("settings", [{"point": "middle"}, {"lookahead": 30.0}], ids=["the middle", "no lookahead"])
 def test_limit_the_square_corners_need_the_furthest_point_and_the_lookahead(settings):
-    alone = settings | {"way_out": False}  # held, `furthest` gets round all the same, if slowly
+    alone = settings | {"safety_filter": False}  # held, `furthest` gets round all the same, if slowly
     assert fg.race("l_corridor", "follow_the_gap", laps=1, planner_settings=alone).end_reason != "finished"
 
 

@@ -9,7 +9,7 @@ import pytest
 from scan_worlds import CAR, INCREMENT, MU, corridor, mirrored, odometry_of, scan_of
 
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
-from fg_mujoco.controllers.safety.friction_limiter import GuardSettings
+from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiterSettings
 from fg_mujoco.errors import ControllerError, SettingsError
 from fg_mujoco.messages import ODOMETRY, STOP, DriveCommand
 
@@ -257,7 +257,10 @@ def test_a_setting_that_it_cannot_plan_with_is_refused_by_name(field, value):
         ({"mu": math.nan}, r"GapFinder\.mu is nan"),
         ({"max_speed": 0.0}, r"GapFinder\.max_speed is 0\.0; accepted: a positive number"),
         ({"max_speed": math.inf}, r"GapFinder\.max_speed is inf"),
-        ({"settings": GuardSettings()}, r"GapFinder\.settings is GuardSettings\(.*accepted: a GapFinderSettings"),
+        (
+            {"settings": FrictionLimiterSettings()},
+            r"GapFinder\.settings is FrictionLimiterSettings\(.*accepted: a GapFinderSettings",
+        ),
     ],
 )
 def test_what_no_gap_finder_can_believe_is_refused(given, said):
@@ -295,10 +298,10 @@ def test_a_batch_starts_as_new_and_leaves_its_planners_as_they_are():
     assert decide_all(batch, [scan], [odometry]) == [(first.steering_angle, first.speed)]
 
 
-def test_planners_of_one_kind_share_the_table_of_stopping_paths():
+def test_planners_of_one_kind_share_the_table_of_braking_trajectories():
     same = [GapFinder(CAR, MU, 8.0) for _ in range(3)]
-    assert all(np.shares_memory(planner.paths, same[0].paths) for planner in same)
-    assert not np.shares_memory(GapFinder(CAR, 0.9 * MU, 8.0).paths, same[0].paths)
+    assert all(np.shares_memory(planner.trajectories, same[0].trajectories) for planner in same)
+    assert not np.shares_memory(GapFinder(CAR, 0.9 * MU, 8.0).trajectories, same[0].trajectories)
 
 
 def test_a_batch_of_none_is_one():

@@ -148,8 +148,8 @@ def test_it_does_not_see_obstacles_unless_its_law_does():
 
 
 def test_the_path_of_its_line_is_no_number_of_its_record():
-    assert "line" not in pursuer().record["settings"].dtype.names
-    assert "least_lookahead" in pursuer().record["settings"].dtype.names
+    assert "line" not in pursuer().settings_row.dtype.names
+    assert "least_lookahead" in pursuer().settings_row.dtype.names
 
 
 def test_a_raceline_is_followed_in_place_of_the_centreline(tmp_path):

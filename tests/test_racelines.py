@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from scan_worlds import CAR, MU
 
 from fg_mujoco.controllers.control.racelines import SPACING, SPEED, STEP, curvature, line_table, read_line
-from fg_mujoco.controllers.safety.friction_limiter import FrictionGuard, longitudinal_share
+from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longitudinal_share
 from fg_mujoco.errors import SettingsError
 
-GUARD = FrictionGuard(CAR, MU)
+LIMITER = FrictionLimiter(CAR, MU)
 TURNS = np.linspace(0.0, 2.0 * math.pi, 400, endpoint=False)
 
 
@@ -20,10 +20,10 @@ def circle(radius):
     return radius * np.column_stack((np.cos(TURNS), np.sin(TURNS)))
 
 
-def table_of(points, *, speeds=None, closed=True, guard=GUARD, max_speed=8.0, span=0.8, cornering=0.9, braking=0.6):
+def table_of(points, *, speeds=None, closed=True, limiter=LIMITER, max_speed=8.0, span=0.8, cornering=0.9, braking=0.6):
     speeds = np.full(len(points), math.inf) if speeds is None else np.asarray(speeds, dtype=float)
     return line_table(
-        np.asarray(points, dtype=float), speeds, closed=closed, guard=guard, max_speed=max_speed,
+        np.asarray(points, dtype=float), speeds, closed=closed, limiter=limiter, max_speed=max_speed,
         curvature_span=span, cornering_use=cornering, braking_use=braking,
     )  # fmt: skip
 
@@ -119,46 +119,46 @@ def test_the_curvature_of_a_square_corner_is_that_of_the_span_it_is_rounded_over
 
 @pytest.mark.parametrize("radius", [1.0, 3.0])
 def test_on_a_circle_the_speed_is_that_of_the_tires(radius):
-    expected = math.sqrt(0.9 * GUARD.lateral * radius)
+    expected = math.sqrt(0.9 * LIMITER.lateral * radius)
     np.testing.assert_allclose(table_of(circle(radius))[:, SPEED], expected, rtol=2e-3)
 
 
 def test_on_a_straight_to_its_end_it_brakes_evenly():
     table = table_of([[0.0, 0.0], [20.0, 0.0]], closed=False)
     left = 20.0 - table[:, 0]
-    expected = np.minimum(np.sqrt(2.0 * 0.6 * GUARD.braking * left), 8.0)
+    expected = np.minimum(np.sqrt(2.0 * 0.6 * LIMITER.braking * left), 8.0)
     np.testing.assert_allclose(table[:, SPEED], expected, rtol=1e-9, atol=1e-9)
 
 
 def test_after_a_slow_place_it_accelerates_evenly():
     table = table_of([[0.0, 0.0], [20.0, 0.0]], speeds=[2.0, 8.0], closed=False)
     beginning = table[:5]
-    accelerating = np.sqrt(2.0**2 + 2.0 * 0.6 * GUARD.accelerating * beginning[:, 0])
+    accelerating = np.sqrt(2.0**2 + 2.0 * 0.6 * LIMITER.accelerating * beginning[:, 0])
     np.testing.assert_allclose(beginning[:, SPEED], np.minimum(accelerating, 2.0 + 0.3 * beginning[:, 0]), rtol=1e-9)
 
 
 def test_without_a_friction_limit_there_is_none():
-    assert (table_of(circle(1.0), guard=None)[:, SPEED] == 8.0).all()
-    assert (table_of(circle(1.0), guard=None, speeds=np.full(400, 3.0))[:, SPEED] == 3.0).all()
+    assert (table_of(circle(1.0), limiter=None)[:, SPEED] == 8.0).all()
+    assert (table_of(circle(1.0), limiter=None, speeds=np.full(400, 3.0))[:, SPEED] == 3.0).all()
 
 
 @settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 1000), mu=st.floats(0.3, 1.2), own=st.floats(1.0, 10.0), first=st.integers(0, 399))
 def test_everywhere_the_tires_hold_it_and_no_speed_is_beyond_the_lines_own(seed, mu, own, first):
-    rng, guard = np.random.default_rng(seed), FrictionGuard(CAR, mu)
+    rng, limiter = np.random.default_rng(seed), FrictionLimiter(CAR, mu)
     radius = 6.0 + sum(rng.uniform(-1.0, 1.0) / n * np.cos(n * TURNS + rng.uniform(0.0, 6.0)) for n in (2, 3, 4))
     line = radius[:, None] * np.column_stack((np.cos(TURNS), np.sin(TURNS)))
     speeds = own + 2.0 * rng.random(400)
-    table = table_of(np.roll(line, -first, axis=0), speeds=np.roll(speeds, -first), guard=guard)
+    table = table_of(np.roll(line, -first, axis=0), speeds=np.roll(speeds, -first), limiter=limiter)
     speed, bend = table[:, SPEED], curvature(table, 0.8, closed=True)
     lateral = speed**2 * np.abs(bend)
-    assert (lateral <= 0.9 * guard.lateral * (1.0 + 1e-9)).all()
+    assert (lateral <= 0.9 * limiter.lateral * (1.0 + 1e-9)).all()
     assert (speed <= min(8.0, speeds.max()) + 1e-9).all() and (speed > 0.0).all()
     # braking is by what is left at the place where it ends, accelerating by that where it begins
     after = (np.roll(speed, -1) ** 2 - speed**2) / (2.0 * table[0, STEP])
-    share = np.array([longitudinal_share(value / (mu * CAR.gravity)) for value in lateral])
-    assert (after <= 0.6 * guard.accelerating * share + 1e-6).all()
-    assert (-after <= 0.6 * guard.braking * np.roll(share, -1) + 1e-6).all()
+    share = np.array([longitudinal_share(value / (mu * CAR.gravity), LIMITER.exponent) for value in lateral])
+    assert (after <= 0.6 * limiter.accelerating * share + 1e-6).all()
+    assert (-after <= 0.6 * limiter.braking * np.roll(share, -1) + 1e-6).all()
 
 
 def test_where_a_closed_line_begins_makes_no_difference():

@@ -8,17 +8,16 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.controllers.control.stages import stages
 from fg_mujoco.course.track_mesh import wall_prisms
 from fg_mujoco.simulation.physics import STATE
-from fg_mujoco.vehicle.vehicle import WHEELS
+from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.viz.rendering import car_meshes
 from fg_mujoco.viz.rendering.cameras import CAMERAS, Moment, View
 from fg_mujoco.viz.rendering.colours import friction_colour
 from fg_mujoco.viz.rendering.drive import read_drive
 from fg_mujoco.viz.rendering.force_arrows import TireForceMeter
 from fg_mujoco.viz.rendering.gg_diagram import accelerations, gg_picture
-from fg_mujoco.viz.rendering.planner_view import PlannerEye
+from fg_mujoco.viz.rendering.planner_view import PlannerEye, intermediate_scans
 from fg_mujoco.viz.rendering.ribbons import road, wall_chains
 from fg_mujoco.viz.rendering.scenery import compile_scenery
 from fg_mujoco.viz.rendering.telemetry_strip import law_limit
@@ -173,13 +172,13 @@ PLANNERS_WITH_GAPS = ("gap_finder", "follow_the_gap", "disparity_selection", "th
 
 
 @pytest.mark.parametrize("name", fg.controller_names())
-def test_stages_only_shorten_beams_and_the_gap_is_where_the_planner_goes(lap, name):
+def test_intermediate_scans_only_shorten_beams_and_the_gap_is_where_the_planner_goes(lap, name):
     world = lap.world
     planner = fg.make_controller(name, car=world.parameters, mu=1.0489, max_speed=8.0, map_line=world.track.map_line)
     eye = PlannerEye(read_drive(lap))
     for tick in (40, 150, 260):
         scan = eye.at_tick(tick).scan
-        made = stages(planner, scan)
+        made = planner.intermediate_scans(scan)
         assert next(iter(made)) == "raw" and all(len(ranges) == len(scan.ranges) for ranges in made.values())
         for stage in ("extended", "bubble"):  # not the gap: its edges may be a mean's
             assert (made.get(stage, made["raw"]) <= made["raw"]).all()
@@ -194,27 +193,14 @@ def test_stages_only_shorten_beams_and_the_gap_is_where_the_planner_goes(lap, na
             assert "gap" not in made
 
 
-def test_last_stage_of_the_gap_finder_is_what_its_decision_filters(lap):
-    from fg_mujoco.controllers.gap_finder import filtered
-    from fg_mujoco.controllers.perception.scan_filters import valid_ranges
-    from fg_mujoco.controllers.perception.scan_geometry import scan_record
-
-    planner = fg.make_controller("gap_finder", car=lap.world.parameters, mu=1.0489, max_speed=8.0)
-    scan = PlannerEye(read_drive(lap)).at_tick(222).scan
-    decided = filtered(scan_record(scan)[0], valid_ranges(scan.ranges, scan.range_max), planner.record[0])
-    gap = stages(planner, scan)["gap"]
-    inside = np.isfinite(gap)
-    np.testing.assert_array_equal(gap[inside], decided[inside])
-
-
-def test_planner_of_ones_own_says_its_stages(lap):
+def test_planner_of_ones_own_gives_its_intermediate_scans(lap):
     class Own:
-        def stages(self, scan):
-            return {"raw": scan.ranges, "gap": 0.5 * scan.ranges}
+        def intermediate_scans(self, scan):
+            return {"gap": 0.5 * scan.ranges}
 
     scan = PlannerEye(read_drive(lap)).at_tick(0).scan
-    np.testing.assert_array_equal(stages(Own(), scan)["gap"], 0.5 * scan.ranges)
-    assert list(stages(object(), scan)) == ["raw"]
+    np.testing.assert_array_equal(intermediate_scans(Own(), scan)["gap"], 0.5 * scan.ranges)
+    assert intermediate_scans(object(), scan) == {}
 
 
 def test_scan_that_the_planner_saw_is_measured_again_with_its_noise(lap):

@@ -91,8 +91,8 @@ def assert_is_its_race(result, world, controller="gap_finder"):
     scenario = result.scenario(world)
     race = fg.race(
         scenario.track, controller, time_limit=0.5, laps=1, seed=scenario.seed, max_speed=scenario.max_speed,
-        car=scenario.car, begin=scenario.start, effects=scenario.effects, obstacles=scenario.obstacles,
-        planner_mu=scenario.planner_mu, planner_settings=scenario.planner,
+        changes=scenario.changes, start=scenario.start, effects=scenario.effects, obstacles=scenario.obstacles,
+        planner_mu=scenario.planner_mu, planner_settings=scenario.planner_settings,
     )  # fmt: skip
     assert trajectory_sha256(result.states(world), result.ctrl(world)) == race.trajectory_sha256
     assert same(result.telemetry(world), race.telemetry)

@@ -51,7 +51,7 @@ def test_the_gap_taken_is_the_first_in_the_order_that_the_docstring_gives(ranges
     keys = [(end - first, ranges[first:end].max()) for first, end in runs]
     keys = keys if gap == "widest" else [key[::-1] for key in keys]
     expected = keys.index(max(keys)) if keys else -1
-    assert choose_gap(ranges, runs_beyond(ranges, 2.0, 1), planner(gap=gap).record[0]["settings"]) == expected
+    assert choose_gap(ranges, runs_beyond(ranges, 2.0, 1), planner(gap=gap).settings_row[0]) == expected
 
 
 def test_a_sensor_that_sees_less_far_than_the_threshold_has_gaps_where_nothing_returns():

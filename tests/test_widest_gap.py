@@ -178,5 +178,5 @@ def test_it_drives_a_circuit(track):
 
 def test_driving_at_the_centre_itself_it_meets_the_corner():
     """A limit of the source, which does not say how to drive there: its centre lies right behind the near edge."""
-    alone = {"passing_distance": 0.0, "way_out": False}
+    alone = {"passing_distance": 0.0, "safety_filter": False}
     assert fg.race("oval", "widest_gap", laps=1, planner_settings=alone).collisions

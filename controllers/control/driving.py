@@ -1,16 +1,22 @@
-"""From a goal to a command: the steering angle by pursuit, the speed by the planner's speed law, made safe for a car.
+"""From a reference command to a safe one: speed laws, braking trajectories, safety filter, recovery, friction limiter.
 
-Laws that look at the scan say how fast it may go; `stopping` sees to it that it stops within what it sees
-(stopping_paths), and `friction` that the tires hold what is commanded (friction_guard). With both, it goes no way on
-which it could not stop if it has another (escape), and where it has come to stand without one it goes back
-(backing_out). A planner that believes in no friction limit, mu = inf, has none of these.
+A planner gives a reference: a steering angle, a greatest speed, and the bearing it looks towards. What happens then is
+the same for all planners:
+
+1. The speed laws that look at the scan lower the speed (speed).
+2. The speed is lowered to one from which the car stops within what it sees (braking_trajectories).
+3. The safety filter replaces a reference after which the car could not stop by one after which it can (safety_filter).
+4. A car that stands without a way on reverses along its path (recovery).
+5. The friction limiter turns the result into a command that the tires can follow (friction_limiter).
+
+The setting `speed_law` chooses which of these apply. A planner that assumes no friction limit, mu = inf, has only 1.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import astuple, dataclass
-from typing import Literal
+from dataclasses import astuple, dataclass, fields
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,42 +28,32 @@ from fg_mujoco.messages import CarParameters, FloatArray, require
 from ..perception.scan_filters import widen_all
 from ..perception.scan_geometry import beams_between, period_of
 from ..safety.braking_trajectories import safe_speed
-from ..safety.friction_limiter import GUARD, GUARD_MEMORY, FrictionGuard, guarded
-from ..safety.recovery import TRAIL, BackingSettings, angle_back, backs, follow
-from ..safety.safety_filter import EscapeSettings, way_out
-from .records import CAR, Record, record_type, record_values, require_words
+from ..safety.friction_limiter import LIMITER, LIMITER_MEMORY, FrictionLimiter, limited
+from ..safety.recovery import PATH_HISTORY, RecoverySettings, angle_along_history, extend_history, reverses
+from ..safety.safety_filter import SafetyFilterSettings, safe_steering
+from .settings import (
+    CAR,
+    FROM_ZERO,
+    POSITIVE,
+    Accepted,
+    Record,
+    Settings,
+    for_car,
+    record_type,
+    record_values,
+    setting,
+    setting_of_car,
+)
 from .speed import forward_distance_speed, range_ratio_speed
 from .steering import pursue, saturate
 
-_STANDING = 0.05  # [m/s] a car as slow as this stands
 _AHEAD = math.radians(2.0)  # to either side: beams that count as straight ahead
 
 SpeedLaw = Literal["minimum", "forward_distance", "range_ratio", "friction", "stopping"]
 
-DRIVER = np.dtype(
-    [
-        ("car", CAR),
-        ("max_speed", np.float64),  # [m/s]
-        ("forward_distance", np.bool_),  # which of the speed laws are kept
-        ("range_ratio", np.bool_),
-        ("friction", np.bool_),
-        ("stopping", np.bool_),
-        ("way_out", np.bool_),
-        ("backs_out", np.bool_),
-        ("guard", GUARD),
-        ("escape", record_type(EscapeSettings)),
-        ("backing", record_type(BackingSettings)),
-        ("paths", np.int64),  # which table of stopping paths is its own
-    ]
-)
-"""What these kernels are told of a planner."""
-
-DRIVING_MEMORY = np.dtype([("guard", GUARD_MEMORY), ("trail", TRAIL)])
-"""What they keep of its car from tick to tick; zero in the beginning."""
-
 
 @dataclass(frozen=True, kw_only=True)
-class DrivingSettings:
+class DrivingSettings(Settings):
     """Parameters that every planner has, with its own defaults: how it drives to a goal.
 
     Raises:
@@ -65,104 +61,166 @@ class DrivingSettings:
         full-speed distance that is not above the safe one.
     """
 
-    speed_law: SpeedLaw = "minimum"
-    way_out: bool = True  # minimum: where the car could not stop on its way, it takes one on which it can
-    backs_out: bool = True  # with a way out: where it stands and there is none, it goes back and tries again
-    # forward_distance: nearer ahead than the first, stop; farther than the second, full speed. Among the other laws it
-    # is the last resort, as it does not know that the car turns; alone, 5 m are safe: from 8 m/s braking takes 4.9
-    safe_distance: float = 0.2  # [m] from the LiDAR, which is .18 behind the bumper
-    full_speed_distance: float = 1.5  # [m]
-    lookahead: float = 10.0  # [m] range_ratio: what lies beyond counts as no farther
-    range_ratio_gain: float = 3.0  # range_ratio: full speed at this part of the lookahead
-    front_width: float = math.radians(20.0)  # [rad] range_ratio: around the goal, for the mean
-    pursuit_distance: float = 1.0  # [m] the arc leads through the point this far along the goal's direction
+    renamed: ClassVar[dict[str, str]] = {"way_out": "safety_filter", "backs_out": "recovery"}
+
+    speed_law: SpeedLaw = setting("minimum", text="which speed laws apply")  # noqa: RUF009
+    safety_filter: bool = setting(
+        True, text="with speed_law minimum: a reference after which the car could not stop is replaced"
+    )
+    recovery: bool = setting(
+        True, text="with safety_filter: a car that stands without a way on reverses and tries again"
+    )
+    safe_distance: float = setting_of_car(
+        0.2, "m", "forward_distance: nearer ahead of the LiDAR than this, the car stops", FROM_ZERO
+    )
+    full_speed_distance: float = setting(
+        1.5, "m", "forward_distance: full speed beyond it. Where this law is the only one, 5 m are safe at 8 m/s"
+    )
+    lookahead: float = setting(10.0, "m", "range_ratio: what lies beyond counts as no farther", POSITIVE)
+    range_ratio_gain: float = setting(3.0, "", "range_ratio: full speed at a mean range of lookahead / gain", POSITIVE)
+    front_width: float = setting(
+        math.radians(20.0), "rad", "range_ratio: around the goal, for the mean range", FROM_ZERO
+    )
+    pursuit_distance: float = setting_of_car(
+        1.0, "m", "the arc leads through the point this far along the goal's direction", POSITIVE
+    )
+    pursuit_time: float = setting(0.0, "s", "the same point is at least the way of this time ahead", FROM_ZERO)
 
     def __post_init__(self) -> None:
-        require_words(self)
-        for name in ("way_out", "backs_out"):
-            if not isinstance(getattr(self, name), bool):
-                value = getattr(self, name)
-                raise SettingsError(f"{type(self).__name__}.{name} is {value!r}; accepted: True, False")
-        positive = ("lookahead", "range_ratio_gain", "pursuit_distance")
-        require(self, lambda value: 0.0 < value < math.inf, "a positive number", positive, SettingsError)
-        from_zero = ("safe_distance", "front_width")
-        require(self, lambda value: 0.0 <= value < math.inf, "a number from 0", from_zero, SettingsError)
-        accepted = f"a number above safe_distance, {self.safe_distance}"
-        longer = ("full_speed_distance",)
-        require(self, lambda value: self.safe_distance < value < math.inf, accepted, longer, SettingsError)
+        super().__post_init__()
+        safe = 0.0 if self.safe_distance is None else self.safe_distance
+        longer = Accepted(f"a number above safe_distance, {safe}", lambda value: safe < value < math.inf)
+        require(self, longer.holds, longer.text, ("full_speed_distance",), SettingsError)
+
+
+DRIVER = np.dtype(
+    [
+        ("car", CAR),
+        ("max_speed", np.float64),  # [m/s]
+        ("forward_distance", np.bool_),  # which of the speed laws apply
+        ("range_ratio", np.bool_),
+        ("friction", np.bool_),
+        ("stopping", np.bool_),
+        ("safety_filter", np.bool_),
+        ("recovery", np.bool_),
+        ("settings", record_type(DrivingSettings)),
+        ("limiter", LIMITER),
+        ("filter_settings", record_type(SafetyFilterSettings)),
+        ("recovery_settings", record_type(RecoverySettings)),
+        ("trajectories", np.int64),  # which table of braking trajectories is its own
+        ("line_first", np.int64),  # which points of the lines through the map are its own: the first,
+        ("line_end", np.int64),  # and the one behind the last
+    ]
+)
+"""Type of what the kernels here read of a planner."""
+
+DRIVING_MEMORY = np.dtype([("limiter", LIMITER_MEMORY), ("history", PATH_HISTORY)])
+"""Type of what they keep of its car from tick to tick; zero at the beginning."""
+
+REFERENCE = np.dtype(
+    [
+        ("steering_angle", np.float64),  # [rad]; NaN: there is no reference, and the car brakes
+        ("speed", np.float64),  # [m/s] greatest
+        ("bearing", np.float64),  # [rad] of the goal; NaN: there is none
+        ("distance", np.float64),  # [m] of the goal from the LiDAR
+    ]
+)
+"""Type of the reference of a planner for one scan."""
 
 
 def driver_record(
-    car: CarParameters, max_speed: float, guard: FrictionGuard | None, settings: DrivingSettings
+    car: CarParameters, max_speed: float, limiter: FrictionLimiter | None, settings: DrivingSettings
 ) -> NDArray[np.void]:
-    """Return a row of type DRIVER, shape (1,); without a guard, of a planner that believes in no friction limit."""
+    """Return a row of type DRIVER, shape (1,); `limiter` None: of a planner that assumes no friction limit."""
     law = settings.speed_law
     row = np.zeros(1, DRIVER)
-    row["escape"], row["backing"] = record_values(EscapeSettings()), record_values(BackingSettings())
+    row["filter_settings"] = record_values(for_car(SafetyFilterSettings(), car))
+    row["recovery_settings"] = record_values(for_car(RecoverySettings(), car))
+    driving = {field.name: getattr(settings, field.name) for field in fields(DrivingSettings)}
+    row["settings"] = record_values(for_car(DrivingSettings(**driving), car))
     row["car"], row["max_speed"] = astuple(car), max_speed
     for name in ("forward_distance", "range_ratio"):
         row[name] = law in (name, "minimum")
-    if guard is not None:
+    if limiter is not None:
         row["friction"], row["stopping"] = law in ("friction", "minimum"), law in ("stopping", "minimum")
-        row["way_out"] = settings.way_out and law == "minimum"
-        row["backs_out"] = settings.backs_out and row["way_out"]
-        row["guard"] = guard.record
+        row["safety_filter"] = settings.safety_filter and law == "minimum"
+        row["recovery"] = settings.recovery and row["safety_filter"]
+        row["limiter"] = limiter.record
     return row
 
 
 @kernel
-def drive_to(
+def refer_to_goal(
     scan: Record,
-    valid: FloatArray,
-    ranges: FloatArray,
+    filtered: FloatArray,
     odometry: Record,
-    planner: Record,
-    memory: Record,
-    paths: NDArray[np.void],
+    driver: Record,
     bearing: float,
     distance: float,
-) -> tuple[float, float]:
-    """Return the command that leads to a goal seen by the LiDAR, as fast as the planner's speed law lets it.
+    reference: Record,
+) -> None:
+    """Write the reference that leads along an arc to a goal.
 
     Args:
       scan: of type SCAN.
-      valid: its readings (n,) [m], without NaN or inf.
-      ranges: what the planner made of them, for the mean range towards the goal, (n,) [m].
+      filtered: readings as the planner left them (n,) [m], for the mean range towards the goal.
       odometry: of type ODOMETRY.
-      planner: `settings` (of DrivingSettings, and more) and `driver` (of type DRIVER).
-      memory: of type DRIVING_MEMORY, written to.
-      paths: tables of type PATHS.
-      bearing: of the goal [rad]; NaN: there is none, and the car brakes.
+      driver: of type DRIVER.
+      bearing: of the goal [rad]; NaN: there is none.
       distance: of the goal from the LiDAR [m].
+      reference: of type REFERENCE, written to.
     """
-    driver, settings = planner.driver, planner.settings
-    if math.isnan(bearing):
-        return brake(scan, odometry, driver, memory)
-    reach = min(distance, settings.pursuit_distance)
-    steering_angle = pursue(bearing, reach, driver.car.lidar_offset, driver.car.wheelbase)
-    speed = speed_towards(scan, valid, ranges, planner, bearing)
-    return drive(scan, valid, odometry, driver, memory, paths, steering_angle, speed)
+    settings, car = driver.settings, driver.car
+    reach = min(distance, max(settings.pursuit_distance, settings.pursuit_time * odometry.speed))
+    steering_angle = pursue(bearing, reach, car.lidar_offset, car.wheelbase)
+    refer(scan, filtered, driver, steering_angle, driver.max_speed, bearing, distance, reference)
 
 
 @kernel
-def speed_towards(scan: Record, valid: FloatArray, ranges: FloatArray, planner: Record, bearing: float) -> float:
-    """Return the speed [m/s] by the two laws that look at ranges only; arguments as in `drive_to`."""
-    driver, settings = planner.driver, planner.settings
-    speed = driver.max_speed
-    if driver.forward_distance:
-        first, end = beams_between(scan, len(valid), -_AHEAD, _AHEAD)
-        ahead = math.inf  # where nobody looks straight ahead, this law has nothing to say
-        for beam in range(first, end):
-            ahead = min(ahead, valid[beam])
-        full_speed = settings.full_speed_distance
-        speed = min(speed, forward_distance_speed(ahead, settings.safe_distance, full_speed, driver.max_speed))
-    if driver.range_ratio:
+def refer(
+    scan: Record,
+    filtered: FloatArray,
+    driver: Record,
+    steering_angle: float,
+    speed: float,
+    bearing: float,
+    distance: float,
+    reference: Record,
+) -> None:
+    """Write a reference, no faster than by the law of the mean range; arguments as in `refer_to_goal` and REFERENCE."""
+    reference.steering_angle, reference.bearing, reference.distance = steering_angle, bearing, distance
+    reference.speed = min(speed, driver.max_speed)
+    if math.isnan(bearing):
+        reference.steering_angle = math.nan
+    elif driver.range_ratio:
+        settings = driver.settings
         goal = round((bearing - scan.angle_min) / scan.angle_increment)
         half = round(0.5 * settings.front_width / scan.angle_increment)
-        front = ranges[max(goal - half, 0) : max(goal + half + 1, 0)]
-        gain = settings.range_ratio_gain
-        speed = min(speed, range_ratio_speed(front, settings.lookahead, gain, driver.max_speed))
-    return float(speed)
+        front = filtered[max(goal - half, 0) : max(goal + half + 1, 0)]
+        by_mean = range_ratio_speed(front, settings.lookahead, settings.range_ratio_gain, driver.max_speed)
+        reference.speed = min(reference.speed, by_mean)
+
+
+@kernel
+def drive_worlds(
+    scan: NDArray[np.void],
+    valid: FloatArray,
+    odometry: NDArray[np.void],
+    running: NDArray[np.bool_],
+    drivers: NDArray[np.void],
+    references: NDArray[np.void],
+    memories: NDArray[np.void],
+    trajectories: NDArray[np.void],
+    commands: FloatArray,
+) -> None:
+    """Write the commands of all running worlds for their references: one row a world, see `drive`."""
+    for world in range(len(running)):
+        if running[world]:
+            command = drive(
+                scan[0], valid[world], odometry[world], drivers[world], references[world], memories[world],
+                trajectories,
+            )  # fmt: skip
+            commands[world, 0], commands[world, 1] = command
 
 
 @kernel
@@ -171,42 +229,57 @@ def drive(
     valid: FloatArray,
     odometry: Record,
     driver: Record,
+    reference: Record,
     memory: Record,
-    paths: NDArray[np.void],
-    steering_angle: float,
-    speed: float,
+    trajectories: NDArray[np.void],
 ) -> tuple[float, float]:
-    """Return the command for a wish: steering angle [rad] and speed [m/s]; without odometry, 0 and 0.
+    """Return the command for a reference: steering angle [rad] and speed [m/s].
+
+    Without a reference, and without odometry, the car brakes.
 
     Args:
       scan: of type SCAN.
       valid: its readings (n,) [m], without NaN or inf.
       odometry: of type ODOMETRY.
       driver: of type DRIVER.
+      reference: of type REFERENCE.
       memory: of type DRIVING_MEMORY, written to.
-      paths: tables of type PATHS; `driver.paths` is the place of the planner's own.
-      steering_angle: wished [rad].
-      speed: wished [m/s].
+      trajectories: tables of type TRAJECTORIES; `driver.trajectories` is the index of the planner's own.
     """
-    if not math.isfinite(odometry.speed + odometry.steering_angle):
-        return brake(scan, odometry, driver, memory)
+    if math.isnan(reference.steering_angle) or not math.isfinite(odometry.speed + odometry.steering_angle):
+        return _brake(scan, odometry, driver, memory)
+    speed = reference.speed
+    if driver.forward_distance:
+        speed = min(speed, _speed_by_what_is_ahead(scan, valid, driver))
     if driver.stopping:
-        table = paths[driver.paths]
+        table = trajectories[driver.trajectories]
         widened = widen_all(valid, scan.angle_increment, table.radius)
-        _note_the_way(scan, odometry, driver, memory)
+        _extend_history(scan, odometry, driver, memory)
         in_sight = safe_speed(
             table, widened, scan.angle_min, scan.angle_increment, odometry.speed, odometry.steering_angle
         )
-        if driver.way_out:
-            return _drive_with_way_out(scan, widened, odometry, driver, memory, steering_angle, speed, in_sight)
+        if driver.safety_filter:
+            return _drive_filtered(scan, widened, odometry, driver, memory, reference.steering_angle, speed, in_sight)
         speed = min(speed, in_sight)
     if not driver.friction:
-        return saturate(steering_angle, driver.car.max_steering_angle), speed
-    return _hold(scan, odometry, driver, memory, steering_angle, speed, driver.guard.settings.least_lateral_use)
+        return saturate(reference.steering_angle, driver.car.max_steering_angle), speed
+    least_use = driver.limiter.settings.least_lateral_use
+    return _hold(scan, odometry, driver, memory, reference.steering_angle, speed, least_use)
 
 
 @kernel
-def _drive_with_way_out(
+def _speed_by_what_is_ahead(scan: Record, valid: FloatArray, driver: Record) -> float:
+    """Return the speed [m/s] by the law of the distance straight ahead; inf where the scan does not look ahead."""
+    first, end = beams_between(scan, len(valid), -_AHEAD, _AHEAD)
+    ahead = math.inf
+    for beam in range(first, end):
+        ahead = min(ahead, valid[beam])
+    settings = driver.settings
+    return forward_distance_speed(ahead, settings.safe_distance, settings.full_speed_distance, driver.max_speed)
+
+
+@kernel
+def _drive_filtered(
     scan: Record,
     widened: FloatArray,
     odometry: Record,
@@ -216,50 +289,62 @@ def _drive_with_way_out(
     speed: float,
     in_sight: float,
 ) -> tuple[float, float]:
-    """Return the command for a wish, or for the way beside it on which the car can stop; arguments as in `drive`.
+    """Return the command for a reference that passes the safety filter, or for the direction that the filter chooses.
 
-    Beside the wish it brakes. With a way out it does at least crawl, even where nothing that is planned softly is free.
-    Where it has come to stand without one it goes back, and tries again.
+    In another direction than the reference's the car brakes, but not below the crawl speed as long as a direction is
+    free. Where it stands and no direction is free it reverses, and tries again.
+
+    Args:
+      scan: of type SCAN.
+      widened: readings (n,) [m], widened by the disc over the car's front.
+      odometry: of type ODOMETRY.
+      driver: of type DRIVER.
+      memory: of type DRIVING_MEMORY, written to.
+      steering_angle: of the reference [rad].
+      speed: of the reference, by the speed laws [m/s].
+      in_sight: from which the car stops within what it sees [m/s].
     """
     angle, now, car = odometry.steering_angle, odometry.speed, driver.car
-    guard, settings, trail, period = driver.guard, driver.escape, memory.trail, period_of(scan)
-    wish = saturate(steering_angle, car.max_steering_angle)
-    if trail.tried > 0:
-        speed = min(speed, driver.backing.speed)
-    wished_speed = min(speed, max(in_sight, settings.crawl_speed))
-    way, use, found = way_out(
-        guard, memory.guard, settings, widened, scan.angle_min, scan.angle_increment, wish, wished_speed, angle, now,
-        period,
+    limiter, settings, history, period = driver.limiter, driver.filter_settings, memory.history, period_of(scan)
+    reference = saturate(steering_angle, car.max_steering_angle)
+    if history.tried > 0:
+        speed = min(speed, driver.recovery_settings.speed)
+    reference_speed = min(speed, max(in_sight, settings.crawl_speed))
+    safe, use, found = safe_steering(
+        limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference, reference_speed,
+        angle, now, period,
     )  # fmt: skip
-    if driver.backs_out and backs(trail, driver.backing, abs(now) < _STANDING, found, period):
-        back = saturate(angle_back(trail, car.wheelbase), car.max_steering_angle)
-        return _hold(scan, odometry, driver, memory, back, -driver.backing.speed, use)
+    stands = abs(now) < settings.standing_speed
+    if driver.recovery and reverses(history, driver.recovery_settings, stands, found, period):
+        back = saturate(angle_along_history(history, car.wheelbase), car.max_steering_angle)
+        return _hold(scan, odometry, driver, memory, back, -driver.recovery_settings.speed, use)
     if not found:
         speed = 0.0 if now > settings.crawl_speed else min(speed, in_sight)
-        return _hold(scan, odometry, driver, memory, way, speed, use)
-    if way != wish:
-        return _hold(scan, odometry, driver, memory, way, min(speed, settings.crawl_speed), use)
-    return _hold(scan, odometry, driver, memory, steering_angle, wished_speed, use)
+        return _hold(scan, odometry, driver, memory, safe, speed, use)
+    if safe != reference:
+        return _hold(scan, odometry, driver, memory, safe, min(speed, settings.crawl_speed), use)
+    return _hold(scan, odometry, driver, memory, steering_angle, reference_speed, use)
 
 
 @kernel
-def brake(scan: Record, odometry: Record, driver: Record, memory: Record) -> tuple[float, float]:
-    """Return the command to stop as hard as the tires hold, the wheels kept as they are; arguments as in `drive`.
+def _brake(scan: Record, odometry: Record, driver: Record, memory: Record) -> tuple[float, float]:
+    """Return the command to stop as hard as the tires hold, with the present steering angle; arguments as in `drive`.
 
     Without the friction law, and without odometry, that is 0 and 0.
     """
-    _note_the_way(scan, odometry, driver, memory)
+    _extend_history(scan, odometry, driver, memory)
     if not driver.friction:
         return 0.0, 0.0
-    least = driver.guard.settings.least_lateral_use
+    least = driver.limiter.settings.least_lateral_use
     return _hold(scan, odometry, driver, memory, odometry.steering_angle, 0.0, least)
 
 
 @kernel
-def _note_the_way(scan: Record, odometry: Record, driver: Record, memory: Record) -> None:
-    """Keep what the car needs to know to go back; once in every tick, whatever is decided."""
-    if driver.backs_out:
-        follow(memory.trail, driver.backing, odometry.speed, odometry.angular_velocity[2], period_of(scan))
+def _extend_history(scan: Record, odometry: Record, driver: Record, memory: Record) -> None:
+    """Add the last tick to the path history, in every tick, whatever is commanded."""
+    if driver.recovery:
+        yaw_rate = odometry.angular_velocity[2]
+        extend_history(memory.history, driver.recovery_settings, odometry.speed, yaw_rate, period_of(scan))
 
 
 @kernel
@@ -272,5 +357,6 @@ def _hold(
     speed: float,
     least_use: float,
 ) -> tuple[float, float]:
+    """Return the command nearest to a reference that the friction limiter allows."""
     angle, now = odometry.steering_angle, odometry.speed
-    return guarded(driver.guard, memory.guard, steering_angle, speed, least_use, angle, now, period_of(scan))
+    return limited(driver.limiter, memory.limiter, steering_angle, speed, least_use, angle, now, period_of(scan))

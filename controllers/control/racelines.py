@@ -1,7 +1,7 @@
 """Lines through a map and how fast they can be driven: what a planner with a map follows.
 
     points, speeds = read_line("Monza_raceline.csv")
-    table = line_table(points, speeds, closed=True, guard=FrictionGuard(car, mu), max_speed=8.0, **shares)
+    table = line_table(points, speeds, closed=True, limiter=FrictionLimiter(car, mu), max_speed=8.0, **shares)
 
 Read are two formats of the community, told apart by their columns; lines starting with `#` are comments:
 
@@ -20,8 +20,8 @@ from fg_mujoco.errors import SettingsError
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
-from ..safety.friction_limiter import FrictionGuard, longitudinal_share
-from .records import Record
+from ..safety.friction_limiter import FrictionLimiter, longitudinal_share
+from .settings import Record
 
 SPACING = 0.1  # [m] of the points of a table, about
 X, Y, SPEED, STEP = range(4)
@@ -78,7 +78,7 @@ def line_table(
     speeds: FloatArray,
     *,
     closed: bool,
-    guard: FrictionGuard | None,
+    limiter: FrictionLimiter | None,
     max_speed: float,
     curvature_span: float,
     cornering_use: float,
@@ -90,10 +90,10 @@ def line_table(
       points: in driving order, (n, 2) [m].
       speeds: that they are not to be driven faster than, (n,) [m/s].
       closed: whether the last point leads to the first; one that repeats it is dropped. Else the car stops at the last.
-      guard: what the tires hold; None: no limits.
+      limiter: what the tires hold; None: no limits.
       max_speed: [m/s].
       curvature_span: to either side of a point, for its curvature [m].
-      cornering_use: share of the guard's cornering acceleration.
+      cornering_use: share of the limiter's cornering acceleration.
       braking_use: share of its braking and accelerating.
 
     Raises:
@@ -116,8 +116,8 @@ def line_table(
     if not closed:
         table[-1, STEP] = 0.0
     table[:, SPEED] = np.minimum(np.interp(places, along, np.minimum(speeds, max_speed)), max_speed)
-    if guard is not None:
-        limit_speeds(table, curvature(table, curvature_span, closed), guard.record[0], cornering_use, braking_use)
+    if limiter is not None:
+        limit_speeds(table, curvature(table, curvature_span, closed), limiter.record[0], cornering_use, braking_use)
     return table
 
 
@@ -142,33 +142,35 @@ def curvature(table: FloatArray, span: float, closed: bool) -> FloatArray:
 
 
 @kernel
-def limit_speeds(table: FloatArray, bend: FloatArray, guard: Record, cornering_use: float, braking_use: float) -> None:
+def limit_speeds(
+    table: FloatArray, bend: FloatArray, limiter: Record, cornering_use: float, braking_use: float
+) -> None:
     """Lower the speeds of a table to what the tires hold: cornering, and braking and accelerating beside it.
 
     A pass against the driving direction, in which each speed is at most what can be braked from to the next, and one
-    along it, in which it is at most what can be accelerated to from the one before. Braking and accelerating have what
-    cornering leaves (friction_guard.longitudinal_share). A closed line is gone round twice, so that it does not matter
-    where it begins; at the end of an open one the car stands.
+    along it, in which it is at most what can be accelerated to from the one before. Braking and accelerating have
+    what cornering leaves (friction_limiter.longitudinal_share). A closed line is gone round twice, so that it does
+    not matter where it begins; at the end of an open one the car stands.
 
     Source: the field's forward-backward solver, as in TUM's trajectory planning helpers (A. Heilmeier et al., 2019).
     """
-    count, step, grip = len(table), table[0, STEP], guard.mu * guard.car.gravity
+    count, step, grip = len(table), table[0, STEP], limiter.mu * limiter.car.gravity
     closed = table[-1, STEP] > 0.0
     for point in range(count):
         if bend[point] != 0.0:
-            corner = math.sqrt(cornering_use * guard.lateral / abs(bend[point]))
+            corner = math.sqrt(cornering_use * limiter.lateral / abs(bend[point]))
             table[point, SPEED] = min(table[point, SPEED], corner)
     if not closed:
         table[-1, SPEED] = 0.0
     rounds = 2 * count if closed else count - 1
     for direction in (-1, 1):
-        most = braking_use * (guard.braking if direction < 0 else guard.accelerating)
+        most = braking_use * (limiter.braking if direction < 0 else limiter.accelerating)
         point = count - 1 if direction < 0 else 0
         for _ in range(rounds):
             near = (point + direction) % count
             if direction < 0 or point > 0 or closed:
                 known = table[point, SPEED]
-                share = longitudinal_share(known * known * abs(bend[point]) / grip)
+                share = longitudinal_share(known * known * abs(bend[point]) / grip, limiter.exponent)
                 reached = math.sqrt(known * known + 2.0 * most * share * step)
                 table[near, SPEED] = min(table[near, SPEED], reached)
             point = near

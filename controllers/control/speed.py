@@ -4,8 +4,8 @@ Each has a name, by which any planner's setting `speed_law` chooses it:
 
 forward_distance   by the distance straight ahead: stop, full speed, and in between in proportion
 range_ratio        by the mean range towards the goal over the lookahead
-friction           v = sqrt(g mu b / tan|d|), held in transients by friction_guard
-stopping           the car stops within what the scan shows: stopping_paths
+friction           v = sqrt(g mu b / tan|d|), held in transients by friction_limiter
+stopping           the car stops within what the scan shows: braking_trajectories
 minimum            the slowest of them all, the default
 
 Kernels: to be called from Python and from other kernels alike. `driving` puts them together.

@@ -103,3 +103,14 @@ def middle_of(first: int, end: int) -> float:
 def range_at(ranges: FloatArray, place: float) -> float:
     """Return the reading [m] at a place between two beams: the nearer of the two."""
     return float(min(ranges[math.floor(place)], ranges[math.ceil(place)]))
+
+
+@kernel
+def run_around(ranges: FloatArray, beam: int, first: int, end: int) -> tuple[int, int]:
+    """Return the run of readings above 0 that a beam is in, within `ranges[first:end]`."""
+    start, stop = beam, beam
+    while start > first and ranges[start - 1] > 0.0:
+        start -= 1
+    while stop < end and ranges[stop] > 0.0:
+        stop += 1
+    return start, stop

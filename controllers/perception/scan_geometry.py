@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray, LaserScan, ScanGeometry
 
-from ..control.records import Record
+from ..control.settings import Record
 
 _PERIOD = 0.025  # [s] of the field's LiDARs, for scans that do not tell theirs
 _LEAST_INCREMENT = 1e-9  # [rad] below it, counts of beams overflow
@@ -39,7 +39,10 @@ def sees(scan: Record, valid: FloatArray) -> bool:
     """Say whether there is a scan to plan with: two beams or more, not all zero, a sensible angle between them."""
     if len(valid) < 2 or not _LEAST_INCREMENT < scan.angle_increment < 2.0 * math.pi:
         return False
-    return bool(np.max(valid) > 0.0)
+    for distance in valid:  # noqa: SIM110  # numba compiles a loop sooner than a generator
+        if distance > 0.0:
+            return True
+    return False
 
 
 @kernel

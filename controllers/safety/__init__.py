@@ -1,1 +1,6 @@
-"""TODO."""
+"""What keeps the car from hitting things and from sliding, the same for all planners.
+
+The car is never faster than it can stop within what it sees (braking_trajectories). A reference after which it could
+not stop is replaced (safety_filter). Where it stands without a way on, it reverses and tries again (recovery). What
+is then commanded stays within what the tires hold (friction_limiter).
+"""

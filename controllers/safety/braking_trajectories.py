@@ -1,34 +1,43 @@
-"""How fast the car may go so that it can still stop within what the scan shows.
+"""Braking trajectories: how fast the car may go so that it can still stop within what the scan shows.
 
-For a grid of speeds and of shares of the grip used for turning, the path of a car that turns with that share and
-brakes with what cornering leaves is worked out once. A scan is then looked up: a path is free when each of its points
-is nearer than the reading in its direction, in a scan whose readings are widened by a disc that covers the car's front.
-The fastest speed with a free path is safe.
+For a grid of speeds and of shares of the grip used for turning, the trajectory of a car that turns with that share
+and brakes with what cornering leaves is computed once. With each scan the trajectories are looked up: one is free
+when each of its points is nearer than the reading in its direction, in a scan whose readings are widened by a disc
+that covers the car's front. The fastest speed with a free trajectory is safe.
 
-A stop is planned with less than half of the cornering acceleration a, although the tires brake harder, because at a
-blind corner the car must be able to turn as well as to stop: braking with a / 2 takes v^2 / a, which is the radius of
-the circle on which it can turn aside at that speed when the corner opens.
+A stop is planned with less than half of the cornering acceleration a, although the tires can brake harder: at a blind
+corner the car must be able to turn as well as to stop. Braking with a / 2 takes v^2 / a, which is the radius of the
+circle on which the car can turn aside at that speed when the corner opens.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fg_mujoco.errors import SettingsError
 from fg_mujoco.kernels import kernel
-from fg_mujoco.messages import CarParameters, FloatArray, require
+from fg_mujoco.messages import CarParameters, FloatArray
 
-from ..control.records import Record, record_type
-from .friction_limiter import FrictionGuard, GuardSettings, longitudinal_share
+from ..control.settings import (
+    FROM_ZERO,
+    POSITIVE,
+    SHARE,
+    Record,
+    Settings,
+    for_car,
+    record_type,
+    record_values,
+    setting,
+    setting_of_car,
+)
+from .friction_limiter import FrictionLimiter, FrictionLimiterSettings, longitudinal_share
 
 _TURNING = np.array([0.0, 0.15, 0.3, 0.45, 0.6, 0.7, 0.8])  # shares of the cornering grip to turn aside with
 _PRESENT = np.array([-0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0])  # shares in use when the scan is taken
-_LEAST_SPEED = 0.5  # [m/s]
 _SPEEDS = 48
 _POINTS = 24
 _STEP = 0.01  # [s] of the integration
@@ -37,98 +46,97 @@ _GRID = (len(_PRESENT), _SPEEDS, len(_TURNING), _POINTS)
 
 
 @dataclass(frozen=True, kw_only=True)
-class StoppingSettings:
+class BrakingSettings(Settings):
     """What a stop is planned with.
 
     Raises:
-      SettingsError: a share that is not above 0 and at most 1; a time or a length that is negative or not finite.
+      SettingsError: a share that is not above 0 and at most 1; a time or a length that is negative or not finite; a
+        speed that is not positive.
     """
 
-    braking_share: float = 0.43  # of the cornering acceleration: a half, and a margin for the turning in
-    reaction: float = 0.045  # [s] a tick, and the servo's lag
-    margin: float = 0.55  # [m] ahead of the bumper at a stop: what turning in takes
-    clearance: float = 0.02  # [m] round the car's front
-
-    def __post_init__(self) -> None:
-        require(self, lambda value: 0.0 < value <= 1.0, "a share above 0, at most 1", ("braking_share",), SettingsError)
-        others = ("reaction", "margin", "clearance")
-        require(self, lambda value: 0.0 <= value < math.inf, "a number from 0", others, SettingsError)
+    braking_share: float = setting(
+        0.43, "", "share of the cornering acceleration: a half, less a margin for turning in", SHARE
+    )
+    reaction: float = setting(0.045, "s", "a tick and the servo's lag", FROM_ZERO)
+    margin: float = setting_of_car(0.55, "m", "ahead of the bumper at a stop: what turning in takes", FROM_ZERO)
+    clearance: float = setting_of_car(0.02, "m", "round the car's front", FROM_ZERO)
+    least_speed: float = setting_of_car(0.5, "m/s", "slowest speed that is looked at", POSITIVE)
 
 
-PATHS = np.dtype(
+TRAJECTORIES = np.dtype(
     [
         ("radius", np.float64),  # [m] of the disc that covers the car's front
         ("lateral", np.float64),  # [m/s^2] that may be used in cornering
         ("wheelbase", np.float64),  # [m]
         ("speeds", np.float64, (_SPEEDS,)),  # [m/s] slowest first
-        # of the disc's centre along the paths that turn left, as the LiDAR sees it from where the car is now
+        # of the disc's centre along the trajectories that turn left, as the LiDAR sees it from where the car is now
         ("bearings", np.float32, _GRID),  # [rad]
         ("distances", np.float32, _GRID),  # [m]
     ]
 )
-"""All stopping paths of a car: half a megabyte."""
+"""Type of the table of all braking trajectories of a car: half a megabyte."""
 
 
-class StoppingPaths:
+class BrakingTrajectories:
     """The fastest speed from which the car can stop in sight.
 
     Args:
       car: parameters of the car.
-      guard: what the tires hold.
+      limiter: what the tires hold.
       max_speed: fastest speed of interest [m/s].
       settings: what a stop is planned with.
 
     Attributes:
-      radius: what readings are to be widened by [m].
+      radius: by which readings are to be widened [m].
       speeds: the speeds that are looked at [m/s].
-      record: the paths, shape (1,), of type PATHS, read-only; all that are asked for the same share it.
+      record: the table, shape (1,), of type TRAJECTORIES, read-only. Objects made with equal arguments share it.
     """
 
     def __init__(
-        self, car: CarParameters, guard: FrictionGuard, max_speed: float, settings: StoppingSettings | None = None
+        self, car: CarParameters, limiter: FrictionLimiter, max_speed: float, settings: BrakingSettings | None = None
     ) -> None:
-        self.settings = settings or StoppingSettings()
-        self.record = _paths(car, guard.mu, guard.settings, max_speed, self.settings)
+        self.settings = for_car(settings or BrakingSettings(), car)
+        self.record = _table(car, limiter.mu, limiter.settings, max_speed, self.settings)
         self.radius = float(self.record["radius"][0])
         self.speeds: FloatArray = self.record["speeds"][0]
 
     def safe_speed(
         self, widened: FloatArray, angle_min: float, angle_increment: float, speed: float, steering_angle: float
     ) -> float:
-        """Return the greatest speed [m/s] with a free stopping path; for the arguments see the kernel `safe_speed`."""
+        """Return the greatest speed [m/s] with a free trajectory; for the arguments see the kernel `safe_speed`."""
         return safe_speed(self.record[0], widened, angle_min, angle_increment, speed, steering_angle)
 
 
 @kernel
 def safe_speed(
-    paths: Record,
+    trajectories: Record,
     widened: FloatArray,
     angle_min: float,
     angle_increment: float,
     speed: float,
     steering_angle: float,
 ) -> float:
-    """Return the greatest speed [m/s] with a free stopping path, 0 where there is none.
+    """Return the greatest speed [m/s] with a free braking trajectory, 0 where there is none.
 
     Args:
-      paths: of type PATHS.
-      widened: readings (n,) [m], each widened by `paths.radius`.
+      trajectories: of type TRAJECTORIES.
+      widened: readings (n,) [m], each widened by `trajectories.radius`.
       angle_min: bearing of the first [rad].
       angle_increment: between them [rad].
       speed: present [m/s].
       steering_angle: present [rad].
     """
-    share = speed * speed * math.tan(steering_angle) / (paths.wheelbase * paths.lateral)
+    share = speed * speed * math.tan(steering_angle) / (trajectories.wheelbase * trajectories.lateral)
     if len(widened) == 0:
         return 0.0
     for fast in range(_SPEEDS - 1, -1, -1):
         for side in (1, -1):
             present = _nearest(_PRESENT, side * share)
             for turning in range(len(_TURNING)):
-                bearings = paths.bearings[present, fast, turning]
-                distances = paths.distances[present, fast, turning]
+                bearings = trajectories.bearings[present, fast, turning]
+                distances = trajectories.distances[present, fast, turning]
                 if _is_free(widened, angle_min, angle_increment, side, bearings, distances):
-                    return float(paths.speeds[fast])
+                    return float(trajectories.speeds[fast])
     return 0.0
 
 
@@ -141,7 +149,7 @@ def _is_free(
     bearings: NDArray[np.float32],
     distances: NDArray[np.float32],
 ) -> bool:
-    """Return whether every point of a path, turned to `side` (1 left, -1 right), is nearer than the reading there."""
+    """Return whether each point of a trajectory to `side` (1 left, -1 right) is nearer than the reading there."""
     for point in range(_POINTS - 1, -1, -1):  # the far ones first: those are the ones that fail
         place = np.rint((side * bearings[point] - angle_min) / angle_increment)
         beam = int(min(len(widened) - 1.0, max(0.0, place)))
@@ -161,54 +169,58 @@ def _nearest(grid: FloatArray, value: float) -> int:
 
 
 @lru_cache(maxsize=8)
-def _paths(
-    car: CarParameters, mu: float, guard_settings: GuardSettings, max_speed: float, settings: StoppingSettings
+def _table(
+    car: CarParameters,
+    mu: float,
+    limiter_settings: FrictionLimiterSettings,
+    max_speed: float,
+    settings: BrakingSettings,
 ) -> NDArray[np.void]:
-    """Return the table of one car, shape (1,), of type PATHS, read-only."""
-    guard = FrictionGuard(car, mu, guard_settings)
-    table = np.zeros(1, PATHS)
+    """Return the table of one car, shape (1,), of type TRAJECTORIES, read-only."""
+    limiter = FrictionLimiter(car, mu, limiter_settings)
+    table = np.zeros(1, TRAJECTORIES)
     # a disc over the car's front corners, its centre a quarter of the width behind the bumper
     table["radius"] = math.hypot(0.5 * car.width, 0.25 * car.width) + settings.clearance
-    table["lateral"], table["wheelbase"] = guard.lateral, car.wheelbase
-    table["speeds"] = np.linspace(_LEAST_SPEED, max(max_speed, _LEAST_SPEED), _SPEEDS)
-    row = np.array([astuple(settings)], record_type(StoppingSettings))
-    table["bearings"], table["distances"] = _all_paths(guard.record[0], row[0], table["speeds"][0])
+    table["lateral"], table["wheelbase"] = limiter.lateral, car.wheelbase
+    table["speeds"] = np.linspace(settings.least_speed, max(max_speed, settings.least_speed), _SPEEDS)
+    row = np.array([record_values(settings)], record_type(BrakingSettings))
+    table["bearings"], table["distances"] = _all_trajectories(limiter.record[0], row[0], table["speeds"][0])
     table.flags.writeable = False
     return table
 
 
 @kernel
-def _all_paths(guard: Record, settings: Record, speeds: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return bearings [rad] and distances [m] of the points of all stopping paths that turn left. Shape _GRID."""
+def _all_trajectories(limiter: Record, settings: Record, speeds: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return bearings [rad] and distances [m] of the points of all braking trajectories that turn left. Shape _GRID."""
     bearings, distances = np.empty(_GRID), np.empty(_GRID)
     trace = np.empty((_LONGEST_STOP + 1, 4))
     for present in range(len(_PRESENT)):
         for fast in range(_SPEEDS):
             for turning in range(len(_TURNING)):
-                steps = _stop(guard, settings, speeds[fast], _PRESENT[present], _TURNING[turning], trace)
-                path = (present, fast, turning)
-                _spread_points(guard.car, settings, trace[: steps + 1], bearings[path], distances[path])
+                steps = _stop(limiter, settings, speeds[fast], _PRESENT[present], _TURNING[turning], trace)
+                place = (present, fast, turning)
+                _spread_points(limiter.car, settings, trace[: steps + 1], bearings[place], distances[place])
     return bearings, distances
 
 
 @kernel
-def _stop(guard: Record, settings: Record, speed: float, present: float, turning: float, trace: FloatArray) -> int:
+def _stop(limiter: Record, settings: Record, speed: float, present: float, turning: float, trace: FloatArray) -> int:
     """Write x [m], y [m], heading [rad] and way [m] of the rear axle at each step of a stop; return how many steps.
 
     The car starts at `speed` [m/s] with the share `present` of the cornering grip in use and turns to the share
     `turning` once it has reacted.
     """
-    tightest = math.tan(guard.car.max_steering_angle) / guard.car.wheelbase
-    braking = min(settings.braking_share * guard.lateral, guard.braking)
-    curvature = min(max(present * guard.lateral / speed**2, -tightest), tightest)
+    tightest = math.tan(limiter.car.max_steering_angle) / limiter.car.wheelbase
+    braking = min(settings.braking_share * limiter.lateral, limiter.braking)
+    curvature = min(max(present * limiter.lateral / speed**2, -tightest), tightest)
     x, y, heading, way = 0.0, 0.0, 0.0, 0.0
     trace[0, 0], trace[0, 1], trace[0, 2], trace[0, 3] = x, y, heading, way
     for step in range(_LONGEST_STOP):
         if step * _STEP >= settings.reaction:
-            wanted = min(turning * guard.lateral / max(speed, 0.1) ** 2, tightest)
-            curvature += (wanted - curvature) * (1.0 - math.exp(-speed * _STEP / guard.yaw_lag))
-            used = min(abs(curvature) * speed**2 / guard.lateral, 0.999)  # below 1, or it never stops
-            speed = max(speed - braking * longitudinal_share(used) * _STEP, 0.0)
+            wanted = min(turning * limiter.lateral / max(speed, 0.1) ** 2, tightest)
+            curvature += (wanted - curvature) * (1.0 - math.exp(-speed * _STEP / limiter.yaw_lag))
+            used = min(abs(curvature) * speed**2 / limiter.lateral, 0.999)  # below 1, or it never stops
+            speed = max(speed - braking * longitudinal_share(used, limiter.exponent) * _STEP, 0.0)
         distance = speed * _STEP
         heading += curvature * distance
         x += distance * math.cos(heading)
@@ -228,7 +240,7 @@ def _spread_points(
 
     Args:
       car: of type CAR.
-      settings: fields of StoppingSettings.
+      settings: fields of BrakingSettings.
       trace: of the rear axle, (steps, 4), see `_stop`.
       bearings: (points,) [rad], written to.
       distances: (points,) [m], written to.

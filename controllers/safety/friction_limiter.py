@@ -1,28 +1,31 @@
-"""The friction law held in transients: a wish in, out comes the nearest command that no tire slides under.
+"""The friction limiter: the command nearest to a reference command that the tires can follow without sliding.
 
-The law v = sqrt(g mu b / tan|d|) is a statement about a steady circle. A tick needs it read in five ways; k is the
-path's curvature tan(d) / b at the rear axle, and a = mu g what the tires can hold:
+The friction law v = sqrt(g mu b / tan|d|) describes a steady circle. A moving car needs more than that. In each tick
+the limiter applies five limits; k is the curvature tan(d) / b of the path at the rear axle, and a = mu g the
+acceleration that the tires can hold:
 
-1. speed for the wished steering: v <= sqrt(b a / tan|d|);
-2. steering at the present speed: |d| <= atan(b a / v^2). Steering turns faster than the car slows, so this is what
-   binds at a corner's entry; then the steering waits and part of the grip is kept for braking;
-3. turning in: to spin the car up in yaw the front tires carry m lr / b (v^2 k + c v dk/dt), with
-   c = (Izz + m lr^2) / (m lr), some .245 m; turning the wheels in may take a share of what v^2 k leaves;
-4. braking and accelerating: open differentials give every wheel the same torque, and load moves off the rear axle
-   in braking, off the front axle in accelerating, so the lighter axle lets go first, straight ahead at
-   g (l / b) / (h / b + 1 / (2 mu)), l = lf in braking and lr in accelerating. In a corner the lighter inner wheel
-   goes before: (1 - ay / a)^0.7 of that is what this car's tires were measured to hold on steady circles, for mu .6
-   and 1.0489, and ^0.8 is what is used, because turning in and braking at once is no steady circle;
-5. load takes the suspension's time to move: braking and accelerating grow over it, and may fall at once.
+1. Speed at the commanded steering angle: v <= sqrt(b a / tan|d|).
+2. Steering angle at the present speed: |d| <= atan(b a / v^2). Steering turns faster than the car slows, so this limit
+   is the active one at a corner's entry. The steering then waits, and part of the grip is kept for braking.
+3. Steering rate: to change the car's yaw rate the front tires carry m lr / b (v^2 k + c v dk/dt), with
+   c = (Izz + m lr^2) / (m lr), about .245 m. Turning the wheels may use a share of what v^2 k leaves.
+4. Braking and accelerating: open differentials give every wheel the same torque. Load moves off the rear axle in
+   braking and off the front axle in accelerating, so straight ahead the lighter axle slides first, at
+   g (l / b) / (h / b + 1 / (2 mu)), with l = lf in braking and lr in accelerating. In a corner the lighter inner wheel
+   slides first: at a share u of the lateral grip a share (1 - u)^p of the straight-line limit is left. For the F1TENTH
+   car p = .7 was measured on steady circles, at mu .6 and 1.0489, and p = .8 is used, because turning in and braking
+   at once is not a steady circle. `cornering_exponent` scales p for cars that move more load to the outer wheels.
+5. Load moves in the time that the suspension takes: braking and accelerating grow over that time, and may fall at once.
 
-Sources: 1 is of the notes of the field's gap_finder_base; 3 and 4 are Newton and Euler for the rigid single-track
-car and moments about its axles; the exponent is a fit, which tests/test_friction_guard.py holds against the car.
+Sources: 1 is in the notes of the field's gap_finder_base. 3 and 4 are Newton's and Euler's laws for the rigid
+single-track car, and moments about its axles. The exponent is a fit; tests/test_friction_limiter.py compares it with
+the simulated car.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import astuple, dataclass, fields
+from dataclasses import astuple, dataclass
 
 import numpy as np
 
@@ -30,67 +33,101 @@ from fg_mujoco.errors import SettingsError
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import CarParameters, DriveCommand, Odometry, require
 
-from ..control.records import CAR, Record, record_type
+from ..control.settings import (
+    CAR,
+    POSITIVE,
+    SHARE,
+    Record,
+    Settings,
+    for_car,
+    record_type,
+    record_values,
+    setting,
+    setting_of_car,
+)
 from ..control.speed import friction_speed, friction_steering
 from ..control.steering import saturate
 
+_CORNERING_EXPONENT = 0.8  # of the F1TENTH car, see 4 above
+_LOAD_MOVED = 0.074 / 0.236  # height of the centre of gravity over the track width, of the F1TENTH car
+
 
 @dataclass(frozen=True, kw_only=True)
-class GuardSettings:
+class FrictionLimiterSettings(Settings):
     """Which shares of the tires' grip may be used, and how fast.
 
     Raises:
       SettingsError: a share that is not above 0 and at most 1; a time or a speed that is not a positive number.
     """
 
-    lateral_use: float = 0.95  # of mu g, in cornering
-    lateral_use_in_braking: float = 0.9  # of the above, when the car is too fast for the wished steering
-    least_lateral_use: float = 0.5  # of lateral_use, when it is too fast by `overspeed` for what it sees
-    overspeed: float = 0.7  # [m/s]
-    turn_in_use: float = 0.5  # of what cornering leaves, for turning the wheels in, or out
-    most_left: float = 2.0  # of mu g, that counts as left for it at most; all that there can be
-    braking_use: float = 0.92  # of the greatest braking that locks no axle
-    accelerating_use: float = 0.88  # of the greatest accelerating that spins none
-    load_transfer_time: float = 0.2  # [s] a period of the car's pitching on its springs
-    speed_response: float = 0.05  # [s] a wished speed is approached at (wish - speed) / this
-    steering_response: float = 0.022  # [s] the servo turns at most at (command - angle) / this: e / 100 rad/s
+    lateral_use: float = setting(0.95, "", "share of mu g, in cornering", SHARE)
+    lateral_use_in_braking: float = setting(
+        0.9, "", "share of lateral_use while the car is too fast for the reference steering angle", SHARE
+    )
+    least_lateral_use: float = setting(
+        0.5, "", "share of lateral_use while the car is too fast by `overspeed` for what it sees", SHARE
+    )
+    overspeed: float = setting_of_car(0.7, "m/s", "see least_lateral_use", POSITIVE)
+    turn_in_use: float = setting(0.5, "", "share of what cornering leaves, for turning the wheels in or out", SHARE)
+    most_left: float = setting(
+        2.0, "", "what cornering leaves counts as at most this share of mu g; 2 is all that there can be", POSITIVE
+    )
+    braking_use: float = setting(0.92, "", "share of the greatest braking that locks no axle", SHARE)
+    accelerating_use: float = setting(0.88, "", "share of the greatest accelerating that spins no wheel", SHARE)
+    load_transfer_time: float = setting(0.2, "s", "a period of the car's pitching on its springs", POSITIVE)
+    speed_response: float = setting(
+        0.05, "s", "a reference speed is approached at (reference - speed) / speed_response", POSITIVE
+    )
+    steering_response: float = setting(
+        0.022, "s", "the servo turns at most at (command - angle) / steering_response: e / 100 rad/s", POSITIVE
+    )
 
-    def __post_init__(self) -> None:
-        shares = tuple(f.name for f in fields(self) if "_use" in f.name)
-        others = tuple(f.name for f in fields(self) if "_use" not in f.name)
-        require(self, lambda value: 0.0 < value <= 1.0, "a share above 0, at most 1", shares, SettingsError)
-        require(self, lambda value: 0.0 < value < math.inf, "a positive number", others, SettingsError)
 
-
-GUARD = np.dtype(
+LIMITER = np.dtype(
     [
-        ("settings", record_type(GuardSettings)),
+        ("settings", record_type(FrictionLimiterSettings)),
         ("car", CAR),
         ("mu", np.float64),
-        ("lateral", np.float64),  # [m/s^2] these four: see FrictionGuard
+        ("lateral", np.float64),  # [m/s^2] these five: see FrictionLimiter
         ("braking", np.float64),  # [m/s^2]
         ("accelerating", np.float64),  # [m/s^2]
         ("yaw_lag", np.float64),  # [m]
+        ("exponent", np.float64),
     ]
 )
-"""What `guarded` is told of a guard."""
+"""Type of the row that `limited` reads."""
 
-GUARD_MEMORY = np.dtype([("acceleration", np.float64)])  # [m/s^2] that was last commanded
-"""What a guard keeps from one tick to the next; zero in the beginning."""
+LIMITER_MEMORY = np.dtype([("acceleration", np.float64)])  # [m/s^2] that was last commanded
+"""Type of what a limiter keeps from one tick to the next; zero at the beginning."""
+
+
+def cornering_exponent(car: CarParameters) -> float:
+    """Return the exponent p of the share (1 - u)^p of braking that cornering with a share u of the grip leaves.
+
+    It is the F1TENTH car's for cars that move as much load to the outer wheels, or less. For others it grows as half
+    of the grip in cornering demands of the inner wheel: (1 - 1/2)^p = sqrt(1 - 1/4) (1 - h / w), h the height of the
+    centre of gravity and w the track width.
+    """
+
+    def exponent(load_moved: float) -> float:
+        return math.log2(2.0 / (math.sqrt(3.0) * (1.0 - min(load_moved, 0.95))))
+
+    moved = car.center_of_gravity_height / car.track_width
+    return max(_CORNERING_EXPONENT, _CORNERING_EXPONENT * exponent(moved) / exponent(_LOAD_MOVED))
 
 
 @kernel
-def longitudinal_share(lateral_use: float) -> float:
+def longitudinal_share(lateral_use: float, exponent: float) -> float:
     """Return the share of straight-line braking and accelerating that is left at a share of the lateral grip.
 
-    1 straight ahead, 0 at the limit. Source: measured, see 4 above.
+    It is 1 straight ahead and 0 at the limit. `exponent` is that of the car, see 4 above.
     """
-    return float((1.0 - min(max(lateral_use, 0.0), 1.0)) ** 0.8)
+    return float((1.0 - min(max(lateral_use, 0.0), 1.0)) ** exponent)
 
 
 @kernel
-def guarded(
-    guard: Record,
+def limited(
+    limiter: Record,
     memory: Record,
     steering_angle: float,
     speed: float,
@@ -99,27 +136,27 @@ def guarded(
     speed_now: float,
     period: float,
 ) -> tuple[float, float]:
-    """Return the command nearest to the wish that the tires hold: steering angle [rad] and speed [m/s].
+    """Return the command nearest to the reference that the tires hold: steering angle [rad] and speed [m/s].
 
-    Where the present motion is no motion (NaN, inf, or such that its forces are), that is 0 and 0, and a fresh start.
+    Where the present motion is not finite, or its forces are not, that is 0 and 0, and the memory is reset.
 
     Args:
-      guard: of type GUARD.
-      memory: of type GUARD_MEMORY, written to.
-      steering_angle: wished [rad].
-      speed: wished [m/s], what the scan allows.
-      least_lateral_use: the share of the grip for cornering when the car is far too fast, see GuardSettings.
+      limiter: of type LIMITER.
+      memory: of type LIMITER_MEMORY, written to.
+      steering_angle: of the reference [rad].
+      speed: of the reference [m/s], which the scan allows.
+      least_lateral_use: share of the grip for cornering when the car is far too fast, see FrictionLimiterSettings.
       angle_now: present steering angle [rad].
       speed_now: present speed [m/s].
       period: until the next command [s].
     """
-    car, mu, now = guard.car, guard.mu * guard.settings.lateral_use, abs(speed_now)
-    wished = min(speed, friction_speed(steering_angle, mu, car.wheelbase, car.gravity))
-    target = saturate(steering_angle, _steering_limit(guard, wished, speed, now, least_lateral_use))
-    step = _steering_rate(guard, angle_now, now, target - angle_now) * guard.settings.steering_response
+    car, mu, now = limiter.car, limiter.mu * limiter.settings.lateral_use, abs(speed_now)
+    allowed = min(speed, friction_speed(steering_angle, mu, car.wheelbase, car.gravity))
+    target = saturate(steering_angle, _steering_limit(limiter, allowed, speed, now, least_lateral_use))
+    step = _steering_rate(limiter, angle_now, now, target - angle_now) * limiter.settings.steering_response
     command = angle_now + saturate(target - angle_now, step)
-    braking, accelerating = _shares_left(guard, angle_now, command, now)
-    acceleration = _approach(guard, memory.acceleration, wished - speed_now, braking, accelerating, period)
+    braking, accelerating = _shares_left(limiter, angle_now, command, now)
+    acceleration = _approach(limiter, memory.acceleration, allowed - speed_now, braking, accelerating, period)
     reached = speed_now + acceleration * car.speed_time_constant
     if not math.isfinite(command + reached):
         memory.acceleration = 0.0
@@ -129,72 +166,73 @@ def guarded(
 
 
 @kernel
-def _steering_limit(guard: Record, wished: float, speed: float, now: float, least_lateral_use: float) -> float:
-    """Return the greatest steering angle [rad] for now: less while the car has to slow down.
+def _steering_limit(limiter: Record, allowed: float, speed: float, now: float, least_lateral_use: float) -> float:
+    """Return the greatest steering angle [rad] for now, which is smaller while the car has to slow down.
 
     Args:
-      guard: of type GUARD.
-      wished: speed by the scan and by the wished steering [m/s].
+      limiter: of type LIMITER.
+      allowed: speed by the scan and by the reference steering angle [m/s].
       speed: by the scan alone [m/s].
       now: present [m/s].
-      least_lateral_use: the share when it is too fast by `overspeed`.
+      least_lateral_use: the share when the car is too fast by `overspeed`.
     """
-    car, settings = guard.car, guard.settings
+    car, settings = limiter.car, limiter.settings
     too_fast = min(max((now - speed) / settings.overspeed, 0.0), 1.0)
     use = 1.0 - too_fast * (1.0 - least_lateral_use)
-    if now > wished:
+    if now > allowed:
         use = min(use, settings.lateral_use_in_braking)
-    mu = guard.mu * settings.lateral_use * use
+    mu = limiter.mu * settings.lateral_use * use
     return float(min(friction_steering(now, mu, car.wheelbase, car.gravity), car.max_steering_angle))
 
 
 @kernel
-def _steering_rate(guard: Record, angle: float, now: float, turn: float) -> float:
+def _steering_rate(limiter: Record, angle: float, now: float, turn: float) -> float:
     """Return the greatest steering rate [rad/s] in the direction of `turn` that the front tires can carry."""
-    cornering = now * now * math.tan(angle) / guard.car.wheelbase
-    unused = max(guard.lateral - math.copysign(cornering, turn * cornering), 0.0)
-    unused = min(unused, guard.settings.most_left * guard.lateral)
-    curvature_rate = guard.settings.turn_in_use * unused / (guard.yaw_lag * max(now, 1e-3))
-    return float(min(curvature_rate * guard.car.wheelbase * math.cos(angle) ** 2, guard.car.max_steering_rate))
+    cornering = now * now * math.tan(angle) / limiter.car.wheelbase
+    unused = max(limiter.lateral - math.copysign(cornering, turn * cornering), 0.0)
+    unused = min(unused, limiter.settings.most_left * limiter.lateral)
+    curvature_rate = limiter.settings.turn_in_use * unused / (limiter.yaw_lag * max(now, 1e-3))
+    return float(min(curvature_rate * limiter.car.wheelbase * math.cos(angle) ** 2, limiter.car.max_steering_rate))
 
 
 @kernel
-def _shares_left(guard: Record, angle: float, command: float, now: float) -> tuple[float, float]:
+def _shares_left(limiter: Record, angle: float, command: float, now: float) -> tuple[float, float]:
     """Return the shares of straight-line braking and of straight-line accelerating that cornering leaves."""
-    cornering = now * now * math.tan(angle) / guard.car.wheelbase
-    next_cornering = now * now * math.tan(command) / guard.car.wheelbase
-    curvature_rate = (math.tan(command) - math.tan(angle)) / guard.car.wheelbase / guard.settings.steering_response
-    front = abs(cornering + guard.yaw_lag * now * curvature_rate)  # turning in takes more of the front tires
-    rear_lag = guard.car.yaw_inertia / (guard.car.mass * guard.car.front_axle_distance)
-    # and turning out more of the rear ones: twice as much by the slides measured in braking, in which they are the ones
-    # that let go first; accelerating loads them
+    cornering = now * now * math.tan(angle) / limiter.car.wheelbase
+    next_cornering = now * now * math.tan(command) / limiter.car.wheelbase
+    curvature_rate = (math.tan(command) - math.tan(angle)) / limiter.car.wheelbase / limiter.settings.steering_response
+    front = abs(cornering + limiter.yaw_lag * now * curvature_rate)  # turning in takes more of the front tires
+    rear_lag = limiter.car.yaw_inertia / (limiter.car.mass * limiter.car.front_axle_distance)
+    # Turning out takes more of the rear tires: twice as much by the slides measured in braking, in which the rear tires
+    # slide first. Accelerating loads them.
     rear = abs(cornering - 2.0 * rear_lag * now * curvature_rate)
-    most = guard.mu * guard.car.gravity
+    most = limiter.mu * limiter.car.gravity
     used = max(abs(cornering), abs(next_cornering), front)
-    return longitudinal_share(max(used, rear) / most), longitudinal_share(used / most)
+    braking = longitudinal_share(max(used, rear) / most, limiter.exponent)
+    return braking, longitudinal_share(used / most, limiter.exponent)
 
 
 @kernel
 def _approach(
-    guard: Record, last: float, missing_speed: float, braking: float, accelerating: float, period: float
+    limiter: Record, last: float, missing_speed: float, braking: float, accelerating: float, period: float
 ) -> float:
-    """Return the acceleration [m/s^2] to take up `missing_speed` [m/s] with, after that of the last tick.
+    """Return the acceleration [m/s^2] with which to take up `missing_speed` [m/s], after that of the last tick.
 
     `braking` and `accelerating` are the shares of those straight ahead that cornering leaves.
     """
-    growth = period / guard.settings.load_transfer_time
-    wished = missing_speed / guard.settings.speed_response
-    lowest = max(-guard.braking * braking, min(last, 0.0) - guard.braking * growth)
-    highest = min(guard.accelerating * accelerating, max(last, 0.0) + guard.accelerating * growth)
-    return float(min(max(wished, lowest), highest))
+    growth = period / limiter.settings.load_transfer_time
+    reference = missing_speed / limiter.settings.speed_response
+    lowest = max(-limiter.braking * braking, min(last, 0.0) - limiter.braking * growth)
+    highest = min(limiter.accelerating * accelerating, max(last, 0.0) + limiter.accelerating * growth)
+    return float(min(max(reference, lowest), highest))
 
 
-class FrictionGuard:
-    """Turns a wished steering angle and speed into a command that the tires can follow: `guarded`, for one car.
+class FrictionLimiter:
+    """Turns a reference steering angle and speed into a command that the tires can follow: `limited`, for one car.
 
     Args:
       car: parameters of the car.
-      mu: friction coefficient that the planner believes in.
+      mu: friction coefficient that the planner assumes.
       settings: shares of the grip.
 
     Attributes:
@@ -202,43 +240,45 @@ class FrictionGuard:
       braking: greatest deceleration straight ahead [m/s^2].
       accelerating: greatest acceleration straight ahead [m/s^2].
       yaw_lag: distance c over which the path's curvature follows the steering at the limit [m].
-      record: what `guarded` is told of it, shape (1,), of type GUARD.
+      exponent: of the share of braking and accelerating that cornering leaves, see `cornering_exponent`.
+      record: the row that `limited` reads, shape (1,), of type LIMITER.
 
     Raises:
       SettingsError: a friction coefficient that is not a positive number.
     """
 
-    def __init__(self, car: CarParameters, mu: float, settings: GuardSettings | None = None) -> None:
+    def __init__(self, car: CarParameters, mu: float, settings: FrictionLimiterSettings | None = None) -> None:
         self.car = car
         self.mu = mu
-        self.settings = settings or GuardSettings()
-        require(self, lambda value: 0.0 < value < math.inf, "a positive number", ("mu",), SettingsError)
+        self.settings = for_car(settings or FrictionLimiterSettings(), car)
+        require(self, POSITIVE.holds, POSITIVE.text, ("mu",), SettingsError)
         b, h = car.wheelbase, car.center_of_gravity_height
         lever = car.gravity / (h / b + 0.5 / mu) / b
         self.lateral = self.settings.lateral_use * mu * car.gravity
         self.braking = self.settings.braking_use * lever * car.front_axle_distance
         self.accelerating = self.settings.accelerating_use * lever * car.rear_axle_distance
         self.yaw_lag = car.rear_axle_distance + car.yaw_inertia / (car.mass * car.rear_axle_distance)
-        self.record = np.zeros(1, GUARD)
-        self.record["settings"], self.record["car"] = astuple(self.settings), astuple(car)
-        for name in ("mu", "lateral", "braking", "accelerating", "yaw_lag"):
+        self.exponent = cornering_exponent(car)
+        self.record = np.zeros(1, LIMITER)
+        self.record["settings"], self.record["car"] = record_values(self.settings), astuple(car)
+        for name in ("mu", "lateral", "braking", "accelerating", "yaw_lag", "exponent"):
             self.record[name] = getattr(self, name)
-        self._memory = np.zeros(1, GUARD_MEMORY)
+        self._memory = np.zeros(1, LIMITER_MEMORY)
 
     def reset(self) -> None:
         """Forget the last command."""
         self._memory.fill(0)
 
     def __call__(self, steering_angle: float, speed: float, odometry: Odometry, period: float) -> DriveCommand:
-        """Return the command nearest to the wish that the tires hold.
+        """Return the command nearest to the reference that the tires hold.
 
         Args:
-          steering_angle: wished [rad].
-          speed: wished [m/s], what the scan allows.
+          steering_angle: of the reference [rad].
+          speed: of the reference [m/s], which the scan allows.
           odometry: present motion.
           period: until the next command [s].
         """
         angle, now = odometry.steering_angle, odometry.speed
         least = self.settings.least_lateral_use
-        command = guarded(self.record[0], self._memory[0], steering_angle, speed, least, angle, now, period)
+        command = limited(self.record[0], self._memory[0], steering_angle, speed, least, angle, now, period)
         return DriveCommand(steering_angle=command[0], speed=command[1])

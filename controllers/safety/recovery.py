@@ -1,137 +1,135 @@
-"""Backing out: a car that stands where no way leads on goes back the way it came, and tries again, slowly.
+"""Recovery: a car that stands with no way on reverses along the path it came by, and tries again, slowly.
 
-The LiDAR does not see what is behind the car. But where it has come it can go back: the places of the rear axle are
-kept, some metres of them, by dead reckoning, and followed backwards by pure pursuit. From there it tries once more, no
-faster than it went back, so that it turns more sharply than when it first came; each time it goes back farther. When it
-has tried often enough it stays where it is: that is a dead end. Once it has come on by a good way, it has forgotten. If
-it does not move when it should go back, it lets it be.
+The LiDAR does not see behind the car, but the car can go back where it has come from. The positions of the rear axle
+are kept by dead reckoning, for 4.8 m of path at most, and followed backwards by pure pursuit. The car then tries
+again, no faster than it reversed, so that it turns more sharply than at first. Each attempt reverses farther than the
+one before. After the last attempt the car stays where it is: that is a dead end. After `come_on` of driving forward
+beyond where it stood the attempts are reset. If the car does not move when it is told to reverse, the attempt ends.
 
-Limits: what has come up behind the car meanwhile is not seen; a car that was put before a wall has no way back.
+Limits: obstacles behind the car are not seen. A car that was placed before a wall has no path to reverse along.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
-from fg_mujoco.errors import SettingsError
 from fg_mujoco.kernels import kernel
-from fg_mujoco.messages import require
 
-from ..control.records import Record
+from ..control.settings import POSITIVE, Record, Settings, setting, setting_of_car
 from ..control.steering import arc_through
 
-_POINTS = 96
-_SPACING = 0.05  # [m] of the points of the trail, or what a tick makes of it
-_REACH = 0.3  # [m] how far behind the rear axle is what it steers for
+_POINTS = 96  # of the path that are kept
 
 
 @dataclass(frozen=True, kw_only=True)
-class BackingSettings:
-    """When a car backs out, how far and how fast.
+class RecoverySettings(Settings):
+    """When a car reverses, how far and how fast.
 
     Raises:
       SettingsError: a value that is not a positive number.
     """
 
-    patience: float = 2.5  # [s] it stands before, the first time: what is in its way may move on
-    patience_again: float = 0.25  # [s] when it has tried already
-    distance: float = 1.5  # [m] the first time; twice as far the second time, and so on
-    speed: float = 1.5  # [m/s] back, and on again
-    tries: int = 3
-    come_on: float = 2.0  # [m] beyond where it stood, along its way: then the tries are forgotten
+    patience: float = setting(
+        2.5, "s", "the car stands before the first attempt: what is in its way may move on", POSITIVE
+    )
+    patience_again: float = setting(0.25, "s", "the same before later attempts", POSITIVE)
+    distance: float = setting_of_car(
+        1.5, "m", "of the first attempt; twice as far the second time, and so on", POSITIVE
+    )
+    speed: float = setting_of_car(1.5, "m/s", "back, and on again", POSITIVE)
+    tries: int = setting(3, "", "attempts", POSITIVE)
+    come_on: float = setting_of_car(2.0, "m", "forward from where it stood: then the attempts are reset", POSITIVE)
+    spacing: float = setting_of_car(0.05, "m", "of the points of the path, or what a tick makes of it", POSITIVE)
+    reach: float = setting_of_car(0.3, "m", "from the rear axle to the point of the path that it steers for", POSITIVE)
 
-    def __post_init__(self) -> None:
-        positive = tuple(f.name for f in fields(self))
-        require(self, lambda value: 0.0 < value < math.inf, "a positive number", positive, SettingsError)
 
-
-TRAIL = np.dtype(
+PATH_HISTORY = np.dtype(
     [
-        ("x", np.float64),  # [m] where the rear axle is, by dead reckoning from where it began
+        ("x", np.float64),  # [m] of the rear axle, by dead reckoning from where it began
         ("y", np.float64),  # [m]
         ("heading", np.float64),  # [rad]
-        ("points", np.float64, (_POINTS, 2)),  # [m] a ring: where it has been
-        ("newest", np.int64),  # place of the last of them
+        ("points", np.float64, (_POINTS, 2)),  # [m] a ring buffer of positions of the rear axle
+        ("newest", np.int64),  # index of the last of them
         ("known", np.int64),  # how many of them there are
-        ("on", np.float64),  # [m] that it is ahead of where it last stood, along its way
+        ("on", np.float64),  # [m] ahead of where the car last stood, along its path
         ("stood", np.float64),  # [s]
-        ("back", np.float64),  # [m] still to be backed
+        ("back", np.float64),  # [m] still to be reversed
         ("tried", np.int64),
     ]
 )
-"""What is kept of the way behind; zero in the beginning."""
+"""Type of what is kept of the path behind the car; zero at the beginning."""
 
 
 @kernel
-def follow(trail: Record, settings: Record, speed: float, yaw_rate: float, period: float) -> None:
-    """Note how far the car has come in the last tick.
+def extend_history(history: Record, settings: Record, speed: float, yaw_rate: float, period: float) -> None:
+    """Add the motion of the last tick to the path history.
 
     Args:
-      trail: of type TRAIL, written to.
-      settings: fields of BackingSettings.
+      history: of type PATH_HISTORY, written to.
+      settings: fields of RecoverySettings.
       speed: present [m/s].
       yaw_rate: present [rad/s].
       period: of the tick [s].
     """
     way, turn = speed * period, yaw_rate * period
-    if not math.isfinite(way + turn):  # whatever that was, where the car is now is not known
-        trail.known = 0
+    if not math.isfinite(way + turn):  # where the car is now is not known
+        history.known = 0
         return
-    trail.x += way * math.cos(trail.heading + 0.5 * turn)
-    trail.y += way * math.sin(trail.heading + 0.5 * turn)
-    trail.heading += turn
-    if way > 0.0 and (trail.known == 0 or _distance(trail) >= _SPACING):
-        trail.newest = (trail.newest + 1) % _POINTS
-        trail.points[trail.newest, 0], trail.points[trail.newest, 1] = trail.x, trail.y
-        trail.known = min(trail.known + 1, _POINTS)
-    trail.back -= max(-way, 0.0)
-    trail.on += way
-    if trail.on > settings.come_on:
-        trail.tried = 0
+    history.x += way * math.cos(history.heading + 0.5 * turn)
+    history.y += way * math.sin(history.heading + 0.5 * turn)
+    history.heading += turn
+    if way > 0.0 and (history.known == 0 or _distance(history) >= settings.spacing):
+        history.newest = (history.newest + 1) % _POINTS
+        history.points[history.newest, 0], history.points[history.newest, 1] = history.x, history.y
+        history.known = min(history.known + 1, _POINTS)
+    history.back -= max(-way, 0.0)
+    history.on += way
+    if history.on > settings.come_on:
+        history.tried = 0
 
 
 @kernel
-def backs(trail: Record, settings: Record, stands: bool, found: bool, period: float) -> bool:
-    """Say whether the car is to go back now, to where `angle_back` steers.
+def reverses(history: Record, settings: Record, stands: bool, found: bool, period: float) -> bool:
+    """Return whether the car is to reverse now, with the steering angle of `angle_along_history`.
 
     Args:
-      trail: of type TRAIL, written to.
-      settings: fields of BackingSettings.
-      stands: it does not move.
+      history: of type PATH_HISTORY, written to.
+      settings: fields of RecoverySettings.
+      stands: the car does not move.
       found: there is a way on.
       period: of the tick [s].
     """
-    backing = trail.back > 0.0
-    trail.stood = trail.stood + period if stands and (backing or not found) else 0.0
-    patience = settings.patience if trail.tried == 0 or backing else settings.patience_again
-    if trail.stood + 0.5 * period >= patience:
-        trail.back, trail.stood = 0.0, 0.0  # where it was going back, something is behind it
-        if not backing and trail.tried < settings.tries:
-            trail.tried += 1
-            trail.back, trail.on = settings.distance * trail.tried, 0.0
-    if trail.back <= 0.0:
+    reversing = history.back > 0.0
+    history.stood = history.stood + period if stands and (reversing or not found) else 0.0
+    patience = settings.patience if history.tried == 0 or reversing else settings.patience_again
+    if history.stood + 0.5 * period >= patience:
+        history.back, history.stood = 0.0, 0.0  # if it was reversing, something behind it holds it
+        if not reversing and history.tried < settings.tries:
+            history.tried += 1
+            history.back, history.on = settings.distance * history.tried, 0.0
+    if history.back <= 0.0:
         return False
-    while trail.known > 0 and _distance(trail) < _REACH:
-        trail.newest = (trail.newest - 1) % _POINTS
-        trail.known -= 1
-    if trail.known == 0:
-        trail.back = 0.0
-    return bool(trail.back > 0.0)
+    while history.known > 0 and _distance(history) < settings.reach:
+        history.newest = (history.newest - 1) % _POINTS
+        history.known -= 1
+    if history.known == 0:
+        history.back = 0.0
+    return bool(history.back > 0.0)
 
 
 @kernel
-def angle_back(trail: Record, wheelbase: float) -> float:
-    """Return the steering angle [rad] on which the rear axle comes back to the newest point."""
-    x, y = trail.points[trail.newest, 0] - trail.x, trail.points[trail.newest, 1] - trail.y
-    cos, sin = math.cos(trail.heading), math.sin(trail.heading)
+def angle_along_history(history: Record, wheelbase: float) -> float:
+    """Return the steering angle [rad] on which the rear axle reverses to the newest point of the path."""
+    x, y = history.points[history.newest, 0] - history.x, history.points[history.newest, 1] - history.y
+    cos, sin = math.cos(history.heading), math.sin(history.heading)
     return arc_through(cos * x + sin * y, cos * y - sin * x, wheelbase)
 
 
 @kernel
-def _distance(trail: Record) -> float:
-    """Return how far the newest point is from the rear axle [m]."""
-    x, y = trail.points[trail.newest, 0] - trail.x, trail.points[trail.newest, 1] - trail.y
+def _distance(history: Record) -> float:
+    """Return how far the newest point of the path is from the rear axle [m]."""
+    x, y = history.points[history.newest, 0] - history.x, history.points[history.newest, 1] - history.y
     return math.hypot(x, y)

@@ -1,20 +1,23 @@
-"""A way out: before the car follows a wish, it makes sure that it could still stop on that way.
+"""The safety filter: before the car follows a reference command, it checks that it could still stop afterwards.
 
-The speed is that of some free stopping path (stopping_paths), while the steering goes to the goal; where both lead the
-same way, as in a corner, that is safe. Where the goal jumps, as when a corner opens beside a box, it is not: the car
-leaves the only free path for a goal that it cannot reach at its speed. So each wish is tried: the car is driven in
-thought towards it, by the very guard that drives it (friction_guard): for a tick as is wished, since until the next
-scan it will have done so, and then braking to a stop. If it would touch something, it brakes at once: to the sides of
-the wish ways are tried as well, and of those on which it stops the one with the longest view is taken; the nearest to
-the wish often ends in the corner between a box and a wall. If there is none, the car brakes on the way with the least
-speed at the touch, which the margins often make a stop.
+The speed of the reference is that of some free braking trajectory (braking_trajectories), while the steering goes to
+the goal. Where both lead the same way, as in a corner, that is safe. Where the goal jumps, as when a corner opens
+beside a box, it is not: the car would leave the only free trajectory for a goal that it cannot reach at its speed.
 
-Each way is tried with several shares of the grip for cornering: braking first and turning late, or the reverse.
+So each reference command is simulated first: the car follows it for one tick, since the command holds until the next
+scan, and then brakes to a stop, with the same friction limiter that drives the car. If the car would hit something,
+it brakes at once, and directions to both sides of the reference are simulated as well. Of those in which the car
+stops in time the one with the longest view is taken, because the nearest to the reference often ends in the corner
+between a box and a wall. If there is none, the car brakes in the direction in which it would be slowest at the
+contact; the margins often make that a stop. Each direction is simulated with several shares of the grip for
+cornering, from braking first and turning late to the reverse. This is a dynamic window (D. Fox, W. Burgard and S.
+Thrun, The Dynamic Window Approach to Collision Avoidance, IEEE Robotics & Automation Magazine 4(1), 1997) over
+directions and shares of grip.
 
-These stops are as hard as the tires hold, those that limit the speed are far softer. So on a track without obstacles
-the wish nearly always stands.
+These stops are as hard as the tires hold, and those that limit the speed are far softer. On a track without obstacles
+the reference is therefore rarely changed.
 
-Limits: the car in thought has no slip and what is around it stands still; what the scan does not show is free.
+Limits: the simulated car does not slip, and its surroundings stand still. What the scan does not show counts as free.
 """
 
 from __future__ import annotations
@@ -24,98 +27,102 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fg_mujoco.errors import SettingsError
 from fg_mujoco.kernels import kernel
-from fg_mujoco.messages import FloatArray, require
+from fg_mujoco.messages import FloatArray
 
-from ..control.records import Record
+from ..control.settings import FROM_ZERO, POSITIVE, Record, Settings, setting, setting_of_car
 from ..control.steering import pursue
-from .friction_limiter import GuardSettings, guarded
+from .friction_limiter import FrictionLimiterSettings, limited
 
-SWERVING = GuardSettings(most_left=0.6, turn_in_use=0.45)
-"""Of the guard of a car that swerves: it brakes and turns out at once, and braking unloads the rear tires."""
+EVASIVE = FrictionLimiterSettings(most_left=0.6, turn_in_use=0.45)
+"""Settings of the limiter of a car that evades: it brakes and turns out at once, and braking unloads the rear tires."""
 
-_LATERAL_USES = (0.5, 1.0, 0.75, 0.25)  # tried in this order: the guard's own first
-_FINE_TICKS = 8  # those after them are taken two at a time
+_LATERAL_USES = (0.5, 1.0, 0.75, 0.25)  # simulated in this order: the limiter's own first
+_FINE_TICKS = 8  # later ones are simulated two at a time
 _TICKS = 64  # of the longest stop: 3 s
-_STANDING = 0.05  # [m/s]
-_PURSUIT = 1.0  # [m] a wished steering angle is read as the arc to a point at this distance from the LiDAR
-_ARRIVED = 0.2  # [m] nearer to its goal than this, the car in thought keeps its wheels as they are
-_LEAST_GOAL = 0.5  # [m] goals are no nearer
-_WIDEST = 1.8  # [rad] to either side; ways further back are not tried
+_WIDEST = 1.8  # [rad] to either side; directions further back are not simulated
 
 
 @dataclass(frozen=True, kw_only=True)
-class EscapeSettings:
-    """What a stop in thought has to keep clear, and where it is tried.
+class SafetyFilterSettings(Settings):
+    """What a simulated stop has to keep clear, and in which directions stops are simulated.
 
     Raises:
-      SettingsError: a length or angle that is negative or not finite; a step or speed that is not a positive number.
+      SettingsError: a margin or angle that is negative or not finite; a step, speed or distance that is not a positive
+        number.
     """
 
-    margin: float = 0.05  # [m] ahead of the bumper, on the way that is wished
-    margin_aside: float = 0.08  # [m] on another way: it is not left at once when the car brakes a little less
-    fan: float = math.radians(90.0)  # [rad] ways to either side of the wish
-    fan_step: float = math.radians(5.0)  # [rad] between them
-    crawl_speed: float = 0.5  # [m/s] with a way out the car goes at least so fast: it does not come to stand for good
-
-    def __post_init__(self) -> None:
-        from_zero, positive = ("margin", "margin_aside", "fan"), ("fan_step", "crawl_speed")
-        require(self, lambda value: 0.0 <= value < math.inf, "a number from 0", from_zero, SettingsError)
-        require(self, lambda value: 0.0 < value < math.inf, "a positive number", positive, SettingsError)
+    margin: float = setting_of_car(0.05, "m", "ahead of the bumper, in the direction of the reference", FROM_ZERO)
+    margin_aside: float = setting_of_car(
+        0.08, "m", "in other directions, which are then not lost at once when the car brakes a little less", FROM_ZERO
+    )
+    fan: float = setting(math.radians(90.0), "rad", "directions to either side of the reference", FROM_ZERO)
+    fan_step: float = setting(math.radians(5.0), "rad", "between them", POSITIVE)
+    crawl_speed: float = setting_of_car(
+        0.5, "m/s", "slowest speed of a car with a free direction, so that it does not stand for good", POSITIVE
+    )
+    standing_speed: float = setting_of_car(0.05, "m/s", "a car that is slower counts as standing", POSITIVE)
+    pursuit_distance: float = setting_of_car(
+        1.0, "m", "a steering angle is read as the arc to a point at this distance from the LiDAR", POSITIVE
+    )
+    arrived: float = setting_of_car(
+        0.2, "m", "nearer to its goal than this, the simulated car keeps its steering angle", FROM_ZERO
+    )
+    nearest_goal: float = setting_of_car(0.5, "m", "goals are no nearer", POSITIVE)
 
 
 @kernel
-def way_out(
-    guard: Record,
+def safe_steering(
+    limiter: Record,
     memory: Record,
     settings: Record,
     widened: FloatArray,
     angle_min: float,
     angle_increment: float,
     steering_angle: float,
-    wished_speed: float,
+    reference_speed: float,
     angle_now: float,
     speed_now: float,
     period: float,
 ) -> tuple[float, float, bool]:
     """Return a steering angle [rad] with which the car can stop, the share of grip for cornering, and if there is one.
 
-    That is the wish itself, to the bit, if the car can stop on its way. If there is none: that of the least speed left.
+    The angle is that of the reference, to the bit, if the car can stop after following it. If there is no angle with
+    which it can stop: that of the least speed at the contact.
 
     Args:
-      guard: of type GUARD.
-      memory: of type GUARD_MEMORY, as it was afterwards.
-      settings: fields of EscapeSettings.
+      limiter: of type LIMITER.
+      memory: of type LIMITER_MEMORY, unchanged afterwards.
+      settings: fields of SafetyFilterSettings.
       widened: readings (n,) [m], each widened by the disc that covers the car's front.
       angle_min: bearing of the first [rad].
       angle_increment: between them [rad].
-      steering_angle: wished [rad], within the car's limit.
-      wished_speed: what the car is told next on the way that is wished [m/s]; on others it brakes.
+      steering_angle: of the reference [rad], within the car's limit.
+      reference_speed: speed of the next command in the direction of the reference [m/s]; in others the car brakes.
       angle_now: present steering angle [rad].
       speed_now: present speed [m/s].
       period: between commands [s].
     """
-    car, speed = guard.car, max(speed_now, settings.crawl_speed)
-    wish = bearing_of_arc(steering_angle, _PURSUIT, car.lidar_offset, car.wheelbase)
+    car, speed, pursuit = limiter.car, max(speed_now, settings.crawl_speed), settings.pursuit_distance
+    reference = bearing_of_arc(steering_angle, pursuit, car.lidar_offset, car.wheelbase)
     each_side = math.floor(settings.fan / settings.fan_step + 1e-6)
-    views = np.empty(2 * each_side + 1)  # [m] of the ways; even ones to the right of the wish, which is number 0
+    views = np.empty(2 * each_side + 1)  # [m] by direction; even ones to the right of the reference, which is number 0
     for number in range(len(views)):
-        bearing = wish + _aside(number, settings.fan_step)
-        views[number] = max(reading(widened, angle_min, angle_increment, bearing), _LEAST_GOAL)
+        bearing = reference + _aside(number, settings.fan_step)
+        views[number] = max(reading(widened, angle_min, angle_increment, bearing), settings.nearest_goal)
         if abs(bearing) > _WIDEST:
             views[number] = 0.0
-    number, least, best, best_use = 0, math.inf, wish, guard.settings.least_lateral_use
+    number, least, best, best_use = 0, math.inf, reference, limiter.settings.least_lateral_use
     while least > 0.0 and views[number] > 0.0:
-        bearing = wish + _aside(number, settings.fan_step)
+        bearing = reference + _aside(number, settings.fan_step)
         goal = (bearing, views[number])
         margin = settings.margin if number == 0 else settings.margin_aside
-        at_first = wished_speed if number == 0 else 0.0
+        at_first = reference_speed if number == 0 else 0.0
         for use in _LATERAL_USES:
             last = memory.acceleration
-            left = speed_at_touch(
-                guard, memory, widened, angle_min, angle_increment, goal, use, margin, at_first, angle_now, speed,
-                period,
+            left = speed_at_contact(
+                limiter, memory, settings, widened, angle_min, angle_increment, goal, use, margin, at_first, angle_now,
+                speed, period,
             )  # fmt: skip
             memory.acceleration = last
             if left == 0.0 and number == 0:
@@ -126,20 +133,21 @@ def way_out(
                 break
         views[number] = 0.0
         number = int(np.argmax(views))
-    return pursue(best, _PURSUIT, car.lidar_offset, car.wheelbase), best_use, least == 0.0
+    return pursue(best, pursuit, car.lidar_offset, car.wheelbase), best_use, least == 0.0
 
 
 @kernel
 def _aside(number: int, step: float) -> float:
-    """Return by how much a way lies beside the wish [rad]: 0, then a step to the left, to the right, two, and so on."""
+    """Return by how much a direction lies beside the reference [rad]: 0, a step left, a step right, two left, ..."""
     offset = step * ((number + 1) // 2)
     return float(offset if number % 2 == 1 else -offset)
 
 
 @kernel
-def speed_at_touch(
-    guard: Record,
+def speed_at_contact(
+    limiter: Record,
     memory: Record,
+    settings: Record,
     widened: FloatArray,
     angle_min: float,
     angle_increment: float,
@@ -151,41 +159,42 @@ def speed_at_touch(
     speed: float,
     period: float,
 ) -> float:
-    """Return the speed [m/s] with which the car touches something when it brakes on its way to a goal; 0: it stops.
+    """Return the speed [m/s] at which the simulated car, braking on its way to a goal, hits something; 0: it stops.
 
-    What is kept clear: the disc over the car's front, its centre a quarter of the width behind the bumper, and by
-    `margin`; and discs as large round the LiDAR and the rear axle, which cut the corner, once they are ahead of where
-    the LiDAR is now.
+    What has to stay clear: the disc over the car's front, its centre a quarter of the width behind the bumper, and
+    `margin` ahead of it; and discs of the same size round the LiDAR and the rear axle, which cut the corner, once they
+    are ahead of where the LiDAR is now.
 
     Args:
-      guard: of type GUARD.
-      memory: of type GUARD_MEMORY, written to.
+      limiter: of type LIMITER.
+      memory: of type LIMITER_MEMORY, written to.
+      settings: fields of SafetyFilterSettings.
       widened: readings (n,) [m], each widened by that disc.
       angle_min: bearing of the first [rad].
       angle_increment: between them [rad].
       goal: bearing [rad] and distance [m] from where the LiDAR is now.
       lateral_use: share of the grip for cornering.
       margin: [m].
-      at_first: speed that it is told for a tick, before it brakes [m/s].
+      at_first: speed that is commanded for one tick, before the car brakes [m/s].
       angle: present steering angle [rad].
       speed: present [m/s].
       period: of a tick [s].
     """
-    car, (bearing, distance) = guard.car, goal
-    lidar = car.lidar_offset
+    car, (bearing, distance) = limiter.car, goal
+    lidar, standing = car.lidar_offset, settings.standing_speed
     front = car.length - car.rear_overhang - 0.25 * car.width  # ahead of the rear axle, as the LiDAR
-    to_bumper = 0.25 * car.width  # a widened reading is as long as before, so this is to be kept too
+    to_bumper = 0.25 * car.width  # widening does not shorten a reading, so this has to stay clear too
     goal_x, goal_y = lidar + distance * math.cos(bearing), distance * math.sin(bearing)
-    turned = 1.0 - math.exp(-period / guard.settings.steering_response)  # part of a command that a tick carries out
+    turned = 1.0 - math.exp(-period / limiter.settings.steering_response)  # part of a command that a tick carries out
     slowed = 1.0 - math.exp(-period / car.speed_time_constant)
     x, y, heading = 0.0, 0.0, 0.0  # of the rear axle
     for tick in range(_TICKS):
         ticks = 1.0 if tick < _FINE_TICKS else 2.0
-        wish = angle
-        if distance > _ARRIVED:
-            wish = pursue(bearing, min(distance, _PURSUIT), lidar, car.wheelbase)
-        told = at_first if tick == 0 else 0.0
-        command = guarded(guard, memory, wish, told, lateral_use, angle, speed, ticks * period)
+        reference = angle
+        if distance > settings.arrived:
+            reference = pursue(bearing, min(distance, settings.pursuit_distance), lidar, car.wheelbase)
+        reference_speed = at_first if tick == 0 else 0.0
+        command = limited(limiter, memory, reference, reference_speed, lateral_use, angle, speed, ticks * period)
         next_angle = angle + ticks * turned * (command[0] - angle)
         next_speed = speed + ticks * slowed * (command[1] - speed)
         way = 0.5 * (speed + next_speed) * ticks * period
@@ -198,14 +207,14 @@ def speed_at_touch(
         ahead, left = x + front * cos - lidar, y + front * sin
         beyond = reading(widened, angle_min, angle_increment, math.atan2(left, ahead))
         if not beyond > math.hypot(ahead, left) + to_bumper + margin:
-            return max(speed, _STANDING)
+            return float(max(speed, standing))
         for place in (0.0, lidar):
             ahead, left = x + place * cos - lidar, y + place * sin
             if ahead > 0.0:
                 beyond = reading(widened, angle_min, angle_increment, math.atan2(left, ahead))
                 if not beyond > math.hypot(ahead, left):
-                    return max(speed, _STANDING)
-        if speed < _STANDING:
+                    return float(max(speed, standing))
+        if speed < standing:
             return 0.0
         ahead = cos * (goal_x - x) + sin * (goal_y - y) - lidar
         left = cos * (goal_y - y) - sin * (goal_x - x)
@@ -222,9 +231,9 @@ def reading(ranges: FloatArray, angle_min: float, angle_increment: float, bearin
 
 @kernel
 def bearing_of_arc(steering_angle: float, distance: float, lidar_offset: float, wheelbase: float) -> float:
-    """Return where the LiDAR sees the point at `distance` [m] on the arc of a steering angle [rad]: `pursue` backwards.
+    """Return where the LiDAR sees the point at `distance` [m] on the arc of a steering angle [rad].
 
-    Of an arc that does not reach so far: where it comes nearest to it.
+    This is the inverse of `pursue`. Of an arc that does not reach so far: where it comes nearest to it.
     """
     curvature = math.tan(steering_angle) / wheelbase
     # curvature = 2 y / (x^2 + y^2), with x = o + d cos(bearing) and y = d sin(bearing), o the LiDAR's offset

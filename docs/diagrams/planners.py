@@ -1,7 +1,7 @@
 """What each planner makes of one and the same scan: the car before a box, at the entry of a bend.
 
 To the left from above, to the right the range of each beam. Everything drawn is worked out by the planner itself:
-stages, goal, and the steering angle that it wishes for, before the friction guard and the way out have their say.
+intermediate scans, goal, and reference steering angle, before the safety filter and the friction limiter.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ from matplotlib.patches import Circle, Polygon
 from style import BUBBLE, CUT_OFF, FREE, GAP, GOAL, STYLE, WALL, WAY, arc, draw_car, save, seen, turn
 
 import fg_mujoco as fg
-from fg_mujoco.controllers.control.stages import stages
 
 TRACK, S, OFFSET, HEADING, SPEED = "chicanes", 16.4, -0.2, 0.2, 3.0
 BOX_S, BOX_OFFSET = 19.6, -0.35  # [m] where it stands
@@ -39,7 +38,7 @@ class Situation:
         self.scan, self.odometry = fg.Simulation(self.world).reset(s=S, offset=OFFSET, heading=HEADING, speed=SPEED)
 
     def planner(self, name: str) -> Any:
-        """Return the planner of a name, at its default settings; without friction limits, so that it says its wish."""
+        """Return a planner at its default settings, without friction limits, so that it commands its reference."""
         return fg.make_controller(name, car=self.car, mu=math.inf, max_speed=8.0, map_line=self.track.map_line)
 
     def in_car(self, points: Array) -> Array:
@@ -61,17 +60,17 @@ def draw(situation: Situation, name: str) -> None:
         above, ranges = figure.subplots(1, 2, width_ratios=(1.0, 1.3))
         _draw_ground(above, situation)
         _draw_ranges(ranges, situation)
-        work = stages(planner, situation.scan)
+        work = planner.intermediate_scans(situation.scan)
         _draw_stages(above, ranges, situation, work)
         own = {"wall_follow": _wall_follow, "pure_pursuit": _pure_pursuit, "widest_gap": _widest_gap}
         own.get(name, _goal)(above, ranges, situation, planner)
         length = 2.2
         curvature = math.tan(command.steering_angle) / situation.car.wheelbase
-        above.plot(*seen(arc(curvature, length)).T, color=WAY, linewidth=2.0, label="the way it wishes for", zorder=4)
+        above.plot(*seen(arc(curvature, length)).T, color=WAY, linewidth=2.0, label="reference", zorder=4)
         draw_car(above, situation.car, command.steering_angle)
         side = "left" if command.steering_angle > 0.0 else "right"
         degrees = abs(math.degrees(command.steering_angle))
-        figure.suptitle(f"{name}: wishes to steer {degrees:.1f}° to the {side}", fontsize=9.0, x=0.01, ha="left")
+        figure.suptitle(f"{name}: steers {degrees:.1f}° to the {side}", fontsize=9.0, x=0.01, ha="left")
         handles = {label: handle for axes in (above, ranges) for handle, label in _labelled(axes)}
         ranges.legend(handles.values(), handles.keys(), loc="upper right", fontsize=7.0)
         save(figure, f"planners/{name}")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
 from pathlib import Path
 from typing import TypeVar, overload
 
@@ -12,16 +11,14 @@ from ..course.definitions import course_of, course_sha256, definition_sha256
 from ..course.formats import load_course
 from ..errors import TrackError
 from ..messages import CarParameters, FloatArray
-from ..vehicle.changes import plain_car
-from ..vehicle.vehicle import car_parameters
+from ..vehicle.vehicle import Vehicle
 
 AnyCourse = TypeVar("AnyCourse", bound=Course)
 
 
-@lru_cache(maxsize=1)
 def default_car() -> CarParameters:
     """Return the parameters of the default vehicle."""
-    return car_parameters(plain_car())
+    return Vehicle.load().parameters
 
 
 @overload

@@ -7,6 +7,7 @@ starts from the same bits.
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -17,13 +18,14 @@ from ..course.moving_obstacles import PREFIX as MOVING_PREFIX
 from ..course.moving_obstacles import MovingObstacle, moving_obstacles
 from ..course.obstacles import Obstacle
 from ..errors import SettingsError
-from ..lidar.lidar import LIDAR_BACKENDS, Lidar, lidar_spec, make_lidar
+from ..lidar.lidar import LIDAR_BACKENDS, Lidar, make_lidar
 from ..messages import CarParameters, FloatArray
-from ..vehicle.changes import CarChanges, change_spec
-from ..vehicle.vehicle import Car, car_parameters, car_spec
+from ..vehicle.car import Car
+from ..vehicle.changes import CarChanges
+from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .course_loading import load_track
 
-_WALL_CONTYPE = 2  # contact roles are those of models/f1tenth.xml: the chassis meets walls and obstacles
+_WALL_CONTYPE = 2  # contact roles are those of the vehicles' MJCF: the chassis meets walls and obstacles
 _COLLISION_GROUP = 3  # viewers hide it, as the car's own collision geoms
 _WALL_COLOUR = (0.86, 0.84, 0.80, 1.0)
 _OBSTACLE_COLOUR = (0.85, 0.45, 0.15, 1.0)
@@ -41,13 +43,15 @@ class World:
 
     Args:
       track: a course, or what `load_track` makes one of.
-      mu: friction coefficient of the tires; None is the car model's own.
+      vehicle: a bundled name, the path of a vehicle's MJCF, or a Vehicle.
+      mu: friction coefficient of the tires; None: as in the vehicle's MJCF.
       lidar: back end of the LiDAR, "raycast" or "rangefinder".
       obstacles: what stands there besides the course's own obstacles.
-      changes: what else differs from the car of models/f1tenth.xml.
+      changes: what else differs from the vehicle's MJCF.
 
     Attributes:
       track: the course.
+      vehicle: the Vehicle, without the changes.
       obstacles: all that stands there and the chassis can hit, besides the walls.
       moving: the moving obstacles, as they are in `model`.
       xml: the MJCF text that `model` was compiled from.
@@ -56,40 +60,40 @@ class World:
 
     Raises:
       TrackError: a track that cannot be read, or is narrower than the car.
-      SettingsError: a friction that is not positive, or an unknown LiDAR back end.
+      SettingsError: a friction that is not positive, or not that of `changes`; an unknown vehicle or LiDAR back end.
+      ModelError: an MJCF that is not that of a vehicle.
     """
 
     def __init__(
         self,
         track: Course | str,
+        vehicle: Vehicle | str | Path = DEFAULT_VEHICLE,
         *,
         mu: float | None = None,
         lidar: str = "raycast",
         obstacles: tuple[Obstacle, ...] = (),
         changes: CarChanges | None = None,
     ) -> None:
-        car = car_spec(mu)
-        change_spec(car, changes or CarChanges())
-        parameters = car_parameters(car.compile())
-        self.track = load_track(track, car=parameters)
-        self.track.check_car(parameters)
+        self.vehicle = Vehicle.load(vehicle)
+        self.track = load_track(track, car=self.vehicle.parameters)
+        self.track.check_car(self.vehicle.parameters)
         self.lidar_backend = lidar
         self.obstacles = (*self.track.obstacles, *obstacles)
-        self.xml = _compose(self.track, car, lidar, self.obstacles).to_xml()
+        self.xml = _compose(self.track, self.vehicle, mu, changes, lidar, self.obstacles).to_xml()
         self.model = mujoco.MjModel.from_xml_string(self.xml)
         self.moving = moving_obstacles(self.model)
         self.car = Car(self.model, CAR_PREFIX)
 
     @classmethod
     def from_xml(cls, xml: str, *, lidar: str = "raycast") -> World:
-        """Return the world of the MJCF text that a run folder keeps: without a course, which the text does not say.
+        """Return the world of the MJCF text that a run folder keeps: without course and vehicle, which it does not say.
 
         Raises:
           ValueError: it does not compile.
           ModelError: it does not hold the car.
         """
         world = cls.__new__(cls)
-        world.track = None  # type: ignore[assignment]  # nobody asks for it
+        world.track = world.vehicle = None  # type: ignore[assignment]  # nobody asks for them
         world.lidar_backend, world.obstacles, world.xml = lidar, (), xml
         world.model = mujoco.MjModel.from_xml_string(xml)
         world.moving = moving_obstacles(world.model)
@@ -106,10 +110,18 @@ class World:
         return make_lidar(self.lidar_backend, self.model, LIDAR_PREFIX)
 
 
-def _compose(track: Course, car: Any, lidar: str, obstacles: tuple[Obstacle, ...]) -> Any:
+def _compose(
+    track: Course,
+    vehicle: Vehicle,
+    mu: float | None,
+    changes: CarChanges | None,
+    lidar: str,
+    obstacles: tuple[Obstacle, ...],
+) -> Any:
     """Return the spec of the whole world: walls, obstacles, and the car with its ground and its LiDAR."""
     if lidar not in LIDAR_BACKENDS:
         raise SettingsError(f"LiDAR back end {lidar!r}; accepted: {', '.join(LIDAR_BACKENDS)}")
+    car = vehicle.spec(mu, changes)
     spec = mujoco.MjSpec()
     spec.modelname = f"fg_mujoco {track.name}"
     spec.option, spec.memory = car.option, car.memory  # the engine settings that the car was validated with
@@ -120,7 +132,7 @@ def _compose(track: Course, car: Any, lidar: str, obstacles: tuple[Obstacle, ...
         _add_moving(spec, f"{MOVING_PREFIX}{index}", moving)
     for index, obstacle in enumerate(obstacles):
         _add_hull(spec, f"obstacle_{index}", _prism(obstacle), _OBSTACLE_COLOUR)
-    car.attach(lidar_spec(sensors=lidar == "rangefinder"), site=car.site("lidar_mount"), prefix=_LIDAR_IN_CAR)
+    car.attach(vehicle.lidar.spec(sensors=lidar == "rangefinder"), site=car.site("lidar_mount"), prefix=_LIDAR_IN_CAR)
     spec.attach(car, frame=spec.worldbody.add_frame(), prefix=CAR_PREFIX)
     return spec
 

@@ -19,8 +19,8 @@ from ..messages import FloatArray
 from ..racing import run_folder
 from ..racing.result import RaceResult
 from ..simulation.telemetry import TELEMETRY
+from ..vehicle.car import WHEELS
 from ..vehicle.tire_slip import SLIDING_SPEED
-from ..vehicle.vehicle import WHEELS
 from .course_drawing import draw_course, draw_line, draw_obstacles, extent
 
 if TYPE_CHECKING:

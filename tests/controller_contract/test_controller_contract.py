@@ -17,6 +17,7 @@ import sys
 import time
 import warnings
 from importlib.resources import files
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -398,10 +399,13 @@ def test_a_batch_begins_anew_after_reset(fleet):
 # -- what a planner may know
 
 
-@pytest.mark.parametrize("path", sorted(p.name for p in files("fg_mujoco.controllers").iterdir() if p.suffix == ".py"))
+FOLDER = Path(str(files("fg_mujoco.controllers")))
+
+
+@pytest.mark.parametrize("path", sorted(path.relative_to(FOLDER).as_posix() for path in FOLDER.rglob("*.py")))
 def test_a_planner_imports_numpy_messages_and_kernels_only(path):
     # no engine, no simulation, no track: what runs here runs on the car
-    tree = ast.parse(files("fg_mujoco.controllers").joinpath(path).read_text())
+    tree = ast.parse((FOLDER / path).read_text("utf-8"))
     imported = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
@@ -409,7 +413,7 @@ def test_a_planner_imports_numpy_messages_and_kernels_only(path):
         elif isinstance(node, ast.ImportFrom) and node.level == 0:
             imported.add(node.module)
         else:
-            assert not (isinstance(node, ast.ImportFrom) and node.level > 1)
+            assert not (isinstance(node, ast.ImportFrom) and node.level > 1 + path.count("/"))
     foreign = {name for name in imported if name.split(".")[0] not in sys.stdlib_module_names}
     assert foreign <= {"numpy", "numpy.typing", "fg_mujoco.messages", "fg_mujoco.kernels", "fg_mujoco.errors"}
     assert not imported & {"importlib", "builtins", "sys"}  # nor behind its back

@@ -34,7 +34,7 @@ def clearances(scene, solids):
     return Clearances(solids, low - 0.3, high + 0.3, CELL)
 
 
-CAR = fg.car_parameters(fg.car_spec().compile())
+CAR = fg.Vehicle.load().parameters
 
 
 def footprint(pose, car):

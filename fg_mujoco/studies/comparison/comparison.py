@@ -124,7 +124,7 @@ def compare(
       MissingExtraError: no matplotlib for the pictures.
       EngineError: a worker process died.
     """
-    require_whole("workers", workers)
+    require_whole("workers", workers, 1, optional=True)
     if pictures:
         require_matplotlib()
     settings = ComparisonSettings(

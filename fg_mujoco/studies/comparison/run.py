@@ -45,7 +45,7 @@ class ComparisonSettings:
     time_limit: float | None = None  # [s] of a run; None: as `race` has it
 
     def __post_init__(self) -> None:
-        require_whole("laps", self.laps)
+        require_whole("laps", self.laps, 1)
         require_whole("obstacles", self.obstacles, 0)
         LidarEffects(range_noise_std=self.lidar_noise)
         given = tuple(name for name in ("mu", "time_limit") if getattr(self, name) is not None)

@@ -19,11 +19,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fg_mujoco.controllers.safety.friction_limiter import FrictionGuard, longitudinal_share
+from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longitudinal_share
 
 from ...messages import DriveCommand, FloatArray, Odometry
+from ...vehicle.car import WHEELS
 from ...vehicle.tire_slip import SLIDING_SPEED
-from ...vehicle.vehicle import WHEELS
 from .braking_figures import draw_gg, draw_splits, draw_stops
 from .experiment import Cell, Experiment, Figure, LabSettings, Row, Section, Tables
 from .figure_style import column
@@ -192,8 +192,9 @@ def _split(mu: float, share: float, direction: int) -> tuple[Row, list[Row]]:
     car, gravity = ground.car.parameters, mu * ground.car.parameters.gravity
     then = trace[max(slid - _WINDOW, 0) : slid + 1] if slid is not None else trace.last(0.02)
     along, across = then.acceleration.mean(axis=0) / gravity
-    guard = FrictionGuard(car, mu)
-    allowed = longitudinal_share(abs(across)) * (guard.braking if direction < 0 else guard.accelerating) / gravity
+    limiter = FrictionLimiter(car, mu)
+    most = limiter.braking if direction < 0 else limiter.accelerating
+    allowed = longitudinal_share(abs(across), limiter.exponent) * most / gravity
     use = np.fmax.reduce(trace.slip.friction_use.ravel())
     row: Row = {
         "mu": mu,

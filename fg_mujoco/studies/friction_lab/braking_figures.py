@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fg_mujoco.controllers.safety.friction_limiter import FrictionGuard, longitudinal_share
+from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longitudinal_share
 
-from ...vehicle.changes import plain_car
-from ...vehicle.vehicle import WHEELS, car_parameters
+from ...vehicle.car import WHEELS
+from ...vehicle.vehicle import Vehicle
 from . import figure_style as style
 from .experiment import Row, Tables
 from .figure_style import column
@@ -72,14 +72,14 @@ def draw_gg(figure: matplotlib.figure.Figure, points: list[Row]) -> None:
 
 def draw_splits(figure: matplotlib.figure.Figure, splits: list[Row]) -> None:
     """Draw what the car had along and across when its first tire slid, and what the guard allows."""
-    car = car_parameters(plain_car())
+    car = Vehicle.load().parameters
     axes = figure.add_subplot()
     across = np.linspace(0.0, 1.0, 100)
     half = np.linspace(0.0, math.pi, 200)
     style.theory(axes, np.cos(half), np.sin(half), "mu g")
     for mu, colour in zip(dict.fromkeys(column(splits, "mu").tolist()), style.COLOURS, strict=False):
-        guard = FrictionGuard(car, mu)
-        shares = np.array([longitudinal_share(share) for share in across]) / (mu * car.gravity)
+        guard = FrictionLimiter(car, mu)
+        shares = np.array([longitudinal_share(share, guard.exponent) for share in across]) / (mu * car.gravity)
         style.theory(axes, -guard.braking * shares, across, f"guard, mu {mu:g}", colour=colour)
         style.theory(axes, guard.accelerating * shares, across, colour=colour)
         rows = [row for row in splits if row["mu"] == mu and not row["reason"]]

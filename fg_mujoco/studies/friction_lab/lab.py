@@ -131,7 +131,7 @@ def run_lab(
       MissingExtraError: no matplotlib for the pictures.
       EngineError: a cell failed, or a worker process died; finished cells are kept.
     """
-    require_whole("workers", workers)
+    require_whole("workers", workers, 1, optional=True)
     settings = settings or LabSettings()
     if redraw and out is None:
         raise SettingsError("redraw without a folder; accepted: the folder of an earlier run")

@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fg_mujoco.controllers.safety.friction_limiter import FrictionGuard, longitudinal_share
+from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longitudinal_share
 
 from ...course.formats import track_names
 from ...messages import FloatArray
 from ...racing.race import race
+from ...vehicle.car import WHEELS
 from ...vehicle.tire_slip import SLIDING_SPEED
-from ...vehicle.vehicle import WHEELS
 from .driven_line import best_flying_lap, driven_lap
 from .experiment import Cell, Figure, LabSettings, Row, Section, Tables, no_number
 from .figure_style import COLOURS, column, finish, limit, measured, theory
@@ -65,7 +65,7 @@ _NUMBERS = (
 class GuardedCar(PointMass):
     """The car that keeps the shares of the grip which the friction guard leaves it, as if it knew the whole line."""
 
-    guard: FrictionGuard
+    guard: FrictionLimiter
 
     def corner_speed(self, curvature: float) -> float:
         """Return the speed of the guard's lateral acceleration."""
@@ -81,7 +81,8 @@ class GuardedCar(PointMass):
         return min(float(self.guard.braking * self._share(curvature, squared_speed)), self.car.max_acceleration)
 
     def _share(self, curvature: float, squared_speed: float) -> float:
-        return float(longitudinal_share(abs(curvature) * squared_speed / (self.mu * self.car.gravity)))
+        lateral_use = abs(curvature) * squared_speed / (self.mu * self.car.gravity)
+        return float(longitudinal_share(lateral_use, self.guard.exponent))
 
 
 class LapsExperiment:
@@ -113,7 +114,7 @@ class LapsExperiment:
         driven, best = driven_lap(result, lap, car), result.lap_times_s[lap - 1]
         point_mass = PointMass(mu=mu, car=car, max_speed=max_speed)
         holding_car = HoldingCar(mu=mu, car=car, max_speed=max_speed)
-        guarded_car = GuardedCar(mu=mu, car=car, max_speed=max_speed, guard=FrictionGuard(car, result.planner_mu))
+        guarded_car = GuardedCar(mu=mu, car=car, max_speed=max_speed, guard=FrictionLimiter(car, result.planner_mu))
         tolerances: list[Row] = []
         for tolerance in _TOLERANCES:
             smoothed = smooth_line(driven.points, tolerance)

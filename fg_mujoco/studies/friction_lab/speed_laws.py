@@ -19,7 +19,7 @@ from typing import TypeAlias
 
 from fg_mujoco.controllers.control.speed import friction_speed, friction_steering
 from fg_mujoco.controllers.control.steering import saturate
-from fg_mujoco.controllers.safety.friction_limiter import FrictionGuard, GuardSettings
+from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, FrictionLimiterSettings
 
 from ...messages import CarParameters, DriveCommand, Odometry
 from .open_ground import TICK
@@ -33,7 +33,7 @@ def _none(car: CarParameters, mu: float) -> Law:
 
 
 def _one_way(car: CarParameters, mu: float) -> Law:
-    grip = mu * GuardSettings().lateral_use
+    grip = mu * FrictionLimiterSettings().lateral_use
 
     def hold(steering: float, speed: float, odometry: Odometry) -> DriveCommand:
         limit = friction_speed(steering, grip, car.wheelbase, car.gravity)
@@ -43,7 +43,7 @@ def _one_way(car: CarParameters, mu: float) -> Law:
 
 
 def _both_ways(car: CarParameters, mu: float) -> Law:
-    grip = mu * GuardSettings().lateral_use
+    grip = mu * FrictionLimiterSettings().lateral_use
     by_steering = _one_way(car, mu)
 
     def hold(steering: float, speed: float, odometry: Odometry) -> DriveCommand:
@@ -55,7 +55,7 @@ def _both_ways(car: CarParameters, mu: float) -> Law:
 
 
 def _guard(car: CarParameters, mu: float) -> Law:
-    guard = FrictionGuard(car, mu)
+    guard = FrictionLimiter(car, mu)
     return lambda steering, speed, odometry: guard(steering, speed, odometry, TICK)
 
 

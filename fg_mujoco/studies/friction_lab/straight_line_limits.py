@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
-from fg_mujoco.controllers.safety.friction_limiter import FrictionGuard
+from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
 
 from ...messages import CarParameters
-from ...vehicle.changes import plain_car
-from ...vehicle.vehicle import WHEELS
+from ...vehicle.car import WHEELS
+from ...vehicle.vehicle import Vehicle
 from .open_ground import TICK
 
 
@@ -54,7 +54,7 @@ def stopping_distance(speed: float, mu: float, car: CarParameters, how: str) -> 
         return speed**2 / (2.0 * mu * car.gravity)
     if how == "full":
         return speed**2 / (2.0 * even_torque_limit(mu, car, -1))
-    guard = FrictionGuard(car, mu)
+    guard = FrictionLimiter(car, mu)
     braking = guard.braking * held_share(car)
     growing = guard.settings.load_transfer_time - TICK
     distance: float = speed**2 / (2.0 * braking) + 0.5 * speed * growing - braking * growing**2 / 24.0
@@ -63,5 +63,5 @@ def stopping_distance(speed: float, mu: float, car: CarParameters, how: str) -> 
 
 def wheel_inertia() -> float:
     """Return the spin inertia of a wheel [kg m^2], off the compiled model."""
-    model = plain_car()
+    model = Vehicle.load().compile()
     return float(model.body_inertia[model.body(f"{WHEELS[0]}_wheel").id, 1])

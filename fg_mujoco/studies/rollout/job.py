@@ -10,7 +10,7 @@ import hashlib
 import math
 import platform
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from importlib.metadata import version
 from pathlib import Path
@@ -27,12 +27,10 @@ from ...kernels import package_files
 from ...messages import require_whole
 from ...racing.planner_choice import Value
 from ...racing.planner_loading import build_controller, find_controller
-from ...simulation.course_loading import default_car
 from ...simulation.physics import STATE
-from ...simulation.scenario import Scenario
+from ...simulation.settings import DriveSettings, Scenario
 from ...simulation.telemetry import TELEMETRY
-from ...vehicle.changes import CarChanges, change_spec
-from ...vehicle.vehicle import car_spec, nominal_mu
+from ...vehicle.changes import CarChanges
 from .randomization import Randomization
 from .world_batch import RECORDS, RESULT, WorldResults, drive_worlds
 
@@ -61,10 +59,11 @@ class RolloutJob:
     duration: float | None  # [s]
     record: str
     chunk: int  # worlds in one, at most
+    base: DriveSettings = field(default_factory=DriveSettings)  # what is the same in all worlds
 
     def __post_init__(self) -> None:
-        require_whole("laps", self.laps)
-        require_whole("chunk", self.chunk)
+        require_whole("laps", self.laps, 1, optional=True)
+        require_whole("chunk", self.chunk, 1)
         number = isinstance(self.duration, (int, float)) and not isinstance(self.duration, bool)
         if self.duration is not None and not (number and 0.0 < self.duration < math.inf):
             raise SettingsError(f"duration is {self.duration!r}; accepted: a positive number")
@@ -84,7 +83,8 @@ class RolloutJob:
         """
         if not self.tracks:
             raise SettingsError("no track is given; accepted: one or more")
-        car = default_car()
+        self.randomization.check_base(self.base)
+        car = self.base.car.parameters
         for track in self.tracks:
             track.check_car(car)
             laps_to_drive(track, self.laps)  # refuses more than a scene has
@@ -99,11 +99,10 @@ class RolloutJob:
                 "path/to/file.py:ClassName, for each world to have one of its own"
             )
         found = find_controller(self.controller)
-        mu = nominal_mu()
         for settings in ({}, *self.randomization.planner_extremes):
             build_controller(
-                found, self.controller, car=car, mu=mu, max_speed=8.0, settings=settings,
-                map_line=self.tracks[0].map_line,
+                found, self.controller, car=car, mu=self.base.assumed_mu, max_speed=self.base.max_speed,
+                settings={**self.base.planner_settings, **settings}, map_line=self.tracks[0].map_line,
             )  # fmt: skip
 
     @cached_property
@@ -129,7 +128,7 @@ class RolloutJob:
     def scenario(self, world: int, values: dict[str, Value] | None = None) -> Scenario:
         """Return world number `world`; `values` are those that were drawn for it, if they are known."""
         track, seed = world % len(self.tracks), int(self.seeds[world])
-        return self.randomization.scenario(self.tracks[track], seed, values, self._sites[track])
+        return self.randomization.scenario(self.tracks[track], seed, values, self._sites[track], self.base)
 
     def drive(
         self,
@@ -172,7 +171,7 @@ class RolloutJob:
             return 0
         longest = max(track.longest_race(self.laps or 1) for track in self.tracks)
         limit = self.duration if self.duration is not None else longest
-        row = len(TELEMETRY) + (_state_size() + 2 if self.record == "states" else 0)
+        row = len(TELEMETRY) + (_state_size(self.base) + 2 if self.record == "states" else 0)
         return int(limit / TICK + 1) * row * 8
 
     def settings(self) -> dict[str, Any]:
@@ -188,6 +187,7 @@ class RolloutJob:
             "laps": self.laps,
             "duration": self.duration,
             "record": self.record,
+            "drive": self.base.described(),
         }
 
     @cached_property
@@ -199,7 +199,7 @@ class RolloutJob:
     @cached_property
     def _sites(self) -> tuple[Sites | None, ...]:
         wanted = self.randomization.most_obstacles > 0
-        return tuple(track.obstacle_sites(default_car()) if wanted else None for track in self.tracks)
+        return tuple(track.obstacle_sites(self.base.car.parameters) if wanted else None for track in self.tracks)
 
     def _check_starts(self, course: Course) -> None:
         """Refuse starts that are not on an open course; round a closed one progress may be any number."""
@@ -243,11 +243,10 @@ def _traces(results: WorldResults, record: str) -> Arrays:
     return arrays
 
 
-def _state_size() -> int:
+def _state_size(base: DriveSettings) -> int:
     """Return the length of a state, that of a car whose commands are delayed, which has the longest."""
-    spec = car_spec()
-    change_spec(spec, CarChanges(command_delay=0.0))
-    return int(mujoco.mj_stateSize(spec.compile(), STATE))
+    delayed = base.car.compile(changes=CarChanges(command_delay=0.0))
+    return int(mujoco.mj_stateSize(delayed, STATE))
 
 
 def _sha256(*texts: bytes) -> str:

@@ -1,13 +1,12 @@
 """What the planner of a recorded drive saw in a tick: its scan, what it made of it, and where it was heading.
 
 The scan is measured again at the recorded state, with the noise and delay of the run, and given to the planner anew.
-What it makes of it, stage by stage, a planner says by a method `stages(scan) -> {name: ranges (n,)}`; for the bundled
-ones controllers/control/stages.py says it. A planner that is not to be had any more leaves the bare scan.
+A planner gives its intermediate scans by a method `intermediate_scans(scan) -> {name: ranges (n,)}`, which the bundled
+planners inherit. Where the planner cannot be made any more, the bare scan is left.
 """
 
 from __future__ import annotations
 
-import importlib
 import inspect
 import math
 from contextlib import suppress
@@ -18,6 +17,7 @@ import mujoco
 import numpy as np
 
 from ...errors import FgMujocoError, TrackError
+from ...lidar.beams import lidar_body
 from ...lidar.effects import LidarEffects
 from ...lidar.lidar import make_lidar
 from ...messages import FloatArray, LaserScan
@@ -27,7 +27,7 @@ from ...simulation.course_loading import load_track
 from ...simulation.physics import STATE
 from ...simulation.planner_adapter import start
 from ...simulation.world import CAR_PREFIX, LIDAR_PREFIX, World
-from ...vehicle.vehicle import Car
+from ...vehicle.car import Car
 from .drive import Drive
 
 
@@ -36,7 +36,7 @@ class PlannerView:
     """What a planner saw in one tick, and where from."""
 
     scan: LaserScan
-    stages: dict[str, FloatArray]  # ranges (n,) [m] by name: raw, extended, bubble, gap; those that there are
+    stages: dict[str, FloatArray]  # intermediate scans (n,) [m] by name: raw, extended, bubble, gap; those that it has
     goal: FloatArray | None  # (3,) [m] where it was heading, in the world; None: nowhere, or it does not say
     position: FloatArray  # (3,) [m] of the LiDAR
     rotation: FloatArray  # (3, 3) of the LiDAR
@@ -47,6 +47,12 @@ class PlannerView:
         directions = np.column_stack((np.cos(bearings), np.sin(bearings), np.zeros(len(bearings))))
         ends: FloatArray = self.position + (ranges[beams, None] * directions) @ self.rotation.T
         return ends
+
+
+def intermediate_scans(planner: Any, scan: LaserScan) -> dict[str, FloatArray]:
+    """Return what a planner makes of a scan, by name, ranges (n,) [m]; nothing for a planner that does not say."""
+    own = getattr(planner, "intermediate_scans", None)
+    return {name: np.asarray(ranges, dtype=np.float64) for name, ranges in own(scan).items()} if callable(own) else {}
 
 
 class PlannerEye:
@@ -65,13 +71,11 @@ class PlannerEye:
         self._data = mujoco.MjData(model)
         self._car = Car(model, CAR_PREFIX)
         self._lidar = make_lidar("raycast", model, LIDAR_PREFIX)
-        self._lidar_body = model.body(f"{LIDAR_PREFIX}hokuyo").id
+        self._lidar_body = lidar_body(model, LIDAR_PREFIX)
         self._effects = LidarEffects(**drive.summary.get("lidar_effects", {}))
         self._scans: list[LaserScan] = []
         self.missing = ""
         self._planner = self._make_planner()
-        # the engine names no planner
-        self._stages = importlib.import_module("fg_mujoco.controllers.control.stages").stages
 
     def _make_planner(self) -> Any:
         summary = self._drive.summary
@@ -100,7 +104,7 @@ class PlannerEye:
         goal = None
         stages = {"raw": np.nan_to_num(scan.ranges, nan=0.0, posinf=scan.range_max, neginf=0.0)}
         if self._planner is not None:
-            stages = self._stages(self._planner, scan)
+            stages |= intermediate_scans(self._planner, scan)
             goal = self._goal(scan, position, rotation)
         return PlannerView(scan=scan, stages=stages, goal=goal, position=position, rotation=rotation)
 

@@ -1,4 +1,4 @@
-"""The friction guard: closed forms, a bicycle driven by any wishes, what the car was measured to hold, the car."""
+"""The friction limiter: closed forms, a bicycle driven by any wishes, what the car was measured to hold, the car."""
 
 import math
 from itertools import pairwise
@@ -11,12 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scan_worlds import CAR, MU, odometry_of
 
+from fg_mujoco.controllers.control.settings import for_car
 from fg_mujoco.controllers.control.speed import friction_speed, friction_steering
 from fg_mujoco.controllers.safety.friction_limiter import (
-    GUARD_MEMORY,
-    FrictionGuard,
-    GuardSettings,
-    guarded,
+    LIMITER_MEMORY,
+    FrictionLimiter,
+    FrictionLimiterSettings,
+    limited,
     longitudinal_share,
 )
 from fg_mujoco.errors import SettingsError
@@ -26,27 +27,27 @@ from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED, TireSlipMeter
 PERIOD = 0.025  # [s] of the LiDAR
 GRAVITY, WHEELBASE, HEIGHT, FRONT, REAR, MASS, INERTIA = 9.81, 0.3302, 0.074, 0.15875, 0.17145, 3.74, 0.04712
 YAW_LAG = REAR + INERTIA / (MASS * REAR)  # [m] .245: Newton and Euler, moments about the rear axle
-DEFAULTS = GuardSettings()
+DEFAULTS = for_car(FrictionLimiterSettings(), CAR)
 STEERING_RESPONSE = 0.022  # [s] the servo of models/f1tenth.xml: e / 100 rad/s, 3.2 rad/s at most
 unhurried = settings(deadline=None)  # the first call compiles
-EVERY_BIT = GuardSettings(lateral_use=1.0, braking_use=1.0, accelerating_use=1.0)
+EVERY_BIT = FrictionLimiterSettings(lateral_use=1.0, braking_use=1.0, accelerating_use=1.0)
 
 
-def settled(guard, steering_angle, speed, now, ticks=20):
+def settled(limiter, steering_angle, speed, now, ticks=20):
     """The command after so many ticks of one and the same wish and odometry; its acceleration [m/s^2]."""
     for _ in range(ticks):
-        command = guard(steering_angle, speed, odometry_of(now, steering_angle), PERIOD)
+        command = limiter(steering_angle, speed, odometry_of(now, steering_angle), PERIOD)
     return command, (command.speed - now) / CAR.speed_time_constant
 
 
-def drive_bicycle(guard, wishes, speed=0.0, steering_angle=0.0, substeps=10):
-    """A kinematic bicycle with the car's servos, driven through the guard.
+def drive_bicycle(limiter, wishes, speed=0.0, steering_angle=0.0, substeps=10):
+    """A kinematic bicycle with the car's servos, driven through the limiter.
 
     Yields, at every substep, speed, curvature, the curvature's rate and the acceleration.
     """
     step = PERIOD / substeps
     for wished_angle, wished_speed in wishes:
-        command = guard(wished_angle, wished_speed, odometry_of(speed, steering_angle), PERIOD)
+        command = limiter(wished_angle, wished_speed, odometry_of(speed, steering_angle), PERIOD)
         for _ in range(substeps):
             # the solution over a substep of a first-order servo, its rate limited
             turn = (command.steering_angle - steering_angle) * (1.0 - math.exp(-step / STEERING_RESPONSE))
@@ -70,23 +71,23 @@ def test_straight_ahead_it_brakes_and_accelerates_with_what_the_lighter_axle_hol
     def greatest(length):
         return GRAVITY * length / WHEELBASE / (HEIGHT / WHEELBASE + 1.0 / (2.0 * mu))
 
-    guard = FrictionGuard(CAR, mu, EVERY_BIT)
-    assert settled(guard, 0.0, 0.0, 6.0)[1] == pytest.approx(-greatest(FRONT), rel=1e-4)
-    guard.reset()
-    assert settled(guard, 0.0, 20.0, 1.0)[1] == pytest.approx(greatest(REAR), rel=1e-4)
+    limiter = FrictionLimiter(CAR, mu, EVERY_BIT)
+    assert settled(limiter, 0.0, 0.0, 6.0)[1] == pytest.approx(-greatest(FRONT), rel=1e-4)
+    limiter.reset()
+    assert settled(limiter, 0.0, 20.0, 1.0)[1] == pytest.approx(greatest(REAR), rel=1e-4)
 
 
 def test_the_path_follows_the_steering_over_the_yaw_lag():
-    assert FrictionGuard(CAR, MU).yaw_lag == pytest.approx(YAW_LAG, rel=1e-5)
+    assert FrictionLimiter(CAR, MU).yaw_lag == pytest.approx(YAW_LAG, rel=1e-5)
 
 
 @pytest.mark.parametrize("speed", [2.0, 4.0, 7.0])
 def test_at_one_speed_the_steering_settles_at_the_law_read_for_steering(speed):
     command = None
     angle = 0.0
-    guard = FrictionGuard(CAR, MU)
+    limiter = FrictionLimiter(CAR, MU)
     for _ in range(100):  # the servo follows; the speed is held at a wish that is not too fast for what is seen
-        command = guard(0.4, 20.0, odometry_of(speed, angle), PERIOD)
+        command = limiter(0.4, 20.0, odometry_of(speed, angle), PERIOD)
         angle = command.steering_angle
     limit = friction_steering(speed, MU * DEFAULTS.lateral_use, WHEELBASE, GRAVITY)
     if limit > 0.4:
@@ -105,14 +106,14 @@ def test_the_wheels_turn_in_with_a_share_of_the_unused_grip_and_turn_out_with_mo
     cornering = speed**2 * math.tan(angle) / WHEELBASE
     for wish, unused in ((0.4, lateral - cornering), (-0.4, lateral + cornering)):
         rate = share * unused / (YAW_LAG * speed) * WHEELBASE * math.cos(angle) ** 2
-        command = FrictionGuard(CAR, MU)(side * wish, 20.0, odometry_of(speed, side * angle), PERIOD)
+        command = FrictionLimiter(CAR, MU)(side * wish, 20.0, odometry_of(speed, side * angle), PERIOD)
         turned = math.copysign(min(rate, 3.2), wish) * DEFAULTS.steering_response
         assert command.steering_angle == pytest.approx(side * (angle + turned), rel=1e-4)
 
 
 @pytest.mark.parametrize("steering_angle", [-0.4189, -0.2, 0.05, 0.3])
 def test_at_one_steering_angle_the_speed_settles_at_the_law_read_for_speed(steering_angle):
-    *_, (speed, curvature, _, _) = drive_bicycle(FrictionGuard(CAR, MU), [(steering_angle, 20.0)] * 500)
+    *_, (speed, curvature, _, _) = drive_bicycle(FrictionLimiter(CAR, MU), [(steering_angle, 20.0)] * 500)
     assert curvature == pytest.approx(math.tan(steering_angle) / WHEELBASE, rel=1e-6)
     law = friction_speed(steering_angle, MU * DEFAULTS.lateral_use, WHEELBASE, GRAVITY)
     assert speed <= law * (1.0 + 1e-9)
@@ -120,31 +121,31 @@ def test_at_one_steering_angle_the_speed_settles_at_the_law_read_for_speed(steer
 
 
 def test_a_wish_within_the_limits_is_granted():
-    command, _ = settled(FrictionGuard(CAR, MU), 0.1, 2.0, 2.0)
+    command, _ = settled(FrictionLimiter(CAR, MU), 0.1, 2.0, 2.0)
     assert command.steering_angle == pytest.approx(0.1)
     assert command.speed == pytest.approx(2.0)
 
 
 def test_braking_and_accelerating_grow_over_the_load_transfer_time_and_fall_at_once():
     share = PERIOD / DEFAULTS.load_transfer_time
-    guard = FrictionGuard(CAR, MU)
-    for sign, greatest, wish in ((1.0, guard.accelerating, 20.0), (-1.0, guard.braking, 0.0)):
-        guard.reset()
+    limiter = FrictionLimiter(CAR, MU)
+    for sign, greatest, wish in ((1.0, limiter.accelerating, 20.0), (-1.0, limiter.braking, 0.0)):
+        limiter.reset()
         for tick in range(1, 12):
-            command, acceleration = settled(guard, 0.0, wish, 5.0, ticks=1)
+            command, acceleration = settled(limiter, 0.0, wish, 5.0, ticks=1)
             assert acceleration == pytest.approx(sign * greatest * min(tick * share, 1.0))
-        command, acceleration = settled(guard, 0.0, 5.0, 5.0, ticks=1)
+        command, acceleration = settled(limiter, 0.0, 5.0, 5.0, ticks=1)
         assert acceleration == 0.0
         assert command.speed == 5.0
 
 
 def test_in_a_batch_each_row_of_memory_is_a_guard_of_its_own():
-    guards = [FrictionGuard(CAR, mu) for mu in (0.4, MU)]
-    memories = np.zeros(2, GUARD_MEMORY)
+    limiters = [FrictionLimiter(CAR, mu) for mu in (0.4, MU)]
+    memories = np.zeros(2, LIMITER_MEMORY)
     for wish in ((0.1, 6.0), (0.3, 1.0), (-0.2, 8.0)):
-        for guard, memory in zip(guards, memories, strict=True):
-            command = guard(*wish, odometry_of(3.0, 0.05), PERIOD)
-            row = guarded(guard.record[0], memory, *wish, guard.settings.least_lateral_use, 0.05, 3.0, PERIOD)
+        for limiter, memory in zip(limiters, memories, strict=True):
+            command = limiter(*wish, odometry_of(3.0, 0.05), PERIOD)
+            row = limited(limiter.record[0], memory, *wish, limiter.settings.least_lateral_use, 0.05, 3.0, PERIOD)
             assert row == (command.steering_angle, command.speed)
     assert memories["acceleration"][0] != memories["acceleration"][1]
 
@@ -153,11 +154,11 @@ def test_in_a_batch_each_row_of_memory_is_a_guard_of_its_own():
     ("speed", "angle"), [(math.nan, 0.0), (1.0, math.nan), (math.inf, 0.1), (1.0, -math.inf), (1e200, 0.0)]
 )
 def test_of_no_motion_it_makes_a_stop_and_forgets_the_last_command(speed, angle):
-    guard = FrictionGuard(CAR, MU)
-    first = settled(guard, 0.2, 8.0, 2.0, ticks=1)
-    settled(guard, 0.2, 8.0, 2.0, ticks=3)
-    assert guard(0.2, 8.0, odometry_of(speed, angle), PERIOD) == STOP
-    assert settled(guard, 0.2, 8.0, 2.0, ticks=1) == first
+    limiter = FrictionLimiter(CAR, MU)
+    first = settled(limiter, 0.2, 8.0, 2.0, ticks=1)
+    settled(limiter, 0.2, 8.0, 2.0, ticks=3)
+    assert limiter(0.2, 8.0, odometry_of(speed, angle), PERIOD) == STOP
+    assert settled(limiter, 0.2, 8.0, 2.0, ticks=1) == first
 
 
 @pytest.mark.parametrize(
@@ -174,28 +175,28 @@ def test_of_no_motion_it_makes_a_stop_and_forgets_the_last_command(speed, angle)
     }.items(),
 )
 def test_a_setting_that_no_guard_can_have_is_refused_by_name(field, value):
-    with pytest.raises(SettingsError, match=rf"GuardSettings\.{field} is {value!r}; accepted: a "):
-        GuardSettings(**{field: value})
+    with pytest.raises(SettingsError, match=rf"FrictionLimiterSettings\.{field} is {value!r}; accepted: a "):
+        FrictionLimiterSettings(**{field: value})
 
 
 @pytest.mark.parametrize("mu", [0.0, -1.0, math.nan, math.inf])
 def test_a_friction_coefficient_that_no_tire_has_is_refused(mu):
     with pytest.raises(SettingsError, match="mu is"):
-        FrictionGuard(CAR, mu)
+        FrictionLimiter(CAR, mu)
 
 
 def test_reset_forgets_the_last_command():
-    guard = FrictionGuard(CAR, MU)
-    first = settled(guard, 0.2, 8.0, 2.0, ticks=1)
-    assert settled(guard, 0.2, 8.0, 2.0, ticks=3) != first
-    guard.reset()
-    assert settled(guard, 0.2, 8.0, 2.0, ticks=1) == first
+    limiter = FrictionLimiter(CAR, MU)
+    first = settled(limiter, 0.2, 8.0, 2.0, ticks=1)
+    assert settled(limiter, 0.2, 8.0, 2.0, ticks=3) != first
+    limiter.reset()
+    assert settled(limiter, 0.2, 8.0, 2.0, ticks=1) == first
 
 
 @unhurried
 @given(st.floats(-0.5, 0.5), st.floats(0.0, 9.0), st.floats(0.0, 9.0), st.floats(-0.4189, 0.4189))
 def test_left_and_right_are_alike(wish, speed, now, angle):
-    left, right = FrictionGuard(CAR, MU), FrictionGuard(CAR, MU)
+    left, right = FrictionLimiter(CAR, MU), FrictionLimiter(CAR, MU)
     for _ in range(3):
         one = left(wish, speed, odometry_of(now, angle), PERIOD)
         other = right(-wish, speed, odometry_of(now, -angle), PERIOD)
@@ -205,9 +206,9 @@ def test_left_and_right_are_alike(wish, speed, now, angle):
 @unhurried
 @given(st.floats(0.1, 2.0), st.floats(1.01, 2.0), st.floats(0.0, 0.5), st.floats(0.0, 9.0), st.floats(0.0, 9.0))
 def test_the_more_grip_the_more_it_grants(mu, factor, wish, speed, now):
-    less, more = FrictionGuard(CAR, mu), FrictionGuard(CAR, mu * factor)
+    less, more = FrictionLimiter(CAR, mu), FrictionLimiter(CAR, mu * factor)
     assert more.lateral > less.lateral and more.braking > less.braking and more.accelerating > less.accelerating
-    slow, fast = (guard(wish, speed, odometry_of(now, 0.0), PERIOD) for guard in (less, more))
+    slow, fast = (limiter(wish, speed, odometry_of(now, 0.0), PERIOD) for limiter in (less, more))
     assert slow.steering_angle <= fast.steering_angle + 1e-12
 
 
@@ -225,7 +226,7 @@ def test_whatever_is_wished_the_lateral_demand_stays_within_the_grip(wishes, spe
     held = [(angle, wished) for angle, wished, ticks in wishes for _ in range(ticks)]
     demands = [
         abs(v * v * curvature + YAW_LAG * v * rate) / (mu * GRAVITY)
-        for v, curvature, rate, _ in drive_bicycle(FrictionGuard(CAR, mu), held, speed)
+        for v, curvature, rate, _ in drive_bicycle(FrictionLimiter(CAR, mu), held, speed)
     ]
     assert max(demands) <= 1.0
 
@@ -234,7 +235,7 @@ def test_whatever_is_wished_the_lateral_demand_stays_within_the_grip(wishes, spe
 @given(held_wishes, st.floats(0.0, 8.0), st.sampled_from([0.6, MU]))
 def test_whatever_is_wished_braking_and_accelerating_stay_within_what_cornering_leaves(wishes, speed, mu):
     held = [(angle, wished) for angle, wished, ticks in wishes for _ in range(ticks)]
-    for v, curvature, _, acceleration in drive_bicycle(FrictionGuard(CAR, mu), held, speed):
+    for v, curvature, _, acceleration in drive_bicycle(FrictionLimiter(CAR, mu), held, speed):
         use = v * v * abs(curvature) / (mu * GRAVITY)
         assert -measured_limit(mu, "brake", use) <= acceleration <= measured_limit(mu, "accelerate", use)
 
@@ -259,27 +260,28 @@ def measured_limit(mu, direction, use):
 @pytest.mark.parametrize(("mu", "direction"), MEASURED)
 def test_the_share_that_cornering_leaves_is_at_most_the_measured_one(mu, direction):
     uses = np.linspace(-0.1, 1.2, 131)
-    shares = np.array([longitudinal_share(use) for use in uses])
+    shares = np.array([longitudinal_share(use, 0.8) for use in uses])
     assert (np.diff(shares) <= 0.0).all()
-    assert (longitudinal_share(0.0), longitudinal_share(1.0)) == (1.0, 0.0)
+    assert (longitudinal_share(0.0, 0.8), longitudinal_share(1.0, 0.8)) == (1.0, 0.0)
     # of what the closed form says for straight ahead, .92 and .88 of which is used
-    guard = FrictionGuard(CAR, mu)
-    greatest = guard.braking if direction == "brake" else guard.accelerating
-    assert all(greatest * longitudinal_share(u) <= most for u, most in zip(USES, MEASURED[mu, direction], strict=True))
+    limiter = FrictionLimiter(CAR, mu)
+    greatest = limiter.braking if direction == "brake" else limiter.accelerating
+    shares = [longitudinal_share(use, limiter.exponent) for use in USES]
+    assert all(greatest * share <= most for share, most in zip(shares, MEASURED[mu, direction], strict=True))
 
 
 @pytest.mark.parametrize("direction", ["brake", "accelerate"])
 @pytest.mark.parametrize("mu", [0.6, MU])
 @pytest.mark.parametrize("speed", [2.0, 4.0, 7.0])
 def test_it_never_asks_for_more_than_the_car_was_measured_to_hold(mu, direction, speed):
-    guard = FrictionGuard(CAR, mu)
+    limiter = FrictionLimiter(CAR, mu)
     granted = []
     for use in np.linspace(0.0, 0.95, 39):
         angle = math.atan(use * mu * GRAVITY * WHEELBASE / speed**2)
         if angle > CAR.max_steering_angle:
             break
-        guard.reset()
-        _, acceleration = settled(guard, angle, 0.0 if direction == "brake" else 20.0, speed)
+        limiter.reset()
+        _, acceleration = settled(limiter, angle, 0.0 if direction == "brake" else 20.0, speed)
         granted.append(abs(acceleration))
         assert granted[-1] <= measured_limit(mu, direction, use), f"at {use:.3f} of mu g"
     assert all(after <= before for before, after in pairwise(granted))
@@ -289,15 +291,15 @@ def test_it_never_asks_for_more_than_the_car_was_measured_to_hold(mu, direction,
 # -- the car
 
 
-def greatest_slide(speed, wish, guard):
-    """Slide [m/s] of the car at `speed` given a step of the steering wish, through the guard or straight."""
+def greatest_slide(speed, wish, limiter):
+    """Slide [m/s] of the car at `speed` given a step of the steering wish, through the limiter or straight."""
     model, data, car = flat_world()
     meter = TireSlipMeter(model)
     car.set_pose(data, 0.0, 0.0, 0.0, speed)
     for _ in range(40):
         command = DriveCommand(steering_angle=wish, speed=speed)
-        if guard is not None:
-            command = guard(wish, speed, car.odometry(data), PERIOD)
+        if limiter is not None:
+            command = limiter(wish, speed, car.odometry(data), PERIOD)
         car.apply(data, command)
         for _ in range(round(PERIOD / model.opt.timestep)):
             mujoco.mj_step(model, data)
@@ -308,7 +310,7 @@ def greatest_slide(speed, wish, guard):
 
 @pytest.mark.parametrize("speed", [3.0, 5.0, 7.0])
 def test_a_step_of_the_steering_wish_slides_no_tire_and_does_without_the_guard(speed):
-    slide, data = greatest_slide(speed, -CAR.max_steering_angle, FrictionGuard(CAR, MU))
+    slide, data = greatest_slide(speed, -CAR.max_steering_angle, FrictionLimiter(CAR, MU))
     assert slide < SLIDING_SPEED
     heading = 2.0 * math.atan2(data.qpos[6], data.qpos[3])
     assert heading < -0.5  # it did turn
@@ -316,16 +318,16 @@ def test_a_step_of_the_steering_wish_slides_no_tire_and_does_without_the_guard(s
 
 
 def test_a_guard_that_believes_in_half_as_much_grip_again_slides():
-    assert greatest_slide(5.0, CAR.max_steering_angle, FrictionGuard(CAR, 1.5 * MU))[0] > SLIDING_SPEED
+    assert greatest_slide(5.0, CAR.max_steering_angle, FrictionLimiter(CAR, 1.5 * MU))[0] > SLIDING_SPEED
 
 
 def test_full_braking_and_full_accelerating_through_the_guard_slide_no_tire():
     for speed, wish in ((7.0, 0.0), (0.0, 8.0)):
         model, data, car = flat_world()
-        meter, guard = TireSlipMeter(model), FrictionGuard(CAR, MU)
+        meter, limiter = TireSlipMeter(model), FrictionLimiter(CAR, MU)
         car.set_pose(data, 0.0, 0.0, 0.0, speed)
         for _ in range(60):
-            car.apply(data, guard(0.0, wish, car.odometry(data), PERIOD))
+            car.apply(data, limiter(0.0, wish, car.odometry(data), PERIOD))
             for _ in range(round(PERIOD / model.opt.timestep)):
                 mujoco.mj_step(model, data)
                 meter.record(data)

@@ -9,36 +9,42 @@ from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
 
 import fg_mujoco as fg
 from fg_mujoco.controllers.control.driving import DrivingSettings
-from fg_mujoco.controllers.control.records import record_type, record_values
-from fg_mujoco.controllers.safety.recovery import TRAIL, BackingSettings, angle_back, backs, follow
+from fg_mujoco.controllers.control.settings import for_car, record_type, record_values
+from fg_mujoco.controllers.safety.recovery import (
+    PATH_HISTORY,
+    RecoverySettings,
+    angle_along_history,
+    extend_history,
+    reverses,
+)
 from fg_mujoco.course.random_obstacles import random_boxes
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.racing.planner_loading import make_controller
 
 PERIOD = 0.025
 WHEELBASE = 0.33
-DEFAULTS = BackingSettings()
+DEFAULTS = for_car(RecoverySettings(), CAR)
 
 
 def new():
-    return np.zeros(1, TRAIL)[0], np.array([record_values(DEFAULTS)], record_type(BackingSettings))[0]
+    return np.zeros(1, PATH_HISTORY)[0], np.array([record_values(DEFAULTS)], record_type(RecoverySettings))[0]
 
 
-def stand(trail, settings, seconds):
+def stand(history, settings, seconds):
     """Stand without a way on; return in how many of the ticks the car is to go back."""
-    return sum(bool(backs(trail, settings, True, False, PERIOD)) for _ in range(round(seconds / PERIOD)))
+    return sum(bool(reverses(history, settings, True, False, PERIOD)) for _ in range(round(seconds / PERIOD)))
 
 
-def come(trail, settings, meters, speed=2.0):
+def come(history, settings, meters, speed=2.0):
     for _ in range(round(meters / (speed * PERIOD))):
-        follow(trail, settings, speed, 0.0, PERIOD)
-        backs(trail, settings, False, True, PERIOD)
+        extend_history(history, settings, speed, 0.0, PERIOD)
+        reverses(history, settings, False, True, PERIOD)
 
 
 @pytest.mark.parametrize("speed", [0.5, 2.0, 6.0])
 def test_it_comes_back_along_its_own_path(speed):
     """A single-track car drives a wave, and back from its end; the path is known in closed form nowhere: it is kept."""
-    trail, settings = new()
+    history, settings = new()
     x, y, heading, path = 0.0, 0.0, 0.0, []
     for tick in range(round(3.0 / (speed * PERIOD))):
         yaw_rate = speed * math.tan(0.3 * math.sin(2.0 * tick * speed * PERIOD)) / WHEELBASE
@@ -46,107 +52,107 @@ def test_it_comes_back_along_its_own_path(speed):
         x, y = x + speed * PERIOD * math.cos(heading), y + speed * PERIOD * math.sin(heading)
         heading += 0.5 * yaw_rate * PERIOD
         path.append((x, y))
-        follow(trail, settings, speed, yaw_rate, PERIOD)
-    assert (trail["x"], trail["y"], trail["heading"]) == pytest.approx((x, y, heading))
-    assert stand(trail, settings, DEFAULTS.patience) == 1
+        extend_history(history, settings, speed, yaw_rate, PERIOD)
+    assert (history["x"], history["y"], history["heading"]) == pytest.approx((x, y, heading))
+    assert stand(history, settings, DEFAULTS.patience) == 1
     end, gone, off = (x, y), 0.0, []
-    while backs(trail, settings, False, True, PERIOD):
-        yaw_rate = -DEFAULTS.speed * math.tan(angle_back(trail, WHEELBASE)) / WHEELBASE
+    while reverses(history, settings, False, True, PERIOD):
+        yaw_rate = -DEFAULTS.speed * math.tan(angle_along_history(history, WHEELBASE)) / WHEELBASE
         heading += 0.5 * yaw_rate * PERIOD
         x, y = x - DEFAULTS.speed * PERIOD * math.cos(heading), y - DEFAULTS.speed * PERIOD * math.sin(heading)
         heading += 0.5 * yaw_rate * PERIOD
         gone += DEFAULTS.speed * PERIOD
         off.append(np.hypot(*(np.array(path) - (x, y)).T).min() - 0.5 * speed * PERIOD)
-        follow(trail, settings, -DEFAULTS.speed, yaw_rate, PERIOD)
+        extend_history(history, settings, -DEFAULTS.speed, yaw_rate, PERIOD)
     assert gone == pytest.approx(DEFAULTS.distance, abs=DEFAULTS.speed * PERIOD + 1e-9)
     assert max(off) < 0.03
     assert math.hypot(x - end[0], y - end[1]) > 0.9 * DEFAULTS.distance
 
 
 def test_it_waits_first_and_a_moment_without_being_stuck_starts_that_anew():
-    trail, settings = new()
-    come(trail, settings, 3.0)
-    assert stand(trail, settings, DEFAULTS.patience - PERIOD) == 0
-    backs(trail, settings, False, True, PERIOD)
-    assert stand(trail, settings, DEFAULTS.patience - PERIOD) == 0
-    assert stand(trail, settings, PERIOD) == 1
+    history, settings = new()
+    come(history, settings, 3.0)
+    assert stand(history, settings, DEFAULTS.patience - PERIOD) == 0
+    reverses(history, settings, False, True, PERIOD)
+    assert stand(history, settings, DEFAULTS.patience - PERIOD) == 0
+    assert stand(history, settings, PERIOD) == 1
 
 
 def test_each_time_it_goes_back_farther_and_after_some_tries_it_stays():
-    trail, settings = new()
-    come(trail, settings, 6.0)
+    history, settings = new()
+    come(history, settings, 6.0)
     for number in range(1, DEFAULTS.tries + 1):
-        assert stand(trail, settings, DEFAULTS.patience if number == 1 else DEFAULTS.patience_again) == 1
-        assert trail["back"] == pytest.approx(DEFAULTS.distance * number)
-        while backs(trail, settings, False, True, PERIOD):
-            follow(trail, settings, -DEFAULTS.speed, 0.0, PERIOD)
-        come(trail, settings, DEFAULTS.distance * number + 0.9 * DEFAULTS.come_on)  # not far enough to forget
-    assert stand(trail, settings, 10.0) == 0
+        assert stand(history, settings, DEFAULTS.patience if number == 1 else DEFAULTS.patience_again) == 1
+        assert history["back"] == pytest.approx(DEFAULTS.distance * number)
+        while reverses(history, settings, False, True, PERIOD):
+            extend_history(history, settings, -DEFAULTS.speed, 0.0, PERIOD)
+        come(history, settings, DEFAULTS.distance * number + 0.9 * DEFAULTS.come_on)  # not far enough to forget
+    assert stand(history, settings, 10.0) == 0
 
 
 def test_what_is_behind_it_and_holds_it_is_not_pushed_for_long():
-    trail, settings = new()
-    come(trail, settings, 6.0)
+    history, settings = new()
+    come(history, settings, 6.0)
     for patience in (DEFAULTS.patience, *[DEFAULTS.patience_again] * (DEFAULTS.tries - 1)):
-        assert stand(trail, settings, patience) == 1
-        pushed = stand(trail, settings, DEFAULTS.patience)  # it stands all the same
+        assert stand(history, settings, patience) == 1
+        pushed = stand(history, settings, DEFAULTS.patience)  # it stands all the same
         assert pushed == round(DEFAULTS.patience / PERIOD) - 1
-    assert stand(trail, settings, 20.0) == 0
+    assert stand(history, settings, 20.0) == 0
 
 
 def test_when_it_has_come_on_it_has_forgotten():
-    trail, settings = new()
-    come(trail, settings, 3.0)
+    history, settings = new()
+    come(history, settings, 3.0)
     for _ in range(5):
-        assert stand(trail, settings, DEFAULTS.patience) == 1
-        assert trail["tried"] == 1
-        trail["back"] = 0.0
-        come(trail, settings, DEFAULTS.come_on + 0.1)
-        assert trail["tried"] == 0
+        assert stand(history, settings, DEFAULTS.patience) == 1
+        assert history["tried"] == 1
+        history["back"] = 0.0
+        come(history, settings, DEFAULTS.come_on + 0.1)
+        assert history["tried"] == 0
 
 
 def test_it_goes_back_no_farther_than_it_came_and_not_at_all_where_it_was_put():
-    trail, settings = new()
-    assert stand(trail, settings, 5.0) == 0
-    trail, settings = new()
-    come(trail, settings, 0.8)
-    assert stand(trail, settings, DEFAULTS.patience) == 1
+    history, settings = new()
+    assert stand(history, settings, 5.0) == 0
+    history, settings = new()
+    come(history, settings, 0.8)
+    assert stand(history, settings, DEFAULTS.patience) == 1
     gone = 0.0
-    while backs(trail, settings, False, True, PERIOD):
-        follow(trail, settings, -DEFAULTS.speed, 0.0, PERIOD)
+    while reverses(history, settings, False, True, PERIOD):
+        extend_history(history, settings, -DEFAULTS.speed, 0.0, PERIOD)
         gone += DEFAULTS.speed * PERIOD
     assert 0.4 < gone < 0.8
 
 
 @pytest.mark.parametrize("motion", [(math.nan, 0.0), (1.0, math.inf), (1.0, math.nan)])
 def test_after_a_motion_that_is_none_it_does_not_know_the_way_back(motion):
-    trail, settings = new()
-    come(trail, settings, 3.0)
-    follow(trail, settings, *motion, PERIOD)
-    assert stand(trail, settings, 5.0) == 0
-    assert np.isfinite(trail["x"]) and np.isfinite(trail["heading"])
+    history, settings = new()
+    come(history, settings, 3.0)
+    extend_history(history, settings, *motion, PERIOD)
+    assert stand(history, settings, 5.0) == 0
+    assert np.isfinite(history["x"]) and np.isfinite(history["heading"])
 
 
 @pytest.mark.parametrize("seed", [20, 52])
 def test_a_car_askew_before_a_box_gets_past_and_without_going_back_it_stands(seed):
     boxes = random_boxes(fg.load_track("chicanes"), 4, seed, car=CAR)
     for kept, expected in ((True, "finished"), (False, "no_progress")):
-        race = fg.race("chicanes", "gap_finder", laps=1, obstacles=boxes, planner_settings={"backs_out": kept})
+        race = fg.race("chicanes", "gap_finder", laps=1, obstacles=boxes, planner_settings={"recovery": kept})
         assert race.end_reason == expected and race.collisions == 0
         assert race.max_slide_m_s <= fg.SLIDING_SPEED
         assert (race.column("speed_m_s").min() < -0.5) == kept
 
 
-@pytest.mark.parametrize("name", [field.name for field in fields(BackingSettings)])
+@pytest.mark.parametrize("name", [field.name for field in fields(RecoverySettings)])
 def test_settings_that_make_no_sense_are_refused_by_name(name):
     for value in (0.0, -1.0, math.nan, math.inf):
         with pytest.raises(SettingsError, match=name):
-            BackingSettings(**{name: value})
+            RecoverySettings(**{name: value})
 
 
 def test_a_switch_that_is_none_is_refused():
-    with pytest.raises(SettingsError, match="backs_out is 'no'; accepted: True, False"):
-        DrivingSettings(backs_out="no")
+    with pytest.raises(SettingsError, match="recovery is 'no'; accepted: True, False"):
+        DrivingSettings(recovery="no")
 
 
 @pytest.mark.parametrize("name", ["gap_finder", "disparity_extender", "weighted_gap"])
@@ -156,7 +162,7 @@ def test_the_way_is_kept_in_ticks_in_which_the_planner_sees_nothing(name):
     for scan in (corridor(1.0, 1.0, 20.0), scan_of(np.zeros(1081)), scan_of([])):
         for _ in range(20):
             planner(scan, odometry_of(2.0))
-    trail = planner._alone._memories[0]["driving"]["trail"]
-    assert trail["x"] == pytest.approx(60 * 2.0 * PERIOD)
+    history = planner._alone._driving[0]["history"]
+    assert history["x"] == pytest.approx(60 * 2.0 * PERIOD)
     planner(corridor(1.0, 1.0, 20.0), odometry_of(math.nan))
-    assert trail["known"] == 0
+    assert history["known"] == 0

@@ -9,13 +9,13 @@ from hypothesis import strategies as st
 from scan_worlds import CAR, INCREMENT, MU, corridor, mirrored, odometry_of, room, scan_of
 
 from fg_mujoco.controllers.perception.scan_filters import valid_ranges, widen_all
-from fg_mujoco.controllers.safety.braking_trajectories import PATHS, StoppingPaths, StoppingSettings
-from fg_mujoco.controllers.safety.friction_limiter import FrictionGuard
+from fg_mujoco.controllers.safety.braking_trajectories import TRAJECTORIES, BrakingSettings, BrakingTrajectories
+from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
 from fg_mujoco.errors import SettingsError
 
 TOP_SPEED = 8.0
-GUARD = FrictionGuard(CAR, MU)
-STOPPING = StoppingPaths(CAR, GUARD, TOP_SPEED)
+LIMITER = FrictionLimiter(CAR, MU)
+STOPPING = BrakingTrajectories(CAR, LIMITER, TOP_SPEED)
 SPEED_STEP = STOPPING.speeds[1] - STOPPING.speeds[0]
 BUMPER = CAR.length - CAR.rear_overhang - CAR.lidar_offset  # [m] ahead of the LiDAR
 
@@ -26,10 +26,10 @@ def safe_speed(scan, speed=0.0, steering_angle=0.0, stopping=STOPPING):
     return stopping.safe_speed(widened, scan.angle_min, scan.angle_increment, speed, steering_angle)
 
 
-def straight_stop(wall, stopping=STOPPING, guard=GUARD):
+def straight_stop(wall, stopping=STOPPING, limiter=LIMITER):
     """The speed [m/s] whose stop, v t + v^2 / (2 a), ends the margin short of a wall this far from the bumper [m]."""
     chosen = stopping.settings
-    braking = min(chosen.braking_share * guard.lateral, guard.braking)
+    braking = min(chosen.braking_share * limiter.lateral, limiter.braking)
     room = max(wall - chosen.margin, 0.0)
     return math.sqrt((braking * chosen.reaction) ** 2 + 2.0 * braking * room) - braking * chosen.reaction
 
@@ -45,8 +45,8 @@ def test_towards_a_dead_end_it_is_the_closed_form_of_a_straight_stop(wall):
 
 
 def test_a_straight_stop_takes_less_room_on_better_ground():
-    scan, wet = corridor(0.30, 0.30, BUMPER + 4.0), FrictionGuard(CAR, 0.6)
-    paths = StoppingPaths(CAR, wet, TOP_SPEED)
+    scan, wet = corridor(0.30, 0.30, BUMPER + 4.0), FrictionLimiter(CAR, 0.6)
+    paths = BrakingTrajectories(CAR, wet, TOP_SPEED)
     assert safe_speed(scan, stopping=paths) < safe_speed(scan)
     assert safe_speed(scan, stopping=paths) == pytest.approx(straight_stop(4.0, paths, wet), abs=SPEED_STEP + 0.05)
 
@@ -80,7 +80,7 @@ def exhaustive_safe_speed(widened, angle_min, increment, speed, steering_angle, 
     """The fastest of all speeds that have a path, of all to both sides, whose points are all in sight."""
     table = stopping.record[0]
     shares = np.array([-0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0])
-    share = speed**2 * math.tan(steering_angle) / CAR.wheelbase / GUARD.lateral
+    share = speed**2 * math.tan(steering_angle) / CAR.wheelbase / LIMITER.lateral
     fastest = 0.0
     for side in (1, -1):
         present = np.argmin(np.abs(shares - side * share))
@@ -129,14 +129,14 @@ def far_end(speed, present, turning):
     """Bearing [rad] and distance [m] of the end of a path to the left, by steps ten times as short."""
     chosen, step = STOPPING.settings, 1e-3
     tightest = math.tan(CAR.max_steering_angle) / CAR.wheelbase
-    braking = chosen.braking_share * GUARD.lateral
-    curvature = np.clip(present * GUARD.lateral / speed**2, -tightest, tightest)
+    braking = chosen.braking_share * LIMITER.lateral
+    curvature = np.clip(present * LIMITER.lateral / speed**2, -tightest, tightest)
     place, heading, time = 0j, 0.0, 0.0
     while speed > 0.0:
         if time >= chosen.reaction:
-            wanted = min(turning * GUARD.lateral / max(speed, 0.1) ** 2, tightest)
-            curvature += (wanted - curvature) * speed * step / GUARD.yaw_lag
-            left = 1.0 - min(abs(curvature) * speed**2 / GUARD.lateral, 0.999)
+            wanted = min(turning * LIMITER.lateral / max(speed, 0.1) ** 2, tightest)
+            curvature += (wanted - curvature) * speed * step / LIMITER.yaw_lag
+            left = 1.0 - min(abs(curvature) * speed**2 / LIMITER.lateral, 0.999)
             speed = max(speed - braking * left**0.8 * step, 0.0)
         heading += curvature * speed * step
         place += speed * step * np.exp(1j * heading)
@@ -166,29 +166,29 @@ def test_straight_paths_begin_at_the_disc_and_are_evenly_spread():
 
 
 def test_cars_of_the_same_kind_share_one_table_that_cannot_be_written_to():
-    shared = StoppingPaths(CAR, FrictionGuard(CAR, MU), TOP_SPEED).record
-    assert np.shares_memory(shared, StoppingPaths(CAR, FrictionGuard(CAR, MU), TOP_SPEED).record)
+    shared = BrakingTrajectories(CAR, FrictionLimiter(CAR, MU), TOP_SPEED).record
+    assert np.shares_memory(shared, BrakingTrajectories(CAR, FrictionLimiter(CAR, MU), TOP_SPEED).record)
     with pytest.raises(ValueError, match="read-only"):
         shared["distances"][0] = 0.0
     for other in (
-        StoppingPaths(CAR, FrictionGuard(CAR, 0.9 * MU), TOP_SPEED),
-        StoppingPaths(CAR, GUARD, 0.9 * TOP_SPEED),
-        StoppingPaths(CAR, GUARD, TOP_SPEED, StoppingSettings(margin=0.6)),
+        BrakingTrajectories(CAR, FrictionLimiter(CAR, 0.9 * MU), TOP_SPEED),
+        BrakingTrajectories(CAR, LIMITER, 0.9 * TOP_SPEED),
+        BrakingTrajectories(CAR, LIMITER, TOP_SPEED, BrakingSettings(margin=0.6)),
     ):
         assert not np.shares_memory(other.record, STOPPING.record)
         assert not np.array_equal(other.record["distances"], STOPPING.record["distances"])
 
 
 def test_a_table_takes_half_a_megabyte():
-    assert PATHS.itemsize < 520_000
+    assert TRAJECTORIES.itemsize < 520_000
 
 
 @pytest.mark.parametrize(
     ("field", "value"), [("braking_share", 0.0), ("reaction", -0.1), ("margin", math.nan), ("clearance", math.inf)]
 )
 def test_a_setting_that_no_stop_can_have_is_refused_by_name(field, value):
-    with pytest.raises(SettingsError, match=rf"StoppingSettings\.{field} is {value!r}; accepted: a "):
-        StoppingSettings(**{field: value})
+    with pytest.raises(SettingsError, match=rf"BrakingSettings\.{field} is {value!r}; accepted: a "):
+        BrakingSettings(**{field: value})
 
 
 # -- what holds for any scan
@@ -227,7 +227,7 @@ def test_a_car_that_turns_right_needs_room_on_its_right():
 
 def test_every_speed_of_the_grid_is_at_most_the_fastest_of_interest():
     assert STOPPING.speeds[-1] == TOP_SPEED
-    assert StoppingPaths(CAR, GUARD, 0.1).speeds.max() == 0.5  # the least it plans for
+    assert BrakingTrajectories(CAR, LIMITER, 0.1).speeds.max() == 0.5  # the least it plans for
 
 
 def test_the_scan_is_not_changed():

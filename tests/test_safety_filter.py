@@ -6,17 +6,16 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.controllers.control.records import record_type, record_values
+from fg_mujoco.controllers.control.settings import for_car, record_type, record_values
 from fg_mujoco.controllers.control.steering import pursue
-from fg_mujoco.controllers.safety.friction_limiter import GUARD_MEMORY, FrictionGuard
-from fg_mujoco.controllers.safety.safety_filter import EscapeSettings, bearing_of_arc, reading, way_out
+from fg_mujoco.controllers.safety.friction_limiter import LIMITER_MEMORY, FrictionLimiter
+from fg_mujoco.controllers.safety.safety_filter import SafetyFilterSettings, bearing_of_arc, reading, safe_steering
 from fg_mujoco.course.random_obstacles import random_boxes
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.vehicle.changes import plain_car
-from fg_mujoco.vehicle.vehicle import car_parameters
+from fg_mujoco.vehicle.vehicle import Vehicle
 
-CAR = car_parameters(plain_car())
-GUARD = FrictionGuard(CAR, 1.0489)
+CAR = Vehicle.load().parameters
+LIMITER = FrictionLimiter(CAR, 1.0489)
 BEAMS, INCREMENT = 1081, math.radians(0.25)
 START = -0.5 * (BEAMS - 1) * INCREMENT
 BEARINGS = START + INCREMENT * np.arange(BEAMS)
@@ -24,12 +23,12 @@ BUMPER = CAR.length - CAR.rear_overhang - CAR.lidar_offset - 0.25 * CAR.width  #
 
 
 def escape(widened, wish=0.0, angle=0.0, speed=4.0, acceleration=0.0, wished_speed=0.0, **settings):
-    values = EscapeSettings(**settings)
-    row = np.array([record_values(values)], record_type(EscapeSettings))
-    memory = np.zeros(1, GUARD_MEMORY)
+    values = for_car(SafetyFilterSettings(**settings), CAR)
+    row = np.array([record_values(values)], record_type(SafetyFilterSettings))
+    memory = np.zeros(1, LIMITER_MEMORY)
     memory["acceleration"] = acceleration
-    answer = way_out(
-        GUARD.record[0], memory[0], row[0], widened, START, INCREMENT, wish, wished_speed, angle, speed, 0.025
+    answer = safe_steering(
+        LIMITER.record[0], memory[0], row[0], widened, START, INCREMENT, wish, wished_speed, angle, speed, 0.025
     )
     assert memory["acceleration"][0] == acceleration  # trying leaves no trace
     return answer
@@ -49,7 +48,7 @@ def test_where_nothing_is_near_the_wish_stands_to_the_bit(wish):
 
 
 def test_before_a_wall_that_it_can_stop_at_the_wish_stands_and_before_a_nearer_one_it_does_not():
-    stop = 4.0**2 / (2.0 * GUARD.braking) + BUMPER  # less than it takes: braking has to grow first
+    stop = 4.0**2 / (2.0 * LIMITER.braking) + BUMPER  # less than it takes: braking has to grow first
     assert escape(wall_ahead(stop + 1.0)) == (0.0, 0.5, True)
     way, _, found = escape(wall_ahead(stop))
     assert not found or way != 0.0
@@ -78,7 +77,7 @@ def test_where_no_way_is_free_it_says_so():
 def test_before_the_end_of_a_dead_end_it_stops_or_nearly_does_and_without_ways_out_it_does_not():
     """Of seeds 0 to 9 gap_finder stops in 9, disparity_extender in all; the other touches it at .25 m/s."""
     for kept, fastest in ((True, 0.5), (False, math.inf)):
-        settings = {"way_out": kept}
+        settings = {"safety_filter": kept}
         races = [fg.race(f"scene:dead_end:{seed}", "gap_finder", planner_settings=settings) for seed in range(4)]
         touches = [race.column("speed_m_s")[-1] for race in races if race.collisions]
         assert all(touch < fastest for touch in touches)
@@ -110,4 +109,4 @@ def test_a_reading_is_the_nearest_beam_and_at_the_ends_the_last():
 @pytest.mark.parametrize(("name", "value"), [("margin", -0.1), ("fan_step", 0.0), ("crawl_speed", math.nan)])
 def test_settings_that_make_no_sense_are_refused_by_name(name, value):
     with pytest.raises(SettingsError, match=name):
-        EscapeSettings(**{name: value})
+        SafetyFilterSettings(**{name: value})

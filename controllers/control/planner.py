@@ -1,0 +1,367 @@
+"""Base classes of planners: a kernel in, and out comes a planner that drives, alone or in a thousand worlds at once.
+
+    class MyPlanner(GoalPlanner):
+        Settings = MySettings  # of DrivingSettings
+
+        @staticmethod
+        @kernel
+        def goal(scan, ranges, car, settings, shown):
+            keep(shown.extended, extend_disparities(ranges, scan.angle_increment, 0.3, 0.5 * car.width))
+            ...
+            return bearing, distance
+
+A `GoalPlanner` finds a goal in the scan. Steering to the goal, speed, safety and recovery are the same for all of
+them (driving). A `Planner` whose reference is more than a goal in the scan has a kernel `reference` instead, which
+also reads odometry, the planner's memory and a line through the map:
+
+    def reference(scan, ranges, odometry, car, settings, memory, line):
+        return steering_angle, speed, bearing
+
+A tick has two compiled calls for all worlds of a batch: one by the planner, from scans to references, and one that all
+planners share, from references to commands. A planner that is called alone is a batch of one.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable, Sequence
+from operator import attrgetter
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fg_mujoco.errors import ControllerError, SettingsError
+from fg_mujoco.kernels import kernel
+from fg_mujoco.messages import (
+    ODOMETRY,
+    CarParameters,
+    DriveCommand,
+    FloatArray,
+    LaserScan,
+    Odometry,
+    ScanGeometry,
+    require,
+)
+
+from ..perception.intermediate_scans import IntermediateScans, keep
+from ..perception.scan_filters import valid_ranges
+from ..perception.scan_geometry import SCAN, scan_values, sees
+from ..safety.braking_trajectories import TRAJECTORIES, BrakingTrajectories
+from ..safety.friction_limiter import FrictionLimiter
+from ..safety.safety_filter import EVASIVE
+from .driving import (
+    DRIVER,
+    DRIVING_MEMORY,
+    REFERENCE,
+    DrivingSettings,
+    drive_worlds,
+    driver_record,
+    refer,
+    refer_to_goal,
+)
+from .settings import for_car, record_type, record_values
+
+_NO_MEMORY = np.dtype([("unused", np.int8)])
+_NO_LINE = np.empty((0, 0))
+_motion_of = attrgetter(*ODOMETRY.names or ())
+
+
+class Planner:
+    """A planner whose decision is compiled: a fg_mujoco.messages.Controller.
+
+    A subclass names its `Settings` and has a kernel `reference`, which returns for one scan the reference steering
+    angle [rad] (NaN: brake), the greatest speed [m/s], and the bearing [rad] that the car looks towards. Its
+    arguments:
+
+    scan       of the geometry of the scan, of type scan_geometry.SCAN
+    ranges     (n,) [m], without NaN or inf
+    odometry   of type messages.ODOMETRY
+    car        fields of CarParameters
+    settings   fields of `Settings`
+    memory     of `memory_type`, kept from tick to tick, zero at the beginning
+    line       (points, columns) the line through the map that was given to `__init__`; no points without one
+
+    A subclass of a planner that decides by a `__call__` of its own has no batch, unless it makes its own.
+
+    Args:
+      car: parameters of the car.
+      mu: friction coefficient that the planner assumes; inf: no friction limits, and so no stopping in sight either.
+      max_speed: fastest that it commands [m/s].
+      settings: parameters of the planner; None: the defaults.
+      line: through the map, one row a point, (points, columns); None: it has no map.
+
+    Attributes:
+      settings: those of the planner; what they leave to the car is that of `car`.
+      driver: what the shared kernels read of the planner, shape (1,), of type DRIVER.
+      settings_row: what its own kernel reads of its settings, shape (1,).
+
+    Raises:
+      SettingsError: a value that is not a positive number, or settings of another planner.
+    """
+
+    Settings: ClassVar[type[DrivingSettings]]
+    memory_type: ClassVar[np.dtype[np.void]] = _NO_MEMORY
+    refer_worlds: ClassVar[Callable[..., None]]  # from scans to references; made from the planner's kernel
+
+    def __init__(
+        self,
+        car: CarParameters,
+        mu: float,
+        max_speed: float = 8.0,
+        settings: Any = None,
+        *,
+        line: FloatArray | None = None,
+    ) -> None:
+        self.mu = mu
+        self.max_speed = max_speed
+        given = self.Settings() if settings is None else settings
+        require(self, lambda value: value > 0.0, "a positive number, or inf", ("mu",), SettingsError)
+        require(self, lambda value: 0.0 < value < math.inf, "a positive number", ("max_speed",), SettingsError)
+        if type(given) is not self.Settings:
+            accepted = self.Settings.__name__
+            raise SettingsError(f"{type(self).__name__}.settings is {given!r}; accepted: a {accepted}")
+        self.settings: Any = for_car(given, car)
+        evades = self.settings.speed_law == "minimum"
+        limiter = FrictionLimiter(car, mu, EVASIVE if evades else None) if math.isfinite(mu) else None
+        self.driver = driver_record(car, max_speed, limiter, self.settings)
+        self.settings_row = np.array([record_values(self.settings)], record_type(self.Settings))
+        self.line = line
+        stops = limiter is not None and self.driver["stopping"][0]
+        self.trajectories = (
+            BrakingTrajectories(car, limiter, max_speed).record if limiter is not None and stops else None
+        )
+        self._alone = PlannerBatch(type(self), [self])
+        self._odometry = np.zeros(1, ODOMETRY)
+        self._running = np.ones(1, np.bool_)
+        self._commands = np.zeros((1, 2))
+
+    def __init_subclass__(cls) -> None:
+        if "reference" in vars(cls):
+            cls.refer_worlds = staticmethod(_references_of_worlds(_own_kernel(cls, "reference", _REFERENCE)))
+        if "__call__" in vars(cls) and "batch" not in vars(cls):
+            cls.batch = None  # type: ignore[assignment, method-assign]
+
+    @classmethod
+    def batch(cls, planners: Sequence[Planner]) -> PlannerBatch:
+        """Return planners of this class, one for each world, as new: they are decided together."""
+        return PlannerBatch(cls, planners)
+
+    def reset(self) -> None:
+        """Forget everything seen so far."""
+        self._alone.reset()
+
+    def __call__(self, scan: LaserScan, odometry: Odometry) -> DriveCommand:
+        """Answer the command to hold until the next scan."""
+        self._odometry[0] = _motion_of(odometry)
+        self._alone(scan, scan.ranges[np.newaxis], self._odometry, self._running, self._commands)
+        steering_angle, speed = self._commands[0].tolist()
+        return DriveCommand(steering_angle=steering_angle, speed=speed)
+
+    def intermediate_scans(self, scan: LaserScan) -> dict[str, FloatArray]:
+        """Return what the planner makes of a scan, by name, in the order of the work: ranges (n,) [m] of all beams.
+
+        "raw" is what was measured, without NaN and inf; the others are those of IntermediateScans that it has.
+        """
+        return {"raw": valid_ranges(scan.ranges, scan.range_max)}
+
+
+class GoalPlanner(Planner):
+    """A planner that drives to a goal that it finds in the scan.
+
+    A subclass names its `Settings` and has a kernel `goal`, which returns the goal's bearing [rad] (NaN: there is none,
+    and the car brakes) and its distance from the LiDAR [m]. Its arguments:
+
+    scan       of the geometry of the scan, of type scan_geometry.SCAN
+    ranges     (n,) [m], without NaN or inf; of two beams or more, and not all 0
+    car        fields of CarParameters
+    settings   fields of `Settings`
+    shown      IntermediateScans, to be written to
+
+    Arguments and errors are those of Planner.
+    """
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        if "goal" in vars(cls):
+            cls.refer_worlds = staticmethod(_goals_of_worlds(_own_kernel(cls, "goal", _GOAL)))
+
+    def find_goal(self, scan: LaserScan) -> tuple[float, float] | None:
+        """Return the goal's bearing [rad] and its distance from the LiDAR [m]; None where there is none."""
+        reference, _ = self._look(scan)
+        bearing, distance = float(reference["bearing"]), float(reference["distance"])
+        return None if math.isnan(bearing) else (bearing, distance)
+
+    def intermediate_scans(self, scan: LaserScan) -> dict[str, FloatArray]:
+        """Return what the planner makes of a scan, see Planner."""
+        _, shown = self._look(scan)
+        made = {name: ranges for name, ranges in shown._asdict().items() if not np.isnan(ranges).all()}
+        return super().intermediate_scans(scan) | made
+
+    def _look(self, scan: LaserScan) -> tuple[Any, IntermediateScans]:
+        """Return the reference at rest, a row of type REFERENCE, and the intermediate scans, NaN where not written."""
+        batch = PlannerBatch(type(self), [self])
+        batch.refer(scan, scan.ranges[np.newaxis], np.zeros(1, ODOMETRY), np.ones(1, np.bool_))
+        return batch.references[0], IntermediateScans(*batch.shown)
+
+
+_REFERENCE = ("scan", "ranges", "odometry", "car", "settings", "memory", "line")
+_GOAL = ("scan", "ranges", "car", "settings", "shown")
+
+
+def _own_kernel(cls: type, name: str, accepted: tuple[str, ...]) -> Callable[..., Any]:
+    """Return the kernel that a planner's class has under a name; a plain function is compiled.
+
+    Raises:
+      ControllerError: it does not take the accepted arguments.
+    """
+    function = getattr(cls, name)
+    taken = tuple(inspect.signature(inspect.unwrap(getattr(function, "py_func", function))).parameters)
+    if taken != accepted:
+        raise ControllerError(f"{cls.__name__}.{name} takes ({', '.join(taken)}); accepted: ({', '.join(accepted)})")
+    own: Callable[..., Any] = function if hasattr(function, "py_func") else kernel(function)
+    return own
+
+
+def _goals_of_worlds(goal: Callable[..., tuple[float, float]]) -> Callable[..., None]:
+    """Return the kernel that writes the references of all running worlds for their goals."""
+
+    @kernel
+    def refer_worlds(  # type: ignore[no-untyped-def]
+        scan, ranges, odometry, running, drivers, settings, memories, lines, valid, shown, references
+    ):
+        scans = IntermediateScans(shown[0], shown[1], shown[2], shown[3])
+        for world in range(len(running)):
+            if running[world]:
+                keep(valid[world], valid_ranges(ranges[world], scan[0].range_max))
+                driver, reference = drivers[world], references[world]
+                bearing, distance = math.nan, 0.0
+                if sees(scan[0], valid[world]):
+                    keep(scans.filtered, valid[world])
+                    bearing, distance = goal(scan[0], valid[world], driver.car, settings[world], scans)
+                refer_to_goal(scan[0], scans.filtered, odometry[world], driver, bearing, distance, reference)
+
+    made: Callable[..., None] = refer_worlds
+    return made
+
+
+def _references_of_worlds(reference: Callable[..., tuple[float, float, float]]) -> Callable[..., None]:
+    """Return the kernel that writes the references of all running worlds."""
+
+    @kernel
+    def refer_worlds(  # type: ignore[no-untyped-def]
+        scan, ranges, odometry, running, drivers, settings, memories, lines, valid, shown, references
+    ):
+        for world in range(len(running)):
+            if running[world]:
+                keep(valid[world], valid_ranges(ranges[world], scan[0].range_max))
+                driver, steering_angle, speed, bearing = drivers[world], math.nan, 0.0, math.nan
+                if sees(scan[0], valid[world]):
+                    line = lines[driver.line_first : driver.line_end]
+                    steering_angle, speed, bearing = reference(
+                        scan[0], valid[world], odometry[world], driver.car, settings[world], memories[world], line
+                    )
+                refer(scan[0], valid[world], driver, steering_angle, speed, bearing, math.nan, references[world])
+
+    made: Callable[..., None] = refer_worlds
+    return made
+
+
+class PlannerBatch:
+    """Planners of one class, one for each world: a fg_mujoco.messages.ControllerBatch.
+
+    One batch is for one thread at a time; others may decide at the same time.
+
+    Args:
+      planner_class: of the planners.
+      planners: in the order of their worlds; they lend their settings and keep their memory to themselves.
+
+    Attributes:
+      references: of the last tick, (n,) of type REFERENCE.
+      shown: intermediate scans of the last world that was decided, (4, beams) [m], in the order of IntermediateScans.
+
+    Raises:
+      ControllerError: a planner of another class.
+    """
+
+    def __init__(self, planner_class: type[Planner], planners: Sequence[Planner]) -> None:
+        for planner in planners:
+            if type(planner) is not planner_class:
+                raise ControllerError(
+                    f"a batch of {planner_class.__name__} was given a {type(planner).__name__}; accepted: its own class"
+                )
+        count = len(planners)
+        tables = {id(p.trajectories): p.trajectories for p in planners if p.trajectories is not None}
+        places = {table: place for place, table in enumerate(tables)}
+        lines = {id(p.line): p.line for p in planners if p.line is not None}
+        ends = dict(zip(lines, np.cumsum([len(line) for line in lines.values()]).tolist(), strict=True))
+        self._refer_worlds = planner_class.refer_worlds
+        self._drivers = np.zeros(count, DRIVER)
+        self._settings = np.zeros(count, record_type(planner_class.Settings))
+        for world, planner in enumerate(planners):
+            self._drivers[world], self._settings[world] = planner.driver[0], planner.settings_row[0]
+            self._drivers[world]["trajectories"] = places.get(id(planner.trajectories), 0)
+            if planner.line is not None:
+                end = ends[id(planner.line)]
+                self._drivers[world]["line_first"], self._drivers[world]["line_end"] = end - len(planner.line), end
+        self._trajectories = _joined(list(tables.values()), np.zeros(0, TRAJECTORIES))
+        self._lines = _joined(list(lines.values()), _NO_LINE)
+        self._memories = np.zeros(count, planner_class.memory_type)
+        self._driving = np.zeros(count, DRIVING_MEMORY)
+        self._scan = np.zeros(1, SCAN)
+        self._valid, self.shown = np.empty((count, 0)), np.empty((len(IntermediateScans._fields), 0))
+        self.references = np.zeros(count, REFERENCE)
+
+    def reset(self) -> None:
+        """Forget everything seen so far, in all worlds."""
+        self._memories.fill(0)
+        self._driving.fill(0)
+
+    def __call__(
+        self,
+        geometry: ScanGeometry | LaserScan,
+        ranges: FloatArray,
+        odometry: NDArray[np.void],
+        running: NDArray[np.bool_],
+        commands: FloatArray,
+    ) -> None:
+        """Write the command of each running world into `commands`; see ControllerBatch."""
+        self.refer(geometry, ranges, odometry, running)
+        drive_worlds(
+            self._scan, self._valid, odometry, running, self._drivers, self.references, self._driving,
+            self._trajectories, commands,
+        )  # fmt: skip
+
+    def refer(
+        self,
+        geometry: ScanGeometry | LaserScan,
+        ranges: FloatArray,
+        odometry: NDArray[np.void],
+        running: NDArray[np.bool_],
+    ) -> None:
+        """Write the reference of each running world into `references`; arguments as of a call."""
+        self._scan[0] = scan_values(geometry)
+        if ranges.shape[1] != self._valid.shape[1]:
+            self._valid = np.empty(ranges.shape)
+            self.shown = np.full((len(self.shown), ranges.shape[1]), math.nan)
+        self._refer_worlds(
+            self._scan, _read_only(ranges), odometry, running, self._drivers, self._settings, self._memories,
+            self._lines, self._valid, self.shown, self.references,
+        )  # fmt: skip
+
+
+def _joined(tables: list[NDArray[Any]], none: NDArray[Any]) -> NDArray[Any]:
+    """Return the tables as one, read-only; a single one as it is, and `none` where there is none."""
+    if len(tables) == 1:
+        return _read_only(tables[0])
+    return _read_only(np.concatenate(tables) if tables else none)
+
+
+def _read_only(array: NDArray[Any]) -> NDArray[Any]:
+    """Return a view that cannot be written to: numba compiles for both kinds, and one is enough."""
+    if not array.flags.writeable:
+        return array
+    view = array.view()
+    view.flags.writeable = False
+    return view

@@ -1,0 +1,153 @@
+"""Settings of planners: what each field says of itself, what is accepted, and rows that kernels read.
+
+    @dataclass(frozen=True, kw_only=True)
+    class BubbleSettings(Settings):
+        radius: float = setting(0.4, "m", "of the bubble", POSITIVE)
+        margin: float = setting_of_car(0.05, "m", "beside the car", FROM_ZERO)
+        point: Literal["furthest", "middle"] = setting("furthest", text="of the gap")
+
+    PLANNER = np.dtype([("settings", record_type(BubbleSettings)), ("car", CAR), ("max_speed", np.float64)])
+
+A setting of the car, `setting_of_car`, has the value that was found on the F1TENTH car; its default is None, which
+means that value scaled to the car: lengths in proportion to the wheelbase, speeds in proportion to its square root
+(dynamic similarity at equal friction, Froude's law). A value that is given is taken as it is. `for_car` does the
+scaling.
+
+The planners of a batch are an array of rows, one for each world. A kernel reads a field by its name,
+`p.settings.radius`. A setting that is one of some words is stored as the place of its word: 0, 1. A plain `str`, such
+as a path, is not stored.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields, replace
+from functools import lru_cache
+from typing import Any, Literal, NamedTuple, TypeVar, cast, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+from fg_mujoco.errors import SettingsError
+from fg_mujoco.messages import CarParameters, require
+
+Record = Any
+"""A row of a structured array, as a kernel gets it."""
+
+_F1TENTH_WHEELBASE = 0.3302  # [m] of the car on which the settings of the car were found
+_POWER_OF_SIZE = {"m": 1.0, "m/s": 0.5}  # by unit
+
+
+_F = TypeVar("_F", bound=Callable[..., Any])
+
+
+def _once_for_each_class(function: _F) -> _F:
+    """Return a function of a class that keeps its answers."""
+    return cast(_F, lru_cache(maxsize=64)(function))
+
+
+class Accepted(NamedTuple):
+    """Which numbers a setting accepts, in words and as a condition."""
+
+    text: str
+    holds: Callable[[float], bool]
+
+
+POSITIVE = Accepted("a positive number", lambda value: 0.0 < value < math.inf)
+FROM_ZERO = Accepted("a number from 0", lambda value: 0.0 <= value < math.inf)
+SHARE = Accepted("a share above 0, at most 1", lambda value: 0.0 < value <= 1.0)
+
+
+def setting(default: Any, unit: str = "", text: str = "", accepted: Accepted | None = None) -> Any:
+    """Return a field of a settings dataclass.
+
+    Args:
+      default: value.
+      unit: such as "m" or "m/s"; empty for a number without unit, a word or a switch.
+      text: what it is, in a few words.
+      accepted: which numbers are; None: any.
+    """
+    return field(default=default, metadata={"unit": unit, "text": text, "accepted": accepted})
+
+
+def setting_of_car(value: float, unit: str, text: str, accepted: Accepted | None = None) -> Any:
+    """Return a field whose default, None, is `value` [m or m/s] scaled from the F1TENTH car to the planner's car."""
+    metadata = {"unit": unit, "text": text, "accepted": accepted, "of_f1tenth": value, "power": _POWER_OF_SIZE[unit]}
+    return field(default=None, metadata=metadata)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """Parameters, validated when they are made by what their fields accept.
+
+    Raises:
+      SettingsError: a value that its field does not accept.
+    """
+
+    def __post_init__(self) -> None:
+        hints, words = _hints(type(self)), _words(type(self))
+        for each in fields(self):
+            value, accepted = getattr(self, each.name), each.metadata.get("accepted")
+            if each.name in words and value not in words[each.name]:
+                self._refuse(each.name, ", ".join(words[each.name]))
+            if hints[each.name] is bool and not isinstance(value, bool):
+                self._refuse(each.name, "True, False")
+            if accepted is not None and not (value is None and "of_f1tenth" in each.metadata):
+                require(self, accepted.holds, accepted.text, (each.name,), SettingsError)
+
+    def _refuse(self, name: str, accepted: str) -> None:
+        raise SettingsError(f"{type(self).__name__}.{name} is {getattr(self, name)!r}; accepted: {accepted}")
+
+
+_S = TypeVar("_S", bound=Settings)
+
+
+def relative_size(car: CarParameters) -> float:
+    """Return the size of a car relative to the F1TENTH car, by the wheelbase: 1 for the F1TENTH car itself."""
+    return car.wheelbase / _F1TENTH_WHEELBASE
+
+
+def for_car(settings: _S, car: CarParameters) -> _S:
+    """Return settings in which each None that means "from the car" is the value for `car`."""
+    size = relative_size(car)
+    scaled = {
+        each.name: each.metadata["of_f1tenth"] * size ** each.metadata["power"]
+        for each in fields(settings)
+        if "of_f1tenth" in each.metadata and getattr(settings, each.name) is None
+    }
+    return replace(settings, **scaled) if scaled else settings
+
+
+@_once_for_each_class
+def record_type(settings: type) -> np.dtype[np.void]:
+    """Return the type of a row with the fields of a dataclass: floats, ints, bools, and words as ints; no strings."""
+    hints, words = _hints(settings), _words(settings)
+    return np.dtype([(name, np.dtype(np.int64 if name in words else hints[name])) for name in _in_a_row(settings)])
+
+
+def record_values(settings: Any) -> tuple[Any, ...]:
+    """Return the values of a row of `record_type(type(settings))`."""
+    words = _words(type(settings))
+    values = ((name, getattr(settings, name)) for name in _in_a_row(type(settings)))
+    return tuple(words[name].index(value) if name in words else value for name, value in values)
+
+
+@_once_for_each_class
+def _hints(settings: type) -> dict[str, Any]:
+    """Return the type of each field of a dataclass."""
+    return get_type_hints(settings)
+
+
+def _in_a_row(settings: Any) -> list[str]:
+    hints = _hints(settings)
+    return [f.name for f in fields(settings) if hints[f.name] is not str]
+
+
+@_once_for_each_class
+def _words(settings: type) -> dict[str, tuple[str, ...]]:
+    hints = _hints(settings)
+    return {f.name: get_args(hints[f.name]) for f in fields(settings) if get_origin(hints[f.name]) is Literal}
+
+
+CAR = record_type(CarParameters)
+"""Type of a row with the parameters of a car."""
