@@ -171,7 +171,7 @@ def test_columns_are_what_was_drawn_and_how_it_went(twelve):
     assert set(RANDOMIZE) < set(twelve.names)
     assert ((twelve["mu"] >= 0.6) & (twelve["mu"] <= 1.2)).all()
     assert set(twelve["max_speed"].tolist()) <= {4, 6, 8}
-    assert [twelve.scenario(i).car.mu for i in range(12)] == twelve["mu"].tolist()
+    assert [twelve.scenario(i).changes.mu for i in range(12)] == twelve["mu"].tolist()
     assert (twelve["sim_time_s"] <= 0.5 + 1e-9).all()
     assert not twelve["mu"].flags.writeable
     assert len(twelve) == 12
