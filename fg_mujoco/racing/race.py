@@ -20,12 +20,12 @@ from ..course.obstacles import Obstacle
 from ..course.random_obstacles import random_boxes
 from ..errors import SettingsError
 from ..lidar.effects import LidarEffects
-from ..messages import Controller, require
+from ..messages import Controller, require, require_whole
 from ..simulation.course_loading import load_track
 from ..simulation.engine import Engine
 from ..simulation.planner_adapter import adapt
 from ..simulation.planner_adapter import start as start_planner
-from ..simulation.settings import DriveSettings, Start, renamed, require_whole
+from ..simulation.settings import DriveSettings, Start, renamed
 from ..simulation.telemetry import statistics_figures
 from ..simulation.termination import END_REASONS
 from ..vehicle.changes import CarChanges
