@@ -191,7 +191,8 @@ class Batch:
     @property
     def warned(self) -> NDArray[np.bool_]:
         """Whether MuJoCo has met a bad state. Shape (n,)."""
-        return np.any(self.warnings[:, BAD_WARNINGS], axis=1)
+        warned: NDArray[np.bool_] = np.any(self.warnings[:, BAD_WARNINGS], axis=1)
+        return warned
 
     def expand(self, name: str) -> Any:
         """Return the values of a field of the model, a row for each state, to be written to. Live."""
