@@ -25,7 +25,6 @@ from ..errors import FgMujocoError, SettingsError
 from ..lidar.effects import LidarEffects
 from ..lidar.lidar import LIDAR_BACKENDS
 from ..racing.planner_choice import ControllerChoice
-from ..racing.planner_loading import controller_names
 from ..racing.race import RaceProgress, race
 from ..racing.replay import replay
 from ..racing.result import RaceResult
@@ -36,6 +35,7 @@ from ..viz.plots import track_picture, write_run
 from .bags import add_bags
 from .compare import add_compare
 from .config import add_config, parse, settings_of
+from .controllers import add_controllers
 from .friction import add_friction
 from .maps import add_export
 from .options import ProgressLine, can_draw, number, number_or_off, whole
@@ -94,7 +94,7 @@ def _parser() -> argparse.ArgumentParser:
     _add(tracks, "scenes", _track_scenes, "list the scenes")
     add_export(_add, tracks)
 
-    _add(commands, "controllers", _controllers, "list the bundled controllers")
+    add_controllers(_add, commands)
     add_rollout(_add, commands)
     add_compare(_add, commands)
     add_render(_add, commands)
@@ -283,9 +283,4 @@ def _track_list(options: argparse.Namespace) -> int:
 
 def _track_scenes(options: argparse.Namespace) -> int:
     print("\n".join(map(describe_scene, scene_names())))
-    return _DONE
-
-
-def _controllers(options: argparse.Namespace) -> int:
-    print("\n".join(controller_names()))
     return _DONE
