@@ -45,10 +45,11 @@ quick: $(READY)
 fuzz: $(READY)
 	while HYPOTHESIS_PROFILE=fuzz $(BIN)/python -m pytest -q -m hypothesis -n auto --dist loadfile $(ARGS); do :; done
 
-## make lint    ruff and mypy
+## make lint    ruff, mypy, and the layers of the rooms
 lint: $(READY)
 	$(BIN)/ruff check
 	$(BIN)/mypy
+	test ! -x $(BIN)/lint-imports || $(BIN)/lint-imports --no-cache --no-logo  # needs Python 3.11
 
 ## make bench   how fast it is, on an idle machine; some ten minutes
 bench: $(READY)

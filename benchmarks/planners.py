@@ -17,7 +17,7 @@ from common import interleaved, parser, report, stay_on_cores, table
 import fg_mujoco as fg
 from fg_mujoco.messages import ODOMETRY, DriveCommand, LaserScan, Odometry, ScanGeometry
 from fg_mujoco.racing.planner_loading import controller_names, make_controller
-from fg_mujoco.vehicle.vehicle import car_parameters, car_spec, nominal_mu
+from fg_mujoco.vehicle.vehicle import Vehicle
 
 BASELINE = "numpy follow-the-gap"
 DECISIONS = 256  # a round
@@ -61,8 +61,8 @@ class Recorder:
 
 
 def make(name: str, track: str) -> fg.Controller:
-    car, line = car_parameters(car_spec().compile()), fg.load_track(track).map_line
-    return make_controller(name, car=car, mu=nominal_mu(), max_speed=8.0, map_line=line)
+    car, line = Vehicle.load().parameters, fg.load_track(track).map_line
+    return make_controller(name, car=car, mu=Vehicle.load().nominal_mu, max_speed=8.0, map_line=line)
 
 
 def ways_of(

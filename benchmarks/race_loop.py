@@ -21,8 +21,8 @@ import numpy as np
 from common import parser, report, stay_on_cores, table
 
 import fg_mujoco as fg
-from fg_mujoco.simulation.planner_adapter import ArrayPilot
 from fg_mujoco.simulation.physics import STATE
+from fg_mujoco.simulation.planner_adapter import ArrayPilot
 from fg_mujoco.simulation.world import World
 
 SIMULATION = importlib.import_module("fg_mujoco.simulation.simulation")

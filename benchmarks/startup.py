@@ -36,8 +36,8 @@ else:
 mark()
 world = fg.World(track); mark()
 simulation = fg.Simulation(world); mark()
-from fg_mujoco.vehicle.vehicle import nominal_mu
-planner = fg.make_controller("gap_finder", car=world.parameters, mu=nominal_mu(), max_speed=8.0)
+from fg_mujoco.vehicle.vehicle import Vehicle
+planner = fg.make_controller("gap_finder", car=world.parameters, mu=Vehicle.load().nominal_mu, max_speed=8.0)
 planner.reset()
 command = planner(*simulation.reset()); mark()
 simulation.step(command); mark()

@@ -13,7 +13,9 @@ from importlib.metadata import version as _version
 from .simulation import mujoco_import as _mujoco_import  # noqa: F401  # first: it chooses how pictures are drawn
 
 # isort: split
-from .course.formats import load_track, read_centreline, track_names, write_centreline
+from .course.centreline_csv import read_centreline, write_centreline
+from .course.course import Course
+from .course.formats import track_names
 from .course.generator import GeneratorSettings, generate_track
 from .course.lap_timer import LapTimer
 from .course.maps.export import export_track
@@ -35,14 +37,16 @@ from .errors import (
     SettingsError,
     TrackError,
 )
+from .lidar.beams import Beams
 from .lidar.effects import LidarEffects
-from .lidar.lidar import Beams, Lidar, RangefinderLidar, RaycastLidar, lidar_spec, make_lidar
+from .lidar.lidar import Lidar, RangefinderLidar, RaycastLidar, lidar_spec, make_lidar
 from .messages import STOP, CarParameters, Controller, DriveCommand, LaserScan, Odometry
 from .racing.planner_loading import controller_names, make_controller
 from .racing.race import RaceProgress, race
 from .racing.replay import ReplayReport, replay
 from .racing.result import RaceResult
 from .racing.run_folder import Run, check_run_folder, read_run
+from .simulation.course_loading import load_track
 from .simulation.scenario import Scenario, Start
 from .simulation.simulation import Simulation
 from .simulation.telemetry import TELEMETRY
@@ -51,9 +55,10 @@ from .studies.comparison.comparison import Comparison, ComparisonProgress, compa
 from .studies.rollout.randomization import Choice, Randomization, Uniform
 from .studies.rollout.result import RolloutResult, read_rollout
 from .studies.rollout.rollouts import RolloutProgress, rollout
+from .vehicle.car import Car, car_parameters
 from .vehicle.changes import CarChanges
 from .vehicle.tire_slip import SLIDING_SPEED, TireSlip, TireSlipMeter
-from .vehicle.vehicle import Car, car_parameters, car_spec
+from .vehicle.vehicle import Vehicle, car_spec, vehicle_names
 from .viz.plots import trace_picture, track_picture, write_run
 from .viz.rendering import Film, Renderer, render, write_video
 
@@ -74,6 +79,7 @@ __all__ = [
     "ComparisonProgress",
     "Controller",
     "ControllerError",
+    "Course",
     "Cylinder",
     "DriveCommand",
     "EngineError",
@@ -111,6 +117,7 @@ __all__ = [
     "Track",
     "TrackError",
     "Uniform",
+    "Vehicle",
     "World",
     "__version__",
     "car_parameters",
@@ -136,6 +143,7 @@ __all__ = [
     "trace_picture",
     "track_names",
     "track_picture",
+    "vehicle_names",
     "write_centreline",
     "write_run",
     "write_video",

@@ -29,13 +29,12 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .course.formats import load_track
-from .course.maps.map_track import MapTrack, is_map, read_map
-from .course.scene import Scene
-from .course.track import Track
+from .course.course import Course
+from .course.maps.map_track import is_map, read_map
 from .errors import SettingsError
 from .lidar.lidar import RaycastLidar
 from .messages import FloatArray
+from .simulation.course_loading import load_track
 from .simulation.engine import Engine
 from .simulation.scenario import Start
 from .simulation.simulation import complete_state
@@ -248,7 +247,7 @@ class F110Env:
             return
         self._lap_time = float(self.data.time)
         track = self.world.track
-        if isinstance(track, Scene):
+        if not track.closed:
             return
         x, y, _ = car_motion.planar_pose(self.data.qpos, self.world.car.constants)
         place = float(track.project([[x, y]], near=self._place)[0][0])
@@ -258,7 +257,7 @@ class F110Env:
         self._laps = int(self._greatest_progress // track.length)
 
 
-def _load(name: str, extension: str | None) -> Track | MapTrack | Scene:
+def _load(name: str, extension: str | None) -> Course:
     """Return the track of a map without its extension, or what `load_track` makes of the name."""
     if is_map(name) and extension is None:
         return load_track(name)

@@ -171,7 +171,7 @@ class MapLine:
 
 @dataclass(frozen=True, kw_only=True)
 class CarParameters:
-    """What a planner is told of its car. Read off the compiled model by `fg_mujoco.vehicle.vehicle`, never typed twice.
+    """What a planner is told of its car. Read off the compiled model by `fg_mujoco.vehicle.car`, never typed twice.
 
     Raises:
       MessageError: a value that is not a positive number (`min_speed`: not a finite one).

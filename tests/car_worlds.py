@@ -2,12 +2,13 @@
 
 import mujoco
 
-from fg_mujoco.vehicle.vehicle import WHEELS, Car, car_spec
+from fg_mujoco.vehicle.car import WHEELS, Car
+from fg_mujoco.vehicle.vehicle import Vehicle
 
 
 def flat_world(mu=None, prefix="", timestep=None, **ground):
     """Return (model, data, car) of the car on its endless plane; `ground` are attributes of the plane."""
-    car = car_spec(mu)
+    car = Vehicle.load().spec(mu)
     for name, value in ground.items():
         setattr(car.geom("ground"), name, value)
     world = car

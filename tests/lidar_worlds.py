@@ -7,11 +7,13 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from fg_mujoco.lidar.lidar import Beams, lidar_spec
+from fg_mujoco.lidar.beams import Beams, LidarModel
+from fg_mujoco.lidar.lidar import lidar_spec
 
 GEOM = mujoco.mjtGeom
 RIG = "rig"
 PREFIX = "lidar/"
+EYE = PREFIX + LidarModel.load().body
 
 
 def rig_spec(*, sensors: bool = True, floor: bool = True) -> Any:
@@ -109,13 +111,13 @@ def place(model: Any, data: Any, position: Any, *, roll: float = 0.0, pitch: flo
     mujoco.mj_kinematics(model, data)
 
 
-def world_rays(model: Any, data: Any, beams: Beams, body: str = PREFIX + "hokuyo") -> tuple[Any, Any]:
+def world_rays(model: Any, data: Any, beams: Beams, body: str = EYE) -> tuple[Any, Any]:
     """Origins and directions of the beams in the world. Shapes (n, 3)."""
     rotation = data.body(body).xmat.reshape(3, 3)
     return np.tile(data.body(body).xpos, (len(beams.bearings), 1)), beams.directions @ rotation.T
 
 
-def mujoco_rays(model: Any, data: Any, beams: Beams, body: str = PREFIX + "hokuyo") -> Any:
+def mujoco_rays(model: Any, data: Any, beams: Beams, body: str = EYE) -> Any:
     """The readings by mj_ray, one by one: an oracle that shares no code with either back end.
 
     Not mj_multiRay: in MuJoCo 3.17 its culling loses a geom now and then (seen in 3 of 3000 random worlds).

@@ -5,9 +5,9 @@ import math
 import numpy as np
 
 from fg_mujoco.messages import LaserScan, Odometry
-from fg_mujoco.vehicle.vehicle import car_parameters, car_spec
+from fg_mujoco.vehicle.vehicle import Vehicle
 
-CAR = car_parameters(car_spec().compile())
+CAR = Vehicle.load().parameters
 INCREMENT = math.radians(0.25)
 MU = 1.0489  # of the community's F1TENTH models
 

@@ -13,10 +13,9 @@ from fg_mujoco.errors import BagError, MissingExtraError
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.ros.bag_messages import drive_message
 from fg_mujoco.ros.bag_reader import ScanBag
-from fg_mujoco.vehicle.changes import plain_car
-from fg_mujoco.vehicle.vehicle import car_parameters
+from fg_mujoco.vehicle.vehicle import Vehicle
 
-CAR = car_parameters(plain_car())
+CAR = Vehicle.load().parameters
 EPOCH = 1_700_000_000 * SECOND
 
 

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fg_mujoco.errors import BagError
-from fg_mujoco.lidar.lidar import load_beams
+from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.ros.bag_messages import scan_message, to_cdr, type_store
 from fg_mujoco.ros.bag_reader import _rotation
 from fg_mujoco.ros.bag_scans import Mount, to_scan
@@ -47,7 +47,7 @@ def test_any_number_of_beams_is_a_scan(count):
 
 
 def test_a_scan_comes_back_as_it_went():
-    beams = load_beams()
+    beams = LidarModel.load().beams
     ranges = np.linspace(0.02, 29.9, len(beams.bearings))
     ranges[[3, 5, 8]] = math.nan, math.inf, -math.inf
     scan = beams.to_scan(ranges, stamp=12.025, swept=True)
@@ -62,7 +62,7 @@ def test_a_scan_comes_back_as_it_went():
 def test_the_stamp_in_a_header_is_that_of_the_first_beam():
     message = robot_scan([1.0, 1.0, 1.0], time=5_000_000_000, time_increment=0.25)
     assert to_scan(message).stamp == 5.5
-    scan = load_beams().to_scan(np.ones(1081), stamp=1.0, swept=True)
+    scan = LidarModel.load().beams.to_scan(np.ones(1081), stamp=1.0, swept=True)
     stamp = scan_message(scan).header.stamp
     assert stamp.sec + 1e-9 * stamp.nanosec == pytest.approx(1.0 - 0.025 * 0.75)  # 270 of 360 deg in 25 ms
 

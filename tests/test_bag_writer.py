@@ -18,7 +18,7 @@ from fg_mujoco.cli.main import main
 from fg_mujoco.course.maps.export import occupancy_image
 from fg_mujoco.errors import BagError, RunFolderError, SettingsError
 from fg_mujoco.lidar.effects import LidarEffects
-from fg_mujoco.racing.resimulation import load_scene, sensed
+from fg_mujoco.racing.resimulation import load_world, resimulate
 from fg_mujoco.ros.bag_writer import LATCHED, TOPICS, BagWriter, export_bag
 from fg_mujoco.ros.grid import FREE, OCCUPIED, grid_of
 
@@ -101,12 +101,12 @@ def test_a_run_is_sensed_again_bit_for_bit(track, effects, lidar, tmp_path):
         picture=False,
     )  # fmt: skip
     run = fg.read_run(tmp_path / "run")
-    ticks = list(sensed(run, load_scene(run)))
+    ticks = [tick.sensed for tick in resimulate(run, load_world(run))]
     assert len(ticks) == len(planner.heard) == 20
     for index, (tick, (scan, odometry)) in enumerate(zip(ticks, planner.heard, strict=True)):
         assert tick.scan.stamp == scan.stamp
         np.testing.assert_array_equal(tick.scan.ranges, scan.ranges)
-        assert tick.time == run.time[index]
+        assert tick.odometry.stamp == run.time[index]
         for name in ("stamp", "speed", "steering_angle", "angular_velocity", "wheel_speeds", "pose"):
             np.testing.assert_array_equal(getattr(tick.odometry, name), getattr(odometry, name))
         # at the start the sensor is read with a solver that is warm already
@@ -115,12 +115,12 @@ def test_a_run_is_sensed_again_bit_for_bit(track, effects, lidar, tmp_path):
 
 def test_scans_of_states_that_no_longer_replay_are_those_of_the_states(folder, tmp_path):
     run = fg.read_run(folder)
-    model = load_scene(run)
+    world = load_world(run)
     states = run.states.copy()
     qpos = 1  # time comes first, then the car's free joint
     states[20:, qpos] += 0.05  # from tick 20 on, the car stands elsewhere than physics would have it
-    moved = list(sensed(type(run)(**(vars(run) | {"states": states})), model))
-    plain = list(sensed(run, model))
+    moved = [tick.sensed for tick in resimulate(type(run)(**(vars(run) | {"states": states})), world)]
+    plain = [tick.sensed for tick in resimulate(run, world)]
     assert moved[19].odometry.pose[0] == plain[19].odometry.pose[0]
     assert [tick.odometry.pose[0] for tick in moved[20:]] == pytest.approx(
         [tick.odometry.pose[0] + 0.05 for tick in plain[20:]], abs=1e-12
@@ -130,8 +130,8 @@ def test_scans_of_states_that_no_longer_replay_are_those_of_the_states(folder, t
 
 def test_scans_read_by_another_library_are_those_of_the_run(messages, folder):
     run = fg.read_run(folder)
-    for (log_time, scan), tick in zip(messages["/scan"], sensed(run, load_scene(run)), strict=True):
-        np.testing.assert_array_equal(np.array(scan.ranges, np.float32), tick.scan.ranges.astype(np.float32))
+    for (log_time, scan), tick in zip(messages["/scan"], resimulate(run, load_world(run)), strict=True):
+        np.testing.assert_array_equal(np.array(scan.ranges, np.float32), tick.sensed.scan.ranges.astype(np.float32))
         assert log_time == scan.header.stamp.sec * 10**9 + scan.header.stamp.nanosec == round(1e9 * tick.time)
         assert scan.header.frame_id == "laser"
         assert scan.angle_min == pytest.approx(-scan.angle_max) == pytest.approx(math.radians(-135.0))
@@ -180,7 +180,7 @@ def test_commands_joints_and_imu_are_those_of_the_run(messages, folder):
 
 
 def test_frames_make_one_tree_from_map_to_what_is_mounted(messages, folder):
-    model = load_scene(fg.read_run(folder))
+    model = load_world(fg.read_run(folder)).model
     (_, fixed), moving = messages["/tf_static"][0], messages["/tf"]
     links = {t.child_frame_id: (t.header.frame_id, t.transform) for t in fixed.transforms}
     assert {child: parent for child, (parent, _) in links.items()} == {
@@ -272,7 +272,7 @@ def test_a_folder_without_what_the_lidar_was_set_to_is_refused(folder, tmp_path)
     for broken in ({"lidar_effects": {"fog": 1.0}}, {"seed": None}, {"lidar": "sonar"}):
         changed = type(run)(**(vars(run) | {"summary": run.summary | broken}))
         with pytest.raises((RunFolderError, SettingsError)):
-            next(sensed(changed, load_scene(run)))
+            next(resimulate(changed, load_world(changed)))
 
 
 def test_a_failure_leaves_no_bag_and_ctrl_c_leaves_what_was_written(folder, tmp_path):

@@ -1,4 +1,4 @@
-"""The car's MJCF has the community's constants, and `Car` reads, places and drives it under any prefix."""
+"""The cars' MJCFs have the published constants, and `Car` reads, places and drives it under any prefix."""
 
 import math
 from importlib.resources import files
@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 
 from fg_mujoco.errors import ModelError, SettingsError
 from fg_mujoco.messages import DriveCommand
+from fg_mujoco.vehicle.car import WHEELS, Car, car_parameters
 from fg_mujoco.vehicle.tire_slip import TireSlipMeter
-from fg_mujoco.vehicle.vehicle import WHEELS, Car, car_parameters, car_spec
+from fg_mujoco.vehicle.vehicle import Vehicle
 
 SCENE = str(files("fg_mujoco.models") / "scene.xml")
 WORLDS = {prefix: flat_world(prefix=prefix) for prefix in ("", "car/")}
@@ -42,6 +43,16 @@ COMMUNITY = {
     "speed_time_constant": 0.1,
 }
 
+NUC2 = COMMUNITY | {
+    # ForzaETH/On-Track-SysID, NUC2; the others are those of f1tenth.xml
+    "mass": 4.5,
+    "front_axle_distance": 0.17,
+    "rear_axle_distance": 0.155,
+    "wheelbase": 0.325,
+    "center_of_gravity_height": 0.02,
+    "yaw_inertia": 0.0627,
+}
+
 
 @pytest.fixture(scope="module")
 def flat():
@@ -51,6 +62,16 @@ def flat():
 @pytest.mark.parametrize(("name", "value"), COMMUNITY.items())
 def test_compiled_car_has_the_community_constant(flat, name, value):
     assert getattr(flat[2].parameters, name) == pytest.approx(value, rel=1e-4)
+
+
+@pytest.mark.parametrize(("name", "value"), NUC2.items())
+def test_compiled_nuc2_has_its_measured_constant_or_the_community_one(name, value):
+    assert getattr(Vehicle.load("nuc2").parameters, name) == pytest.approx(value, rel=1e-4)
+
+
+def test_the_default_vehicle_is_the_communitys():
+    assert Vehicle.load() == Vehicle.load("f1tenth") and Vehicle.load().name == "f1tenth"
+    assert Vehicle.load("nuc2").nominal_mu == Vehicle.load().nominal_mu == 1.0489
 
 
 def test_default_friction_is_the_community_one(flat):
@@ -105,7 +126,7 @@ def test_ctrl_is_steering_then_speed(flat):
 @pytest.mark.parametrize("mu", [-1.0, 0.0, math.nan, math.inf])
 def test_friction_that_is_no_positive_number_is_refused(mu):
     with pytest.raises(SettingsError, match=r"mu.*accepted: a number above 0"):
-        car_spec(mu)
+        Vehicle.load().spec(mu)
 
 
 def test_friction_argument_reaches_all_tires():
@@ -150,9 +171,9 @@ def test_each_tire_is_paired_with_the_ground_and_nothing_else_is_paired(prefix):
 def test_tires_touch_nothing_but_the_ground():
     """Blocks under the chassis that all tires stand in, and another car on top of this one."""
     world = mujoco.MjSpec()
-    world.option, world.memory = car_spec().option, car_spec().memory
+    world.option, world.memory = Vehicle.load().spec().option, Vehicle.load().spec().memory
     for name in ("first/", "second/"):
-        world.attach(car_spec(), prefix=name, frame=world.worldbody.add_frame())
+        world.attach(Vehicle.load().spec(), prefix=name, frame=world.worldbody.add_frame())
     box, sizes = mujoco.mjtGeom.mjGEOM_BOX, {"low": (1.0, 1.0, 0.01), "high": (0.1, 0.1, 0.2)}
     for name, size in sizes.items():
         world.worldbody.add_geom(name=name, type=box, size=size, pos=(0, 0, size[2]), contype=2, conaffinity=3)
@@ -322,7 +343,7 @@ def test_imu_feels_the_turn():
 
 
 def test_car_at_rest_stays_awake_in_a_world_that_sleeps():
-    spec = car_spec()
+    spec = Vehicle.load().spec()
     spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
     model = spec.compile()
     data, car = mujoco.MjData(model), Car(model)
@@ -333,7 +354,7 @@ def test_car_at_rest_stays_awake_in_a_world_that_sleeps():
 
 
 def test_crash_is_chassis_against_wall_and_not_tires_on_ground():
-    spec = car_spec()
+    spec = Vehicle.load().spec()
     spec.worldbody.add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX, size=(0.1, 1, 0.2), pos=(2, 0, 0.2), contype=2, conaffinity=0
     )
@@ -351,9 +372,9 @@ def test_crash_is_chassis_against_wall_and_not_tires_on_ground():
 
 def test_cars_crash_into_each_other():
     world = mujoco.MjSpec()
-    world.option, world.memory = car_spec().option, car_spec().memory
+    world.option, world.memory = Vehicle.load().spec().option, Vehicle.load().spec().memory
     for name in ("first/", "second/"):
-        world.attach(car_spec(), prefix=name, frame=world.worldbody.add_frame())
+        world.attach(Vehicle.load().spec(), prefix=name, frame=world.worldbody.add_frame())
     model = world.compile()
     data = mujoco.MjData(model)
     first, second = Car(model, "first/"), Car(model, "second/")

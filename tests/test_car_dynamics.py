@@ -8,8 +8,8 @@ import pytest
 from car_worlds import flat_world, run, tire_stiffness
 
 from fg_mujoco.messages import DriveCommand
+from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED, TireSlipMeter
-from fg_mujoco.vehicle.vehicle import WHEELS
 
 SPIN_INERTIA = 1.7e-4  # [kg m^2] of a wheel, as in models/f1tenth.xml
 

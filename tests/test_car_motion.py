@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from fg_mujoco.messages import ODOMETRY, DriveCommand
 from fg_mujoco.vehicle import motion as car_motion
-from fg_mujoco.vehicle.vehicle import WHEELS, Car, car_spec
+from fg_mujoco.vehicle.car import WHEELS, Car
+from fg_mujoco.vehicle.vehicle import Vehicle
 
 WORLDS = {prefix: flat_world(prefix=prefix) for prefix in ("", "car/")}
 rate = st.floats(-30, 30)
@@ -20,9 +21,9 @@ rate = st.floats(-30, 30)
 def two_cars():
     """Two cars in one model, 5 m apart; return (model, data, first car, second car)."""
     spec = mujoco.MjSpec()
-    spec.option, spec.memory = car_spec().option, car_spec().memory
+    spec.option, spec.memory = Vehicle.load().spec().option, Vehicle.load().spec().memory
     for prefix in ("first/", "second/"):
-        spec.attach(car_spec(), prefix=prefix, frame=spec.worldbody.add_frame())
+        spec.attach(Vehicle.load().spec(), prefix=prefix, frame=spec.worldbody.add_frame())
     model = spec.compile()
     data, cars = mujoco.MjData(model), [Car(model, prefix) for prefix in ("first/", "second/")]
     for car, y in zip(cars, (0.0, 5.0), strict=True):

@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 import fg_mujoco as fg
 from fg_mujoco.course.clearance import least_clearance, outline, rectangle_distance
 from fg_mujoco.studies.comparison.ground import Ground
-from fg_mujoco.vehicle.changes import plain_car
 
-CAR = fg.car_parameters(plain_car())
+CAR = fg.Vehicle.load().parameters
 FRONT = CAR.length - CAR.rear_overhang
 HALF = 0.5 * CAR.width
 

@@ -15,7 +15,7 @@ from fg_mujoco.envs.observations import ObservationLayout
 from fg_mujoco.envs.reward_kernels import reward_ticks
 from fg_mujoco.envs.rewards import Rewards
 from fg_mujoco.envs.starts import draw_start
-from fg_mujoco.lidar.lidar import load_beams
+from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.messages import ODOMETRY
 
 gymnasium = pytest.importorskip("gymnasium")
@@ -157,14 +157,14 @@ def test_same_seed_same_bits_and_another_seed_another_start():
 
 @pytest.mark.parametrize("step", [1, 2, 7, 10, 45, 540])
 def test_beams_seen_are_symmetric_about_the_one_straight_ahead(step):
-    bearings = ObservationLayout(CAR, load_beams(), step).bearings
+    bearings = ObservationLayout(CAR, LidarModel.load().beams, step).bearings
     assert np.abs(bearings).min() < 1e-9
     np.testing.assert_allclose(bearings, -bearings[::-1], atol=1e-9)
     assert len(bearings) == 2 * (540 // step) + 1
 
 
 def test_what_is_no_distance_reads_within_the_bounds():
-    layout = ObservationLayout(CAR, load_beams(), 270)
+    layout = ObservationLayout(CAR, LidarModel.load().beams, 270)
     ranges = np.full((1, 1081), 5.0)
     ranges[0, [0, 270, 540, 810]] = math.inf, -math.inf, math.nan, 29.0
     odometry = np.zeros(1, ODOMETRY)

@@ -11,11 +11,10 @@ gymnasium = pytest.importorskip("gymnasium")
 
 from gymnasium.vector import AutoresetMode, SyncVectorEnv  # noqa: E402
 
-from fg_mujoco.envs.batch import ManyWorlds  # noqa: E402
 from fg_mujoco.envs.gym_environment import ID, F1TenthEnv  # noqa: E402
 from fg_mujoco.envs.gym_vector import F1TenthVectorEnv  # noqa: E402
 from fg_mujoco.envs.settings import EnvironmentSettings  # noqa: E402
-from fg_mujoco.envs.worlds import OneWorld  # noqa: E402
+from fg_mujoco.envs.worlds import Worlds  # noqa: E402
 from fg_mujoco.simulation.scenario import Start  # noqa: E402
 
 WORLDS = 4
@@ -105,7 +104,7 @@ def test_worlds_tell_what_single_environments_tell(case):
 
 def test_states_are_those_of_a_single_world():
     settings = EnvironmentSettings.of({"track": "scene:crossing_box:1", "start": "line"})
-    many, one = ManyWorlds(settings, 3), OneWorld(settings)
+    many, one = Worlds(settings, 3), Worlds(settings)
     commands = np.tile([0.05, 1.5], (3, 1))
     for worlds, count in ((many, 3), (one, 1)):
         worlds.begin(np.ones(count, bool), [Start()] * count, [0] * count)
@@ -120,8 +119,7 @@ def test_unstable_world_ends_and_begins_anew_as_if_new():
     envs.reset(seed=0), others.reset(seed=0)
     actions = np.tile([0.1, 2.0], (3, 1))
     envs.step(actions), others.step(actions)
-    qvel = envs._worlds._live["qvel"]
-    qvel[1] = np.nan
+    envs._worlds.engine.state(1)[1:10] = np.nan  # time comes first, then positions
     *_, terminated, _, infos = envs.step(actions)
     others.step(actions)
     assert terminated.tolist() == [False, True, False]

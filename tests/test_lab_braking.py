@@ -11,11 +11,10 @@ from fg_mujoco.studies.friction_lab.experiment import LabSettings
 from fg_mujoco.studies.friction_lab.lab_figures import render
 from fg_mujoco.studies.friction_lab.open_ground import OpenGround
 from fg_mujoco.studies.friction_lab.straight_line_limits import even_torque_limit, held_share
-from fg_mujoco.vehicle.changes import plain_car
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
-from fg_mujoco.vehicle.vehicle import car_parameters
+from fg_mujoco.vehicle.vehicle import Vehicle
 
-CAR = car_parameters(plain_car())
+CAR = Vehicle.load().parameters
 
 
 def stops(mu, speed):

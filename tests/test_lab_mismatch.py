@@ -11,7 +11,7 @@ from fg_mujoco.studies.friction_lab.experiment import LabSettings
 from fg_mujoco.studies.friction_lab.lab_figures import render
 from fg_mujoco.studies.friction_lab.mismatch import EXPERIMENT
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
-from fg_mujoco.vehicle.vehicle import nominal_mu
+from fg_mujoco.vehicle.vehicle import Vehicle
 
 
 @pytest.fixture(scope="module")
@@ -26,13 +26,13 @@ def test_believing_in_less_friction_is_slower_and_in_more_slides(tables):
     assert careful["best_lap_s"] > 1.1 * right["best_lap_s"] > 1.1 * bold["best_lap_s"]
     assert careful["max_slide_m_s"] < right["max_slide_m_s"] < SLIDING_SPEED < bold["max_slide_m_s"]
     assert careful["sliding_share"] == right["sliding_share"] == 0.0 < bold["sliding_share"]
-    assert right["planner_mu"] == right["mu"] == nominal_mu()
+    assert right["planner_mu"] == right["mu"] == Vehicle.load().nominal_mu
 
 
 def test_section_names_the_ratios_and_draws(tables):
     knee = {
         "track": "oval",
-        "mu": nominal_mu(),
+        "mu": Vehicle.load().nominal_mu,
         "sliding_from": 1.06,
         "holds_at": 1.05,
         "slides_at": 1.07,
@@ -70,7 +70,9 @@ def test_knee_that_is_not_there_is_nan_with_a_reason(monkeypatch, slide, reason)
 def test_whole_work_covers_what_was_asked_for():
     cells = EXPERIMENT.cells(LabSettings())
     assert cells == EXPERIMENT.cells(LabSettings())
-    dry = {(cell["track"], cell["ratio"]) for cell in cells if cell["mu"] == nominal_mu() and cell["ratio"]}
+    dry = {
+        (cell["track"], cell["ratio"]) for cell in cells if cell["mu"] == Vehicle.load().nominal_mu and cell["ratio"]
+    }
     assert len({track for track, _ in dry}) == 3 and len(dry) >= 3 * 9
     assert min(ratio for _, ratio in dry) == 0.5 and max(ratio for _, ratio in dry) >= 1.5
     assert sum(cell["ratio"] is None for cell in cells) == 6

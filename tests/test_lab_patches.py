@@ -12,28 +12,29 @@ from hypothesis import strategies as st
 import fg_mujoco as fg
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.simulation.physics import STATE
-from fg_mujoco.simulation.simulation import complete_state, hold_controls
+from fg_mujoco.simulation.simulation import complete_state
 from fg_mujoco.simulation.world import CAR_PREFIX
 from fg_mujoco.studies.friction_lab.experiment import LabSettings
 from fg_mujoco.studies.friction_lab.lab_figures import render
 from fg_mujoco.studies.friction_lab.lab_laps import LabSimulation, LabWorld, drive_laps
 from fg_mujoco.studies.friction_lab.patch_manoeuvres import bisect, brake_onset, circle, edge_load, sliding_sideways
 from fg_mujoco.studies.friction_lab.patches import EXPERIMENT
+from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.vehicle.friction_patches import Patch, PatchedFloor, add_patches, random_patches, read_patches
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
-from fg_mujoco.vehicle.vehicle import WHEELS, car_spec, nominal_mu
+from fg_mujoco.vehicle.vehicle import Vehicle
 
 ICE = Patch(x=6.0, y=-0.2, length=4.0, width=1.5, heading=0.1, mu=0.35)
 
 
 def floor_under(x, y, heading, *patches):
     """Put a car on a floor; return the frictions of its tires' pairs (4,), and the middles of its wheels (4, 2)."""
-    spec = car_spec()
+    spec = Vehicle.load().spec()
     add_patches(spec, patches)
     model = spec.compile()
     data, floor = mujoco.MjData(model), PatchedFloor(model)
     fg.Car(model).set_pose(data, x, y, heading)
-    floor.apply(data)
+    floor.apply(data.qpos)
     pairs = [model.pair(f"{wheel}_tire").id for wheel in WHEELS]
     assert (model.pair_friction[pairs, 0] == model.pair_friction[pairs, 1]).all()
     assert (model.pair_friction[pairs, 0] == floor.mu).all()
@@ -56,7 +57,7 @@ def is_inside(point, patch):
 def test_each_tire_has_the_friction_of_what_is_under_its_wheel(x, y, heading, turned, length, width):
     patch = Patch(x=0.0, y=0.0, length=length, width=width, heading=turned, mu=0.4)
     mu, wheels = floor_under(x, y, heading, patch)
-    assert mu.tolist() == [0.4 if is_inside(wheel, patch) else nominal_mu() for wheel in wheels]
+    assert mu.tolist() == [0.4 if is_inside(wheel, patch) else Vehicle.load().nominal_mu for wheel in wheels]
 
 
 def test_last_patch_counts_where_two_overlap():
@@ -66,14 +67,14 @@ def test_last_patch_counts_where_two_overlap():
 
 
 def test_friction_of_the_ground_comes_back_behind_a_patch():
-    spec = car_spec(0.8)
+    spec = Vehicle.load().spec(0.8)
     add_patches(spec, (Patch(x=0.0, y=0.0, length=1.0, width=1.0, mu=0.3),))
     model = spec.compile()
     data, car, floor = mujoco.MjData(model), fg.Car(model), PatchedFloor(model)
     seen = []
     for x in (-2.0, 0.0, 2.0):
         car.set_pose(data, x, 0.0, 0.0)
-        floor.apply(data)
+        floor.apply(data.qpos)
         seen.append(model.pair_friction[:4, 0].tolist())
     assert seen == [[0.8] * 4, [0.3] * 4, [0.8] * 4]
 
@@ -88,7 +89,7 @@ def test_friction_that_acts_on_a_patch_is_the_one_asked_for(mu):
 def test_geom_flush_with_the_ground_has_the_ground_s_friction(way):
     """The counter-example. MuJoCo takes the greater friction of two geoms, and with `priority` or a `pair` the ground's
     own contact is there still: once a tire slides, that has all of its load."""
-    assert sliding_sideways(way, 0.35, timestep=0.001) > 0.95 * nominal_mu()
+    assert sliding_sideways(way, 0.35, timestep=0.001) > 0.95 * Vehicle.load().nominal_mu
 
 
 def test_only_a_patch_without_thickness_has_no_edge():
@@ -121,7 +122,7 @@ def test_bisection_finds_where_something_begins_and_says_where_it_does_not():
 
 
 def test_patch_of_the_tires_own_friction_changes_no_bit_and_without_patches_it_is_race():
-    everywhere = Patch(x=0.0, y=0.0, length=200.0, width=200.0, mu=nominal_mu())
+    everywhere = Patch(x=0.0, y=0.0, length=200.0, width=200.0, mu=Vehicle.load().nominal_mu)
     expected = fg.race("oval", laps=1)
     for world in (LabWorld("oval"), LabWorld("oval", patches=(everywhere,))):
         laps = drive_laps(world, laps=1)
@@ -143,12 +144,13 @@ def test_laps_over_patches_are_simulated_again_bit_for_bit_from_the_xml_alone():
     laps = drive_laps(world, laps=1)
     assert (laps.floor_mu == ICE.mu).any()
     model = mujoco.MjModel.from_xml_string(world.xml)
-    data, floor, records = mujoco.MjData(model), PatchedFloor(model, CAR_PREFIX), np.empty((5, model.nsensordata))
+    data, floor = mujoco.MjData(model), PatchedFloor(model, CAR_PREFIX)
     mujoco.mj_setState(model, data, laps.states[0], STATE)
-    floor.apply(data)
     for ctrl, expected in zip(laps.ctrl, laps.states[1:], strict=True):
         data.ctrl[:] = ctrl
-        hold_controls(model, data, records, None, floor.apply)
+        for _ in range(5):
+            floor.apply(data.qpos)
+            mujoco.mj_step(model, data)
         assert np.array_equal(complete_state(model, data), expected)
     assert drive_laps(LabWorld("oval"), laps=1).trajectory_sha256 != laps.trajectory_sha256
 
@@ -165,7 +167,7 @@ def test_simulations_that_follow_each_other_start_on_the_floor_where_the_car_is(
         hashes.append(simulation.state.tobytes())
         simulation.reset(s=20.0)
         simulation.drive(0.0, 1.0)
-        assert (simulation.floor_mu == nominal_mu()).all()
+        assert (simulation.floor_mu == Vehicle.load().nominal_mu).all()
     assert hashes[0] == hashes[1]
 
 
@@ -218,8 +220,8 @@ def test_planner_that_knows_the_patches_holds_and_one_that_does_not_slides():
             for name, rows in EXPERIMENT.measure(cell).items():
                 tables.setdefault(name, []).extend(rows)
     slides = {(row["planner_mu"], row["patches"] > 0): row["max_slide_m_s"] for row in tables["laps"]}
-    assert slides[0.5, True] < SLIDING_SPEED and slides[nominal_mu(), False] < SLIDING_SPEED
-    assert slides[nominal_mu(), True] > 2.0 * SLIDING_SPEED  # measured 1.7 m/s
+    assert slides[0.5, True] < SLIDING_SPEED and slides[Vehicle.load().nominal_mu, False] < SLIDING_SPEED
+    assert slides[Vehicle.load().nominal_mu, True] > 2.0 * SLIDING_SPEED  # measured 1.7 m/s
     assert max(row["friction_use_max"] for row in tables["laps"]) < 1.01
     section = EXPERIMENT.section(tables)
     assert any("0 of 1 races crash" in sentence for sentence in section.sentences)

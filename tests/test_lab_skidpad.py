@@ -11,10 +11,9 @@ from fg_mujoco.studies.friction_lab.lab_figures import render
 from fg_mujoco.studies.friction_lab.rigid_car import axle_use, onset, sliding_onset, tire_loads
 from fg_mujoco.studies.friction_lab.skidpad import EXPERIMENT
 from fg_mujoco.studies.friction_lab.steady_circle import SteadyCircle, UnreachableError
-from fg_mujoco.vehicle.changes import plain_car
-from fg_mujoco.vehicle.vehicle import car_parameters
+from fg_mujoco.vehicle.vehicle import Vehicle
 
-CAR = car_parameters(plain_car())
+CAR = Vehicle.load().parameters
 
 
 def measure(mu, steering, ks=()):

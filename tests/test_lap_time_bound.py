@@ -25,10 +25,9 @@ from fg_mujoco.studies.friction_lab.lap_time_bound import (
     step_times,
 )
 from fg_mujoco.studies.friction_lab.laps import EXPERIMENT, GREATEST_RATIO
-from fg_mujoco.vehicle.changes import plain_car
-from fg_mujoco.vehicle.vehicle import car_parameters
+from fg_mujoco.vehicle.vehicle import Vehicle
 
-CAR = car_parameters(plain_car())
+CAR = Vehicle.load().parameters
 WITHOUT_POWER_LIMIT = replace(CAR, power_limit_speed=1e9)
 MU = 1.0489
 FRICTIONS = st.floats(0.2, 1.5)

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fg_mujoco.course.formats import load_track
 from fg_mujoco.course.lap_timer import STANDSTILL, LapTimer
 from fg_mujoco.course.track import Track
+from fg_mujoco.simulation.course_loading import load_track
 
 TICK = 0.025  # [s]
 

@@ -24,8 +24,11 @@ from lidar_worlds import (
 )
 
 from fg_mujoco.errors import ModelError, SettingsError
+from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.lidar.embree_rays import RayScene
-from fg_mujoco.lidar.lidar import LIDAR_BACKENDS, RangefinderLidar, RaycastLidar, lidar_spec, load_beams, make_lidar
+from fg_mujoco.lidar.lidar import LIDAR_BACKENDS, RangefinderLidar, RaycastLidar, lidar_spec, make_lidar
+
+BEAMS = LidarModel.load().beams
 
 both_backends = pytest.mark.parametrize("backend", LIDAR_BACKENDS)
 
@@ -39,7 +42,7 @@ def scanner(spec: Any, backend: str) -> Any:
 
 
 def test_beams_are_those_of_a_ust_10lx() -> None:
-    beams = load_beams()
+    beams = BEAMS
     assert beams.bearings.shape == (1081,)
     np.testing.assert_allclose(np.degrees(beams.bearings), np.arange(1081) * 0.25 - 135.0, rtol=0, atol=1e-12)
     assert beams.angle_increment == pytest.approx(math.radians(0.25), abs=1e-15)
@@ -49,7 +52,7 @@ def test_beams_are_those_of_a_ust_10lx() -> None:
 
 
 def test_middle_beam_points_straight_ahead_and_bearings_grow_to_the_left() -> None:
-    beams = load_beams()
+    beams = BEAMS
     np.testing.assert_allclose(beams.directions[540], (1, 0, 0), atol=1e-14)
     np.testing.assert_allclose(beams.directions[540 + 360], (0, 1, 0), atol=1e-14)
     np.testing.assert_allclose(np.linalg.norm(beams.directions, axis=1), 1.0, atol=1e-15)
@@ -57,17 +60,17 @@ def test_middle_beam_points_straight_ahead_and_bearings_grow_to_the_left() -> No
 
 
 def test_sweep_of_270_degrees_takes_three_quarters_of_the_period() -> None:
-    beams = load_beams()
+    beams = BEAMS
     assert beams.time_increment * 1080 == pytest.approx(0.01875, abs=1e-12)
 
 
 def test_beams_are_read_only() -> None:
     with pytest.raises(ValueError, match="read-only"):
-        load_beams().directions[0, 0] = 2.0
+        BEAMS.directions[0, 0] = 2.0
 
 
 def test_geometry_of_the_beams_is_what_their_scans_say() -> None:
-    beams = load_beams()
+    beams = BEAMS
     scan = beams.to_scan(np.ones(1081), 2.0)
     shared = ("angle_min", "angle_max", "angle_increment", "range_min", "range_max", "scan_time")
     assert [getattr(beams.geometry, name) for name in shared] == [getattr(scan, name) for name in shared]
@@ -194,7 +197,7 @@ def test_far_from_the_origin_the_backends_agree() -> None:
 def test_no_beam_leaks_between_neighbouring_wall_segments() -> None:
     """From the middle of a closed ring every beam sees the ring, also those aimed at its vertices."""
     n, radius = 1440, 10.0
-    bearings = load_beams().bearings[0] + np.arange(n) * load_beams().angle_increment
+    bearings = BEAMS.bearings[0] + np.arange(n) * BEAMS.angle_increment
     around = radius * np.column_stack((np.cos(bearings), np.sin(bearings)))
     vertices = np.concatenate([np.column_stack((around, np.full(n, z))) for z in (0.0, 0.3)])
     index, following = np.arange(n), (np.arange(n) + 1) % n
@@ -206,7 +209,12 @@ def test_no_beam_leaks_between_neighbouring_wall_segments() -> None:
     model, data, lidar = scanner(spec, "raycast")
     rng = np.random.default_rng(0)
     for _ in range(50):
-        place(model, data, (0, 0, rng.uniform(0.05, 0.25)), yaw=rng.integers(4) * load_beams().angle_increment)
+        place(
+            model,
+            data,
+            (0, 0, rng.uniform(0.05, 0.25)),
+            yaw=rng.integers(4) * BEAMS.angle_increment,
+        )
         np.testing.assert_allclose(lidar.ranges(data), radius, atol=1e-4)
 
 
@@ -376,7 +384,7 @@ def test_raycast_refuses_a_flex_object() -> None:
 
 def test_unknown_no_return_is_refused() -> None:
     with pytest.raises(SettingsError, match="accepted: inf, range_max"):
-        load_beams().to_scan(np.zeros(3), 0.0, no_return="nan")
+        BEAMS.to_scan(np.zeros(3), 0.0, no_return="nan")
 
 
 # --- invariants ---

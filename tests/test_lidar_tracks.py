@@ -12,7 +12,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
-from lidar_worlds import disagreements, mujoco_rays
+from lidar_worlds import EYE, disagreements, mujoco_rays
 
 from fg_mujoco.course.formats import track_names
 from fg_mujoco.course.obstacles import Box, Cylinder
@@ -50,7 +50,7 @@ class Scene:
         mujoco.mj_kinematics(self.model, self.data)
 
     def oracle(self) -> Any:
-        return mujoco_rays(self.model, self.data, self.lidar.beams, "car/lidar/hokuyo")
+        return mujoco_rays(self.model, self.data, self.lidar.beams, "car/" + EYE)
 
 
 def assert_sees_what_mujoco_sees(scene: Scene, seed: int, poses: int = POSES) -> None:

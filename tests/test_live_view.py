@@ -14,7 +14,7 @@ from browsers import page_of  # noqa: F401 - a fixture
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.vehicle.vehicle import WHEELS
+from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.viz.live.hand_driver import HandDriver
 from fg_mujoco.viz.live.session import LiveSession, LiveSettings
 from fg_mujoco.viz.live.shapes import world_shapes

@@ -135,7 +135,7 @@ def test_the_command_writes_what_it_names_and_keeps_what_exists(tmp_path, capsys
 def test_the_command_refuses_a_scene_in_one_line(tmp_path, capsys):
     assert main(["track", "export", "scene:u_turn_trap:3", str(tmp_path / "a.yaml")]) == 2
     err = capsys.readouterr().err
-    assert err.startswith("fg-mujoco: ") and "is a scene" in err and err.count("\n") == 1
+    assert err.startswith("fg-mujoco: ") and "no centreline with widths" in err and err.count("\n") == 1
 
 
 def test_without_the_extra_a_map_is_not_written(tmp_path, monkeypatch):

@@ -9,7 +9,8 @@ import pytest
 from map_oracles import box_room, draw_map, loop_difference, march, real_map, ring
 
 import fg_mujoco as fg
-from fg_mujoco.course.formats import write_centreline
+from fg_mujoco.course.centreline_csv import write_centreline
+from fg_mujoco.course.definitions import course_sha256
 from fg_mujoco.course.maps.map_server import read_map_file
 from fg_mujoco.course.maps.map_track import DIRECTIONS, MapTrack, is_map, load_map, read_map
 from fg_mujoco.course.polyline import enclosed_area, self_crossings
@@ -56,7 +57,7 @@ def test_a_map_may_be_turned(tmp_path, yaw):
         draw_map(tmp_path, ring(), name="turned", origin=(3.0, -2.0, yaw)),
         start=(start.real, start.imag), direction="counterclockwise",
     )  # fmt: skip
-    for ours, theirs in zip(plain.definition, turned.definition, strict=True):
+    for ours, theirs in zip(plain.definition.values(), turned.definition.values(), strict=True):
         if ours.ndim == 2:
             moved = (ours[:, 0] + 1j * ours[:, 1]) * turn + complex(3.0, -2.0)
             np.testing.assert_allclose(theirs, np.column_stack((moved.real, moved.imag)), atol=1e-6)
@@ -273,7 +274,7 @@ def test_a_direction_where_there_is_no_way_round_is_refused(tmp_path):
 def test_a_map_too_narrow_for_the_car_is_refused_with_its_place(tmp_path):
     path = draw_map(tmp_path, ring(inner=50, outer=54))
     with pytest.raises(TrackError, match=r"track 'drawn' is 0.\d+ m wide at \(\d"):
-        fg.load_track(path, minimum_width=0.31)
+        fg.World(str(path))
 
 
 def test_an_image_elsewhere_is_read_where_that_is_allowed(tmp_path):
@@ -293,12 +294,10 @@ def test_what_is_a_map_is_told_by_its_name():
 
 
 def test_the_walls_are_part_of_what_makes_a_track(tmp_path):
-    from fg_mujoco.studies.rollout.job import track_sha256
-
     track = read_map(draw_map(tmp_path, ring()))
     plain = fg.Track(name="plain", centreline=track.centreline, width_left=track.width_left,
                      width_right=track.width_right)  # fmt: skip
-    assert track_sha256(track) != track_sha256(plain)
+    assert course_sha256(track) != course_sha256(plain)
 
 
 def test_a_map_is_driven_in_a_rollout_as_in_a_race(tmp_path):

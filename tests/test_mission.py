@@ -20,8 +20,8 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
-from fg_mujoco.vehicle.vehicle import WHEELS
 
 DATA = Path(__file__).parent.parent.parent / "shared" / "data"
 REAL = {

@@ -7,7 +7,7 @@ import pytest
 from conftest import Straight
 
 import fg_mujoco as fg
-from fg_mujoco.viz.course_drawing import describe_course
+from fg_mujoco.course.course import describe_course
 from fg_mujoco.viz.plots import INSTALL_COMMAND, require_matplotlib
 
 

@@ -5,18 +5,18 @@ import hashlib
 import importlib
 import json
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from conftest import Straight
 
 import fg_mujoco as fg
-from fg_mujoco.course.lap_timer import fresh_timers
 from fg_mujoco.racing.race import RaceSettings
-from fg_mujoco.racing.result import RaceLog
+from fg_mujoco.racing.result import History
+from fg_mujoco.simulation.engine import Engine
+from fg_mujoco.simulation.telemetry import end_row
+from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
-from fg_mujoco.vehicle.vehicle import WHEELS
 
 race_module = importlib.import_module("fg_mujoco.racing.race")  # fg_mujoco.racing.race is the function
 TICK = 0.025
@@ -123,19 +123,19 @@ def test_time_limit_is_what_a_car_of_half_a_metre_a_second_needs():
 def test_unstable_when_mujoco_meets_a_bad_state(monkeypatch):
     steps = iter(range(1000))
 
-    class Poisoned(fg.Simulation):
-        def drive(self, steering_angle, speed):
+    class Poisoned(Engine):
+        def drive(self, **settings):
             if next(steps) == 5:
-                self.data.qvel[0] = math.nan
-            super().drive(steering_angle, speed)
+                self.qpos(0)[0] = math.nan
+            super().drive(**settings)
 
-    monkeypatch.setattr(race_module, "Simulation", Poisoned)
+    monkeypatch.setattr(race_module, "Engine", Poisoned)
     result = race(lambda time: (0.0, 1.0), time_limit=1.0)
     assert len(result.ctrl) == 6
     assert (result.end_reason, result.finished) == ("unstable", False)
 
 
-@pytest.mark.parametrize("place", ("watch", "controller", "simulation"))
+@pytest.mark.parametrize("place", ("watch", "controller", "engine"))
 def test_interrupted_keeps_the_ticks_that_are_complete(monkeypatch, place):
     def interrupt_after(count):
         calls = iter(range(count))
@@ -152,8 +152,8 @@ def test_interrupted_keeps_the_ticks_that_are_complete(monkeypatch, place):
     elif place == "controller":
         law = lambda time: after() or (0.0, 1.0)  # noqa: E731
     else:
-        drive = fg.Simulation.drive
-        monkeypatch.setattr(fg.Simulation, "drive", lambda self, *command: after() or drive(self, *command))
+        drive = Engine.drive
+        monkeypatch.setattr(Engine, "drive", lambda self: after() or drive(self))
     result = race(law, watch=watch)
     assert_complete(result)
     assert (result.end_reason, result.finished, result.collisions) == ("interrupted", False, 0)
@@ -174,44 +174,42 @@ def test_an_interrupt_before_the_first_tick_leaves_a_race_of_none():
     json.dumps(result.summary(), allow_nan=False)
 
 
-def test_an_interrupt_within_a_row_of_the_log_leaves_no_half_row(short_race):
-    class Interrupted(SimpleNamespace):
-        @property
-        def slip_values(self):
-            raise KeyboardInterrupt
-
-    simulation, timers = fg.Simulation(short_race.world), fresh_timers(1)
-    log = RaceLog(simulation.state)
-    broken = Interrupted(data=simulation.data, write_state=simulation.write_state)
-    log.begin(simulation, timers)
-    assert [len(array) for array in log.arrays().values()] == [0, 1, 0]  # telemetry, states, ctrl
-    with pytest.raises(KeyboardInterrupt):
-        log.end(broken, 0.0, 0.0)
-    assert [len(array) for array in log.arrays().values()] == [0, 1, 0]
-    log.begin(simulation, timers)
-    simulation.step(fg.STOP)
-    log.end(simulation, 0.0, 0.0)
-    assert [len(array) for array in log.arrays().values()] == [1, 2, 1]
-    assert log.arrays()["states"][1].tolist() == simulation.state.tolist()
+def test_an_interrupt_within_a_row_of_the_history_leaves_no_half_row(short_race):
+    engine = driven_engine(short_race.world)
+    history = History(engine)
+    assert [len(array) for array in history.arrays().values()] == [0, 1, 0]  # telemetry, states, ctrl
+    telemetry, state, ctrl = history._now
+    history._now = telemetry, state, [object()]  # fails when the third of the arrays is written
+    with pytest.raises(TypeError):
+        history.append()
+    assert [len(array) for array in history.arrays().values()] == [0, 1, 0]
+    history._now = telemetry, state, ctrl
+    history.append()
+    assert [len(array) for array in history.arrays().values()] == [1, 2, 1]
+    assert history.arrays()["states"][1].tolist() == engine.state(0).tolist()
 
 
-def test_a_long_race_outgrows_no_log(short_race):
-    simulation, timers = fg.Simulation(short_race.world), fresh_timers(1)
-    simulation.step(fg.STOP)
-    log = RaceLog(simulation.state)
+def test_a_long_race_outgrows_no_history(short_race):
+    engine = driven_engine(short_race.world)
+    history = History(engine)
     ticks = 1100  # twice as many as it has room for at first, and some
     for tick in range(ticks):
-        simulation.data.time = tick
-        log.begin(simulation, timers)
-        simulation.data.ctrl[:] = tick, -tick
-        simulation.data.time = tick + 1
-        log.end(simulation, 0.0, float(tick))
-    arrays, expected = log.arrays(), np.arange(ticks)
+        engine.telemetry[0, 0], engine.state(0)[0] = tick, tick + 1  # time
+        engine.ctrl(0)[:] = tick, -tick
+        history.append()
+    arrays, expected = history.arrays(), np.arange(ticks)
     assert arrays["telemetry"][:, fg.TELEMETRY.index("time_s")].tolist() == expected.tolist()
-    assert arrays["telemetry"][:, fg.TELEMETRY.index("command_speed_m_s")].tolist() == expected.tolist()
     assert arrays["states"][1:, 0].tolist() == (expected + 1).tolist()
     assert arrays["ctrl"].tolist() == np.column_stack((expected, -expected)).tolist()
-    assert (log.tally["ticks"], log.tally["steps"]) == (ticks, 5 * ticks)
+
+
+def driven_engine(world):
+    """An engine after one tick of standing still."""
+    engine = Engine(world)
+    engine.place([fg.Start()])
+    engine.sense()
+    engine.drive()
+    return engine
 
 
 # What a race is run with
@@ -409,23 +407,23 @@ def test_the_figures_of_sliding_are_those_of_the_rows():
 
 
 def test_a_tire_in_the_air_leaves_nan_and_never_zero(short_race):
-    simulation, timers = fg.Simulation(short_race.world), fresh_timers(1)
-    log = RaceLog(simulation.state)
-    simulation.data.joint("car/base_link").qpos[2] += 0.2
-    log.begin(simulation, timers)
-    simulation.step(fg.STOP)
-    log.end(simulation, 0.0, 0.0)
-    assert log.tally["max_slide"] == 0.0 == log.tally["sliding_steps"]
-    half = np.array([[math.nan, 0.3, 0.1, math.nan], [math.nan, math.nan, 0.2, 0.01]])
-    simulation.slip_values = np.stack((half, 2 * half, half, half))
-    log.begin(simulation, timers)
-    log.end(simulation, 0.0, 0.0)
+    engine = Engine(short_race.world)
+    engine.place([fg.Start()])
+    engine.qpos(0)[2] += 0.2  # of base_link's free joint
+    engine.sense()
+    engine.drive()
+    so_far = engine.statistics[0]
+    assert so_far["max_slide"] == 0.0 == so_far["sliding_steps"]
     first = fg.TELEMETRY.index("slide_front_left_m_s")
-    rows = log.arrays()["telemetry"][:, first:]
-    assert np.isnan(rows[0, :8]).all() and rows[0, 8:].tolist() == [0.0, 5.0]
+    assert np.isnan(engine.telemetry[0, first:-2]).all() and engine.telemetry[0, -2:].tolist() == [0.0, 5.0]
+
+    half = np.array([[math.nan, 0.3, 0.1, math.nan], [math.nan, math.nan, 0.2, 0.01]])
+    row = engine.telemetry[0]
+    end_row(engine.statistics, 0, row, np.stack((half, 2 * half, half, half)))
     expected = [math.nan, 0.3, 0.2, 0.01, math.nan, 0.6, 0.4, 0.02, 2.0, 2.0]
-    assert rows[1] == pytest.approx(expected, nan_ok=True)
-    assert (log.tally["max_slide"], log.tally["sliding_steps"], log.tally["steps"]) == (0.3, 2, 7)
+    assert row[first:] == pytest.approx(expected, nan_ok=True)
+    so_far = engine.statistics[0]
+    assert (so_far["max_slide"], so_far["sliding_steps"], so_far["steps"]) == (0.3, 2, 7)
 
 
 def test_a_result_cannot_be_changed(short_race):

@@ -8,7 +8,8 @@ from conftest import Straight
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
-from fg_mujoco.course.random_obstacles import CLEAR_AHEAD, ObstacleSites
+from fg_mujoco.course.random_obstacles import CLEAR_AHEAD
+from fg_mujoco.simulation.course_loading import default_car
 
 
 def race(track="oval", **settings):
@@ -17,7 +18,7 @@ def race(track="oval", **settings):
 
 def test_the_same_seed_places_the_same_boxes_and_the_result_says_which():
     first, again, other = (race(obstacles=5, obstacle_seed=seed) for seed in (3, 3, 4))
-    expected = ObstacleSites(fg.load_track("oval")).place(5, 0.0, np.random.default_rng(3))
+    expected = fg.load_track("oval").obstacle_sites(default_car()).place(5, 0.0, np.random.default_rng(3))
     assert first.world.obstacles == again.world.obstacles == expected != other.world.obstacles
     assert first.trajectory_sha256 == again.trajectory_sha256
     assert (first.obstacles, first.obstacle_seed) == (5, 3)
@@ -57,7 +58,7 @@ def test_what_cannot_be_placed_is_refused(settings):
 
 def test_a_scene_has_its_own_obstacles():
     with pytest.raises(
-        fg.SettingsError, match=r"3 obstacles on 'scene:dead_end:0', which has its own; accepted: on a tr"
+        fg.SettingsError, match=r"random obstacles on 'scene:dead_end:0', which has its own; accepted: on a tr"
     ):
         race("scene:dead_end", obstacles=3)
 

@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
-from fg_mujoco.course.random_obstacles import CLEAR_AHEAD, CLEAR_BEHIND, SPACING, ObstacleSites
+from fg_mujoco.course.random_obstacles import CLEAR_AHEAD, CLEAR_BEHIND, SPACING
 from fg_mujoco.errors import SettingsError
+from fg_mujoco.simulation.course_loading import default_car
 from fg_mujoco.studies.rollout.randomization import PARAMETERS, Choice, Randomization, Uniform, as_range, world_seeds
 
 OVAL = fg.load_track("oval")
@@ -146,7 +147,7 @@ def test_what_is_drawn_for_a_parameter_does_not_depend_on_the_others(seed, names
 @settings(deadline=None, max_examples=50)
 @given(seed=SEEDS)
 def test_a_world_depends_on_its_seed_alone(seed):
-    sites = ObstacleSites(OVAL)
+    sites = OVAL.obstacle_sites(default_car())
     first = Randomization.of(SOME).scenario(OVAL, seed)
     Randomization.of(SOME).scenario(OVAL, seed + 1, sites=sites)
     assert Randomization.of(SOME).scenario(OVAL, seed, sites=sites) == first
@@ -209,7 +210,7 @@ def test_nothing_randomised_is_the_plain_world():
 )
 def test_obstacles_leave_a_way_past_them_and_the_start_clear(seed, name, start, part):
     track = fg.load_track(name)
-    sites = ObstacleSites(track)
+    sites = track.obstacle_sites(default_car())
     count = round(part * sites.most)
     boxes = sites.place(count, start, np.random.default_rng(seed))
     assert len(boxes) == count
@@ -238,7 +239,7 @@ def _distance(points, polygon):
 
 
 def test_more_obstacles_than_there_is_room_for_are_refused():
-    sites = ObstacleSites(OVAL)
+    sites = OVAL.obstacle_sites(default_car())
     assert len(sites.place(sites.most, 0.0, np.random.default_rng(0))) == sites.most
     with pytest.raises(SettingsError, match=f"accepted: at most {sites.most}"):
         sites.place(sites.most + 1, 0.0, np.random.default_rng(0))
@@ -247,5 +248,5 @@ def test_more_obstacles_than_there_is_room_for_are_refused():
 def test_a_track_without_a_place_wide_enough_has_room_for_none():
     line = 8.0 * np.column_stack((np.cos(a := np.linspace(0, 2 * np.pi, 60, endpoint=False)), np.sin(a)))
     narrow = fg.Track(name="narrow", centreline=line, width_right=np.full(60, 0.45), width_left=np.full(60, 0.45))
-    assert ObstacleSites(narrow).most == 0
-    assert ObstacleSites(narrow).place(0, 0.0, np.random.default_rng(0)) == ()
+    assert narrow.obstacle_sites(default_car()).most == 0
+    assert narrow.obstacle_sites(default_car()).place(0, 0.0, np.random.default_rng(0)) == ()

@@ -9,7 +9,7 @@ import pytest
 from rendered import inside, needs_gl, pixel
 
 import fg_mujoco as fg
-from fg_mujoco.vehicle.vehicle import WHEELS
+from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.viz.rendering import CAMERAS, LABELS, Film, Overlays, Renderer, find_overlays, render
 from fg_mujoco.viz.rendering.drive import read_drive
 from fg_mujoco.viz.rendering.planner_view import PlannerEye

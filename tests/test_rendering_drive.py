@@ -10,7 +10,7 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco.course.track_mesh import wall_prisms
 from fg_mujoco.simulation.physics import STATE
-from fg_mujoco.vehicle.vehicle import WHEELS
+from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.viz.rendering import car_meshes
 from fg_mujoco.viz.rendering.cameras import CAMERAS, Moment, View
 from fg_mujoco.viz.rendering.colours import friction_colour

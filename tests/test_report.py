@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
-from fg_mujoco.vehicle.vehicle import WHEELS
+from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.viz.report.clip import clip_start
 from fg_mujoco.viz.report.lap_table import lap_length, lap_table
 from fg_mujoco.viz.report.map_shapes import map_shapes

@@ -12,10 +12,9 @@ from fg_mujoco.controllers.safety.friction_limiter import LIMITER_MEMORY, Fricti
 from fg_mujoco.controllers.safety.safety_filter import SafetyFilterSettings, bearing_of_arc, reading, safe_steering
 from fg_mujoco.course.random_obstacles import random_boxes
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.vehicle.changes import plain_car
-from fg_mujoco.vehicle.vehicle import car_parameters
+from fg_mujoco.vehicle.vehicle import Vehicle
 
-CAR = car_parameters(plain_car())
+CAR = Vehicle.load().parameters
 LIMITER = FrictionLimiter(CAR, 1.0489)
 BEAMS, INCREMENT = 1081, math.radians(0.25)
 START = -0.5 * (BEAMS - 1) * INCREMENT
@@ -90,7 +89,7 @@ def test_before_the_end_of_a_dead_end_it_stops_or_nearly_does_and_without_ways_o
 @pytest.mark.parametrize("circuit", ["oval", "chicanes", "fast"])
 def test_sparse_obstacles_are_passed(planner, circuit):
     for seed in range(8):
-        boxes = random_boxes(fg.load_track(circuit), 4, seed)
+        boxes = random_boxes(fg.load_track(circuit), 4, seed, car=CAR)
         result = fg.race(circuit, planner, laps=1, obstacles=boxes)
         assert result.finished and result.max_slide_m_s <= fg.SLIDING_SPEED, seed
 

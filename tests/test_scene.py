@@ -10,6 +10,7 @@ from matplotlib.path import Path
 from scene_search import Clearances, disc_gets_through
 
 import fg_mujoco as fg
+from fg_mujoco.course.definitions import course_sha256
 from fg_mujoco.course.lap_timer import LapTimer
 from fg_mujoco.course.obstacles import Box
 from fg_mujoco.course.scenes.parts import corridor, mirrored, rounded_way, walls_round
@@ -161,7 +162,7 @@ def test_walls_and_obstacles_are_hit():
     second = fg.race(scene(), Law(lambda time: 3.0), obstacles=inside)
     assert first.end_reason == second.end_reason == "crash"
     assert first.column("x_m")[-1] == pytest.approx(second.column("x_m")[-1], abs=1e-6)
-    assert first.world.obstacles == (*scene().walls, *inside) == second.world.obstacles
+    assert first.world.obstacles == inside == second.world.obstacles
     assert (first.obstacles, second.obstacles) == (0, 1)
 
 
@@ -244,9 +245,46 @@ def test_a_batch_keeps_the_scenes_rules():
     assert (results.rows["end_reason"].tolist(), results.rows["laps_completed"].tolist()) == (["finished"], [1])
 
 
-def test_a_rollout_wants_tracks():
-    with pytest.raises(fg.TrackError, match="is a scene, in a rollout; accepted: a track"):
-        fg.rollout("scene:dead_end", n=2)
+def test_worlds_of_a_rollout_drive_the_scene_as_a_race_does(tmp_path):
+    name = "scene:crossing_box:3"
+    result = fg.rollout(
+        [name, "scene:slow_leader"], n=6, laps=1, record="states", out=tmp_path / "out",
+        randomize={"lidar_noise": (0.0, 0.02), "start_offset": (-0.1, 0.1), "start_s": (0.0, 1.0)},
+    )  # fmt: skip
+    again = fg.read_rollout(tmp_path / "out")
+    assert len(set(result.worlds["seed"])) == 6
+    for world in range(6):
+        scenario = again.scenario(world)  # its course is read from the folder
+        assert scenario.track.name == (name, "scene:slow_leader:0")[world % 2]
+        alone = fg.race(scenario.track, begin=scenario.start, seed=scenario.seed, effects=scenario.effects)
+        assert result["end_reason"][world] == alone.end_reason
+        np.testing.assert_array_equal(result.states(world), alone.states)
+    assert [course_sha256(course) for course in again.tracks] == [course_sha256(course) for course in result.tracks]
+
+
+def test_the_same_scene_is_driven_whatever_the_seeds_of_the_worlds_are():
+    first, second = (
+        fg.rollout("scene:crossing_box:3", n=2, seed=seed, duration=0.1, record="states") for seed in (1, 2)
+    )
+    for world in range(2):
+        np.testing.assert_array_equal(first.states(world), second.states(world))  # no noise, nothing randomised
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    (
+        ({"laps": 2}, "laps is 2 on 'scene:dead_end:0'.*accepted: 1"),
+        (
+            {"randomize": {"obstacles": 2}},
+            "random obstacles on 'scene:dead_end:0', which has its own; accepted: on a tr",
+        ),
+        ({"randomize": {"start_s": (0.0, 90.0)}}, "start_s=0.0:90.0 on 'scene:dead_end:0'; accepted: from 0 to less"),
+        ({"randomize": {"start_s": [-1.0]}}, "start_s=-1.0 on 'scene:dead_end:0'; accepted: from 0 to less"),
+    ),
+)
+def test_a_rollout_refuses_what_a_scene_has_not(settings, said):
+    with pytest.raises(fg.SettingsError, match=said):
+        fg.rollout("scene:dead_end", n=2, **settings)
 
 
 # By name

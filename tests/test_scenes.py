@@ -8,10 +8,12 @@ from scene_search import Clearances, car_gets_through, disc_gets_through, ray_di
 
 import fg_mujoco as fg
 from fg_mujoco.course.obstacles import Box
-from fg_mujoco.course.scenes.parts import car, turning_radius
+from fg_mujoco.simulation.course_loading import default_car
 
 SEEDS = range(6)
-WIDTH = car().width
+CAR = default_car()
+WIDTH = CAR.width
+TURNING_RADIUS = CAR.wheelbase / math.tan(CAR.max_steering_angle)
 
 
 def load(name, seed):
@@ -104,9 +106,9 @@ def test_a_dead_end_has_no_way_out_and_no_room_to_turn_round(seed):
     (distance,) = ray_distances(scene.walls, scene.position(0.0), np.array([0.0]))
     assert distance == pytest.approx(end) and scene.position(scene.length)[0] == pytest.approx(end - 3.0)
     # one that turns on full lock sweeps from its inner rear wheel to its outer front corner
-    outer = math.hypot(turning_radius() + 0.5 * WIDTH, car().length - car().rear_overhang)
+    outer = math.hypot(TURNING_RADIUS + 0.5 * WIDTH, CAR.length - CAR.rear_overhang)
     (left, right) = ray_distances(scene.walls, scene.position(5.0), np.array([0.5 * math.pi, -0.5 * math.pi]))
-    assert left + right < turning_radius() + outer + 0.5 * WIDTH
+    assert left + right < TURNING_RADIUS + outer + 0.5 * WIDTH
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -154,13 +156,13 @@ def test_in_the_chicane_the_wider_opening_is_for_robots_that_turn_on_the_spot(se
     wide_shut = Box(x=x, y=side * 4.0, length=8.0, width=6.0)  # as far as a third of a metre above the lane
     start, goal = (x - 2.2, 0.0), (x + 2.5, 0.0)
     around = (x - 2.5, -3.6), (x + 3.0, 3.6)
-    radius = turning_radius()
+    radius = TURNING_RADIUS
     wide_only = Clearances([*walls, second, narrow_shut], *around, 0.01)
     assert disc_gets_through(wide_only, start, goal, 0.5 * WIDTH + 0.05)
-    assert not car_gets_through(wide_only, (*start, 0.0), goal[0], car(), radius=radius, margin=-0.005)
-    assert car_gets_through(wide_only, (*start, 0.0), goal[0], car(), radius=0.5 * radius)  # it is the steering limit
+    assert not car_gets_through(wide_only, (*start, 0.0), goal[0], CAR, radius=radius, margin=-0.005)
+    assert car_gets_through(wide_only, (*start, 0.0), goal[0], CAR, radius=0.5 * radius)  # it is the steering limit
     narrow_only = Clearances([*walls, second, wide_shut], *around, 0.01)
-    assert car_gets_through(narrow_only, (*start, 0.0), goal[0], car(), radius=radius, margin=0.05)
+    assert car_gets_through(narrow_only, (*start, 0.0), goal[0], CAR, radius=radius, margin=0.05)
 
 
 def _distance_to(box, points):
@@ -201,4 +203,4 @@ def test_a_way_among_the_obstacles_can_be_driven_by_the_car(name, seed):
     scene = load(name, seed)
     low, high = np.array([-0.5, -2.6]), np.array([scene.length, 2.6])
     field = Clearances([*scene.walls, *scene.obstacles], low, high, 0.02)
-    assert car_gets_through(field, scene.start_pose(), scene.length - 1.0, car(), radius=turning_radius(), margin=0.03)
+    assert car_gets_through(field, scene.start_pose(), scene.length - 1.0, CAR, radius=TURNING_RADIUS, margin=0.03)

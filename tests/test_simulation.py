@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.simulation.physics import STATE
 from fg_mujoco.simulation.engine import whole_steps
-from fg_mujoco.vehicle.vehicle import WHEELS
+from fg_mujoco.simulation.physics import STATE
+from fg_mujoco.vehicle.car import WHEELS
 
 GENTLE = fg.DriveCommand(steering_angle=0.03, speed=2.0)
 

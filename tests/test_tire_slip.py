@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from fg_mujoco.errors import ModelError
 from fg_mujoco.messages import DriveCommand
+from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED, TireSlipMeter
-from fg_mujoco.vehicle.vehicle import WHEELS
 
 FLAT = flat_world()
 

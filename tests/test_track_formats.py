@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import math
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from fg_mujoco.course.formats import DENSE, load_track, read_centreline, track_names, write_centreline
+from fg_mujoco.course.centreline_csv import DENSE, read_centreline, write_centreline
+from fg_mujoco.course.formats import track_names
 from fg_mujoco.course.generator import generate_track
 from fg_mujoco.course.polyline import enclosed_area, step_lengths
 from fg_mujoco.errors import TrackError
+from fg_mujoco.simulation.course_loading import default_car, load_track
+from fg_mujoco.simulation.world import World
 
 HEADER = "# x_m, y_m, w_tr_right_m, w_tr_left_m\n"
 
@@ -182,9 +186,10 @@ def test_track_narrower_than_the_car_is_refused_with_the_place(tmp_path):
     path.write_text(text_of(rows))
     assert load_track(path).name == "narrow"
     with pytest.raises(TrackError, match=r"0.30 m wide at \(.*\), point 30; accepted: wider than the car, 0.31 m"):
-        load_track(path, minimum_width=0.31)
+        World(str(path))
     with pytest.raises(TrackError, match=r"'narrow' is 0.30 m wide"):
-        load_track(load_track(path), minimum_width=0.31)
+        load_track(path).check_car(default_car())
+    load_track(path).check_car(replace(default_car(), width=0.29))
 
 
 def test_bundled_names_random_seeds_and_tracks_load(tmp_path):

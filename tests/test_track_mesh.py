@@ -1,4 +1,4 @@
-"""Walls in 3D: what is seen is what is hit. What all tracks keep is in track_contract."""
+"""Walls in 3D: what is seen is what is hit. What all tracks keep is in course_contract."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fg_mujoco.course.formats import load_track
 from fg_mujoco.course.polyline import cross, resample, rounded_polygon
 from fg_mujoco.course.track import Track
 from fg_mujoco.course.track_mesh import WALL_HEIGHT, WALL_THICKNESS, wall_mesh, wall_prisms
 from fg_mujoco.course.track_walls import WALL_TOLERANCE
 from fg_mujoco.errors import SettingsError
+from fg_mujoco.simulation.course_loading import load_track
 
 
 def track_of(line, width=1.0):

@@ -7,10 +7,11 @@ from importlib import resources
 import numpy as np
 import pytest
 
-from fg_mujoco.course.formats import load_track, track_names
+from fg_mujoco.course.formats import track_names
 from fg_mujoco.course.polyline import turns
 from fg_mujoco.course.recipes import RECIPES, main, write_bundled
 from fg_mujoco.errors import TrackError
+from fg_mujoco.simulation.course_loading import load_track
 
 
 def test_every_circuit_has_a_recipe_and_every_recipe_a_circuit():

@@ -7,7 +7,8 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco.course.track_mesh import WALL_HEIGHT
 from fg_mujoco.simulation.world import CAR_PREFIX
-from fg_mujoco.vehicle.vehicle import WHEELS, car_spec, nominal_mu
+from fg_mujoco.vehicle.car import WHEELS
+from fg_mujoco.vehicle.vehicle import Vehicle
 
 # The oval starts along x, with straight walls at y = +-1.1 m; the box is turned, the cylinder offers an edge.
 BOX = fg.Box(x=3.0, y=0.2, length=0.4, width=0.6, heading=0.5)
@@ -139,7 +140,7 @@ def test_walls_stand_on_the_ground_as_high_as_they_say(world):
 def test_mu_reaches_all_four_tires_and_acts_in_the_contacts(mu):
     world = fg.World("oval", mu=mu)
     expected = 1.0489 if mu is None else mu
-    assert nominal_mu() == 1.0489
+    assert Vehicle.load().nominal_mu == 1.0489
     assert world.car.mu == expected
     simulation = fg.Simulation(world)
     simulation.step(fg.STOP)
@@ -185,7 +186,7 @@ def test_only_the_rangefinder_back_end_pays_for_sensors(backend, count):
 
 
 def test_the_engines_settings_are_those_of_the_cars_mjcf_and_static_geoms_sleep(world):
-    car = car_spec().compile()
+    car = Vehicle.load().compile()
     for name in ("timestep", "integrator", "cone", "impratio", "gravity", "disableflags"):
         assert np.array_equal(getattr(world.model.opt, name), getattr(car.opt, name)), name
     assert world.model.opt.enableflags == car.opt.enableflags | mujoco.mjtEnableBit.mjENBL_SLEEP

@@ -10,6 +10,7 @@ from mujoco.batch import Batch
 import fg_mujoco as fg
 from fg_mujoco.lidar.effects import LidarEffects
 from fg_mujoco.racing.result import trajectory_sha256
+from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.scenario import Scenario, Start
 from fg_mujoco.simulation.world import CAR_PREFIX
 from fg_mujoco.studies.rollout.world_batch import drive_worlds
@@ -123,7 +124,7 @@ def test_a_changed_car_is_the_same_compiled_alone_or_in_a_batch(changes):
     plain = fg.World("oval", changes=CarChanges(command_delay=0.0) if changes.command_delay is not None else None)
     compiled = fg.World("oval", changes=changes).model
     batch = Batch(plain.model, 2, nthread=1, persistent=True)
-    change_worlds(batch, [CarChanges(), changes], CAR_PREFIX)
+    change_worlds(batch, [CarChanges(), changes], plain.vehicle.compile(), CAR_PREFIX)
     changed = batch.get_model(1)
     for name in dir(compiled):
         value = getattr(compiled, name)
@@ -218,16 +219,13 @@ def test_a_planner_that_fails_ends_its_world_and_no_other(planners, name, ticks)
 
 
 def test_a_state_that_mujoco_warns_of_ends_its_world_and_no_other(monkeypatch):
-    from fg_mujoco.simulation import world_group
+    place = Engine.place
 
-    place = world_group.WorldGroup._place
+    def place_badly(self, *args, **kwargs):
+        place(self, *args, **kwargs)
+        self.state(1)[1:4] = 1e12  # time comes first, then positions
 
-    def place_badly(self, *args):
-        place(self, *args)
-        self._batch.bind("qvel")[1] = 1e12
-        self._qvel[1] = 1e12
-
-    monkeypatch.setattr(world_group.WorldGroup, "_place", place_badly)
+    monkeypatch.setattr(Engine, "place", place_badly)
     results = drive_worlds([Scenario(), Scenario()], "gap_finder", duration=0.5)
     assert results.rows["end_reason"].tolist() == ["time_limit", "unstable"]
 
@@ -286,7 +284,7 @@ def test_models_are_left_alone():
     world = fg.World("oval")
     before = [getattr(world.model, name).copy() for name in ("body_mass", "pair_friction", "actuator_gainprm")]
     batch = Batch(world.model, 1, nthread=1, persistent=True)
-    change_worlds(batch, [CarChanges(mass=5.0, mu=0.2, speed_gain=2.0)], CAR_PREFIX)
+    change_worlds(batch, [CarChanges(mass=5.0, mu=0.2, speed_gain=2.0)], world.vehicle.compile(), CAR_PREFIX)
     after = [getattr(world.model, name) for name in ("body_mass", "pair_friction", "actuator_gainprm")]
     assert all(np.array_equal(a, b) for a, b in zip(before, after, strict=True))
     assert mujoco.mj_stateSize(world.model, mujoco.mjtState.mjSTATE_INTEGRATION) == batch.nstate

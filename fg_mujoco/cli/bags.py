@@ -9,13 +9,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from ..course.formats import load_track
 from ..errors import SettingsError
 from ..racing.planner_choice import ControllerChoice
 from ..racing.planner_loading import make_controller
 from ..ros.bag_messages import DRIVE, ODOMETRY, SCAN, require_ros_extra
+from ..simulation.course_loading import load_track
 from ..simulation.world import World
-from ..vehicle.vehicle import nominal_mu
+from ..vehicle.vehicle import Vehicle
 from .options import ProgressLine, number, number_or_off
 
 FORMATS = ("mcap",)
@@ -79,7 +79,7 @@ def _replay_scans(options: argparse.Namespace) -> int:
     planner = make_controller(
         choice.source,
         car=car,
-        mu=nominal_mu() if options.planner_mu is None else options.planner_mu,
+        mu=Vehicle.load().nominal_mu if options.planner_mu is None else options.planner_mu,
         max_speed=options.max_speed,
         settings=dict(choice.settings),
         map_line=None if options.track is None else load_track(options.track).map_line,

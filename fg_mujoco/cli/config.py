@@ -19,7 +19,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..course.formats import load_track
 from ..errors import FgMujocoError, RunFolderError, SettingsError
 from ..lidar.effects import LidarEffects
 from ..lidar.lidar import LIDAR_BACKENDS
@@ -27,6 +26,7 @@ from ..racing.planner_choice import ControllerChoice
 from ..racing.planner_loading import find_controller
 from ..racing.race import RaceSettings
 from ..racing.run_folder import read_summary
+from ..simulation.course_loading import load_track
 from .options import number, number_or_off, whole
 
 if sys.version_info >= (3, 11):

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import io
 import os
 import signal
 import sys
@@ -19,9 +18,7 @@ from typing import Any, NoReturn
 
 from .. import __version__
 from ..course.course import USUAL_LAPS
-from ..course.formats import load_track, require_track, track_names, write_centreline
-from ..course.scenes.catalogue import describe_scene, scene_names
-from ..errors import FgMujocoError, SettingsError
+from ..errors import FgMujocoError
 from ..lidar.effects import LidarEffects
 from ..lidar.lidar import LIDAR_BACKENDS
 from ..racing.planner_choice import ControllerChoice
@@ -30,18 +27,17 @@ from ..racing.replay import replay
 from ..racing.result import RaceResult
 from ..racing.run_folder import check_run_folder, summary_json
 from ..vehicle.tire_slip import SLIDING_SPEED
-from ..viz.course_drawing import describe_course
-from ..viz.plots import track_picture, write_run
+from ..viz.plots import write_run
 from .bags import add_bags
 from .compare import add_compare
 from .config import add_config, parse, settings_of
 from .controllers import add_controllers
 from .friction import add_friction
-from .maps import add_export
 from .options import ProgressLine, can_draw, number, number_or_off, whole
 from .render import add_render, check_film, film_race
 from .report import add_report, report_race
 from .rollout import add_rollout
+from .track import add_track
 from .view import add_view
 
 _DONE, _NOT_DONE, _BAD_INPUT, _INTERRUPTED = 0, 1, 2, 130  # 130 is what shells call a command ended by Ctrl-C
@@ -80,20 +76,7 @@ def _parser() -> argparse.ArgumentParser:
     command = _add(commands, "replay", _replay, "simulate a run folder again and compare it bit for bit")
     command.add_argument("folder", metavar="DIR", help="written by race --out")
 
-    tracks = commands.add_parser("track", help="make, show and list tracks").add_subparsers(
-        title="commands", required=True
-    )
-    command = _add(tracks, "new", _track_new, "write a random circuit as a centreline CSV")
-    command.add_argument("--seed", required=True, help="the same seed gives the same circuit")
-    command.add_argument("--force", action="store_true", help="replace the file if it exists")
-    command.add_argument("path", metavar="FILE.csv", type=Path)
-    command = _add(tracks, "show", _track_show, "draw a track or a scene as a PNG")
-    command.add_argument("track", metavar="TRACK", help="NAME, random:SEED, scene:NAME:SEED, file.csv or map.yaml")
-    command.add_argument("--out", metavar="FILE.png", type=Path, help="default: NAME.png here")
-    _add(tracks, "list", _track_list, "list the bundled tracks")
-    _add(tracks, "scenes", _track_scenes, "list the scenes")
-    add_export(_add, tracks)
-
+    add_track(_add, commands)
     add_controllers(_add, commands)
     add_rollout(_add, commands)
     add_compare(_add, commands)
@@ -250,37 +233,3 @@ def _replay(options: argparse.Namespace) -> int:
     report = replay(options.folder)
     print(f"{options.folder}: {report}")
     return _DONE if report.identical else _NOT_DONE
-
-
-def _track_new(options: argparse.Namespace) -> int:
-    if options.path.exists() and not options.force:
-        raise SettingsError(f"{options.path}: exists; accepted: a new file, or --force to replace it")
-    track = require_track(load_track(f"random:{options.seed}"), "a file")
-    write_centreline(track, options.path, [f"made by: fg-mujoco track new --seed {options.seed}"])
-    print(f"{options.path}: {describe_course(track)}")
-    return _DONE
-
-
-def _track_show(options: argparse.Namespace) -> int:
-    track = load_track(options.track)
-    path = options.out or Path(f"{track.name.replace(':', '_')}.png")
-    if path.suffix.lower() != ".png":
-        raise SettingsError(f"{path}: is no name for a picture; accepted: one that ends in .png")
-    picture = io.BytesIO()
-    track_picture(track, picture)
-    try:
-        path.write_bytes(picture.getvalue())
-    except OSError as error:
-        raise SettingsError(f"{path}: cannot be written: {error.strerror or error}") from error
-    print(f"{path}: {describe_course(track)}")
-    return _DONE
-
-
-def _track_list(options: argparse.Namespace) -> int:
-    print("\n".join(describe_course(load_track(name)) for name in track_names()))
-    return _DONE
-
-
-def _track_scenes(options: argparse.Namespace) -> int:
-    print("\n".join(map(describe_scene, scene_names())))
-    return _DONE

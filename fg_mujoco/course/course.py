@@ -1,35 +1,94 @@
-"""What can be raced: a line with a start, a goal or a lap, and how long a race of it may last.
+"""What a course is: a line with a start, the walls and obstacles beside it, and the rules of a race on it.
 
-`Track` is a closed one, raced for laps; `Scene` an open one, raced once, from its start to its goal.
+`Track` is a closed course, raced for laps. `Scene` is an open one, raced once from its start to its goal. Any other
+object that has the members of `Course` can be raced, too: nothing in the package asks for the class of a course.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Protocol
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import SettingsError
-from ..messages import FloatArray, MapLine
+from ..errors import SettingsError, TrackError
+from ..messages import CarParameters, FloatArray, MapLine
+from .moving_obstacles import MovingObstacle
+from .obstacles import Box, Obstacle
+from .track_mesh import Surface
 
 USUAL_LAPS = 5
 SLOWEST_RACE = 0.5  # [m/s] the default time limit is what a car as slow as this needs
 
 
+class Sites(Protocol):
+    """Where on a course random boxes may stand."""
+
+    @property
+    def most(self) -> int:
+        """How many boxes there is room for, wherever the start is."""
+
+    def place(self, count: int, start: float, rng: np.random.Generator) -> tuple[Box, ...]:
+        """Return so many boxes for a car that starts at progress `start` [m]."""
+
+
 class Course(Protocol):
-    """What timing and judging a race want of its line. Progress is measured along it."""
+    """All that the simulation, the races and the pictures ask of a course. Progress is measured along its line."""
+
+    def __hash__(self) -> int:
+        """Of the object: what is worked out of a course is kept for it. Dataclasses have none unless `eq=False`."""
+
+    # What it is
 
     @property
     def name(self) -> str:
         """As `load_track` takes it, for what is bundled or made from a seed."""
 
     @property
+    def description(self) -> str:
+        """What it measures, in one line for people."""
+
+    @property
+    def definition(self) -> Mapping[str, FloatArray]:
+        """All numbers that make it what it is, by name. Two courses with the same numbers are the same course."""
+
+    # Its line
+
+    @property
+    def closed(self) -> bool:
+        """Whether the line is a loop that is driven for laps. An open line is driven once, from a start to a goal."""
+
+    @property
     def length(self) -> float:
-        """Of a lap; of an open line from the start to the goal [m]."""
+        """Length of a lap; of an open line from the start to the goal [m]."""
 
     @property
     def modulus(self) -> float:
-        """What progress on the line is counted modulo [m]: its length; on an open line so much that nothing wraps."""
+        """What progress is counted modulo [m]: the length of a lap; on an open line so much that nothing wraps."""
+
+    @property
+    def table(self) -> FloatArray:
+        """What `track.follow` searches: s, x, y, dx, dy, length^2 of each segment. Shape (6, k)."""
+
+    @property
+    def map_line(self) -> MapLine:
+        """The line that a planner with a map is told."""
+
+    @property
+    def bounds(self) -> FloatArray:
+        """Least and greatest x and y of what is to be looked at. Shape (2, 2) [m]."""
+
+    def project(self, points: ArrayLike, near: float | ArrayLike | None = None) -> tuple[FloatArray, FloatArray]:
+        """Return progress and offset, left positive, of points (k, 2) [m]. Shape (k,) [m] each.
+
+        `near` is the progress that each point had shortly before [m]; None: the whole line is searched.
+        """
+
+    def start_pose(self, s: float = 0.0, offset: float = 0.0) -> tuple[float, float, float]:
+        """Return x [m], y [m], heading [rad] at `s` [m] from the start along the line, `offset` [m] to its left."""
+
+    # The rules of a race on it
 
     @property
     def origin(self) -> float | None:
@@ -43,26 +102,86 @@ class Course(Protocol):
     def stop_time(self) -> float:
         """How long the car has to stand behind the goal for the race to be finished [s]; 0: passing it is enough."""
 
-    @property
-    def table(self) -> FloatArray:
-        """What `track.follow` searches: s, x, y, dx, dy, length^2 of each segment. Shape (6, k)."""
-
-    @property
-    def map_line(self) -> MapLine:
-        """What a planner with a map is told."""
-
-    @property
-    def bounds(self) -> FloatArray:
-        """Least and greatest x and y of what is to be looked at. Shape (2, 2) [m]."""
-
-    def project(self, points: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Progress on the line and offset, left positive, of points (k, 2) [m]. Shape (k,) [m] each."""
-
-    def start_pose(self, s: float = 0.0, offset: float = 0.0) -> tuple[float, float, float]:
-        """Pose `s` [m] from the start along the line and `offset` [m] to its left: x [m], y [m], heading [rad]."""
-
     def longest_race(self, laps: int) -> float:
-        """Return how long a race may last, unless it is told otherwise [s]."""
+        """Return the time limit of a race that is given none [s]."""
+
+    # What stands and moves there
+
+    @property
+    def walls(self) -> tuple[Obstacle, ...]:
+        """The convex solids that the walls are made of."""
+
+    def wall_surface(self) -> Surface | None:
+        """Return one mesh of the walls, which is seen in place of `walls`; None: the solids themselves are seen."""
+
+    @property
+    def edges(self) -> tuple[FloatArray, ...]:
+        """Edges of the free floor from above, closed lines (k, 2) [m]: the left and the right one, then the islands.
+
+        Empty where the course runs between no two such lines.
+        """
+
+    @property
+    def ground_lines(self) -> FloatArray:
+        """The start line and, on an open course, the goal line, each from its left end to its right. (k, 2, 2) [m]."""
+
+    @property
+    def obstacles(self) -> tuple[Obstacle, ...]:
+        """Solids that stand on the course, besides the walls."""
+
+    @property
+    def moving(self) -> tuple[MovingObstacle, ...]:
+        """Obstacles that move."""
+
+    # Who may drive there, and from where
+
+    def check_car(self, car: CarParameters) -> None:
+        """Raise TrackError where the course cannot be driven by such a car, or cannot be given walls."""
+
+    def draw_start(
+        self, rng: np.random.Generator, car: CarParameters, obstacles: tuple[Obstacle, ...] = ()
+    ) -> tuple[float, float, float]:
+        """Return a random standing start, clear of the `obstacles` that were put there.
+
+        Returns:
+          Progress [m], offset [m] to the left, and heading [rad] from that of the line.
+
+        Raises:
+          SettingsError: there is no room for one.
+        """
+
+    def obstacle_sites(self, car: CarParameters) -> Sites:
+        """Return where random boxes may stand that leave such a car a way past each.
+
+        Raises:
+          SettingsError: the course takes no random boxes.
+        """
+
+
+MEMBERS = tuple(name for name in Course.__dict__ if not name.startswith("_"))
+"""Names of all that an object needs to be a course."""
+
+
+def require_course(found: object, where: str) -> None:
+    """Raise TrackError for an object from `where` that lacks a member of `Course`."""
+    missing = [name for name in MEMBERS if not hasattr(type(found), name) and not hasattr(found, name)]
+    if missing:
+        raise TrackError(
+            f"{where} is a {type(found).__name__} without {', '.join(missing)}; accepted: a Track, a Scene, or an "
+            "object with all members of fg_mujoco.Course"
+        )
+    if type(found).__hash__ is None:
+        raise TrackError(f"{where} is a {type(found).__name__} without hash; accepted: a dataclass with eq=False")
+
+
+def wall_outlines(course: Course) -> list[FloatArray]:
+    """Return the walls from above, closed lines (k, 2) [m]: the course's edges, or the footprints of its walls."""
+    return list(course.edges) or [wall.corners() for wall in course.walls]
+
+
+def describe_course(course: Course) -> str:
+    """Return the name and the size of a course in one line."""
+    return f"{course.name}: {course.description}"
 
 
 def default_time_limit(laps: int, length: float) -> float:

@@ -1,9 +1,10 @@
-"""What may stand on a track. Rays and contact meet the same convex solid: what is seen is what is hit."""
+"""Solids that stand on a course. Each is one convex solid for rays and contacts alike: what is seen is what is hit."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -92,6 +93,50 @@ class Prism:
 
 
 Obstacle = Box | Cylinder | Prism
+"""What may stand on a course."""
+
+_KINDS: tuple[Any, ...] = (Box, Cylinder, Prism)
+_SIZES: dict[Any, tuple[str, ...]] = {
+    Box: ("x", "y", "length", "width", "height", "heading"),
+    Cylinder: ("x", "y", "radius", "height"),
+}
+
+
+def solids_numbers(solids: tuple[Obstacle, ...]) -> FloatArray:
+    """Return all that makes solids what they are in one row, which `solids_of` reads back. Shape (n,).
+
+    Of each solid the row has: its place in (Box, Cylinder, Prism), how many numbers follow, and these: of a Box and a
+    Cylinder its fields, of a Prism its height and x, y of its corners.
+    """
+    row: list[float] = []
+    for solid in solids:
+        if isinstance(solid, Prism):
+            numbers = [solid.height, *(value for corner in solid.footprint for value in corner)]
+        else:
+            numbers = [getattr(solid, name) for name in _SIZES[type(solid)]]
+        row += [_KINDS.index(type(solid)), len(numbers), *numbers]
+    return np.array(row, dtype=np.float64)
+
+
+def solids_of(numbers: FloatArray) -> tuple[Obstacle, ...]:
+    """Return the solids of a row that `solids_numbers` returned.
+
+    Raises:
+      IndexError, ValueError, SettingsError: a row that it cannot have returned.
+    """
+    row = [float(number) for number in numbers]
+    solids: list[Obstacle] = []
+    place = 0
+    while place < len(row):
+        kind, count = _KINDS[int(row[place])], int(row[place + 1])
+        values = row[place + 2 : place + 2 + count]
+        place += 2 + count
+        if kind is Prism:
+            corners = tuple(zip(values[1::2], values[2::2], strict=True))
+            solids.append(Prism(footprint=corners, height=values[0]))
+        else:
+            solids.append(kind(**dict(zip(_SIZES[kind], values, strict=True))))
+    return tuple(solids)
 
 
 def _positive(value: float) -> bool:

@@ -1,24 +1,21 @@
-"""Boxes at random places of a track that leave the car a way past them.
+"""Boxes at random places of a track that leave the car a way past each of them.
 
-A box stands along the track where that is wide enough and nearly straight. It leaves a gap between itself and one of
-the walls, the next one is SPACING further on, and none is near the start.
+A box stands along the track where the track is wide enough and nearly straight. It leaves a gap of GAP_IN_WIDTHS car
+widths between itself and one of the walls. The next box is at least SPACING further on, and none is near the start.
 """
 
 from __future__ import annotations
 
 import math
-from functools import lru_cache
+from typing import Protocol
 
 import numpy as np
 
 from ..errors import SettingsError
-from ..messages import FloatArray
-from ..vehicle.changes import plain_car
-from ..vehicle.vehicle import car_parameters
+from ..messages import CarParameters, FloatArray
+from .course import Course
 from .obstacles import Box
 from .polyline import turns
-from .scene import Scene
-from .track import Track
 
 GAP_IN_WIDTHS = 2.5
 """Least width of the way past a box, in widths of the car."""
@@ -31,20 +28,52 @@ _SIDES = (0.2, 0.5)  # [m] length and width of a box are between
 _STEP = 0.1  # [m] of the stations along the line at which the track's width is looked at
 
 
+class Corridor(Protocol):
+    """What `ObstacleSites` needs of a track."""
+
+    @property
+    def name(self) -> str:
+        """For messages."""
+
+    @property
+    def length(self) -> float:
+        """Of a lap [m]."""
+
+    @property
+    def centreline(self) -> FloatArray:
+        """Closed, the first point not repeated. Shape (n, 2) [m]."""
+
+    @property
+    def arc_length(self) -> FloatArray:
+        """Progress at each point. Shape (n,) [m]."""
+
+    @property
+    def corridor_right(self) -> FloatArray:
+        """Free room to the right of each point. Shape (n,) [m]."""
+
+    @property
+    def corridor_left(self) -> FloatArray:
+        """Free room to the left of each point. Shape (n,) [m]."""
+
+    def start_pose(self, s: float = 0.0, offset: float = 0.0) -> tuple[float, float, float]:
+        """As `Course.start_pose`."""
+
+
 class ObstacleSites:
     """Where on a track boxes may stand.
 
     Args:
-      track: the Track.
+      track: the track.
+      car: that is to get past each box.
 
     Attributes:
       gap: least width of the way past a box [m].
       most: how many boxes there is room for, wherever the start is.
     """
 
-    def __init__(self, track: Track) -> None:
+    def __init__(self, track: Corridor, car: CarParameters) -> None:
         self._track = track
-        self.gap = GAP_IN_WIDTHS * _car_width()
+        self.gap = GAP_IN_WIDTHS * car.width
         lap = np.union1d(np.linspace(0.0, track.length, math.ceil(track.length / _STEP) + 1)[:-1], track.arc_length)
         edges = np.append(lap, track.length)  # the width is linear between two of them
         wide = self._widths(edges).sum(axis=0) >= self.gap + _SIDES[0]
@@ -97,35 +126,29 @@ class ObstacleSites:
         return np.array([np.interp(s, track.arc_length, width, period=track.length) for width in widths])
 
 
-def random_boxes(course: Track | Scene, count: int, seed: int, *, start: float = 0.0) -> tuple[Box, ...]:
-    """Return boxes at random places of a track: the same for the same arguments.
+def random_boxes(course: Course, count: int, seed: int, *, car: CarParameters, start: float = 0.0) -> tuple[Box, ...]:
+    """Return boxes at random places of a course: the same for the same arguments.
 
     Args:
-      course: the Track.
+      course: where they stand.
       count: of the boxes.
       seed: of their places and sizes.
+      car: that is to get past each box.
       start: progress of the car's start [m].
 
     Raises:
-      SettingsError: a scene, more than there is room for, or a number that is not whole.
+      SettingsError: a course that takes none, more than there is room for, or a number that is not whole.
     """
     for name, value in (("obstacles", count), ("obstacle_seed", seed)):
         if not isinstance(value, int) or isinstance(value, bool) or value < 0:
             raise SettingsError(f"{name} is {value!r}; accepted: a whole number from 0")
     if count == 0:
         return ()
-    if isinstance(course, Scene):
-        raise SettingsError(f"{count} obstacles on {course.name!r}, which has its own; accepted: on a track")
-    return ObstacleSites(course).place(count, start, np.random.default_rng(seed))
+    return course.obstacle_sites(car).place(count, start, np.random.default_rng(seed))
 
 
-def _turned(track: Track, s: FloatArray) -> FloatArray:
+def _turned(track: Corridor, s: FloatArray) -> FloatArray:
     """Return by how much the line has turned, left and right alike, from the start to progress `s` (n,) [m] [rad]."""
     sums = np.concatenate(([0.0], np.cumsum(np.abs(turns(track.centreline)))))
     laps, along = np.divmod(s, track.length)
     return np.asarray(laps * sums[-1] + sums[np.searchsorted(track.arc_length, along, side="right")])
-
-
-@lru_cache(maxsize=1)
-def _car_width() -> float:
-    return car_parameters(plain_car()).width

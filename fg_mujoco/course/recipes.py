@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import FgMujocoError, TrackError
-from .formats import write_centreline
+from .centreline_csv import write_centreline
 from .generator import EASEMENT, SPACING, GeneratorSettings, generate_track, start_on_longest_straight
 from .polyline import resample, rounded_polygon, smooth
 from .track import Track

@@ -3,8 +3,9 @@
     scene = load_track("scene:narrow_gap_150:7")
     result = race(scene, "gap_finder")
 
-A scene is raced where a track can be, once: the race is finished when the goal is passed, or, where the goal is to
-stop, once the car has stood still behind it. `scenes` makes those that have a name.
+A scene can be raced wherever a track can, once. The race is finished when the car passes the goal. Where the goal is to
+stop, the race is finished when the car has stood still behind the goal for STOP_TIME. The scenes that have a name are
+made in `scenes`.
 """
 
 from __future__ import annotations
@@ -17,13 +18,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import SettingsError
-from ..messages import FloatArray, MapLine, read_only
+from ..messages import CarParameters, FloatArray, MapLine, read_only
 from .moving_obstacles import MovingObstacle
-from .obstacles import Obstacle
+from .obstacles import Obstacle, solids_numbers
+from .random_obstacles import ObstacleSites
 from .track import follow
+from .track_mesh import Surface
 
 BEHIND, BEYOND = 2.0, 3.0  # [m] least, of the way behind the start and beyond the goal
 STOP_TIME = 2.0  # [s] that the car has to stand still where the goal is to stop
+_HALF_LINE = 0.3  # [m] to either side of the way, of the lines on the ground at the start and the goal
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -69,6 +73,31 @@ class Scene:
             )
 
     @property
+    def closed(self) -> bool:
+        """A scene is driven once, from its start to its goal."""
+        return False
+
+    @property
+    def description(self) -> str:
+        """Length, kind of goal, obstacles and time limit."""
+        goal = "to a stop" if self.goal_is_to_stop else "to the goal"
+        moving = f", {len(self.moving)} moving" if self.moving else ""
+        return (
+            f"{self.length:.1f} m {goal}, {len(self.obstacles)} obstacles{moving}, time limit {self.time_limit:.0f} s"
+        )
+
+    @property
+    def definition(self) -> dict[str, FloatArray]:
+        """All that makes it what it is: the way, the rules, the solids and what moves."""
+        return {
+            "way": self.way,
+            "rules": np.array([self.start, self.goal, self.time_limit, self.goal_is_to_stop], np.float64),
+            "walls": solids_numbers(self.walls),
+            "obstacles": solids_numbers(self.obstacles),
+            "moving": np.array([moving.numbers() for moving in self.moving], np.float64),
+        }
+
+    @property
     def length(self) -> float:
         """From the start to the goal [m]."""
         return self.goal - self.start
@@ -101,6 +130,33 @@ class Scene:
     def longest_race(self, laps: int) -> float:
         """Return the scene's time limit [s]."""
         return self.time_limit
+
+    def wall_surface(self) -> Surface | None:
+        """The walls are seen as the solids that they are."""
+        return None
+
+    @property
+    def edges(self) -> tuple[FloatArray, ...]:
+        """A scene has solids and no corridor."""
+        return ()
+
+    @property
+    def ground_lines(self) -> FloatArray:
+        """The start line and the goal line, from left to right. Shape (2, 2, 2) [m]."""
+        return self.position(np.array([[0.0], [self.length]]), (_HALF_LINE, -_HALF_LINE))
+
+    def check_car(self, car: CarParameters) -> None:
+        """A scene may be as narrow as it likes."""
+
+    def obstacle_sites(self, car: CarParameters) -> ObstacleSites:
+        """Raise SettingsError: a scene has its own obstacles."""
+        raise SettingsError(f"random obstacles on {self.name!r}, which has its own; accepted: on a track")
+
+    def draw_start(
+        self, rng: np.random.Generator, car: CarParameters, obstacles: tuple[Obstacle, ...] = ()
+    ) -> tuple[float, float, float]:
+        """Return the start of the scene, which is not random: 0 m, 0 m, 0 rad."""
+        return 0.0, 0.0, 0.0
 
     @cached_property
     def bounds(self) -> FloatArray:

@@ -16,12 +16,22 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import TrackError
+from ..errors import SettingsError, TrackError
 from ..kernels import kernel
-from ..messages import FloatArray, MapLine, read_only
+from ..messages import CarParameters, FloatArray, MapLine, read_only
 from .course import default_time_limit
+from .moving_obstacles import MovingObstacle
+from .obstacles import Obstacle, Prism
 from .polyline import cross, self_crossings, step_lengths, steps, turns
+from .random_obstacles import CLEAR_AHEAD, CLEAR_BEHIND, ObstacleSites
+from .track_mesh import Surface, wall_prisms, wall_surface
 from .track_walls import MAX_TURN, shared_widths, wall_lines
+
+OFF_CENTRE = 0.5
+"""Greatest offset of a random start, as a share of what the car has between the centreline and the nearer wall."""
+
+HEADING = 0.2  # [rad] greatest, of a random start, from that of the centreline
+_TRIES = 1000  # random starts that are drawn before there is said to be none
 
 MIN_POINTS = 4  # three make a triangle, which tells nothing of a circuit
 
@@ -74,6 +84,19 @@ class Track:
     def length(self) -> float:
         """Length of one lap on the centreline [m]."""
         return float(step_lengths(self.centreline).sum())
+
+    @property
+    def closed(self) -> bool:
+        """A track is driven for laps."""
+        return True
+
+    @property
+    def description(self) -> str:
+        """Length, widths and tightest radius."""
+        width = self.corridor_left + self.corridor_right
+        widths = " to ".join(sorted({f"{width.min():.2f}", f"{width.max():.2f}"}, key=float))
+        radius = 1.0 / max(float(np.abs(self.curvature).max()), 1e-9)
+        return f"{self.length:.1f} m long, {widths} m wide, tightest radius {radius:.2f} m"
 
     @property
     def modulus(self) -> float:
@@ -142,9 +165,85 @@ class Track:
         return ()
 
     @property
-    def definition(self) -> tuple[FloatArray, ...]:
+    def definition(self) -> dict[str, FloatArray]:
         """All that makes it what it is: line and widths."""
-        return self.centreline, self.width_right, self.width_left
+        return {name: getattr(self, name) for name in ("centreline", "width_right", "width_left")}
+
+    @cached_property
+    def walls(self) -> tuple[Obstacle, ...]:
+        """The convex solids that the walls are made of: one for each segment of their inner faces."""
+        feet = wall_prisms(self)[:, :4, :2].tolist()
+        return tuple(Prism(footprint=tuple((x, y) for x, y in corners)) for corners in feet)
+
+    def wall_surface(self) -> Surface | None:
+        """Return one mesh of all walls, which is seen in place of the solids."""
+        return wall_surface(self)
+
+    @property
+    def edges(self) -> tuple[FloatArray, ...]:
+        """Inner faces of the left wall and of the right one, then the islands. Shapes (k, 2) [m]."""
+        return (self.left_wall, self.right_wall, *self.islands)
+
+    @property
+    def ground_lines(self) -> FloatArray:
+        """The start line, from wall to wall. Shape (1, 2, 2) [m]."""
+        x, y, heading = self.start_pose()
+        aside = np.array([-math.sin(heading), math.cos(heading)])
+        return (np.array([x, y]) + np.outer((self.corridor_left[0], -self.corridor_right[0]), aside))[np.newaxis]
+
+    @property
+    def obstacles(self) -> tuple[Obstacle, ...]:
+        """Nothing stands on a track but its walls and islands."""
+        return ()
+
+    @property
+    def moving(self) -> tuple[MovingObstacle, ...]:
+        """Nothing moves on a track."""
+        return ()
+
+    def check_car(self, car: CarParameters) -> None:
+        """Raise TrackError for a track that is not wider than the car, or whose corners leave no room for walls."""
+        width = self.corridor_right + self.corridor_left
+        narrowest = int(np.argmin(width))
+        if width[narrowest] <= car.width:
+            x, y = self.centreline[narrowest]
+            raise TrackError(
+                f"track {self.name!r} is {width[narrowest]:.2f} m wide at ({x:.2f}, {y:.2f}), point {narrowest}; "
+                f"accepted: wider than the car, {car.width:.2f} m"
+            )
+        _ = self.left_wall
+
+    def obstacle_sites(self, car: CarParameters) -> ObstacleSites:
+        """Return where random boxes may stand that leave such a car a way past each."""
+        return ObstacleSites(self, car)
+
+    def draw_start(
+        self, rng: np.random.Generator, car: CarParameters, obstacles: tuple[Obstacle, ...] = ()
+    ) -> tuple[float, float, float]:
+        """Return a random standing start anywhere on the lap, near the centreline and along it.
+
+        With obstacles it is where `random_boxes` would leave room for it: none is near.
+
+        Returns:
+          Progress [m], offset [m], and heading [rad] from that of the centreline.
+
+        Raises:
+          SettingsError: obstacles everywhere.
+        """
+        middles = np.array([obstacle.corners().mean(axis=0) for obstacle in obstacles]).reshape(-1, 2)
+        stations = self.project(middles)[0]
+        for _ in range(_TRIES):
+            s, across, turned = rng.uniform((0.0, -1.0, -1.0), (self.length, 1.0, 1.0)).tolist()
+            ahead = (stations - s) % self.length
+            if not np.any((ahead < CLEAR_AHEAD) | (ahead > self.length - CLEAR_BEHIND)):
+                sides = (self.corridor_right, self.corridor_left)
+                room = min(float(np.interp(s, self.arc_length, side, period=self.length)) for side in sides)
+                room = max(room - 0.5 * math.hypot(car.width, car.length), 0.0)  # however the car is turned
+                return s, OFF_CENTRE * room * across, HEADING * turned
+        raise SettingsError(
+            f"no start on {self.name!r} has {CLEAR_AHEAD} m ahead and {CLEAR_BEHIND} m behind it free of its "
+            f"{len(obstacles)} obstacles; accepted: start 'line', or fewer"
+        )
 
     @cached_property
     def _corridor(self) -> tuple[FloatArray, FloatArray]:

@@ -8,7 +8,7 @@ piece is thinner. What is seen is what is hit, for both come from `wall_prisms`.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +16,12 @@ from numpy.typing import NDArray
 from ..errors import SettingsError
 from ..messages import FloatArray
 from .polyline import crossings, segments, step_lengths, steps, turns
-from .track import Track
 
 if TYPE_CHECKING:
     import trimesh
+
+Surface = tuple[FloatArray, NDArray[np.intp]]
+"""Vertices (v, 3) [m] and triangles (t, 3) of a mesh, normals outward."""
 
 WALL_HEIGHT = 0.3  # [m] over the LiDAR's beams; the air ducts of RoboRacer tracks are 0.2 to 0.33 m
 WALL_THICKNESS = 0.05  # [m] 2.5 times what a car at 8 m/s moves in a physics step of 2.5 ms
@@ -33,8 +35,24 @@ _FRONT, _BACK, _TOP = ((0, 1, 5), (0, 5, 4)), ((2, 3, 7), (2, 7, 6)), ((4, 5, 6)
 _ENDS = (((1, 2, 6), (1, 6, 5)), ((3, 0, 4), (3, 4, 7)))
 
 
-def wall_prisms(track: Track, height: float = WALL_HEIGHT, thickness: float = WALL_THICKNESS) -> FloatArray:
-    """Convex pieces of the walls, one for each segment of `left_wall`, then of `right_wall`, then of the islands.
+class Walled(Protocol):
+    """A corridor between two closed walls, as `Track` is."""
+
+    @property
+    def left_wall(self) -> FloatArray:
+        """Inner face of the left wall, closed, in driving order. Shape (m, 2) [m]."""
+
+    @property
+    def right_wall(self) -> FloatArray:
+        """Inner face of the right wall, closed, in driving order. Shape (k, 2) [m]."""
+
+    @property
+    def islands(self) -> tuple[FloatArray, ...]:
+        """Outlines of what stands between the walls, closed, counterclockwise. Shapes (j, 2) [m]."""
+
+
+def wall_prisms(track: Walled, height: float = WALL_HEIGHT, thickness: float = WALL_THICKNESS) -> FloatArray:
+    """Return convex pieces of the walls, one for each segment of the left wall, the right wall and the islands.
 
     Args:
       track: the circuit.
@@ -59,20 +77,18 @@ def wall_prisms(track: Track, height: float = WALL_HEIGHT, thickness: float = WA
     return np.concatenate((np.dstack((feet, ground)), np.dstack((feet, ground + height))), axis=1)
 
 
-def wall_mesh(track: Track, height: float = WALL_HEIGHT, thickness: float = WALL_THICKNESS) -> trimesh.Trimesh:
-    """All walls as one mesh, that of `wall_surface`. Arguments and errors as `wall_prisms`."""
+def wall_mesh(track: Walled, height: float = WALL_HEIGHT, thickness: float = WALL_THICKNESS) -> trimesh.Trimesh:
+    """Return all walls as one mesh, that of `wall_surface`. Arguments and errors as `wall_prisms`."""
     import trimesh  # heavy, and a world can do without
 
     vertices, faces = wall_surface(track, height, thickness)
     return trimesh.Trimesh(vertices=vertices, faces=faces, process=False)
 
 
-def wall_surface(
-    track: Track, height: float = WALL_HEIGHT, thickness: float = WALL_THICKNESS
-) -> tuple[FloatArray, NDArray[np.intp]]:
-    """Vertices (v, 3) [m] and triangles (t, 3) of the faces of `wall_prisms` that can be seen, normals outward.
+def wall_surface(track: Walled, height: float = WALL_HEIGHT, thickness: float = WALL_THICKNESS) -> Surface:
+    """Return vertices (v, 3) [m] and triangles (t, 3) of the faces of `wall_prisms` that can be seen, normals outward.
 
-    Left out are the undersides, and the ends where two pieces meet. Arguments and errors as `wall_prisms`.
+    The undersides are left out, and so are the ends where two pieces meet. Arguments and errors as `wall_prisms`.
     """
     prisms = wall_prisms(track, height, thickness)
     first = 8 * np.arange(len(prisms))[:, None, None]
@@ -85,7 +101,7 @@ def wall_surface(
 
 
 def wall_footprints(wall: FloatArray, thickness: float = WALL_THICKNESS) -> FloatArray:
-    """Footprint of each piece of a closed wall (m, 2) [m] whose solid is to its left: segment, then back.
+    """Return the footprint of each piece of a closed wall (m, 2) [m] whose solid is to its left: segment, then back.
 
     Shape (m, 4, 2) [m], counterclockwise.
     """

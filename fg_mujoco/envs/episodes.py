@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SettingsError
-from ..lidar.lidar import load_beams
 from ..simulation.scenario import Start
 from ..simulation.termination import END_REASONS
 from .actions import ActionBounds
@@ -60,7 +59,7 @@ class Episodes:
         self.worlds = worlds
         self._start, self._weights = settings.start, settings.rewards.of_tick(worlds.period)
         car, count = worlds.world.parameters, len(worlds.times)
-        self.layout = ObservationLayout(car, load_beams(), settings.beam_step)
+        self.layout = ObservationLayout(car, worlds.world.vehicle.lidar.beams, settings.beam_step)
         self.actions = ActionBounds(car, settings.speed_range, normalised=settings.normalised_actions)
         self.rewards = np.zeros(count)
         self.clipped = np.zeros(count, np.int64)

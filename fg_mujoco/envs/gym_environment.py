@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import MissingExtraError, SettingsError
-from ..lidar.lidar import load_beams
+from ..lidar.beams import LidarModel
 from .actions import ActionBounds
 from .episodes import Episodes
 from .observations import ObservationLayout
@@ -57,7 +57,9 @@ class F1TenthEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
       TrackError, SettingsError: what cannot be driven.
     """
 
-    metadata = {"render_modes": list(RENDER_MODES), "render_fps": round(1.0 / load_beams().period)}  # noqa: RUF012
+    metadata = {  # noqa: RUF012
+        "render_modes": list(RENDER_MODES), "render_fps": round(1.0 / LidarModel.load().beams.period),
+    }  # fmt: skip
 
     def __init__(self, render_mode: str | None = None, **settings: Any) -> None:
         if render_mode not in (None, *RENDER_MODES):

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import SettingsError
-from ..lidar.lidar import Beams
+from ..lidar.beams import Beams
 from ..messages import ODOMETRY, CarParameters, FloatArray
 from .reward_kernels import read_sensors
 

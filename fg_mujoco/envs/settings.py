@@ -14,14 +14,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from ..course.course import laps_to_drive
-from ..course.formats import load_track
+from ..course.course import Course, laps_to_drive
 from ..course.random_obstacles import random_boxes
-from ..course.scene import Scene
-from ..course.track import Track
 from ..errors import SettingsError
 from ..lidar.effects import LidarEffects
 from ..messages import require
+from ..simulation.course_loading import default_car, load_track
 from ..simulation.engine import Engine
 from ..simulation.world import World
 from .rewards import Rewards
@@ -37,7 +35,7 @@ class EnvironmentSettings:
       SettingsError: a value outside what is accepted.
     """
 
-    track: Track | Scene | str = "oval"  # as `load_track` takes it
+    track: Course | str = "oval"  # as `load_track` takes it
     laps: int = 1  # to be driven; of a scene 1
     start: str = "random"  # "random": anywhere on the lap; "line": standing on the start of the centreline
     time_limit: float | None = None  # [s] of an episode; None: what a car of 0.5 m/s needs, or the scene's own
@@ -85,7 +83,7 @@ class EnvironmentSettings:
         """
         course = load_track(self.track)
         laps_to_drive(course, self.laps)  # refuses more than a scene has
-        boxes = random_boxes(course, self.obstacles, self.obstacle_seed)
+        boxes = random_boxes(course, self.obstacles, self.obstacle_seed, car=default_car())
         return World(course, mu=self.mu, obstacles=boxes)
 
     def make_engine(self, count: int = 1, threads: int = 1, *, world: World | None = None) -> Engine:

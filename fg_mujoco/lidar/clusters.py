@@ -1,11 +1,11 @@
-"""Triangles in blocks of neighbours that face the same way, as `fan_caster` wants them.
+"""Triangles in clusters of neighbours that face the same way, as `scanline` wants them.
 
-A block is what a scan takes or leaves as a whole, so it should be small in space; and all of it should be hidden or
-none, so the faces of a wall and its back go into different blocks. What is stored of a block are its edges, each once,
-because a fan of beams cuts edges, and its triangles as three edges each.
+The scan draws or skips a cluster as a whole. So a cluster is small in space, and its triangles are hidden together: the
+front and the back of a wall are different clusters. A cluster is stored as its edges, each once, because the scan plane
+cuts edges, and as its triangles, three edges each.
 
 Which vertex of an edge comes first, and the order of the edges of a triangle, follow from the coordinates alone. An
-edge that two blocks share is therefore cut to the same bits in both, whatever the order of the geoms.
+edge that two clusters share is therefore cut to the same bits in both, whatever the order of the geoms.
 """
 
 from __future__ import annotations
@@ -17,24 +17,24 @@ from numpy.typing import NDArray
 
 from ..messages import FloatArray
 
-BLOCK_TRIANGLES = 80  # at most
+CLUSTER_TRIANGLES = 80  # at most
 _TURN_LENGTH = 1.0  # [m] of distance that counts as much as 1 rad between the normals of two faces
-_LANES = 8  # a block's edges are filled up to a multiple of the numbers that one machine instruction works on
+_LANES = 8  # a cluster's edges are filled up to a multiple of the numbers that one machine instruction works on
 _LEAST_AREA = 1e-15  # [m^2] mjMINVAL: MuJoCo's rays pass through smaller triangles
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Blocks:
-    """The blocks of one frame."""
+class Clusters:
+    """The clusters of one frame."""
 
     edges: FloatArray  # (6, e) [m] both ends of each edge
-    triangles: NDArray[np.uint16]  # (t, 3) edges of each triangle, counted from the first of its block
-    boxes: FloatArray  # (7, b) [m] centre, half-sizes and half diagonal of the box around each block
+    triangles: NDArray[np.uint16]  # (t, 3) edges of each triangle, counted from the first of its cluster
+    boxes: FloatArray  # (7, b) [m] centre, half-sizes and half diagonal of the box around each cluster
     spans: NDArray[np.int32]  # (b, 4) first edge, behind the last edge, first triangle, behind the last triangle
 
 
-def make_blocks(vertices: FloatArray, triangles: NDArray[np.int32]) -> Blocks:
-    """Return the blocks of `triangles` (t, 3), indices of `vertices` (v, 3) [m]."""
+def make_clusters(vertices: FloatArray, triangles: NDArray[np.int32]) -> Clusters:
+    """Return the clusters of `triangles` (t, 3), indices of `vertices` (v, 3) [m]."""
     places, index = np.unique(vertices + 0.0, axis=0, return_inverse=True)  # in the order of x, y, z; -0.0 is 0.0
     corners = index.reshape(-1)[triangles.reshape(-1, 3)]
     sides = places[corners[:, 1:]] - places[corners[:, :1]]
@@ -43,21 +43,22 @@ def make_blocks(vertices: FloatArray, triangles: NDArray[np.int32]) -> Blocks:
     solid = doubled_areas > _LEAST_AREA
     corners, normals = corners[solid], normals[solid] / doubled_areas[solid, None]
     members = _split(np.hstack((places[corners].mean(axis=1), _TURN_LENGTH * normals)))
-    block = np.repeat(np.arange(len(members)), [len(ids) for ids in members])
+    cluster = np.repeat(np.arange(len(members)), [len(ids) for ids in members])
     corners = corners[np.concatenate([np.empty(0, np.intp), *members])]
 
-    # Each edge once in each block; the upright ones first, because a level fan cuts those.
+    # Each edge once in each cluster; the upright ones first, because a level scan plane cuts those.
     ends = np.sort(corners[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
-    edges, of_triangle = np.unique(np.column_stack((np.repeat(block, 3), ends)), axis=0, return_inverse=True)
+    edges, of_triangle = np.unique(np.column_stack((np.repeat(cluster, 3), ends)), axis=0, return_inverse=True)
     along = places[edges[:, 2]] - places[edges[:, 1]]
     lying = np.hypot(along[:, 0], along[:, 1]) > np.abs(along[:, 2])
     order = np.lexsort((edges[:, 2], edges[:, 1], lying, edges[:, 0]))
     edges, rank = edges[order], np.argsort(order)
     numbers = np.arange(len(members))
-    first_edge, first_triangle = (np.searchsorted(of, np.append(numbers, len(members))) for of in (edges[:, 0], block))
-    of_triangle = np.sort(rank[of_triangle.reshape(-1, 3)], axis=1) - first_edge[block][:, None]
+    bounds = np.append(numbers, len(members))
+    first_edge, first_triangle = (np.searchsorted(of, bounds) for of in (edges[:, 0], cluster))
+    of_triangle = np.sort(rank[of_triangle.reshape(-1, 3)], axis=1) - first_edge[cluster][:, None]
 
-    # Fill up with edges of no length, which no fan cuts.
+    # Fill up with edges of no length, which no plane cuts.
     counts = np.diff(first_edge)
     filled = np.concatenate(([0], np.cumsum(-(-counts // _LANES) * _LANES)))
     stored = np.empty((6, filled[-1]))
@@ -69,7 +70,7 @@ def make_blocks(vertices: FloatArray, triangles: NDArray[np.int32]) -> Blocks:
     starts = first_triangle[:-1]
     low, high = np.minimum.reduceat(at.min(axis=1), starts), np.maximum.reduceat(at.max(axis=1), starts)
     centre, half = 0.5 * (low + high), 0.5 * (high - low)
-    return Blocks(
+    return Clusters(
         edges=stored,
         triangles=of_triangle.astype(np.uint16),
         boxes=np.vstack((centre.T, half.T, np.linalg.norm(half, axis=1))),
@@ -82,7 +83,7 @@ def _split(places: FloatArray) -> list[NDArray[np.intp]]:
     parts, waiting = [], [np.arange(len(places))]
     while waiting:
         part = waiting.pop()
-        if len(part) <= BLOCK_TRIANGLES:
+        if len(part) <= CLUSTER_TRIANGLES:
             parts.append(part)
             continue
         spread = places[part]

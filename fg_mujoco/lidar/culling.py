@@ -1,4 +1,4 @@
-"""Which blocks of triangles a scan need not draw: what the fan misses, out of range, behind the LiDAR, or hidden."""
+"""The clusters that a scan skips: off the scan plane, out of range, behind the LiDAR, or hidden by nearer surfaces."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import numpy as np
 
 from ..kernels import kernel
 from ..messages import FloatArray
-from .visible_surfaces import BINS, Fan, Scratch
+from .scene import BINS, SceneArrays, Scratch
 
 TINY = 1e-300
-_FAR = 1e9  # [m] of a block that is not to be drawn
+_FAR = 1e9  # [m] of a cluster that is not to be drawn
 
 Pose = tuple[float, ...]
 """Of the LiDAR in a frame: 3 of position [m], 9 of the rotation into the LiDAR's frame, row by row."""
@@ -32,18 +32,19 @@ def bearing(x: float, y: float) -> float:
 
 
 @kernel
-def survey(fan: Fan, pose: Pose, first: int, behind: int, scratch: Scratch) -> None:
-    """Write how far the box around each block is, _FAR where the fan misses it, and which beams may meet it.
+def survey(scene: SceneArrays, pose: Pose, first: int, behind: int, scratch: Scratch) -> None:
+    """Write how far the box around each cluster is, _FAR where the scan plane misses it, and which beams may meet it.
 
-    The fan cuts the box inside the circle that has the box's half diagonal about the centre's place in the fan; it is
+    The plane cuts the box inside the circle of the box's half diagonal about the centre's place in the plane; it is
     seen under asin(radius / distance) to either side, at most ratio + (pi/2 - 1) ratio^3.
     """
     ox, oy, oz, xx, xy, xz, yx, yy, yz, zx, zy, zz = pose
-    per_radian = 1.0 / fan.limits[1]
-    angle_min = fan.limits[0]
-    centre_x, centre_y, centre_z = fan.boxes[0, first:behind], fan.boxes[1, first:behind], fan.boxes[2, first:behind]
-    half_x, half_y, half_z = fan.boxes[3, first:behind], fan.boxes[4, first:behind], fan.boxes[5, first:behind]
-    radius = fan.boxes[6, first:behind]
+    per_radian = 1.0 / scene.limits[1]
+    angle_min = scene.limits[0]
+    boxes = scene.boxes
+    centre_x, centre_y, centre_z = boxes[0, first:behind], boxes[1, first:behind], boxes[2, first:behind]
+    half_x, half_y, half_z = boxes[3, first:behind], boxes[4, first:behind], boxes[5, first:behind]
+    radius = boxes[6, first:behind]
     nearest = scratch.nearest[first:behind]
     rightmost, behind_leftmost = scratch.views[0, first:behind], scratch.views[1, first:behind]
     for i in range(len(radius)):
@@ -67,41 +68,41 @@ def survey(fan: Fan, pose: Pose, first: int, behind: int, scratch: Scratch) -> N
 
 
 @kernel
-def sort_by_distance(fan: Fan, scratch: Scratch) -> int:
-    """Write the blocks in range and in view, near ones first, to views[2]; return how many they are."""
+def sort_by_distance(scene: SceneArrays, scratch: Scratch) -> int:
+    """Write the clusters in range and in view, near ones first, to views[2]; return how many they are."""
     nearest, views, bins = scratch.nearest, scratch.views, scratch.bins
-    beams, turn, range_max = fan.beams.shape[1], _whole_turn(fan), fan.limits[3]
+    beams, turn, range_max = scene.beams.shape[1], _whole_turn(scene), scene.limits[3]
     bins[:] = 0
-    for block in range(len(nearest)):
-        right, left = views[0, block], views[1, block]
+    for cluster in range(len(nearest)):
+        right, left = views[0, cluster], views[1, cluster]
         in_view = (right < beams and left > 0) or right + turn < beams or left - turn > 0
-        if nearest[block] < range_max and in_view:
-            bins[min(int(nearest[block] * (BINS / range_max)), BINS - 1) + 1] += 1
+        if nearest[cluster] < range_max and in_view:
+            bins[min(int(nearest[cluster] * (BINS / range_max)), BINS - 1) + 1] += 1
         else:
-            nearest[block] = _FAR
+            nearest[cluster] = _FAR
     for bin_ in range(BINS):
         bins[bin_ + 1] += bins[bin_]
     count = int(bins[BINS])
-    for block in range(len(nearest)):
-        if nearest[block] < range_max:
-            bin_ = min(int(nearest[block] * (BINS / range_max)), BINS - 1)
-            views[2, bins[bin_]] = block
+    for cluster in range(len(nearest)):
+        if nearest[cluster] < range_max:
+            bin_ = min(int(nearest[cluster] * (BINS / range_max)), BINS - 1)
+            views[2, bins[bin_]] = cluster
             bins[bin_] += 1
     return count
 
 
 @kernel
-def _whole_turn(fan: Fan) -> int:
+def _whole_turn(scene: SceneArrays) -> int:
     """Return how many beams, at most, a full turn has."""
-    return int(math.tau / fan.limits[1])
+    return int(math.tau / scene.limits[1])
 
 
 @kernel
-def is_hidden(fan: Fan, block: int, scratch: Scratch, out: FloatArray) -> bool:
-    """Say whether all that is drawn where the block may be seen is nearer than its nearest point."""
-    beams, turn = len(out), _whole_turn(fan)
-    right, left = scratch.views[0, block], scratch.views[1, block]
-    inverse = (1.0 + 1e-9) / (scratch.nearest[block] + TINY)
+def is_hidden(scene: SceneArrays, cluster: int, scratch: Scratch, out: FloatArray) -> bool:
+    """Say whether all that is drawn where the cluster may be seen is nearer than its nearest point."""
+    beams, turn = len(out), _whole_turn(scene)
+    right, left = scratch.views[0, cluster], scratch.views[1, cluster]
+    inverse = (1.0 + 1e-9) / (scratch.nearest[cluster] + TINY)
     return (
         _all_above(out, max(right, 0), min(left, beams), inverse)
         and _all_above(out, max(right + turn, 0), beams, inverse)  # what goes on beyond straight behind

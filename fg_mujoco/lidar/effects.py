@@ -22,7 +22,8 @@ import numpy as np
 
 from ..errors import SettingsError
 from ..messages import FloatArray, LaserScan, require
-from .lidar import NO_RETURN_READINGS, Beams, Lidar, RaycastLidar
+from .beams import NO_RETURN_READINGS, Beams
+from .lidar import Lidar, RaycastLidar
 
 
 @dataclass(frozen=True, kw_only=True)

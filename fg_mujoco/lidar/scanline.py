@@ -1,20 +1,20 @@
-"""The LiDAR's scan as a picture: all beams leave one point in one plane, so surfaces are drawn into them.
+"""A scanline z-buffer: all beams leave one point in one plane, so the scan is a picture of one row.
 
-    scene = FanScene(model, beams, carrier)
+    scene = ScanlineScene(model, beams, carrier)
     scan(scene.arrays, position, rotation, moving_positions, moving_rotations, scene.scratch(), out)
 
-The plane of the beams, the fan, cuts a triangle in a line from one of its edges to another. In the frame of the LiDAR,
-1 / distance along such a line is linear in the cosine and the sine of the bearing, and so it is for the ground: a
-surface is drawn into the beams between its ends by two multiplications a beam, the nearest wins, and in the end each
-beam takes one division. Nothing is approximate: which beam lies left of an end is decided by the sign of a cross
-product, once for all the triangles that share the end, so that no beam slips through between neighbours.
+The plane of the beams, the scan plane, cuts a triangle in a line from one of its edges to another. In the frame of the
+LiDAR, 1 / distance along such a line is linear in the cosine and the sine of the bearing, and so it is for the ground.
+So a surface is drawn into the beams between its ends by two multiplications a beam. Each beam keeps the nearest surface
+and takes one division at the end. Nothing is approximate: the sign of a cross product decides which beam lies left of
+an end, once for all the triangles that share the end, so that no beam slips through between neighbours.
 
-Blocks of triangles that the fan misses, that are out of range or behind the LiDAR are left out, and so are those that
-lie farther, all of them, than what is already drawn there; the near ones come first. What is drawn of a surface does
-not depend on the others, and the nearest is the nearest in any order: the order of the geoms does not matter.
+Clusters of triangles are skipped where the scan plane misses them, where they are out of range or behind the LiDAR, and
+where nearer surfaces, already drawn, hide them; near clusters are drawn first. The drawing of a surface does not depend
+on the others, and the nearest is the nearest in any order, so the order of the geoms does not matter.
 
 Source: the depth buffer is Catmull's (A subdivision algorithm for computer display of curved surfaces, 1974), leaving
-out blocks by it Greene's (Hierarchical Z-buffer visibility, SIGGRAPH 1993); here in a picture of one row.
+out clusters by it Greene's (Hierarchical Z-buffer visibility, SIGGRAPH 1993); here in a picture of one row.
 """
 
 from __future__ import annotations
@@ -23,56 +23,22 @@ import math
 
 import numpy as np
 from numba.extending import register_jitable
-from numpy.typing import NDArray
 
 from ..kernels import kernel
 from ..messages import FloatArray
 from .culling import TINY, Pose, bearing, is_hidden, sort_by_distance, survey
-from .visible_surfaces import NO_END, Fan, FanScene, Scratch
-
-__all__ = ["Fan", "FanScene", "Scratch", "scan", "scan_worlds"]
+from .scene import NO_END, SceneArrays, Scratch
 
 _EDGE_ON = 1e-11  # [rad] that a surface spans, under which its two ends are in one direction
 _PARALLEL = 1e-15  # mjMINVAL: MuJoCo's rays miss a plane that they approach more slowly
-_NOT_CUT = -2  # column of an edge that the fan does not cut
+_NOT_CUT = -2  # column of an edge that the scan plane does not cut
 
 inlined = register_jitable(inline="always")  # of what is called for each line: the call would cost a third of it
 
 
 @kernel
-def scan_worlds(
-    fan: Fan,
-    positions: FloatArray,
-    rotations: FloatArray,
-    moving_positions: FloatArray,
-    moving_rotations: FloatArray,
-    running: NDArray[np.bool_],
-    scratch: Scratch,
-    out: FloatArray,
-) -> None:
-    """Write the readings of the LiDARs of many worlds of one model: `scan` for each that runs.
-
-    Args:
-      fan: FanScene.arrays.
-      positions: (n, 3) [m] of the LiDARs, world frame.
-      rotations: (n, 3, 3) from the LiDARs' frames to the world's.
-      moving_positions: (n, m, 3) [m] of the bodies FanScene.moving.
-      moving_rotations: (n, m, 3, 3).
-      running: (n,) the worlds to scan; the others' rows are left as they are.
-      scratch: FanScene.scratch(), of this thread alone.
-      out: (n, beams) [m], written to.
-    """
-    for world in range(len(running)):
-        if running[world]:
-            scan(
-                fan, positions[world], rotations[world], moving_positions[world], moving_rotations[world], scratch,
-                out[world],
-            )  # fmt: skip
-
-
-@kernel
 def scan(
-    fan: Fan,
+    scene: SceneArrays,
     position: FloatArray,
     rotation: FloatArray,
     moving_positions: FloatArray,
@@ -83,17 +49,17 @@ def scan(
     """Write the readings of one scan: distances [m], +inf from `range_max` on, -inf below `range_min` (REP 117).
 
     Args:
-      fan: FanScene.arrays.
+      scene: ScanlineScene.arrays.
       position: (3,) [m] of the LiDAR, world frame.
       rotation: (3, 3) from the LiDAR's frame to the world's.
-      moving_positions: (m, 3) [m] of the bodies FanScene.moving.
+      moving_positions: (m, 3) [m] of the bodies ScanlineScene.moving.
       moving_rotations: (m, 3, 3).
-      scratch: FanScene.scratch(), of this thread alone.
+      scratch: ScanlineScene.scratch(), of this thread alone.
       out: (beams,) [m], written to.
     """
-    range_min, range_max = fan.limits[2], fan.limits[3]
+    range_min, range_max = scene.limits[2], scene.limits[3]
     out[:] = (1.0 - 1e-12) / range_max  # until the end `out` holds 1 / distance; what is farther is not drawn
-    for frame in range(len(fan.frames)):
+    for frame in range(len(scene.frames)):
         if frame == 0:
             _look_from(position, rotation, scratch.poses[0])
         else:
@@ -101,14 +67,14 @@ def scan(
             _look_from_moving(
                 position, rotation, moving_positions[body], moving_rotations[body], scratch.poses[frame]
             )  # fmt: skip
-        first_block, behind_block, first_plane, behind_plane = fan.frames[frame]
+        first_cluster, behind_cluster, first_plane, behind_plane = scene.frames[frame]
         for plane in range(first_plane, behind_plane):
-            _draw_plane(fan.planes[plane], _pose(scratch.poses, frame), fan.beams, out)
-        survey(fan, _pose(scratch.poses, frame), first_block, behind_block, scratch)
-    for place in range(sort_by_distance(fan, scratch)):
-        block = scratch.views[2, place]
-        if not is_hidden(fan, block, scratch, out):
-            _draw_block(fan, block, scratch, out)
+            _draw_plane(scene.planes[plane], _pose(scratch.poses, frame), scene.beams, out)
+        survey(scene, _pose(scratch.poses, frame), first_cluster, behind_cluster, scratch)
+    for place in range(sort_by_distance(scene, scratch)):
+        cluster = scratch.views[2, place]
+        if not is_hidden(scene, cluster, scratch, out):
+            _draw_cluster(scene, cluster, scratch, out)
     for beam in range(len(out)):
         distance = 1.0 / out[beam]
         distance = distance if distance < range_max else math.inf
@@ -146,39 +112,40 @@ def _pose(poses: FloatArray, frame: int) -> Pose:
 
 
 @kernel
-def _draw_block(fan: Fan, block: int, scratch: Scratch, out: FloatArray) -> None:
-    first_edge, behind_edge, first_triangle, behind_triangle, frame = fan.spans[block]
-    _cut_edges(fan, _pose(scratch.poses, frame), first_edge, behind_edge, scratch)
+def _draw_cluster(scene: SceneArrays, cluster: int, scratch: Scratch, out: FloatArray) -> None:
+    first_edge, behind_edge, first_triangle, behind_triangle, frame = scene.spans[cluster]
+    _cut_edges(scene, _pose(scratch.poses, frame), first_edge, behind_edge, scratch)
     cuts, columns = scratch.cuts, scratch.columns
     for edge in range(behind_edge - first_edge):
         if columns[edge] != _NOT_CUT:
-            columns[edge] = _exact_column(fan.beams, cuts[0, edge], cuts[1, edge], columns[edge])
+            columns[edge] = _exact_column(scene.beams, cuts[0, edge], cuts[1, edge], columns[edge])
     for triangle in range(first_triangle, behind_triangle):
-        one, other, third = fan.triangles[triangle, 0], fan.triangles[triangle, 1], fan.triangles[triangle, 2]
+        one, other, third = scene.triangles[triangle, 0], scene.triangles[triangle, 1], scene.triangles[triangle, 2]
         if columns[one] == _NOT_CUT:
             if columns[other] == _NOT_CUT:
-                continue  # the fan cuts two edges of a triangle or none
+                continue  # the plane cuts two edges of a triangle or none
             one = third
         elif columns[other] == _NOT_CUT:
             other = third
         if columns[one] != columns[other] or (cuts[1, one] >= 0.0) != (cuts[1, other] >= 0.0):  # else between beams
             _draw_line(
-                fan.beams, cuts[0, one], cuts[1, one], columns[one], cuts[0, other], cuts[1, other], columns[other], out
+                scene.beams, cuts[0, one], cuts[1, one], columns[one], cuts[0, other], cuts[1, other], columns[other],
+                out,
             )  # fmt: skip
 
 
 @kernel
-def _cut_edges(fan: Fan, pose: Pose, first: int, behind: int, scratch: Scratch) -> None:
-    """Write where the fan cuts the edges of a block, and the first beam at or to the left of that, give or take one.
+def _cut_edges(scene: SceneArrays, pose: Pose, first: int, behind: int, scratch: Scratch) -> None:
+    """Write where the scan plane cuts a cluster's edges, and the first beam at or left of that, give or take one.
 
     The columns of what lies more than a beam beyond the first or the last beam are -1 and one more than the beams.
     """
     ox, oy, oz, xx, xy, xz, yx, yy, yz, zx, zy, zz = pose
-    per_radian = 1.0 / fan.limits[1]
-    angle_min = fan.limits[0]
-    beyond = float(fan.beams.shape[1] + 1)
-    start_x, start_y, start_z = fan.edges[0, first:behind], fan.edges[1, first:behind], fan.edges[2, first:behind]
-    end_x, end_y, end_z = fan.edges[3, first:behind], fan.edges[4, first:behind], fan.edges[5, first:behind]
+    per_radian = 1.0 / scene.limits[1]
+    angle_min = scene.limits[0]
+    beyond = float(scene.beams.shape[1] + 1)
+    start_x, start_y, start_z = scene.edges[0, first:behind], scene.edges[1, first:behind], scene.edges[2, first:behind]
+    end_x, end_y, end_z = scene.edges[3, first:behind], scene.edges[4, first:behind], scene.edges[5, first:behind]
     count = len(start_x)
     cut_x, cut_y, columns = scratch.cuts[0, :count], scratch.cuts[1, :count], scratch.columns[:count]
     for i in range(count):
@@ -209,7 +176,7 @@ def _exact_column(beams: FloatArray, x: float, y: float, column: int) -> int:
 
 @inlined
 def _draw_line(beams: FloatArray, ax: float, ay: float, a: int, bx: float, by: float, b: int, out: FloatArray) -> None:
-    """Draw the line between two points of the fan, whose first beams at or to the left are `a` and `b`."""
+    """Draw the line between two points of the scan plane, whose first beams at or to the left are `a` and `b`."""
     ex, ey = bx - ax, by - ay
     cross = ax * ey - ay * ex  # positive where `b` is to the left of `a`
     edge_on = abs(cross) <= _EDGE_ON * (abs(ax) + abs(ay)) * (abs(ex) + abs(ey))

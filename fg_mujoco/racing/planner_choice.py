@@ -8,11 +8,9 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..course.scene import Scene
-from ..course.track import Track
+from ..course.course import Course
 from ..errors import SettingsError
-from ..vehicle.changes import plain_car
-from ..vehicle.vehicle import car_parameters, nominal_mu
+from ..vehicle.vehicle import Vehicle
 from .planner_loading import build_controller, find_controller
 
 Value = float | int | bool | str
@@ -62,14 +60,15 @@ class ControllerChoice:
         path, colon, _ = self.source.rpartition(":")
         return hashlib.sha256(Path(path).read_bytes()).hexdigest() if colon else None
 
-    def check(self, course: Track | Scene) -> None:
+    def check(self, course: Course) -> None:
         """Build it once, for a race on `course`.
 
         Raises:
           ControllerError: it cannot be loaded, or not with these settings.
         """
+        vehicle = Vehicle.load()
         build_controller(
-            find_controller(self.source), self.source, car=car_parameters(plain_car()), mu=nominal_mu(), max_speed=8.0,
+            find_controller(self.source), self.source, car=vehicle.parameters, mu=vehicle.nominal_mu, max_speed=8.0,
             settings=dict(self.settings), map_line=course.map_line,
         )  # fmt: skip
 

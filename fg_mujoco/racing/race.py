@@ -14,27 +14,22 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ..course.course import USUAL_LAPS, laps_to_drive
-from ..course.formats import load_track
+from ..course.course import USUAL_LAPS, Course, laps_to_drive
 from ..course.obstacles import Obstacle
 from ..course.random_obstacles import random_boxes
-from ..course.scene import Scene
-from ..course.track import Track
 from ..errors import SettingsError
 from ..lidar.effects import LidarEffects
 from ..messages import Controller, require
+from ..simulation.course_loading import default_car, load_track
 from ..simulation.engine import Engine
 from ..simulation.planner_adapter import adapt, start
 from ..simulation.scenario import Start
-from ..simulation.telemetry import TELEMETRY, statistics_figures
+from ..simulation.telemetry import statistics_figures
 from ..simulation.termination import END_REASONS
 from ..simulation.world import World
 from ..vehicle.changes import CarChanges
-from ..vehicle.vehicle import nominal_mu
 from .planner_loading import make_controller
 from .result import History, RaceResult, trajectory_sha256
-
-_SPEED = TELEMETRY.index("speed_m_s")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +70,7 @@ class RaceProgress:
 
 
 def race(
-    track: Track | Scene | str,
+    track: Course | str,
     controller: str | Controller = "gap_finder",
     *,
     laps: int | None = None,
@@ -96,7 +91,7 @@ def race(
     """Race a controller round a track, or through a scene, and return how it went.
 
     Args:
-      track: a Track, a Scene, or what `load_track` makes one of: a bundled name, `random:SEED`, `scene:NAME:SEED`, or
+      track: a course, or what `load_track` makes one of: a bundled name, `random:SEED`, `scene:NAME:SEED`, or
         a path to a centreline CSV.
       controller: a bundled name, `path/to/file.py:ClassName`, or a controller object.
       laps: to be driven; None: 5, and of a scene 1, which is all it has.
@@ -127,9 +122,9 @@ def race(
     drawn = None
     if isinstance(obstacles, int):
         drawn = obstacle_seed if obstacles else None
-        obstacles = random_boxes(course, obstacles, obstacle_seed, start=(begin or Start()).s)
+        obstacles = random_boxes(course, obstacles, obstacle_seed, car=default_car(), start=(begin or Start()).s)
     world = World(course, mu=mu, lidar=lidar, obstacles=obstacles, changes=car)
-    believed_mu = nominal_mu() if planner_mu is None else float(planner_mu)
+    believed_mu = world.vehicle.nominal_mu if planner_mu is None else float(planner_mu)
     planner = make_controller(
         controller, car=world.car.parameters, mu=believed_mu, max_speed=max_speed, settings=planner_settings or {},
         map_line=world.track.map_line,
@@ -182,7 +177,7 @@ def race(
 
 def _drive(engine: Engine, history: History, laps: int, watch: Callable[[RaceProgress], None] | None) -> None:
     """Run the loop until the race is over."""
-    running, telemetry, timers = engine.running, engine.telemetry, engine.monitor.timers
+    running, timers = engine.running, engine.monitor.timers
     while running[0]:
         engine.sense()
         engine.decide()
@@ -195,6 +190,6 @@ def _drive(engine: Engine, history: History, laps: int, watch: Callable[[RacePro
                     time=float(engine.times[0]),
                     laps_completed=int(timers["laps_completed"][0]),
                     laps_requested=laps,
-                    speed=float(telemetry[0, _SPEED]),
+                    speed=engine.speed(0),
                 )
             )

@@ -81,6 +81,9 @@ def load_world(run: Run) -> World:
         raise RunFolderError(f"{run.scene}: cannot be read: {reason}; accepted: as `race --out` wrote it") from error
     if mujoco.mj_stateSize(world.model, int(STATE)) != run.states.shape[1]:
         raise RunFolderError(f"{run.scene}: its states are not those of states.npz; accepted: as `race --out` wrote it")
+    period = world.make_lidar().beams.period
+    if len(run.ctrl) and abs(float(run.time[1] - run.time[0]) - period) > 1e-9:
+        raise RunFolderError(f"{run.scene}: its ticks of {period} s are not those of states.npz; accepted: the same")
     return world
 
 

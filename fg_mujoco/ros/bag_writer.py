@@ -33,7 +33,7 @@ from ..errors import BagError
 from ..racing.resimulation import load_world, resimulate
 from ..racing.run_folder import read_run
 from ..simulation.world import CAR_PREFIX
-from ..vehicle.vehicle import element_id
+from ..vehicle.car import element_id
 from .bag_messages import (
     BASE_FRAME,
     DRIVE,

@@ -27,12 +27,14 @@ from numpy.typing import NDArray
 
 from ..course.moving_obstacles import make_mover
 from ..errors import ModelError
+from ..lidar.beams import Beams
 from ..lidar.effects import LidarEffects, ScanPipeline
-from ..lidar.lidar import Beams, RaycastLidar
+from ..lidar.lidar import RaycastLidar
 from ..messages import ODOMETRY, FloatArray, LaserScan
+from ..vehicle.car import WHEELS, Car
 from ..vehicle.changes import CarChanges, change_worlds, six_digits
+from ..vehicle.motion import ground_speed
 from ..vehicle.tire_slip import TireSlipMeter
-from ..vehicle.vehicle import WHEELS, Car
 from .physics import STATE, Batch, StateLayout
 from .planner_adapter import Planners
 from .scenario import Start
@@ -76,6 +78,7 @@ class Engine:
 
     Attributes:
       world: as given.
+      lidar: measures without effects, in data of the world's model.
       period: time that a tick takes [s].
       substeps: physics steps of a tick.
       odometry: (r,) of ODOMETRY, last sensed; r is n m.
@@ -109,8 +112,8 @@ class Engine:
     ) -> None:
         model = world.model
         self.world, self.count, self.cars_per_world = world, count, 1
-        self._lidar = world.make_lidar()
-        self.beams = self._lidar.beams
+        self.lidar = world.make_lidar()
+        self.beams = self.lidar.beams
         self.period = self.beams.period if period is None else period
         self.substeps = whole_steps(self.period, model.opt.timestep)
         self._timestep = float(model.opt.timestep)
@@ -155,7 +158,7 @@ class Engine:
         nu, moving = self.world.model.nu, len(self._motions)
         for k in range(threads):
             first, end = self.count * k // threads, self.count * (k + 1) // threads
-            scene = self._lidar.scene if isinstance(self._lidar, RaycastLidar) else None
+            scene = self.lidar.scene if isinstance(self.lidar, RaycastLidar) else None
             parts.append(
                 _Part(
                     worlds=slice(first, end),
@@ -174,7 +177,7 @@ class Engine:
         scratch = copy(self.world.model)
         for part in self._parts:
             own = changes[part.worlds]
-            change_worlds(part.batch, own, CAR_PREFIX)
+            change_worlds(part.batch, own, self.world.vehicle.compile(), CAR_PREFIX)
             for i, change in enumerate(own):
                 row = part.cars.start + i
                 if change.mu is not None:
@@ -185,7 +188,7 @@ class Engine:
     def _bind(self) -> None:
         """Put together what the kernels are called with: once, because that takes as long as a short kernel."""
         m, layout, monitor = self.cars_per_world, self._layout, self.monitor
-        mount = self._lidar.mount if isinstance(self._lidar, RaycastLidar) else None
+        mount = self.lidar.mount if isinstance(self.lidar, RaycastLidar) else None
         self._sensing, self._scanning, self._driving = [], [], []
         for part in self._parts:
             rows, batch = part.cars, part.batch
@@ -196,8 +199,8 @@ class Engine:
                 )
             )  # fmt: skip
             if mount is not None:
-                assert isinstance(self._lidar, RaycastLidar)
-                arrays = self._lidar.scene.arrays
+                assert isinstance(self.lidar, RaycastLidar)
+                arrays = self.lidar.scene.arrays
                 self._scanning.append(
                     (m, batch.states, layout, mount, self._motions, arrays, part.scratch, self.ranges[rows])
                 )
@@ -246,6 +249,11 @@ class Engine:
         state, car = self.state(row // self.cars_per_world), self._constants[row]
         qpos, qvel = self._layout.qpos[0] + int(car["free_qpos"]), self._layout.qvel[0] + int(car["free_dof"])
         return state[qpos : qpos + 7].copy(), state[qvel : qvel + 2].copy()
+
+    def speed(self, row: int) -> float:
+        """Return the true speed of a car along its heading [m/s], forward positive."""
+        state, (first, end) = self.state(row // self.cars_per_world), self._layout.qvel
+        return ground_speed(self.qpos(row // self.cars_per_world), state[first:end], self._constants[row : row + 1])
 
     def slip(self, part: int = 0) -> FloatArray:
         """Return what the tires of the car that was driven last did, (4, substeps, 4), as TireSlip.values. Live."""
@@ -311,7 +319,7 @@ class Engine:
         self._share(work)
         if not self._scanning:
             for row in map(int, np.flatnonzero(chosen)):
-                self.ranges[row] = self._lidar.ranges(self._data_of(row // self.cars_per_world))
+                self.ranges[row] = self.lidar.ranges(self._data_of(row // self.cars_per_world))
         if self._pipelines:
             self.scans = {
                 row: pipeline.scan(self._data_of(row // self.cars_per_world, pipeline))
@@ -401,7 +409,7 @@ class Engine:
         mujoco.mj_getState(model, data, self.state(row // self.cars_per_world), int(STATE))
 
     def _pipeline(self, row: int, effects: LidarEffects, seed: int) -> ScanPipeline:
-        lidar = self._lidar if effects.motion_distortion else RangesRow(self.beams, self.ranges[row])
+        lidar = self.lidar if effects.motion_distortion else RangesRow(self.beams, self.ranges[row])
         return ScanPipeline(lidar, effects, np.random.default_rng(seed))
 
     def _data_of(self, i: int, pipeline: ScanPipeline | None = None) -> Any:

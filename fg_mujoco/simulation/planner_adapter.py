@@ -7,25 +7,37 @@ for bit, for that is the contract of `batch`, without the messages in between.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ControllerError
-from ..messages import ODOMETRY, Controller, ControllerBatch, DriveCommand, LaserScan, Odometry
+from ..lidar.beams import Beams
+from ..messages import ODOMETRY, Controller, ControllerBatch, DriveCommand, FloatArray, LaserScan, Odometry
 from .tick import not_finite
-
-if TYPE_CHECKING:
-    from .engine import Engine
 
 _ODOMETRY = ODOMETRY.names or ()
 
 
-class Planners(Protocol):
-    """The planners of the cars of an engine."""
+class Cars(Protocol):
+    """What planners want of an cars."""
 
-    def __call__(self, engine: Engine) -> NDArray[np.bool_] | None:
+    beams: Beams  # of the LiDARs
+    odometry: NDArray[np.void]  # (r,) of ODOMETRY
+    ranges: FloatArray  # (r, beams) [m]
+    scans: dict[int, LaserScan]  # of the cars whose LiDAR has effects, by row
+    commands: FloatArray  # (r, 2) [rad, m/s], written to
+
+    @property
+    def running(self) -> NDArray[np.bool_]:
+        """Which cars race. Shape (r,)."""
+
+
+class Planners(Protocol):
+    """The planners of the cars of an cars."""
+
+    def __call__(self, cars: Cars) -> NDArray[np.bool_] | None:
         """Write the commands of the cars that race; return whose planner failed, (r,), or None: nobody's."""
 
 
@@ -40,16 +52,16 @@ class MessagePlanners:
     def __init__(self, planners: Sequence[Controller], *, raises: bool = False) -> None:
         self._planners, self._raises = planners, raises
 
-    def __call__(self, engine: Engine) -> NDArray[np.bool_] | None:
+    def __call__(self, cars: Cars) -> NDArray[np.bool_] | None:
         """See Planners.
 
         Raises:
           ControllerError: a planner raises, or answers something else than a DriveCommand.
         """
-        failed = np.zeros_like(engine.running)
-        for row in map(int, np.flatnonzero(engine.running)):
-            sensed = odometry_message(engine.odometry[row])
-            scan = engine.scans.get(row) or engine.beams.to_scan(engine.ranges[row], sensed.stamp)
+        failed = np.zeros_like(cars.running)
+        for row in map(int, np.flatnonzero(cars.running)):
+            sensed = odometry_message(cars.odometry[row])
+            scan = cars.scans.get(row) or cars.beams.to_scan(cars.ranges[row], sensed.stamp)
             try:
                 command = plan(self._planners[row], scan, sensed)
             except ControllerError:
@@ -57,7 +69,7 @@ class MessagePlanners:
                     raise
                 failed[row] = True
             else:
-                engine.commands[row] = command.steering_angle, command.speed
+                cars.commands[row] = command.steering_angle, command.speed
         return failed
 
 
@@ -72,20 +84,20 @@ class BatchPlanners:
     def __init__(self, planners: ControllerBatch, *, raises: bool = False) -> None:
         self._planners, self._raises = planners, raises
 
-    def __call__(self, engine: Engine) -> NDArray[np.bool_] | None:
+    def __call__(self, cars: Cars) -> NDArray[np.bool_] | None:
         """See Planners.
 
         Raises:
           ControllerError: a command that is no number.
         """
-        self._planners(engine.beams.geometry, engine.ranges, engine.odometry, engine.running, engine.commands)
-        if np.isfinite(engine.commands).all():
+        self._planners(cars.beams.geometry, cars.ranges, cars.odometry, cars.running, cars.commands)
+        if np.isfinite(cars.commands).all():
             return None
-        failed = not_finite(engine.running, engine.commands)
+        failed = not_finite(cars.running, cars.commands)
         if self._raises and failed.any():
             row = int(failed.argmax())
-            steering_angle, speed = engine.commands[row].tolist()
-            time = float(engine.odometry["stamp"][row])
+            steering_angle, speed = cars.commands[row].tolist()
+            time = float(cars.odometry["stamp"][row])
             raise ControllerError(
                 f"the controller commanded {steering_angle} rad, {speed} m/s at t = {time:.3f} s; accepted: numbers"
             )

@@ -7,9 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from ..course.course import Course
 from ..course.obstacles import Obstacle
-from ..course.scene import Scene
-from ..course.track import Track
 from ..errors import SettingsError
 from ..lidar.effects import LidarEffects
 from ..messages import require
@@ -41,7 +40,7 @@ class Scenario:
       SettingsError: a value out of its range.
     """
 
-    track: Track | Scene | str = "oval"  # as `load_track` takes it
+    track: Course | str = "oval"  # as `load_track` takes it
     seed: int = 0  # of the LiDAR's noise and dropouts
     car: CarChanges = field(default_factory=CarChanges)
     start: Start = field(default_factory=Start)

@@ -14,6 +14,7 @@ import mujoco
 import numpy as np
 
 from ..lidar.effects import LidarEffects
+from ..lidar.lidar import Lidar
 from ..messages import DriveCommand, FloatArray, LaserScan, Odometry
 from ..vehicle.tire_slip import TireSlip
 from .engine import Engine
@@ -99,6 +100,11 @@ class Simulation:
         engine.sense(self._all)
         odometry = odometry_message(engine.odometry[0])
         return engine.scans.get(0) or engine.beams.to_scan(engine.ranges[0], odometry.stamp), odometry
+
+    @property
+    def lidar(self) -> Lidar:
+        """The LiDAR, which measures without effects."""
+        return self.engine.lidar
 
     @property
     def crashed(self) -> bool:

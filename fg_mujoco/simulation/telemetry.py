@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from ..kernels import kernel
 from ..messages import FloatArray
+from ..vehicle.car import WHEELS
 from ..vehicle.motion import CarArray, ground_speed, planar_pose
 from ..vehicle.tire_slip import greatest_slip
-from ..vehicle.vehicle import WHEELS
 
 TELEMETRY = (
     "time_s", "lap", "progress_m", "offset_m", "x_m", "y_m", "heading_rad",

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from ..course.moving_obstacles import MovingObstacle
 from ..kernels import kernel
 from ..lidar.body_poses import Mount, mounted_pose
-from ..lidar.scanline import Fan, Scratch, scan
+from ..lidar.scanline import scan
+from ..lidar.scene import SceneArrays, Scratch
 from ..messages import FloatArray
 from ..vehicle.motion import drive, read_odometry
 from ..vehicle.tire_slip import measure_slip
@@ -87,7 +88,7 @@ def scan_cars(
     layout: StateLayout,
     mount: Mount,
     motions: FloatArray,
-    fan: Fan,
+    scene: SceneArrays,
     scratch: Scratch,
     ranges: FloatArray,
 ) -> None:
@@ -100,7 +101,7 @@ def scan_cars(
       layout: of a state.
       mount: of the LiDARs.
       motions: (obstacles, 8) of `motion_table`.
-      fan: of the worlds' LiDARs.
+      scene: of the worlds' LiDARs.
       scratch: of this thread.
       ranges: (r, beams) [m], written to.
     """
@@ -115,7 +116,7 @@ def scan_cars(
                 moving[k, 0], moving[k, 1] = obstacle_position(motions[k], state[layout.time])
             first = layout.qpos[0] + mount.qpos_address
             mounted_pose(state[first : first + 7], mount.offset_position, mount.offset_rotation, position, rotation)
-            scan(fan, position, rotation, moving, turned, scratch, ranges[row])
+            scan(scene, position, rotation, moving, turned, scratch, ranges[row])
 
 
 @kernel

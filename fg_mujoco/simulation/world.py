@@ -7,25 +7,25 @@ starts from the same bits.
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
 
-from ..course.formats import load_track
+from ..course.course import Course
 from ..course.moving_obstacles import PREFIX as MOVING_PREFIX
 from ..course.moving_obstacles import MovingObstacle, moving_obstacles
 from ..course.obstacles import Obstacle
-from ..course.scene import Scene
-from ..course.track import Track
-from ..course.track_mesh import WALL_HEIGHT, wall_prisms, wall_surface
 from ..errors import SettingsError
-from ..lidar.lidar import LIDAR_BACKENDS, Lidar, lidar_spec, make_lidar
+from ..lidar.lidar import LIDAR_BACKENDS, Lidar, make_lidar
 from ..messages import CarParameters, FloatArray
-from ..vehicle.changes import CarChanges, change_spec
-from ..vehicle.vehicle import Car, car_parameters, car_spec
+from ..vehicle.car import Car
+from ..vehicle.changes import CarChanges
+from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
+from .course_loading import load_track
 
-_WALL_CONTYPE = 2  # contact roles are those of models/f1tenth.xml: the chassis meets walls and obstacles
+_WALL_CONTYPE = 2  # contact roles are those of the vehicles' MJCF: the chassis meets walls and obstacles
 _COLLISION_GROUP = 3  # viewers hide it, as the car's own collision geoms
 _WALL_COLOUR = (0.86, 0.84, 0.80, 1.0)
 _OBSTACLE_COLOUR = (0.85, 0.45, 0.15, 1.0)
@@ -42,15 +42,17 @@ class World:
     """A compiled world.
 
     Args:
-      track: a Track, a Scene, or what `load_track` makes one of.
-      mu: friction coefficient of the tires; None is the car model's own.
+      track: a course, or what `load_track` makes one of.
+      vehicle: a bundled name, the path of a vehicle's MJCF, or a Vehicle.
+      mu: friction coefficient of the tires; None: as in the vehicle's MJCF.
       lidar: back end of the LiDAR, "raycast" or "rangefinder".
-      obstacles: what stands on the track, besides what a scene has.
-      changes: what else differs from the car of models/f1tenth.xml.
+      obstacles: what stands there besides the course's own obstacles.
+      changes: what else differs from the vehicle's MJCF.
 
     Attributes:
-      track: the Track or Scene.
-      obstacles: all that stands there and the chassis can hit, but for the walls of a track: of a scene its walls too.
+      track: the course.
+      vehicle: the Vehicle, without the changes.
+      obstacles: all that stands there and the chassis can hit, besides the walls.
       moving: the moving obstacles, as they are in `model`.
       xml: the MJCF text that `model` was compiled from.
       model: the compiled mujoco.MjModel.
@@ -58,39 +60,41 @@ class World:
 
     Raises:
       TrackError: a track that cannot be read, or is narrower than the car.
-      SettingsError: a friction that is not positive, or an unknown LiDAR back end.
+      SettingsError: a friction that is not positive, or not that of `changes`; an unknown vehicle or LiDAR back end.
+      ModelError: an MJCF that is not that of a vehicle.
     """
 
     def __init__(
         self,
-        track: Track | Scene | str,
+        track: Course | str,
+        vehicle: Vehicle | str | Path = DEFAULT_VEHICLE,
         *,
         mu: float | None = None,
         lidar: str = "raycast",
         obstacles: tuple[Obstacle, ...] = (),
         changes: CarChanges | None = None,
     ) -> None:
-        car = car_spec(mu)
-        change_spec(car, changes or CarChanges())
-        self.track: Any = load_track(track, minimum_width=car_parameters(car.compile()).width)
+        self.vehicle = Vehicle.load(vehicle)
+        self.track = load_track(track, car=self.vehicle.parameters)
+        self.track.check_car(self.vehicle.parameters)
         self.lidar_backend = lidar
-        scene = self.track if isinstance(self.track, Scene) else None
-        self.obstacles = (scene.walls + scene.obstacles if scene else ()) + tuple(obstacles)
-        self.xml = _compose(self.track, car, lidar, obstacles).to_xml()
+        self.obstacles = (*self.track.obstacles, *obstacles)
+        self.xml = _compose(self.track, self.vehicle, mu, changes, lidar, self.obstacles).to_xml()
         self.model = mujoco.MjModel.from_xml_string(self.xml)
         self.moving = moving_obstacles(self.model)
         self.car = Car(self.model, CAR_PREFIX)
 
     @classmethod
     def from_xml(cls, xml: str, *, lidar: str = "raycast") -> World:
-        """Return the world of the MJCF text that a run folder keeps: without a course, which the text does not say.
+        """Return the world of the MJCF text that a run folder keeps: without course and vehicle, which it does not say.
 
         Raises:
           ValueError: it does not compile.
           ModelError: it does not hold the car.
         """
         world = cls.__new__(cls)
-        world.track, world.lidar_backend, world.obstacles, world.xml = None, lidar, (), xml
+        world.track = world.vehicle = None  # type: ignore[assignment]  # nobody asks for them
+        world.lidar_backend, world.obstacles, world.xml = lidar, (), xml
         world.model = mujoco.MjModel.from_xml_string(xml)
         world.moving = moving_obstacles(world.model)
         world.car = Car(world.model, CAR_PREFIX)
@@ -106,31 +110,34 @@ class World:
         return make_lidar(self.lidar_backend, self.model, LIDAR_PREFIX)
 
 
-def _compose(track: Track | Scene, car: Any, lidar: str, obstacles: tuple[Obstacle, ...]) -> Any:
+def _compose(
+    track: Course,
+    vehicle: Vehicle,
+    mu: float | None,
+    changes: CarChanges | None,
+    lidar: str,
+    obstacles: tuple[Obstacle, ...],
+) -> Any:
     """Return the spec of the whole world: walls, obstacles, and the car with its ground and its LiDAR."""
     if lidar not in LIDAR_BACKENDS:
         raise SettingsError(f"LiDAR back end {lidar!r}; accepted: {', '.join(LIDAR_BACKENDS)}")
+    car = vehicle.spec(mu, changes)
     spec = mujoco.MjSpec()
     spec.modelname = f"fg_mujoco {track.name}"
     spec.option, spec.memory = car.option, car.memory  # the engine settings that the car was validated with
     spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)  # static geoms are placed once, not every step
     _add_light(spec, track)
-    if isinstance(track, Scene):
-        for index, wall in enumerate(track.walls):
-            _add_hull(spec, f"wall_{index}", _prism(wall), _WALL_COLOUR)
-        for index, moving in enumerate(track.moving):
-            _add_moving(spec, f"{MOVING_PREFIX}{index}", moving)
-        obstacles = track.obstacles + tuple(obstacles)
-    else:
-        _add_walls(spec, track)
+    _add_walls(spec, track)
+    for index, moving in enumerate(track.moving):
+        _add_moving(spec, f"{MOVING_PREFIX}{index}", moving)
     for index, obstacle in enumerate(obstacles):
         _add_hull(spec, f"obstacle_{index}", _prism(obstacle), _OBSTACLE_COLOUR)
-    car.attach(lidar_spec(sensors=lidar == "rangefinder"), site=car.site("lidar_mount"), prefix=_LIDAR_IN_CAR)
+    car.attach(vehicle.lidar.spec(sensors=lidar == "rangefinder"), site=car.site("lidar_mount"), prefix=_LIDAR_IN_CAR)
     spec.attach(car, frame=spec.worldbody.add_frame(), prefix=CAR_PREFIX)
     return spec
 
 
-def _add_light(spec: Any, track: Track | Scene) -> None:
+def _add_light(spec: Any, track: Course) -> None:
     """Add the sky, and daylight over the middle of the track."""
     spec.add_texture(
         name="sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
@@ -144,15 +151,17 @@ def _add_light(spec: Any, track: Track | Scene) -> None:
     )  # fmt: skip
 
 
-def _add_walls(spec: Any, track: Track) -> None:
-    """Add the walls: one mesh that is seen, and the convex pieces of the same walls that are hit."""
-    vertices, faces = wall_surface(track, height=WALL_HEIGHT)
-    spec.add_mesh(name="walls", uservert=vertices.ravel(), userface=faces.ravel())
-    spec.worldbody.add_geom(
-        name="walls", type=mujoco.mjtGeom.mjGEOM_MESH, meshname="walls", rgba=_WALL_COLOUR, contype=0, conaffinity=0
-    )
-    for index, prism in enumerate(wall_prisms(track, height=WALL_HEIGHT)):
-        _add_hull(spec, f"wall_{index}", prism, _INVISIBLE)
+def _add_walls(spec: Any, track: Course) -> None:
+    """Add the walls as solids that are hit; where the course has a surface of them, it is seen in their place."""
+    surface = track.wall_surface()
+    if surface is not None:
+        vertices, faces = surface
+        spec.add_mesh(name="walls", uservert=vertices.ravel(), userface=faces.ravel())
+        spec.worldbody.add_geom(
+            name="walls", type=mujoco.mjtGeom.mjGEOM_MESH, meshname="walls", rgba=_WALL_COLOUR, contype=0, conaffinity=0
+        )
+    for index, wall in enumerate(track.walls):
+        _add_hull(spec, f"wall_{index}", _prism(wall), _WALL_COLOUR if surface is None else _INVISIBLE)
 
 
 def _prism(solid: Obstacle) -> FloatArray:

@@ -1,1 +1,7 @@
-"""TODO room docstring."""
+"""What drives: vehicles read off their MJCF, what differs from it, tires, and what each tire did.
+
+`vehicle` has Vehicle, one MJCF file with its LiDAR and its look; `contract` is what such a file must name and keep, and
+`fitting` what follows from its masses and lengths. `changes` has small differences from the file, for one world or for
+each of a batch. `car` reads and drives a car in a compiled model, `motion` does so in kernels. `tire_slip` measures
+what the tires do, and `friction_patches` are places of the floor with another friction.
+"""

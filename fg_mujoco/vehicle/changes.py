@@ -1,4 +1,4 @@
-"""Cars that differ from models/f1tenth.xml: friction, mass, height of the CoG, servo gains, delay.
+"""Cars that differ from their vehicle's MJCF: friction, mass, height of the CoG, servo gains, delay.
 
 A change is made to the MJCF before it is compiled, or to the worlds of a batch that share one compiled model. Both get
 the same numbers, of six digits, because that is what MJCF text keeps.
@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
-from functools import lru_cache
 from typing import Any
 
 import mujoco
@@ -17,7 +16,7 @@ import numpy as np
 
 from ..errors import SettingsError
 from ..messages import FloatArray, require
-from .vehicle import car_spec
+from .car import WHEELS
 
 _LONGEST_DELAY = 0.15  # [s] 30 physics steps of 5 ms
 _DELAY_SAMPLES = 32
@@ -26,7 +25,7 @@ _CHASSIS, _SERVOS = "base_link", ("steering", "speed")
 
 @dataclass(frozen=True, kw_only=True)
 class CarChanges:
-    """What differs from the car of models/f1tenth.xml; None: nothing does.
+    """What differs from the vehicle's MJCF; None: nothing does.
 
     Raises:
       SettingsError: a value out of its range.
@@ -48,24 +47,29 @@ class CarChanges:
             require(self, lambda value: 0.0 <= value <= _LONGEST_DELAY, accepted, ("command_delay",), SettingsError)
 
 
-@lru_cache(maxsize=1)
-def plain_car() -> Any:
-    """Return the compiled model of the car of models/f1tenth.xml. Not to be changed."""
-    return car_spec().compile()
+def set_mu(spec: Any, mu: float) -> None:
+    """Give all tires of a vehicle's spec a friction coefficient [-], in place."""
+    for wheel in WHEELS:
+        pair = spec.pair(f"{wheel}_tire")
+        pair.friction = [mu, mu, *pair.friction[2:]]
 
 
-def change_spec(spec: Any, changes: CarChanges) -> None:
-    """Change the car of a spec from `car_spec`, in place.
+def change_spec(spec: Any, changes: CarChanges, plain: Any) -> None:
+    """Change a vehicle's spec, in place.
+
+    Args:
+      spec: as `Vehicle.spec` makes it.
+      changes: to be made.
+      plain: the compiled mujoco.MjModel of the vehicle as it is.
 
     Raises:
       SettingsError: a mass or height that the chassis cannot have.
     """
-    for pair in spec.pairs:  # a tire and the ground
-        if changes.mu is not None:
-            pair.friction = [six_digits(changes.mu)] * 2 + list(pair.friction[2:])
+    if changes.mu is not None:
+        set_mu(spec, six_digits(changes.mu))
     if changes.mass is not None or changes.center_of_gravity_height is not None:
         chassis = spec.body(_CHASSIS)
-        chassis.mass, chassis.inertia, chassis.ipos = _chassis(changes)
+        chassis.mass, chassis.inertia, chassis.ipos = _chassis(changes, plain)
     for servo, gain in zip(_SERVOS, (changes.steering_gain, changes.speed_gain), strict=True):
         actuator = spec.actuator(servo)
         if gain is not None:
@@ -75,23 +79,24 @@ def change_spec(spec: Any, changes: CarChanges) -> None:
             actuator.delay, actuator.nsample = six_digits(changes.command_delay), _DELAY_SAMPLES
 
 
-def change_worlds(batch: Any, changes: Sequence[CarChanges], prefix: str = "") -> None:
+def change_worlds(batch: Any, changes: Sequence[CarChanges], plain: Any, prefix: str = "") -> None:
     """Change the car of each world of a mujoco.batch.Batch, whose model has the car unchanged.
 
     Args:
       batch: of `len(changes)` worlds; where any of them has a `command_delay`, its model must have one too.
       changes: one for each world.
+      plain: the compiled mujoco.MjModel of the vehicle as it is, of `Vehicle.compile`.
       prefix: of the car's names in the batch's model.
     """
     model = batch.model
-    pairs = [index for index in range(model.npair) if model.pair(index).name.startswith(prefix)]
+    pairs = [model.pair(f"{prefix}{wheel}_tire").id for wheel in WHEELS]
     chassis = model.body(prefix + _CHASSIS).id
     servos = [model.actuator(prefix + servo).id for servo in _SERVOS]
     for world, change in _where(changes, "mu"):
         batch.expand("pair_friction")[world, pairs, :2] = six_digits(change.mu)
     heavier = dict((*_where(changes, "mass"), *_where(changes, "center_of_gravity_height")))
     for world, change in heavier.items():
-        mass, inertia, position = _chassis(change)
+        mass, inertia, position = _chassis(change, plain)
         batch.expand("body_mass")[world, chassis] = mass
         batch.expand("body_inertia")[world, chassis] = inertia
         batch.expand("body_ipos")[world, chassis] = position
@@ -110,9 +115,8 @@ def _where(changes: Sequence[CarChanges], name: str) -> Iterator[tuple[int, Any]
     return ((world, change) for world, change in enumerate(changes) if getattr(change, name) is not None)
 
 
-def _chassis(changes: CarChanges) -> tuple[float, list[float], list[float]]:
+def _chassis(changes: CarChanges, car_model: Any) -> tuple[float, list[float], list[float]]:
     """Return mass [kg], principal inertia (3,) [kg m^2] and centre of gravity (3,) [m] that the chassis then has."""
-    car_model = plain_car()
     data = mujoco.MjData(car_model)
     mujoco.mj_kinematics(car_model, data)
     chassis = car_model.body(_CHASSIS).id

@@ -1,6 +1,6 @@
 """Patches of floor on which the tires have another friction: ice, sand, paint.
 
-    spec = car_spec()
+    spec = Vehicle.load().spec()
     add_patches(spec, (Patch(x=3.0, y=0.0, length=2.0, width=1.0, mu=0.4),))
     model = spec.compile()
     floor = PatchedFloor(model)
@@ -29,8 +29,8 @@ from ..course.obstacles import Box
 from ..course.track import Track
 from ..errors import SettingsError
 from ..messages import FloatArray, require
+from .car import WHEELS, Car, element_id
 from .motion import planar_pose
-from .vehicle import WHEELS, Car, element_id
 
 PREFIX = "patch_"
 """Of the names of the sites, and of the numbers that hold their friction."""

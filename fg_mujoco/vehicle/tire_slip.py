@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from ..errors import ModelError
 from ..kernels import kernel
 from ..messages import FloatArray
-from .vehicle import WHEELS, element_id, sensor_slice
+from .car import WHEELS, element_id, sensor_slice
 
 SLIDING_SPEED = 0.05
 """[m/s] A tire slides when its contact point moves faster than this over the ground.

@@ -1,241 +1,176 @@
-"""The car: loads its MJCF, and reads and drives it in any model that holds it, under any prefix.
+"""A vehicle: one MJCF file that keeps the documented names, with the LiDAR that it mounts and its look.
 
-`models/f1tenth.xml` is the source of every constant. Names are resolved once, when a `Car` is built; a tick then
-indexes arrays.
+    vehicle = Vehicle.load("nuc2")
+    spec = vehicle.spec(mu=0.8, changes=CarChanges(mass=4.6))
+    model = vehicle.compile()
+
+The MJCF is the source of every constant of the car; docs/howto/own_car.md lists the names that it must have.
 """
 
 from __future__ import annotations
 
+import difflib
+import hashlib
 import math
-from functools import lru_cache
-from importlib.resources import as_file, files
+from copy import copy
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
 
 import mujoco
-import numpy as np
 
-from ..errors import ModelError, SettingsError
-from ..messages import ODOMETRY, CarParameters, DriveCommand, Odometry
-from . import motion as car_motion
+from ..errors import SettingsError
+from ..lidar.beams import LidarModel
+from ..messages import CarParameters
+from .car import WHEELS, car_parameters
+from .changes import CarChanges, change_spec, set_mu
+from .contract import check_model, check_names, compiled, find_lidar, find_look, parsed
 
-WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
-"""Order of everything that is one per wheel."""
+DEFAULT_VEHICLE = "f1tenth"
 
-
-def car_spec(mu: float | None = None) -> mujoco.MjSpec:
-    """Load the car's MJCF, its tires with friction coefficient `mu` [-] (None: as in the MJCF).
-
-    A world that attaches the car has its own `option` block; the car is made for this spec's.
-
-    Raises:
-      SettingsError: `mu` is not a positive, finite number.
-    """
-    if mu is not None and not 0.0 < mu < math.inf:
-        raise SettingsError(f"mu, the friction coefficient of the tires, is {mu!r}; accepted: a number above 0")
-    with as_file(files("fg_mujoco.models") / "f1tenth.xml") as path:
-        spec = mujoco.MjSpec.from_file(str(path))
-    if mu is not None:
-        for pair in spec.pairs:  # a tire and the ground
-            pair.friction = [mu, mu, *pair.friction[2:]]
-    return spec
+_MOUNT = 'name="lidar_mount"'  # the files of models/ that have it are the bundled vehicles
 
 
-def element_id(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:
-    """Return the index of a named element.
-
-    Raises:
-      ModelError: the model has none of that name.
-    """
-    index = mujoco.mj_name2id(model, kind, name)
-    if index < 0:
-        noun = kind.name.removeprefix("mjOBJ_").lower()
-        raise ModelError(f"the model has no {noun} named {name!r}; accepted: a model with the car under this prefix")
-    return int(index)
+def vehicle_names() -> tuple[str, ...]:
+    """Return the names of the bundled vehicles: the files of models/ that have a site `lidar_mount`."""
+    sources = (file for file in files("fg_mujoco.models").iterdir() if file.name.endswith(".xml"))
+    return tuple(sorted(file.name.removesuffix(".xml") for file in sources if _MOUNT in file.read_text("utf-8")))
 
 
-def sensor_slice(model: mujoco.MjModel, name: str) -> slice:
-    """Return where the readings of a named sensor lie in `data.sensordata`.
+@dataclass(frozen=True, kw_only=True)
+class Vehicle:
+    """A vehicle, as its MJCF describes it. Two are equal if all that makes them is.
 
-    Raises:
-      ModelError: the model has no sensor of that name.
-    """
-    sensor = element_id(model, mujoco.mjtObj.mjOBJ_SENSOR, name)
-    start = int(model.sensor_adr[sensor])
-    return slice(start, start + int(model.sensor_dim[sensor]))
-
-
-def car_parameters(model: mujoco.MjModel, prefix: str = "") -> CarParameters:
-    """Read what a planner is told of its car off the compiled model, at rest (qpos0).
-
-    Raises:
-      ModelError: the model does not hold the car under this prefix.
-    """
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    base = element_id(model, mujoco.mjtObj.mjOBJ_BODY, f"{prefix}base_link")
-    origin, axes = data.xpos[base], data.xmat[base].reshape(3, 3)
-
-    bodies = np.flatnonzero(model.body_rootid == model.body_rootid[base])
-    masses = model.body_mass[bodies]
-    mass = float(masses.sum())
-    positions = (data.xipos[bodies] - origin) @ axes
-    center_of_gravity = masses @ positions / mass
-    # parallel axes: each body's own inertia about the car's z, and its mass at its distance from the CoG
-    own_axes = data.ximat[bodies].reshape(-1, 3, 3)
-    own_inertia = np.einsum("bi,bi->b", model.body_inertia[bodies], np.einsum("bki,k->bi", own_axes, axes[:, 2]) ** 2)
-    lever = positions[:, :2] - center_of_gravity[:2]
-    yaw_inertia = float(own_inertia.sum() + masses @ (lever**2).sum(axis=1))
-
-    ground = element_id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{prefix}ground")
-    over_ground = float((origin - data.geom_xpos[ground]) @ axes[:, 2])
-    wheels = [element_id(model, mujoco.mjtObj.mjOBJ_BODY, f"{prefix}{wheel}_wheel") for wheel in WHEELS]
-    front_left, front_right, rear_left, _ = (data.xpos[wheels] - origin) @ axes
-    drivetrain = element_id(model, mujoco.mjtObj.mjOBJ_TENDON, f"{prefix}drive")
-    wraps = slice(model.tendon_adr[drivetrain], model.tendon_adr[drivetrain] + model.tendon_num[drivetrain])
-    wheel_radius = float(model.wrap_prm[wraps].sum())  # that they roll on
-    chassis = element_id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{prefix}chassis")
-    half_length, half_width = (float(half) for half in model.geom_size[chassis, :2])
-
-    spins = [element_id(model, mujoco.mjtObj.mjOBJ_JOINT, f"{prefix}{wheel}_wheel") for wheel in WHEELS]
-    effective_mass = mass + float(model.dof_M0[model.jnt_dofadr[spins]].sum()) / wheel_radius**2
-    steering = element_id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, f"{prefix}steering")
-    steered = ("steering", "front_left_kingpin", "front_right_kingpin")  # turn together, one to one in the middle
-    steered_joints = [element_id(model, mujoco.mjtObj.mjOBJ_JOINT, f"{prefix}{joint}") for joint in steered]
-    steering_damping = float(model.dof_damping[model.jnt_dofadr[steered_joints]].sum())
-    drive = element_id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, f"{prefix}speed")
-    power_limit = element_id(model, mujoco.mjtObj.mjOBJ_NUMERIC, f"{prefix}power_limit_speed")
-    lidar_mount = element_id(model, mujoco.mjtObj.mjOBJ_SITE, f"{prefix}lidar_mount")
-
-    return CarParameters(
-        wheelbase=float(front_left[0] - rear_left[0]),
-        track_width=float(front_left[1] - front_right[1]),
-        length=2.0 * half_length,
-        width=2.0 * half_width,
-        rear_overhang=half_length - float(model.geom_pos[chassis, 0]),
-        mass=mass,
-        front_axle_distance=float(front_left[0] - center_of_gravity[0]),
-        rear_axle_distance=float(center_of_gravity[0] - rear_left[0]),
-        center_of_gravity_height=float(center_of_gravity[2]) + over_ground,
-        yaw_inertia=yaw_inertia,
-        wheel_radius=wheel_radius,
-        max_steering_angle=float(model.actuator_ctrlrange[steering, 1]),
-        max_steering_rate=float(model.actuator_forcerange[steering, 1]) / steering_damping,
-        min_speed=float(model.actuator_ctrlrange[drive, 0]),
-        max_speed=float(model.actuator_ctrlrange[drive, 1]),
-        max_acceleration=float(model.actuator_forcerange[drive, 1]) / effective_mass,
-        power_limit_speed=float(model.numeric_data[model.numeric_adr[power_limit]]),
-        speed_time_constant=effective_mass / float(model.actuator_gainprm[drive, 0]),
-        lidar_offset=float(model.site_pos[lidar_mount, 0]),
-        gravity=-float(model.opt.gravity[2]),
-    )
-
-
-class Car:
-    """One car in a compiled model: reads its sensors, places it and drives it.
+    `Vehicle.load` makes one from a name or a file, and checks it.
 
     Attributes:
-      parameters: what a planner is told of it.
-      mu: friction coefficient of the tires [-].
-      chassis_contact: where in sensordata the chassis' contact is.
-      constants: where it is in the model and its limits, for kernels, (1,) of car_motion.CAR.
-
-    Raises:
-      ModelError: the model does not hold the car under this prefix.
+      name: of a bundled vehicle, or of the file without its ending.
+      file: where the MJCF was read from.
+      text: the MJCF.
+      lidar: the LiDAR that stands on its site `lidar_mount`.
+      look: the MJCF of its meshes for pictures, a file of models/ or an absolute path; None: its plain shapes.
     """
 
-    def __init__(self, model: mujoco.MjModel, prefix: str = "") -> None:
-        self.parameters = car_parameters(model, prefix)
-        self.prefix = prefix
-        pair = element_id(model, mujoco.mjtObj.mjOBJ_PAIR, f"{prefix}{WHEELS[0]}_tire")
-        self.mu = float(model.pair_friction[pair, 0])  # [-] of the tires
-        self._model = model
-        joints = mujoco.mjtObj.mjOBJ_JOINT
-        base = element_id(model, joints, f"{prefix}base_link")
-        root = model.body_rootid[model.jnt_bodyid[base]]
-        self._free_qpos = int(model.jnt_qposadr[base])
-        self._free_dof = int(model.jnt_dofadr[base])
-        car_joints = np.flatnonzero(model.body_rootid[model.jnt_bodyid] == root)
-        self._hinges_and_slides = model.jnt_qposadr[car_joints[car_joints != base]]
-        self._dofs = np.flatnonzero(model.body_rootid[model.dof_bodyid] == root)
-        self._wheel_dofs = model.jnt_dofadr[[element_id(model, joints, f"{prefix}{wheel}_wheel") for wheel in WHEELS]]
+    name: str
+    file: str
+    text: str = field(repr=False)
+    lidar: LidarModel
+    look: str | None
 
-        actuators = mujoco.mjtObj.mjOBJ_ACTUATOR
-        self._steering_ctrl = element_id(model, actuators, f"{prefix}steering")
-        self._speed_ctrl = element_id(model, actuators, f"{prefix}speed")
-        self.chassis_contact = sensor_slice(model, f"{prefix}chassis_contact").start
-        constants = np.zeros(1, car_motion.CAR)
-        constants["free_qpos"], constants["free_dof"] = self._free_qpos, self._free_dof
-        constants["steering_qpos"] = model.jnt_qposadr[element_id(model, joints, f"{prefix}steering")]
-        constants["wheel_dofs"] = self._wheel_dofs
-        constants["accelerometer"] = sensor_slice(model, f"{prefix}accelerometer").start
-        constants["steering_ctrl"], constants["speed_ctrl"] = self._steering_ctrl, self._speed_ctrl
-        for name in ("wheel_radius", "max_steering_angle", "min_speed", "max_speed", "max_acceleration",
-                     "power_limit_speed", "speed_time_constant"):  # fmt: skip
-            constants[name] = getattr(self.parameters, name)
-        constants.flags.writeable = False
-        self.constants = constants
-        self._row = np.zeros(1, ODOMETRY)
-        self._values = self._row.view(np.float64)  # of the row, quicker to read
+    @classmethod
+    def load(cls, source: str | Path | Vehicle = DEFAULT_VEHICLE) -> Vehicle:
+        """Return a vehicle, checked once for each file.
 
-    def odometry(self, data: mujoco.MjData) -> Odometry:
-        """Read the wheel encoders, the steering sensor and the gyro at the present state, and the accelerometer.
+        Args:
+          source: a bundled name, the path of an MJCF file (it ends in .xml or has a slash), or a Vehicle.
 
-        The accelerometer, in the CoG, is that of the last physics step: of the state at its start.
+        Raises:
+          SettingsError: an unknown name, or a file that cannot be read.
+          ModelError: a file that is not the MJCF of a vehicle.
         """
-        car_motion.read_odometry(data.time, data.qpos, data.qvel, data.sensordata, self.constants, self._row)
-        values = self._values
-        return Odometry(
-            stamp=values.item(0),
-            speed=values.item(1),
-            steering_angle=values.item(2),
-            angular_velocity=values[3:6],
-            linear_acceleration=values[6:9],
-            wheel_speeds=values[9:13],
-            pose=values[13:16],
-        )
+        if isinstance(source, Vehicle):
+            return source
+        if isinstance(source, str) and not source.endswith(".xml") and "/" not in source:
+            return _bundled(source)
+        path = Path(source).expanduser()
+        try:
+            text = path.read_text("utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
+            raise SettingsError(f"vehicle file {source}: {reason}; accepted: an MJCF file") from error
+        return _checked(path.stem, str(path), text, path.parent.absolute())
 
-    def pose(self, data: mujoco.MjData) -> tuple[float, float, float]:
-        """Return x [m], y [m] and heading [rad] of `base_link` in the world."""
-        return car_motion.planar_pose(data.qpos, self.constants)
+    @cached_property
+    def sha256(self) -> str:
+        """Hash of its MJCF and of its LiDAR's."""
+        return hashlib.sha256(self.text.encode() + self.lidar.text.encode()).hexdigest()
 
-    def ground_speed(self, data: mujoco.MjData) -> float:
-        """Return the true speed of `base_link` along its heading [m/s], forward positive."""
-        return car_motion.ground_speed(data.qpos, data.qvel, self.constants)
+    @cached_property
+    def parameters(self) -> CarParameters:
+        """What a planner is told of it, read off the compiled model."""
+        return car_parameters(self._model)
 
-    def set_pose(self, data: mujoco.MjData, x: float, y: float, heading: float, speed: float = 0.0) -> None:
-        """Place the car as `write_pose` does, and update the sensors."""
-        self.write_pose(data, x, y, heading, speed)
-        mujoco.mj_forward(self._model, data)
+    @cached_property
+    def nominal_mu(self) -> float:
+        """Friction coefficient of its tires, as its MJCF has it [-]."""
+        return float(self.spec().pair(f"{WHEELS[0]}_tire").friction[0])
 
-    def write_pose(self, data: mujoco.MjData, x: float, y: float, heading: float, speed: float = 0.0) -> None:
-        """Write the state of a car at rest on its springs, wheels straight and rolling at `speed` [m/s].
+    def spec(self, mu: float | None = None, changes: CarChanges | None = None) -> mujoco.MjSpec:
+        """Return its MJCF as a new MjSpec, without the LiDAR.
 
-        x [m], y [m] and heading [rad] are `base_link`'s in the world. Nothing but the car is touched.
+        A world that attaches it has its own `option` block; the car is made for this spec's.
+
+        Args:
+          mu: friction coefficient of the tires [-]; None: as in the MJCF.
+          changes: what else differs from the MJCF.
+
+        Raises:
+          SettingsError: a friction that is not positive, another one in `changes`, or changes that it cannot have.
         """
-        data.qpos[self._hinges_and_slides] = self._model.qpos0[self._hinges_and_slides]
-        height = self._model.qpos0[self._free_qpos + 2]
-        half = 0.5 * heading
-        data.qpos[self._free_qpos : self._free_qpos + 7] = (x, y, height, math.cos(half), 0.0, 0.0, math.sin(half))
-        data.qvel[self._dofs] = 0.0
-        data.qacc_warmstart[self._dofs] = 0.0
-        data.qvel[self._free_dof : self._free_dof + 2] = (speed * math.cos(heading), speed * math.sin(heading))
-        data.qvel[self._wheel_dofs] = speed / self.parameters.wheel_radius
-        data.ctrl[self._steering_ctrl] = 0.0
-        data.ctrl[self._speed_ctrl] = speed
+        changes = changes or CarChanges()
+        if mu is not None and not 0.0 < mu < math.inf:
+            raise SettingsError(f"mu, the friction coefficient of the tires, is {mu!r}; accepted: a number above 0")
+        if mu is not None and changes.mu not in (None, mu):
+            raise SettingsError(
+                f"mu is {mu!r} and CarChanges.mu is {changes.mu!r}; accepted: one of them, or the same in both"
+            )
+        spec = mujoco.MjSpec.from_string(self.text)
+        if mu is not None:
+            set_mu(spec, mu)
+        if self.look is not None:
+            spec.text("look").data = self.look
+        if changes != CarChanges():
+            change_spec(spec, changes, self._model)
+        return spec
 
-    def limit_speed_command(self, speed_command: float, speed: float) -> float:
-        """Return the set point [m/s] that asks for no more than the motor's power gives at `speed` [m/s]."""
-        return car_motion.limit_speed_command(speed_command, speed, self.constants)
+    def compile(self, mu: float | None = None, changes: CarChanges | None = None) -> mujoco.MjModel:
+        """Return it compiled, alone on the ground of its MJCF, without the LiDAR. The model is the caller's own.
 
-    def apply(self, data: mujoco.MjData, command: DriveCommand) -> None:
-        """Write a command to the actuators, held within their limits and the motor's power."""
-        car_motion.drive(data.qvel, command.steering_angle, command.speed, self.constants, data.ctrl)
+        Args and errors are those of `spec`.
+        """
+        if mu is None and changes is None:
+            return copy(self._model)
+        return self.spec(mu, changes).compile()
 
-    def crashed(self, data: mujoco.MjData) -> bool:
-        """Say whether the chassis touched a wall, an obstacle or another car, as of the last sensor update."""
-        return bool(data.sensordata[self.chassis_contact] > 0.0)
+    @cached_property
+    def _model(self) -> mujoco.MjModel:
+        return self.spec().compile()  # never given away, because a model's arrays can be written to
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle without the caches."""
+        return _as_it_was, (self.name, self.file, self.text, self.lidar, self.look)
 
 
-@lru_cache(maxsize=1)
-def nominal_mu() -> float:
-    """Return the tires' friction coefficient as the car's MJCF has it [-]."""
-    return float(car_spec().pairs[0].friction[0])
+def car_spec(mu: float | None = None, vehicle: str | Path | Vehicle = DEFAULT_VEHICLE) -> mujoco.MjSpec:
+    """Return a vehicle's MJCF as a new MjSpec; arguments and errors as in `Vehicle.load` and `Vehicle.spec`."""
+    return Vehicle.load(vehicle).spec(mu)
+
+
+def _as_it_was(name: str, file: str, text: str, lidar: LidarModel, look: str | None) -> Vehicle:
+    return Vehicle(name=name, file=file, text=text, lidar=lidar, look=look)
+
+
+@lru_cache(maxsize=32)
+def _bundled(name: str) -> Vehicle:
+    known = vehicle_names()
+    if name not in known:
+        near = difflib.get_close_matches(name, known, n=1)
+        meant = f"; did you mean {near[0]!r}?" if near else ""
+        raise SettingsError(f"vehicle {name!r}{meant}; accepted: {', '.join(known)}, or path/to/file.xml")
+    text = (files("fg_mujoco.models") / f"{name}.xml").read_text("utf-8")
+    return _checked(name, f"models/{name}.xml", text, None)
+
+
+@lru_cache(maxsize=32)
+def _checked(name: str, file: str, text: str, folder: Path | None) -> Vehicle:
+    """Return the vehicle of an MJCF text that keeps what is asked of one; `folder` is where its files may lie."""
+    where = f"vehicle file {file}"
+    spec = parsed(text, where)
+    check_names(spec, where)
+    vehicle = Vehicle(
+        name=name, file=file, text=text, lidar=find_lidar(spec, folder, where), look=find_look(spec, folder, where)
+    )
+    check_model(compiled(spec, where), where)
+    return vehicle

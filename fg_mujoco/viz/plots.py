@@ -13,23 +13,19 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
-from ..course.obstacles import Obstacle
-from ..course.scene import Scene
-from ..course.track import Track
+from ..course.course import Course, describe_course
 from ..errors import MissingExtraError
 from ..messages import FloatArray
 from ..racing import run_folder
 from ..racing.result import RaceResult
 from ..simulation.telemetry import TELEMETRY
+from ..vehicle.car import WHEELS
 from ..vehicle.tire_slip import SLIDING_SPEED
-from ..vehicle.vehicle import WHEELS
-from .course_drawing import describe_course, draw_course, draw_line, draw_obstacles, extent
+from .course_drawing import draw_course, draw_line, draw_obstacles, extent
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from ..simulation.world import World
 
 INSTALL_COMMAND = "pip install 'fg-mujoco[plot]'"
 
@@ -55,8 +51,8 @@ def require_matplotlib() -> None:
         raise MissingExtraError(INSTALL_COMMAND)
 
 
-def track_picture(track: Track | Scene, path: str | Path | BinaryIO) -> None:
-    """Draw a track or a scene from above: walls, line, start, direction; and a scene's goal and obstacles.
+def track_picture(track: Course, path: str | Path | BinaryIO) -> None:
+    """Draw a course from above: its walls, line, start, direction, goal and obstacles.
 
     Raises:
       MissingExtraError: matplotlib is not installed.
@@ -71,8 +67,7 @@ def track_picture(track: Track | Scene, path: str | Path | BinaryIO) -> None:
         axes = figure.add_subplot()
         draw_course(axes, track)
         draw_line(axes, track)
-        if isinstance(track, Scene):
-            draw_obstacles(axes, track.obstacles, track.moving)
+        draw_obstacles(axes, track.obstacles, track.moving)
         axes.set_title(describe_course(track))
         _save(figure, path)
 
@@ -99,7 +94,7 @@ def trace_picture(result: RaceResult, path: str | Path | BinaryIO) -> None:
         grid = figure.add_gridspec(5, 1, height_ratios=(map_height, *(4 * [_PANEL_HEIGHT])))
         axes = figure.add_subplot(grid[0])
         draw_course(axes, result.world.track)
-        draw_obstacles(axes, _obstacles(result.world), result.world.moving, result.sim_time_s)
+        draw_obstacles(axes, result.world.obstacles, result.world.moving, result.sim_time_s)
         line = _draw_line(axes, column["x_m"], column["y_m"], column["speed_m_s"])
         scale = axes.inset_axes((1.015, 0.05, 0.02, 0.9))
         scale.set_in_layout(False)
@@ -176,12 +171,7 @@ def _mark_laps(panels: list[Axes], lap_times: tuple[float, ...]) -> None:
             panels[0].text(end - 0.5 * time, 1.02, f"lap {lap}", transform=above, ha="center", va="bottom")
 
 
-def _obstacles(world: World) -> tuple[Obstacle, ...]:
-    """Return what stands in a world but the walls."""
-    return world.obstacles[len(world.track.walls) :] if isinstance(world.track, Scene) else world.obstacles
-
-
-def _map_height(track: Track | Scene) -> float:
+def _map_height(track: Course) -> float:
     """Return the height of the map [in] for which it fills the width."""
     width, height = np.ptp(extent(track), axis=0)
     least, greatest = _MAP_HEIGHT

@@ -1,4 +1,4 @@
-"""The way back: a track as a ROS map, a centreline CSV, or a mesh of its walls.
+"""Export of a track as a ROS map, a centreline CSV, or a mesh of its walls.
 
 export_track(load_track("oval"), "oval.yaml")     # and oval.png
 export_track(load_track("oval"), "oval.glb")
@@ -8,14 +8,15 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import SettingsError, TrackError
 from ...messages import FloatArray
-from ..formats import write_centreline
+from ..centreline_csv import write_centreline
+from ..course import Course
 from ..polyline import enclosed_area
 from ..track import Track
 from ..track_mesh import wall_mesh
@@ -30,6 +31,17 @@ _MARGIN = 10  # [pixel] round the walls
 _FREE, _OCCUPIED = 254, 0  # as map_server's map_saver writes them
 _MOST_PIXELS = 10_000  # along a side
 _Y_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+
+
+def require_track(course: Course) -> Track:
+    """Return a course that can be written to a file: a track.
+
+    Raises:
+      TrackError: it has no centreline with widths, as a scene has none.
+    """
+    if not {"centreline", "width_right", "width_left"} <= set(course.definition):
+        raise TrackError(f"{course.name!r} has no centreline with widths that a file could hold; accepted: a track")
+    return cast(Track, course)
 
 
 def exported_files(path: str | Path) -> tuple[Path, ...]:

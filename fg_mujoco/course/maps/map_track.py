@@ -22,6 +22,7 @@ import numpy as np
 
 from ...errors import TrackError
 from ...messages import FloatArray, read_only
+from ..centreline_csv import read_centreline
 from ..course import default_time_limit
 from ..obstacles import Prism
 from ..polyline import enclosed_area, resample, smooth, step_lengths, steps, subdivide
@@ -37,6 +38,9 @@ Direction = Literal["clockwise", "counterclockwise"]
 DIRECTIONS: tuple[Direction, ...] = ("clockwise", "counterclockwise")
 SPACING = 0.2
 """[m] Of the points of a centreline that is found."""
+
+ISLAND = "island_"
+"""Of the names of islands in a definition; a number follows."""
 
 _SMOOTHING = 0.3  # of the median distance to the walls, standard deviation: the medial axis has corners
 _REPEATED = 1e-6  # [m] points nearer than this are one
@@ -64,9 +68,10 @@ class MapTrack(Track):
         return self.outlines
 
     @property
-    def definition(self) -> tuple[FloatArray, ...]:
-        """All that makes it what it is: line, widths and walls."""
-        return (*super().definition, self.wall_right, self.wall_left, *self.outlines)
+    def definition(self) -> dict[str, FloatArray]:
+        """All that makes it what it is: line, widths, walls and islands."""
+        islands = {f"{ISLAND}{number}": outline for number, outline in enumerate(self.outlines)}
+        return super().definition | {"wall_right": self.wall_right, "wall_left": self.wall_left} | islands
 
     @cached_property
     def _corridor(self) -> tuple[FloatArray, FloatArray]:
@@ -150,8 +155,6 @@ def read_map(
         raise TrackError(f"{path}: start is {start!r}; accepted: x and y in metres")
     occupancy = read_map_file(path, image=image, outside_folder=outside_folder)
     if centreline is not None:
-        from ..formats import read_centreline  # which reads maps, too
-
         line = read_centreline(centreline).centreline
         outlines = course_of(occupancy, line)
         if start is not None or direction is not None:

@@ -1,67 +1,161 @@
-"""Scenes by name, each made from a seed: same name and seed, same scene.
+"""Scenes by name. A scene is made from a seed and for a car: the same name, seed and car give the same scene.
 
-    scene = load_track("scene:cylinder_field:3")
+    scene = load_scene("scene:cylinder_field:3", car)
 
-Those of a kind are in one module: corridor_scenes, gap_scenes, corner_scenes.
+The bundled scenes are in `corridors`, `gaps` and `corners`. A distribution adds scenes of its own by entry points of
+the group `fg_mujoco.scenes`. In its pyproject.toml:
+
+    [project.entry-points."fg_mujoco.scenes"]
+    my_scene = "my_package.my_module:my_scene"
+
+`my_scene(name, seed, car)` returns a Scene, or any other course, and its docstring says in one line what the scene is.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.metadata import EntryPoint, entry_points
 from types import MappingProxyType
 
 from ...errors import TrackError
-from ..scene import Scene
-from . import corners as corner_scenes
-from . import corridors as corridor_scenes
-from . import gaps as gap_scenes
+from ...messages import CarParameters
+from ..course import Course, require_course
+from . import corners, corridors, gaps
 
 PREFIX = "scene:"
+GROUP = "fg_mujoco.scenes"
+"""Of the entry points by which distributions add scenes."""
 
-SCENES: Mapping[str, Callable[[str, int], Scene]] = MappingProxyType(
+WIDEST_CAR = 0.6
+"""[m] Width of the widest car that the bundled scenes have room for."""
+
+SceneMaker = Callable[[str, int, CarParameters], Course]
+"""Makes a scene of a name, `scene:NAME:SEED`, from the seed and for the car."""
+
+SCENES: Mapping[str, SceneMaker] = MappingProxyType(
     {
-        "corridor_sparse": corridor_scenes.corridor_sparse,
-        "corridor_dense": corridor_scenes.corridor_dense,
-        "cylinder_field": gap_scenes.cylinder_field,
-        "narrow_gap_120": gap_scenes.narrow_gap_120,
-        "narrow_gap_150": gap_scenes.narrow_gap_150,
-        "narrow_gap_200": gap_scenes.narrow_gap_200,
-        "square_corner": corner_scenes.square_corner,
-        "dead_end": corner_scenes.dead_end,
-        "u_turn_trap": corner_scenes.u_turn_trap,
-        "wrong_side_chicane": gap_scenes.wrong_side_chicane,
-        "crossing_box": corridor_scenes.crossing_box,
-        "slow_leader": corridor_scenes.slow_leader,
+        "corridor_sparse": corridors.corridor_sparse,
+        "corridor_dense": corridors.corridor_dense,
+        "cylinder_field": gaps.cylinder_field,
+        "narrow_gap_120": gaps.narrow_gap_120,
+        "narrow_gap_150": gaps.narrow_gap_150,
+        "narrow_gap_200": gaps.narrow_gap_200,
+        "square_corner": corners.square_corner,
+        "dead_end": corners.dead_end,
+        "u_turn_trap": corners.u_turn_trap,
+        "wrong_side_chicane": gaps.wrong_side_chicane,
+        "crossing_box": corridors.crossing_box,
+        "slow_leader": corridors.slow_leader,
     }
 )
-"""Name -> what makes it, called with the scene's name and the seed."""
+"""The bundled scenes: name -> what makes it."""
+
+
+@dataclass(frozen=True)
+class RegisteredScene:
+    """A scene of another distribution."""
+
+    entry_point: EntryPoint
+
+    @property
+    def distribution(self) -> str:
+        """Name and version of the distribution."""
+        found = self.entry_point.dist
+        return "an unnamed distribution" if found is None else f"{found.name} {found.version}"
+
+    @cached_property
+    def maker(self) -> SceneMaker:
+        """What makes the scene.
+
+        Raises:
+          TrackError: it cannot be imported, or cannot be called.
+        """
+        try:
+            found = self.entry_point.load()
+        except Exception as error:
+            raise TrackError(f"{self}: {type(error).__name__}: {error}") from error
+        if not callable(found):
+            raise TrackError(f"{self} is a {type(found).__name__}; accepted: a function (name, seed, car) -> Scene")
+        return found  # type: ignore[no-any-return]
+
+    def __str__(self) -> str:
+        return f"scene {self.entry_point.name!r} of {self.distribution}, {self.entry_point.value}"
+
+
+def registered_scenes() -> dict[str, RegisteredScene]:
+    """Return the scenes of other distributions by name, sorted.
+
+    Raises:
+      TrackError: two scenes of one name, or a name that cannot stand in `scene:NAME:SEED`.
+    """
+    found: dict[str, RegisteredScene] = {}
+    for entry_point in sorted(entry_points(group=GROUP), key=lambda entry_point: entry_point.name):
+        scene, name = RegisteredScene(entry_point), entry_point.name
+        if not re.fullmatch(r"\w+", name):
+            raise TrackError(f"{scene}: the name is {name!r}; accepted: letters, digits and underscores")
+        if name in SCENES or name in found:
+            other = "a bundled scene" if name in SCENES else str(found[name])
+            raise TrackError(f"{scene} has the name of {other}; accepted: a name of its own")
+        found[name] = scene
+    return found
 
 
 def scene_names() -> tuple[str, ...]:
-    """Return the names of the scenes, without prefix and seed."""
-    return tuple(SCENES)
+    """Return the names of the bundled scenes and then of those of other distributions, without prefix and seed."""
+    return (*SCENES, *registered_scenes())
 
 
 def describe_scene(name: str) -> str:
-    """Return what the scene of this name is, in one line."""
-    return f"{PREFIX}{name}: {' '.join((SCENES[name].__doc__ or '').split())}"
+    """Return what the scene of this name is, in one line; of another distribution, with the distribution."""
+    maker = SCENES.get(name)
+    origin = ""
+    if maker is None:
+        scene = registered_scenes()[name]
+        maker, origin = scene.maker, f" ({scene.distribution})"
+    first_line = " ".join((maker.__doc__ or "").split("\n\n")[0].split())
+    return f"{PREFIX}{name}: {first_line}{origin}"
 
 
-def load_scene(name: str) -> Scene:
+def load_scene(name: str, car: CarParameters) -> Course:
     """Return the scene of a name: `scene:NAME:SEED`, or `scene:NAME`, which has seed 0.
 
+    Args:
+      name: of the scene.
+      car: that the scene is made for.
+
     Raises:
-      TrackError: an unknown name, or a seed that is no whole number from 0.
+      TrackError: an unknown name, a seed that is no whole number from 0, a car that the bundled scenes have no room
+        for, or a maker of another distribution that fails or returns no course of this name.
     """
     kind, colon, seed = name.removeprefix(PREFIX).partition(":")
-    if kind not in SCENES:
-        raise TrackError(
-            f"unknown scene {name!r}; accepted: scene:NAME or scene:NAME:SEED, NAME one of {', '.join(SCENES)}"
-        )
+    registered = {} if kind in SCENES else registered_scenes()
+    if kind not in SCENES and kind not in registered:
+        known = ", ".join((*SCENES, *registered))
+        raise TrackError(f"unknown scene {name!r}; accepted: scene:NAME or scene:NAME:SEED, NAME one of {known}")
     if colon and not re.fullmatch("[0-9]{1,18}", seed):
         raise TrackError(
             f"{name!r} has no seed; accepted: scene:NAME:SEED with SEED a whole number from 0, as {PREFIX}{kind}:7"
         )
     number = int(seed or 0)
-    return SCENES[kind](f"{PREFIX}{kind}:{number}", number)
+    full_name = f"{PREFIX}{kind}:{number}"
+    if kind in SCENES:
+        if car.width > WIDEST_CAR:
+            raise TrackError(f"{name!r} for a car {car.width:.2f} m wide; accepted: at most {WIDEST_CAR} m")
+        return SCENES[kind](full_name, number, car)
+    return _make_registered(registered[kind], full_name, number, car)
+
+
+def _make_registered(scene: RegisteredScene, name: str, seed: int, car: CarParameters) -> Course:
+    try:
+        course = scene.maker(name, seed, car)
+    except TrackError:
+        raise
+    except Exception as error:
+        raise TrackError(f"{scene} cannot be made: {type(error).__name__}: {error}") from error
+    require_course(course, str(scene))
+    if course.name != name:
+        raise TrackError(f"{scene} is named {course.name!r}; accepted: {name!r}, the name that it is given")
+    return course

@@ -1,4 +1,4 @@
-"""Scenes at a corner: where the way turns, ends, or is hard to see. Made to the left, mirrored by the seed."""
+"""Scenes at a corner: the way turns, ends, or is hard to see. They turn to the left, or mirrored to the right."""
 
 from __future__ import annotations
 
@@ -6,19 +6,20 @@ import math
 
 import numpy as np
 
+from ...messages import CarParameters
 from ..course import SLOWEST_RACE
 from ..scene import Scene
 from .corridors import BEHIND, BEYOND, WAY_BEHIND, WIDTH
 from .parts import corridor, mirrored, rounded_way, walls_round
 
-DEAD_END_WIDTH = 1.6  # [m] too narrow for the car to turn round in, which takes 1.9
+DEAD_END_WIDTH = 1.6  # [m] too narrow for the default vehicle to turn round in, which needs 1.9 m
 _TRAP_VISIBLE = 1.2  # [m] of the way behind the corner's inner edge, before it bends out of sight
 _TRAP_BEHIND = 6.0  # [m] of the road behind the start, which is what is seen for the longest
 _TRAP_RUN_OFF, _TRAP_BULGE = 0.5, 1.5  # [m] of the room beyond the corner: ahead, and to the outside
 _AFTER = 6.0  # [m] from a corner to the goal
 
 
-def square_corner(name: str, seed: int) -> Scene:
+def square_corner(name: str, seed: int, car: CarParameters) -> Scene:
     """A corridor with a corner of 90 degrees, to the left or the right."""
     rng = np.random.default_rng(seed)
     x, half = float(rng.uniform(6.0, 10.0)), 0.5 * WIDTH  # of the corner
@@ -29,7 +30,7 @@ def square_corner(name: str, seed: int) -> Scene:
     return mirrored(scene) if rng.random() < 0.5 else scene
 
 
-def dead_end(name: str, seed: int) -> Scene:
+def dead_end(name: str, seed: int, car: CarParameters) -> Scene:
     """A corridor that ends in a wall and is too narrow to turn round in; the goal is to stop before it."""
     end = float(np.random.default_rng(seed).uniform(10.0, 18.0))
     way = np.array([[-WAY_BEHIND, 0.0], [end, 0.0]])
@@ -37,7 +38,7 @@ def dead_end(name: str, seed: int) -> Scene:
     return _on(name, way, end - 3.0, room, goal_is_to_stop=True)
 
 
-def u_turn_trap(name: str, seed: int) -> Scene:
+def u_turn_trap(name: str, seed: int, car: CarParameters) -> Scene:
     """A corner of 135 degrees with room to run out of it: from there the road back looks longer than the way on."""
     rng = np.random.default_rng(seed)
     x = float(rng.uniform(7.0, 10.0))  # of the inner edge of the corner

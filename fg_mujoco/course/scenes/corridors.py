@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...messages import CarParameters
 from ..course import SLOWEST_RACE
 from ..moving_obstacles import MovingObstacle
 from ..obstacles import Box, Obstacle
 from ..scene import Scene
-from .parts import block, car, corridor, walls_round
+from .parts import block, corridor, walls_round
 
 WIDTH = 2.2  # [m] of a corridor, as on RoboRacer tracks
 BEHIND = 3.0  # [m] of the corridor behind the start
@@ -30,21 +31,21 @@ def straight(
     )  # fmt: skip
 
 
-def corridor_sparse(name: str, seed: int) -> Scene:
+def corridor_sparse(name: str, seed: int, car: CarParameters) -> Scene:
     """A corridor with a box every 4 to 5 m, on the left or the right, 2.5 car widths or more beside it."""
     rng = np.random.default_rng(seed)
     stations = 4.0 + np.cumsum(rng.uniform(4.0, 5.0, 5)) - 4.0
     boxes = []
     for x in stations.tolist():
         length, width = rng.uniform(*_SIDES, 2).tolist()
-        gap = SPARSE_GAP * car().width
+        gap = SPARSE_GAP * car.width
         way = gap + rng.random() * (WIDTH - width - gap)  # on one side; the rest on the other
         y = 0.5 * WIDTH - way - 0.5 * width
         boxes.append(Box(x=x, y=y * rng.choice((-1.0, 1.0)).item(), length=length, width=width))
     return straight(name, 25.0, tuple(boxes))
 
 
-def crossing_box(name: str, seed: int) -> Scene:
+def crossing_box(name: str, seed: int, car: CarParameters) -> Scene:
     """A corridor that a box crosses, back and forth; when it is in the way depends on the seed."""
     rng = np.random.default_rng(seed)
     x, speed = float(rng.uniform(8.0, 12.0)), float(rng.uniform(0.5, 1.2))
@@ -56,7 +57,7 @@ def crossing_box(name: str, seed: int) -> Scene:
     return straight(name, 18.0, moving=(box,))
 
 
-def slow_leader(name: str, seed: int) -> Scene:
+def slow_leader(name: str, seed: int, car: CarParameters) -> Scene:
     """A corridor that a box drives down ahead of the car, at 1 to 2 m/s, with 2 car widths or more beside it."""
     rng = np.random.default_rng(seed)
     y, speed = float(rng.uniform(-0.3, 0.3)), float(rng.uniform(1.0, 2.0))
@@ -64,13 +65,13 @@ def slow_leader(name: str, seed: int) -> Scene:
     return straight(name, 30.0, moving=(box,))
 
 
-def corridor_dense(name: str, seed: int) -> Scene:
+def corridor_dense(name: str, seed: int, car: CarParameters) -> Scene:
     """A corridor with boxes on both sides every 2.2 to 2.8 m, 2 to 3 car widths between them."""
     rng = np.random.default_rng(seed)
     boxes: list[Box] = []
     middle = 0.0  # of the way between the boxes
     for x in (3.0 + np.arange(8) * 2.5 + rng.uniform(-0.15, 0.15, 8)).tolist():
-        gap = rng.uniform(DENSE_GAP, 3.0) * car().width
+        gap = rng.uniform(DENSE_GAP, 3.0) * car.width
         room = 0.5 * (WIDTH - gap) - _SIDES[0]
         middle = float(np.clip(middle + rng.uniform(-0.8, 0.8), -room, room))
         for low, high in ((-0.5 * WIDTH, middle - 0.5 * gap), (middle + 0.5 * gap, 0.5 * WIDTH)):

@@ -7,12 +7,12 @@ import math
 import numpy as np
 
 from ...errors import TrackError
-from ...messages import FloatArray
+from ...messages import CarParameters, FloatArray
 from ..course import SLOWEST_RACE
 from ..obstacles import Box, Cylinder
 from ..scene import Scene
 from .corridors import BEHIND, BEYOND, WAY_BEHIND, WIDTH, straight
-from .parts import block, car, mirrored, walls_round
+from .parts import block, mirrored, walls_round
 
 FIELD_WIDTH = 5.0  # [m] of the field of cylinders
 FIELD_GAPS = (1.5, 4.0)  # widths of the car: between a cylinder and the nearest, and to the walls, at least the first
@@ -29,47 +29,47 @@ _DARTS, _DRAWS = 150, 100
 _CELL = 0.05  # [m] of the grid that a way is searched on
 
 
-def narrow_gap_120(name: str, seed: int) -> Scene:
+def narrow_gap_120(name: str, seed: int, car: CarParameters) -> Scene:
     """A corridor with a wall across, and in it, anywhere, a gap of 1.2 car widths."""
-    return _narrow_gap(name, seed, 1.2)
+    return _narrow_gap(name, seed, 1.2 * car.width)
 
 
-def narrow_gap_150(name: str, seed: int) -> Scene:
+def narrow_gap_150(name: str, seed: int, car: CarParameters) -> Scene:
     """A corridor with a wall across, and in it, anywhere, a gap of 1.5 car widths."""
-    return _narrow_gap(name, seed, 1.5)
+    return _narrow_gap(name, seed, 1.5 * car.width)
 
 
-def narrow_gap_200(name: str, seed: int) -> Scene:
+def narrow_gap_200(name: str, seed: int, car: CarParameters) -> Scene:
     """A corridor with a wall across, and in it, anywhere, a gap of 2 car widths."""
-    return _narrow_gap(name, seed, 2.0)
+    return _narrow_gap(name, seed, 2.0 * car.width)
 
 
-def _narrow_gap(name: str, seed: int, widths: float) -> Scene:
+def _narrow_gap(name: str, seed: int, gap: float) -> Scene:
     rng = np.random.default_rng(seed)
-    half, gap, thickness, x = 0.5 * WIDTH, widths * car().width, 0.2, 8.0
+    half, thickness, x = 0.5 * WIDTH, 0.2, 8.0
     y = float(rng.uniform(-1.0, 1.0)) * (half - 0.5 * gap - 0.15)
     sides = (block((x, -half), (x + thickness, y - 0.5 * gap)), block((x, y + 0.5 * gap), (x + thickness, half)))
     return straight(name, 14.0, sides)
 
 
-def cylinder_field(name: str, seed: int) -> Scene:
+def cylinder_field(name: str, seed: int, car: CarParameters) -> Scene:
     """A field of cylinders, each 1.5 to 4 car widths from the nearest one, 1.5 or more from the walls."""
     rng = np.random.default_rng(seed)
     for _ in range(_DRAWS):
-        found = _scattered(rng, (3.0, 11.0), 0.5 * FIELD_WIDTH)
+        found = _scattered(rng, (3.0, 11.0), 0.5 * FIELD_WIDTH, car)
         gaps = [least for i in range(len(found)) if (least := _least_gap(found[i], np.delete(found, i, axis=0)))]
-        if max(gaps) <= FIELD_GAPS[1] * car().width and _passable(found, 14.0):
+        if max(gaps) <= FIELD_GAPS[1] * car.width and _passable(found, 14.0, car):
             cylinders = tuple(Cylinder(x=x, y=y, radius=radius) for x, y, radius in found.tolist())
             return straight(name, 14.0, cylinders, width=FIELD_WIDTH)
     raise TrackError(f"{name!r}: no field of cylinders with a way through in {_DRAWS} draws; accepted: another seed")
 
 
-def wrong_side_chicane(name: str, seed: int) -> Scene:
+def wrong_side_chicane(name: str, seed: int, car: CarParameters) -> Scene:
     """Out of a lane the wider opening takes a turn tighter than the car can make; the narrower one is straight on."""
     rng = np.random.default_rng(seed)
-    half, end = 0.5 * LANE * car().width, float(rng.uniform(5.5, 7.5))  # of the lane, on whose axis is the way
+    half, end = 0.5 * LANE * car.width, float(rng.uniform(5.5, 7.5))  # of the lane, on whose axis is the way
     back = np.array([math.cos(DOOR_BEARING), math.sin(DOOR_BEARING)])  # the direction of the wider opening
-    second = np.array([end + DOOR * car().width / back[1], half])  # corner of what stands between the two openings
+    second = np.array([end + DOOR * car.width / back[1], half])  # corner of what stands between the two openings
     middle = second + 0.5 * (_SECOND[0] * back + _SECOND[1] * np.array([back[1], -back[0]]))
     x = float(second[0])
     between = (
@@ -89,9 +89,9 @@ def wrong_side_chicane(name: str, seed: int) -> Scene:
     return mirrored(scene) if rng.random() < 0.5 else scene
 
 
-def _scattered(rng: np.random.Generator, along: tuple[float, float], half: float) -> FloatArray:
-    """Return cylinders thrown at random, kept where the least gap is left. Shape (n, 3): x, y, radius [m]."""
-    least, most = (widths * car().width for widths in FIELD_GAPS)
+def _scattered(rng: np.random.Generator, along: tuple[float, float], half: float, car: CarParameters) -> FloatArray:
+    """Return cylinders at random places, at least the least gap apart. Shape (n, 3): x, y, radius [m]."""
+    least, most = (widths * car.width for widths in FIELD_GAPS)
     darts = rng.uniform(size=(_DARTS, 4))
     radii = _RADII[0] + darts[:, 2] * (_RADII[1] - _RADII[0])
     x = along[0] + darts[:, 0] * (along[1] - along[0])
@@ -109,9 +109,9 @@ def _least_gap(cylinder: FloatArray, others: FloatArray) -> float:
     return float(apart.min(initial=math.inf))
 
 
-def _passable(cylinders: FloatArray, length: float) -> bool:
+def _passable(cylinders: FloatArray, length: float, car: CarParameters) -> bool:
     """Say whether a disc of the diameter WAY_THROUGH gets from the start to beyond `length` [m], on a grid."""
-    radius, half = 0.5 * WAY_THROUGH * car().width, 0.5 * FIELD_WIDTH
+    radius, half = 0.5 * WAY_THROUGH * car.width, 0.5 * FIELD_WIDTH
     x, y = np.arange(0.0, length + _CELL, _CELL), np.arange(-half, half + _CELL, _CELL)
     across = np.hypot(x[:, None, None] - cylinders[:, 0], y[:, None] - cylinders[:, 1]) - cylinders[:, 2]
     free = (across.min(axis=2) > radius) & (np.abs(y) < half - radius)

@@ -1,39 +1,26 @@
-"""What scenes are built of: rooms with walls round them, ways with rounded corners, and their mirror images.
+"""Parts that scenes are built of: rooms with walls round them, ways with rounded corners, and mirror images.
 
-Everything is in metres; ways begin along +x, and a scene is made for a turn to the left and mirrored for the other.
+All lengths are in metres. A way begins along +x. A scene with a turn is made for a turn to the left, and mirrored for a
+turn to the right.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...messages import CarParameters, FloatArray
-from ...vehicle.changes import plain_car
-from ...vehicle.vehicle import car_parameters
+from ...messages import FloatArray
 from ..moving_obstacles import MovingObstacle
 from ..obstacles import Box, Obstacle, Prism
 from ..polyline import step_lengths, steps, turns
 from ..scene import Scene
 
 WALL = 0.1  # [m] thickness
-CORNER_RADIUS = 0.8  # [m] of a way; a little more than the car's turning radius
+CORNER_RADIUS = 0.8  # [m] of a way; the default vehicle turns on 0.742 m
 _ARC_STEP = math.radians(5.0)
-
-
-@lru_cache(maxsize=1)
-def car() -> CarParameters:
-    """Return the parameters of the car of models/f1tenth.xml, which the sizes of scenes refer to."""
-    return car_parameters(plain_car())
-
-
-def turning_radius() -> float:
-    """Return the radius that the car's rear axle turns on with full steering lock [m]."""
-    return car().wheelbase / math.tan(car().max_steering_angle)
 
 
 def walls_round(room: ArrayLike) -> tuple[Box, ...]:

@@ -26,7 +26,7 @@ from ..rollout.job import require_whole, versions
 from ..rollout.local import usable_cores
 from ..rollout.store import blame
 from ..worker_processes import work_off
-from .ground import check_course, course_ground, course_name, course_sha256
+from .ground import check_course, course_ground, course_name, ground_sha256
 from .pictures import table_picture, trace_pictures
 from .run import ComparisonSettings, Run, RunKey, RunRow
 from .store import ComparisonFolder, replace_file
@@ -201,7 +201,7 @@ def plan_runs(
     axis: dict[str, Sequence[int | None]] = {course: _seeds(course, seeds, settings) for course in courses}
     return [
         Run(
-            RunKey(choice.label, choice.sha256, names[course], course_sha256(course), float(speed), seed),
+            RunKey(choice.label, choice.sha256, names[course], ground_sha256(course, seed), float(speed), seed),
             choice, course, settings,
         )
         for choice in controllers

@@ -22,13 +22,14 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
+from ...course.scenes.catalogue import PREFIX
 from ...errors import FgMujocoError, RunFolderError
 from ...racing.planner_choice import ControllerChoice
 from ...viz.report.page import LIBRARY, library, page_frame, write_page, write_report
 from ...viz.report.plot_style import require_bokeh
 from ...viz.report.sections import table
 from ..rollout.store import blame
-from .ground import course_sha256
+from .ground import ground_sha256
 from .run import ComparisonSettings, Run, RunKey, RunRow
 from .store import ComparisonFolder
 from .tables import Cell, course_title, make_cells
@@ -135,11 +136,12 @@ def _find_run(key: RunKey, settings: ComparisonSettings) -> Run:
         raise RunFolderError(f"{choice.source}: is not in this folder as it was; accepted: call from where its file is")
     for course in (key.course, f"{key.course}.csv"):
         try:
-            if course_sha256(course) == key.course_sha256:
+            if ground_sha256(course, key.seed) == key.course_sha256:
                 return Run(key, choice, course, settings)
         except FgMujocoError:
             continue
-    raise RunFolderError(f"{key.course}.csv: is not in this folder as it was; accepted: call from where its file is")
+    missing = key.course if key.course.startswith(PREFIX) else f"{key.course}.csv"
+    raise RunFolderError(f"{missing}: is not in this folder as it was; accepted: call from where its file is")
 
 
 def _index(folder: Path, settings: ComparisonSettings, rows: Sequence[RunRow], pages: Mapping[RunKey, _Page]) -> str:

@@ -1,4 +1,4 @@
-"""Pictures of a comparison: the table in colours, and who drove where. They need matplotlib."""
+"""Pictures of a comparison: the table in colours, and the driven lines on each course. They need matplotlib."""
 
 from __future__ import annotations
 
@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...course.scene import Scene
 from ...messages import FloatArray
-from ...vehicle.changes import plain_car
-from ...vehicle.vehicle import car_parameters
+from ...simulation.course_loading import default_car
 from ...viz.course_drawing import draw_course, draw_obstacles, extent
 from ...viz.plots import require_matplotlib
 from .ground import Ground
@@ -139,11 +137,9 @@ def _ending(row: RunRow) -> str:
 
 
 def _draw_run(axes: Axes, ground: Ground, row: RunRow, trace: FloatArray) -> None:
-    """Draw the course, the driven line, and the car where it ended, with what moves where it was then."""
-    scene = ground.course if isinstance(ground.course, Scene) else None
+    """Draw the course, the driven line, and the car and the moving obstacles where they were at the end."""
     draw_course(axes, ground.course)
-    standing, moving = (scene.obstacles, scene.moving) if scene else ((), ())
-    draw_obstacles(axes, (*standing, *ground.obstacles), moving, row.figures.sim_time_s or 0.0)
+    draw_obstacles(axes, ground.obstacles, ground.course.moving, row.figures.sim_time_s or 0.0)
     if len(trace):
         axes.plot(*trace[:, :2].T, color=_DRIVEN, linewidth=0.8)
         axes.plot(*trace[0, :2], ".", color=_DRIVEN, markersize=4.0)
@@ -152,7 +148,7 @@ def _draw_run(axes: Axes, ground: Ground, row: RunRow, trace: FloatArray) -> Non
 
 def _footprint(pose: FloatArray) -> FloatArray:
     """Return the corners of a car whose rear axle is at x [m], y [m], heading [rad]. Shape (4, 2) [m]."""
-    car = car_parameters(plain_car())
+    car = default_car()
     x, y, heading = pose.tolist()
     ahead, aside = np.array([math.cos(heading), math.sin(heading)]), np.array([-math.sin(heading), math.cos(heading)])
     ends = np.array([-car.rear_overhang, -car.rear_overhang, car.length - car.rear_overhang])

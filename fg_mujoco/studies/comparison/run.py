@@ -61,7 +61,7 @@ class RunKey:
     controller: str
     controller_sha256: str | None  # of a user's file
     course: str
-    course_sha256: str | None  # of a track's line and widths
+    course_sha256: str | None  # of the course's definition
     max_speed_m_s: float
     seed: int | None  # None: nothing depends on one
 
@@ -166,7 +166,7 @@ class Run:
             max_speed=self.key.max_speed_m_s,
             seed=self.key.seed or 0,
             time_limit=shared.time_limit,
-            obstacles=ground.obstacles,
+            obstacles=ground.boxes,
             effects=LidarEffects(range_noise_std=shared.lidar_noise),
             planner_settings=dict(self.controller.settings),
         )

@@ -22,8 +22,8 @@ import numpy as np
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longitudinal_share
 
 from ...messages import DriveCommand, FloatArray, Odometry
+from ...vehicle.car import WHEELS
 from ...vehicle.tire_slip import SLIDING_SPEED
-from ...vehicle.vehicle import WHEELS
 from .braking_figures import draw_gg, draw_splits, draw_stops
 from .experiment import Cell, Experiment, Figure, LabSettings, Row, Section, Tables
 from .figure_style import column

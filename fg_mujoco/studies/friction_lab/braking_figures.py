@@ -10,8 +10,8 @@ import numpy as np
 
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longitudinal_share
 
-from ...vehicle.changes import plain_car
-from ...vehicle.vehicle import WHEELS, car_parameters
+from ...vehicle.car import WHEELS
+from ...vehicle.vehicle import Vehicle
 from . import figure_style as style
 from .experiment import Row, Tables
 from .figure_style import column
@@ -72,7 +72,7 @@ def draw_gg(figure: matplotlib.figure.Figure, points: list[Row]) -> None:
 
 def draw_splits(figure: matplotlib.figure.Figure, splits: list[Row]) -> None:
     """Draw what the car had along and across when its first tire slid, and what the guard allows."""
-    car = car_parameters(plain_car())
+    car = Vehicle.load().parameters
     axes = figure.add_subplot()
     across = np.linspace(0.0, 1.0, 100)
     half = np.linspace(0.0, math.pi, 200)

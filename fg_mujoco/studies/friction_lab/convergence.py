@@ -22,8 +22,9 @@ import numpy as np
 
 from ...errors import ModelError
 from ...messages import FloatArray
+from ...vehicle.car import WHEELS, car_parameters, element_id
 from ...vehicle.tire_slip import SLIDING_SPEED
-from ...vehicle.vehicle import WHEELS, car_parameters, car_spec, element_id, nominal_mu
+from ...vehicle.vehicle import Vehicle
 from . import figure_style as style
 from .experiment import Cell, Experiment, Figure, LabSettings, Row, Section, Tables
 from .figure_style import column
@@ -123,7 +124,7 @@ def _change(model: mujoco.MjModel, cell: Cell, prefix: str = "") -> None:
 
 
 def _circle(cell: Cell) -> Row:
-    circle = SteadyCircle(nominal_mu(), STEERING, Engine(timestep=None))
+    circle = SteadyCircle(Vehicle.load().nominal_mu, STEERING, Engine(timestep=None))
     _change(circle.ground.model, cell)
     row: Row = {"creep_closed_form_m_s": creep(CREEPING, circle.mu, STEERING, circle.car, circle.ground.model)}
     reasons = []
@@ -249,13 +250,13 @@ def _draw_timestep(figure: matplotlib.figure.Figure, rows: list[Row]) -> None:
 
 def _draw_impratio(figure: matplotlib.figure.Figure, rows: list[Row]) -> None:
     axes = figure.add_subplot()
-    model = car_spec().compile()
+    model = Vehicle.load().compile()
     car = car_parameters(model)
     ratios = np.geomspace(_values(rows)[0], _values(rows)[-1], 60)
     closed = []
     for ratio in ratios:
         model.opt.impratio = ratio
-        closed.append(creep(CREEPING, nominal_mu(), STEERING, car, model))
+        closed.append(creep(CREEPING, Vehicle.load().nominal_mu, STEERING, car, model))
     style.theory(axes, ratios, closed, "closed form")
     style.measured(axes, _values(rows), column(rows, "creep_m_s"), "measured")
     style.limit(axes, SLIDING_SPEED, "counts as sliding")

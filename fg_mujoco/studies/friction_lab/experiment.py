@@ -66,10 +66,9 @@ class LabSettings:
 @lru_cache(maxsize=1)
 def _lock() -> float:
     """Return the greatest steering angle of the car [rad]."""
-    from ...vehicle.changes import plain_car
-    from ...vehicle.vehicle import car_parameters
+    from ...vehicle.vehicle import Vehicle
 
-    return car_parameters(plain_car()).max_steering_angle
+    return Vehicle.load().parameters.max_steering_angle
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,7 +18,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from ...course.track import Track
+from ...course.course import Course
 from ...messages import FloatArray
 from ...racing.planner_loading import make_controller
 from ...racing.result import History, trajectory_sha256
@@ -29,9 +29,9 @@ from ...simulation.simulation import Simulation
 from ...simulation.telemetry import TELEMETRY, statistics_figures
 from ...simulation.termination import END_REASONS
 from ...simulation.world import CAR_PREFIX, World
+from ...vehicle.car import WHEELS, Car
 from ...vehicle.friction_patches import Patch, PatchedFloor, add_patches
 from ...vehicle.tire_slip import greatest_slip
-from ...vehicle.vehicle import WHEELS, Car, nominal_mu
 
 MAX_SPEED = 8.0  # [m/s] as `race` has it
 _SLIDE = TELEMETRY.index(f"slide_{WHEELS[0]}_m_s")
@@ -53,7 +53,7 @@ class LabWorld(World):
 
     def __init__(
         self,
-        track: Track | str,
+        track: Course | str,
         *,
         mu: float | None = None,
         timestep: float | None = None,
@@ -169,7 +169,7 @@ def drive_laps(
       ControllerError: a controller that cannot be built, or fails.
     """
     planner = make_controller(
-        controller, car=world.car.parameters, mu=nominal_mu() if planner_mu is None else planner_mu,
+        controller, car=world.car.parameters, mu=world.vehicle.nominal_mu if planner_mu is None else planner_mu,
         max_speed=MAX_SPEED, settings=planner_settings or {}, map_line=world.track.map_line,
     )  # fmt: skip
     start(planner)

@@ -20,8 +20,8 @@ from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longi
 from ...course.formats import track_names
 from ...messages import FloatArray
 from ...racing.race import race
+from ...vehicle.car import WHEELS
 from ...vehicle.tire_slip import SLIDING_SPEED
-from ...vehicle.vehicle import WHEELS
 from .driven_line import best_flying_lap, driven_lap
 from .experiment import Cell, Figure, LabSettings, Row, Section, Tables, no_number
 from .figure_style import COLOURS, column, finish, limit, measured, theory

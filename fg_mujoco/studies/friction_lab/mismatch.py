@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...messages import FloatArray
+from ...vehicle.car import WHEELS
 from ...vehicle.tire_slip import SLIDING_SPEED
-from ...vehicle.vehicle import WHEELS, nominal_mu
+from ...vehicle.vehicle import Vehicle
 from .experiment import Cell, Figure, LabSettings, Row, Section, Tables
 from .figure_style import COLOURS, column, finish, limit, measured
 from .lab_laps import LabLaps, LabWorld, drive_laps
@@ -42,8 +43,8 @@ class MismatchExperiment:
     def cells(self, settings: LabSettings) -> list[Cell]:
         """Return a cell for each circuit, friction and ratio, and one for each knee."""
         if settings.quick:
-            return [{"track": "oval", "mu": nominal_mu(), "ratio": ratio} for ratio in _QUICK_RATIOS]
-        kinds = [(track, mu) for mu in (nominal_mu(), _WET) for track in _TRACKS]
+            return [{"track": "oval", "mu": Vehicle.load().nominal_mu, "ratio": ratio} for ratio in _QUICK_RATIOS]
+        kinds = [(track, mu) for mu in (Vehicle.load().nominal_mu, _WET) for track in _TRACKS]
         grid: list[Cell] = [
             {"track": track, "mu": mu, "ratio": ratio}
             for track, mu in kinds

@@ -23,7 +23,8 @@ from ...messages import DriveCommand, FloatArray, Odometry, require
 from ...simulation.engine import whole_steps
 from ...simulation.physics import STATE
 from ...simulation.simulation import complete_state
-from ...vehicle.vehicle import Car, car_spec
+from ...vehicle.car import Car
+from ...vehicle.vehicle import Vehicle
 from .experiment import GREATEST_MU
 from .trace import CarSensors, Trace, join
 
@@ -106,7 +107,7 @@ class OpenGround:
     def __init__(self, mu: float | None = None, engine: Engine | None = None) -> None:
         if mu is not None:
             require_mu(mu)
-        self.model = car_spec(mu).compile()
+        self.model = Vehicle.load().spec(mu).compile()
         (engine or Engine()).apply(self.model)
         self.data = mujoco.MjData(self.model)
         self.car = Car(self.model)

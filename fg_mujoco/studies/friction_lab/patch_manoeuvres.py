@@ -21,9 +21,10 @@ import mujoco
 import numpy as np
 
 from ...messages import DriveCommand, FloatArray
+from ...vehicle.car import WHEELS, Car
 from ...vehicle.friction_patches import Patch, PatchedFloor, add_patches
 from ...vehicle.tire_slip import SLIDING_SPEED, TireSlip, TireSlipMeter
-from ...vehicle.vehicle import WHEELS, Car, car_spec, nominal_mu
+from ...vehicle.vehicle import Vehicle
 
 WAYS = ("maximum", "priority", "pair", "raised", "site")
 
@@ -47,7 +48,7 @@ class Slab:
     """
 
     def __init__(self, way: str, patch: Patch, *, timestep: float) -> None:
-        spec = car_spec()
+        spec = Vehicle.load().spec()
         if way == "site":
             add_patches(spec, (patch,))
         else:
@@ -60,7 +61,7 @@ class Slab:
 
     def step(self) -> None:
         """Step the physics."""
-        self._floor.apply(self.data)
+        self._floor.apply(self.data.qpos)
         mujoco.mj_step(self.model, self.data)
         mujoco.mj_subtreeVel(self.model, self.data)
 
@@ -99,7 +100,7 @@ def _add_geom(spec: Any, way: str, patch: Patch) -> None:
     patch_geom.contype, patch_geom.priority = _BIT, int(way == "priority")
     for wheel in WHEELS:
         geom = spec.geom(f"{wheel}_tire")
-        geom.conaffinity, geom.friction = _BIT, [nominal_mu(), *friction[1:]]
+        geom.conaffinity, geom.friction = _BIT, [Vehicle.load().nominal_mu, *friction[1:]]
     for geom in (patch_geom, *(spec.geom(f"{wheel}_tire") for wheel in WHEELS)):
         geom.condim, geom.solref, geom.solimp = tire.condim, tire.solref, tire.solimp
 
@@ -115,7 +116,7 @@ def sliding_sideways(way: str, mu: float, *, speed: float = 3.0, timestep: float
     while slab.data.time < 0.3:  # to rest on what is there
         slab.step()
     slab.data.qvel[1] = speed
-    lasting = speed / (slab.car.parameters.gravity * max(mu, nominal_mu()))  # at least
+    lasting = speed / (slab.car.parameters.gravity * max(mu, Vehicle.load().nominal_mu))  # at least
     start, motion = slab.data.time, []
     while slab.data.time < start + 0.9 * lasting:
         slab.step()

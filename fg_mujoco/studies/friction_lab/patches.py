@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...course.formats import load_track
-from ...course.track import Track
 from ...messages import FloatArray
+from ...simulation.course_loading import load_track
+from ...vehicle.car import WHEELS
 from ...vehicle.friction_patches import Patch, random_patches, read_patches
 from ...vehicle.tire_slip import SLIDING_SPEED
-from ...vehicle.vehicle import WHEELS, nominal_mu
+from ...vehicle.vehicle import Vehicle
 from ...viz.course_drawing import draw_course
 from .experiment import Cell, Figure, LabSettings, Row, Section, Tables
 from .figure_style import COLOURS, column, finish, measured, theory
@@ -50,7 +50,7 @@ class PatchesExperiment:
             {"what": "laps", "track": track, "planner_mu": planner_mu, "seed": settings.seed + seed, "patches": count,
              "map": seed == 0 and track == (_MAPPED if _MAPPED in tracks else tracks[0]) and count > 0}
             for track in tracks
-            for planner_mu in (nominal_mu(), _PATCH_MU)
+            for planner_mu in (Vehicle.load().nominal_mu, _PATCH_MU)
             for seed, count in ((0, 0), *((seed, _COUNT) for seed in range(seeds)))
         ]  # fmt: skip
         ways: list[Cell] = [{"what": "way", "way": way, "mu": _ASKED} for way in WAYS]
@@ -135,7 +135,7 @@ def _acting(cell: Cell) -> Tables:
 
 
 def _laps(cell: Cell) -> Tables:
-    track: Track = load_track(cell["track"])
+    track: Any = load_track(cell["track"])
     patches: tuple[Patch, ...] = ()
     if cell["patches"]:
         patches = random_patches(track, cell["patches"], np.random.default_rng(cell["seed"]), mu=_PATCH_MU)
@@ -192,7 +192,7 @@ def _on_laps(laps: list[Row]) -> list[str]:
         crashes = sum(bool(row["crashed"]) for row in rows)
         share = column(rows, "sliding_share_on_patch")
         plain = {row["track"]: float(row["best_lap_s"] or math.nan) for row in laps
-                 if row["planner_mu"] == nominal_mu() and not row["patches"]}  # fmt: skip
+                 if row["planner_mu"] == Vehicle.load().nominal_mu and not row["patches"]}  # fmt: skip
         change = [float(row["best_lap_s"] or math.nan) / plain.get(row["track"], math.nan) - 1.0 for row in rows]
         sentences.append(
             f"A planner that believes in mu {planner_mu:g}, over patches of mu {_PATCH_MU:g}: {crashes} of {len(rows)} "

@@ -26,8 +26,8 @@ import numpy as np
 from fg_mujoco.controllers.control.speed import friction_speed
 
 from ...messages import CarParameters, FloatArray
+from ...vehicle.car import WHEELS, element_id
 from ...vehicle.tire_slip import SLIDING_SPEED
-from ...vehicle.vehicle import WHEELS, element_id
 
 
 def tire_loads(k: float, mu: float, steering: float, car: CarParameters) -> FloatArray:

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ...messages import CarParameters, DriveCommand, FloatArray
-from ...vehicle.changes import plain_car
+from ...vehicle.vehicle import Vehicle
 from .experiment import Cell, LabSettings, Row, Section, Tables, no_number
 from .linear_tire_model import SingleTrack
 from .open_ground import TICK, OpenGround
@@ -88,7 +88,7 @@ def creep_stiffness(mu: float, gravity: float, speed: float) -> float:
     A tire of ours that carries a side acceleration a moves sideways at a / rate (`solreffriction` over the impedance,
     see models/f1tenth.xml), which is a slip angle of a / (rate speed); a linear tire's is a / (mu g stiffness).
     """
-    model = plain_car()
+    model = Vehicle.load().compile()
     tire = model.pair("front_left_tire").id
     rate = -float(model.pair_solreffriction[tire, 1]) / float(model.pair_solimp[tire, 0])  # [1/s]
     return rate * speed / (mu * gravity)

@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from ...vehicle.changes import plain_car
+from ...vehicle.car import WHEELS, car_parameters
 from ...vehicle.tire_slip import SLIDING_SPEED
-from ...vehicle.vehicle import WHEELS, car_parameters
+from ...vehicle.vehicle import Vehicle
 from . import figure_style as style
 from .experiment import Cell, Experiment, Figure, LabSettings, Row, Section, Tables
 from .figure_style import column
@@ -252,7 +252,7 @@ def _different(rows: list[Row], name: str) -> list[float]:
 
 def _draw_k(figure: matplotlib.figure.Figure, onsets: list[Row]) -> None:
     left, right = figure.subplots(1, 2)
-    model = plain_car()
+    model = Vehicle.load().compile()
     car = car_parameters(model)
     angles = np.linspace(0.02, max(0.41, *_different(onsets, "steering_rad")), 60)
     for axes in (left, right):
@@ -277,7 +277,7 @@ def _draw_curvature(figure: matplotlib.figure.Figure, curvatures: list[Row]) -> 
     style.theory(left, ks, np.minimum(1.0, ks**-2), "1/k²")
     right.axhspan(0.95, 1.05, color="0.93", zorder=0.5)
     style.theory(right, ks, np.minimum(1.0, ks**2), "1/k²")
-    car = car_parameters(plain_car())
+    car = Vehicle.load().parameters
     for angle, colour in zip(_different(known, "steering_rad"), cycle(style.COLOURS)):
         rows = _of(known, "steering_rad", angle, either_side=True)
         k, ratio = column(rows, "k"), column(rows, "curvature_ratio")
@@ -293,7 +293,7 @@ def _draw_curvature(figure: matplotlib.figure.Figure, curvatures: list[Row]) -> 
 def _draw_loads(figure: matplotlib.figure.Figure, onsets: list[Row]) -> None:
     angles = _different(onsets, "steering_rad")
     drawn = (angles[0], angles[-1])
-    car = car_parameters(plain_car())
+    car = Vehicle.load().parameters
     mus = np.linspace(0.1, max(_different(onsets, "mu")), 60)
     for axes, angle in zip(figure.subplots(1, 2, sharey=True), drawn, strict=True):
         rows = [row for row in onsets if row["steering_rad"] == angle]

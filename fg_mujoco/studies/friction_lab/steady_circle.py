@@ -21,7 +21,7 @@ from fg_mujoco.controllers.control.speed import friction_speed
 
 from ...errors import SettingsError
 from ...messages import DriveCommand, FloatArray
-from ...vehicle.vehicle import WHEELS
+from ...vehicle.car import WHEELS
 from .open_ground import Engine, OpenGround
 from .trace import Trace, join
 

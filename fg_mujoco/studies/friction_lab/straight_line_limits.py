@@ -7,8 +7,8 @@ import math
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
 
 from ...messages import CarParameters
-from ...vehicle.changes import plain_car
-from ...vehicle.vehicle import WHEELS
+from ...vehicle.car import WHEELS
+from ...vehicle.vehicle import Vehicle
 from .open_ground import TICK
 
 
@@ -63,5 +63,5 @@ def stopping_distance(speed: float, mu: float, car: CarParameters, how: str) -> 
 
 def wheel_inertia() -> float:
     """Return the spin inertia of a wheel [kg m^2], off the compiled model."""
-    model = plain_car()
+    model = Vehicle.load().compile()
     return float(model.body_inertia[model.body(f"{WHEELS[0]}_wheel").id, 1])

@@ -10,8 +10,8 @@ import mujoco
 import numpy as np
 
 from ...messages import FloatArray
+from ...vehicle.car import WHEELS, car_parameters, sensor_slice
 from ...vehicle.tire_slip import TireSlip, TireSlipMeter
-from ...vehicle.vehicle import WHEELS, car_parameters, sensor_slice
 
 
 class CarSensors:

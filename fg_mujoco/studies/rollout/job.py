@@ -20,19 +20,18 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ...course.course import default_time_limit
-from ...course.formats import load_track, require_track
-from ...course.random_obstacles import ObstacleSites
-from ...course.track import Track
+from ...course.course import Course, Sites, laps_to_drive
+from ...course.definitions import course_sha256
 from ...errors import ControllerError, SettingsError
 from ...kernels import package_files
 from ...racing.planner_choice import Value
 from ...racing.planner_loading import build_controller, find_controller
+from ...simulation.course_loading import default_car
 from ...simulation.physics import STATE
 from ...simulation.scenario import Scenario
 from ...simulation.telemetry import TELEMETRY
-from ...vehicle.changes import CarChanges, change_spec, plain_car
-from ...vehicle.vehicle import car_parameters, car_spec, nominal_mu
+from ...vehicle.changes import CarChanges
+from ...vehicle.vehicle import Vehicle
 from .randomization import Randomization
 from .world_batch import RECORDS, RESULT, WorldResults, drive_worlds
 
@@ -52,7 +51,7 @@ class RolloutJob:
       SettingsError: when made, laps, duration, chunk or record that are not what is accepted.
     """
 
-    tracks: tuple[Track, ...]
+    tracks: tuple[Course, ...]
     controller: str  # as `drive_worlds` takes it
     seed: int | None  # that the seeds were drawn from; None: they were given
     seeds: NDArray[np.int64]  # (n,) of the worlds
@@ -77,16 +76,19 @@ class RolloutJob:
         """Refuse what cannot be driven, before anything is.
 
         Raises:
-          TrackError: a scene, a track that is too narrow, or that no walls can be put round.
+          TrackError: a course that the car does not fit, or that no walls can be put round.
           ControllerError: a controller that cannot be built, with its settings at any end of their ranges too.
-          SettingsError: no track, or more obstacles than one has room for.
+          SettingsError: no course, more laps than one has, a start that is not on it, or more obstacles than one has
+            room for.
         """
         if not self.tracks:
             raise SettingsError("no track is given; accepted: one or more")
-        width = car_parameters(plain_car()).width
+        vehicle = Vehicle.load()
+        car = vehicle.parameters
         for track in self.tracks:
-            load_track(require_track(track, "a rollout"), minimum_width=width)
-            _ = track.left_wall  # refuses corners without room for a wall
+            track.check_car(car)
+            laps_to_drive(track, self.laps)  # refuses more than a scene has
+            self._check_starts(track)
         for track, sites in zip(self.tracks, self._sites, strict=True):
             wanted = self.randomization.most_obstacles
             if sites is not None and wanted > sites.most:
@@ -97,10 +99,9 @@ class RolloutJob:
                 "path/to/file.py:ClassName, for each world to have one of its own"
             )
         found = find_controller(self.controller)
-        car, mu = car_parameters(plain_car()), nominal_mu()
         for settings in ({}, *self.randomization.planner_extremes):
             build_controller(
-                found, self.controller, car=car, mu=mu, max_speed=8.0, settings=settings,
+                found, self.controller, car=vehicle.parameters, mu=vehicle.nominal_mu, max_speed=8.0, settings=settings,
                 map_line=self.tracks[0].map_line,
             )  # fmt: skip
 
@@ -168,15 +169,15 @@ class RolloutJob:
         """Return what the telemetry, states and controls of one world take at most [bytes]."""
         if self.record == "summary":
             return 0
-        longest = max(track.length for track in self.tracks)
-        limit = self.duration if self.duration is not None else default_time_limit(self.laps or 1, longest)
+        longest = max(track.longest_race(self.laps or 1) for track in self.tracks)
+        limit = self.duration if self.duration is not None else longest
         row = len(TELEMETRY) + (_state_size() + 2 if self.record == "states" else 0)
         return int(limit / TICK + 1) * row * 8
 
     def settings(self) -> dict[str, Any]:
         """Return all that the results depend on, but for the versions, as it can stand in JSON."""
         return {
-            "tracks": [{"name": track.name, "sha256": track_sha256(track)} for track in self.tracks],
+            "tracks": [{"name": track.name, "sha256": course_sha256(track)} for track in self.tracks],
             "controller": Path(self.controller).name,
             "controller_sha256": _sha256(text) if (text := self.controller_text) is not None else None,
             "n": len(self.seeds),
@@ -195,9 +196,19 @@ class RolloutJob:
         return Path(path).read_bytes() if colon else None
 
     @cached_property
-    def _sites(self) -> tuple[ObstacleSites | None, ...]:
+    def _sites(self) -> tuple[Sites | None, ...]:
         wanted = self.randomization.most_obstacles > 0
-        return tuple(ObstacleSites(track) if wanted else None for track in self.tracks)
+        return tuple(track.obstacle_sites(default_car()) if wanted else None for track in self.tracks)
+
+    def _check_starts(self, course: Course) -> None:
+        """Refuse starts that are not on an open course; round a closed one progress may be any number."""
+        starts = self.randomization.ranges.get("start_s")
+        for start in () if starts is None or course.closed else starts.extremes:
+            if not 0.0 <= float(start) < course.length:
+                raise SettingsError(
+                    f"randomize start_s={starts} on {course.name!r}; accepted: from 0 to less than its length, "
+                    f"{course.length:.2f} m"
+                )
 
 
 @lru_cache(maxsize=1)
@@ -239,14 +250,8 @@ def _traces(results: WorldResults, record: str) -> Arrays:
 
 def _state_size() -> int:
     """Return the length of a state, that of a car whose commands are delayed, which has the longest."""
-    spec = car_spec()
-    change_spec(spec, CarChanges(command_delay=0.0))
-    return int(mujoco.mj_stateSize(spec.compile(), STATE))
-
-
-def track_sha256(track: Track) -> str:
-    """Return the hash of all that makes a track what it is."""
-    return _sha256(*(np.ascontiguousarray(line, "<f8").tobytes() for line in track.definition))
+    delayed = Vehicle.load().compile(changes=CarChanges(command_delay=0.0))
+    return int(mujoco.mj_stateSize(delayed, STATE))
 
 
 def _sha256(*texts: bytes) -> str:

@@ -19,14 +19,14 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from ...course.random_obstacles import ObstacleSites
-from ...course.track import Track
+from ...course.course import Course, Sites
 from ...errors import SettingsError
 from ...lidar.effects import LidarEffects
 from ...racing.planner_choice import Value, read_value
+from ...simulation.course_loading import default_car
 from ...simulation.scenario import Scenario, Start
-from ...vehicle.changes import CarChanges, change_spec
-from ...vehicle.vehicle import car_spec
+from ...vehicle.changes import CarChanges
+from ...vehicle.vehicle import Vehicle
 
 PARAMETERS = {
     "mu": (CarChanges, "mu"),
@@ -208,7 +208,7 @@ class Randomization:
         }
 
     def scenario(
-        self, track: Track, seed: int, values: Mapping[str, Value] | None = None, sites: ObstacleSites | None = None
+        self, track: Course, seed: int, values: Mapping[str, Value] | None = None, sites: Sites | None = None
     ) -> Scenario:
         """Return a world.
 
@@ -229,7 +229,7 @@ class Randomization:
                 of[owner][field] = value
         start = Start(**of[Start])
         if _OBSTACLES in values:
-            sites = sites or ObstacleSites(track)
+            sites = sites or track.obstacle_sites(default_car())
             of[Scenario][_OBSTACLES] = sites.place(int(values[_OBSTACLES]), start.s, _generator(seed, _OBSTACLES))
         return Scenario(
             track=track,
@@ -261,7 +261,7 @@ def _checkread_value(name: str, value: Value) -> None:
         owner, field = PARAMETERS[name]
         made = owner(**{field: value})
         if isinstance(made, CarChanges):
-            change_spec(car_spec(), made)
+            Vehicle.load().spec(changes=made)
 
 
 def _counts(values: Range) -> Choice:

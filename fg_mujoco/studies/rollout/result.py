@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...course.track import Track
+from ...course.course import Course
 from ...errors import SettingsError
 from ...messages import FloatArray
 from ...simulation.scenario import Scenario
@@ -34,7 +34,7 @@ class RolloutResult:
 
     worlds: NDArray[np.void]  # (n,) rows, in the order of the worlds' numbers
     lap_times_s: FloatArray = field(repr=False)  # (n, k), NaN where fewer laps were driven
-    tracks: tuple[Track, ...]
+    tracks: tuple[Course, ...]
     randomization: Randomization
     settings: dict[str, Any] = field(repr=False)  # all that the results depend on, but for the versions
     chunks: ChunkStore = field(repr=False)

@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...course.formats import load_track
-from ...course.track import Track
+from ...course.course import Course
 from ...errors import SettingsError
+from ...simulation.course_loading import load_track
 from .job import Arrays, RolloutJob, require_whole, versions
 from .local import drive_in_threads, usable_cores
 from .randomization import Randomization, world_seeds
@@ -59,7 +59,7 @@ class RolloutProgress:
 
 
 def rollout(
-    tracks: Track | str | Sequence[Track | str],
+    tracks: Course | str | Sequence[Course | str],
     controller: str = "gap_finder",
     *,
     n: int | None = None,

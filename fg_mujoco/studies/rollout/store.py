@@ -1,7 +1,7 @@
 """Where the finished chunks of a rollout are kept: in memory, or in a folder that a later call can go on with.
 
     manifest.json     the settings and versions that made it; a folder of any others is refused
-    tracks.npz        the circuits, bit for bit
+    tracks.npz        the courses, bit for bit
     chunks/K.npz      the worlds of chunk K and their lap times: one that is there is complete
     chunks/K.*.npy    telemetry, states and ctrl of its worlds, one world after the other, if recorded
     worlds.csv        one row a world, when all are driven
@@ -25,8 +25,9 @@ from typing import IO, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ...course.track import Track
+from ...course.course import Course
 from ...errors import RunFolderError
+from ...simulation.course_loading import reload_course
 from .job import Arrays
 
 SCHEMA = 1
@@ -35,7 +36,6 @@ SCHEMA = 1
 TRACES = ("telemetry", "states", "ctrl")
 """Arrays of a chunk that are long, and are read only where they are asked for."""
 
-_LINES = ("centreline", "width_right", "width_left")
 _MANIFEST, _TRACKS, _CHUNKS, _WORLDS, _SUMMARY = "manifest.json", "tracks.npz", "chunks", "worlds.csv", "summary.json"
 
 
@@ -81,14 +81,14 @@ class FolderStore:
     def __init__(self, folder: str | Path) -> None:
         self.folder = Path(folder)
 
-    def open(self, settings: dict[str, Any], versions: dict[str, str], chunk: int, tracks: Sequence[Track]) -> int:
+    def open(self, settings: dict[str, Any], versions: dict[str, str], chunk: int, tracks: Sequence[Course]) -> int:
         """Make the folder, or make sure that one which is there is of the same rollout.
 
         Args:
           settings: of the rollout, as JSON has them.
           versions: that drive it.
           chunk: worlds in a chunk, of a new folder.
-          tracks: the circuits.
+          tracks: the courses.
 
         Returns:
           Worlds in a chunk of this folder.
@@ -107,8 +107,10 @@ class FolderStore:
                     f"{self.folder}: is not empty; accepted: a new or empty folder, or one of the same rollout"
                 )
             (self.folder / _CHUNKS).mkdir(parents=True, exist_ok=True)
-            lines = {f"{i}_{line}": getattr(track, line) for i, track in enumerate(tracks) for line in _LINES}
-            _write_arrays(self.folder / _TRACKS, lines)
+            numbers = {
+                f"{i}_{name}": array for i, track in enumerate(tracks) for name, array in track.definition.items()
+            }
+            _write_arrays(self.folder / _TRACKS, numbers)
             digest = hashlib.sha256(json.dumps([settings, versions], sort_keys=True).encode()).hexdigest()
             manifest = {"schema": SCHEMA, "settings": settings, "versions": versions, "chunk": chunk, "sha256": digest}
             write_file(self.folder / _MANIFEST, lambda file: file.write(_json(manifest)))
@@ -129,18 +131,21 @@ class FolderStore:
                 raise ValueError(f"no JSON object with schema {SCHEMA}")
             return manifest
 
-    def tracks(self) -> tuple[Track, ...]:
-        """Return the circuits.
+    def tracks(self) -> tuple[Course, ...]:
+        """Return the courses.
 
         Raises:
           RunFolderError: the file is missing or damaged.
+          TrackError: a course of a user's own class is not to be had any more.
         """
         names = [track["name"] for track in self.manifest()["settings"]["tracks"]]
         path = self.folder / _TRACKS
         with blame(path, "as `rollout --out` wrote it"), np.load(path, allow_pickle=False) as arrays:
-            return tuple(
-                Track(name=name, **{line: arrays[f"{i}_{line}"] for line in _LINES}) for i, name in enumerate(names)
-            )
+            numbers: list[dict[str, NDArray[Any]]] = [{} for _ in names]
+            for key in arrays.files:
+                number, _, name = key.partition("_")
+                numbers[int(number)][name] = arrays[key]
+            return tuple(reload_course(*course) for course in zip(names, numbers, strict=True))
 
     def numbers(self) -> set[int]:
         """Return the numbers of the chunks that are kept."""

@@ -19,10 +19,8 @@ from threading import Lock
 import numpy as np
 from numpy.typing import NDArray
 
-from ...course.course import laps_to_drive
+from ...course.course import Course, laps_to_drive
 from ...course.obstacles import Obstacle
-from ...course.scene import Scene
-from ...course.track import Track
 from ...errors import SettingsError
 from ...messages import FloatArray
 from ...racing.planner_loading import build_controller, find_controller
@@ -33,7 +31,6 @@ from ...simulation.telemetry import statistics_figures
 from ...simulation.termination import END_REASONS
 from ...simulation.world import World
 from ...vehicle.changes import CarChanges
-from ...vehicle.vehicle import nominal_mu
 
 RECORDS = ("summary", "telemetry", "states")
 
@@ -105,7 +102,7 @@ def drive_worlds(
         if scenario.effects.motion_distortion:
             raise SettingsError("motion distortion of the LiDAR, in a batch; accepted: in `race` only")
     results = _Results(len(scenarios), record)
-    groups: dict[tuple[Track | Scene | str, tuple[Obstacle, ...], bool], list[int]] = {}
+    groups: dict[tuple[Course | str, tuple[Obstacle, ...], bool], list[int]] = {}
     for i, scenario in enumerate(scenarios):
         key = (scenario.track, scenario.obstacles, scenario.car.command_delay is not None)
         groups.setdefault(key, []).append(i)
@@ -150,7 +147,7 @@ def make_engine(
     kind = find_controller(controller)  # once: what is in a file becomes a new class each time
     planners = []
     for scenario, car in zip(scenarios, engine.cars, strict=True):
-        believed_mu = nominal_mu() if scenario.planner_mu is None else float(scenario.planner_mu)
+        believed_mu = world.vehicle.nominal_mu if scenario.planner_mu is None else float(scenario.planner_mu)
         planner = build_controller(
             kind, controller, car=car.parameters, mu=believed_mu, max_speed=scenario.max_speed,
             settings=scenario.planner, map_line=world.track.map_line,
@@ -169,7 +166,7 @@ _BUILDING = Lock()  # threads that want the same world build it once
 
 
 @lru_cache(maxsize=8)
-def _shared_world(track: Track | Scene | str, obstacles: tuple[Obstacle, ...], delayed: bool) -> World:
+def _shared_world(track: Course | str, obstacles: tuple[Obstacle, ...], delayed: bool) -> World:
     """Return a world to be read by any thread; a delay is one of 0 s, for each world's own to be put in its place."""
     return World(track, obstacles=obstacles, changes=CarChanges(command_delay=0.0) if delayed else None)
 

@@ -1,4 +1,4 @@
-"""What a browser shows of a live race, the world, the LiDAR's points, the goal and the trace; and from where."""
+"""The 3D scene of a live race in a browser: the world, the LiDAR's points, the goal, the trace, and the cameras."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ...course.scene import Scene
 from ...messages import FloatArray
 from ...simulation.physics import STATE
 from .session import LiveSession
@@ -53,9 +52,8 @@ class LiveScene:
         self._goal = scene.add_icosphere("/goal", radius=0.12, color=_GOAL)
         self._trace: Any = None
         course = session.world.track
-        if isinstance(course, Scene):
-            ends = course.position(course.length, (-0.6, 0.6))
-            line = np.column_stack((ends, [0.01, 0.01]))[np.newaxis]
+        if not course.closed:
+            line = np.column_stack((course.ground_lines[-1], [0.01, 0.01]))[np.newaxis]
             scene.add_line_segments("/finish", line.astype(np.float32), _GOAL, thickness=6.0, thickness_units="screen")
 
     def show(self) -> None:

@@ -20,18 +20,18 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from ...course.formats import load_track
 from ...course.lap_timer import LapTimer
 from ...course.random_obstacles import random_boxes
 from ...errors import FgMujocoError, SettingsError
+from ...lidar.beams import lidar_body
 from ...messages import DriveCommand, FloatArray, LaserScan, Odometry
 from ...racing.planner_choice import ControllerChoice
 from ...racing.planner_loading import make_controller
+from ...simulation.course_loading import default_car, load_track
 from ...simulation.physics import STATE
 from ...simulation.planner_adapter import plan, start
 from ...simulation.simulation import Simulation
 from ...simulation.world import LIDAR_PREFIX, World
-from ...vehicle.vehicle import nominal_mu
 from .hand_driver import HandDriver
 
 _TRACE_STEP = 0.2  # [m] from one point of the trace to the next
@@ -85,7 +85,9 @@ class LiveSession:
         self._source = choice.source
         self.planner_settings: dict[str, Any] = dict(choice.settings)
         self._course = load_track(self.settings.track)
-        self._obstacles = random_boxes(self._course, self.settings.obstacles, self.settings.obstacle_seed)
+        self._obstacles = random_boxes(
+            self._course, self.settings.obstacles, self.settings.obstacle_seed, car=default_car()
+        )
         self.world = World(self._course, mu=self.settings.mu, obstacles=self._obstacles)
         self.simulation = Simulation(self.world)
         self.laps = LapTimer(self.world.track)
@@ -199,7 +201,7 @@ class LiveSession:
         return None
 
     def _lidar_pose(self) -> tuple[FloatArray, FloatArray]:
-        body = self.world.model.body(f"{LIDAR_PREFIX}hokuyo").id
+        body = lidar_body(self.world.model, LIDAR_PREFIX)
         data = self.simulation.data
         return data.xpos[body].copy(), data.xmat[body].reshape(3, 3).copy()
 
@@ -249,7 +251,7 @@ class LiveSession:
         planner = make_controller(
             self._source,
             car=self.world.parameters,
-            mu=nominal_mu() if shared.planner_mu is None else shared.planner_mu,
+            mu=self.world.vehicle.nominal_mu if shared.planner_mu is None else shared.planner_mu,
             max_speed=shared.max_speed,
             settings=settings,
             map_line=self.world.track.map_line,

@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import SettingsError
+from ...lidar.beams import lidar_body
 from ...messages import FloatArray
 from ...racing.result import RaceResult
 from ...racing.run_folder import Run
 from ...simulation.world import CAR_PREFIX, LIDAR_PREFIX
-from ...vehicle.vehicle import car_parameters
+from ...vehicle.car import car_parameters
 from .cameras import Moment, View, find_camera
 from .colours import STAGES
 from .drive import Drive, Player, read_drive
@@ -73,7 +74,7 @@ class Film:
         self._player = Player(self.drive, self.renderer)
         self._car = car_parameters(self.renderer.model, CAR_PREFIX)
         self._forces = TireForceMeter(self.renderer.model)
-        self._lidar = self.renderer.model.body(f"{LIDAR_PREFIX}hokuyo").id
+        self._lidar = lidar_body(self.renderer.model, LIDAR_PREFIX)
         self._eye = PlannerEye(self.drive) if self.overlays.beams else None
         self.note = self._eye.missing if self._eye is not None else ""
 

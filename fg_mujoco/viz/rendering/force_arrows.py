@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...messages import FloatArray
 from ...simulation.world import CAR_PREFIX
-from ...vehicle.vehicle import WHEELS, element_id
+from ...vehicle.car import WHEELS, element_id
 from .cameras import View
 from .colours import friction_colour
 from .decor import disc, ring

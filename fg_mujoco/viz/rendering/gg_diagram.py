@@ -17,8 +17,8 @@ from ...racing.result import RaceResult
 from ...racing.run_folder import Run
 from ...simulation.physics import STATE
 from ...simulation.world import CAR_PREFIX
+from ...vehicle.car import Car
 from ...vehicle.tire_slip import SLIDING_SPEED
-from ...vehicle.vehicle import Car
 from ..plots import require_matplotlib
 from .drive import Drive, read_drive
 

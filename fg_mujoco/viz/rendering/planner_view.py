@@ -16,17 +16,18 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from ...course.formats import load_track
 from ...errors import FgMujocoError, TrackError
+from ...lidar.beams import lidar_body
 from ...lidar.effects import LidarEffects
 from ...lidar.lidar import make_lidar
 from ...messages import FloatArray, LaserScan
 from ...racing.planner_loading import make_controller
 from ...racing.resimulation import resimulate
+from ...simulation.course_loading import load_track
 from ...simulation.physics import STATE
 from ...simulation.planner_adapter import start
 from ...simulation.world import CAR_PREFIX, LIDAR_PREFIX, World
-from ...vehicle.vehicle import Car
+from ...vehicle.car import Car
 from .drive import Drive
 
 
@@ -70,7 +71,7 @@ class PlannerEye:
         self._data = mujoco.MjData(model)
         self._car = Car(model, CAR_PREFIX)
         self._lidar = make_lidar("raycast", model, LIDAR_PREFIX)
-        self._lidar_body = model.body(f"{LIDAR_PREFIX}hokuyo").id
+        self._lidar_body = lidar_body(model, LIDAR_PREFIX)
         self._effects = LidarEffects(**drive.summary.get("lidar_effects", {}))
         self._scans: list[LaserScan] = []
         self.missing = ""

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ...errors import SettingsError
 from ...messages import FloatArray
 from ...simulation.world import CAR_PREFIX, World
-from ...vehicle.vehicle import element_id
+from ...vehicle.car import element_id
 from .cameras import Camera, Moment, View, find_camera
 from .gl import open_context
 from .presets import find_quality

@@ -1,4 +1,4 @@
-"""A world as it is to be seen: the car of models/f1tenth_look.xml, painted walls, road, start line, sky and daylight.
+"""A world as it is to be seen: the car's look, painted walls, road, start line, sky and daylight.
 
 It is a second model, compiled for pictures from the very scene.xml of a world: the bodies, joints and actuators are
 those of the first, so it takes its states. What is only to be seen stays out of the model that is raced, which so
@@ -23,7 +23,7 @@ from .textures import asphalt, chequers, hall_floor, wall_face, wall_top
 LOOK_PREFIX = "look/"
 """Of the names of what is added for pictures."""
 
-_CAR_GROUP = 2  # of the plain shapes of models/f1tenth.xml
+_CAR_GROUP = 2  # of the plain shapes of a vehicle
 _LINE_WIDTH, _LINE_FIELD = 0.30, 0.10  # [m]
 _FLOOR_BELOW, _LINE_ABOVE = -0.012, 0.0015  # [m] so that surfaces do not fight for a pixel
 _SUN = (-0.42, 0.30, -1.0)  # where its light goes
@@ -60,15 +60,26 @@ def _state_size(model: mujoco.MjModel) -> int:
 
 
 def _dress_car(spec: Any) -> None:
-    """Put the look's frames on the bodies of their names, in place of the plain shapes there."""
+    """Put the frames of the vehicle's look on the bodies of their names, in place of the plain shapes there."""
+    look = _load_look(spec)
+    if look is None:
+        return
     for geom in [geom for geom in spec.geoms if geom.name.startswith(CAR_PREFIX) and geom.group == _CAR_GROUP]:
         spec.delete(geom)
-    with as_file(files("fg_mujoco.models")) as folder:
-        look = mujoco.MjSpec.from_file(str(folder / "f1tenth_look.xml"))
     for frame in list(look.frames):
         body = spec.body(CAR_PREFIX + frame.name) or spec.body(LIDAR_PREFIX + frame.name)
         if frame.name and body is not None:
             body.attach_frame(frame, LOOK_PREFIX, "")
+
+
+def _load_look(spec: Any) -> Any:
+    """Return the look that a world's car names; None where it names none, or one that is not on this machine."""
+    text = spec.text(f"{CAR_PREFIX}look")
+    if text is None:
+        return None
+    with as_file(files("fg_mujoco.models")) as folder:  # a bundled name, or an absolute path
+        path = folder / text.data
+        return mujoco.MjSpec.from_file(str(path)) if path.is_file() else None
 
 
 def _dress_course(spec: Any, start: tuple[float, float] | None) -> None:

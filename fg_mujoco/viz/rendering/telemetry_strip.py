@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from ...errors import MissingExtraError
 from ...messages import CarParameters
 from ...simulation.telemetry import TELEMETRY
+from ...vehicle.car import WHEELS
 from ...vehicle.tire_slip import SLIDING_SPEED
-from ...vehicle.vehicle import WHEELS
 from .colours import STAGES, friction_colour
 from .drive import Drive
 

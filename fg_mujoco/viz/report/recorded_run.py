@@ -16,7 +16,7 @@ from ...racing.result import RaceResult
 from ...racing.run_folder import Run, read_run, summary_json
 from ...simulation.telemetry import TELEMETRY
 from ...simulation.world import CAR_PREFIX
-from ...vehicle.vehicle import car_parameters
+from ...vehicle.car import car_parameters
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

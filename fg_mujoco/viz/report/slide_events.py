@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...messages import FloatArray
+from ...vehicle.car import WHEELS
 from ...vehicle.tire_slip import SLIDING_SPEED
-from ...vehicle.vehicle import WHEELS
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...messages import CarParameters, FloatArray
-from ...vehicle.vehicle import WHEELS
+from ...vehicle.car import WHEELS
 from .recorded_run import RecordedRun
 
 SPEED_FAR_ABOVE = 99.0

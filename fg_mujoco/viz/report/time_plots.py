@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...messages import FloatArray
+from ...vehicle.car import WHEELS
 from ...vehicle.tire_slip import SLIDING_SPEED
-from ...vehicle.vehicle import WHEELS
 from .plot_style import ALERT, CAR, COMMAND, LAW, TIRE_COLOURS, new_figure, put_legend_above
 
 if TYPE_CHECKING:

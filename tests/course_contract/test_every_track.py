@@ -8,18 +8,19 @@ import numpy as np
 import pytest
 from track_oracles import distances_to_line, inside_prisms, ray_distances, room_beside, winding
 
-from fg_mujoco.course.formats import load_track, read_centreline, track_names, write_centreline
+from fg_mujoco.course.centreline_csv import read_centreline, write_centreline
+from fg_mujoco.course.formats import track_names
 from fg_mujoco.course.lap_timer import LapTimer
 from fg_mujoco.course.polyline import self_crossings
 from fg_mujoco.course.track_mesh import wall_mesh, wall_prisms
 from fg_mujoco.course.track_walls import WALL_TOLERANCE
+from fg_mujoco.simulation.course_loading import default_car, load_track
 
 DATA = Path(__file__).resolve().parent.joinpath("../../../shared/data").resolve()
 REAL = (
     *(f"maps/{name}" for name in ("aut", "esp", "gbr", "mco")),
     *(f"circuits/{name}" for name in ("Spielberg", "Monza", "Zandvoort")),
 )
-CAR_WIDTH = 0.31  # [m] models/f1tenth.xml
 
 # The widths of real circuits jump from point to point: there the room square to the line is off by what the corner
 # between two offset segments moves.
@@ -33,8 +34,10 @@ def track(request):
         path = DATA / f"{name}_centerline.csv"
         if not path.exists():
             pytest.skip(f"no {path}: the real circuits are read from the folder {DATA}")
-        return load_track(path, minimum_width=CAR_WIDTH)
-    return load_track(name, minimum_width=CAR_WIDTH)
+        name = path
+    track = load_track(name)
+    track.check_car(default_car())
+    return track
 
 
 @pytest.fixture

@@ -1,10 +1,11 @@
-"""The scan drawn as a picture, against single MuJoCo rays: nasty places to stand, any fan of beams, many worlds."""
+"""The scan drawn as a picture, against single MuJoCo rays: nasty places to stand, any scanline, many worlds."""
 
 from __future__ import annotations
 
 import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import mujoco
@@ -13,6 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lidar_worlds import (
+    EYE,
     GEOM,
     PREFIX,
     RIG,
@@ -27,14 +29,15 @@ from lidar_worlds import (
 )
 
 from fg_mujoco.lidar import lidar as lidar_module
+from fg_mujoco.lidar.beams import Beams, LidarModel
 from fg_mujoco.lidar.body_poses import mounted_pose
-from fg_mujoco.lidar.clusters import BLOCK_TRIANGLES, make_blocks
-from fg_mujoco.lidar.lidar import Beams, RaycastLidar, lidar_spec, load_beams
-from fg_mujoco.lidar.scanline import FanScene, scan, scan_worlds
-from fg_mujoco.lidar.visible_surfaces import is_fan
+from fg_mujoco.lidar.clusters import CLUSTER_TRIANGLES, make_clusters
+from fg_mujoco.lidar.lidar import RaycastLidar, lidar_spec
+from fg_mujoco.lidar.scanline import scan
+from fg_mujoco.lidar.scene import ScanlineScene, is_scanline
 from fg_mujoco.simulation.world import World
 
-INCREMENT = load_beams().angle_increment
+INCREMENT = LidarModel.load().beams.angle_increment
 
 
 def scanner(spec: Any) -> Any:
@@ -97,13 +100,13 @@ def test_random_convex_pieces_are_seen_as_mujoco_sees_them(pieces: Any, position
     [(-math.pi, 1440, math.tau / 1440), (-3.0, 600, 0.01), (-0.4, 91, 0.01), (0.5, 40, 0.03), (-3.1, 2, 0.2)],
     ids=["all round", "nearly all round", "narrow", "left only", "two beams"],
 )
-def test_any_fan_of_beams_sees_what_mujoco_sees(first: float, count: int, increment: float, seed: int) -> None:
-    beams = fan_of(first + increment * np.arange(count))
-    assert is_fan(beams)
+def test_any_scanline_sees_what_mujoco_sees(first: float, count: int, increment: float, seed: int) -> None:
+    beams = beams_at(first + increment * np.arange(count))
+    assert is_scanline(beams)
     model = random_spec(np.random.default_rng(seed)).compile()
     data = mujoco.MjData(model)
     rng = np.random.default_rng(seed)
-    scene = FanScene(model, beams, model.body(PREFIX + "hokuyo").id)
+    scene = ScanlineScene(model, beams, model.body(EYE).id)
     scratch, readings = scene.scratch(), np.empty(count)
     for position, rotation in zip(*random_poses(rng, 20), strict=True):
         put(model, data, position, rotation)
@@ -112,11 +115,11 @@ def test_any_fan_of_beams_sees_what_mujoco_sees(first: float, count: int, increm
         assert not disagreements(readings, mujoco_rays(model, data, beams), 1e-9).size
 
 
-def fan_of(bearings: Any) -> Beams:
+def beams_at(bearings: Any) -> Beams:
     directions = np.column_stack((np.cos(bearings), np.sin(bearings), 0.0 * bearings))
     steps = np.diff(bearings)
     return replace(
-        load_beams(),
+        LidarModel.load().beams,
         directions=directions,
         origins=0.0 * directions,
         bearings=bearings,
@@ -157,7 +160,7 @@ def test_planes_on_mocap_bodies_and_free_bodies_are_followed_in_the_present_stat
         mujoco.mj_kinematics(model, oracle_data)
         oracle = mujoco_rays(model, oracle_data, lidar.beams)
         assert not disagreements(lidar.ranges(data), oracle, 1e-9).size
-        position, rotation = oracle_data.body(PREFIX + "hokuyo").xpos, oracle_data.body(PREFIX + "hokuyo").xmat
+        position, rotation = oracle_data.body(EYE).xpos, oracle_data.body(EYE).xmat
         cast = lidar.cast(data, np.tile(position, (1081, 1)), lidar.beams.directions @ rotation.reshape(3, 3).T)
         assert disagreements(cast, oracle, 1e-9).size <= 1
         returns += np.isfinite(oracle).sum()
@@ -221,7 +224,7 @@ def test_on_the_ground_the_beams_that_point_down_read_closer_than_range_min(pitc
 def test_no_beam_leaks_through_a_vertex_or_along_a_row_of_them(diagonals: int, height: float) -> None:
     """A ring of three rows of vertices, each straight ahead of a beam; two of the heights are those of a row."""
     count, radius = 1440, 10.0
-    around = radius * np.exp(1j * (load_beams().bearings[0] + np.arange(count) * INCREMENT))
+    around = radius * np.exp(1j * (LidarModel.load().beams.bearings[0] + np.arange(count) * INCREMENT))
     rows = [np.column_stack((around.real, around.imag, np.full(count, z))) for z in (0.0, 0.1, 0.2, 0.3)]
     index, following = np.arange(count), (np.arange(count) + 1) % count
     faces = []
@@ -369,20 +372,20 @@ def test_order_of_the_geoms_does_not_matter_to_the_bit() -> None:
     assert returns > 10000
 
 
-def test_blocks_hold_each_triangle_once_and_its_edges_whatever_the_order() -> None:
+def test_clusters_hold_each_triangle_once_and_its_edges_whatever_the_order() -> None:
     rng = np.random.default_rng(7)
     vertices, triangles, _ = curvy_walls(rng, n=150)
-    blocks = make_blocks(vertices, triangles)
+    clusters = make_clusters(vertices, triangles)
     renamed, shuffled = rng.permutation(len(vertices)), rng.permutation(len(triangles))
-    again = make_blocks(vertices[np.argsort(renamed)], renamed[np.roll(triangles, 1, axis=1)][shuffled])
-    assert np.array_equal(blocks.edges, again.edges)
-    starts, ends = blocks.edges.T[:, :3].tolist(), blocks.edges.T[:, 3:].tolist()
-    assert all(start <= end for start, end in zip(starts, ends, strict=True))  # the same way round in all blocks
+    again = make_clusters(vertices[np.argsort(renamed)], renamed[np.roll(triangles, 1, axis=1)][shuffled])
+    assert np.array_equal(clusters.edges, again.edges)
+    starts, ends = clusters.edges.T[:, :3].tolist(), clusters.edges.T[:, 3:].tolist()
+    assert all(start <= end for start, end in zip(starts, ends, strict=True))  # the same way round in all clusters
     centres = []
-    for box, (first_edge, behind_edge, first, behind) in zip(blocks.boxes.T, blocks.spans, strict=True):
-        assert 0 < behind - first <= BLOCK_TRIANGLES
-        ends = blocks.edges[:, first_edge:behind_edge].reshape(2, 3, -1)
-        of_triangle = ends[:, :, blocks.triangles[first:behind]]  # (end, axis, triangle, edge)
+    for box, (first_edge, behind_edge, first, behind) in zip(clusters.boxes.T, clusters.spans, strict=True):
+        assert 0 < behind - first <= CLUSTER_TRIANGLES
+        ends = clusters.edges[:, first_edge:behind_edge].reshape(2, 3, -1)
+        of_triangle = ends[:, :, clusters.triangles[first:behind]]  # (end, axis, triangle, edge)
         assert (np.abs(of_triangle - box[:3, None, None]) <= box[3:6, None, None] + 1e-12).all()
         centres.append(of_triangle.mean(axis=(0, 3)).T)  # each corner ends two of the edges
     expected = vertices[triangles].mean(axis=1)
@@ -398,11 +401,10 @@ def test_many_worlds_are_scanned_as_each_alone_by_any_thread() -> None:
     positions, rotations = random_poses(rng, count)
     moving_positions = rng.uniform(-5, 5, (count, moving, 3))
     moving_rotations = np.stack([random_poses(rng, moving)[1] for _ in range(count)])
-    running = rng.random(count) < 0.7
-    together = np.full((count, 1081), 7.0)
     poses = positions, rotations, moving_positions, moving_rotations
-    scan_worlds(scene.arrays, *poses, running, scene.scratch(), together)
-    assert (together[~running] == 7.0).all()
+    together, scratch = np.empty((count, 1081)), scene.scratch()  # what one scan leaves in it is nothing to the next
+    for world in range(count):
+        scan(scene.arrays, *(part[world] for part in poses), scratch, together[world])
 
     def alone(world: int) -> Any:
         readings = np.empty(1081)
@@ -411,7 +413,7 @@ def test_many_worlds_are_scanned_as_each_alone_by_any_thread() -> None:
 
     with ThreadPoolExecutor(4) as pool:
         singles = np.array(list(pool.map(alone, range(count))))
-    assert np.array_equal(together[running], singles[running])
+    assert np.array_equal(together, singles)
     assert np.isfinite(singles).mean() > 0.2
 
 
@@ -452,7 +454,7 @@ def test_scan_of_a_car_is_that_of_the_present_state_without_mj_kinematics() -> N
     mujoco.mj_kinematics(world.model, data)
     assert np.linalg.norm(data.xpos[lidar.body] - stale) > 0.01  # type: ignore[attr-defined]
     assert np.array_equal(readings, lidar.ranges(data))
-    assert not disagreements(readings, mujoco_rays(world.model, data, lidar.beams, "car/lidar/hokuyo"), 1e-9).size
+    assert not disagreements(readings, mujoco_rays(world.model, data, lidar.beams, "car/" + EYE), 1e-9).size
 
 
 def test_lidar_on_a_hinge_is_followed_by_mj_kinematics() -> None:
@@ -470,11 +472,11 @@ def test_lidar_on_a_hinge_is_followed_by_mj_kinematics() -> None:
         assert not disagreements(lidar.ranges(data), mujoco_rays(model, data, lidar.beams), 1e-9).size
 
 
-# --- beams that are no fan ---
+# --- beams that are no scanline ---
 
 
-def no_fans() -> dict[str, Beams]:
-    beams = load_beams()
+def other_beams() -> dict[str, Beams]:
+    beams = LidarModel.load().beams
     up = beams.directions + np.array([0.0, 0.0, 0.1])
     ring = 0.05 * np.column_stack((np.cos(beams.bearings), np.sin(beams.bearings), 0.0 * beams.bearings))
     return {
@@ -483,15 +485,15 @@ def no_fans() -> dict[str, Beams]:
     }
 
 
-@pytest.mark.parametrize("kind", no_fans())
-def test_beams_that_are_no_fan_are_cast_one_by_one(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    beams = no_fans()[kind]
-    assert not is_fan(beams)
-    monkeypatch.setattr(lidar_module, "load_beams", lambda: beams)
+@pytest.mark.parametrize("kind", other_beams())
+def test_beams_that_are_no_scanline_are_cast_one_by_one(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    beams = other_beams()[kind]
+    assert not is_scanline(beams)
+    monkeypatch.setattr(lidar_module, "lidar_of", lambda *model: SimpleNamespace(beams=beams))
     model, data, lidar = scanner(random_spec(np.random.default_rng(2)))
     place(model, data, (1.0, 0.5, 0.2), pitch=0.05, yaw=1.0)
-    origins = data.body(PREFIX + "hokuyo").xpos + beams.origins @ data.body(PREFIX + "hokuyo").xmat.reshape(3, 3).T
-    directions = beams.directions @ data.body(PREFIX + "hokuyo").xmat.reshape(3, 3).T
+    origins = data.body(EYE).xpos + beams.origins @ data.body(EYE).xmat.reshape(3, 3).T
+    directions = beams.directions @ data.body(EYE).xmat.reshape(3, 3).T
     geom = np.zeros(1, np.int32)
     oracle = np.array(
         [
@@ -503,9 +505,9 @@ def test_beams_that_are_no_fan_are_cast_one_by_one(kind: str, monkeypatch: pytes
     assert disagreements(lidar.ranges(data), beams.readings(oracle), 1e-9).size <= 1
 
 
-def test_beams_that_are_not_evenly_spaced_are_no_fan() -> None:
-    assert not is_fan(fan_of(np.array([-1.0, 0.0, 0.5])))
-    assert is_fan(load_beams())
+def test_beams_that_are_not_evenly_spaced_are_no_scanline() -> None:
+    assert not is_scanline(beams_at(np.array([-1.0, 0.0, 0.5])))
+    assert is_scanline(LidarModel.load().beams)
 
 
 def test_embree_builds_nothing_before_it_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:

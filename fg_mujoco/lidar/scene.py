@@ -1,65 +1,63 @@
-"""The visible surfaces of a model as flat arrays, prepared for the beams of one LiDAR: what `fan_caster` draws."""
+"""The visible surfaces of a model as flat arrays, prepared for the beams of one LiDAR: what `scanline.scan` draws."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..messages import FloatArray
-from .clusters import make_blocks
+from .beams import Beams
+from .clusters import make_clusters
 from .surfaces import Plane, visible_surfaces
 
-if TYPE_CHECKING:
-    from .lidar import Beams
-
-BINS = 64  # of distance, into which a scan sorts the blocks
+BINS = 64  # of distance, into which a scan sorts the clusters
 NO_END = 1e300  # [m] half-size of a plane without end
-_LEAST_STEP = 1e-4  # [rad] between beams, so that fan_culling.bearing tells which two a point is between
+_LEAST_STEP = 1e-4  # [rad] between beams, so that culling.bearing tells which two a point is between
 _IN_PLANE = 1e-12  # of directions [-] and origins [m]
 
 
-class Fan(NamedTuple):
+class SceneArrays(NamedTuple):
     """What a scan reads: one LiDAR's beams and the surfaces of one model. Read-only; all worlds of a model share it.
 
-    Frame 0 is the world's, the others are those of FanScene.moving. Blocks and planes lie frame after frame.
+    Frame 0 is the world's, the others are those of ScanlineScene.moving. Clusters and planes lie frame after frame.
     """
 
     beams: FloatArray  # (2, n) cosine and sine of each beam's bearing
     limits: FloatArray  # (4,) angle_min [rad], angle_increment [rad], range_min [m], range_max [m]
-    edges: FloatArray  # (6, e) [m] as in fan_blocks.Blocks, and so the next three
+    edges: FloatArray  # (6, e) [m] as in clusters.Clusters, and so the next three
     triangles: NDArray[np.uint16]  # (t, 3)
     boxes: FloatArray  # (7, b) [m]
     spans: NDArray[np.int32]  # (b, 5) the fifth is the frame
     planes: FloatArray  # (p, 14) position, rotation row by row, half-sizes [m]
-    frames: NDArray[np.int32]  # (f, 4) first block, behind the last block, first plane, behind the last plane
+    frames: NDArray[np.int32]  # (f, 4) first cluster, behind the last cluster, first plane, behind the last plane
 
 
 class Scratch(NamedTuple):
     """What a scan writes to besides its result: one for each thread."""
 
-    cuts: FloatArray  # (2, k) [m] where the fan cuts each edge of a block, in the LiDAR's frame
+    cuts: FloatArray  # (2, k) [m] where the scan plane cuts each edge of a cluster, in the LiDAR's frame
     columns: NDArray[np.int32]  # (k,) the first beam at or to the left of each cut
-    nearest: FloatArray  # (b,) [m] to the box around each block
-    views: NDArray[np.int32]  # (3, b) first beam and the one behind the last that may meet each block; blocks in order
-    bins: NDArray[np.int32]  # (BINS + 1,) how many blocks lie nearer than each bin
+    nearest: FloatArray  # (b,) [m] to the box around each cluster
+    views: NDArray[np.int32]  # (3, b) of each cluster, first beam and the one behind the last that may meet it; order
+    bins: NDArray[np.int32]  # (BINS + 1,) how many clusters lie nearer than each bin
     poses: FloatArray  # (f, 12) of the LiDAR in each frame: position [m], then the rotation into the LiDAR's frame
 
 
-class FanScene:
+class ScanlineScene:
     """The visible surfaces of a model, prepared for the beams of one LiDAR.
 
     Static geoms are taken where the model has them now; what moves, mocap bodies included, is followed.
 
     Args:
       model: the compiled mujoco.MjModel.
-      beams: must be a fan, as `is_fan` says.
+      beams: must be a scanline, as `is_scanline` says.
       carrier: id of the body that the beams start from; no geom of its kinematic tree is seen.
 
     Attributes:
-      arrays: what `fan_caster.scan` reads.
+      arrays: what `scanline.scan` reads.
       moving: ids of the bodies whose poses it wants, in this order.
 
     Raises:
@@ -69,21 +67,21 @@ class FanScene:
     def __init__(self, model: Any, beams: Beams, carrier: int) -> None:
         surfaces = visible_surfaces(model, carrier)
         self.moving = tuple(part.body for part in surfaces[1:])
-        blocks = [make_blocks(part.vertices, part.triangles) for part in surfaces]
+        clusters = [make_clusters(part.vertices, part.triangles) for part in surfaces]
         planes = [_plane_row(plane) for part in surfaces for plane in part.planes]
         spans, frames = [], []
-        edge = triangle = block = plane = 0
-        for frame, (part, own) in enumerate(zip(surfaces, blocks, strict=True)):
+        edge = triangle = cluster = plane = 0
+        for frame, (part, own) in enumerate(zip(surfaces, clusters, strict=True)):
             spans.append(np.insert(own.spans + np.array((edge, edge, triangle, triangle)), 4, frame, axis=1))
-            frames.append((block, block + len(own.spans), plane, plane + len(part.planes)))
+            frames.append((cluster, cluster + len(own.spans), plane, plane + len(part.planes)))
             edge, triangle = edge + own.edges.shape[1], triangle + len(own.triangles)
-            block, plane = block + len(own.spans), plane + len(part.planes)
-        self.arrays = Fan(
+            cluster, plane = cluster + len(own.spans), plane + len(part.planes)
+        self.arrays = SceneArrays(
             beams=_fixed(beams.directions[:, :2].T),
             limits=_fixed([beams.angle_min, beams.angle_increment, beams.range_min, beams.range_max]),
-            edges=_fixed(np.concatenate([own.edges for own in blocks], axis=1)),
-            triangles=_fixed(np.concatenate([own.triangles for own in blocks]), np.uint16),
-            boxes=_fixed(np.concatenate([own.boxes for own in blocks], axis=1)),
+            edges=_fixed(np.concatenate([own.edges for own in clusters], axis=1)),
+            triangles=_fixed(np.concatenate([own.triangles for own in clusters]), np.uint16),
+            boxes=_fixed(np.concatenate([own.boxes for own in clusters], axis=1)),
             spans=_fixed(np.concatenate(spans), np.int32),
             planes=_fixed(np.reshape(planes, (-1, 14))),
             frames=_fixed(frames, np.int32),
@@ -103,7 +101,7 @@ class FanScene:
         )
 
 
-def is_fan(beams: Beams) -> bool:
+def is_scanline(beams: Beams) -> bool:
     """Say whether all beams leave the LiDAR's origin in its x-y plane, evenly spaced to the left, within one turn."""
     even = beams.angle_min + beams.angle_increment * np.arange(len(beams.bearings))
     return bool(

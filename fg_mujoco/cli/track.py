@@ -1,0 +1,93 @@
+"""The commands `fg-mujoco track`: make, show, list and export courses."""
+
+from __future__ import annotations
+
+import argparse
+import io
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ..course.centreline_csv import write_centreline
+from ..course.course import describe_course
+from ..course.formats import track_names
+from ..course.maps.export import RESOLUTION, SUFFIXES, export_track, exported_files, require_track
+from ..course.scenes.catalogue import describe_scene, scene_names
+from ..errors import SettingsError
+from ..simulation.course_loading import load_track
+from ..viz.plots import track_picture
+from .options import number
+
+_DONE = 0
+
+
+def add_track(add: Callable[..., argparse.ArgumentParser], commands: Any) -> None:
+    """Add the commands; `add` makes a command."""
+    tracks = commands.add_parser("track", help="make, show and list tracks").add_subparsers(
+        title="commands", required=True
+    )
+    command = add(tracks, "new", _new, "write a random circuit as a centreline CSV")
+    command.add_argument("--seed", required=True, help="the same seed gives the same circuit")
+    command.add_argument("--force", action="store_true", help="replace the file if it exists")
+    command.add_argument("path", metavar="FILE.csv", type=Path)
+
+    command = add(tracks, "show", _show, "draw a track or a scene as a PNG")
+    command.add_argument("track", metavar="TRACK", help="NAME, random:SEED, scene:NAME:SEED, file.csv or map.yaml")
+    command.add_argument("--out", metavar="FILE.png", type=Path, help="default: NAME.png here")
+
+    add(tracks, "list", _list, "list the bundled tracks")
+    add(tracks, "scenes", _scenes, "list the scenes")
+
+    command = add(tracks, "export", _export, "write a track as a map, a centreline CSV or a mesh of its walls")
+    command.add_argument("track", metavar="TRACK", help="NAME, random:SEED, file.csv or map.yaml")
+    command.add_argument(
+        "files", metavar="FILE", nargs="+", type=Path, help=f"of each suffix what it says: {', '.join(SUFFIXES)}"
+    )
+    command.add_argument(
+        "--resolution", type=number, default=RESOLUTION, metavar="M", help=f"of a map's pixels; default: {RESOLUTION}"
+    )
+    command.add_argument("--force", action="store_true", help="replace files that exist")
+
+
+def _new(options: argparse.Namespace) -> int:
+    if options.path.exists() and not options.force:
+        raise SettingsError(f"{options.path}: exists; accepted: a new file, or --force to replace it")
+    track = require_track(load_track(f"random:{options.seed}"))
+    write_centreline(track, options.path, [f"made by: fg-mujoco track new --seed {options.seed}"])
+    print(f"{options.path}: {describe_course(track)}")
+    return _DONE
+
+
+def _show(options: argparse.Namespace) -> int:
+    track = load_track(options.track)
+    path = options.out or Path(f"{track.name.replace(':', '_')}.png")
+    if path.suffix.lower() != ".png":
+        raise SettingsError(f"{path}: is no name for a picture; accepted: one that ends in .png")
+    picture = io.BytesIO()
+    track_picture(track, picture)
+    try:
+        path.write_bytes(picture.getvalue())
+    except OSError as error:
+        raise SettingsError(f"{path}: cannot be written: {error.strerror or error}") from error
+    print(f"{path}: {describe_course(track)}")
+    return _DONE
+
+
+def _list(options: argparse.Namespace) -> int:
+    print("\n".join(describe_course(load_track(name)) for name in track_names()))
+    return _DONE
+
+
+def _scenes(options: argparse.Namespace) -> int:
+    print("\n".join(map(describe_scene, scene_names())))
+    return _DONE
+
+
+def _export(options: argparse.Namespace) -> int:
+    for file in (file for path in options.files for file in exported_files(path)):
+        if file.exists() and not options.force:
+            raise SettingsError(f"{file}: exists; accepted: a new file, or --force to replace it")
+    track = require_track(load_track(options.track))
+    for path in options.files:
+        print(*export_track(track, path, resolution=options.resolution), sep="\n")
+    return _DONE

@@ -1,0 +1,59 @@
+"""A course and its definition: all numbers that make it what it is, their hash, and the course made of them again."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..errors import TrackError
+from ..messages import FloatArray
+from .course import Course
+from .maps.map_track import ISLAND, MapTrack
+from .moving_obstacles import MovingObstacle
+from .obstacles import solids_of
+from .scene import Scene
+from .track import Track
+
+_TRACK = ("centreline", "width_right", "width_left")
+_WALLS = ("wall_right", "wall_left")
+_SCENE = ("way", "rules", "walls", "obstacles", "moving")
+
+
+def course_sha256(course: Course) -> str:
+    """Return the hash of all that makes a course what it is."""
+    return definition_sha256(course.definition)
+
+
+def definition_sha256(definition: Mapping[str, FloatArray]) -> str:
+    """Return the hash of the numbers of a definition, in their order."""
+    digest = hashlib.sha256()
+    for numbers in definition.values():
+        digest.update(np.ascontiguousarray(numbers, "<f8").tobytes())
+    return digest.hexdigest()
+
+
+def course_of(name: str, definition: Mapping[str, FloatArray]) -> Course:
+    """Return the Track, MapTrack or Scene of a name whose `definition` these numbers are.
+
+    Raises:
+      TrackError: the numbers are those of a course of another class.
+    """
+    islands = sorted((key for key in definition if key.startswith(ISLAND)), key=lambda key: int(key[len(ISLAND) :]))
+    names = tuple(key for key in definition if key not in islands)
+    if names == _TRACK:
+        return Track(name=name, **definition)
+    if names == _TRACK + _WALLS:
+        lines = {key: definition[key] for key in names}
+        return MapTrack(name=name, **lines, outlines=tuple(definition[key] for key in islands))
+    if names == _SCENE:
+        start, goal, time_limit, goal_is_to_stop = definition["rules"].tolist()
+        return Scene(
+            name=name, way=definition["way"], start=start, goal=goal, time_limit=time_limit,
+            goal_is_to_stop=bool(goal_is_to_stop), walls=solids_of(definition["walls"]),
+            obstacles=solids_of(definition["obstacles"]), moving=tuple(map(MovingObstacle.of, definition["moving"])),
+        )  # fmt: skip
+    raise TrackError(
+        f"course {name!r} is made of {', '.join(definition)}; accepted: what a Track or a Scene is made of"
+    )

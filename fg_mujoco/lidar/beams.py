@@ -1,0 +1,261 @@
+"""A LiDAR as its MJCF describes it: the body that carries it, and the beams that leave it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from ..errors import ModelError, SettingsError
+from ..messages import FloatArray, LaserScan, ScanGeometry, read_only
+
+DEFAULT_LIDAR = "hokuyo_ust10lx.xml"
+"""A file of models/: the LiDAR of a vehicle that names none."""
+NO_RETURN_READINGS = ("inf", "range_max")
+
+_FILE = "file"  # the name of the text by which a model says which LiDAR it holds
+_BEAMS = "beams"  # the name of the frame that holds the sites of the beams
+_TEXT_ROUNDING = 1e-5  # MJCF text keeps six digits: 2.5e-6 rad of a beam's direction
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Beams:
+    """The beams of a LiDAR, rightmost first, in the frame of its body: x ahead, y left, z up. Arrays are read-only."""
+
+    directions: FloatArray  # (n, 3) unit vectors
+    origins: FloatArray  # (n, 3) [m]
+    bearings: FloatArray  # (n,) [rad] from straight ahead, left positive
+    angle_min: float  # [rad]
+    angle_max: float  # [rad]
+    angle_increment: float  # [rad]
+    range_min: float  # [m]
+    range_max: float  # [m]
+    period: float  # [s] from one sweep to the next
+    time_increment: float  # [s] from one beam to the next
+
+    def __post_init__(self) -> None:
+        for name in ("directions", "origins", "bearings"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    def readings(self, distances: FloatArray) -> FloatArray:
+        """Return what the LiDAR reads at `distances` (n,) [m]: +inf from `range_max` on, -inf below `range_min`.
+
+        Source: REP 117.
+        """
+        readings = np.where(distances < self.range_max, distances, math.inf)
+        readings[distances < self.range_min] = -math.inf
+        return readings
+
+    @cached_property
+    def geometry(self) -> ScanGeometry:
+        """What all scans along these beams have in common."""
+        return ScanGeometry(
+            angle_min=self.angle_min,
+            angle_max=self.angle_max,
+            angle_increment=self.angle_increment,
+            range_min=self.range_min,
+            range_max=self.range_max,
+            scan_time=self.period,
+            bearings=self.to_scan(np.zeros(len(self.bearings)), 0.0).bearings,
+        )
+
+    def to_scan(self, ranges: FloatArray, stamp: float, *, no_return: str = "inf", swept: bool = False) -> LaserScan:
+        """Return the scan message of one sweep.
+
+        Args:
+          ranges: readings (n,) [m].
+          stamp: time of the last beam [s].
+          no_return: what a beam without a return reads, "inf" or "range_max".
+          swept: the beams were taken one after the other, not all at `stamp`.
+
+        Raises:
+          SettingsError: an unknown `no_return`.
+        """
+        if no_return not in NO_RETURN_READINGS:
+            raise SettingsError(f"no_return is {no_return!r}; accepted: {', '.join(NO_RETURN_READINGS)}")
+        if no_return == "range_max":
+            ranges = np.where(ranges == math.inf, self.range_max, ranges)
+        return LaserScan(
+            stamp=stamp,
+            angle_min=self.angle_min,
+            angle_max=self.angle_max,
+            angle_increment=self.angle_increment,
+            range_min=self.range_min,
+            range_max=self.range_max,
+            ranges=ranges,
+            time_increment=self.time_increment if swept else 0.0,
+            scan_time=self.period,
+            no_return=math.inf if no_return == "inf" else self.range_max,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class LidarModel:
+    """A LiDAR, as its MJCF describes it. Two are equal if file and text are.
+
+    `LidarModel.load` makes one from a file, and checks it. The MJCF has one body in the world, with a frame `beams`
+    that holds the site of each beam, rightmost first; a rangefinder on each site, whose `cutoff` is the greatest range
+    [m] and whose `interval` is the time between two sweeps [s]; and a number `range_min` [m].
+
+    Attributes:
+      file: a file of models/, or an absolute path.
+      text: the MJCF.
+    """
+
+    file: str
+    text: str = field(repr=False)
+
+    @classmethod
+    def load(cls, file: str = DEFAULT_LIDAR) -> LidarModel:
+        """Return a LiDAR, checked once for each file.
+
+        Args:
+          file: a file of models/, or the path of another.
+
+        Raises:
+          ModelError: a file that cannot be read, or that is not the MJCF of a LiDAR.
+        """
+        return _bundled(file) if Path(file).name == file else _read(file, Path(file))
+
+    @property
+    def body(self) -> str:
+        """Name of its body, whose origin the beams leave: x ahead, y left, z up."""
+        name: str = self._parsed.worldbody.bodies[0].name
+        return name
+
+    @cached_property
+    def beams(self) -> Beams:
+        """Its beams, read off the compiled model."""
+        model = self._model
+        directions = np.empty((model.nsensor, 3))
+        for direction, site in zip(directions, model.sensor_objid, strict=True):
+            mujoco.mju_rotVecQuat(direction, np.array([0.0, 0.0, 1.0]), model.site_quat[site])
+        bearings = np.arctan2(directions[:, 1], directions[:, 0])
+        increment = float(bearings[-1] - bearings[0]) / (model.nsensor - 1)
+        period = float(model.sensor_interval[0, 0])
+        return Beams(
+            directions=directions,
+            origins=model.site_pos[model.sensor_objid],
+            bearings=bearings,
+            angle_min=float(bearings[0]),
+            angle_max=float(bearings[-1]),
+            angle_increment=increment,
+            range_min=float(model.numeric("range_min").data[0]),
+            range_max=float(model.sensor_cutoff[0]),
+            period=period,
+            time_increment=period * increment / math.tau,  # the mirror turns once in a period
+        )
+
+    def spec(self, *, sensors: bool = True) -> Any:
+        """Return it as a new mujoco.MjSpec, to attach to a car. The spec names this file, for `lidar_of`.
+
+        Args:
+          sensors: with MuJoCo's sensors and their sites, as `rangefinder` needs. `raycast` needs none, and 1081 sites
+            cost 100 us a physics step.
+        """
+        spec = self._parsed.copy()
+        if not sensors:
+            spec.delete(spec.frame(_BEAMS))  # the sensors go with their sites
+        spec.add_text(name=_FILE, data=self.file)
+        return spec
+
+    def restore(self, model: Any, sites: Any) -> None:
+        """Give the sites of its beams in a model that went through MJCF text the digits that the text dropped.
+
+        Raises:
+          ModelError: they are elsewhere.
+        """
+        for name in ("site_pos", "site_quat"):
+            present, exact = getattr(model, name), getattr(self._model, name)[self._model.sensor_objid]
+            if np.abs(present[sites] - exact).max() > _TEXT_ROUNDING:
+                raise ModelError(f"{name} of the rangefinders is not that of LiDAR file {self.file}")
+            present[sites] = exact
+
+    @cached_property
+    def _parsed(self) -> Any:
+        return mujoco.MjSpec.from_string(self.text)
+
+    @cached_property
+    def _model(self) -> Any:
+        return self._parsed.copy().compile()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle without the caches."""
+        return _as_it_was, (self.file, self.text)
+
+
+def lidar_of(model: Any, prefix: str = "") -> LidarModel:
+    """Return the LiDAR that a compiled model holds under a prefix; one that names no file has the default one.
+
+    Raises:
+      ModelError: its file cannot be read.
+    """
+    text = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TEXT, prefix + _FILE)
+    if text < 0:
+        return LidarModel.load()
+    start, size = int(model.text_adr[text]), int(model.text_size[text])
+    return LidarModel.load(bytes(model.text_data[start : start + size - 1]).decode())
+
+
+def lidar_body(model: Any, prefix: str = "") -> int:
+    """Return the id of the body of the LiDAR that a compiled model holds under a prefix.
+
+    Raises:
+      ModelError: it holds none.
+    """
+    name = prefix + lidar_of(model, prefix).body
+    body: int = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
+    if body < 0:
+        raise ModelError(f"the model has no body {name!r}; accepted: a model with a LiDAR under this prefix")
+    return body
+
+
+def _as_it_was(file: str, text: str) -> LidarModel:
+    return LidarModel(file=file, text=text)
+
+
+@lru_cache(maxsize=32)
+def _bundled(file: str) -> LidarModel:
+    return _read(file, files("fg_mujoco.models") / file)
+
+
+def _read(file: str, source: Any) -> LidarModel:
+    try:
+        return _checked(file, source.read_text("utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
+        raise ModelError(f"LiDAR file {file}: {reason}; accepted: {DEFAULT_LIDAR}, or a path") from error
+
+
+@lru_cache(maxsize=32)
+def _checked(file: str, text: str) -> LidarModel:
+    """Return the LiDAR of an MJCF text that keeps what is asked of one."""
+    lidar, where = LidarModel(file=file, text=text), f"LiDAR file {file}"
+    try:
+        spec, model = lidar._parsed, lidar._model
+    except ValueError as error:
+        raise ModelError(f"{where}: {' '.join(str(error).split())}; accepted: the MJCF of a LiDAR") from error
+    if len(spec.worldbody.bodies) != 1 or spec.frame(_BEAMS) is None:
+        raise ModelError(
+            f"{where} has {len(spec.worldbody.bodies)} bodies in the world and "
+            f"{'a' if spec.frame(_BEAMS) else 'no'} frame {_BEAMS!r}; accepted: one body, with the beams in that frame"
+        )
+    rangefinder = mujoco.mjtSensor.mjSENS_RANGEFINDER
+    if model.nsensor < 2 or (model.sensor_type != rangefinder).any():
+        raise ModelError(f"{where} has {model.nsensor} sensors; accepted: two rangefinders or more, and no others")
+    if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, "range_min") < 0:
+        raise ModelError(f"{where} has no numeric named 'range_min'; accepted: the least range [m]")
+    beams = lidar.beams
+    if not (0.0 <= beams.range_min < beams.range_max and beams.period > 0.0 and beams.angle_increment > 0.0):
+        raise ModelError(
+            f"{where}: range_min {beams.range_min} m, cutoff {beams.range_max} m, interval {beams.period} s, "
+            f"{beams.angle_increment} rad between beams; accepted: 0 <= range_min < cutoff, an interval above 0, "
+            "the rightmost beam first"
+        )
+    return lidar

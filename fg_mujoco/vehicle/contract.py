@@ -1,0 +1,301 @@
+"""What the MJCF of a vehicle must name and keep, and the checks of it.
+
+Each check raises in one line that says which name, in which file, and what is accepted.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+import warnings
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from ..errors import FgMujocoError, ModelError
+from ..lidar.beams import DEFAULT_LIDAR, LidarModel
+from ..messages import CarParameters, FloatArray
+from .car import WHEELS, Car, car_parameters, element_id, sensor_slice
+from .fitting import ackermann_angle
+from .tire_slip import TireSlipMeter
+
+_FREE, _HINGE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
+_PLANE, _BOX = mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_BOX
+
+_GAP, _DEPTH = 0.001, 0.005  # [m] of a tire over the ground, and in it, before the car has settled
+_SETTLING, _SETTLED = 0.5, 0.005  # [s] that a car is given to come to rest, and [m] by which it may move meanwhile
+_STEERING_TOLERANCE = 0.005  # [rad] of a front wheel's angle at the steering's limit, from Ackermann's
+_RADIUS_TOLERANCE = 0.05  # [-] of the radius that wheels roll on, from the height of their middles
+
+
+@dataclass(frozen=True)
+class Part:
+    """Something that the MJCF of a vehicle must name."""
+
+    kind: str  # the element's, as MjSpec has it
+    name: str
+    what: str  # it is, with its unit
+    type: Any = None  # that a joint or geom must have
+
+
+def _parts() -> Iterator[Part]:
+    yield Part("geom", "ground", "the ground that the car stands on, a plane", _PLANE)
+    yield Part("body", "base_link", "the chassis: origin in the middle of the rear axle, x forward, y left, z up")
+    yield Part("joint", "base_link", "its free joint", _FREE)
+    yield Part("geom", "chassis", "the box, on base_link, that touches walls and obstacles: length and width", _BOX)
+    yield Part("site", "lidar_mount", "on base_link, where the LiDAR stands")
+    yield Part("joint", "steering", "steering angle of the bicycle model [rad]", _HINGE)
+    for side in ("left", "right"):
+        yield Part("joint", f"front_{side}_kingpin", f"steering angle of the {side} wheel [rad]", _HINGE)
+    for wheel in WHEELS:
+        noun = wheel.replace("_", " ")
+        yield Part("body", f"{wheel}_wheel", f"the {noun} wheel, origin in its middle")
+        yield Part("joint", f"{wheel}_wheel", "its spin [rad], forward positive", _HINGE)
+        yield Part("geom", f"{wheel}_tire", "its tire")
+        yield Part("pair", f"{wheel}_tire", "contact of the tire and the ground: friction, springs")
+    yield Part(
+        "tendon", "drive", "of the four spins, each times a quarter of the radius: the wheels' mean surface speed"
+    )
+    yield Part("actuator", "steering", "position servo of the steering, ctrl [rad]; the first actuator")
+    yield Part("actuator", "speed", "velocity servo of the drive, ctrl [m/s]; the second actuator")
+    yield Part("numeric", "power_limit_speed", "speed above which the motor's power limits the acceleration [m/s]")
+    yield Part("sensor", "accelerometer", "in the centre of gravity [m/s^2]")
+    yield Part("sensor", "chassis_contact", "whether the chassis touches anything")
+    for wheel in WHEELS:
+        yield Part("sensor", f"{wheel}_tire_contact", "the tire's contact: found, force, pos, normal")
+        yield Part("sensor", f"{wheel}_wheel_position", "of the wheel's body [m]")
+        yield Part("sensor", f"{wheel}_wheel_velocity", "of the wheel's body [m/s]")
+        yield Part("sensor", f"{wheel}_wheel_angular_velocity", "of the wheel's body [rad/s]")
+
+
+PARTS = tuple(_parts())
+"""All that the MJCF of a vehicle must name; docs/howto/own_car.md shows it."""
+
+
+def parsed(text: str, where: str) -> Any:
+    """Return the mujoco.MjSpec of an MJCF text.
+
+    Raises:
+      ModelError: no XML, no MJCF, a name that is there twice, or a reference to another file.
+    """
+    try:
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise ModelError(f"{where} is no XML: {error}; accepted: an MJCF file") from error
+    for element in root.iter():
+        called = f"{element.tag} {element.get('name')!r}" if element.get("name") else element.tag
+        for attribute, value in element.attrib.items():
+            if attribute == "file":
+                raise ModelError(
+                    f"{where}: {called} refers to file {value!r}; accepted: one file that refers to no other (meshes "
+                    "belong to the look)"
+                )
+            if any(word.lower() in ("nan", "inf", "-inf", "+inf") for word in value.split()):
+                raise ModelError(f"{where}: {attribute} of {called} is {value!r}; accepted: finite numbers")
+    try:
+        return mujoco.MjSpec.from_string(text)
+    except ValueError as error:
+        raise ModelError(f"{where}: {_reason(error)}") from error
+
+
+def compiled(spec: Any, where: str) -> Any:
+    """Return the compiled mujoco.MjModel of a spec.
+
+    Raises:
+      ModelError: what MuJoCo refuses, as a body without mass.
+    """
+    try:
+        return spec.compile()
+    except ValueError as error:
+        raise ModelError(f"{where}: {_reason(error)}") from error
+
+
+def _reason(error: ValueError) -> str:
+    """Return what MuJoCo refuses, in one line, and what it would accept."""
+    text = " ".join(str(error).split())
+    line = re.search(r"line (\d+)", text)
+    at = f" (line {line[1]})" if line else ""
+    if twice := re.search(r"repeated name '(.+?)' in (\w+)", text):
+        return f"{twice[2]} {twice[1]!r} is there twice{at}; accepted: each name once"
+    if "mass and inertia" in text and (body := re.search(r"name '(.+?)'", text)):
+        return f"mass or inertia of body {body[1]!r} is not positive{at}; accepted: numbers above 0 [kg, kg m^2]"
+    return f"{text}; accepted: an MJCF file that MuJoCo {mujoco.__version__} compiles"
+
+
+def check_names(spec: Any, where: str) -> None:
+    """Refuse a spec without one of PARTS, or with one of another type.
+
+    Raises:
+      ModelError: naming it.
+    """
+    for part in PARTS:
+        element = getattr(spec, part.kind)(part.name)
+        if element is None:
+            names = [other.name for other in getattr(spec, _PLURALS.get(part.kind, f"{part.kind}s")) if other.name]
+            near = difflib.get_close_matches(part.name, names, n=1, cutoff=0.8)
+            meant = f" (did you mean {near[0]!r}?)" if near and not _is_part(part.kind, near[0]) else ""
+            raise ModelError(f"{where} has no {part.kind} named {part.name!r}{meant}; accepted: {part.what}")
+        if part.type is not None and element.type != part.type:
+            is_, should = (_type_name(kind) for kind in (element.type, part.type))
+            raise ModelError(f"{where}: {part.kind} {part.name!r} is a {is_}; accepted: a {should}, {part.what}")
+
+
+_PLURALS = {"body": "bodies"}
+
+
+def _is_part(kind: str, name: str) -> bool:
+    return any(part.kind == kind and part.name == name for part in PARTS)
+
+
+def _type_name(kind: Any) -> str:
+    return str(kind.name).split("_", 1)[1].lower()
+
+
+def find_lidar(spec: Any, folder: Path | None, where: str) -> LidarModel:
+    """Return the LiDAR that a vehicle's text `lidar` names, or the default one.
+
+    Raises:
+      ModelError: a file that is neither beside the vehicle's nor bundled, or not that of a LiDAR.
+    """
+    file = _named_file(spec, "lidar", folder, where, default=DEFAULT_LIDAR)
+    assert file is not None
+    return LidarModel.load(file)
+
+
+def find_look(spec: Any, folder: Path | None, where: str) -> str | None:
+    """Return the file of meshes that a vehicle's text `look` names, if it does.
+
+    Raises:
+      ModelError: a file that is neither beside the vehicle's nor bundled.
+    """
+    return _named_file(spec, "look", folder, where)
+
+
+def _named_file(spec: Any, text: str, folder: Path | None, where: str, default: str | None = None) -> str | None:
+    element = spec.text(text)
+    if element is None:
+        return default
+    name = str(element.data)
+    if folder is not None and (folder / name).is_file():
+        return str(folder / name)
+    if Path(name).name == name and (files("fg_mujoco.models") / name).is_file():
+        return name
+    raise ModelError(f"{where}: text {text!r} names {name!r}; accepted: a file beside it, or a bundled one")
+
+
+def check_model(model: Any, where: str) -> None:
+    """Refuse a compiled vehicle that could not be driven: its wheels, its servos, its constants, how it stands.
+
+    Front wheels that are not steered as Ackermann's are warned of.
+
+    Raises:
+      ModelError: saying which, and what is accepted.
+    """
+    if not (np.isfinite(model.body_mass).all() and np.isfinite(model.body_inertia).all()):
+        raise ModelError(f"{where}: a mass or inertia is not finite; accepted: numbers above 0 [kg, kg m^2]")
+    _check_places(model, where)
+    try:
+        parameters = car_parameters(model)
+        _ = Car(model), TireSlipMeter(model)
+    except FgMujocoError as error:
+        raise ModelError(f"{where}: {error}") from error
+    names = [model.actuator(index).name for index in range(model.nu)]
+    if names != ["steering", "speed"]:
+        raise ModelError(f"{where}: its actuators are {', '.join(names)}; accepted: steering, speed, in this order")
+    _check_stance(model, parameters.wheel_radius, where)
+    _check_steering(model, parameters, where)
+
+
+def _check_places(model: Any, where: str) -> None:
+    """Refuse wheels on the wrong sides, and what should be fixed to the chassis and is not."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    base = element_id(model, mujoco.mjtObj.mjOBJ_BODY, "base_link")
+    if (height := float(data.geom("ground").xpos[2])) != 0.0:
+        raise ModelError(f"{where}: geom 'ground' is at z = {height:.4g} m; accepted: at 0")
+    for owner, name in ((model.site("lidar_mount"), "site 'lidar_mount'"), (model.geom("chassis"), "geom 'chassis'")):
+        if owner.bodyid[0] != base:
+            body = model.body(int(owner.bodyid[0])).name
+            raise ModelError(f"{where}: {name} is on body {body!r}; accepted: on 'base_link'")
+    wheels = [element_id(model, mujoco.mjtObj.mjOBJ_BODY, f"{wheel}_wheel") for wheel in WHEELS]
+    places = (data.xpos[wheels] - data.xpos[base]) @ data.xmat[base].reshape(3, 3)
+    ahead, left = dict(zip(WHEELS, places[:, 0], strict=True)), dict(zip(WHEELS, places[:, 1], strict=True))
+    for axle in ("front", "rear"):
+        if not left[f"{axle}_left"] > left[f"{axle}_right"]:
+            raise ModelError(
+                f"{where}: {axle}_left_wheel is at y = {left[f'{axle}_left']:.4g} m and {axle}_right_wheel at "
+                f"{left[f'{axle}_right']:.4g} m; accepted: y grows to the left"
+            )
+    for side in ("left", "right"):
+        if not ahead[f"front_{side}"] > ahead[f"rear_{side}"]:
+            raise ModelError(
+                f"{where}: front_{side}_wheel is at x = {ahead[f'front_{side}']:.4g} m and rear_{side}_wheel at "
+                f"{ahead[f'rear_{side}']:.4g} m; accepted: x grows forward"
+            )
+
+
+def _check_stance(model: Any, wheel_radius: float, where: str) -> None:
+    """Refuse a car that does not stand on four tires, as it is drawn and after it has settled."""
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    ground = model.geom("ground").id
+    for wheel in WHEELS:
+        gap = mujoco.mj_geomDistance(model, data, model.geom(f"{wheel}_tire").id, ground, 1.0, None)
+        if not -_DEPTH <= gap <= _GAP:
+            place = f"{1e3 * abs(gap):.3g} mm {'over' if gap > 0.0 else 'in'} the ground"
+            raise ModelError(
+                f"{where}: {wheel}_tire is {place} at rest; accepted: at most {1e3 * _GAP:g} mm over it or "
+                f"{1e3 * _DEPTH:g} mm in it"
+            )
+        height = float(data.body(f"{wheel}_wheel").xpos[2] - data.geom("ground").xpos[2])
+        if not abs(wheel_radius / height - 1.0) <= _RADIUS_TOLERANCE:
+            raise ModelError(
+                f"{where}: tendon 'drive' makes wheels roll on {wheel_radius:.4g} m, and the middle of {wheel}_wheel "
+                f"is {height:.4g} m over the ground; accepted: coefficients of a quarter of the radius"
+            )
+    drawn = _chassis_places(data)
+    for _ in range(math.ceil(_SETTLING / model.opt.timestep)):
+        mujoco.mj_step(model, data)
+    moved = float(np.abs(_chassis_places(data) - drawn).max())
+    for wheel in WHEELS:
+        if not data.sensordata[sensor_slice(model, f"{wheel}_tire_contact")][0] > 0.0:
+            raise ModelError(
+                f"{where}: {wheel}_tire does not touch the ground after {_SETTLING:g} s at rest; accepted: springs on "
+                "which all four do"
+            )
+    if not moved <= _SETTLED:
+        raise ModelError(
+            f"{where}: the chassis moves by {1e3 * moved:.3g} mm in its first {_SETTLING:g} s at rest; accepted: at "
+            f"most {1e3 * _SETTLED:g} mm (springref puts the car at rest as it is drawn)"
+        )
+
+
+def _chassis_places(data: Any) -> FloatArray:
+    """Return where two points of the chassis are, behind and ahead (2, 3) [m]."""
+    return np.array((data.body("base_link").xpos, data.site("lidar_mount").xpos))
+
+
+def _check_steering(model: Any, car: CarParameters, where: str) -> None:
+    """Warn of front wheels that do not roll about one point, as when a wheelbase was changed and nothing else."""
+    data = mujoco.MjData(model)
+    data.ctrl[:] = car.max_steering_angle, 0.0
+    for _ in range(math.ceil(_SETTLING / model.opt.timestep)):
+        mujoco.mj_step(model, data)
+    for side, track_width in (("left", car.track_width), ("right", -car.track_width)):
+        kingpin = f"front_{side}_kingpin"
+        angle = float(data.joint(kingpin).qpos[0])
+        exact = float(ackermann_angle(car.max_steering_angle, car.wheelbase, track_width))
+        if not abs(angle - exact) <= _STEERING_TOLERANCE:
+            warnings.warn(
+                f"{where}: {kingpin} is at {angle:.4f} rad at the steering's limit, where Ackermann's angle is "
+                f"{exact:.4f}: tires slide in turns; fg_mujoco.vehicle.fitting.fit gives the coefficients",
+                stacklevel=2,
+            )
+            return

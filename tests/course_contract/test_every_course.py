@@ -1,0 +1,192 @@
+"""What every course keeps, of whatever class it is: tracks, maps, scenes, and one of a user's own."""
+
+from __future__ import annotations
+
+import io
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from conftest import Straight
+from map_oracles import draw_map, ring
+from own_course import Yard
+from scene_search import ray_distances
+
+import fg_mujoco as fg
+from fg_mujoco.course.course import MEMBERS, require_course, wall_outlines
+from fg_mujoco.course.definitions import course_sha256
+from fg_mujoco.course.lap_timer import LapTimer
+from fg_mujoco.simulation.course_loading import default_car, reload_course
+
+CAR = default_car()
+NAMES = (*fg.track_names(), "random:4", *(f"scene:{name}:1" for name in fg.scene_names()), "ring.yaml", "corridor.yaml")
+
+
+@pytest.fixture(scope="module", params=[*NAMES, "own"])
+def course(request, tmp_path_factory):
+    if request.param == "own":
+        return Yard()
+    if request.param.endswith(".yaml"):
+        free = ring()
+        if request.param == "corridor.yaml":
+            free[:, :150] = False
+        name = request.param.removesuffix(".yaml")
+        return fg.load_track(draw_map(tmp_path_factory.mktemp("maps"), free, name=name))
+    return fg.load_track(request.param)
+
+
+def solids_of(course, time=0.0):
+    return [*course.walls, *course.obstacles, *(moving.box(time) for moving in course.moving)]
+
+
+def test_it_is_a_course_and_loading_it_returns_it(course):
+    require_course(course, "here")
+    assert fg.load_track(course) is course
+    assert course.name and course.description and "\n" not in course.description
+
+
+def test_its_rules_go_with_its_line(course):
+    assert course.map_line.closed == course.closed
+    if course.closed:
+        assert (course.modulus, course.origin, course.most_laps) == (course.length, None, None)
+    else:
+        assert course.modulus > 2.0 * course.length and course.most_laps == 1
+    assert 0.0 < course.longest_race(1) < math.inf and course.stop_time >= 0.0
+
+
+def test_poses_along_the_line_project_onto_their_progress(course):
+    origin = course.origin or 0.0
+    for s in np.linspace(0.0, 0.999 * course.length, 40):
+        x, y, _ = course.start_pose(float(s))
+        for found, offset in (course.project([[x, y]]), course.project([[x, y]], near=origin + s)):
+            assert found[0] == pytest.approx(origin + s, abs=1e-6) or (course.closed and s == 0.0)
+            assert offset[0] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_an_offset_is_to_the_left_of_the_heading(course):
+    for s in np.linspace(0.0, 0.999 * course.length, 20):
+        x, y, heading = course.start_pose(float(s))
+        left_x, left_y, _ = course.start_pose(float(s), 0.1)
+        assert (left_y - y) * math.cos(heading) - (left_x - x) * math.sin(heading) > 0.05
+
+
+def test_driving_its_length_along_the_line_is_one_lap(course):
+    timer, step = LapTimer(course), 0.2003  # [m], of which no length is a multiple
+    for tick, s in enumerate(np.arange(0.0, course.length + 0.5, step)):
+        x, y, _ = course.start_pose(float(s))
+        timer.update(0.1 * tick, (x, y))
+        assert timer.laps_completed == (s > course.length)
+    assert timer.lap_times[0] == pytest.approx(0.1 * course.length / step, abs=1e-3)
+
+
+def test_it_is_the_same_from_its_definition(course):
+    assert len(course_sha256(course)) == 64
+    if isinstance(course, Yard):
+        with pytest.raises(fg.TrackError, match="unknown track 'yard'"):
+            reload_course(course.name, course.definition)
+        return
+    again = reload_course(course.name, course.definition)
+    assert course_sha256(again) == course_sha256(course) and type(again) is type(course)
+    assert fg.World(again).xml == fg.World(course).xml
+
+
+def test_its_bounds_hold_the_start_and_its_walls_are_round_it(course):
+    low, high = course.bounds
+    start = np.array(course.start_pose()[:2])
+    assert np.all(low <= start) and np.all(start <= high)
+    headings = np.linspace(-math.pi, math.pi, 90)
+    assert np.isfinite(ray_distances(course.walls, start, headings)).all()
+    assert all(outline.ndim == 2 and outline.shape[1] == 2 for outline in wall_outlines(course))
+    assert course.ground_lines.shape == (1 if course.closed else 2, 2, 2)
+
+
+def test_the_lidar_sees_what_stands_there_and_nothing_else(course):
+    simulation = fg.Simulation(fg.World(course))
+    scan, _ = simulation.reset()
+    x, y, heading = simulation.pose
+    lidar = np.array([x + CAR.lidar_offset * math.cos(heading), y + CAR.lidar_offset * math.sin(heading)])
+    expected = ray_distances(solids_of(course), lidar, scan.bearings + heading)
+    expected[expected > scan.range_max] = math.inf
+    seen = np.asarray(scan.ranges)
+    agree = np.isclose(seen, expected, atol=2e-3, rtol=1e-3)
+    assert agree.mean() > 0.99  # the others graze an edge
+    assert np.isfinite(seen).mean() > 0.9
+
+
+def test_the_car_stands_free_at_the_start_and_hits_every_solid(course):
+    world = fg.World(course)
+    simulation = fg.Simulation(world)
+    assert not simulation.crashed
+    solids = solids_of(course)
+    for solid in solids[:: max(len(solids) // 40, 1)]:
+        world.car.set_pose(simulation.data, *solid.corners().mean(axis=0), 0.0)
+        assert world.car.crashed(simulation.data)
+
+
+def test_a_random_start_is_the_generators_alone_and_clear(course):
+    world = fg.World(course)
+    simulation = fg.Simulation(world)
+    for seed in range(10):
+        s, offset, heading = course.draw_start(np.random.default_rng(seed), CAR, world.obstacles)
+        assert (s, offset, heading) == course.draw_start(np.random.default_rng(seed), CAR, world.obstacles)
+        simulation.reset(s=s, offset=offset, heading=heading)
+        assert not simulation.crashed
+
+
+def test_random_boxes_leave_the_start_clear_or_are_refused(course):
+    if not course.closed:
+        with pytest.raises(fg.SettingsError, match=r"random obstacles .* on a track"):
+            course.obstacle_sites(CAR)
+        return
+    sites = course.obstacle_sites(CAR)
+    boxes = sites.place(min(sites.most, 3), 0.0, np.random.default_rng(0))
+    assert len(boxes) == min(sites.most, 3)
+    assert not fg.Simulation(fg.World(course, obstacles=boxes)).crashed
+
+
+def test_the_default_car_may_drive_there(course):
+    course.check_car(CAR)
+
+
+def test_a_world_of_a_rollout_drives_it_as_a_race_does(course):
+    result = fg.rollout(
+        course, n=2, duration=0.2, record="states", randomize={"start_offset": (-0.05, 0.05)}, workers=1
+    )
+    for world in range(2):
+        scenario = result.scenario(world)
+        alone = fg.race(course, begin=scenario.start, seed=scenario.seed, time_limit=0.2)
+        np.testing.assert_array_equal(result.states(world), alone.states)
+
+
+def test_it_is_raced_drawn_and_learned_on(course):
+    result = fg.race(course, Straight(), time_limit=0.1)
+    assert (result.track, result.laps_requested) == (course.name, 5 if course.closed else 1)
+    fg.track_picture(course, io.BytesIO())
+    fg.trace_picture(result, io.BytesIO())
+    from fg_mujoco.envs.settings import EnvironmentSettings
+
+    assert EnvironmentSettings(track=course).make_world().track is course
+
+
+@pytest.mark.parametrize("missing", MEMBERS)
+def test_an_object_that_lacks_a_member_is_no_course(missing):
+    members = {name: getattr(Yard, name) for name in MEMBERS if name != missing}
+    with pytest.raises(fg.TrackError, match=f"is a Half without {missing}; accepted: a Track, a Scene"):
+        fg.World(type("Half", (), members)())
+
+
+def test_a_course_that_cannot_be_told_from_others_is_refused():
+    @dataclass
+    class Equal(Yard):
+        number: int = 1
+
+    with pytest.raises(fg.TrackError, match="is a Equal without hash; accepted: a dataclass with eq=False"):
+        fg.race(Equal())
+
+
+def test_a_car_that_does_not_fit_is_refused():
+    from dataclasses import replace
+
+    with pytest.raises(fg.TrackError, match="cars of 1 m"):
+        Yard().check_car(replace(CAR, width=1.2))

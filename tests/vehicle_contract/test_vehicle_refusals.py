@@ -1,0 +1,227 @@
+"""A file that is not that of a vehicle is refused in one line: which name, in which file, and what is accepted."""
+
+import re
+import warnings
+
+import pytest
+from vehicle_worlds import F1TENTH, made_file
+
+import fg_mujoco as fg
+from fg_mujoco.lidar.beams import LidarModel
+from fg_mujoco.vehicle.contract import PARTS
+
+
+def edited(*changes):
+    """Return the text of models/f1tenth.xml with some parts of it replaced, each of which must be there."""
+    text = F1TENTH
+    for before, after in changes:
+        assert before in text, before
+        text = text.replace(before, after)
+    return text
+
+
+def refusal(folder, text, kind=fg.ModelError):
+    """Return the one line by which a vehicle file of this text is refused."""
+    path = folder / "mine.xml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(kind) as refused:
+        fg.World("oval", str(path))
+    line = str(refused.value)
+    assert "\n" not in line and str(path) in line and "accepted: " in line
+    return line
+
+
+KINDS = {"numeric": "numeric", "tendon": "fixed", "pair": "pair"}
+
+
+@pytest.mark.parametrize("part", PARTS, ids=lambda part: f"{part.kind} {part.name}")
+def test_a_part_that_is_missing_is_named(tmp_path, part):
+    """By another name, it is not there: everything that refers to it takes the new one."""
+    spec = fg.Vehicle.load().spec()
+    element = getattr(spec, part.kind)(part.name)
+    element.name = "renamed"
+    text = fg.Vehicle.load().text
+    # in the text, because a spec refers to what has been renamed by its old name
+    tag = {"actuator": r"(?:position|velocity)", "sensor": r"\w+", "joint": r"(?:joint|freejoint)"}
+    opening = rf'(<{tag.get(part.kind, KINDS.get(part.kind, part.kind))} name=")({part.name})(")'
+    found = list(re.finditer(opening, text))
+    if part.kind == "joint":  # an equality of a joint has the tag, too
+        found = found[:1]
+    if part.kind == "sensor":
+        found = found[-1:]
+    (place,) = found
+    text = text[: place.start(2)] + "renamed" + text[place.end(2) :]
+    references = {
+        "geom": r'geom[12]?="{}"', "site": r'site="{}"', "tendon": r'tendon="{}"', "body": r'objname="{}"',
+        "joint": r'joint[12]?="{}"',
+    }  # fmt: skip
+    if part.kind in references:
+        text = re.sub(
+            references[part.kind].format(part.name), lambda m: m[0].replace(f'"{part.name}"', '"renamed"'), text
+        )
+    line = refusal(tmp_path, text)
+    assert f"has no {part.kind} named {part.name!r}" in line and part.what in line
+
+
+def test_a_misspelt_part_is_asked_for(tmp_path):
+    line = refusal(tmp_path, edited(('numeric name="power_limit_speed"', 'numeric name="power_limit_sped"')))
+    assert "did you mean 'power_limit_sped'?" in line
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "named"),
+    [
+        ('<body name="rear_right_wheel">', '<body name="rear_left_wheel">', "body 'rear_left_wheel' is there twice"),
+        ('<joint name="rear_right_wheel"', '<joint name="rear_left_wheel"', "joint 'rear_left_wheel' is there twice"),
+        ('<pair name="rear_right_tire"', '<pair name="rear_left_tire"', "pair 'rear_left_tire' is there twice"),
+        ('<site name="imu"', '<site name="lidar_mount"', "site 'lidar_mount' is there twice"),
+        ('<velocity name="speed"', '<velocity name="steering"', "actuator 'steering' is there twice"),
+        ('name="gyro"', 'name="accelerometer"', "sensor 'accelerometer' is there twice"),
+    ],
+)
+def test_a_name_that_is_there_twice_is_named_with_its_line(tmp_path, before, after, named):
+    line = refusal(tmp_path, edited((before, after)))
+    assert re.search(rf"{re.escape(named)} \(line \d+\); accepted: each name once", line)
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ([('mass="3.12"', 'mass="0"')], "mass or inertia of body 'base_link' is not positive"),
+        ([('mass="3.12"', 'mass="-3"')], "mass or inertia of body 'base_link' is not positive"),
+        ([('mass="3.12"', 'mass="nan"')], "mass of inertial is 'nan'; accepted: finite numbers"),
+        ([('mass="3.12"', 'mass="inf"')], "mass of inertial is 'inf'; accepted: finite numbers"),
+        ([('mass="3.12"', 'mass="heavy"')], "bad format in attribute 'mass'"),
+        ([('data="7.319"', 'data="-1"')], "power_limit_speed is -1.0; accepted: a positive number"),
+        ([('name="base_link" pos="0 0 0.0486', 'name="base_link" pos="0 0 0.06')], "front_left_tire is 11.4 mm over"),
+        ([('name="base_link" pos="0 0 0.0486', 'name="base_link" pos="0 0 0.04')], "front_left_tire is 8.64 mm in"),
+        ([('name="rear_left_carrier" pos="0 0.118 0"', 'name="rear_left_carrier" pos="0 0.118 0.02"')],
+         "rear_left_tire is 19.2 mm over the ground at rest"),
+        ([('springref="-0.0040268"', 'springref="0.03"')], "the chassis moves by"),
+        ([('stiffness="2000"', 'stiffness="0"'), ('range="-0.010 0.010"', 'range="-0.2 0.2"')], "the chassis moves by"),
+        ([("0.01225", "0.0245")], "tendon 'drive' makes wheels roll on 0.098 m"),
+        ([('"front_left_carrier" pos="0.3302 0.118 0"', '"front_left_carrier" pos="0.3302 -0.118 0"'),
+          ('"front_right_carrier" pos="0.3302 -0.118 0"', '"front_right_carrier" pos="0.3302 0.118 0"')],
+         "front_left_wheel is at y = -0.118 m and front_right_wheel at 0.118 m; accepted: y grows to the left"),
+        ([('"rear_left_carrier" pos="0 0.118 0"', '"rear_left_carrier" pos="0 -0.118 0"'),
+          ('"rear_right_carrier" pos="0 -0.118 0"', '"rear_right_carrier" pos="0 0.118 0"')],
+         "rear_left_wheel is at y = -0.118 m"),
+        ([('_carrier" pos="0.3302 ', '_carrier" pos="-0.3302 ')],
+         "front_left_wheel is at x = -0.3302 m and rear_left_wheel at 0 m; accepted: x grows forward"),
+        ([('<geom name="ground" type="plane" size="0 0 0.1"', '<geom name="ground" type="box" size="9 9 0.1"')],
+         "geom 'ground' is a box; accepted: a plane"),
+        ([('<geom name="ground" type="plane"', '<geom name="ground" pos="0 0 -1" type="plane"')],
+         "geom 'ground' is at z = -1 m; accepted: at 0"),
+        ([('name="steering" type="hinge"', 'name="steering" type="slide"')], "joint 'steering' is a slide"),
+        ([('<framepos name="rear_left_wheel_position"', '<framepos name="other" objtype="xbody" objname="base_link"/>'
+           '<framepos name="rear_left_wheel_position"')], "the tires' sensors are apart"),
+        ([('<texture name="asphalt" type="2d" builtin="checker"', '<texture name="asphalt" type="2d" file="a.png"')],
+         "texture 'asphalt' refers to file 'a.png'; accepted: one file that refers to no other"),
+        ([("<compiler ", '<include file="other.xml"/><compiler ')], "include refers to file 'other.xml'"),
+        ([("</worldbody>", "</worldbdy>")], "is no XML: mismatched tag"),
+        ([("integrator=", "integrater=")], "unrecognized attribute: 'integrater'"),
+        ([('data="hokuyo_ust10lx.xml"', 'data="velodyne.xml"')],
+         "text 'lidar' names 'velodyne.xml'; accepted: a file beside it, or a bundled one"),
+        ([('data="f1tenth_look.xml"', 'data="nowhere.xml"')], "text 'look' names 'nowhere.xml'"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_driven_is_refused(tmp_path, changes, named):
+    assert named in refusal(tmp_path, edited(*changes))
+
+
+@pytest.mark.parametrize("text", ["", "no XML at all", "<robot/>", "<mujoco/>"])
+def test_what_is_no_mjcf_is_refused(tmp_path, text):
+    refusal(tmp_path, text)
+
+
+def test_a_wheel_that_settles_off_the_ground_is_refused(tmp_path):
+    """Drawn on the ground, but pulled up by its spring."""
+    line = refusal(
+        tmp_path,
+        edited(('<joint name="rear_left_suspension" class="rear_suspension"/>',
+                '<joint name="rear_left_suspension" class="rear_suspension" springref="0.02" stiffness="3000"/>')),
+    )  # fmt: skip
+    assert "rear_left_tire does not touch the ground after 0.5 s" in line or "the chassis moves by" in line
+
+
+@pytest.mark.parametrize(
+    ("lidar", "named"),
+    [
+        (b"\xff\xfe", "it is not UTF-8 text"),
+        (b"<mujoco", "XML"),
+        (b"<mujoco/>", "has 0 bodies in the world and no frame 'beams'"),
+        (b'<mujoco><worldbody><body name="a"><frame name="beams"/></body></worldbody></mujoco>', "has 0 sensors"),
+    ],
+)
+def test_a_lidar_that_is_none_is_refused_by_its_file(tmp_path, lidar, named):
+    (tmp_path / "eye.xml").write_bytes(lidar)
+    path = tmp_path / "mine.xml"
+    path.write_text(edited(('data="hokuyo_ust10lx.xml"', 'data="eye.xml"')), encoding="utf-8")
+    with pytest.raises(fg.ModelError) as refused:
+        fg.Vehicle.load(path)
+    line = str(refused.value)
+    assert "\n" not in line and f"LiDAR file {tmp_path / 'eye.xml'}" in line and named in line and "accepted: " in line
+
+
+def test_a_lidar_beside_the_vehicles_file_is_the_one_it_has(tmp_path):
+    text = LidarModel.load().text.replace('cutoff="30"', 'cutoff="10"').replace('"hokuyo"', '"eye"')
+    (tmp_path / "eye.xml").write_text(text, encoding="utf-8")
+    (tmp_path / "mine.xml").write_text(edited(('data="hokuyo_ust10lx.xml"', 'data="eye.xml"')), encoding="utf-8")
+    vehicle = fg.Vehicle.load(tmp_path / "mine.xml")
+    assert (vehicle.lidar.body, vehicle.lidar.beams.range_max) == ("eye", 10.0)
+    assert vehicle.sha256 != fg.Vehicle.load().sha256
+    for backend in ("raycast", "rangefinder"):
+        world = fg.World("oval", vehicle, lidar=backend)
+        assert world.make_lidar().beams is vehicle.lidar.beams
+        assert fg.Simulation(world).reset()[0].ranges[540] == float("inf")  # 17 m to the end of the straight
+
+
+def test_an_unknown_name_is_refused_with_the_bundled_ones():
+    with pytest.raises(fg.SettingsError) as refused:
+        fg.World("oval", "f1tent")
+    assert (
+        str(refused.value) == "vehicle 'f1tent'; did you mean 'f1tenth'?; accepted: f1tenth, nuc2, or path/to/file.xml"
+    )
+
+
+@pytest.mark.parametrize("name", ["scene", "hokuyo_ust10lx", "f1tenth_look", ""])
+def test_a_file_of_models_that_is_no_vehicle_is_no_name_of_one(name):
+    with pytest.raises(fg.SettingsError, match="accepted: f1tenth, nuc2"):
+        fg.Vehicle.load(name)
+
+
+def test_a_file_that_cannot_be_read_is_refused(tmp_path):
+    for path, reason in ((tmp_path / "none.xml", "No such file"), (tmp_path, "Is a directory")):
+        with pytest.raises(
+            fg.SettingsError, match=rf"^vehicle file {re.escape(str(path))}: {reason}.*; accepted: an MJCF"
+        ):
+            fg.Vehicle.load(path)
+    (tmp_path / "bytes.xml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(fg.SettingsError, match="it is not UTF-8 text"):
+        fg.Vehicle.load(str(tmp_path / "bytes.xml"))
+
+
+@pytest.mark.parametrize("mu", [0.8, 0.8000000001, 1.0489])
+def test_a_friction_that_the_changes_contradict_is_refused(mu):
+    with pytest.raises(
+        fg.SettingsError, match=rf"mu is {mu!r} and CarChanges.mu is 0.5; accepted: one of them, or the same"
+    ):
+        fg.World("oval", mu=mu, changes=fg.CarChanges(mu=0.5))
+
+
+def test_the_same_friction_twice_is_one():
+    world = fg.World("oval", mu=0.8, changes=fg.CarChanges(mu=0.8))
+    assert world.car.mu == 0.8 and world.xml == fg.World("oval", mu=0.8).xml
+
+
+def test_a_wheelbase_that_the_steering_does_not_follow_is_warned_of_once(tmp_path):
+    (tmp_path / "long.xml").write_text(edited(("0.3302", "0.40")), encoding="utf-8")
+    with pytest.warns(
+        UserWarning, match=r"long.xml: front_left_kingpin is at 0\.487. rad .* 0\.473.: tires slide"
+    ) as said:
+        fg.Vehicle.load(tmp_path / "long.xml")
+    assert len(said) == 1
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        fg.Vehicle.load(tmp_path / "long.xml")
+        fg.Vehicle.load(made_file())

@@ -1,0 +1,60 @@
+"""Vehicles for the tests: the bundled ones, one that is made of ours, and files that are none."""
+
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from tempfile import mkdtemp
+
+import fg_mujoco as fg
+from fg_mujoco.racing.planner_loading import make_controller
+from fg_mujoco.simulation.engine import Engine
+from fg_mujoco.simulation.planner_adapter import adapt, start
+from fg_mujoco.simulation.scenario import Start
+from fg_mujoco.simulation.telemetry import statistics_figures
+from fg_mujoco.simulation.termination import END_REASONS
+from fg_mujoco.vehicle.car import WHEELS
+from fg_mujoco.vehicle.fitting import fit
+
+F1TENTH = (files("fg_mujoco.models") / "f1tenth.xml").read_text("utf-8")
+MADE = {"wheelbase": 0.40, "width": 0.36, "mass": 5.5, "track_width": 0.286, "length": 0.65, "nominal_mu": 0.8}
+
+
+@cache
+def made_file():
+    """Return the path of a longer, wider and heavier car on less grip, made of models/f1tenth.xml."""
+    spec = fg.Vehicle.load("f1tenth").spec(mu=MADE["nominal_mu"])
+    for body in ("steering", "front_left_carrier", "front_right_carrier"):
+        spec.body(body).pos = (MADE["wheelbase"], *spec.body(body).pos[1:])
+    for wheel in WHEELS:
+        carrier = spec.body(f"{wheel}_carrier")
+        carrier.pos = (carrier.pos[0], (0.5 if "left" in wheel else -0.5) * MADE["track_width"], carrier.pos[2])
+    chassis = spec.geom("chassis")
+    chassis.size, chassis.pos = (0.5 * MADE["length"], 0.5 * MADE["width"], chassis.size[2]), (0.2, 0.0, chassis.pos[2])
+    fit(spec, mass=MADE["mass"], center_of_gravity=(0.2077, 0.074), yaw_inertia=0.1017)
+    spec.compile()
+    path = Path(mkdtemp()) / "made.xml"
+    path.write_text(spec.to_xml(), encoding="utf-8")
+    return str(path)
+
+
+def load(name):
+    """Return a bundled vehicle, or the made one."""
+    return fg.Vehicle.load(made_file() if name == "made" else name)
+
+
+def drive(vehicle, track, laps):
+    """Return how gap_finder did by its default settings: why the race ended, and its figures."""
+    world = fg.World(track, vehicle)
+    planner = make_controller(
+        "gap_finder", car=world.parameters, mu=world.vehicle.nominal_mu, max_speed=8.0, map_line=world.track.map_line
+    )
+    start(planner)
+    engine = Engine(world, laps=laps)
+    engine.planners = adapt([planner])
+    engine.place([Start()])
+    while engine.running.any():
+        engine.sense()
+        engine.decide()
+        engine.drive()
+        engine.judge()
+    return END_REASONS[engine.monitor.reasons[0]], statistics_figures(engine.statistics[0])
