@@ -1,4 +1,4 @@
-"""Backing out: the car goes back exactly where it came, when it stands without a way, and not for ever."""
+"""Recovery: the car reverses exactly along the path it came by, when it stands without a way on, and not for ever."""
 
 import math
 from dataclasses import fields
