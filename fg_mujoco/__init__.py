@@ -47,7 +47,7 @@ from .racing.replay import ReplayReport, replay
 from .racing.result import RaceResult
 from .racing.run_folder import Run, check_run_folder, read_run
 from .simulation.course_loading import load_track
-from .simulation.scenario import Scenario, Start
+from .simulation.settings import Scenario, Start
 from .simulation.simulation import Simulation
 from .simulation.telemetry import TELEMETRY
 from .simulation.world import World

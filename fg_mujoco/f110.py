@@ -36,7 +36,7 @@ from .lidar.lidar import RaycastLidar
 from .messages import FloatArray
 from .simulation.course_loading import load_track
 from .simulation.engine import Engine
-from .simulation.scenario import Start
+from .simulation.settings import Start
 from .simulation.simulation import complete_state
 from .simulation.world import LIDAR_PREFIX, World
 from .vehicle import motion as car_motion

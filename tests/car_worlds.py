@@ -30,16 +30,3 @@ def run(model, data, seconds):
 def tire_pairs(model):
     """The indices of the tires' pairs, in the order of WHEELS."""
     return [model.pair(f"{wheel}_tire").id for wheel in WHEELS]
-
-
-def tire_stiffness(model):
-    """Closed form of the spring that the engine makes of a tire's contact (4,) [N/m].
-
-    At rest the contact's reference acceleration, k d depth with k = 1 / (d time_constant damping_ratio)^2, is that of
-    the regularised force, R F with R = (1 - d) / d / effective mass (MuJoCo's "Computation", of constraints).
-    """
-    pairs = tire_pairs(model)
-    (time_constant, damping_ratio), impedance = model.pair_solref[pairs].T, model.pair_solimp[pairs, 0]
-    assert (model.pair_solimp[pairs, 1] == impedance).all()  # the same at any depth
-    inverse_mass = model.body_invweight0[[model.body(f"{wheel}_wheel").id for wheel in WHEELS], 0]
-    return 1.0 / ((time_constant * damping_ratio) ** 2 * (1.0 - impedance) * inverse_mass)

@@ -25,7 +25,7 @@ def stand_in(scenarios, controller, *, laps=None, duration=None, record="summary
         rows[i]["sim_time_s"] = ticks
         rows[i]["first_lap_s"] = lap_times[i, 0]
         rows[i]["best_lap_s"] = lap_times[i].min()
-        rows[i]["max_slide_m_s"] = scenario.car.mu or 0.0
+        rows[i]["max_slide_m_s"] = scenario.changes.mu or 0.0
         random = np.random.default_rng(scenario.seed)
         telemetry.append(random.random((ticks, len(TELEMETRY))))
         states.append(random.random((ticks + 1, STATE + len(scenario.obstacles))))

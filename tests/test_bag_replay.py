@@ -16,7 +16,7 @@ from fg_mujoco.lidar.effects import LidarEffects
 from fg_mujoco.racing.planner_loading import controller_names
 from fg_mujoco.ros.bag_replay import COLUMNS
 from fg_mujoco.ros.bag_writer import export_bag
-from fg_mujoco.simulation.scenario import Start
+from fg_mujoco.simulation.settings import Start
 
 STEERING_TOLERANCE, SPEED_TOLERANCE = 1e-6, 1e-5  # [rad], [m/s]; float32 knows 1e-6 m of a range of 10 m
 HAIRPIN = 26.0  # [m] along the line
@@ -32,7 +32,7 @@ def read_commands(path):
 
 def race_and_bag(folder, **settings):
     """Race 1.25 s into the first hairpin, and return the race and its bag."""
-    result = fg.race("hairpins", laps=1, time_limit=1.24, begin=Start(s=HAIRPIN, speed=3.0), **settings)
+    result = fg.race("hairpins", laps=1, time_limit=1.24, start=Start(s=HAIRPIN, speed=3.0), **settings)
     fg.write_run(result, folder / "run", picture=False)
     export_bag(folder / "run", folder / "run.mcap")
     return result, folder / "run.mcap"

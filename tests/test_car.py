@@ -6,13 +6,14 @@ from importlib.resources import files
 import mujoco
 import numpy as np
 import pytest
-from car_worlds import flat_world, run, tire_pairs, tire_stiffness
+from car_worlds import flat_world, run, tire_pairs
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fg_mujoco.errors import ModelError, SettingsError
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.vehicle.car import WHEELS, Car, car_parameters
+from fg_mujoco.vehicle.fitting import tire_stiffness
 from fg_mujoco.vehicle.tire_slip import TireSlipMeter
 from fg_mujoco.vehicle.vehicle import Vehicle
 

@@ -5,10 +5,11 @@ import math
 import mujoco
 import numpy as np
 import pytest
-from car_worlds import flat_world, run, tire_stiffness
+from car_worlds import flat_world, run
 
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.vehicle.car import WHEELS
+from fg_mujoco.vehicle.fitting import tire_stiffness
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED, TireSlipMeter
 
 SPIN_INERTIA = 1.7e-4  # [kg m^2] of a wheel, as in models/f1tenth.xml

@@ -15,7 +15,7 @@ from fg_mujoco.envs.gym_environment import ID, F1TenthEnv  # noqa: E402
 from fg_mujoco.envs.gym_vector import F1TenthVectorEnv  # noqa: E402
 from fg_mujoco.envs.settings import EnvironmentSettings  # noqa: E402
 from fg_mujoco.envs.worlds import Worlds  # noqa: E402
-from fg_mujoco.simulation.scenario import Start  # noqa: E402
+from fg_mujoco.simulation.settings import Start  # noqa: E402
 
 WORLDS = 4
 NOISE = {"range_noise_std": 0.02, "dropout_probability": 0.02, "latency": 0.025}

@@ -193,10 +193,10 @@ def test_a_replay_in_another_process_is_too(tmp_path):
 def test_a_batch_is_the_race_to_the_last_bit():
     name = "scene:crossing_box:0"
     scenarios = [fg.Scenario(track=name, max_speed=speed) for speed in (2.0, 4.0, 6.0)]
-    scenarios.append(fg.Scenario(track=name, max_speed=4.0, car=fg.CarChanges(command_delay=0.02)))
+    scenarios.append(fg.Scenario(track=name, max_speed=4.0, changes=fg.CarChanges(command_delay=0.02)))
     results = drive_worlds(scenarios, "gap_finder", laps=1, record="states")
     for i, scenario in enumerate(scenarios):
-        alone = fg.race(name, max_speed=scenario.max_speed, car=scenario.car)
+        alone = fg.race(name, max_speed=scenario.max_speed, changes=scenario.changes)
         assert results.rows["end_reason"][i] == alone.end_reason
         np.testing.assert_array_equal(results.states[i], alone.states)
         np.testing.assert_array_equal(results.telemetry[i], alone.telemetry)

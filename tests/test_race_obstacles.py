@@ -35,7 +35,7 @@ def test_boxes_that_were_placed_by_hand_have_no_seed():
 def test_the_start_is_clear_of_them_wherever_it_is():
     track = fg.load_track("oval")
     for s in (0.0, 7.0, 20.0):
-        result = race(obstacles=6, obstacle_seed=1, begin=fg.Start(s=s))
+        result = race(obstacles=6, obstacle_seed=1, start=fg.Start(s=s))
         stations, _ = track.project([(box.x, box.y) for box in result.world.obstacles])
         assert ((stations - s) % track.length).min() >= CLEAR_AHEAD - 0.1
         assert not result.collisions

@@ -182,14 +182,14 @@ def test_what_is_drawn_reaches_the_scenario():
     assert scenario.seed == 5
     assert scenario.track is OVAL
     found = {
-        "mu": scenario.car.mu, "mass": scenario.car.mass, "cog_height": scenario.car.center_of_gravity_height,
-        "steering_gain": scenario.car.steering_gain, "speed_gain": scenario.car.speed_gain,
-        "command_delay": scenario.car.command_delay, "lidar_noise": scenario.effects.range_noise_std,
+        "mu": scenario.changes.mu, "mass": scenario.changes.mass, "cog_height": scenario.changes.center_of_gravity_height,
+        "steering_gain": scenario.changes.steering_gain, "speed_gain": scenario.changes.speed_gain,
+        "command_delay": scenario.changes.command_delay, "lidar_noise": scenario.effects.range_noise_std,
         "lidar_dropout": scenario.effects.dropout_probability, "start_s": scenario.start.s,
         "start_offset": scenario.start.offset, "start_heading": scenario.start.heading,
         "start_speed": scenario.start.speed, "planner_mu": scenario.planner_mu, "max_speed": scenario.max_speed,
-        "obstacles": len(scenario.obstacles), "planner.lookahead": scenario.planner["lookahead"],
-        "planner.edge_weight": scenario.planner["edge_weight"],
+        "obstacles": len(scenario.obstacles), "planner.lookahead": scenario.planner_settings["lookahead"],
+        "planner.edge_weight": scenario.planner_settings["edge_weight"],
     }  # fmt: skip
     assert found == values
 

@@ -91,8 +91,8 @@ def assert_is_its_race(result, world, controller="gap_finder"):
     scenario = result.scenario(world)
     race = fg.race(
         scenario.track, controller, time_limit=0.5, laps=1, seed=scenario.seed, max_speed=scenario.max_speed,
-        car=scenario.car, begin=scenario.start, effects=scenario.effects, obstacles=scenario.obstacles,
-        planner_mu=scenario.planner_mu, planner_settings=scenario.planner,
+        changes=scenario.changes, start=scenario.start, effects=scenario.effects, obstacles=scenario.obstacles,
+        planner_mu=scenario.planner_mu, planner_settings=scenario.planner_settings,
     )  # fmt: skip
     assert trajectory_sha256(result.states(world), result.ctrl(world)) == race.trajectory_sha256
     assert same(result.telemetry(world), race.telemetry)
@@ -171,7 +171,7 @@ def test_columns_are_what_was_drawn_and_how_it_went(twelve):
     assert set(RANDOMIZE) < set(twelve.names)
     assert ((twelve["mu"] >= 0.6) & (twelve["mu"] <= 1.2)).all()
     assert set(twelve["max_speed"].tolist()) <= {4, 6, 8}
-    assert [twelve.scenario(i).car.mu for i in range(12)] == twelve["mu"].tolist()
+    assert [twelve.scenario(i).changes.mu for i in range(12)] == twelve["mu"].tolist()
     assert (twelve["sim_time_s"] <= 0.5 + 1e-9).all()
     assert not twelve["mu"].flags.writeable
     assert len(twelve) == 12

@@ -134,7 +134,7 @@ def test_walls_stand_outside_of_their_room_and_meet_at_its_corners():
 
 
 def test_finished_is_the_goal_passed():
-    result = fg.race(scene(), Law(lambda time: 2.0), begin=fg.Start(speed=2.0))
+    result = fg.race(scene(), Law(lambda time: 2.0), start=fg.Start(speed=2.0))
     assert (result.end_reason, result.laps_requested, result.laps_completed) == ("finished", 1, 1)
     assert result.lap_times_s[0] == pytest.approx(6.0, rel=0.01)
     assert result.column("progress_m")[0] == pytest.approx(0.0, abs=1e-9)
@@ -143,7 +143,7 @@ def test_finished_is_the_goal_passed():
 
 @pytest.mark.parametrize("s", (-1.5, 4.0))
 def test_wherever_it_begins_the_goal_stays_where_it_is(s):
-    result = fg.race(scene(), Law(lambda time: 2.0), begin=fg.Start(s=s, speed=2.0))
+    result = fg.race(scene(), Law(lambda time: 2.0), start=fg.Start(s=s, speed=2.0))
     assert result.lap_times_s[0] == pytest.approx((12.0 - s) / 2.0, rel=0.01)
     assert result.column("progress_m")[0] == pytest.approx(s, abs=1e-9)
 
@@ -156,7 +156,7 @@ def test_its_time_limit_is_its_own_unless_another_is_given():
 
 
 def test_walls_and_obstacles_are_hit():
-    assert fg.race(scene(), Law(lambda time: 3.0), begin=fg.Start(heading=0.5)).end_reason == "crash"
+    assert fg.race(scene(), Law(lambda time: 3.0), start=fg.Start(heading=0.5)).end_reason == "crash"
     inside = (Box(x=6.0, y=0.0, length=0.5, width=0.5),)
     first = fg.race(scene(obstacles=inside), Law(lambda time: 3.0))
     second = fg.race(scene(), Law(lambda time: 3.0), obstacles=inside)
@@ -186,7 +186,7 @@ def brakes_at(when, creep=0.0):
 
 
 def test_to_stand_two_seconds_behind_the_goal_is_to_finish():
-    result = fg.race(scene(**STOP), brakes_at(6.3), begin=fg.Start(speed=2.0))
+    result = fg.race(scene(**STOP), brakes_at(6.3), start=fg.Start(speed=2.0))
     assert result.finished and result.collisions == 0
     speed, time = result.column("speed_m_s"), result.column("time_s")
     stood = time[np.abs(speed) >= 0.05][-1] + TICK
@@ -200,18 +200,18 @@ def test_to_pass_the_goal_is_not():
 
 
 def test_nor_is_to_creep():
-    result = fg.race(scene(**STOP), brakes_at(6.3, creep=0.1), begin=fg.Start(speed=2.0), time_limit=15.0)
+    result = fg.race(scene(**STOP), brakes_at(6.3, creep=0.1), start=fg.Start(speed=2.0), time_limit=15.0)
     assert result.end_reason == "time_limit"
 
 
 def test_nor_is_to_stand_before_it():
-    result = fg.race(scene(**STOP), brakes_at(5.0), begin=fg.Start(speed=2.0))
+    result = fg.race(scene(**STOP), brakes_at(5.0), start=fg.Start(speed=2.0))
     assert (result.end_reason, result.laps_completed) == ("no_progress", 0)
 
 
 def test_nor_is_to_come_back_and_stand_there():
     there_and_back = Law(lambda time: 2.0 if time < 6.5 else -2.0 if time < 9.5 else 0.0)
-    result = fg.race(scene(**STOP), there_and_back, begin=fg.Start(speed=2.0))
+    result = fg.race(scene(**STOP), there_and_back, start=fg.Start(speed=2.0))
     assert (result.end_reason, result.laps_completed) == ("no_progress", 1)
 
 
@@ -228,7 +228,7 @@ def test_a_batch_is_the_race_to_the_last_bit(name):
     results = drive_worlds(scenarios, "gap_finder", laps=1, record="states")
     for i, world in enumerate(scenarios):
         alone = fg.race(
-            world.track, max_speed=world.max_speed, begin=world.start, seed=world.seed, effects=world.effects
+            world.track, max_speed=world.max_speed, start=world.start, seed=world.seed, effects=world.effects
         )  # fmt: skip
         assert results.rows["end_reason"][i] == alone.end_reason
         np.testing.assert_array_equal(results.states[i], alone.states)
@@ -256,7 +256,7 @@ def test_worlds_of_a_rollout_drive_the_scene_as_a_race_does(tmp_path):
     for world in range(6):
         scenario = again.scenario(world)  # its course is read from the folder
         assert scenario.track.name == (name, "scene:slow_leader:0")[world % 2]
-        alone = fg.race(scenario.track, begin=scenario.start, seed=scenario.seed, effects=scenario.effects)
+        alone = fg.race(scenario.track, start=scenario.start, seed=scenario.seed, effects=scenario.effects)
         assert result["end_reason"][world] == alone.end_reason
         np.testing.assert_array_equal(result.states(world), alone.states)
     assert [course_sha256(course) for course in again.tracks] == [course_sha256(course) for course in result.tracks]

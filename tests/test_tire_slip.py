@@ -3,13 +3,14 @@
 import mujoco
 import numpy as np
 import pytest
-from car_worlds import flat_world, run, tire_pairs, tire_stiffness
+from car_worlds import flat_world, run, tire_pairs
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fg_mujoco.errors import ModelError
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.vehicle.car import WHEELS
+from fg_mujoco.vehicle.fitting import tire_stiffness
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED, TireSlipMeter
 
 FLAT = flat_world()

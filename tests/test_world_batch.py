@@ -11,7 +11,7 @@ import fg_mujoco as fg
 from fg_mujoco.lidar.effects import LidarEffects
 from fg_mujoco.racing.result import trajectory_sha256
 from fg_mujoco.simulation.engine import Engine
-from fg_mujoco.simulation.scenario import Scenario, Start
+from fg_mujoco.simulation.settings import Scenario, Start
 from fg_mujoco.simulation.world import CAR_PREFIX
 from fg_mujoco.studies.rollout.world_batch import drive_worlds
 from fg_mujoco.vehicle.changes import CarChanges, change_worlds
@@ -19,11 +19,11 @@ from fg_mujoco.vehicle.changes import CarChanges, change_worlds
 NOISY = LidarEffects(range_noise_std=0.01, dropout_probability=0.01, latency=0.025, no_return="range_max")
 SCENARIOS = (
     Scenario(),
-    Scenario(car=CarChanges(mu=0.8)),
-    Scenario(car=CarChanges(mass=4.2, center_of_gravity_height=0.08)),
-    Scenario(car=CarChanges(steering_gain=0.7, speed_gain=1.3)),
-    Scenario(car=CarChanges(command_delay=0.0223), planner_mu=0.7),
-    Scenario(car=CarChanges(command_delay=0.01, mu=0.9123456)),
+    Scenario(changes=CarChanges(mu=0.8)),
+    Scenario(changes=CarChanges(mass=4.2, center_of_gravity_height=0.08)),
+    Scenario(changes=CarChanges(steering_gain=0.7, speed_gain=1.3)),
+    Scenario(changes=CarChanges(command_delay=0.0223), planner_mu=0.7),
+    Scenario(changes=CarChanges(command_delay=0.01, mu=0.9123456)),
     Scenario(seed=3, effects=NOISY, max_speed=5.0),
     Scenario(start=Start(s=7.0, offset=0.2, heading=0.1, speed=2.0), planner_mu=float("inf")),
     Scenario(obstacles=(fg.Box(x=6.0, y=0.3, length=0.3, width=0.3),)),
@@ -47,8 +47,8 @@ def alone(scenario, **settings):
         seed=scenario.seed,
         obstacles=scenario.obstacles,
         effects=scenario.effects,
-        car=scenario.car,
-        begin=scenario.start,
+        changes=scenario.changes,
+        start=scenario.start,
         **settings,
     )
 
@@ -98,7 +98,7 @@ def test_threads_make_no_difference(together):
 
 
 def test_laps_are_timed_as_in_a_race():
-    results = drive_worlds([Scenario(), Scenario(car=CarChanges(mass=3.5))], "gap_finder", laps=2)
+    results = drive_worlds([Scenario(), Scenario(changes=CarChanges(mass=3.5))], "gap_finder", laps=2)
     raced = fg.race("oval", laps=2)
     assert results.rows["end_reason"].tolist() == ["finished"] * 2
     assert tuple(results.lap_times_s[0]) == raced.lap_times_s

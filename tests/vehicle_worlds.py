@@ -9,7 +9,7 @@ import fg_mujoco as fg
 from fg_mujoco.racing.planner_loading import make_controller
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.planner_adapter import adapt, start
-from fg_mujoco.simulation.scenario import Start
+from fg_mujoco.simulation.settings import Start
 from fg_mujoco.simulation.telemetry import statistics_figures
 from fg_mujoco.simulation.termination import END_REASONS
 from fg_mujoco.vehicle.car import WHEELS

@@ -8,9 +8,11 @@ import math
 import sys
 import time
 from collections.abc import Callable, Iterator
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from ..errors import MissingExtraError
+from ..simulation.settings import FASTEST
+from ..vehicle.vehicle import DEFAULT_VEHICLE, vehicle_names
 from ..viz.plots import require_matplotlib
 
 _Progress = TypeVar("_Progress")
@@ -42,6 +44,28 @@ def number_or_off(text: str) -> float:
         return float(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r}; accepted: a number, or off") from None
+
+
+def add_drive_options(add: Callable[..., Any], *, of: str = "the") -> None:
+    """Add the options of which car drives and what its planner is told; `drive_options` reads them."""
+    add(
+        "--vehicle", default=DEFAULT_VEHICLE, metavar="NAME|FILE.xml",
+        help=f"{', '.join(vehicle_names())}, or the MJCF file of one; default: {DEFAULT_VEHICLE}",
+    )  # fmt: skip
+    add("--mu", type=number, metavar="MU", help=f"friction coefficient of {of} car's tires; default: the vehicle's")
+    add(
+        "--planner-mu", type=number_or_off, metavar="MU",
+        help="friction coefficient that the planner assumes; off: no friction limits; default: the vehicle's",
+    )  # fmt: skip
+    add(
+        "--max-speed", type=number, default=FASTEST, metavar="V",
+        help=f"fastest that the planner may command [m/s]; default: {FASTEST:g}",
+    )  # fmt: skip
+
+
+def drive_options(options: argparse.Namespace) -> dict[str, Any]:
+    """Return what `add_drive_options` added, as keywords of a race."""
+    return {name: getattr(options, name) for name in ("vehicle", "mu", "planner_mu", "max_speed")}
 
 
 class ProgressLine:

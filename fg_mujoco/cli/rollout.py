@@ -25,7 +25,7 @@ from ..studies.rollout.rollouts import (
 from ..studies.rollout.store import as_json
 from ..studies.rollout.world_batch import RECORDS
 from ..vehicle.tire_slip import SLIDING_SPEED
-from .options import number, shown_as, to_go, whole
+from .options import add_drive_options, drive_options, number, shown_as, to_go, whole
 
 _DONE, _NOT_DONE = 0, 1
 _MIB = 2**20
@@ -46,6 +46,7 @@ def add_rollout(add_command: Callable[..., argparse.ArgumentParser], commands: A
         "--randomize", action="append", default=[], metavar="NAME=RANGE",
         help="as often as wanted; mu=0.6:1.2, max_speed=6|8, obstacles=0:4, planner.SETTING=LOW:HIGH, or one value",
     )  # fmt: skip
+    add_drive_options(add, of="each")
     add("--laps", type=whole, metavar="N", help="default: 1, or as many as fit the duration")
     add("--duration", type=number, metavar="S", help="of simulated time; default: what a car of 0.5 m/s needs")
     add("--workers", type=whole, metavar="N", help="threads, or with Ray cores; default: as many as there are")
@@ -77,6 +78,7 @@ def _rollout(options: argparse.Namespace) -> int:
                 n=options.n,
                 seed=options.seed,
                 randomize=_named_ranges(options.randomize),
+                **drive_options(options),
                 laps=options.laps,
                 duration=options.duration,
                 workers=options.workers,

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SettingsError
-from ..simulation.scenario import Start
+from ..simulation.settings import Start
 from ..simulation.termination import END_REASONS
 from .actions import ActionBounds
 from .observations import Observation, ObservationLayout

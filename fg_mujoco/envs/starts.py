@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import SettingsError
-from ..simulation.scenario import Start
+from ..simulation.settings import Start
 from ..simulation.world import World
 
 

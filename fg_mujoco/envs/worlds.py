@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..messages import FloatArray
 from ..simulation.engine import Engine
-from ..simulation.scenario import Start
+from ..simulation.settings import Start
 from ..simulation.telemetry import TELEMETRY
 from .settings import EnvironmentSettings
 

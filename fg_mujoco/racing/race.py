@@ -12,6 +12,7 @@ import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from ..course.course import USUAL_LAPS, Course, laps_to_drive
@@ -20,20 +21,21 @@ from ..course.random_obstacles import random_boxes
 from ..errors import SettingsError
 from ..lidar.effects import LidarEffects
 from ..messages import Controller, require
-from ..simulation.course_loading import default_car, load_track
+from ..simulation.course_loading import load_track
 from ..simulation.engine import Engine
-from ..simulation.planner_adapter import adapt, start
-from ..simulation.scenario import Start
+from ..simulation.planner_adapter import adapt
+from ..simulation.planner_adapter import start as start_planner
+from ..simulation.settings import DriveSettings, Start, renamed, require_whole
 from ..simulation.telemetry import statistics_figures
 from ..simulation.termination import END_REASONS
-from ..simulation.world import World
 from ..vehicle.changes import CarChanges
+from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .planner_loading import make_controller
 from .result import History, RaceResult, trajectory_sha256
 
 
 @dataclass(frozen=True, kw_only=True)
-class RaceSettings:
+class RaceSettings(DriveSettings):
     """What a race is run with.
 
     Raises:
@@ -41,22 +43,14 @@ class RaceSettings:
     """
 
     laps: int = USUAL_LAPS
-    mu: float | None = None  # of the tires; None: as in the car's MJCF
-    planner_mu: float | None = None  # what the planner believes; None: as in the car's MJCF; inf: no friction limits
-    max_speed: float = 8.0  # [m/s] fastest that the planner may command; that of the published lap times
     lidar: str = "raycast"
-    seed: int = 0
     time_limit: float | None = None  # [s]; None: as long as a car of 0.5 m/s needs, or the scene's
 
     def __post_init__(self) -> None:
-        for name, least in (("laps", 1), ("seed", 0)):
-            value = getattr(self, name)
-            if not isinstance(value, int) or isinstance(value, bool) or value < least:
-                raise SettingsError(f"{name} is {value!r}; accepted: a whole number from {least}")
-        given = tuple(name for name in ("mu", "time_limit") if getattr(self, name) is not None)
-        require(self, lambda value: 0.0 < value < math.inf, "a positive number", (*given, "max_speed"), SettingsError)
-        if self.planner_mu is not None:
-            require(self, lambda value: value > 0.0, "a positive number, or inf", ("planner_mu",), SettingsError)
+        super().__post_init__()
+        require_whole("laps", self.laps, 1)
+        if self.time_limit is not None:
+            require(self, lambda value: 0.0 < value < math.inf, "a positive number", ("time_limit",), SettingsError)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,12 +63,15 @@ class RaceProgress:
     speed: float  # [m/s]
 
 
+@renamed(car="changes", begin="start")
 def race(
     track: Course | str,
     controller: str | Controller = "gap_finder",
     *,
     laps: int | None = None,
+    vehicle: Vehicle | str | Path = DEFAULT_VEHICLE,
     mu: float | None = None,
+    changes: CarChanges | None = None,
     planner_mu: float | None = None,
     max_speed: float = 8.0,
     lidar: str = "raycast",
@@ -83,8 +80,7 @@ def race(
     obstacles: tuple[Obstacle, ...] | int = (),
     obstacle_seed: int = 0,
     effects: LidarEffects | None = None,
-    car: CarChanges | None = None,
-    begin: Start | None = None,
+    start: Start | None = None,
     planner_settings: Mapping[str, Any] | None = None,
     watch: Callable[[RaceProgress], None] | None = None,
 ) -> RaceResult:
@@ -95,8 +91,10 @@ def race(
         a path to a centreline CSV.
       controller: a bundled name, `path/to/file.py:ClassName`, or a controller object.
       laps: to be driven; None: 5, and of a scene 1, which is all it has.
-      mu: friction coefficient of the tires; None: as in the car's MJCF.
-      planner_mu: what the planner believes it is; None: as in the car's MJCF; inf: its friction limits are off.
+      vehicle: a bundled name, the path of a vehicle's MJCF file, or a Vehicle.
+      mu: friction coefficient of the tires; None: as in the vehicle's MJCF.
+      changes: what else differs from the vehicle's MJCF.
+      planner_mu: friction coefficient that the planner assumes; None: as in the vehicle's MJCF; inf: no limits.
       max_speed: fastest that the planner may command [m/s].
       lidar: back end, "raycast" or "rangefinder".
       seed: of the LiDAR's noise and dropouts.
@@ -105,8 +103,7 @@ def race(
         that leave a way past each (`random_obstacles`).
       obstacle_seed: of the random places.
       effects: what the LiDAR does to a scan; nothing by default.
-      car: what else differs from the car of models/f1tenth.xml.
-      begin: where and how the race starts; None: standing on the start of the centreline.
+      start: where and how the race starts; None: standing on the start of the centreline.
       planner_settings: settings of the controller that differ from its own.
       watch: called once a tick.
 
@@ -114,25 +111,25 @@ def race(
       TrackError, ControllerError, SettingsError: input that cannot be raced with.
     """
     settings = RaceSettings(
-        laps=USUAL_LAPS if laps is None else laps, mu=mu, planner_mu=planner_mu, max_speed=max_speed, lidar=lidar,
-        seed=seed, time_limit=time_limit,
+        laps=USUAL_LAPS if laps is None else laps, vehicle=vehicle, mu=mu, changes=changes or CarChanges(),
+        planner_mu=planner_mu, max_speed=max_speed, planner_settings=planner_settings or {}, start=start or Start(),
+        effects=effects or LidarEffects(), seed=seed, lidar=lidar, time_limit=time_limit,
     )  # fmt: skip
-    course = load_track(track)
+    course = load_track(track, car=settings.car.parameters)
     laps = laps_to_drive(course, laps)
     drawn = None
     if isinstance(obstacles, int):
         drawn = obstacle_seed if obstacles else None
-        obstacles = random_boxes(course, obstacles, obstacle_seed, car=default_car(), start=(begin or Start()).s)
-    world = World(course, mu=mu, lidar=lidar, obstacles=obstacles, changes=car)
-    believed_mu = world.vehicle.nominal_mu if planner_mu is None else float(planner_mu)
+        obstacles = random_boxes(course, obstacles, obstacle_seed, car=settings.car.parameters, start=settings.start.s)
+    world = settings.world(course, lidar=lidar, obstacles=obstacles)
     planner = make_controller(
-        controller, car=world.car.parameters, mu=believed_mu, max_speed=max_speed, settings=planner_settings or {},
-        map_line=world.track.map_line,
+        controller, car=world.car.parameters, mu=settings.assumed_mu, max_speed=max_speed,
+        settings=settings.planner_settings, map_line=world.track.map_line,
     )  # fmt: skip
-    start(planner)
+    start_planner(planner)
     engine = Engine(world, laps=laps, time_limit=settings.time_limit)
     engine.planners = adapt([planner], arrays=isinstance(controller, str), raises=True)
-    engine.place([begin or Start()], effects=[effects or LidarEffects()], seeds=[seed])
+    engine.place([settings.start], effects=[settings.effects], seeds=[seed])
     history = History(engine)
 
     started = time.perf_counter()
@@ -149,6 +146,7 @@ def race(
     lap_times = tuple(monitor.lap_times[0, : int(monitor.timers["laps_completed"][0])].tolist())
     return RaceResult(
         track=world.track.name,
+        vehicle=settings.car.name,
         controller=controller if isinstance(controller, str) else type(controller).__name__,
         laps_requested=laps,
         laps_completed=len(lap_times),
@@ -162,13 +160,13 @@ def race(
         **statistics_figures(engine.statistics[0]),
         seed=seed,
         mu=world.car.mu,
-        planner_mu=believed_mu,
+        planner_mu=settings.assumed_mu,
         speed_limit_m_s=float(max_speed),
         lidar=lidar,
-        lidar_effects=effects or LidarEffects(),
+        lidar_effects=settings.effects,
         obstacles=len(obstacles),
         obstacle_seed=drawn,
-        planner_settings=dict(planner_settings or {}),
+        planner_settings=dict(settings.planner_settings),
         trajectory_sha256=trajectory_sha256(arrays["states"], arrays["ctrl"]),
         world=world,
         **arrays,

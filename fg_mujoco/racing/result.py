@@ -27,6 +27,7 @@ class RaceResult:
     """
 
     track: str
+    vehicle: str
     controller: str
     laps_requested: int
     laps_completed: int

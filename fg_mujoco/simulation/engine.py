@@ -37,7 +37,7 @@ from ..vehicle.motion import ground_speed
 from ..vehicle.tire_slip import TireSlipMeter
 from .physics import STATE, Batch, StateLayout
 from .planner_adapter import Planners
-from .scenario import Start
+from .settings import Start
 from .telemetry import STATISTICS, TELEMETRY
 from .termination import RaceMonitor
 from .tick import book_cars, drive_cars, hold_commands, motion_table, place_obstacles, read_cars, scan_cars

@@ -20,7 +20,7 @@ from ..vehicle.tire_slip import TireSlip
 from .engine import Engine
 from .physics import STATE
 from .planner_adapter import odometry_message
-from .scenario import Start
+from .settings import Start
 from .world import World
 
 

@@ -155,7 +155,7 @@ def test_a_world_of_a_rollout_drives_it_as_a_race_does(course):
     )
     for world in range(2):
         scenario = result.scenario(world)
-        alone = fg.race(course, begin=scenario.start, seed=scenario.seed, time_limit=0.2)
+        alone = fg.race(course, start=scenario.start, seed=scenario.seed, time_limit=0.2)
         np.testing.assert_array_equal(result.states(world), alone.states)
 
 

@@ -24,7 +24,7 @@ from ...racing.planner_loading import make_controller
 from ...racing.result import History, trajectory_sha256
 from ...simulation.engine import Engine
 from ...simulation.planner_adapter import adapt, start
-from ...simulation.scenario import Start
+from ...simulation.settings import Start
 from ...simulation.simulation import Simulation
 from ...simulation.telemetry import TELEMETRY, statistics_figures
 from ...simulation.termination import END_REASONS

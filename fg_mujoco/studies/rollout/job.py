@@ -10,7 +10,7 @@ import hashlib
 import math
 import platform
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from importlib.metadata import version
 from pathlib import Path
@@ -26,12 +26,10 @@ from ...errors import ControllerError, SettingsError
 from ...kernels import package_files
 from ...racing.planner_choice import Value
 from ...racing.planner_loading import build_controller, find_controller
-from ...simulation.course_loading import default_car
 from ...simulation.physics import STATE
-from ...simulation.scenario import Scenario
+from ...simulation.settings import DriveSettings, Scenario
 from ...simulation.telemetry import TELEMETRY
 from ...vehicle.changes import CarChanges
-from ...vehicle.vehicle import Vehicle
 from .randomization import Randomization
 from .world_batch import RECORDS, RESULT, WorldResults, drive_worlds
 
@@ -60,6 +58,7 @@ class RolloutJob:
     duration: float | None  # [s]
     record: str
     chunk: int  # worlds in one, at most
+    base: DriveSettings = field(default_factory=DriveSettings)  # what is the same in all worlds
 
     def __post_init__(self) -> None:
         require_whole("laps", self.laps)
@@ -83,8 +82,8 @@ class RolloutJob:
         """
         if not self.tracks:
             raise SettingsError("no track is given; accepted: one or more")
-        vehicle = Vehicle.load()
-        car = vehicle.parameters
+        self.randomization.check_base(self.base)
+        car = self.base.car.parameters
         for track in self.tracks:
             track.check_car(car)
             laps_to_drive(track, self.laps)  # refuses more than a scene has
@@ -101,8 +100,8 @@ class RolloutJob:
         found = find_controller(self.controller)
         for settings in ({}, *self.randomization.planner_extremes):
             build_controller(
-                found, self.controller, car=vehicle.parameters, mu=vehicle.nominal_mu, max_speed=8.0, settings=settings,
-                map_line=self.tracks[0].map_line,
+                found, self.controller, car=car, mu=self.base.assumed_mu, max_speed=self.base.max_speed,
+                settings={**self.base.planner_settings, **settings}, map_line=self.tracks[0].map_line,
             )  # fmt: skip
 
     @cached_property
@@ -128,7 +127,7 @@ class RolloutJob:
     def scenario(self, world: int, values: dict[str, Value] | None = None) -> Scenario:
         """Return world number `world`; `values` are those that were drawn for it, if they are known."""
         track, seed = world % len(self.tracks), int(self.seeds[world])
-        return self.randomization.scenario(self.tracks[track], seed, values, self._sites[track])
+        return self.randomization.scenario(self.tracks[track], seed, values, self._sites[track], self.base)
 
     def drive(
         self,
@@ -171,7 +170,7 @@ class RolloutJob:
             return 0
         longest = max(track.longest_race(self.laps or 1) for track in self.tracks)
         limit = self.duration if self.duration is not None else longest
-        row = len(TELEMETRY) + (_state_size() + 2 if self.record == "states" else 0)
+        row = len(TELEMETRY) + (_state_size(self.base) + 2 if self.record == "states" else 0)
         return int(limit / TICK + 1) * row * 8
 
     def settings(self) -> dict[str, Any]:
@@ -187,6 +186,7 @@ class RolloutJob:
             "laps": self.laps,
             "duration": self.duration,
             "record": self.record,
+            "drive": self.base.described(),
         }
 
     @cached_property
@@ -198,7 +198,7 @@ class RolloutJob:
     @cached_property
     def _sites(self) -> tuple[Sites | None, ...]:
         wanted = self.randomization.most_obstacles > 0
-        return tuple(track.obstacle_sites(default_car()) if wanted else None for track in self.tracks)
+        return tuple(track.obstacle_sites(self.base.car.parameters) if wanted else None for track in self.tracks)
 
     def _check_starts(self, course: Course) -> None:
         """Refuse starts that are not on an open course; round a closed one progress may be any number."""
@@ -248,9 +248,9 @@ def _traces(results: WorldResults, record: str) -> Arrays:
     return arrays
 
 
-def _state_size() -> int:
+def _state_size(base: DriveSettings) -> int:
     """Return the length of a state, that of a car whose commands are delayed, which has the longest."""
-    delayed = Vehicle.load().compile(changes=CarChanges(command_delay=0.0))
+    delayed = base.car.compile(changes=CarChanges(command_delay=0.0))
     return int(mujoco.mj_stateSize(delayed, STATE))
 
 

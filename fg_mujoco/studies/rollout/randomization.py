@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import Any
 from zlib import crc32
 
@@ -23,8 +23,7 @@ from ...course.course import Course, Sites
 from ...errors import SettingsError
 from ...lidar.effects import LidarEffects
 from ...racing.planner_choice import Value, read_value
-from ...simulation.course_loading import default_car
-from ...simulation.scenario import Scenario, Start
+from ...simulation.settings import DriveSettings, Scenario, Start
 from ...vehicle.changes import CarChanges
 from ...vehicle.vehicle import Vehicle
 
@@ -176,7 +175,7 @@ class Randomization:
         for name, values in self.ranges.items():
             for value in values.extremes:
                 try:
-                    _checkread_value(name, value)
+                    _check_value(name, value)
                 except SettingsError as error:
                     raise SettingsError(f"randomize {name}={values}: {error}") from error
 
@@ -208,7 +207,12 @@ class Randomization:
         }
 
     def scenario(
-        self, track: Course, seed: int, values: Mapping[str, Value] | None = None, sites: Sites | None = None
+        self,
+        track: Course,
+        seed: int,
+        values: Mapping[str, Value] | None = None,
+        sites: Sites | None = None,
+        base: DriveSettings | None = None,
     ) -> Scenario:
         """Return a world.
 
@@ -217,29 +221,47 @@ class Randomization:
           seed: of the world.
           values: that `draw(seed)` returned; None: it is called.
           sites: of obstacles on the track; None: they are worked out.
+          base: what is not drawn; None: the defaults.
 
         Raises:
           SettingsError: more obstacles than there is room for.
         """
         values = self.draw(seed) if values is None else values
+        base = base or DriveSettings()
         of: dict[type, dict[str, Any]] = {CarChanges: {}, LidarEffects: {}, Start: {}, Scenario: {}}
         for name, value in values.items():
             if name in PARAMETERS:
                 owner, field = PARAMETERS[name]
                 of[owner][field] = value
-        start = Start(**of[Start])
+        start = replace(base.start, **of[Start])
         if _OBSTACLES in values:
-            sites = sites or track.obstacle_sites(default_car())
+            sites = sites or track.obstacle_sites(base.car.parameters)
             of[Scenario][_OBSTACLES] = sites.place(int(values[_OBSTACLES]), start.s, _generator(seed, _OBSTACLES))
-        return Scenario(
-            track=track,
-            seed=seed,
-            car=CarChanges(**of[CarChanges]),
-            start=start,
-            effects=LidarEffects(**of[LidarEffects]),
-            planner={name.removeprefix(PLANNER): v for name, v in values.items() if name.startswith(PLANNER)},
-            **of[Scenario],
-        )
+        own = {name.removeprefix(PLANNER): v for name, v in values.items() if name.startswith(PLANNER)}
+        drawn: dict[str, Any] = {
+            "changes": replace(base.changes, **of[CarChanges]),
+            "start": start,
+            "effects": replace(base.effects, **of[LidarEffects]),
+            "planner_settings": {**base.planner_settings, **own},
+            "seed": seed,
+        } | of[Scenario]
+        kept = {f.name: getattr(base, f.name) for f in fields(DriveSettings)}
+        return Scenario(**(kept | drawn), track=track)
+
+    def check_base(self, base: DriveSettings) -> None:
+        """Refuse a setting of all worlds that is also drawn for each.
+
+        Raises:
+          SettingsError: there is one.
+        """
+        described = base.described()
+        for name in self.ranges:
+            owner, field = PARAMETERS.get(name, (Scenario, name))
+            group = {CarChanges: "changes", LidarEffects: "effects", Start: "start"}.get(owner, "")
+            of_group = group in described and getattr(getattr(base, group), field) != getattr(owner(), field)
+            of_planner = name.startswith(PLANNER) and name.removeprefix(PLANNER) in base.planner_settings
+            if name in described or of_group or of_planner:
+                raise SettingsError(f"{name} is given for all worlds and in randomize; accepted: one of them")
 
 
 def world_seeds(seed: int, count: int) -> NDArray[np.int64]:
@@ -255,7 +277,7 @@ def _generator(seed: int, name: str) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(crc32(name.encode()),)))
 
 
-def _checkread_value(name: str, value: Value) -> None:
+def _check_value(name: str, value: Value) -> None:
     """Raise SettingsError where a parameter cannot have a value. What the planner's settings can have, it says."""
     if name in PARAMETERS and name != _OBSTACLES:
         owner, field = PARAMETERS[name]

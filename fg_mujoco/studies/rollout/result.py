@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...course.course import Course
 from ...errors import SettingsError
 from ...messages import FloatArray
-from ...simulation.scenario import Scenario
+from ...simulation.settings import DriveSettings, Scenario
 from .job import Arrays, RolloutJob
 from .randomization import Randomization
 from .store import ChunkStore, FolderStore, blame
@@ -36,6 +36,7 @@ class RolloutResult:
     lap_times_s: FloatArray = field(repr=False)  # (n, k), NaN where fewer laps were driven
     tracks: tuple[Course, ...]
     randomization: Randomization
+    base: DriveSettings = field(repr=False)  # what is the same in all worlds
     settings: dict[str, Any] = field(repr=False)  # all that the results depend on, but for the versions
     chunks: ChunkStore = field(repr=False)
     places: NDArray[np.int64] = field(repr=False)  # (n, 2) of each world, its chunk and its place in there
@@ -68,7 +69,7 @@ class RolloutResult:
           SettingsError: there is no such world.
         """
         row = self._row(world)
-        return self.randomization.scenario(self.tracks[row["track"]], int(row["seed"]))
+        return self.randomization.scenario(self.tracks[row["track"]], int(row["seed"]), base=self.base)
 
     def telemetry(self, world: int) -> FloatArray:
         """Return the telemetry of a world, read where it is kept. Shape (ticks, len(TELEMETRY)).
@@ -152,6 +153,7 @@ def gather(
         **_table(kept),
         tracks=job.tracks,
         randomization=job.randomization,
+        base=job.base,
         settings=job.settings(),
         chunks=chunks,
         places=job.places,
@@ -178,6 +180,7 @@ def read_rollout(folder: str | Path) -> RolloutResult:
         **table,
         tracks=store.tracks(),
         randomization=Randomization.of(settings["randomize"]),
+        base=DriveSettings.of(settings.get("drive", {})),
         settings=settings,
         chunks=store,
         places=places,

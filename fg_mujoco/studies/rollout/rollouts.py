@@ -21,7 +21,11 @@ from numpy.typing import NDArray
 
 from ...course.course import Course
 from ...errors import SettingsError
+from ...lidar.effects import LidarEffects
 from ...simulation.course_loading import load_track
+from ...simulation.settings import FASTEST, DriveSettings, Start
+from ...vehicle.changes import CarChanges
+from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .job import Arrays, RolloutJob, require_whole, versions
 from .local import drive_in_threads, usable_cores
 from .randomization import Randomization, world_seeds
@@ -66,6 +70,14 @@ def rollout(
     seed: int = 0,
     seeds: Sequence[int] | NDArray[np.integer] | None = None,
     randomize: Mapping[str, Any] | None = None,
+    vehicle: Vehicle | str | Path = DEFAULT_VEHICLE,
+    mu: float | None = None,
+    changes: CarChanges | None = None,
+    planner_mu: float | None = None,
+    max_speed: float = FASTEST,
+    planner_settings: Mapping[str, Any] | None = None,
+    start: Start | None = None,
+    effects: LidarEffects | None = None,
     laps: int | None = None,
     duration: float | None = None,
     workers: int | None = None,
@@ -90,6 +102,14 @@ def rollout(
       seeds: the seeds of the worlds themselves, instead.
       randomize: parameters that differ from world to world: names of `randomization.PARAMETERS`, or `planner.SETTING`,
         and for each `(low, high)`, a list of values, one value for all, or any of these as text: "0.6:1.2", "1|2|3".
+      vehicle: of all worlds, and so the next seven, as in `race`; none of them may be randomised as well.
+      mu: friction coefficient of the tires.
+      changes: what else differs from the vehicle's MJCF.
+      planner_mu: friction coefficient that the planners assume.
+      max_speed: fastest that a planner may command [m/s].
+      planner_settings: settings of the planners that differ from their own.
+      start: where and how the cars start.
+      effects: what the LiDAR does to a scan.
       laps: to be driven; None: one, or as many as fit the duration.
       duration: of simulated time at most [s]; None: what a car of 0.5 m/s needs for the laps.
       workers: threads, or with Ray cores; None: as many as there are.
@@ -112,8 +132,14 @@ def rollout(
     require_whole("workers", workers)
     require_whole("memory_budget", memory_budget, 0)
     several = isinstance(tracks, Sequence) and not isinstance(tracks, str)
+    base = DriveSettings(
+        vehicle=vehicle, mu=mu, changes=changes or CarChanges(), planner_mu=planner_mu, max_speed=max_speed,
+        planner_settings=planner_settings or {}, start=start or Start(), effects=effects or LidarEffects(),
+    )  # fmt: skip
+    car = base.car.parameters
     job = RolloutJob(
-        tracks=tuple(load_track(track) for track in (tracks if several else [tracks])),  # type: ignore[arg-type,union-attr]
+        base=base,
+        tracks=tuple(load_track(track, car=car) for track in (tracks if several else [tracks])),  # type: ignore[arg-type,union-attr]
         controller=controller,
         seed=seed if seeds is None else None,
         seeds=_seeds(n, seed, seeds),

@@ -26,11 +26,12 @@ from ...messages import FloatArray
 from ...racing.planner_loading import build_controller, find_controller
 from ...simulation.engine import Engine
 from ...simulation.planner_adapter import adapt, start
-from ...simulation.scenario import Scenario
+from ...simulation.settings import Scenario
 from ...simulation.telemetry import statistics_figures
 from ...simulation.termination import END_REASONS
 from ...simulation.world import World
 from ...vehicle.changes import CarChanges
+from ...vehicle.vehicle import Vehicle
 
 RECORDS = ("summary", "telemetry", "states")
 
@@ -102,9 +103,9 @@ def drive_worlds(
         if scenario.effects.motion_distortion:
             raise SettingsError("motion distortion of the LiDAR, in a batch; accepted: in `race` only")
     results = _Results(len(scenarios), record)
-    groups: dict[tuple[Course | str, tuple[Obstacle, ...], bool], list[int]] = {}
+    groups: dict[tuple[Course | str, Vehicle, tuple[Obstacle, ...], bool], list[int]] = {}
     for i, scenario in enumerate(scenarios):
-        key = (scenario.track, scenario.obstacles, scenario.car.command_delay is not None)
+        key = (scenario.track, scenario.car, scenario.obstacles, scenario.changes.command_delay is not None)
         groups.setdefault(key, []).append(i)
     ticks = 0
     for key, members in groups.items():
@@ -142,15 +143,14 @@ def make_engine(
       laps: to be driven.
       time_limit: of simulated time [s].
     """
-    changes = [scenario.car for scenario in scenarios]
+    changes = [scenario.all_changes for scenario in scenarios]
     engine = Engine(world, len(scenarios), changes=changes, laps=laps, time_limit=time_limit)
     kind = find_controller(controller)  # once: what is in a file becomes a new class each time
     planners = []
     for scenario, car in zip(scenarios, engine.cars, strict=True):
-        believed_mu = world.vehicle.nominal_mu if scenario.planner_mu is None else float(scenario.planner_mu)
         planner = build_controller(
-            kind, controller, car=car.parameters, mu=believed_mu, max_speed=scenario.max_speed,
-            settings=scenario.planner, map_line=world.track.map_line,
+            kind, controller, car=car.parameters, mu=scenario.assumed_mu, max_speed=scenario.max_speed,
+            settings=scenario.planner_settings, map_line=world.track.map_line,
         )  # fmt: skip
         start(planner)
         planners.append(planner)
@@ -166,9 +166,9 @@ _BUILDING = Lock()  # threads that want the same world build it once
 
 
 @lru_cache(maxsize=8)
-def _shared_world(track: Course | str, obstacles: tuple[Obstacle, ...], delayed: bool) -> World:
+def _shared_world(track: Course | str, car: Vehicle, obstacles: tuple[Obstacle, ...], delayed: bool) -> World:
     """Return a world to be read by any thread; a delay is one of 0 s, for each world's own to be put in its place."""
-    return World(track, obstacles=obstacles, changes=CarChanges(command_delay=0.0) if delayed else None)
+    return World(track, car, obstacles=obstacles, changes=CarChanges(command_delay=0.0) if delayed else None)
 
 
 class _Results:

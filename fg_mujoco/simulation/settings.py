@@ -1,0 +1,181 @@
+"""What every door shares: which car drives, what its planner is told, where it starts, and what its LiDAR does.
+
+A race, a rollout, an environment and the live view spell these settings alike and validate them here.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+from ..course.course import Course
+from ..course.obstacles import Obstacle
+from ..errors import SettingsError
+from ..lidar.effects import LidarEffects
+from ..messages import require
+from ..vehicle.changes import CarChanges
+from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle, vehicle_names
+from .world import World
+
+_F = TypeVar("_F", bound=Callable[..., Any])
+
+FASTEST = 8.0
+"""[m/s] The fastest that a planner may command unless it is told otherwise: that of the published lap times."""
+
+
+def renamed(**names: str) -> Callable[[_F], _F]:
+    """Return a decorator that answers keywords of old names with the new ones: `@renamed(begin="start")`."""
+
+    def decorate(function: _F) -> _F:
+        @functools.wraps(function)
+        def checked(*args: Any, **settings: Any) -> Any:
+            for old, new in names.items():
+                if old in settings:
+                    raise SettingsError(f"setting {old!r} is called {new!r} now; accepted: {new}={settings[old]!r}")
+            return function(*args, **settings)
+
+        return cast(_F, checked)
+
+    return decorate
+
+
+def require_whole(name: str, value: Any, least: int = 0) -> None:
+    """Raise SettingsError unless a value is a whole number from `least`."""
+    if not isinstance(value, int) or isinstance(value, bool) or value < least:
+        raise SettingsError(f"{name} is {value!r}; accepted: a whole number from {least}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Start:
+    """Where a race starts, along the centreline.
+
+    Raises:
+      SettingsError: a value that is not finite.
+    """
+
+    s: float = 0.0  # [m] progress
+    offset: float = 0.0  # [m] left positive
+    heading: float = 0.0  # [rad] from the centreline's, left positive
+    speed: float = 0.0  # [m/s] wheels rolling
+
+    def __post_init__(self) -> None:
+        require(self, math.isfinite, "a finite number", ("s", "offset", "heading", "speed"), SettingsError)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CarSettings:
+    """Which car drives.
+
+    Raises:
+      SettingsError: an unknown vehicle, or a friction that is not positive or is another one in `changes`.
+      ModelError: a file that is not that of a vehicle.
+    """
+
+    vehicle: Vehicle | str | Path = DEFAULT_VEHICLE  # a bundled name, the path of an MJCF file, or a Vehicle
+    mu: float | None = None  # friction coefficient of the tires; None: as in the vehicle's MJCF
+    changes: CarChanges = field(default_factory=CarChanges)  # what else differs from the vehicle's MJCF
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "vehicle", Vehicle.load(self.vehicle))
+        if self.mu is not None:
+            require(self, lambda value: 0.0 < value < math.inf, "a positive number", ("mu",), SettingsError)
+        if self.mu is not None and self.changes.mu not in (None, self.mu):
+            raise SettingsError(
+                f"mu is {self.mu!r} and CarChanges.mu is {self.changes.mu!r}; accepted: one of them, or the same twice"
+            )
+
+    @property
+    def car(self) -> Vehicle:
+        """The vehicle, loaded."""
+        return cast(Vehicle, self.vehicle)
+
+    @property
+    def all_changes(self) -> CarChanges:
+        """What differs from the vehicle's MJCF, the friction included."""
+        return self.changes if self.mu is None else replace(self.changes, mu=self.mu)
+
+    def world(self, course: Course | str, *, lidar: str = "raycast", obstacles: tuple[Obstacle, ...] = ()) -> World:
+        """Return a compiled world with this car; arguments and errors as in World."""
+        return World(
+            course, self.car, mu=self.mu, lidar=lidar, obstacles=obstacles, changes=self.changes
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveSettings(CarSettings):
+    """Which car drives, what its planner is told, where it starts, and what its LiDAR does.
+
+    Raises:
+      SettingsError: a value outside of what is accepted.
+      ModelError: a file that is not that of a vehicle.
+    """
+
+    planner_mu: float | None = None  # that the planner assumes; None: as in the vehicle's MJCF; inf: no friction limits
+    max_speed: float = FASTEST  # [m/s] fastest that the planner may command
+    planner_settings: Mapping[str, Any] = field(default_factory=dict)  # that differ from the planner's own
+    start: Start = field(default_factory=Start)
+    effects: LidarEffects = field(default_factory=LidarEffects)  # what the LiDAR does to a scan
+    seed: int = 0  # of the LiDAR's noise and dropouts
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require(self, lambda value: 0.0 < value < math.inf, "a positive number", ("max_speed",), SettingsError)
+        if self.planner_mu is not None:
+            require(self, lambda value: value > 0.0, "a positive number, or inf", ("planner_mu",), SettingsError)
+        require_whole("seed", self.seed)
+
+    def described(self) -> dict[str, Any]:
+        """Return those that differ from the defaults as they can stand in JSON; `DriveSettings.of` reads them back."""
+        plain = DriveSettings()
+        found: dict[str, Any] = {}
+        for name in (f.name for f in fields(DriveSettings)):
+            value = getattr(self, name)
+            if value == getattr(plain, name):
+                continue
+            if isinstance(value, Vehicle):
+                bundled = value.name in vehicle_names()
+                found |= {name: value.name if bundled else value.file, "vehicle_sha256": value.sha256}
+            else:
+                found[name] = asdict(value) if is_dataclass(value) and not isinstance(value, type) else value
+        return found
+
+    @classmethod
+    def of(cls, description: Mapping[str, Any]) -> DriveSettings:
+        """Return the settings that `described` told of.
+
+        Raises:
+          SettingsError: what cannot be, or a vehicle's file that is another one now.
+        """
+        values = dict(description)
+        sha256 = values.pop("vehicle_sha256", None)
+        for name, kind in (("changes", CarChanges), ("start", Start), ("effects", LidarEffects)):
+            if name in values:
+                values[name] = kind(**values[name])
+        settings = DriveSettings(**values)
+        if sha256 is not None and settings.car.sha256 != sha256:
+            raise SettingsError(f"vehicle {values['vehicle']!r} is another one now; accepted: the file as it was")
+        return settings
+
+    @property
+    def assumed_mu(self) -> float:
+        """Friction coefficient that the planner assumes."""
+        return self.car.nominal_mu if self.planner_mu is None else float(self.planner_mu)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scenario(DriveSettings):
+    """Everything that a world's result depends on, but for the controller and when to end.
+
+    Raises:
+      SettingsError: a value out of its range.
+    """
+
+    track: Course | str = "oval"  # as `load_track` takes it
+    obstacles: tuple[Obstacle, ...] = ()
+
+
+Scenario.__init__ = renamed(car="changes", planner="planner_settings")(Scenario.__init__)  # type: ignore[method-assign]
