@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from ..errors import EngineError, SettingsError
+from ..racing.planner_choice import ControllerChoice
 from ..studies.rollout.result import RolloutResult
 from ..studies.rollout.rollouts import (
     DEFAULT_CHUNK,
@@ -39,7 +40,10 @@ def add_rollout(add_command: Callable[..., argparse.ArgumentParser], commands: A
         "--track", action="append", metavar="TRACK",
         help="NAME, random:SEED or file.csv, as often as wanted: the worlds take them in turn; default: oval",
     )  # fmt: skip
-    add("--controller", default="gap_finder", help="NAME or path/to/file.py:ClassName; default: gap_finder")
+    add(
+        "--controller", default="gap_finder",
+        help="NAME or path/to/file.py:ClassName, with settings NAME[SETTING=VALUE,...]; default: gap_finder",
+    )  # fmt: skip
     add("--n", type=whole, metavar="N", help=f"worlds; default: {DEFAULT_WORLDS}")
     add("--seed", type=whole, default=0, metavar="N", help="of all that is drawn; default: 0")
     add(
@@ -67,6 +71,7 @@ def add_rollout(add_command: Callable[..., argparse.ArgumentParser], commands: A
 def _rollout(options: argparse.Namespace) -> int:
     if options.record != "summary" and options.out is None:
         raise SettingsError(f"--record {options.record} is kept nowhere; accepted: with --out DIR")
+    choice = ControllerChoice.of(options.controller)
     with (
         contextlib.redirect_stdout(sys.stderr),
         shown_as(_progress, show=sys.stderr.isatty() and not options.json) as watch,
@@ -74,7 +79,8 @@ def _rollout(options: argparse.Namespace) -> int:
         try:
             result = rollout(
                 options.track or ["oval"],
-                options.controller,
+                choice.source,
+                planner_settings=dict(choice.settings),
                 n=options.n,
                 seed=options.seed,
                 randomize=_named_ranges(options.randomize),

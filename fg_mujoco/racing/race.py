@@ -147,6 +147,7 @@ def race(
     return RaceResult(
         track=world.track.name,
         vehicle=settings.car.name,
+        vehicle_sha256=settings.car.sha256,
         controller=controller if isinstance(controller, str) else type(controller).__name__,
         laps_requested=laps,
         laps_completed=len(lap_times),
