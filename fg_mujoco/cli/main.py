@@ -21,7 +21,6 @@ from ..course.course import USUAL_LAPS
 from ..errors import FgMujocoError
 from ..lidar.effects import LidarEffects
 from ..lidar.lidar import LIDAR_BACKENDS
-from ..racing.planner_choice import ControllerChoice
 from ..racing.planner_loading import controller_names
 from ..racing.race import RaceProgress, race
 from ..racing.replay import replay
@@ -134,7 +133,7 @@ def _race(options: argparse.Namespace) -> int:
         latency=options.lidar_latency,
         motion_distortion=options.motion_distortion,
     )
-    choice, settings = ControllerChoice.of(options.controller), settings_of(options)
+    settings = settings_of(options)
     picture = options.out is not None and _check_out(options.out)
     if options.video is not None:
         check_film(options.video)
@@ -142,8 +141,7 @@ def _race(options: argparse.Namespace) -> int:
     with contextlib.redirect_stdout(sys.stderr), _Watcher(show=sys.stderr.isatty() and not options.json) as watch:
         result = race(
             options.track,
-            choice.source,
-            planner_settings=dict(choice.settings),
+            options.controller,
             laps=options.laps,
             **drive_options(options),
             lidar=options.lidar,

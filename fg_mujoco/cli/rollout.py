@@ -13,7 +13,6 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from ..errors import EngineError, SettingsError
-from ..racing.planner_choice import ControllerChoice
 from ..studies.rollout.result import RolloutResult
 from ..studies.rollout.rollouts import (
     DEFAULT_CHUNK,
@@ -71,7 +70,6 @@ def add_rollout(add_command: Callable[..., argparse.ArgumentParser], commands: A
 def _rollout(options: argparse.Namespace) -> int:
     if options.record != "summary" and options.out is None:
         raise SettingsError(f"--record {options.record} is kept nowhere; accepted: with --out DIR")
-    choice = ControllerChoice.of(options.controller)
     with (
         contextlib.redirect_stdout(sys.stderr),
         shown_as(_progress, show=sys.stderr.isatty() and not options.json) as watch,
@@ -79,8 +77,7 @@ def _rollout(options: argparse.Namespace) -> int:
         try:
             result = rollout(
                 options.track or ["oval"],
-                choice.source,
-                planner_settings=dict(choice.settings),
+                options.controller,
                 n=options.n,
                 seed=options.seed,
                 randomize=_named_ranges(options.randomize),

@@ -12,6 +12,7 @@ from typing import Any
 
 from ..course.course import Course
 from ..errors import SettingsError
+from ..messages import Controller
 from ..simulation.settings import DriveSettings
 from .planner_loading import build_controller, find_controller
 
@@ -87,6 +88,20 @@ class ControllerChoice:
             find_controller(self.source), self.source, car=drive.car.parameters, mu=drive.assumed_mu,
             max_speed=drive.max_speed, settings=self.settings_with(drive.planner_settings), map_line=course.map_line,
         )  # fmt: skip
+
+
+def split_controller(
+    controller: str | Controller, planner_settings: Mapping[str, Any] | None
+) -> tuple[str | Controller, dict[str, Any]]:
+    """Return a controller without the settings in its brackets, and these together with `planner_settings`.
+
+    Raises:
+      SettingsError: a text that is no controller, or a setting that is given twice.
+    """
+    if not isinstance(controller, str):
+        return controller, dict(planner_settings or {})
+    choice = ControllerChoice.of(controller)
+    return choice.source, choice.settings_with(planner_settings or {})
 
 
 def read_value(text: str) -> Value:

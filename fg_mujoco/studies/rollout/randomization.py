@@ -262,8 +262,9 @@ class Randomization:
             if name in described or of_group or of_planner:
                 raise SettingsError(f"{name} is given for all worlds and in randomize; accepted: one of them")
             for value in values.extremes if owner is CarChanges else ():
+                changed: dict[str, Any] = {field: value}
                 try:
-                    base.car.spec(changes=replace(base.all_changes, **{field: value}))
+                    base.car.spec(changes=replace(base.all_changes, **changed))
                 except SettingsError as error:
                     raise SettingsError(f"randomize {name}={values}: {error}") from error
 

@@ -25,7 +25,7 @@ from ...course.random_obstacles import random_boxes
 from ...errors import FgMujocoError, SettingsError
 from ...lidar.beams import lidar_body
 from ...messages import DriveCommand, FloatArray, LaserScan, Odometry
-from ...racing.planner_choice import ControllerChoice
+from ...racing.planner_choice import split_controller
 from ...racing.planner_loading import make_controller
 from ...simulation.course_loading import load_track
 from ...simulation.planner_adapter import plan, start
@@ -82,9 +82,8 @@ class LiveSession:
 
     def __init__(self, settings: LiveSettings | None = None) -> None:
         self.settings = settings or LiveSettings()
-        choice = ControllerChoice.of(self.settings.controller)
-        self._source = choice.source
-        self.planner_settings: dict[str, Any] = choice.settings_with(self.settings.planner_settings)
+        self.planner_settings: dict[str, Any]
+        self._source, self.planner_settings = split_controller(self.settings.controller, self.settings.planner_settings)
         car = self.settings.car.parameters
         self._course = load_track(self.settings.track, car=car)
         self._obstacles = random_boxes(
