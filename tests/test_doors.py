@@ -324,6 +324,13 @@ def test_vehicles_are_listed(capsys):
         assert row["lidar"]["beams"] == len(LidarModel.load(row["lidar"]["file"]).beams.bearings)
 
 
+def test_a_vehicle_file_is_listed_or_refused(here, capsys):
+    assert main(["vehicles", "nuc2", made_file()]) == 0
+    assert "made      5.50 kg, wheelbase 0.400 m, width 0.36 m, mu 0.8" in capsys.readouterr().out
+    (here / "bad.xml").write_text(F1TENTH.replace('name="lidar_mount"', 'name="mount"'))
+    assert "has no site named 'lidar_mount'" in refused(here, capsys, "vehicles", "bad.xml")
+
+
 def test_render_fps_is_that_of_the_vehicles_lidar(here):
     """A LiDAR of half the rate, beside a vehicle of one's own."""
     pytest.importorskip("gymnasium")

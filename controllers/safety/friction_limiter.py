@@ -14,7 +14,7 @@ acceleration that the tires can hold:
    g (l / b) / (h / b + 1 / (2 mu)), with l = lf in braking and lr in accelerating. In a corner the lighter inner wheel
    slides first: at a share u of the lateral grip a share (1 - u)^p of the straight-line limit is left. For the F1TENTH
    car p = .7 was measured on steady circles, at mu .6 and 1.0489, and p = .8 is used, because turning in and braking
-   at once is not a steady circle. `cornering_exponent` scales p for cars that move more load to the outer wheels.
+   at once is not a steady circle.
 5. Load moves in the time that the suspension takes: braking and accelerating grow over that time, and may fall at once.
 
 Sources: 1 is in the notes of the field's gap_finder_base. 3 and 4 are Newton's and Euler's laws for the rigid
@@ -49,7 +49,6 @@ from ..control.speed import friction_speed, friction_steering
 from ..control.steering import saturate
 
 _CORNERING_EXPONENT = 0.8  # of the F1TENTH car, see 4 above
-_LOAD_MOVED = 0.074 / 0.236  # height of the centre of gravity over the track width, of the F1TENTH car
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,21 +100,6 @@ LIMITER_MEMORY = np.dtype([("acceleration", np.float64)])  # [m/s^2] that was la
 """Type of what a limiter keeps from one tick to the next; zero at the beginning."""
 
 
-def cornering_exponent(car: CarParameters) -> float:
-    """Return the exponent p of the share (1 - u)^p of braking that cornering with a share u of the grip leaves.
-
-    It is the F1TENTH car's for cars that move as much load to the outer wheels, or less. For others it grows as half
-    of the grip in cornering demands of the inner wheel: (1 - 1/2)^p = sqrt(1 - 1/4) (1 - h / w), h the height of the
-    centre of gravity and w the track width.
-    """
-
-    def exponent(load_moved: float) -> float:
-        return math.log2(2.0 / (math.sqrt(3.0) * (1.0 - min(load_moved, 0.95))))
-
-    moved = car.center_of_gravity_height / car.track_width
-    return max(_CORNERING_EXPONENT, _CORNERING_EXPONENT * exponent(moved) / exponent(_LOAD_MOVED))
-
-
 @kernel
 def longitudinal_share(lateral_use: float, exponent: float) -> float:
     """Return the share of straight-line braking and accelerating that is left at a share of the lateral grip.
@@ -151,11 +135,14 @@ def limited(
       period: until the next command [s].
     """
     car, mu, now = limiter.car, limiter.mu * limiter.settings.lateral_use, abs(speed_now)
-    allowed = min(speed, friction_speed(steering_angle, mu, car.wheelbase, car.gravity))
+    allowed = speed
+    if not speed <= 0.0:
+        allowed = min(speed, friction_speed(steering_angle, mu, car.wheelbase, car.gravity))
     target = saturate(steering_angle, _steering_limit(limiter, allowed, speed, now, least_lateral_use))
-    step = _steering_rate(limiter, angle_now, now, target - angle_now) * limiter.settings.steering_response
+    slope = math.tan(angle_now)
+    step = _steering_rate(limiter, angle_now, slope, now, target - angle_now) * limiter.settings.steering_response
     command = angle_now + saturate(target - angle_now, step)
-    braking, accelerating = _shares_left(limiter, angle_now, command, now)
+    braking, accelerating = _shares_left(limiter, slope, math.tan(command), now)
     acceleration = _approach(limiter, memory.acceleration, allowed - speed_now, braking, accelerating, period)
     reached = speed_now + acceleration * car.speed_time_constant
     if not math.isfinite(command + reached):
@@ -186,9 +173,12 @@ def _steering_limit(limiter: Record, allowed: float, speed: float, now: float, l
 
 
 @kernel
-def _steering_rate(limiter: Record, angle: float, now: float, turn: float) -> float:
-    """Return the greatest steering rate [rad/s] in the direction of `turn` that the front tires can carry."""
-    cornering = now * now * math.tan(angle) / limiter.car.wheelbase
+def _steering_rate(limiter: Record, angle: float, slope: float, now: float, turn: float) -> float:
+    """Return the greatest steering rate [rad/s] in the direction of `turn` that the front tires can carry.
+
+    `slope` is the tangent of the present steering angle.
+    """
+    cornering = now * now * slope / limiter.car.wheelbase
     unused = max(limiter.lateral - math.copysign(cornering, turn * cornering), 0.0)
     unused = min(unused, limiter.settings.most_left * limiter.lateral)
     curvature_rate = limiter.settings.turn_in_use * unused / (limiter.yaw_lag * max(now, 1e-3))
@@ -196,11 +186,14 @@ def _steering_rate(limiter: Record, angle: float, now: float, turn: float) -> fl
 
 
 @kernel
-def _shares_left(limiter: Record, angle: float, command: float, now: float) -> tuple[float, float]:
-    """Return the shares of straight-line braking and of straight-line accelerating that cornering leaves."""
-    cornering = now * now * math.tan(angle) / limiter.car.wheelbase
-    next_cornering = now * now * math.tan(command) / limiter.car.wheelbase
-    curvature_rate = (math.tan(command) - math.tan(angle)) / limiter.car.wheelbase / limiter.settings.steering_response
+def _shares_left(limiter: Record, slope: float, next_slope: float, now: float) -> tuple[float, float]:
+    """Return the shares of straight-line braking and of straight-line accelerating that cornering leaves.
+
+    The slopes are the tangents of the steering angle, now and as commanded.
+    """
+    cornering = now * now * slope / limiter.car.wheelbase
+    next_cornering = now * now * next_slope / limiter.car.wheelbase
+    curvature_rate = (next_slope - slope) / limiter.car.wheelbase / limiter.settings.steering_response
     front = abs(cornering + limiter.yaw_lag * now * curvature_rate)  # turning in takes more of the front tires
     rear_lag = limiter.car.yaw_inertia / (limiter.car.mass * limiter.car.front_axle_distance)
     # Turning out takes more of the rear tires: twice as much by the slides measured in braking, in which the rear tires
@@ -208,7 +201,10 @@ def _shares_left(limiter: Record, angle: float, command: float, now: float) -> t
     rear = abs(cornering - 2.0 * rear_lag * now * curvature_rate)
     most = limiter.mu * limiter.car.gravity
     used = max(abs(cornering), abs(next_cornering), front)
-    braking = longitudinal_share(max(used, rear) / most, limiter.exponent)
+    in_braking = max(used, rear)
+    braking = longitudinal_share(in_braking / most, limiter.exponent)
+    if in_braking == used:  # a power is what takes longest here
+        return braking, braking
     return braking, longitudinal_share(used / most, limiter.exponent)
 
 
@@ -240,7 +236,7 @@ class FrictionLimiter:
       braking: greatest deceleration straight ahead [m/s^2].
       accelerating: greatest acceleration straight ahead [m/s^2].
       yaw_lag: distance c over which the path's curvature follows the steering at the limit [m].
-      exponent: of the share of braking and accelerating that cornering leaves, see `cornering_exponent`.
+      exponent: of the share of braking and accelerating that cornering leaves, p in 4 above.
       record: the row that `limited` reads, shape (1,), of type LIMITER.
 
     Raises:
@@ -258,7 +254,7 @@ class FrictionLimiter:
         self.braking = self.settings.braking_use * lever * car.front_axle_distance
         self.accelerating = self.settings.accelerating_use * lever * car.rear_axle_distance
         self.yaw_lag = car.rear_axle_distance + car.yaw_inertia / (car.mass * car.rear_axle_distance)
-        self.exponent = cornering_exponent(car)
+        self.exponent = _CORNERING_EXPONENT
         self.record = np.zeros(1, LIMITER)
         self.record["settings"], self.record["car"] = record_values(self.settings), astuple(car)
         for name in ("mu", "lateral", "braking", "accelerating", "yaw_lag", "exponent"):

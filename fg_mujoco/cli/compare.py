@@ -17,7 +17,7 @@ from ..course.scenes.catalogue import scene_names
 from ..errors import EngineError
 from ..simulation.settings import FASTEST
 from ..studies.comparison.comparison import DEFAULT_SEEDS, Comparison, ComparisonProgress, compare
-from ..studies.rollout.store import as_json
+from ..studies.folders import as_json
 from .options import add_drive_options, can_draw, drive_options, number, shown_as, to_go, whole
 
 _DONE, _NOT_DONE = 0, 1

@@ -1,4 +1,4 @@
-"""The command `fg-mujoco vehicles`: the bundled vehicles, one line each."""
+"""The command `fg-mujoco vehicles`: which vehicles there are, one line each; of a file, whether it is one."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ _DONE = 0
 
 def add_vehicles(add_command: Callable[..., argparse.ArgumentParser], commands: Any) -> None:
     """Add the command; `add_command` is the one that adds the others."""
-    command = add_command(commands, "vehicles", _vehicles, "list the bundled vehicles, and what they are like")
-    command.add_argument("--json", action="store_true", help="print one JSON array and nothing else")
+    add = add_command(commands, "vehicles", _vehicles, "list the vehicles, and what they are like").add_argument
+    add("names", metavar="NAME|FILE.xml", nargs="*", help="of a vehicle, or its MJCF file; default: the bundled ones")
+    add("--json", action="store_true", help="print one JSON array and nothing else")
 
 
 def _vehicles(options: argparse.Namespace) -> int:
-    rows = [described(Vehicle.load(name)) for name in vehicle_names()]
+    rows = [described(Vehicle.load(name)) for name in options.names or vehicle_names()]
     if options.json:
         print(json.dumps(rows, indent=2))
         return _DONE

@@ -17,10 +17,10 @@ from ..course.course import Course, laps_to_drive
 from ..course.random_obstacles import random_boxes
 from ..errors import SettingsError
 from ..lidar.effects import LidarEffects
-from ..messages import require
+from ..messages import require, require_whole
 from ..simulation.course_loading import load_track
 from ..simulation.engine import Engine
-from ..simulation.settings import CarSettings, Start, known_settings, require_whole
+from ..simulation.settings import CarSettings, Start, known_settings
 from ..simulation.world import World
 from .rewards import Rewards
 

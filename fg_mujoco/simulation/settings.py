@@ -17,7 +17,7 @@ from ..course.course import Course
 from ..course.obstacles import Obstacle
 from ..errors import SettingsError
 from ..lidar.effects import LidarEffects
-from ..messages import require
+from ..messages import require, require_whole
 from ..vehicle.changes import CarChanges
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .world import World
@@ -46,12 +46,6 @@ def renamed(**names: str) -> Callable[[_F], _F]:
         return cast(_F, checked)
 
     return decorate
-
-
-def require_whole(name: str, value: Any, least: int = 0) -> None:
-    """Raise SettingsError unless a value is a whole number from `least`."""
-    if not isinstance(value, int) or isinstance(value, bool) or value < least:
-        raise SettingsError(f"{name} is {value!r}; accepted: a whole number from {least}")
 
 
 def known_settings(settings: Mapping[str, Any], kind: Any, what: str) -> dict[str, Any]:
@@ -197,7 +191,7 @@ class DriveSettings(CarSettings):
         require(self, lambda value: 0.0 < value < math.inf, "a positive number", ("max_speed",), SettingsError)
         if self.planner_mu is not None:
             require(self, lambda value: value > 0.0, "a positive number, or inf", ("planner_mu",), SettingsError)
-        require_whole("seed", self.seed)
+        require_whole("seed", self.seed, 0)
 
     @property
     def assumed_mu(self) -> float:

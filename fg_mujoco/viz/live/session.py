@@ -24,12 +24,12 @@ from ...course.lap_timer import LapTimer
 from ...course.random_obstacles import random_boxes
 from ...errors import FgMujocoError, SettingsError
 from ...lidar.beams import lidar_body
-from ...messages import DriveCommand, FloatArray, LaserScan, Odometry
+from ...messages import DriveCommand, FloatArray, LaserScan, Odometry, require_whole
 from ...racing.planner_choice import split_controller
 from ...racing.planner_loading import make_controller
 from ...simulation.course_loading import load_track
 from ...simulation.planner_adapter import plan, start
-from ...simulation.settings import DriveSettings, require_whole
+from ...simulation.settings import DriveSettings
 from ...simulation.simulation import Simulation
 from ...simulation.world import LIDAR_PREFIX, World
 from .hand_driver import HandDriver
@@ -55,7 +55,7 @@ class LiveSettings(DriveSettings):
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("obstacles", "obstacle_seed"):
-            require_whole(name, getattr(self, name))
+            require_whole(name, getattr(self, name), 0)
 
 
 class LiveSession:
