@@ -147,7 +147,9 @@ class LiveView:
         self._driver.on_update(lambda event: setattr(session, "by_hand", event.target.value == "keys"))
         self._camera = gui.add_dropdown("camera", CAMERAS, initial_value="chase")
         with gui.add_folder("race"):
-            self._slider("speed limit", "max_speed", session.settings.max_speed, (0.5, session.world.parameters.max_speed, 0.1))
+            self._slider(
+                "speed limit", "max_speed", session.settings.max_speed, (0.5, session.world.parameters.max_speed, 0.1)
+            )
             self._slider("tires' mu", "mu", round(session.world.car.mu, 4), (0.1, _GREATEST_MU, 0.01))
             assumed = round(min(session.settings.assumed_mu, _GREATEST_MU), 4)  # without friction limits: the greatest
             self._slider("planner's mu", "planner_mu", assumed, (0.1, _GREATEST_MU, 0.01))
