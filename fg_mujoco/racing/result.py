@@ -28,6 +28,7 @@ class RaceResult:
 
     track: str
     vehicle: str
+    vehicle_sha256: str  # of its MJCF and its LiDAR's
     controller: str
     laps_requested: int
     laps_completed: int
