@@ -31,7 +31,7 @@ from ..simulation.termination import END_REASONS
 from ..vehicle.changes import CarChanges
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .planner_choice import split_controller
-from .planner_loading import make_controller
+from .planner_loading import make_controller, origin, source_code
 from .result import History, RaceResult, trajectory_sha256
 
 
@@ -152,6 +152,8 @@ def race(
         vehicle=settings.car.name,
         vehicle_sha256=settings.car.sha256,
         controller=controller if isinstance(controller, str) else type(controller).__name__,
+        controller_origin=origin(controller, type(planner)),
+        controller_source=source_code(type(planner)),
         laps_requested=laps,
         laps_completed=len(lap_times),
         finished=reason == "finished",
