@@ -45,7 +45,7 @@ from .scan_filters import (
     rolling_mean,
     valid_ranges,
 )
-from .scan_geometry import beams_between, sees
+from .scan_geometry import beams_between, bearing_of, sees
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +88,9 @@ def find_goal(scan: Record, ranges: FloatArray, planner: Record) -> tuple[float,
     """Return the goal's bearing [rad] and distance [m] for filtered ranges (n,) [m]; NaN where there is none."""
     half = 0.5 * planner.settings.field_of_view
     first, end = beams_between(scan, len(ranges), -half, half)
-    bearings = scan.angle_min + scan.angle_increment * np.arange(first, end)
+    bearings = np.empty(end - first)
+    for beam in range(first, end):
+        bearings[beam - first] = bearing_of(scan, beam)
     preferred = prioritise_centre(ranges[first:end], bearings, planner.settings.edge_weight)
     if len(preferred) == 0:
         return math.nan, 0.0

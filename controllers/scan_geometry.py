@@ -39,7 +39,10 @@ def sees(scan: Record, valid: FloatArray) -> bool:
     """Say whether there is a scan to plan with: two beams or more, not all zero, a sensible angle between them."""
     if len(valid) < 2 or not _LEAST_INCREMENT < scan.angle_increment < 2.0 * math.pi:
         return False
-    return bool(np.max(valid) > 0.0)
+    for distance in valid:  # noqa: SIM110, which numba cannot compile
+        if distance > 0.0:
+            return True
+    return False
 
 
 @kernel

@@ -63,7 +63,8 @@ def sense_worlds(
             continue
         car = cars[i : i + 1]
         read_odometry(times[i], qpos[i], qvel[i], sensors[i], car, odometry[i : i + 1])
-        pose = qpos[i, mount.qpos_address : mount.qpos_address + 7]
+        p = qpos[i, mount.qpos_address : mount.qpos_address + 7]
+        pose = (p[0], p[1], p[2], p[3], p[4], p[5], p[6])
         mounted_pose(pose, mount.offset_position, mount.offset_rotation, position, rotation)
         scan(fan, position, rotation, moving, turned, scratch, ranges[i])
         begin_row(times[i], qpos[i], qvel[i], car, timers, i, telemetry[i])
@@ -109,7 +110,8 @@ def book_worlds(
     """
     for place in range(len(stepped)):
         i = stepped[place]
-        sensors[i] = records[place, -1]
+        for reading in range(sensors.shape[1]):  # an assignment of the row takes numba two seconds to compile
+            sensors[i, reading] = records[place, -1, reading]
         crashed[i] = crashed[i] or any_touch(records[place], chassis_contact)
         measure_slip(records[place], tires, mu[i], slip)
         tally_tick(tallies, i, telemetry[i], slip)

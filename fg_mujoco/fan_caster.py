@@ -22,12 +22,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba.extending import register_jitable
 from numpy.typing import NDArray
 
 from .fan_culling import TINY, Pose, bearing, is_hidden, sort_by_distance, survey
 from .fan_scene import NO_END, Fan, FanScene, Scratch
-from .kernels import kernel
+from .kernels import inlined, kernel
 from .messages import FloatArray
 
 __all__ = ["Fan", "FanScene", "Scratch", "scan", "scan_worlds"]
@@ -35,8 +34,6 @@ __all__ = ["Fan", "FanScene", "Scratch", "scan", "scan_worlds"]
 _EDGE_ON = 1e-11  # [rad] that a surface spans, under which its two ends are in one direction
 _PARALLEL = 1e-15  # mjMINVAL: MuJoCo's rays miss a plane that they approach more slowly
 _NOT_CUT = -2  # column of an edge that the fan does not cut
-
-inlined = register_jitable(inline="always")  # of what is called for each line: the call would cost a third of it
 
 
 @kernel
@@ -92,7 +89,8 @@ def scan(
       out: (beams,) [m], written to.
     """
     range_min, range_max = fan.limits[2], fan.limits[3]
-    out[:] = (1.0 - 1e-12) / range_max  # until the end `out` holds 1 / distance; what is farther is not drawn
+    for beam in range(len(out)):  # until the end `out` holds 1 / distance; what is farther is not drawn
+        out[beam] = (1.0 - 1e-12) / range_max
     for frame in range(len(fan.frames)):
         if frame == 0:
             _look_from(position, rotation, scratch.poses[0])

@@ -71,7 +71,8 @@ def sort_by_distance(fan: Fan, scratch: Scratch) -> int:
     """Write the blocks in range and in view, near ones first, to views[2]; return how many they are."""
     nearest, views, bins = scratch.nearest, scratch.views, scratch.bins
     beams, turn, range_max = fan.beams.shape[1], _whole_turn(fan), fan.limits[3]
-    bins[:] = 0
+    for bin_ in range(len(bins)):
+        bins[bin_] = 0
     for block in range(len(nearest)):
         right, left = views[0, block], views[1, block]
         in_view = (right < beams and left > 0) or right + turn < beams or left - turn > 0

@@ -189,7 +189,8 @@ def end_row(
 ) -> None:
     """Complete a row of telemetry, keep the controls, and add the row to a tally (1,)."""
     row[_COMMAND], row[_COMMAND + 1] = steering_angle, speed
-    ctrl_row[:] = ctrl
+    for i in range(len(ctrl_row)):  # an assignment of the row takes numba two seconds to compile
+        ctrl_row[i] = ctrl[i]
     tally_tick(tally, 0, row, slip)
 
 
