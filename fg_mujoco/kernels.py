@@ -12,6 +12,7 @@ this one imports, directly or not. An edit of a planner compiles that planner an
 from __future__ import annotations
 
 import contextlib
+import gc
 import hashlib
 import linecache
 import os
@@ -88,7 +89,14 @@ class _Kernel(CPUDispatcher):  # type: ignore[misc]
 
     def compile(self, signature: Any) -> Any:
         """Compile for a signature, or load from disk, and return what Python is to call."""
-        return _with_room(partial(super().compile, signature))
+        collecting = gc.isenabled()
+        gc.disable()  # most of what is made here stays: to look through it again and again would take a second
+        try:
+            return _with_room(partial(super().compile, signature))
+        finally:
+            if collecting:
+                gc.enable()
+                gc.collect(0)  # now, and not while the kernel runs
 
     def add_overload(self, compiled: Any) -> None:
         """Let Python call what was compiled or loaded for a signature."""
