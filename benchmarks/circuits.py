@@ -38,7 +38,7 @@ def real_circuits(data: Path) -> list[str]:
     """Return the centreline CSVs of the real circuits in a folder; they are not part of the repository."""
     found = [str(path) for kind in ("maps", "circuits") for path in sorted((data / kind).glob("*_centerline.csv"))]
     if not found:
-        raise SystemExit(f"--data is {data}; accepted: a folder with maps/*_centerline.csv or circuits/*_centerline.csv")
+        raise SystemExit(f"--data is {data}; accepted: a folder with maps/ and circuits/, of *_centerline.csv files")
     return found
 
 
@@ -63,7 +63,7 @@ def successes(comparison: fg.Comparison) -> dict[str, dict[str, dict[str, int]]]
     found: dict[str, dict[str, dict[str, int]]] = {}
     for cell in comparison.cells:
         scene = cell.course.removeprefix("scene:")
-        found.setdefault(cell.controller, {}).setdefault(scene, {})[f"{cell.max_speed:g}"] = cell.successes
+        found.setdefault(cell.controller, {}).setdefault(scene, {})[f"{cell.max_speed_m_s:g}"] = cell.successes
     return found
 
 
