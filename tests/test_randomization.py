@@ -182,7 +182,8 @@ def test_what_is_drawn_reaches_the_scenario():
     assert scenario.seed == 5
     assert scenario.track is OVAL
     found = {
-        "mu": scenario.changes.mu, "mass": scenario.changes.mass, "cog_height": scenario.changes.center_of_gravity_height,
+        "mu": scenario.changes.mu, "mass": scenario.changes.mass,
+        "cog_height": scenario.changes.center_of_gravity_height,
         "steering_gain": scenario.changes.steering_gain, "speed_gain": scenario.changes.speed_gain,
         "command_delay": scenario.changes.command_delay, "lidar_noise": scenario.effects.range_noise_std,
         "lidar_dropout": scenario.effects.dropout_probability, "start_s": scenario.start.s,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import lru_cache
 from importlib import resources
 from pathlib import Path
 
@@ -34,13 +35,12 @@ def load_course(name_or_path: str | Path, car: CarParameters) -> Course:
     """
     name = str(name_or_path)
     if name in track_names():
-        with resources.as_file(resources.files("fg_mujoco.tracks") / f"{name}.csv") as path:
-            return read_centreline(path)
+        return _bundled(name)
     kind, _, seed = name.partition(":")
     if kind == "random":
         if not re.fullmatch("[0-9]{1,18}", seed):
             raise TrackError(f"{name!r} has no seed; accepted: random:SEED with SEED an integer from 0, as random:7")
-        return generate_track(int(seed))
+        return _random(int(seed))
     if kind == "scene":
         return load_scene(name, car)
     if is_map(name):
@@ -53,3 +53,14 @@ def load_course(name_or_path: str | Path, car: CarParameters) -> Course:
         f"unknown track {name!r}; accepted: {known}, random:SEED, scene:NAME:SEED, or a path to a centreline .csv or a "
         "map .yaml"
     )
+
+
+@lru_cache(maxsize=32)  # a course is immutable, and what is worked out of it is kept in it
+def _bundled(name: str) -> Course:
+    with resources.as_file(resources.files("fg_mujoco.tracks") / f"{name}.csv") as path:
+        return read_centreline(path)
+
+
+@lru_cache(maxsize=32)
+def _random(seed: int) -> Course:
+    return generate_track(seed)

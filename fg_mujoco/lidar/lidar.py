@@ -91,14 +91,16 @@ class RaycastLidar:
     """The visible geoms of the model, except those of the car that carries the LiDAR, drawn into a scanline.
 
     Beams that do not leave one point in one plane, and those of a LiDAR that moves during its sweep, are cast as single
-    rays by Embree. The sites and sensors of the
-    rangefinders need not be in the model: `lidar_spec(sensors=False)`. One object serves one thread.
+    rays by Embree. The sites and sensors of the rangefinders need not be in the model: `lidar_spec(sensors=False)`. One
+    object serves one thread.
 
     Attributes:
       beams: the Beams.
       model: the compiled mujoco.MjModel.
       body: id of the LiDAR's body.
       mount: how the LiDAR is fixed to the body of a free joint; None where it is not.
+      scene: what its beams can meet, prepared for the scanline z-buffer.
+      draws: whether its scan is drawn, because its beams leave one point in one plane.
 
     Raises:
       ModelError: no LiDAR under this prefix, or a visible geom that is neither mesh, box nor plane.
@@ -111,12 +113,12 @@ class RaycastLidar:
         self.scene = ScanlineScene(model, self.beams, self.body)
         self._poses = BodyPoses(model, (self.body, *self.scene.moving))
         self.mount = self._poses.mount(0)
-        self._is_scanline = is_scanline(self.beams)
+        self.draws = is_scanline(self.beams)
         self._arrays, self._scratch = tuple(self.scene.arrays), tuple(self.scene.scratch())
 
     def ranges(self, data: Any) -> FloatArray:
         """Return the readings at the present state of `data`, all beams at once. Shape (n,) [m]."""
-        if self._is_scanline:
+        if self.draws:
             readings = np.empty(len(self.beams.bearings))
             _scan_state(self._arrays, self._poses.arrays, state_arrays(data), self._scratch, readings)
             return readings

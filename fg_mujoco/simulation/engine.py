@@ -18,6 +18,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import cached_property
 from types import SimpleNamespace
 from typing import Any
 
@@ -29,7 +30,7 @@ from ..course.moving_obstacles import make_mover
 from ..errors import ModelError
 from ..lidar.beams import Beams
 from ..lidar.effects import LidarEffects, ScanPipeline
-from ..lidar.lidar import RaycastLidar
+from ..lidar.lidar import Lidar, RaycastLidar
 from ..messages import ODOMETRY, FloatArray, LaserScan
 from ..vehicle.car import WHEELS, Car
 from ..vehicle.changes import CarChanges, change_worlds, six_digits
@@ -78,7 +79,6 @@ class Engine:
 
     Attributes:
       world: as given.
-      lidar: measures without effects, in data of the world's model.
       period: time that a tick takes [s].
       substeps: physics steps of a tick.
       odometry: (r,) of ODOMETRY, last sensed; r is n m.
@@ -112,8 +112,7 @@ class Engine:
     ) -> None:
         model = world.model
         self.world, self.count, self.cars_per_world = world, count, 1
-        self.lidar = world.make_lidar()
-        self.beams = self.lidar.beams
+        self.beams = world.lidar.beams
         self.period = self.beams.period if period is None else period
         self.substeps = whole_steps(self.period, model.opt.timestep)
         self._timestep = float(model.opt.timestep)
@@ -158,7 +157,7 @@ class Engine:
         nu, moving = self.world.model.nu, len(self._motions)
         for k in range(threads):
             first, end = self.count * k // threads, self.count * (k + 1) // threads
-            scene = self.lidar.scene if isinstance(self.lidar, RaycastLidar) else None
+            scene = self._drawn.scene if self._drawn is not None else None
             parts.append(
                 _Part(
                     worlds=slice(first, end),
@@ -188,7 +187,7 @@ class Engine:
     def _bind(self) -> None:
         """Put together what the kernels are called with: once, because that takes as long as a short kernel."""
         m, layout, monitor = self.cars_per_world, self._layout, self.monitor
-        mount = self.lidar.mount if isinstance(self.lidar, RaycastLidar) else None
+        drawn, mount = self._drawn, self._drawn.mount if self._drawn is not None else None
         self._sensing, self._scanning, self._driving = [], [], []
         for part in self._parts:
             rows, batch = part.cars, part.batch
@@ -198,9 +197,8 @@ class Engine:
                     self.odometry[rows], self.telemetry[rows],
                 )
             )  # fmt: skip
-            if mount is not None:
-                assert isinstance(self.lidar, RaycastLidar)
-                arrays = self.lidar.scene.arrays
+            if drawn is not None and mount is not None:
+                arrays = drawn.scene.arrays
                 self._scanning.append(
                     (m, batch.states, layout, mount, self._motions, arrays, part.scratch, self.ranges[rows])
                 )
@@ -212,6 +210,18 @@ class Engine:
                     self.crashed[rows], self.telemetry[rows], self.statistics[rows],
                 )
             )  # fmt: skip
+
+    @cached_property
+    def lidar(self) -> Lidar:
+        """Measures without effects, in data of the world's model."""
+        return self.world.make_lidar()
+
+    @property
+    def _drawn(self) -> RaycastLidar | None:
+        """The LiDAR whose scans are drawn by `scan_cars`; None: each scan is measured in Python, by `lidar`."""
+        lidar = self.world.lidar
+        draws = isinstance(lidar, RaycastLidar) and lidar.draws and lidar.mount is not None
+        return lidar if draws and isinstance(lidar, RaycastLidar) else None
 
     @property
     def running(self) -> Mask:

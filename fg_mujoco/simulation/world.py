@@ -7,6 +7,7 @@ starts from the same bits.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -104,6 +105,11 @@ class World:
     def parameters(self) -> CarParameters:
         """What a planner is told of the car, read off `model`."""
         return self.car.parameters
+
+    @cached_property
+    def lidar(self) -> Lidar:
+        """The LiDAR, for what does not change: beams, mount, and what they can meet; measuring is for one thread."""
+        return self.make_lidar()
 
     def make_lidar(self) -> Lidar:
         """Return the LiDAR of this world, with the back end it was built for."""
