@@ -13,7 +13,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 RUN := runs/$(notdir $(basename $(TRACK)))-$(shell date +%Y%m%d-%H%M%S)
 
-.PHONY: help race test quick unit fuzz lint bench friction docs picture clean
+.PHONY: help race test quick unit fuzz lint bench figures friction docs picture clean
 .DEFAULT_GOAL := help
 
 help:
@@ -54,6 +54,12 @@ lint: $(READY)
 ## make bench   how fast it is, on an idle machine; some ten minutes
 bench: $(READY)
 	$(BIN)/python benchmarks/all.py $(ARGS)
+
+## make figures the races whose results README.md and docs/ show, and the tables made from them; some minutes
+DATA ?= ../shared/data
+figures: $(READY)
+	$(BIN)/python benchmarks/circuits.py --json docs/figures.json --data $(DATA) $(ARGS)
+	$(BIN)/python docs/tables.py
 
 ## make friction the friction lab, and its report in runs/friction; some minutes, less what is there
 friction: $(READY)
