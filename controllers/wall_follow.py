@@ -34,7 +34,7 @@ from fg_mujoco.messages import FloatArray, LaserScan
 
 from .control.driving import DrivingSettings
 from .control.planner import Planner
-from .control.settings import FROM_ZERO, Accepted, Record, setting, setting_of_car
+from .control.settings import FROM_ZERO, Accepted, Record, setting
 from .control.steering import saturate
 from .perception.scan_filters import valid_ranges
 from .perception.scan_geometry import scan_record, sees
@@ -55,7 +55,7 @@ class WallFollowSettings(DrivingSettings):
         math.radians(45.0), "rad", "theta, from the beam abeam to the one ahead of it",
         Accepted("an angle between 0 and 90 degrees, in radians", lambda value: 0.0 < value < 0.5 * math.pi),
     )  # fmt: skip
-    projection: float = setting_of_car(1.5, "m", "the lookahead L", FROM_ZERO)
+    projection: float = setting(1.5, "m", "the lookahead L", FROM_ZERO)
     proportional_gain: float = setting(0.2, "rad/m", "kp", FROM_ZERO)
     derivative_gain: float = setting(0.3, "rad", "kd", FROM_ZERO)
 

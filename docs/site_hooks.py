@@ -18,7 +18,7 @@ ROOT = Path(__file__).parent.parent
 PAGES_OF_THE_ROOT = {"changelog.md": "CHANGELOG.md", "contributing.md": "CONTRIBUTING.md"}
 CAPTION = (
     "*The car at 3 m/s before a box in `chicanes`, the same place for every planner. Left from above, right the range "
-    "of each beam. The way is the one that the planner wishes for: the friction guard and the way out come after it. "
+    "of each beam. The arc is the planner's reference: the safety filter and the friction limiter come after it. "
     "Made by `python docs/diagrams`.*"
 )
 
@@ -34,11 +34,13 @@ def planner_names() -> list[str]:
 
 def planner_page(name: str) -> str:
     """Return the page of a planner, as Markdown."""
-    source, module = parsed(name)
-    docstring = ast.get_docstring(module)
+    from fg_mujoco.controllers.control.driving import DrivingSettings
+    from fg_mujoco.racing.planner_loading import find_controller
+
+    docstring = ast.get_docstring(parsed(name)[1])
     assert docstring, name
     title, _, rest = docstring.partition("\n")
-    settings = settings_table(source, module)
+    settings = settings_table(find_controller(name).Settings, but=DrivingSettings)
     return f"""# {name}
 
 **{title.strip()}**
@@ -59,7 +61,7 @@ def planner_page(name: str) -> str:
 
 Those that every planner has, with the defaults of `DrivingSettings` unless the table above says otherwise:
 
-{settings_table(*parsed("control/driving"))}
+{settings_table(DrivingSettings)}
 
 How it fares beside the others: [the planners, and what breaks them](../planners.md). Its file is
 `controllers/{name}.py`.
@@ -72,19 +74,19 @@ def parsed(name: str) -> tuple[str, ast.Module]:
     return source, ast.parse(source)
 
 
-def settings_table(source: str, module: ast.Module) -> str:
-    """Return a table of the fields of the class of a module whose name ends in Settings: default, and comment."""
-    (kind,) = (n for n in module.body if isinstance(n, ast.ClassDef) and n.name.endswith("Settings"))
-    assigned = [n for m in (module, parsed("control/driving")[1]) for n in m.body if isinstance(n, ast.Assign)]
-    aliases = {ast.unparse(n.targets[0]): ast.unparse(n.value) for n in assigned}
-    lines, rows = source.splitlines(), ["| setting | default | what |", "| --- | --- | --- |"]
-    for field in kind.body:
-        if isinstance(field, ast.AnnAssign) and field.value is not None:
-            comment = lines[(field.value.end_lineno or 0) - 1][field.value.end_col_offset :].partition("#")[2].strip()
-            words = aliases.get(ast.unparse(field.annotation), ast.unparse(field.annotation))
-            if words.startswith("Literal"):
-                comment = ", ".join(f"`{word}`" for word in re.findall(r"'(\w+)'", words))
-            rows.append(f"| `{ast.unparse(field.target)}` | `{ast.unparse(field.value)}` | {comment} |")
+def settings_table(kind: type, *, but: type | None = None) -> str:
+    """Return a table of the settings of a dataclass; with `but`, without those that are as in that dataclass."""
+    from fg_mujoco.racing.planner_loading import describe_settings
+
+    known = [] if but is None else describe_settings(but)
+    rows = ["| setting | default | what |", "| --- | --- | --- |"]
+    for each in describe_settings(kind):
+        if each not in known:
+            default = f"{each['default']:.4g}" if isinstance(each["default"], float) else str(each["default"])
+            scaled = "; scaled to other cars" if each["scales"] else ""
+            accepted = f" ({each['accepted']})" if each["accepted"] else ""
+            value = f"{default} {each['unit']}".strip()
+            rows.append(f"| `{each['name']}` | {value}{scaled} | {each['text']}{accepted} |")
     return "\n".join(rows)
 
 

@@ -21,7 +21,7 @@ from .course.lap_timer import LapTimer
 from .course.maps.export import export_track
 from .course.maps.map_track import MapTrack, read_map
 from .course.moving_obstacles import MovingObstacle
-from .course.obstacles import Box, Cylinder
+from .course.obstacles import Box, Cylinder, Prism
 from .course.scene import Scene
 from .course.scenes.catalogue import scene_names
 from .course.track import Track
@@ -96,6 +96,7 @@ __all__ = [
     "ModelError",
     "MovingObstacle",
     "Odometry",
+    "Prism",
     "RaceProgress",
     "RaceResult",
     "Randomization",

@@ -16,7 +16,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .errors import MessageError
+from .errors import MessageError, SettingsError
 
 FloatArray = NDArray[np.float64]
 
@@ -37,6 +37,14 @@ def require(
         number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
         if not number or not holds(float(value)):
             raise error(f"{type(message).__name__}.{name} is {value!r}; accepted: {accepted}")
+
+
+def require_whole(name: str, value: object, least: int, *, optional: bool = False) -> None:
+    """Raise SettingsError unless a value is a whole number from `least`; None is accepted where it is optional."""
+    if optional and value is None:
+        return
+    if not isinstance(value, int) or isinstance(value, bool) or value < least:
+        raise SettingsError(f"{name} is {value!r}; accepted: a whole number from {least}")
 
 
 def require_finite(message: object, *values: object, names: tuple[str, ...]) -> None:

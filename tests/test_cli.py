@@ -348,7 +348,34 @@ def test_lists_name_everything_there_is(capsys):
     assert main(["track", "list"]) == 0
     assert [line.split(":")[0] for line in capsys.readouterr().out.splitlines()] == list(fg.track_names())
     assert main(["controllers"]) == 0
-    assert tuple(capsys.readouterr().out.split()) == fg.controller_names()
+    heads = [line.split(":")[0] for line in capsys.readouterr().out.splitlines() if line and line[0] != " "]
+    assert tuple(heads) == fg.controller_names()
+
+
+def test_controllers_prints_what_each_does_and_its_settings(capsys):
+    assert main(["controllers", "follow_the_gap"]) == 0
+    head, *rows = capsys.readouterr().out.splitlines()
+    assert head.startswith("follow_the_gap: Follow the gap, as the F1TENTH course teaches it")
+    told = {row.split()[0]: " ".join(row.split()) for row in rows}
+    assert told["lookahead"].startswith("lookahead = 3 m what lies beyond")
+    assert "(furthest, middle, deepest)" in told["point"]
+    assert "scaled to others" in told["bubble_radius"] and "= 0.4 m" in told["bubble_radius"]
+    assert all(row.count("  ") for row in rows)
+
+
+def test_controllers_as_json_has_every_setting_with_its_unit(capsys):
+    assert main(["controllers", "--json"]) == 0
+    described = json.loads(capsys.readouterr().out)
+    assert [each["name"] for each in described] == list(fg.controller_names())
+    for each in described:
+        assert each["summary"] and each["distribution"] == "fg-mujoco"
+        rows = {row["name"]: row for row in each["settings"]}
+        assert rows["safe_distance"]["unit"] == "m" and rows["safe_distance"]["default"] == 0.2
+        assert all(row["text"] for row in rows.values())
+
+
+def test_a_controller_that_is_not_known_is_not_described(here, capsys):
+    assert "did you mean gap_finder?" in refused(here, capsys, "controllers", "gap_findr")
 
 
 def test_version_is_the_packages(capsys):

@@ -62,7 +62,7 @@ def test_range_ratio_is_by_the_mean_range_towards_the_goal(reach):
     assert asked == pytest.approx(min(TOP, TOP * 3.0 * reach / 10.0), rel=1e-6)
 
 
-def test_friction_is_the_guard_and_nothing_else():
+def test_friction_is_the_limiter_and_nothing_else():
     near = corridor(1.0, 1.0, ahead=0.6)  # any law that looks at ranges would stop here
     asked = command(near, "friction", speed=2.0)
     limiter = FrictionLimiter(CAR, MU)

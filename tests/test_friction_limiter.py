@@ -1,4 +1,4 @@
-"""The friction limiter: closed forms, a bicycle driven by any wishes, what the car was measured to hold, the car."""
+"""The friction limiter: closed forms, a bicycle driven by any references, what was measured on the car, the car."""
 
 import math
 from itertools import pairwise
@@ -34,20 +34,20 @@ EVERY_BIT = FrictionLimiterSettings(lateral_use=1.0, braking_use=1.0, accelerati
 
 
 def settled(limiter, steering_angle, speed, now, ticks=20):
-    """The command after so many ticks of one and the same wish and odometry; its acceleration [m/s^2]."""
+    """The command after so many ticks of one and the same reference and odometry; its acceleration [m/s^2]."""
     for _ in range(ticks):
         command = limiter(steering_angle, speed, odometry_of(now, steering_angle), PERIOD)
     return command, (command.speed - now) / CAR.speed_time_constant
 
 
-def drive_bicycle(limiter, wishes, speed=0.0, steering_angle=0.0, substeps=10):
+def drive_bicycle(limiter, references, speed=0.0, steering_angle=0.0, substeps=10):
     """A kinematic bicycle with the car's servos, driven through the limiter.
 
     Yields, at every substep, speed, curvature, the curvature's rate and the acceleration.
     """
     step = PERIOD / substeps
-    for wished_angle, wished_speed in wishes:
-        command = limiter(wished_angle, wished_speed, odometry_of(speed, steering_angle), PERIOD)
+    for reference_angle, reference_speed in references:
+        command = limiter(reference_angle, reference_speed, odometry_of(speed, steering_angle), PERIOD)
         for _ in range(substeps):
             # the solution over a substep of a first-order servo, its rate limited
             turn = (command.steering_angle - steering_angle) * (1.0 - math.exp(-step / STEERING_RESPONSE))
@@ -86,13 +86,13 @@ def test_at_one_speed_the_steering_settles_at_the_law_read_for_steering(speed):
     command = None
     angle = 0.0
     limiter = FrictionLimiter(CAR, MU)
-    for _ in range(100):  # the servo follows; the speed is held at a wish that is not too fast for what is seen
+    for _ in range(100):  # the servo follows; the speed is held at a reference that is not too fast for what is seen
         command = limiter(0.4, 20.0, odometry_of(speed, angle), PERIOD)
         angle = command.steering_angle
     limit = friction_steering(speed, MU * DEFAULTS.lateral_use, WHEELBASE, GRAVITY)
     if limit > 0.4:
         assert angle == pytest.approx(0.4)
-    else:  # too fast for the wish: some of the grip is kept for braking
+    else:  # too fast for the reference: some of the grip is kept for braking
         share = DEFAULTS.lateral_use_in_braking
         expected = friction_steering(speed, MU * DEFAULTS.lateral_use * share, WHEELBASE, GRAVITY)
         assert angle == pytest.approx(expected, rel=1e-6)
@@ -104,10 +104,10 @@ def test_the_wheels_turn_in_with_a_share_of_the_unused_grip_and_turn_out_with_mo
     speed, angle, share = 5.0, 0.06, DEFAULTS.turn_in_use
     lateral = DEFAULTS.lateral_use * MU * GRAVITY
     cornering = speed**2 * math.tan(angle) / WHEELBASE
-    for wish, unused in ((0.4, lateral - cornering), (-0.4, lateral + cornering)):
+    for reference, unused in ((0.4, lateral - cornering), (-0.4, lateral + cornering)):
         rate = share * unused / (YAW_LAG * speed) * WHEELBASE * math.cos(angle) ** 2
-        command = FrictionLimiter(CAR, MU)(side * wish, 20.0, odometry_of(speed, side * angle), PERIOD)
-        turned = math.copysign(min(rate, 3.2), wish) * DEFAULTS.steering_response
+        command = FrictionLimiter(CAR, MU)(side * reference, 20.0, odometry_of(speed, side * angle), PERIOD)
+        turned = math.copysign(min(rate, 3.2), reference) * DEFAULTS.steering_response
         assert command.steering_angle == pytest.approx(side * (angle + turned), rel=1e-4)
 
 
@@ -120,7 +120,7 @@ def test_at_one_steering_angle_the_speed_settles_at_the_law_read_for_speed(steer
     assert speed >= 0.99 * law
 
 
-def test_a_wish_within_the_limits_is_granted():
+def test_a_reference_within_the_limits_is_granted():
     command, _ = settled(FrictionLimiter(CAR, MU), 0.1, 2.0, 2.0)
     assert command.steering_angle == pytest.approx(0.1)
     assert command.speed == pytest.approx(2.0)
@@ -129,23 +129,23 @@ def test_a_wish_within_the_limits_is_granted():
 def test_braking_and_accelerating_grow_over_the_load_transfer_time_and_fall_at_once():
     share = PERIOD / DEFAULTS.load_transfer_time
     limiter = FrictionLimiter(CAR, MU)
-    for sign, greatest, wish in ((1.0, limiter.accelerating, 20.0), (-1.0, limiter.braking, 0.0)):
+    for sign, greatest, reference in ((1.0, limiter.accelerating, 20.0), (-1.0, limiter.braking, 0.0)):
         limiter.reset()
         for tick in range(1, 12):
-            command, acceleration = settled(limiter, 0.0, wish, 5.0, ticks=1)
+            command, acceleration = settled(limiter, 0.0, reference, 5.0, ticks=1)
             assert acceleration == pytest.approx(sign * greatest * min(tick * share, 1.0))
         command, acceleration = settled(limiter, 0.0, 5.0, 5.0, ticks=1)
         assert acceleration == 0.0
         assert command.speed == 5.0
 
 
-def test_in_a_batch_each_row_of_memory_is_a_guard_of_its_own():
+def test_in_a_batch_each_row_of_memory_is_a_limiter_of_its_own():
     limiters = [FrictionLimiter(CAR, mu) for mu in (0.4, MU)]
     memories = np.zeros(2, LIMITER_MEMORY)
-    for wish in ((0.1, 6.0), (0.3, 1.0), (-0.2, 8.0)):
+    for reference in ((0.1, 6.0), (0.3, 1.0), (-0.2, 8.0)):
         for limiter, memory in zip(limiters, memories, strict=True):
-            command = limiter(*wish, odometry_of(3.0, 0.05), PERIOD)
-            row = limited(limiter.record[0], memory, *wish, limiter.settings.least_lateral_use, 0.05, 3.0, PERIOD)
+            command = limiter(*reference, odometry_of(3.0, 0.05), PERIOD)
+            row = limited(limiter.record[0], memory, *reference, limiter.settings.least_lateral_use, 0.05, 3.0, PERIOD)
             assert row == (command.steering_angle, command.speed)
     assert memories["acceleration"][0] != memories["acceleration"][1]
 
@@ -174,7 +174,7 @@ def test_of_no_motion_it_makes_a_stop_and_forgets_the_last_command(speed, angle)
         "speed_response": "soon",
     }.items(),
 )
-def test_a_setting_that_no_guard_can_have_is_refused_by_name(field, value):
+def test_a_setting_that_no_limiter_can_have_is_refused_by_name(field, value):
     with pytest.raises(SettingsError, match=rf"FrictionLimiterSettings\.{field} is {value!r}; accepted: a "):
         FrictionLimiterSettings(**{field: value})
 
@@ -195,35 +195,35 @@ def test_reset_forgets_the_last_command():
 
 @unhurried
 @given(st.floats(-0.5, 0.5), st.floats(0.0, 9.0), st.floats(0.0, 9.0), st.floats(-0.4189, 0.4189))
-def test_left_and_right_are_alike(wish, speed, now, angle):
+def test_left_and_right_are_alike(reference, speed, now, angle):
     left, right = FrictionLimiter(CAR, MU), FrictionLimiter(CAR, MU)
     for _ in range(3):
-        one = left(wish, speed, odometry_of(now, angle), PERIOD)
-        other = right(-wish, speed, odometry_of(now, -angle), PERIOD)
+        one = left(reference, speed, odometry_of(now, angle), PERIOD)
+        other = right(-reference, speed, odometry_of(now, -angle), PERIOD)
         assert (one.steering_angle, one.speed) == (-other.steering_angle, other.speed)
 
 
 @unhurried
 @given(st.floats(0.1, 2.0), st.floats(1.01, 2.0), st.floats(0.0, 0.5), st.floats(0.0, 9.0), st.floats(0.0, 9.0))
-def test_the_more_grip_the_more_it_grants(mu, factor, wish, speed, now):
+def test_the_more_grip_the_more_it_grants(mu, factor, reference, speed, now):
     less, more = FrictionLimiter(CAR, mu), FrictionLimiter(CAR, mu * factor)
     assert more.lateral > less.lateral and more.braking > less.braking and more.accelerating > less.accelerating
-    slow, fast = (limiter(wish, speed, odometry_of(now, 0.0), PERIOD) for limiter in (less, more))
+    slow, fast = (limiter(reference, speed, odometry_of(now, 0.0), PERIOD) for limiter in (less, more))
     assert slow.steering_angle <= fast.steering_angle + 1e-12
 
 
-# -- a bicycle driven by any wishes
+# -- a bicycle driven by any references
 
 
-held_wishes = st.lists(
+held_references = st.lists(
     st.tuples(st.floats(-0.7, 0.7), st.floats(0.0, 9.0), st.integers(1, 12)), min_size=1, max_size=12
 )
 
 
 @settings(max_examples=300, deadline=None)
-@given(held_wishes, st.floats(0.0, 8.0), st.sampled_from([0.3, 0.6, MU]))
-def test_whatever_is_wished_the_lateral_demand_stays_within_the_grip(wishes, speed, mu):
-    held = [(angle, wished) for angle, wished, ticks in wishes for _ in range(ticks)]
+@given(held_references, st.floats(0.0, 8.0), st.sampled_from([0.3, 0.6, MU]))
+def test_whatever_is_asked_the_lateral_demand_stays_within_the_grip(references, speed, mu):
+    held = [(angle, asked) for angle, asked, ticks in references for _ in range(ticks)]
     demands = [
         abs(v * v * curvature + YAW_LAG * v * rate) / (mu * GRAVITY)
         for v, curvature, rate, _ in drive_bicycle(FrictionLimiter(CAR, mu), held, speed)
@@ -232,9 +232,9 @@ def test_whatever_is_wished_the_lateral_demand_stays_within_the_grip(wishes, spe
 
 
 @settings(max_examples=300, deadline=None)
-@given(held_wishes, st.floats(0.0, 8.0), st.sampled_from([0.6, MU]))
-def test_whatever_is_wished_braking_and_accelerating_stay_within_what_cornering_leaves(wishes, speed, mu):
-    held = [(angle, wished) for angle, wished, ticks in wishes for _ in range(ticks)]
+@given(held_references, st.floats(0.0, 8.0), st.sampled_from([0.6, MU]))
+def test_whatever_is_asked_braking_and_accelerating_stay_within_what_cornering_leaves(references, speed, mu):
+    held = [(angle, asked) for angle, asked, ticks in references for _ in range(ticks)]
     for v, curvature, _, acceleration in drive_bicycle(FrictionLimiter(CAR, mu), held, speed):
         use = v * v * abs(curvature) / (mu * GRAVITY)
         assert -measured_limit(mu, "brake", use) <= acceleration <= measured_limit(mu, "accelerate", use)
@@ -291,15 +291,15 @@ def test_it_never_asks_for_more_than_the_car_was_measured_to_hold(mu, direction,
 # -- the car
 
 
-def greatest_slide(speed, wish, limiter):
-    """Slide [m/s] of the car at `speed` given a step of the steering wish, through the limiter or straight."""
+def greatest_slide(speed, reference, limiter):
+    """Slide [m/s] of the car at `speed` given a step of the steering reference, through the limiter or straight."""
     model, data, car = flat_world()
     meter = TireSlipMeter(model)
     car.set_pose(data, 0.0, 0.0, 0.0, speed)
     for _ in range(40):
-        command = DriveCommand(steering_angle=wish, speed=speed)
+        command = DriveCommand(steering_angle=reference, speed=speed)
         if limiter is not None:
-            command = limiter(wish, speed, car.odometry(data), PERIOD)
+            command = limiter(reference, speed, car.odometry(data), PERIOD)
         car.apply(data, command)
         for _ in range(round(PERIOD / model.opt.timestep)):
             mujoco.mj_step(model, data)
@@ -309,7 +309,7 @@ def greatest_slide(speed, wish, limiter):
 
 
 @pytest.mark.parametrize("speed", [3.0, 5.0, 7.0])
-def test_a_step_of_the_steering_wish_slides_no_tire_and_does_without_the_guard(speed):
+def test_a_step_of_the_steering_reference_slides_no_tire_and_does_without_the_limiter(speed):
     slide, data = greatest_slide(speed, -CAR.max_steering_angle, FrictionLimiter(CAR, MU))
     assert slide < SLIDING_SPEED
     heading = 2.0 * math.atan2(data.qpos[6], data.qpos[3])
@@ -317,20 +317,20 @@ def test_a_step_of_the_steering_wish_slides_no_tire_and_does_without_the_guard(s
     assert greatest_slide(speed, -CAR.max_steering_angle, None)[0] > 2.0 * SLIDING_SPEED
 
 
-def test_a_guard_that_believes_in_half_as_much_grip_again_slides():
+def test_a_limiter_that_believes_in_half_as_much_grip_again_slides():
     assert greatest_slide(5.0, CAR.max_steering_angle, FrictionLimiter(CAR, 1.5 * MU))[0] > SLIDING_SPEED
 
 
-def test_full_braking_and_full_accelerating_through_the_guard_slide_no_tire():
-    for speed, wish in ((7.0, 0.0), (0.0, 8.0)):
+def test_full_braking_and_full_accelerating_through_the_limiter_slide_no_tire():
+    for speed, reference in ((7.0, 0.0), (0.0, 8.0)):
         model, data, car = flat_world()
         meter, limiter = TireSlipMeter(model), FrictionLimiter(CAR, MU)
         car.set_pose(data, 0.0, 0.0, 0.0, speed)
         for _ in range(60):
-            car.apply(data, limiter(0.0, wish, car.odometry(data), PERIOD))
+            car.apply(data, limiter(0.0, reference, car.odometry(data), PERIOD))
             for _ in range(round(PERIOD / model.opt.timestep)):
                 mujoco.mj_step(model, data)
                 meter.record(data)
             mujoco.mj_forward(model, data)
         assert np.nanmax(meter.read().sliding_speed) < SLIDING_SPEED
-        assert abs(car.ground_speed(data) - wish) < 0.3
+        assert abs(car.ground_speed(data) - reference) < 0.3

@@ -9,7 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
+from fg_mujoco.course.obstacles import Box, Cylinder, Prism, solids_numbers, solids_of
 from fg_mujoco.course.track_mesh import WALL_HEIGHT
+from fg_mujoco.errors import SettingsError
 
 places, sizes, headings = st.floats(-50, 50), st.floats(0.01, 5), st.floats(-10, 10)
 
@@ -136,3 +138,41 @@ def test_an_obstacle_nowhere_is_refused(name, value):
         fg.Cylinder(**place, radius=1.0)
     with pytest.raises(fg.SettingsError, match=r"Box\.heading"):
         fg.Box(x=0.0, y=0.0, length=1.0, width=1.0, heading=value)
+
+
+SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    "footprint",
+    (
+        SQUARE[::-1],  # clockwise
+        SQUARE[:2],
+        ((0.0, 0.0), (2.0, 0.0), (1.0, 0.5), (1.0, 2.0)),  # a corner that juts in
+        tuple((math.cos(a), math.sin(a)) for a in (0.8 * math.pi * k for k in range(5))),  # a star: twice round
+        (*SQUARE[:3], (math.nan, 1.0)),
+        (*SQUARE[:3], (0.0, 1.0, 2.0)),
+        "abc",
+        None,
+    ),
+)
+def test_a_footprint_that_is_no_convex_polygon_is_refused(footprint):
+    with pytest.raises(SettingsError, match=r"Prism.footprint is .*; accepted: three or more \(x, y\) \[m\], counter"):
+        Prism(footprint=footprint)
+
+
+def test_a_convex_footprint_is_kept():
+    octagon = tuple((math.cos(a), math.sin(a)) for a in (0.25 * math.pi * k for k in range(8)))
+    assert Prism(footprint=octagon).corners().tolist() == [list(corner) for corner in octagon]
+    assert Prism(footprint=SQUARE, height=0.2).height == 0.2
+
+
+def test_solids_are_the_same_from_their_numbers():
+    solids = (
+        Box(x=1.0, y=2.0, length=0.3, width=0.4, heading=0.1), Prism(footprint=SQUARE[:3], height=0.7),
+        Cylinder(x=-1.0, y=0.1, radius=0.2, height=0.5), Prism(footprint=SQUARE),
+    )  # fmt: skip
+    assert solids_of(solids_numbers(solids)) == solids
+    assert solids_of(solids_numbers(())) == ()
+    with pytest.raises((IndexError, ValueError)):
+        solids_of(solids_numbers(solids)[:-1])

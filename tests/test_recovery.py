@@ -1,4 +1,4 @@
-"""Backing out: the car goes back exactly where it came, when it stands without a way, and not for ever."""
+"""Recovery: the car reverses exactly along the path it came by, when it stands without a way on, and not for ever."""
 
 import math
 from dataclasses import fields
@@ -162,7 +162,7 @@ def test_the_way_is_kept_in_ticks_in_which_the_planner_sees_nothing(name):
     for scan in (corridor(1.0, 1.0, 20.0), scan_of(np.zeros(1081)), scan_of([])):
         for _ in range(20):
             planner(scan, odometry_of(2.0))
-    history = planner._alone._driving[0]["history"]
+    history = planner._alone._driven[0]["memory"]["history"]
     assert history["x"] == pytest.approx(60 * 2.0 * PERIOD)
     planner(corridor(1.0, 1.0, 20.0), odometry_of(math.nan))
     assert history["known"] == 0

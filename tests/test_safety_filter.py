@@ -1,4 +1,4 @@
-"""The way out: a wish that is safe stands, one that is not is left for a way on which the car can stop."""
+"""The safety filter: a safe reference stands, any other is replaced by a direction in which the car can stop."""
 
 import math
 
@@ -22,13 +22,13 @@ BEARINGS = START + INCREMENT * np.arange(BEAMS)
 BUMPER = CAR.length - CAR.rear_overhang - CAR.lidar_offset - 0.25 * CAR.width  # [m] from the LiDAR to the disc's centre
 
 
-def escape(widened, wish=0.0, angle=0.0, speed=4.0, acceleration=0.0, wished_speed=0.0, **settings):
+def filtered(widened, reference=0.0, angle=0.0, speed=4.0, acceleration=0.0, reference_speed=0.0, **settings):
     values = for_car(SafetyFilterSettings(**settings), CAR)
     row = np.array([record_values(values)], record_type(SafetyFilterSettings))
     memory = np.zeros(1, LIMITER_MEMORY)
     memory["acceleration"] = acceleration
     answer = safe_steering(
-        LIMITER.record[0], memory[0], row[0], widened, START, INCREMENT, wish, wished_speed, angle, speed, 0.025
+        LIMITER.record[0], memory[0], row[0], widened, START, INCREMENT, reference, reference_speed, angle, speed, 0.025
     )
     assert memory["acceleration"][0] == acceleration  # trying leaves no trace
     return answer
@@ -42,35 +42,35 @@ def wall_ahead(distance):
     return ranges
 
 
-@pytest.mark.parametrize("wish", [-0.2, 0.0, 0.1])
-def test_where_nothing_is_near_the_wish_stands_to_the_bit(wish):
-    assert escape(np.full(BEAMS, 30.0), wish) == (wish, 0.5, True)
+@pytest.mark.parametrize("reference", [-0.2, 0.0, 0.1])
+def test_where_nothing_is_near_the_reference_stands_to_the_bit(reference):
+    assert filtered(np.full(BEAMS, 30.0), reference) == (reference, 0.5, True)
 
 
-def test_before_a_wall_that_it_can_stop_at_the_wish_stands_and_before_a_nearer_one_it_does_not():
+def test_before_a_wall_that_it_can_stop_at_the_reference_stands_and_before_a_nearer_one_it_does_not():
     stop = 4.0**2 / (2.0 * LIMITER.braking) + BUMPER  # less than it takes: braking has to grow first
-    assert escape(wall_ahead(stop + 1.0)) == (0.0, 0.5, True)
-    way, _, found = escape(wall_ahead(stop))
+    assert filtered(wall_ahead(stop + 1.0)) == (0.0, 0.5, True)
+    way, _, found = filtered(wall_ahead(stop))
     assert not found or way != 0.0
 
 
-def test_a_wish_into_a_box_is_left_for_a_way_past_it():
+def test_a_reference_into_a_box_is_left_for_a_way_past_it():
     ranges = np.full(BEAMS, 30.0)
     ranges[math.radians(8.0) < BEARINGS] = 1.2
-    wish = 0.15
-    way, use, found = escape(ranges, wish)
-    assert found and way < wish and 0.0 < use <= 1.0
+    reference = 0.15
+    way, use, found = filtered(ranges, reference)
+    assert found and way < reference and 0.0 < use <= 1.0
 
 
 def test_left_and_right_are_mirror_images():
     ranges = np.full(BEAMS, 30.0)
     ranges[math.radians(8.0) < BEARINGS] = 1.2
-    way, use, found = escape(ranges, 0.15)
-    assert escape(ranges[::-1].copy(), -0.15) == (pytest.approx(-way), use, found)
+    way, use, found = filtered(ranges, 0.15)
+    assert filtered(ranges[::-1].copy(), -0.15) == (pytest.approx(-way), use, found)
 
 
 def test_where_no_way_is_free_it_says_so():
-    way, use, found = escape(np.full(BEAMS, 0.6))
+    way, use, found = filtered(np.full(BEAMS, 0.6))
     assert not found and abs(way) <= CAR.max_steering_angle and 0.0 < use <= 1.0
 
 

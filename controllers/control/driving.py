@@ -149,6 +149,10 @@ def driver_record(
     return row
 
 
+DRIVEN = np.dtype([("driver", DRIVER), ("reference", REFERENCE), ("memory", DRIVING_MEMORY)])
+"""Type of all that the shared kernels read and keep of one world."""
+
+
 @kernel
 def refer_to_goal(
     scan: Record,
@@ -207,19 +211,15 @@ def drive_worlds(
     valid: FloatArray,
     odometry: NDArray[np.void],
     running: NDArray[np.bool_],
-    drivers: NDArray[np.void],
-    references: NDArray[np.void],
-    memories: NDArray[np.void],
+    driven: NDArray[np.void],
     trajectories: NDArray[np.void],
     commands: FloatArray,
 ) -> None:
     """Write the commands of all running worlds for their references: one row a world, see `drive`."""
     for world in range(len(running)):
         if running[world]:
-            command = drive(
-                scan[0], valid[world], odometry[world], drivers[world], references[world], memories[world],
-                trajectories,
-            )  # fmt: skip
+            row = driven[world]
+            command = drive(scan[0], valid[world], odometry[world], row.driver, row.reference, row.memory, trajectories)
             commands[world, 0], commands[world, 1] = command
 
 

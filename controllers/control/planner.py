@@ -27,7 +27,7 @@ import inspect
 import math
 from collections.abc import Callable, Sequence
 from operator import attrgetter
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,9 +52,8 @@ from ..safety.braking_trajectories import TRAJECTORIES, BrakingTrajectories
 from ..safety.friction_limiter import FrictionLimiter
 from ..safety.safety_filter import EVASIVE
 from .driving import (
-    DRIVER,
+    DRIVEN,
     DRIVING_MEMORY,
-    REFERENCE,
     DrivingSettings,
     drive_worlds,
     driver_record,
@@ -229,17 +228,17 @@ def _goals_of_worlds(goal: Callable[..., tuple[float, float]]) -> Callable[..., 
 
     @kernel
     def refer_worlds(  # type: ignore[no-untyped-def]
-        scan, ranges, odometry, running, drivers, settings, memories, lines, valid, shown, references
+        scan, ranges, odometry, running, own, driven, lines, valid, shown
     ):
         scans = IntermediateScans(shown[0], shown[1], shown[2], shown[3])
         for world in range(len(running)):
             if running[world]:
                 keep(valid[world], valid_ranges(ranges[world], scan[0].range_max))
-                driver, reference = drivers[world], references[world]
-                bearing, distance = math.nan, 0.0
+                driver, bearing, distance = driven[world].driver, math.nan, 0.0
                 if sees(scan[0], valid[world]):
                     keep(scans.filtered, valid[world])
-                    bearing, distance = goal(scan[0], valid[world], driver.car, settings[world], scans)
+                    bearing, distance = goal(scan[0], valid[world], driver.car, own[world].settings, scans)
+                reference = driven[world].reference
                 refer_to_goal(scan[0], scans.filtered, odometry[world], driver, bearing, distance, reference)
 
     made: Callable[..., None] = refer_worlds
@@ -251,18 +250,20 @@ def _references_of_worlds(reference: Callable[..., tuple[float, float, float]]) 
 
     @kernel
     def refer_worlds(  # type: ignore[no-untyped-def]
-        scan, ranges, odometry, running, drivers, settings, memories, lines, valid, shown, references
+        scan, ranges, odometry, running, own, driven, lines, valid, shown
     ):
         for world in range(len(running)):
             if running[world]:
                 keep(valid[world], valid_ranges(ranges[world], scan[0].range_max))
-                driver, steering_angle, speed, bearing = drivers[world], math.nan, 0.0, math.nan
+                driver, planner = driven[world].driver, own[world]
+                steering_angle, speed, bearing = math.nan, 0.0, math.nan
                 if sees(scan[0], valid[world]):
                     line = lines[driver.line_first : driver.line_end]
                     steering_angle, speed, bearing = reference(
-                        scan[0], valid[world], odometry[world], driver.car, settings[world], memories[world], line
+                        scan[0], valid[world], odometry[world], driver.car, planner.settings, planner.memory, line
                     )
-                refer(scan[0], valid[world], driver, steering_angle, speed, bearing, math.nan, references[world])
+                reference_row = driven[world].reference
+                refer(scan[0], valid[world], driver, steering_angle, speed, bearing, math.nan, reference_row)
 
     made: Callable[..., None] = refer_worlds
     return made
@@ -297,26 +298,26 @@ class PlannerBatch:
         lines = {id(p.line): p.line for p in planners if p.line is not None}
         ends = dict(zip(lines, np.cumsum([len(line) for line in lines.values()]).tolist(), strict=True))
         self._refer_worlds = planner_class.refer_worlds
-        self._drivers = np.zeros(count, DRIVER)
-        self._settings = np.zeros(count, record_type(planner_class.Settings))
+        self._driven = np.zeros(count, DRIVEN)
+        own = [("settings", record_type(planner_class.Settings)), ("memory", planner_class.memory_type)]
+        self._own = np.zeros(count, np.dtype(own))
         for world, planner in enumerate(planners):
-            self._drivers[world], self._settings[world] = planner.driver[0], planner.settings_row[0]
-            self._drivers[world]["trajectories"] = places.get(id(planner.trajectories), 0)
+            self._driven["driver"][world], self._own["settings"][world] = planner.driver[0], planner.settings_row[0]
+            driver = self._driven["driver"][world]
+            driver["trajectories"] = places.get(id(planner.trajectories), 0)
             if planner.line is not None:
                 end = ends[id(planner.line)]
-                self._drivers[world]["line_first"], self._drivers[world]["line_end"] = end - len(planner.line), end
+                driver["line_first"], driver["line_end"] = end - len(planner.line), end
         self._trajectories = _joined(list(tables.values()), np.zeros(0, TRAJECTORIES))
         self._lines = _joined(list(lines.values()), _NO_LINE)
-        self._memories = np.zeros(count, planner_class.memory_type)
-        self._driving = np.zeros(count, DRIVING_MEMORY)
-        self._scan = np.zeros(1, SCAN)
+        self._scan, self._geometry = np.zeros(1, SCAN), cast(Any, None)
         self._valid, self.shown = np.empty((count, 0)), np.empty((len(IntermediateScans._fields), 0))
-        self.references = np.zeros(count, REFERENCE)
+        self.references = self._driven["reference"]
 
     def reset(self) -> None:
         """Forget everything seen so far, in all worlds."""
-        self._memories.fill(0)
-        self._driving.fill(0)
+        self._own["memory"] = np.zeros((), self._own.dtype["memory"])
+        self._driven["memory"] = np.zeros((), DRIVING_MEMORY)
 
     def __call__(
         self,
@@ -328,10 +329,7 @@ class PlannerBatch:
     ) -> None:
         """Write the command of each running world into `commands`; see ControllerBatch."""
         self.refer(geometry, ranges, odometry, running)
-        drive_worlds(
-            self._scan, self._valid, odometry, running, self._drivers, self.references, self._driving,
-            self._trajectories, commands,
-        )  # fmt: skip
+        drive_worlds(self._scan, self._valid, odometry, running, self._driven, self._trajectories, commands)
 
     def refer(
         self,
@@ -341,13 +339,14 @@ class PlannerBatch:
         running: NDArray[np.bool_],
     ) -> None:
         """Write the reference of each running world into `references`; arguments as of a call."""
-        self._scan[0] = scan_values(geometry)
+        if geometry is not self._geometry:  # neither a scan nor a geometry changes
+            self._scan[0], self._geometry = scan_values(geometry), geometry
         if ranges.shape[1] != self._valid.shape[1]:
             self._valid = np.empty(ranges.shape)
             self.shown = np.full((len(self.shown), ranges.shape[1]), math.nan)
         self._refer_worlds(
-            self._scan, _read_only(ranges), odometry, running, self._drivers, self._settings, self._memories,
-            self._lines, self._valid, self.shown, self.references,
+            self._scan, _read_only(ranges), odometry, running, self._own, self._driven, self._lines, self._valid,
+            self.shown,
         )  # fmt: skip
 
 

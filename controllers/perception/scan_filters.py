@@ -126,38 +126,69 @@ def widen_all(ranges: FloatArray, angle_increment: float, radius: float) -> Floa
 
     These are the safety bubbles of all beams, in a time in proportion to n.
     """
+    count = len(ranges)
     result = ranges.copy()
     widths = bubble_beams(ranges, radius, angle_increment)
-    _shorten_leftwards(result, ranges, widths)
-    _shorten_leftwards(result[::-1], ranges[::-1], widths[::-1])
+    line, end = np.empty(count), np.empty(count, np.int64)
+    _shorten_onwards(result, ranges, widths, line, end, 0, 1)
+    _shorten_onwards(result, ranges, widths, line, end, count - 1, -1)
     return result
 
 
 @kernel
-def _shorten_leftwards(result: FloatArray, ranges: FloatArray, widths: NDArray[np.int64]) -> None:
+def _shorten_onwards(
+    result: FloatArray,
+    ranges: FloatArray,
+    widths: NDArray[np.int64],
+    line: FloatArray,
+    end: NDArray[np.int64],
+    start: int,
+    direction: int,
+) -> None:
     """Shorten each beam of `result` to the nearest of the bubbles that reach it from beams before it.
 
-    The nearer a reading, the wider its bubble. So one that is nearer than those before it puts them out for good;
-    one that is not waits in line, nearest first, until the bubble that holds has come to its end.
+    The nearer a reading, the wider its bubble. So one that is nearer than those before it replaces them for good; one
+    that is not waits in line, nearest first, until the bubble that holds has come to its end.
+
+    Args:
+      result: (n,) [m], written to.
+      ranges: (n,) [m].
+      widths: of the bubbles, in beams to either side (n,).
+      line: (n,) room for the ranges of those that wait [m].
+      end: (n,) room for the steps at which their bubbles end.
+      start: the first beam.
+      direction: 1 to the left, -1 to the right.
     """
-    nearest, until = math.inf, -1  # the bubble that holds: its range, and its last beam
-    line = np.empty(len(ranges))  # ranges
-    end = np.empty(len(ranges), np.int64)  # last beams
+    nearest, until = math.inf, -1  # the bubble that holds: its range, and the step at which it ends
     first, after = 0, 0  # who waits: those from `first` to before `after`
-    for beam in range(len(ranges)):
+    for step in range(len(ranges)):
+        beam = start + direction * step
         distance = ranges[beam]
         if distance <= nearest:
-            nearest, until = distance, beam + widths[beam]
+            nearest, until = distance, step + widths[beam]
             first, after = 0, 0
             continue
         while after > first and line[after - 1] >= distance:
             after -= 1
-        line[after], end[after] = distance, beam + widths[beam]
+        line[after], end[after] = distance, step + widths[beam]
         after += 1
-        while until < beam and first < after:
+        while until < step and first < after:
             nearest, until = line[first], end[first]
             first += 1
         result[beam] = min(result[beam], nearest)
+
+
+@kernel
+def least_of(ranges: FloatArray) -> float:
+    """Return the least of ranges (n,), inf of none: of four parts, which a processor looks through at the same time."""
+    a, b, c, d = math.inf, math.inf, math.inf, math.inf
+    whole = len(ranges) // 4 * 4
+    for beam in range(0, whole, 4):
+        a, b = min(a, ranges[beam]), min(b, ranges[beam + 1])
+        c, d = min(c, ranges[beam + 2]), min(d, ranges[beam + 3])
+    for beam in range(whole, len(ranges)):
+        a = min(a, ranges[beam])
+    return float(min(min(a, b), min(c, d)))
 
 
 @kernel
@@ -166,12 +197,9 @@ def mask_nearest(ranges: FloatArray, angle_increment: float, radius: float) -> F
 
     Of several that are as near, as within an edge that was widened, the middle one; where all are, there is no nearest.
     """
-    nearest, as_near = math.inf, 0
+    nearest, as_near = least_of(ranges), 0
     for distance in ranges:
-        if distance < nearest:
-            nearest, as_near = distance, 0
-        if distance == nearest:
-            as_near += 1
+        as_near += distance == nearest
     result = ranges.copy()
     if 0 < as_near < len(ranges):
         middle = -1

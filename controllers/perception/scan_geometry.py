@@ -1,4 +1,4 @@
-"""Where the beams of a scan point, as kernels are told it: every world of a batch has the same.
+"""Where the beams of a scan point, as kernels read it: every world of a batch has the same geometry.
 
     scan = scan_record(message)[0]
     first, end = beams_between(scan, len(message.ranges), -0.5, 0.5)
@@ -19,11 +19,11 @@ from fg_mujoco.messages import FloatArray, LaserScan, ScanGeometry
 
 from ..control.settings import Record
 
-_PERIOD = 0.025  # [s] of the field's LiDARs, for scans that do not tell theirs
+_PERIOD = LaserScan.scan_time  # [s] for scans that do not tell theirs
 _LEAST_INCREMENT = 1e-9  # [rad] below it, counts of beams overflow
 
 SCAN = np.dtype([(name, np.float64) for name in ("angle_min", "angle_increment", "range_max", "scan_time")])
-"""What a kernel is told of the geometry of the scans; units as in LaserScan."""
+"""Type of a row with the geometry of the scans; units as in LaserScan."""
 
 scan_values = attrgetter(*SCAN.names or ())
 """Takes the values of a SCAN from a LaserScan or a ScanGeometry."""

@@ -151,11 +151,14 @@ def limited(
       period: until the next command [s].
     """
     car, mu, now = limiter.car, limiter.mu * limiter.settings.lateral_use, abs(speed_now)
-    allowed = min(speed, friction_speed(steering_angle, mu, car.wheelbase, car.gravity))
+    allowed = speed
+    if not speed <= 0.0:
+        allowed = min(speed, friction_speed(steering_angle, mu, car.wheelbase, car.gravity))
     target = saturate(steering_angle, _steering_limit(limiter, allowed, speed, now, least_lateral_use))
-    step = _steering_rate(limiter, angle_now, now, target - angle_now) * limiter.settings.steering_response
+    slope = math.tan(angle_now)
+    step = _steering_rate(limiter, angle_now, slope, now, target - angle_now) * limiter.settings.steering_response
     command = angle_now + saturate(target - angle_now, step)
-    braking, accelerating = _shares_left(limiter, angle_now, command, now)
+    braking, accelerating = _shares_left(limiter, slope, math.tan(command), now)
     acceleration = _approach(limiter, memory.acceleration, allowed - speed_now, braking, accelerating, period)
     reached = speed_now + acceleration * car.speed_time_constant
     if not math.isfinite(command + reached):
@@ -186,9 +189,12 @@ def _steering_limit(limiter: Record, allowed: float, speed: float, now: float, l
 
 
 @kernel
-def _steering_rate(limiter: Record, angle: float, now: float, turn: float) -> float:
-    """Return the greatest steering rate [rad/s] in the direction of `turn` that the front tires can carry."""
-    cornering = now * now * math.tan(angle) / limiter.car.wheelbase
+def _steering_rate(limiter: Record, angle: float, slope: float, now: float, turn: float) -> float:
+    """Return the greatest steering rate [rad/s] in the direction of `turn` that the front tires can carry.
+
+    `slope` is the tangent of the present steering angle.
+    """
+    cornering = now * now * slope / limiter.car.wheelbase
     unused = max(limiter.lateral - math.copysign(cornering, turn * cornering), 0.0)
     unused = min(unused, limiter.settings.most_left * limiter.lateral)
     curvature_rate = limiter.settings.turn_in_use * unused / (limiter.yaw_lag * max(now, 1e-3))
@@ -196,11 +202,14 @@ def _steering_rate(limiter: Record, angle: float, now: float, turn: float) -> fl
 
 
 @kernel
-def _shares_left(limiter: Record, angle: float, command: float, now: float) -> tuple[float, float]:
-    """Return the shares of straight-line braking and of straight-line accelerating that cornering leaves."""
-    cornering = now * now * math.tan(angle) / limiter.car.wheelbase
-    next_cornering = now * now * math.tan(command) / limiter.car.wheelbase
-    curvature_rate = (math.tan(command) - math.tan(angle)) / limiter.car.wheelbase / limiter.settings.steering_response
+def _shares_left(limiter: Record, slope: float, next_slope: float, now: float) -> tuple[float, float]:
+    """Return the shares of straight-line braking and of straight-line accelerating that cornering leaves.
+
+    The slopes are the tangents of the steering angle, now and as commanded.
+    """
+    cornering = now * now * slope / limiter.car.wheelbase
+    next_cornering = now * now * next_slope / limiter.car.wheelbase
+    curvature_rate = (next_slope - slope) / limiter.car.wheelbase / limiter.settings.steering_response
     front = abs(cornering + limiter.yaw_lag * now * curvature_rate)  # turning in takes more of the front tires
     rear_lag = limiter.car.yaw_inertia / (limiter.car.mass * limiter.car.front_axle_distance)
     # Turning out takes more of the rear tires: twice as much by the slides measured in braking, in which the rear tires
@@ -208,7 +217,10 @@ def _shares_left(limiter: Record, angle: float, command: float, now: float) -> t
     rear = abs(cornering - 2.0 * rear_lag * now * curvature_rate)
     most = limiter.mu * limiter.car.gravity
     used = max(abs(cornering), abs(next_cornering), front)
-    braking = longitudinal_share(max(used, rear) / most, limiter.exponent)
+    in_braking = max(used, rear)
+    braking = longitudinal_share(in_braking / most, limiter.exponent)
+    if in_braking == used:  # a power is what takes longest here
+        return braking, braking
     return braking, longitudinal_share(used / most, limiter.exponent)
 
 

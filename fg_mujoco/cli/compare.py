@@ -16,7 +16,7 @@ from typing import Any
 from ..course.scenes.catalogue import scene_names
 from ..errors import EngineError
 from ..studies.comparison.comparison import DEFAULT_MAX_SPEED, DEFAULT_SEEDS, Comparison, ComparisonProgress, compare
-from ..studies.rollout.store import as_json
+from ..studies.folders import as_json
 from .options import can_draw, number, number_or_off, shown_as, to_go, whole
 
 _DONE, _NOT_DONE = 0, 1

@@ -22,7 +22,6 @@ from ..errors import FgMujocoError
 from ..lidar.effects import LidarEffects
 from ..lidar.lidar import LIDAR_BACKENDS
 from ..racing.planner_choice import ControllerChoice
-from ..racing.planner_loading import controller_names
 from ..racing.race import RaceProgress, race
 from ..racing.replay import replay
 from ..racing.result import RaceResult
@@ -32,6 +31,7 @@ from ..viz.plots import write_run
 from .bags import add_bags
 from .compare import add_compare
 from .config import add_config, parse, settings_of
+from .controllers import add_controllers
 from .friction import add_friction
 from .options import ProgressLine, can_draw, number, number_or_off, whole
 from .render import add_render, check_film, film_race
@@ -77,7 +77,7 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("folder", metavar="DIR", help="written by race --out")
 
     add_track(_add, commands)
-    _add(commands, "controllers", _controllers, "list the bundled controllers")
+    add_controllers(_add, commands)
     add_rollout(_add, commands)
     add_compare(_add, commands)
     add_render(_add, commands)
@@ -233,8 +233,3 @@ def _replay(options: argparse.Namespace) -> int:
     report = replay(options.folder)
     print(f"{options.folder}: {report}")
     return _DONE if report.identical else _NOT_DONE
-
-
-def _controllers(options: argparse.Namespace) -> int:
-    print("\n".join(controller_names()))
-    return _DONE

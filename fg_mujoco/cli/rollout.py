@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from ..errors import EngineError, SettingsError
+from ..studies.folders import as_json
 from ..studies.rollout.result import RolloutResult
 from ..studies.rollout.rollouts import (
     DEFAULT_CHUNK,
@@ -22,7 +23,6 @@ from ..studies.rollout.rollouts import (
     RolloutProgress,
     rollout,
 )
-from ..studies.rollout.store import as_json
 from ..studies.rollout.world_batch import RECORDS
 from ..vehicle.tire_slip import SLIDING_SPEED
 from .options import add_drive_options, drive_options, number, shown_as, to_go, whole

@@ -1,8 +1,8 @@
-"""How near a car came to what stands about: the distance from its footprint to walls and obstacles.
+"""Clearance: the distance from the footprint of a car to walls and obstacles.
 
     nearest = least_clearance(poses, outline(box.corners()), car)    # [m]
 
-The footprint is the rectangle of the chassis seen from above; 0 where it touches or overlaps.
+The footprint is the rectangle of the chassis seen from above. The clearance is 0 where the two touch or overlap.
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
-"""Seeded random circuits: closed, smooth, never crossing themselves, raceable.
+"""Random circuits from a seed. They are closed, smooth and wide enough to race, and never cross themselves.
 
     track = generate_track(7)
 
-A circuit is the outline of a patch of cells that grew at random on an uneven grid: a finger of the patch is a hairpin,
-a step in its edge a chicane, a long edge a straight. The outline of a patch without holes or diagonal contacts never
-crosses itself, and its stretches are at least a cell apart. Corners are rounded by arcs of random radius (wide ones
-are sweepers), the plane is bent a little, curvature is evened out, and what does not keep the settings is drawn anew.
-The same seed gives the same numbers.
+The generator grows a patch of cells at random on an uneven grid. The circuit is the outline of the patch: a finger of
+the patch is a hairpin, a step in its edge a chicane, and a long edge a straight. The outline of a patch without holes
+or diagonal contacts never crosses itself, and its stretches are at least a cell apart. Corners are rounded by arcs of
+random radius, the plane is bent a little, and the curvature is smoothed. A circuit that breaks the settings is drawn
+again. The same seed gives the same numbers.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""Laps by progress along the centreline, with direction: reversing subtracts.
+"""Laps, counted by progress along the centreline. Driving backward subtracts from the progress.
 
     timer = LapTimer(track)
     timer.update(time, position)   # every tick
     timer.laps_completed, timer.lap_times
 
-The line is where the car is first seen. On a scene the one "lap" ends at the goal.
+The first lap begins where the car is first seen. A scene has one lap, which ends at the goal.
 """
 
 from __future__ import annotations

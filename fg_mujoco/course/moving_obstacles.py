@@ -1,12 +1,12 @@
-"""Boxes that move: a mocap body each, seen by the LiDAR, hit by the car, stopped by nothing.
+"""Boxes that move. Each is a mocap body: the LiDAR sees it, the car can hit it, and nothing stops it.
 
     leader = MovingObstacle(length=0.5, width=0.3, start=(4.0, 0.0), end=(30.0, 0.0), speed=1.5)
     leader.corners(time=2.0)
 
-Where one is follows from the time alone, in closed form. Its motion is kept in the model, in custom numerics, so that
-whoever has the MJCF has it too: a race, a batch and a replay move it to the same bits. It is moved before every physics
-step and once more at the end of a tick, to where it is at the simulation's time: contacts and scans meet it without
-lag. A contact takes it for standing still, as MuJoCo does with mocap bodies; a race is over by then.
+The position of an obstacle is a closed form of the time. Its motion is kept in the model as custom numerics, so that
+the MJCF alone says it: a race, a batch and a replay move it to the same bits. It is moved before every physics step
+and once more at the end of a tick, to its position at the simulation's time, so that contacts and scans meet it
+without delay. A contact takes it for standing still, as MuJoCo does with mocap bodies; a contact ends the race.
 """
 
 from __future__ import annotations

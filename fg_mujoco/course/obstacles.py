@@ -10,7 +10,6 @@ import numpy as np
 
 from ..errors import SettingsError
 from ..messages import FloatArray, require
-from .polyline import turns
 from .track_mesh import WALL_HEIGHT
 
 _CYLINDER_SIDES = 24
@@ -80,9 +79,7 @@ class Prism:
 
     def __post_init__(self) -> None:
         require(self, _positive, "a positive length in metres", ("height",), SettingsError)
-        corners = np.array(self.footprint, dtype=np.float64)
-        is_convex = corners.ndim == 2 and corners.shape[1] == 2 and len(corners) >= 3 and np.isfinite(corners).all()
-        if not is_convex or not np.all((turn := turns(corners)) >= 0.0) or turn.sum() > 3.0 * math.pi:
+        if not _is_convex(self.footprint):
             raise SettingsError(
                 f"Prism.footprint is {self.footprint!r}; accepted: three or more (x, y) [m], counterclockwise, convex"
             )
@@ -141,3 +138,22 @@ def solids_of(numbers: FloatArray) -> tuple[Obstacle, ...]:
 
 def _positive(value: float) -> bool:
     return 0.0 < value < math.inf
+
+
+def _is_convex(corners: Any) -> bool:
+    """Say whether corners (n, 2) are those of a convex polygon, counterclockwise. In Python: a track has hundreds."""
+    try:
+        points = [(float(x), float(y)) for x, y in corners]
+    except (TypeError, ValueError):
+        return False
+    if len(points) < 3 or not all(math.isfinite(x + y) for x, y in points):
+        return False
+    around = zip(points[-2:] + points[:-2], points[-1:] + points[:-1], points, strict=True)
+    turned = 0.0  # once round is 2 pi
+    for (x0, y0), (x1, y1), (x2, y2) in around:
+        into_x, into_y, out_x, out_y = x1 - x0, y1 - y0, x2 - x1, y2 - y1
+        turn = math.atan2(into_x * out_y - into_y * out_x, into_x * out_x + into_y * out_y)
+        if turn < 0.0:
+            return False
+        turned += turn
+    return turned <= 3.0 * math.pi

@@ -1,6 +1,6 @@
-"""Closed polylines in the plane: (n, 2) points in order, the first not repeated; segment i runs to point i + 1.
+"""Geometry of closed polylines in the plane: (n, 2) points in order, the first not repeated.
 
-Everything here is plain geometry in numpy; what is a track, a wall or a lap is said elsewhere.
+Segment i runs from point i to point i + 1.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from ..errors import SettingsError
-from ..messages import CarParameters, FloatArray
+from ..messages import CarParameters, FloatArray, require_whole
 from .course import Course
 from .obstacles import Box
 from .polyline import turns
@@ -139,9 +139,8 @@ def random_boxes(course: Course, count: int, seed: int, *, car: CarParameters, s
     Raises:
       SettingsError: a course that takes none, more than there is room for, or a number that is not whole.
     """
-    for name, value in (("obstacles", count), ("obstacle_seed", seed)):
-        if not isinstance(value, int) or isinstance(value, bool) or value < 0:
-            raise SettingsError(f"{name} is {value!r}; accepted: a whole number from 0")
+    require_whole("obstacles", count, 0)
+    require_whole("obstacle_seed", seed, 0)
     if count == 0:
         return ()
     return course.obstacle_sites(car).place(count, start, np.random.default_rng(seed))

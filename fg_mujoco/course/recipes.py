@@ -1,6 +1,6 @@
-"""The bundled circuits, each drawn by one recipe: `python -m fg_mujoco.course.recipes NAME [FILE]` makes it again.
+"""Recipes of the bundled circuits: `python -m fg_mujoco.course.recipes NAME [FILE]` draws one again.
 
-Without a name, all are written into `tracks/`.
+Without a name, all circuits are written into `tracks/`.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """The walls of a track in 3D: convex pieces for contact, and one mesh of the same pieces for rays and pictures.
 
-Each segment of a wall's polyline becomes one prism that stands on the ground: its inner face is the segment itself,
-its ends lean along the bisectors at the segment's ends, so that neighbours meet without gap or overlap, and its back
-is parallel to its face. Where there is no room for the full thickness (a sharp tip, another stretch close behind) a
-piece is thinner. What is seen is what is hit, for both come from `wall_prisms`.
+Each segment of a wall's polyline becomes one prism that stands on the ground. Its inner face is the segment itself.
+Its ends lean along the bisectors at the segment's ends, so that neighbours meet without gap or overlap. Its back is
+parallel to its face. A piece is thinner where there is no room for the full thickness, as at a sharp tip. The mesh
+that is seen and the solids that are hit both come from `wall_prisms`.
 """
 
 from __future__ import annotations

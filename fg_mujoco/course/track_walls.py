@@ -1,11 +1,12 @@
-"""From a centreline and its widths to the inner faces of the walls: two closed polylines that do not cross.
+"""The inner faces of a track's walls, from its centreline and widths: two closed polylines that do not cross.
 
-The corridor is what the widths sweep, square to the line. Two things make its edge more than an offset of the line:
+The corridor is the area that the widths sweep, square to the line. Its edge differs from an offset of the line in two
+places:
 
-- in a corner tighter than the corridor is wide, the inner offset folds over itself; what lies in the corridor of
-  another part of the line is no wall, and the fold is cut off where its two arms meet;
-- where two stretches of the circuit run so close that their corridors would overlap, there would be no wall between
-  them; they share the room in proportion to their widths, with a wall of `SHARED_WALL` between.
+- In a corner tighter than the corridor is wide, the inner offset folds over itself. The part that lies in the corridor
+  of another part of the line is cut off where the two arms of the fold meet.
+- Where two stretches of the circuit run so close that their corridors would overlap, they share the room in proportion
+  to their widths, with a wall of `SHARED_WALL` between them.
 """
 
 from __future__ import annotations

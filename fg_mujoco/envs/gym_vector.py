@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from ..errors import SettingsError
 from ..simulation.physics import STATE
-from ..studies.rollout.local import usable_cores
+from ..studies.worker_processes import usable_cores
 from .episodes import FACTS, Episodes
 from .gym_environment import F1TenthEnv, Observation, action_space, observation_space
 from .rendering import ChaseView

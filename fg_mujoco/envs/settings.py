@@ -18,7 +18,7 @@ from ..course.course import Course, laps_to_drive
 from ..course.random_obstacles import random_boxes
 from ..errors import SettingsError
 from ..lidar.effects import LidarEffects
-from ..messages import require
+from ..messages import require, require_whole
 from ..simulation.course_loading import default_car, load_track
 from ..simulation.engine import Engine
 from ..simulation.world import World
@@ -50,9 +50,7 @@ class EnvironmentSettings:
 
     def __post_init__(self) -> None:
         for name, least in (("laps", 1), ("obstacles", 0), ("obstacle_seed", 0), ("beam_step", 1)):
-            value = getattr(self, name)
-            if not isinstance(value, int) or isinstance(value, bool) or value < least:
-                raise SettingsError(f"{name} is {value!r}; accepted: a whole number from {least}")
+            require_whole(name, getattr(self, name), least)
         if self.start not in STARTS:
             raise SettingsError(f"start is {self.start!r}; accepted: {', '.join(STARTS)}")
         if self.time_limit is not None:

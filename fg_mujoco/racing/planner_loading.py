@@ -1,27 +1,120 @@
-"""Finds a planner by name or in a file, builds it, and holds it to its contract.
+"""Finds a planner by name or in a file, says where it comes from, builds it, and holds it to its contract.
 
 A planner with settings names their dataclass as class attribute `Settings`, and its constructor takes `settings`.
+
+Other packages register planners as entry points of the group `fg_mujoco.controllers`, as in their pyproject.toml:
+
+    [project.entry-points."fg_mujoco.controllers"]
+    my_planner = "my_package.my_module:MyPlanner"
+
+A name that is bundled stays that of the bundled planner. A name that two packages register is refused.
 """
 
 from __future__ import annotations
 
+import difflib
+import hashlib
 import importlib
 import inspect
+import linecache
 import sys
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
+from importlib.metadata import EntryPoint, entry_points, packages_distributions, version
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from ..errors import ControllerError
 from ..messages import CarParameters, Controller, MapLine
 from ..simulation.planner_adapter import one_line, short, short_text
 
+GROUP = "fg_mujoco.controllers"
+"""Group of the entry points of planners."""
+
 
 def controller_names() -> tuple[str, ...]:
-    """Return the names of the bundled controllers."""
-    return tuple(sorted(_catalogue()))
+    """Return the names of the bundled controllers and of those that installed packages register."""
+    return tuple(sorted({*_catalogue(), *(point.name for point in entry_points(group=GROUP))}))
+
+
+def origin(source: str | Controller) -> dict[str, str | None]:
+    """Return where a controller comes from, for the manifest of a run.
+
+    Args:
+      source: as of `make_controller`.
+
+    Returns:
+      distribution: the installed package that it is of; None for a file or object of the user's.
+      version: of that package.
+      file: the file that its class is defined in; None where there is none.
+      sha256: of the contents of that file.
+
+    Raises:
+      ControllerError: an unknown name, or a file or class that cannot be loaded.
+    """
+    found = find_controller(source) if isinstance(source, str) else type(source)
+    text = source_code(found)
+    place = _file_of(found)
+    distribution = _distribution_of(found, source)
+    return {
+        "distribution": distribution,
+        "version": None if distribution is None else version(distribution),
+        "file": None if place is None else str(place),
+        "sha256": None if text is None else hashlib.sha256(text).hexdigest(),
+    }
+
+
+def source_code(found: Any) -> bytes | None:
+    """Return the contents of the file that a controller's class is defined in; None where there is no such file.
+
+    Of a class that `find_controller` read from a file these are the contents that it read.
+    """
+    module = sys.modules.get(getattr(found, "__module__", ""))
+    read: bytes | None = getattr(module, _READ, None)
+    place = _file_of(found)
+    if read is None and place is not None and place.is_file():
+        read = place.read_bytes()
+    return read
+
+
+def describe(name: str) -> dict[str, Any]:
+    """Return what a controller does, in one line, and its settings, for tables.
+
+    Returns:
+      name, summary, distribution and settings; of each setting its name, unit, default, text, and what is accepted. The
+      default of a setting of the car is that of the F1TENTH car, and `scales` says that it is scaled to other cars.
+
+    Raises:
+      ControllerError: an unknown name, or a file or class that cannot be loaded.
+    """
+    found = find_controller(name)
+    module = sys.modules.get(found.__module__)
+    lines = (getattr(module, "__doc__", None) or found.__doc__ or "").strip().splitlines()
+    kind = getattr(found, "Settings", None)
+    return {
+        "name": name,
+        "summary": lines[0] if lines else "",
+        "distribution": _distribution_of(found, name),
+        "settings": describe_settings(kind) if isinstance(kind, type) and is_dataclass(kind) else [],
+    }
+
+
+def describe_settings(kind: type) -> list[dict[str, Any]]:
+    """Return name, unit, default, text, accepted and scales of the fields of a settings dataclass, in their order."""
+    hints, rows = get_type_hints(kind), []
+    for each in fields(kind):
+        said, hint = each.metadata, hints.get(each.name)
+        accepted = getattr(said.get("accepted"), "text", "")
+        if get_origin(hint) is Literal:
+            accepted = ", ".join(get_args(hint))
+        rows.append(
+            {
+                "name": each.name, "unit": said.get("unit", ""), "default": said.get("of_f1tenth", each.default),
+                "text": said.get("text", ""), "accepted": accepted, "scales": "of_f1tenth" in said,
+            }
+        )  # fmt: skip
+    return rows
 
 
 def make_controller(
@@ -58,7 +151,7 @@ def make_controller(
 
 
 def find_controller(source: str) -> Any:
-    """Return the class of a bundled controller, or of one in a file, which is read afresh.
+    """Return the class of a bundled controller, a registered one, or one in a file, which is read afresh.
 
     Raises:
       ControllerError: an unknown name, or a file or class that cannot be loaded.
@@ -143,21 +236,69 @@ def _catalogue() -> dict[str, str]:
     return catalogue
 
 
-def _find_class(source: str, origin: str) -> Any:
+def _find_class(source: str, said: str) -> Any:
     catalogue = _catalogue()
     if source in catalogue:
         module_name, _, class_name = catalogue[source].partition(":")
         return getattr(importlib.import_module(f"fg_mujoco.controllers.{module_name}"), class_name)
     path, colon, class_name = source.rpartition(":")
     if not colon or not path.endswith(".py"):
-        known = ", ".join(sorted(catalogue))
-        raise ControllerError(f"{origin} is not known; accepted: {known}, or path/to/file.py:ClassName")
-    module = _import_file(Path(path), origin)
+        return _load(_registered(source, said), said)
+    module = _import_file(Path(path), said)
     found = getattr(module, class_name, None)
     if not isinstance(found, type):
         classes = [n for n, v in vars(module).items() if isinstance(v, type) and v.__module__ == module.__name__]
-        raise ControllerError(f"{origin}: no class {class_name!r} there; it has {', '.join(classes) or 'none'}")
+        raise ControllerError(f"{said}: no class {class_name!r} there; it has {', '.join(classes) or 'none'}")
     return found
+
+
+def _registered(name: str, said: str) -> EntryPoint:
+    """Return the entry point of a name that an installed package registers."""
+    points = list(entry_points(group=GROUP, name=name))
+    if not points:
+        names = controller_names()
+        close = difflib.get_close_matches(name, names, n=1)
+        meant = f"; did you mean {close[0]}?" if close else ""
+        raise ControllerError(f"{said} is not known; accepted: {', '.join(names)}, or path/to/file.py:ClassName{meant}")
+    if len({point.value for point in points}) > 1:
+        packages = " and ".join(sorted(_of_package(point) for point in points))
+        raise ControllerError(f"{said} is registered by {packages}; accepted: a name that one package registers")
+    return points[0]
+
+
+def _load(point: EntryPoint, said: str) -> Any:
+    try:
+        found = point.load()
+    except (Exception, SystemExit) as error:
+        raise ControllerError(f"{said}, of {_of_package(point)}, does not load: {one_line(error)}") from error
+    if not isinstance(found, type):
+        raise ControllerError(f"{said}, of {_of_package(point)}, is {short(found)}; accepted: a class")
+    return found
+
+
+def _of_package(point: EntryPoint) -> str:
+    return f"{point.dist.name} {point.dist.version}" if point.dist is not None else point.value
+
+
+def _distribution_of(found: Any, source: str | Controller) -> str | None:
+    """Return the name of the installed package of a class; None where it is of none."""
+    if isinstance(source, str) and source not in _catalogue() and ":" not in source:
+        point = _registered(source, f"controller {source!r}")
+        return point.dist.name if point.dist is not None else None
+    package = str(getattr(found, "__module__", "")).partition(".")[0]
+    if package == "fg_mujoco":
+        return "fg-mujoco"
+    if package in ("", "__main__") or not hasattr(sys.modules.get(package), "__spec__"):
+        return None
+    return next(iter(packages_distributions().get(package, ())), None)
+
+
+def _file_of(found: Any) -> Path | None:
+    path = getattr(sys.modules.get(getattr(found, "__module__", "")), "__file__", None)
+    return None if path is None else Path(path)
+
+
+_READ = "__fg_mujoco_read__"  # name in a module that was read from a user's file: what was read
 
 
 def _import_file(path: Path, origin: str) -> ModuleType:
@@ -166,9 +307,12 @@ def _import_file(path: Path, origin: str) -> ModuleType:
     module = ModuleType(f"fg_mujoco_user_{path.stem}")
     module.__file__ = str(path)
     sys.modules[module.__name__] = module  # dataclasses look their module up there
+    linecache.checkcache(str(path))  # what is compiled is kept under a hash of the file's lines, not of older ones
     try:
         # not by the import system: its cache takes a file that was edited within a second for the old one
-        exec(compile(path.read_bytes(), str(path), "exec"), module.__dict__)
+        text = path.read_bytes()
+        setattr(module, _READ, text)
+        exec(compile(text, str(path), "exec"), module.__dict__)
     except (Exception, SystemExit) as error:
         raise ControllerError(f"{origin} does not import: {one_line(error)}") from error
     return module

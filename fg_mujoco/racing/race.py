@@ -20,12 +20,12 @@ from ..course.obstacles import Obstacle
 from ..course.random_obstacles import random_boxes
 from ..errors import SettingsError
 from ..lidar.effects import LidarEffects
-from ..messages import Controller, require
+from ..messages import Controller, require, require_whole
 from ..simulation.course_loading import load_track
 from ..simulation.engine import Engine
 from ..simulation.planner_adapter import adapt
 from ..simulation.planner_adapter import start as start_planner
-from ..simulation.settings import DriveSettings, Start, renamed, require_whole
+from ..simulation.settings import DriveSettings, Start, renamed
 from ..simulation.telemetry import statistics_figures
 from ..simulation.termination import END_REASONS
 from ..vehicle.changes import CarChanges
@@ -185,7 +185,7 @@ def _drive(engine: Engine, history: History, laps: int, watch: Callable[[RacePro
         if watch is not None:
             watch(
                 RaceProgress(
-                    time=float(engine.times[0]),
+                    time=engine.time(0),
                     laps_completed=int(timers["laps_completed"][0]),
                     laps_requested=laps,
                     speed=engine.speed(0),

@@ -36,12 +36,14 @@ from ..vehicle.car import WHEELS, Car
 from ..vehicle.changes import CarChanges, change_worlds, six_digits
 from ..vehicle.motion import ground_speed
 from ..vehicle.tire_slip import TireSlipMeter
+from .array_table import ArrayTable
+from .compiled_tick import NAMES, course_numbers, drive, judge, read, sense, whole_places
 from .physics import STATE, Batch, StateLayout
 from .planner_adapter import Planners
 from .settings import Start
 from .telemetry import STATISTICS, TELEMETRY
 from .termination import RaceMonitor
-from .tick import book_cars, drive_cars, hold_commands, motion_table, place_obstacles, read_cars, scan_cars
+from .tick import book_cars, hold_commands, motion_table, place_obstacles
 from .world import CAR_PREFIX, World
 
 Mask = NDArray[np.bool_]
@@ -150,7 +152,7 @@ class Engine:
             world.track, self._constants, self.cars_per_world, self._layout, laps=laps, time_limit=time_limit,
             period=self.period,
         )  # fmt: skip
-        self._bind()
+        self._arrays = self._tables()
 
     def _make_parts(self, threads: int) -> list[_Part]:
         parts, m = [], self.cars_per_world
@@ -184,39 +186,42 @@ class Engine:
                 if replace(change, mu=None, command_delay=None) != CarChanges():
                     self.cars[row] = Car(part.batch.model_of(i, scratch), CAR_PREFIX)
 
-    def _bind(self) -> None:
-        """Put together what the kernels are called with: once, because that takes as long as a short kernel."""
-        m, layout, monitor = self.cars_per_world, self._layout, self.monitor
-        drawn, mount = self._drawn, self._drawn.mount if self._drawn is not None else None
-        self._sensing, self._scanning, self._driving = [], [], []
+    def _tables(self) -> list[ArrayTable]:
+        """Return the arrays of each part as one table, which kernels are called with."""
+        drawn, monitor = self._drawn, self.monitor
+        mount = drawn.mount if drawn is not None else None
+        course = monitor.course
+        tables = []
         for part in self._parts:
             rows, batch = part.cars, part.batch
-            self._sensing.append(
-                (
-                    m, batch.states, layout, batch.sensors, self._constants[rows], monitor.timers[rows],
-                    self.odometry[rows], self.telemetry[rows],
-                )
-            )  # fmt: skip
+            arrays: dict[str, Any] = {
+                "places": whole_places(
+                    self.cars_per_world, self._tires, self._chassis_contact, batch, monitor.laps, mount, self._layout
+                ),
+                "times": course_numbers(self._timestep, monitor),
+                "states": batch.states, "sensors": batch.sensors, "records": batch.records, "status": batch.status,
+                "warnings": batch.warnings, "slip": part.slip, "ids": part.ids, "controls": part.controls,
+                "motions": self._motions, "cars": self._constants[rows], "mu": self._mu[rows],
+                "commands": self.commands[rows], "odometry": self.odometry[rows], "ranges": self.ranges[rows],
+                "telemetry": self.telemetry[rows], "statistics": self.statistics[rows],
+                "crashed": self.crashed[rows], "failed": self.failed[rows], "running": monitor.running[rows],
+                "reasons": monitor.reasons[rows], "timers": monitor.timers[rows],
+                "lap_times": monitor.lap_times[rows], "standing_since": monitor.standing_since[rows],
+            }  # fmt: skip
+            if course is not None:
+                arrays["table"] = np.ascontiguousarray(course.table)
             if drawn is not None and mount is not None:
-                arrays = drawn.scene.arrays
-                self._scanning.append(
-                    (m, batch.states, layout, mount, self._motions, arrays, part.scratch, self.ranges[rows])
-                )
-            self._driving.append(
-                (
-                    m, batch.states, layout, self.commands[rows], self._constants[rows], self._motions, self._timestep,
-                    batch.address, batch.record, batch.records, part.ids, part.controls, batch.status,
-                    self.failed[rows], self._tires, self._chassis_contact, self._mu[rows], part.slip,
-                    self.crashed[rows], self.telemetry[rows], self.statistics[rows],
-                )
-            )  # fmt: skip
+                arrays |= drawn.scene.arrays._asdict() | part.scratch._asdict()
+                arrays |= {"offset_position": mount.offset_position, "offset_rotation": mount.offset_rotation}
+            tables.append(ArrayTable(NAMES, arrays))
+        return tables
 
     @cached_property
     def lidar(self) -> Lidar:
         """Measures without effects, in data of the world's model."""
         return self.world.make_lidar()
 
-    @property
+    @cached_property
     def _drawn(self) -> RaycastLidar | None:
         """The LiDAR whose scans are drawn by `scan_cars`; None: each scan is measured in Python, by `lidar`."""
         lidar = self.world.lidar
@@ -233,10 +238,14 @@ class Engine:
         """Simulated in each world since its cars were placed, a copy. Shape (n,) [s]."""
         return np.concatenate([part.batch.states[:, self._layout.time] for part in self._parts])
 
+    def time(self, i: int) -> float:
+        """Return the time simulated in world i since its cars were placed [s]."""
+        return float(self.state(i)[self._layout.time])
+
     def unstable(self, i: int) -> bool:
         """Return whether MuJoCo has met a bad state in world i since it was placed, and so reset it by itself."""
         part, place = self._place_of(i)
-        return bool(part.batch.warned[place].any())
+        return bool(part.batch.warned[place])
 
     def state(self, i: int) -> FloatArray:
         """Return the complete state of world i (mjSTATE_INTEGRATION). Live: what is written there is driven from."""
@@ -314,20 +323,15 @@ class Engine:
         self.statistics[chosen] = np.zeros(1, STATISTICS)
         self.telemetry[chosen] = np.nan
         for part in self._parts:
-            self.monitor.begin(chosen, part.cars, part.batch.states, part.batch.warned, self.crashed[part.cars])
+            self.monitor.begin(chosen, part.cars, part.batch.states, part.batch.warnings, self.crashed[part.cars])
 
     def sense(self, which: Mask | None = None) -> None:
         """Take the scans and odometry of cars, (r,); None: of all that race. Once for each moment: noise is drawn."""
         chosen = self.running if which is None else which
 
-        def work(k: int) -> None:
-            part = self._parts[k]
-            read_cars(chosen[part.cars], *self._sensing[k])
-            if self._scanning:
-                scan_cars(chosen[part.cars], *self._scanning[k])
-
-        self._share(work)
-        if not self._scanning:
+        take = read if self._drawn is None else sense
+        self._share(lambda k: take(self._arrays[k].rows, chosen[self._parts[k].cars]))
+        if self._drawn is None:
             for row in map(int, np.flatnonzero(chosen)):
                 self.ranges[row] = self.lidar.ranges(self._data_of(row // self.cars_per_world))
         if self._pipelines:
@@ -376,15 +380,15 @@ class Engine:
         if self.before_substep or self.after_substep or self._swept or controls is not None:
             self._drive_in_steps(controls)
         else:
-            running = self.running
-            self._share(lambda k: drive_cars(running[self._parts[k].cars], *self._driving[k]))
+            self._share(lambda k: drive(self._arrays[k].rows))
         if self.failed.any():
             self.monitor.end(self.failed & self.running, "failed")
 
     def judge(self) -> None:
         """Time the laps of the cars that race and end what is over."""
-        for part in self._parts:
-            self.monitor.judge(part.cars, part.batch.states, part.batch.warned, self.crashed[part.cars])
+        if self.monitor.course is not None:
+            for table in self._arrays:
+                judge(table.rows)
 
     def tick(self) -> None:
         """Sense, decide, drive and judge."""
@@ -405,7 +409,9 @@ class Engine:
 
     def _place_of(self, i: int) -> tuple[_Part, int]:
         """Return the part that has world i, and its place there."""
-        part = next(part for part in self._parts if i < part.worlds.stop)
+        part = self._parts[0]
+        if i >= part.worlds.stop:
+            part = next(part for part in self._parts if i < part.worlds.stop)
         return part, i - part.worlds.start
 
     def _write_start(self, row: int, start: Start, data: mujoco.MjData) -> None:

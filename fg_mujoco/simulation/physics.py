@@ -28,6 +28,9 @@ STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 BAD_STATE = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC) + 1)
 """Warnings after which MuJoCo resets a state by itself."""
 
+BAD_WARNINGS = slice(2 * BAD_STATE.start + 1, 2 * BAD_STATE.stop, 2)
+"""Where their counts are in `Batch.warnings`."""
+
 _WARNINGS = int(mujoco.mjtWarning.mjNWARNING)
 
 CTRL = int(mujoco.mjtState.mjSTATE_CTRL)
@@ -155,6 +158,7 @@ class Batch:
       states: (n, k) as mj_getState has them with STATE. Live: what is written here is stepped from.
       sensors: (n, nsensordata) after the last step or forward pass. Live.
       records: (n, steps, nsensordata) the sensors of each step of the last call, in the order of its ids.
+      warnings: (n, 2 kinds) what MuJoCo's last warning of a kind was about, and how many there were. Live.
       status: (n,) not 0 where the last call failed. Live.
 
     Raises:
@@ -171,7 +175,7 @@ class Batch:
         self._count = count
         size = mujoco.mj_stateSize(model, int(STATE))
         self.states: FloatArray = _view(_LIBRARY.mjb_state(self.address), (count, size), np.float64)
-        self._warnings = _view(_LIBRARY.mjb_warning(self.address), (count, _WARNINGS, 2), np.int32)
+        self.warnings: NDArray[np.int32] = _view(_LIBRARY.mjb_warning(self.address), (count, 2 * _WARNINGS), np.int32)
         self.status: NDArray[np.int32] = _view(_LIBRARY.mjb_status(self.address), (count,), np.int32)
         self.sensors: FloatArray = self._live("mjb_output", "sensordata", (model.nsensordata,))
         self.records = np.zeros((count, steps, model.nsensordata))
@@ -185,9 +189,9 @@ class Batch:
             self.address = 0
 
     @property
-    def warned(self) -> NDArray[np.int32]:
-        """How often MuJoCo has warned of a bad state, by its kind. Live. Shape (n, 3)."""
-        warned: NDArray[np.int32] = self._warnings[:, BAD_STATE, 1]
+    def warned(self) -> NDArray[np.bool_]:
+        """Whether MuJoCo has met a bad state. Shape (n,)."""
+        warned: NDArray[np.bool_] = np.any(self.warnings[:, BAD_WARNINGS], axis=1)
         return warned
 
     def expand(self, name: str) -> Any:

@@ -16,7 +16,7 @@ from ..course.course import Course
 from ..course.obstacles import Obstacle
 from ..errors import SettingsError
 from ..lidar.effects import LidarEffects
-from ..messages import require
+from ..messages import require, require_whole
 from ..vehicle.changes import CarChanges
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle, vehicle_names
 from .world import World
@@ -41,12 +41,6 @@ def renamed(**names: str) -> Callable[[_F], _F]:
         return cast(_F, checked)
 
     return decorate
-
-
-def require_whole(name: str, value: Any, least: int = 0) -> None:
-    """Raise SettingsError unless a value is a whole number from `least`."""
-    if not isinstance(value, int) or isinstance(value, bool) or value < least:
-        raise SettingsError(f"{name} is {value!r}; accepted: a whole number from {least}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,7 +120,7 @@ class DriveSettings(CarSettings):
         require(self, lambda value: 0.0 < value < math.inf, "a positive number", ("max_speed",), SettingsError)
         if self.planner_mu is not None:
             require(self, lambda value: value > 0.0, "a positive number, or inf", ("planner_mu",), SettingsError)
-        require_whole("seed", self.seed)
+        require_whole("seed", self.seed, 0)
 
     def described(self) -> dict[str, Any]:
         """Return those that differ from the defaults as they can stand in JSON; `DriveSettings.of` reads them back."""

@@ -12,7 +12,7 @@ from ..course.lap_timer import first_seen, fresh_timers, time_lap
 from ..kernels import kernel
 from ..messages import FloatArray
 from ..vehicle.motion import CarArray, planar_pose
-from .physics import StateLayout
+from .physics import BAD_WARNINGS, StateLayout
 
 Mask = NDArray[np.bool_]
 
@@ -23,6 +23,7 @@ END_REASONS = ("", "unstable", "crash", "finished", "no_progress", "time_limit",
 """By number; the first is that of a race that goes on. "unstable": MuJoCo warned of a bad state. "failed": in a batch,
 the planner or the engine raised, which in a race of one car is an exception."""
 
+_FIRST_BAD, _END_OF_BAD = BAD_WARNINGS.start, BAD_WARNINGS.stop
 _UNSTABLE, _CRASH, _FINISHED, _NO_PROGRESS, _TIME_LIMIT = range(1, 6)
 
 
@@ -40,10 +41,13 @@ class RaceMonitor:
 
     Attributes:
       course: as given.
+      laps: as given.
       running: which races go on, (r,).
       reasons: numbers in END_REASONS, (r,).
       timers: of the laps, (r,) of LAP_TIMER.
       lap_times: [s], NaN where not driven, (r, laps).
+      standing_since: when each car has come to stand behind the goal, NaN while it has not, (r,) [s].
+      last_time: half a tick before the time limit, because times are sums of many ticks [s].
     """
 
     def __init__(
@@ -58,17 +62,17 @@ class RaceMonitor:
         period: float,
     ) -> None:
         self.course = course
-        self._cars, self._cars_per_world, self._layout, self._laps = cars, cars_per_world, layout, laps
+        self._cars, self._cars_per_world, self._layout, self.laps = cars, cars_per_world, layout, laps
         if time_limit is None:
             time_limit = math.inf if course is None else course.longest_race(laps)
-        self._last_time = time_limit - 0.5 * period
+        self.last_time = time_limit - 0.5 * period
         self.running = np.zeros(len(cars), np.bool_)
         self.reasons = np.zeros(len(cars), np.int64)
         self.lap_times = np.full((len(cars), laps), math.nan)
         self.timers = fresh_timers(len(cars))
-        self._standing_since = np.full(len(cars), math.nan)
+        self.standing_since = np.full(len(cars), math.nan)
 
-    def begin(self, which: Mask, rows: slice, states: FloatArray, warned: NDArray[np.int32], crashed: Mask) -> None:
+    def begin(self, which: Mask, rows: slice, states: FloatArray, warnings: NDArray[np.int32], crashed: Mask) -> None:
         """Begin the races of the cars `which` (r,) among `rows`, where they are now; otherwise as `judge`."""
         if self.course is None:
             self.running[rows] |= which[rows]
@@ -81,20 +85,20 @@ class RaceMonitor:
         timers = fresh_timers(len(chosen))
         first_seen(timers, self.course, positions)
         self.timers[rows][chosen] = timers
-        self.lap_times[rows][chosen] = self._standing_since[rows][chosen] = math.nan
+        self.lap_times[rows][chosen] = self.standing_since[rows][chosen] = math.nan
         running = self.running[rows]
         others = running & ~which[rows]
         running[:] = which[rows]  # a timer is told of a moment only once
-        self.judge(rows, states, warned, crashed)
+        self.judge(rows, states, warnings, crashed)
         running |= others
 
-    def judge(self, rows: slice, states: FloatArray, warned: NDArray[np.int32], crashed: Mask) -> None:
+    def judge(self, rows: slice, states: FloatArray, warnings: NDArray[np.int32], crashed: Mask) -> None:
         """Take the cars of `rows` that run where they are now and end what is over.
 
         Args:
           rows: consecutive cars, of whole worlds.
           states: (n, k) of their worlds.
-          warned: how often MuJoCo warned of a bad state in each, (n, kinds).
+          warnings: of each, `Batch.warnings`.
           crashed: whether the chassis of each car has touched anything, (r,).
         """
         course = self.course
@@ -102,8 +106,8 @@ class RaceMonitor:
             return
         judge_cars(
             self.running[rows], self.reasons[rows], self._cars_per_world, states, self._layout, self._cars[rows],
-            warned, crashed, self.timers[rows], self.lap_times[rows], self._standing_since[rows], course.table,
-            course.length, course.modulus, course.stop_time, self._laps, self._last_time,
+            warnings, crashed, self.timers[rows], self.lap_times[rows], self.standing_since[rows], course.table,
+            course.length, course.modulus, course.stop_time, self.laps, self.last_time,
         )  # fmt: skip
 
     def end(self, which: Mask, reason: str) -> None:
@@ -119,7 +123,7 @@ def judge_cars(
     states: FloatArray,
     layout: StateLayout,
     cars: CarArray,
-    warned: NDArray[np.int32],
+    warnings: NDArray[np.int32],
     crashed: Mask,
     timers: NDArray[np.void],
     lap_times: FloatArray,
@@ -151,8 +155,8 @@ def judge_cars(
             if not time - standing_since[row] >= stop_time:  # nor is NaN
                 done = 0
         unstable = False
-        for kind in range(warned.shape[1]):
-            unstable = unstable or warned[world, kind] > 0
+        for kind in range(_FIRST_BAD, _END_OF_BAD, 2):
+            unstable = unstable or warnings[world, kind] > 0
         reason = end_reason(unstable, crashed[row], done, laps, time, timers[row].last_progress_time, last_time)
         reasons[row] = reason
         running[row] = reason == 0

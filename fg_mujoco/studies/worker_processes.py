@@ -7,6 +7,7 @@ item, and answers what a function makes of it.
 from __future__ import annotations
 
 import multiprocessing
+import os
 import signal
 import sys
 import threading
@@ -32,6 +33,13 @@ class _Failure:
     """What a function raised, in one line."""
 
     said: str
+
+
+def usable_cores() -> int:
+    """Return how many cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def work_off(

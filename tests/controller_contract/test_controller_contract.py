@@ -273,6 +273,18 @@ def test_without_a_friction_limit_it_answers_too():
             assert 0.0 <= command.speed <= TOP_SPEED
 
 
+@pytest.mark.parametrize("size", [0.5, 1.2, 2.0])
+def test_for_a_car_of_another_size_it_answers_too(size):
+    lengths = ("wheelbase", "track_width", "length", "width", "rear_overhang", "lidar_offset", "front_axle_distance",
+               "rear_axle_distance", "center_of_gravity_height")  # fmt: skip
+    car = dataclasses.replace(CAR, **{name: size * getattr(CAR, name) for name in lengths})
+    for name in CONTROLLERS:
+        other = make_controller(name, car=car, mu=0.8, max_speed=TOP_SPEED, map_line=OVAL)
+        for scan in ODD.values():
+            for motion in ((0.0, 0.0), (3.0, 0.1)):
+                assert_keeps_contract(other(scan, odometry_of(*motion)), odometry_of(*motion), scan)
+
+
 def test_it_is_ready_long_before_the_next_scan(planner):
     for scan in ODD.values():
         durations = []

@@ -4,9 +4,10 @@
     loop = axis.loop_around(hole)            # (n, 2), None where there is none
     way = axis.longest_way()
 
-The medial axis is where two walls are equally far. It is made of the edges of the Voronoi diagram of the walls' points,
-those inside the region (J. Brandt and V. Algazi, 1992), so that its points are finer than pixels. Of all loops round a
-hole the one of the least sum of length over clearance squared is taken: past an obstacle it goes by the wide side.
+The medial axis has all points that are equally far from two walls. It is made of those edges of the Voronoi diagram of
+the walls' points that are inside the region (J. Brandt and V. Algazi, 1992), so that its points are finer than pixels.
+Of all loops round a hole, the one with the least sum of length over squared clearance is taken. It passes an obstacle
+on the wide side.
 """
 
 from __future__ import annotations

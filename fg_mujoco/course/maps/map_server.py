@@ -1,11 +1,11 @@
-"""ROS map_server files: a YAML and the image that it names, read into what can be driven on and what cannot.
+"""ROS map_server files: a YAML and the image that it names, read into free and other pixels.
 
     occupancy = read_map_file("aut.yaml")
     occupancy.free[i, j]          # row i from below, column j from the left
 
-A pixel of brightness x, the mean of its colours from 0 to 255, is occupied with p = (255 - x) / 255, or, with
-`negate: 1`, x / 255. It is free below `free_thresh`, occupied above `occupied_thresh`, and unknown between the two, or
-where it is transparent. What is unknown is taken for a wall: nobody has seen that it can be driven on.
+A pixel of brightness x, the mean of its colours from 0 to 255, is occupied with p = (255 - x) / 255, or, with `negate:
+1`, x / 255. It is free below `free_thresh`, occupied above `occupied_thresh`, and unknown between the two, or where it
+is transparent. Unknown pixels are taken for walls: nobody has seen that they can be driven on.
 
 Source: the ROS packages map_server and nav2_map_server, whose documentation defines the format.
 """

@@ -1,12 +1,13 @@
-"""Tracks from ROS maps: walls as the image has them, a centreline that is given or found, islands kept.
+"""Tracks from ROS maps. The walls are those of the image, the centreline is given or found, and islands are kept.
 
     track = read_map("aut.yaml")                                  # or load_track("aut.yaml")
     track = read_map("aut.yaml", start=(3.0, 0.5), direction="clockwise")
     track = load_track("aut.yaml[start=3.0:0.5,direction=clockwise]")
 
-A map is driven from where the centreline is nearest to the world's origin, in the direction that is nearer to the
-world's x there: where the robot stood, and looked, when it began to map. A map without a way round, a corridor, becomes
-a Scene: driven once, from the end that is nearer to the world's origin to the other.
+The start is the place of the centreline that is nearest to the world's origin, and the direction is the one that is
+nearer to the world's x axis there: the robot stood at the origin and looked along x when it began to map. A map of a
+corridor has no way round. It becomes a Scene that is driven once, from the end that is nearer to the origin to the
+other end.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Which part of a map is raced on: a region of free pixels with a way round, or, without one, from end to end.
+"""The region of a map that is raced on: free pixels with a way round, or, without one, from end to end.
 
-A map has more free regions than one: the course, often the infield, the outside of a drawing, what a laser saw through
-a window. The course is, of the regions that do not reach the image's border, the one with the longest lap. Where there
-is none, it is the one that is largest, driven as an open way. `start` says outright which region is meant.
+A map usually has several free regions: the course, the infield, the outside of a drawing, rooms that a laser saw
+through a window. The course is, of the regions that do not reach the image's border, the one with the longest lap.
+Where no region has a lap, it is the largest one, driven as an open way. `start` names the region outright.
 """
 
 from __future__ import annotations

@@ -3,9 +3,9 @@
     outer, *holes = outlines(region)         # through the middle of each pixel's edge
     wall = trace(outer)                      # of few points, within TOLERANCE of it
 
-The polylines go through the middles of the edges between pixels that are in the region and pixels that are not, so that
-a slanted wall is a line and not stairs: what marching squares make of a picture of two values (W. Lorensen, H. Cline,
-1987). The region is to their left. Pixels that meet at a corner only are not connected.
+The polylines go through the middles of the edges between pixels of the region and other pixels, so that a slanted wall
+is a line and not stairs, as marching squares do (W. Lorensen, H. Cline, 1987). The region is to the left of each
+polyline. Pixels that meet at a corner only are not connected.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""Every controller on every course with every seed: what survives what.
+"""Drives every controller on every course with every seed, and writes tables and pictures of how they fared.
 
     comparison = compare(["gap_finder", "follow_the_gap[point=middle]"], tracks=["oval"], out="runs/compare")
     print(comparison.markdown())
 
-A call with the same folder drives only the runs that are not there yet. A script that calls it with several workers
-needs `if __name__ == "__main__":`, as all that starts processes.
+A later call with the same folder drives only the runs that are missing. A script that calls it with several workers
+needs `if __name__ == "__main__":`, as every script that starts processes does.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from typing import Any
 
 from ...course.scenes.catalogue import PREFIX
 from ...errors import SettingsError
+from ...messages import require_whole
 from ...racing.planner_choice import ControllerChoice
 from ...racing.planner_loading import controller_names
 from ...viz.plots import require_matplotlib
-from ..rollout.job import require_whole, versions
-from ..rollout.local import usable_cores
-from ..rollout.store import blame
-from ..worker_processes import work_off
+from ..folders import blame, replace_file
+from ..rollout.job import versions
+from ..worker_processes import usable_cores, work_off
 from .ground import check_course, course_ground, course_name, ground_sha256
 from .pictures import table_picture, trace_pictures
 from .run import ComparisonSettings, Run, RunKey, RunRow
-from .store import ComparisonFolder, replace_file
+from .store import ComparisonFolder
 from .tables import Cell, cells_csv, make_cells, markdown, runs_csv
 
 DEFAULT_SEEDS = range(10)
@@ -124,7 +124,7 @@ def compare(
       MissingExtraError: no matplotlib for the pictures.
       EngineError: a worker process died.
     """
-    require_whole("workers", workers)
+    require_whole("workers", workers, 1, optional=True)
     if pictures:
         require_matplotlib()
     settings = ComparisonSettings(

@@ -6,10 +6,10 @@
     report/bokeh.min.js     the one library of all pages
     report/COURSE-CONTROLLER-SPEED-SEED-KEY.html
 
-A comparison keeps where the cars were and the figures, not what the tires did. So each run is driven again for its
-page: same key, same versions, same bits, as its hash then shows. A planner or track of a user's own is looked for in
-the current folder, by its name and the hash of what it was; where it is not, the index says so. Pages that are there
-stay.
+The folder of a comparison has the poses and the figures of each run, but not what the tires did. So each run is driven
+again for its page. The same key and versions give the same bits, which the hash of the trajectory shows. A planner or
+track of a user's own is looked for in the current folder, by its name and its hash; if it is missing, the index says
+so. Pages that are there already are kept.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from ...racing.planner_choice import ControllerChoice
 from ...viz.report.page import LIBRARY, library, page_frame, write_page, write_report
 from ...viz.report.plot_style import require_bokeh
 from ...viz.report.sections import table
-from ..rollout.store import blame
+from ..folders import blame
 from .ground import ground_sha256
 from .run import ComparisonSettings, Run, RunKey, RunRow
 from .store import ComparisonFolder

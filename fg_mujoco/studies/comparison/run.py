@@ -1,6 +1,7 @@
-"""One run of a comparison: a controller, a course and a seed; what it depends on, and the figures it leaves.
+"""One run of a comparison: a controller, a course and a seed; what it depends on, and its figures.
 
-A run is a row of text and numbers. Same key, same versions: same figures, to the last bit, in any process.
+A run is a row of text and numbers. The same key and the same versions give the same figures, to the last bit, in any
+process.
 """
 
 from __future__ import annotations
@@ -17,12 +18,11 @@ import numpy as np
 
 from ...errors import ControllerError, SettingsError
 from ...lidar.effects import LidarEffects
-from ...messages import FloatArray, require
+from ...messages import FloatArray, require, require_whole
 from ...racing.planner_choice import ControllerChoice
 from ...racing.race import race
 from ...racing.result import RaceResult
 from ...simulation.physics import STATE
-from ..rollout.job import require_whole
 from .ground import Ground, course_ground, laps_of
 
 WRONG_WAY_SPEED = 0.1  # [m/s] back along the line; slower is the jitter of a car that stands
@@ -45,7 +45,7 @@ class ComparisonSettings:
     time_limit: float | None = None  # [s] of a run; None: as `race` has it
 
     def __post_init__(self) -> None:
-        require_whole("laps", self.laps)
+        require_whole("laps", self.laps, 1)
         require_whole("obstacles", self.obstacles, 0)
         LidarEffects(range_noise_std=self.lidar_noise)
         given = tuple(name for name in ("mu", "time_limit") if getattr(self, name) is not None)

@@ -1,9 +1,9 @@
-"""The folder of a comparison: runs that are finished stay there, and a later call goes on with the others.
+"""The folder of a comparison. It keeps the finished runs, and a later call drives the others.
 
     manifest.json     the settings that all runs have in common, and the versions; a folder of any others is refused
     runs.jsonl        a line a run, added when it is finished
-    poses/RUN.npy     where the rear axle was in that run, x [m], y [m], heading [rad], (n, 3) float32
-    runs.csv          and the rest: see comparison_report; written when all runs asked for are there
+    poses/RUN.npy     pose of the rear axle in that run, x [m], y [m], heading [rad], (n, 3) float32
+    runs.csv          and the rest: see tables; written when all runs asked for are there
 
 A line that was torn by a crash is dropped, and its run is driven again.
 """
@@ -20,7 +20,7 @@ import numpy as np
 
 from ...errors import RunFolderError
 from ...messages import FloatArray
-from ..rollout.store import blame, write_file
+from ..folders import blame, replace_file
 from .run import RunKey, RunRow
 
 SCHEMA = 1
@@ -126,11 +126,6 @@ class ComparisonFolder:
                         f"{self.folder}: holds another comparison: {name} is {json.dumps(there)} there and "
                         f"{json.dumps(here)} here; accepted: the same, or a new or empty folder"
                     )
-
-
-def replace_file(path: Path, text: bytes) -> None:
-    """Write a file in one piece, in the place of one that may be there."""
-    write_file(path, lambda file: file.write(text))
 
 
 def _line(row: RunRow) -> bytes:

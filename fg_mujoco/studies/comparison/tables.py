@@ -1,11 +1,11 @@
-"""The tables of a comparison: of its runs, and of its cells, a controller on a course over all seeds.
+"""The tables of a comparison: of its runs, and of its cells. A cell is a controller on a course, over all seeds.
 
-All are written anew by each call, of the runs that it asked for:
+Each call writes all of them again, with the runs that it asked for:
 
     runs.csv      a row a run
     table.csv     a row for each controller on each course at each speed, over all seeds
     table.md      the same, as Markdown
-    table.png     the same, as a picture; traces/COURSE.png: who drove where (comparison_pictures)
+    table.png     the same, as a picture; traces/COURSE.png: the driven lines (pictures)
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 from ...errors import SettingsError
-from ..rollout.job import require_whole
+from ...messages import require_whole
 
 if TYPE_CHECKING:
     import matplotlib.figure

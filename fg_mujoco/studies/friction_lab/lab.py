@@ -20,10 +20,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ...errors import SettingsError
+from ...messages import require_whole
 from ...viz.plots import require_matplotlib
-from ..rollout.job import require_whole, versions
-from ..rollout.local import usable_cores
-from ..worker_processes import work_off
+from ..rollout.job import versions
+from ..worker_processes import usable_cores, work_off
 from .experiment import Cell, Experiment, LabSettings, Section, Tables
 from .lab_report import Chapter, expected_table, write_report
 from .lab_store import LabFolder, as_read, cell_key
@@ -131,7 +131,7 @@ def run_lab(
       MissingExtraError: no matplotlib for the pictures.
       EngineError: a cell failed, or a worker process died; finished cells are kept.
     """
-    require_whole("workers", workers)
+    require_whole("workers", workers, 1, optional=True)
     settings = settings or LabSettings()
     if redraw and out is None:
         raise SettingsError("redraw without a folder; accepted: the folder of an earlier run")

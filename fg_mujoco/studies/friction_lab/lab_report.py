@@ -17,7 +17,7 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from ..rollout.store import blame
+from ..folders import blame
 from .experiment import Figure, Row, Section, Tables
 from .lab_figures import embedded, render
 from .lab_store import replace_text

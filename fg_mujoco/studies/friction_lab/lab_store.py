@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import RunFolderError
-from ..rollout.store import blame, write_file
+from ..folders import blame, write_file
 from .experiment import Cell, Tables
 
 SCHEMA = 1

@@ -24,6 +24,7 @@ from ...course.course import Course, Sites, laps_to_drive
 from ...course.definitions import course_sha256
 from ...errors import ControllerError, SettingsError
 from ...kernels import package_files
+from ...messages import require_whole
 from ...racing.planner_choice import Value
 from ...racing.planner_loading import build_controller, find_controller
 from ...simulation.physics import STATE
@@ -61,8 +62,8 @@ class RolloutJob:
     base: DriveSettings = field(default_factory=DriveSettings)  # what is the same in all worlds
 
     def __post_init__(self) -> None:
-        require_whole("laps", self.laps)
-        require_whole("chunk", self.chunk)
+        require_whole("laps", self.laps, 1, optional=True)
+        require_whole("chunk", self.chunk, 1)
         number = isinstance(self.duration, (int, float)) and not isinstance(self.duration, bool)
         if self.duration is not None and not (number and 0.0 < self.duration < math.inf):
             raise SettingsError(f"duration is {self.duration!r}; accepted: a positive number")
@@ -226,12 +227,6 @@ def versions() -> dict[str, str]:
         "sources_sha256": sources.hexdigest(),
         "platform": f"{platform.system()}-{platform.machine()}",
     }
-
-
-def require_whole(name: str, value: Any, least: int = 1) -> None:
-    """Raise SettingsError for a value that is neither None nor a whole number from `least`."""
-    if value is not None and (not isinstance(value, int) or isinstance(value, bool) or value < least):
-        raise SettingsError(f"{name} is {value!r}; accepted: a whole number from {least}")
 
 
 def _traces(results: WorldResults, record: str) -> Arrays:

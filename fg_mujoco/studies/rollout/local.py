@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import queue
 import threading
 from collections.abc import Callable, Generator, Sequence
 
+from ..worker_processes import usable_cores
 from .job import TICK, Arrays, RolloutJob
 
 PULSE = 0.1  # [s] between two looks at how far it is
-
-
-def usable_cores() -> int:
-    """Return how many cores this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def drive_in_threads(

@@ -22,8 +22,9 @@ from typing import Any
 import numpy as np
 
 from ...errors import EngineError, FgMujocoError, MissingExtraError
+from ..worker_processes import usable_cores
 from .job import Arrays, RolloutJob, versions
-from .local import PULSE, usable_cores
+from .local import PULSE
 
 INSTALL_COMMAND = "pip install 'fg-mujoco[cluster]'"
 

@@ -16,9 +16,10 @@ from ...course.course import Course
 from ...errors import SettingsError
 from ...messages import FloatArray
 from ...simulation.settings import DriveSettings, Scenario
+from ..folders import blame
 from .job import Arrays, RolloutJob
 from .randomization import Randomization
-from .store import ChunkStore, FolderStore, blame
+from .store import ChunkStore, FolderStore
 
 QUANTILES = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 """Of lap times and sliding, in a summary."""

@@ -22,12 +22,14 @@ from numpy.typing import NDArray
 from ...course.course import Course
 from ...errors import SettingsError
 from ...lidar.effects import LidarEffects
+from ...messages import require_whole
 from ...simulation.course_loading import load_track
 from ...simulation.settings import FASTEST, DriveSettings, Start
 from ...vehicle.changes import CarChanges
 from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
-from .job import Arrays, RolloutJob, require_whole, versions
-from .local import drive_in_threads, usable_cores
+from ..worker_processes import usable_cores
+from .job import Arrays, RolloutJob, versions
+from .local import drive_in_threads
 from .randomization import Randomization, world_seeds
 from .ray_cluster import drive_on_ray, require_ray
 from .result import RolloutResult, gather
@@ -129,7 +131,7 @@ def rollout(
         raise SettingsError(f"engine is {engine!r}; accepted: {', '.join(ENGINES)}")
     if engine == "ray":
         require_ray()
-    require_whole("workers", workers)
+    require_whole("workers", workers, 1, optional=True)
     require_whole("memory_budget", memory_budget, 0)
     several = isinstance(tracks, Sequence) and not isinstance(tracks, str)
     base = DriveSettings(
@@ -227,7 +229,7 @@ class _Progress:
 
 
 def _seeds(n: int | None, seed: int, seeds: Any) -> NDArray[np.int64]:
-    require_whole("n", n)
+    require_whole("n", n, 1, optional=True)
     require_whole("seed", seed, 0)
     if seeds is None:
         return world_seeds(seed, n or DEFAULT_WORLDS)

@@ -14,13 +14,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 import os
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import IO, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +26,7 @@ from numpy.typing import NDArray
 from ...course.course import Course
 from ...errors import RunFolderError
 from ...simulation.course_loading import reload_course
+from ..folders import as_json, blame, write_file
 from .job import Arrays
 
 SCHEMA = 1
@@ -231,21 +230,8 @@ class TemporaryFolderStore(FolderStore):
         (self.folder / _CHUNKS).mkdir()
 
 
-def as_json(values: dict[str, Any]) -> str:
-    """Return JSON in which NaN and infinity are null."""
-    return json.dumps(_without_nan(values), indent=2, allow_nan=False)
-
-
 def _json(values: dict[str, Any]) -> bytes:
     return (as_json(values) + "\n").encode()
-
-
-def _without_nan(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _without_nan(entry) for key, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_without_nan(entry) for entry in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _write_array(path: Path, array: NDArray[Any]) -> None:
@@ -256,31 +242,6 @@ def _write_arrays(path: Path, arrays: Arrays) -> None:
     write_file(path, lambda file: np.savez(file, **arrays))  # type: ignore[arg-type]
 
 
-def write_file(path: Path, write: Callable[[IO[bytes]], Any]) -> None:
-    """Write a file aside, wait until it is on the disk, and move it into its place."""
-    aside = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        with aside.open("wb") as file:
-            write(file)
-            file.flush()
-            os.fsync(file.fileno())
-        aside.replace(path)
-    finally:
-        aside.unlink(missing_ok=True)
-
-
 def _short(value: Any) -> str:
     text = json.dumps(value)
     return text if len(text) <= 60 else text[:57] + "..."
-
-
-@contextmanager
-def blame(path: Path, accepted: str) -> Iterator[None]:
-    """Turn whatever a file or folder raises into one line that names it."""
-    try:
-        yield
-    except RunFolderError:
-        raise
-    except Exception as error:
-        reason = getattr(error, "strerror", None) or " ".join(f"{type(error).__name__}: {error}".split())
-        raise RunFolderError(f"{path}: {reason}; accepted: {accepted}") from error

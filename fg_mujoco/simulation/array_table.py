@@ -1,0 +1,139 @@
+"""Many arrays as one argument of a kernel.
+
+    table = ArrayTable(states=states, cars=cars, crashed=crashed)
+    sense(table.rows, which)
+
+numba takes some 0.13 us over from Python for each array that a kernel is called with, and a tick needs fifty. A table
+holds their addresses and shapes; a kernel makes the arrays from it again, which costs nothing. Arrays must be
+contiguous, and the table keeps them alive.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numba import carray, types  # type: ignore[attr-defined]
+from numba.core import cgutils
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+from ..course.lap_timer import LAP_TIMER
+from ..kernels import kernel
+from ..messages import ODOMETRY
+from ..vehicle.motion import CAR
+from .telemetry import STATISTICS
+
+Table = NDArray[np.int64]
+"""One row an array: its address, and its length along up to three axes."""
+
+
+class ArrayTable:
+    """A table of arrays.
+
+    Args:
+      names: of all arrays that the kernels look for; the place in it is the row in the table.
+      arrays: by name. One that is missing is empty.
+
+    Attributes:
+      rows: the table, (names, 4).
+
+    Raises:
+      ValueError: an array that is not contiguous.
+    """
+
+    def __init__(self, names: tuple[str, ...], arrays: Mapping[str, NDArray[Any]]) -> None:
+        self._arrays = dict(arrays)
+        self.rows: Table = np.zeros((len(names), 4), np.int64)
+        for row, name in zip(self.rows, names, strict=True):
+            array = arrays.get(name)
+            if array is None:
+                continue
+            if not array.flags.c_contiguous:
+                raise ValueError(f"array {name!r} is not contiguous; accepted: rows side by side")
+            row[0], row[1 : 1 + array.ndim] = array.ctypes.data, array.shape
+
+
+def _as_pointer(context: Any, address: Any) -> Any:
+    """Return what carray takes for an address."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.inttoptr(arguments[0], cgutils.voidptr_t)
+
+    return types.voidptr(types.int64), generate
+
+
+_pointer: Any = intrinsic(_as_pointer)
+
+
+@kernel
+def numbers(table: Table, row: int) -> Any:
+    """Return a row of numbers."""
+    return carray(_pointer(table[row, 0]), (table[row, 1],), np.float64)
+
+
+@kernel
+def matrix(table: Table, row: int) -> Any:
+    """Return numbers of two axes."""
+    return carray(_pointer(table[row, 0]), (table[row, 1], table[row, 2]), np.float64)
+
+
+@kernel
+def cube(table: Table, row: int) -> Any:
+    """Return numbers of three axes."""
+    return carray(_pointer(table[row, 0]), (table[row, 1], table[row, 2], table[row, 3]), np.float64)
+
+
+@kernel
+def flags(table: Table, row: int) -> Any:
+    """Return a row of truth values."""
+    return carray(_pointer(table[row, 0]), (table[row, 1],), np.bool_)
+
+
+@kernel
+def whole_numbers(table: Table, row: int) -> Any:
+    """Return a row of whole numbers."""
+    return carray(_pointer(table[row, 0]), (table[row, 1],), np.int64)
+
+
+@kernel
+def short_numbers(table: Table, row: int) -> Any:
+    """Return a row of 32-bit whole numbers."""
+    return carray(_pointer(table[row, 0]), (table[row, 1],), np.int32)
+
+
+@kernel
+def short_matrix(table: Table, row: int) -> Any:
+    """Return 32-bit whole numbers of two axes."""
+    return carray(_pointer(table[row, 0]), (table[row, 1], table[row, 2]), np.int32)
+
+
+@kernel
+def corner_numbers(table: Table, row: int) -> Any:
+    """Return 16-bit whole numbers of two axes."""
+    return carray(_pointer(table[row, 0]), (table[row, 1], table[row, 2]), np.uint16)
+
+
+@kernel
+def car_rows(table: Table, row: int) -> Any:
+    """Return rows of CAR."""
+    return carray(_pointer(table[row, 0]), (table[row, 1],), CAR)
+
+
+@kernel
+def timer_rows(table: Table, row: int) -> Any:
+    """Return rows of LAP_TIMER."""
+    return carray(_pointer(table[row, 0]), (table[row, 1],), LAP_TIMER)
+
+
+@kernel
+def odometry_rows(table: Table, row: int) -> Any:
+    """Return rows of ODOMETRY."""
+    return carray(_pointer(table[row, 0]), (table[row, 1],), ODOMETRY)
+
+
+@kernel
+def statistics_rows(table: Table, row: int) -> Any:
+    """Return rows of STATISTICS."""
+    return carray(_pointer(table[row, 0]), (table[row, 1],), STATISTICS)

@@ -1,0 +1,133 @@
+"""The parts of a tick as kernels of one argument: a table of all arrays of some worlds (array_table)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernels import kernel
+from ..lidar.body_poses import Mount
+from ..lidar.scene import SceneArrays, Scratch
+from .array_table import (
+    Table,
+    car_rows,
+    corner_numbers,
+    cube,
+    flags,
+    matrix,
+    numbers,
+    odometry_rows,
+    short_matrix,
+    short_numbers,
+    statistics_rows,
+    timer_rows,
+    whole_numbers,
+)
+from .physics import Batch, StateLayout
+from .termination import RaceMonitor, judge_cars
+from .tick import drive_cars, read_cars, scan_cars
+
+NAMES = (
+    "places", "running", "states", "sensors", "cars", "timers", "odometry", "telemetry", "offset_position",
+    "offset_rotation", "motions", *SceneArrays._fields, *Scratch._fields, "ranges", "commands", "times", "records",
+    "ids", "controls", "status", "failed", "mu", "slip", "crashed", "statistics", "reasons", "warnings", "lap_times",
+    "standing_since", "table",
+)  # fmt: skip
+"""Of the arrays in a table, in the order of its rows."""
+
+(
+    _PLACES, _RUNNING, _STATES, _SENSORS, _CARS, _TIMERS, _ODOMETRY, _TELEMETRY, _OFFSET_POSITION,
+    _OFFSET_ROTATION, _MOTIONS, _BEAMS, _LIMITS, _EDGES, _TRIANGLES, _BOXES, _SPANS, _PLANES, _FRAMES, _CUTS, _COLUMNS,
+    _NEAREST, _VIEWS, _BINS, _POSES, _RANGES, _COMMANDS, _TIMES, _RECORDS, _IDS, _CONTROLS, _STATUS, _FAILED, _MU,
+    _SLIP, _CRASHED, _STATISTICS, _REASONS, _WARNINGS, _LAP_TIMES, _STANDING_SINCE, _TABLE,
+) = range(len(NAMES))  # fmt: skip
+
+_CARS_PER_WORLD, _TIRES, _CHASSIS_CONTACT, _BATCH, _RECORD, _LAPS, _MOUNT, _FIRST_OF_LAYOUT = range(8)
+_TIMESTEP, _LENGTH, _MODULUS, _STOP_TIME, _LAST_TIME = range(5)
+
+
+def whole_places(
+    cars_per_world: int, tires: int, chassis_contact: int, batch: Batch, laps: int, mount: Mount | None,
+    layout: StateLayout,
+) -> NDArray[np.int64]:  # fmt: skip
+    """Return the array `places` of a table."""
+    address = 0 if mount is None else mount.qpos_address
+    spans = (*layout.qpos, *layout.qvel, *layout.ctrl, *layout.mocap_pos)
+    values = (cars_per_world, tires, chassis_contact, batch.address, batch.record, laps, address, layout.time, *spans)
+    return np.array(values, np.int64)
+
+
+def course_numbers(timestep: float, monitor: RaceMonitor) -> NDArray[np.float64]:
+    """Return the array `times` of a table."""
+    course = monitor.course
+    of_course = (1.0, 1.0, 0.0) if course is None else (course.length, course.modulus, course.stop_time)
+    return np.array((timestep, *of_course, monitor.last_time), np.float64)
+
+
+@kernel
+def _layout(places: Any) -> StateLayout:
+    k = _FIRST_OF_LAYOUT
+    return StateLayout(
+        places[k], (places[k + 1], places[k + 2]), (places[k + 3], places[k + 4]), (places[k + 5], places[k + 6]),
+        (places[k + 7], places[k + 8]),
+    )  # fmt: skip
+
+
+@kernel
+def read(table: Table, which: NDArray[np.bool_]) -> None:
+    """Read the odometry of the cars `which` (r,), see `read_cars`."""
+    places = whole_numbers(table, _PLACES)
+    read_cars(
+        which, places[_CARS_PER_WORLD], matrix(table, _STATES), _layout(places), matrix(table, _SENSORS),
+        car_rows(table, _CARS), timer_rows(table, _TIMERS), odometry_rows(table, _ODOMETRY),
+        matrix(table, _TELEMETRY),
+    )  # fmt: skip
+
+
+@kernel
+def sense(table: Table, which: NDArray[np.bool_]) -> None:
+    """Read the odometry of the cars `which` (r,), and draw their scans, see `scan_cars`."""
+    read(table, which)
+    places = whole_numbers(table, _PLACES)
+    scan_cars(
+        which, places[_CARS_PER_WORLD], matrix(table, _STATES), _layout(places),
+        Mount(places[_MOUNT], numbers(table, _OFFSET_POSITION), matrix(table, _OFFSET_ROTATION)),
+        matrix(table, _MOTIONS),
+        SceneArrays(
+            matrix(table, _BEAMS), numbers(table, _LIMITS), matrix(table, _EDGES), corner_numbers(table, _TRIANGLES),
+            matrix(table, _BOXES), short_matrix(table, _SPANS), matrix(table, _PLANES), short_matrix(table, _FRAMES),
+        ),
+        Scratch(
+            matrix(table, _CUTS), short_numbers(table, _COLUMNS), numbers(table, _NEAREST), short_matrix(table, _VIEWS),
+            short_numbers(table, _BINS), matrix(table, _POSES),
+        ),
+        matrix(table, _RANGES),
+    )  # fmt: skip
+
+
+@kernel
+def drive(table: Table) -> None:
+    """Hold the commands of the cars that race for a tick, see `drive_cars`."""
+    places, times = whole_numbers(table, _PLACES), numbers(table, _TIMES)
+    drive_cars(
+        flags(table, _RUNNING), places[_CARS_PER_WORLD], matrix(table, _STATES), _layout(places),
+        matrix(table, _COMMANDS), car_rows(table, _CARS), matrix(table, _MOTIONS), times[_TIMESTEP], places[_BATCH],
+        places[_RECORD], cube(table, _RECORDS), short_numbers(table, _IDS), cube(table, _CONTROLS),
+        short_numbers(table, _STATUS), flags(table, _FAILED), places[_TIRES], places[_CHASSIS_CONTACT],
+        matrix(table, _MU), cube(table, _SLIP), flags(table, _CRASHED), matrix(table, _TELEMETRY),
+        statistics_rows(table, _STATISTICS),
+    )  # fmt: skip
+
+
+@kernel
+def judge(table: Table) -> None:
+    """Time the laps of the cars that race and end what is over, see `judge_cars`."""
+    places, times = whole_numbers(table, _PLACES), numbers(table, _TIMES)
+    judge_cars(
+        flags(table, _RUNNING), whole_numbers(table, _REASONS), places[_CARS_PER_WORLD], matrix(table, _STATES),
+        _layout(places), car_rows(table, _CARS), short_matrix(table, _WARNINGS), flags(table, _CRASHED),
+        timer_rows(table, _TIMERS), matrix(table, _LAP_TIMES), numbers(table, _STANDING_SINCE), matrix(table, _TABLE),
+        times[_LENGTH], times[_MODULUS], times[_STOP_TIME], places[_LAPS], times[_LAST_TIME],
+    )  # fmt: skip
