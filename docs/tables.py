@@ -1,4 +1,4 @@
-"""Fills the tables of README.md and docs/ from docs/figures.json, and from the bundled vehicles' own numbers.
+"""Fills the tables of README.md and docs/ from docs/figures.json and from the docstrings of the planners.
 
     python docs/tables.py           # rewrites what stands between the markers
     python docs/tables.py --check   # exits with 1 where a page says something else
@@ -9,6 +9,7 @@ that makes each. `python benchmarks/circuits.py --json docs/figures.json` drives
 
 from __future__ import annotations
 
+import ast
 import json
 import re
 import sys
@@ -47,6 +48,16 @@ def filled(page: str, figures: dict[str, Any]) -> str:
       KeyError: a marker names a table that is not in TABLES.
     """
     return MARKED.sub(lambda found: f"{found[1]}\n{TABLES[found[2]](figures)}\n\n{found[3]}", page)
+
+
+def controllers(figures: dict[str, Any]) -> str:
+    """Return the planners, with the first line of each one's docstring."""
+    rows = []
+    for path in sorted((ROOT / "controllers").glob("*.py")):
+        if path.stem != "__init__":
+            line = (ast.get_docstring(ast.parse(path.read_text("utf-8"))) or "").partition("\n")[0]
+            rows.append((f"`{path.stem}`", line))
+    return _table(("name", "what it does"), rows, numbers=False)
 
 
 def circuits(figures: dict[str, Any]) -> str:
@@ -120,7 +131,7 @@ def thresholds(figures: dict[str, Any]) -> str:
 
 TABLES: dict[str, Callable[[dict[str, Any]], str]] = {
     function.__name__: function
-    for function in (circuits, published, planners, scenes, trap_speeds, wrong_side_speeds, thresholds)
+    for function in (controllers, circuits, published, planners, scenes, trap_speeds, wrong_side_speeds, thresholds)
 }
 
 
@@ -154,8 +165,8 @@ def _range(values: Iterable[float]) -> str:
     return f"{_seconds(min(found))} to {_seconds(max(found))}"
 
 
-def _table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    rule = ["---", *["---:"] * (len(head) - 1)]
+def _table(head: Sequence[str], rows: Iterable[Sequence[object]], *, numbers: bool = True) -> str:
+    rule = ["---", *["---:" if numbers else "---"] * (len(head) - 1)]
     return "\n".join(f"| {' | '.join(str(value) for value in row)} |" for row in (head, rule, *rows))
 
 
