@@ -14,7 +14,7 @@ acceleration that the tires can hold:
    g (l / b) / (h / b + 1 / (2 mu)), with l = lf in braking and lr in accelerating. In a corner the lighter inner wheel
    slides first: at a share u of the lateral grip a share (1 - u)^p of the straight-line limit is left. For the F1TENTH
    car p = .7 was measured on steady circles, at mu .6 and 1.0489, and p = .8 is used, because turning in and braking
-   at once is not a steady circle.
+   at once is not a steady circle. `cornering_exponent` scales p for cars that move more load to the outer wheels.
 5. Load moves in the time that the suspension takes: braking and accelerating grow over that time, and may fall at once.
 
 Sources: 1 is in the notes of the field's gap_finder_base. 3 and 4 are Newton's and Euler's laws for the rigid
@@ -49,6 +49,7 @@ from ..control.speed import friction_speed, friction_steering
 from ..control.steering import saturate
 
 _CORNERING_EXPONENT = 0.8  # of the F1TENTH car, see 4 above
+_LOAD_MOVED = 0.074 / 0.236  # height of the centre of gravity over the track width, of the F1TENTH car
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,6 +99,21 @@ LIMITER = np.dtype(
 
 LIMITER_MEMORY = np.dtype([("acceleration", np.float64)])  # [m/s^2] that was last commanded
 """Type of what a limiter keeps from one tick to the next; zero at the beginning."""
+
+
+def cornering_exponent(car: CarParameters) -> float:
+    """Return the exponent p of the share (1 - u)^p of braking that cornering with a share u of the grip leaves.
+
+    It is the F1TENTH car's for cars that move as much load to the outer wheels, or less. For others it grows as half
+    of the grip in cornering demands of the inner wheel: (1 - 1/2)^p = sqrt(1 - 1/4) (1 - h / w), h the height of the
+    centre of gravity and w the track width.
+    """
+
+    def exponent(load_moved: float) -> float:
+        return math.log2(2.0 / (math.sqrt(3.0) * (1.0 - min(load_moved, 0.95))))
+
+    moved = car.center_of_gravity_height / car.track_width
+    return max(_CORNERING_EXPONENT, _CORNERING_EXPONENT * exponent(moved) / exponent(_LOAD_MOVED))
 
 
 @kernel
@@ -236,7 +252,7 @@ class FrictionLimiter:
       braking: greatest deceleration straight ahead [m/s^2].
       accelerating: greatest acceleration straight ahead [m/s^2].
       yaw_lag: distance c over which the path's curvature follows the steering at the limit [m].
-      exponent: of the share of braking and accelerating that cornering leaves, p in 4 above.
+      exponent: of the share of braking and accelerating that cornering leaves, see `cornering_exponent`.
       record: the row that `limited` reads, shape (1,), of type LIMITER.
 
     Raises:
@@ -254,7 +270,7 @@ class FrictionLimiter:
         self.braking = self.settings.braking_use * lever * car.front_axle_distance
         self.accelerating = self.settings.accelerating_use * lever * car.rear_axle_distance
         self.yaw_lag = car.rear_axle_distance + car.yaw_inertia / (car.mass * car.rear_axle_distance)
-        self.exponent = _CORNERING_EXPONENT
+        self.exponent = cornering_exponent(car)
         self.record = np.zeros(1, LIMITER)
         self.record["settings"], self.record["car"] = record_values(self.settings), astuple(car)
         for name in ("mu", "lateral", "braking", "accelerating", "yaw_lag", "exponent"):
