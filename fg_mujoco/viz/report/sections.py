@@ -66,7 +66,7 @@ def laps(laps: Sequence[Lap], summary: dict[str, Any]) -> str:
     if not laps:
         return '<p class="note">No tick was driven.</p>'
     header = ("lap", "time [s]", *(f"sector {i + 1}" for i in range(SECTORS)), "top [m/s]", "mean [m/s]",
-              "friction use", "sliding")  # fmt: skip
+              "friction utilisation", "sliding")  # fmt: skip
     best_lap = min((lap.time for lap in laps if lap.time is not None), default=None)
     best = [
         min((time for lap in laps if (time := lap.sectors[sector]) is not None), default=None)
