@@ -33,13 +33,14 @@ from .course.course import Course
 from .course.maps.map_track import is_map, read_map
 from .errors import SettingsError
 from .lidar.lidar import RaycastLidar
-from .messages import FloatArray
+from .messages import CarParameters, FloatArray
 from .simulation.course_loading import load_track
 from .simulation.engine import Engine
 from .simulation.settings import Start
 from .simulation.simulation import complete_state
 from .simulation.world import LIDAR_PREFIX, World
 from .vehicle import motion as car_motion
+from .vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 
 Observation = dict[str, Any]
 
@@ -72,12 +73,13 @@ class F110Env:
     Args:
       map: path of a map_server YAML without `.yaml`; or whatever `load_track` takes, as `oval` or `random:7`.
       map_ext: of the map's image, as `.png`; None: the image that the YAML names.
-      params: the car's physical parameters under the 2D gym's names; all but `mu` must be those of models/f1tenth.xml.
+      params: the car's physical parameters under the 2D gym's names; all but `mu` must be those of the vehicle.
       num_agents: 1.
       timestep: of a step [s], a multiple of the physics' own of 5 ms.
       ego_idx: 0.
       seed: of the scan's noise.
       integrator: accepted and not used, for MuJoCo has its own.
+      vehicle: a bundled name, the path of a vehicle's MJCF file, or a Vehicle; the 2D gym does not have this keyword.
 
     Attributes:
       world: the World.
@@ -100,12 +102,14 @@ class F110Env:
         ego_idx: int = 0,
         seed: int = 12345,
         integrator: object = None,
+        vehicle: Vehicle | str | Path = DEFAULT_VEHICLE,
     ) -> None:
         if num_agents != 1 or ego_idx != 0:
             raise SettingsError(f"num_agents is {num_agents!r} and ego_idx {ego_idx!r}; accepted: 1 and 0")
         self.timestep = float(timestep)
         self._seed = seed
         self._map, self._params = (map, map_ext), params
+        self._vehicle = Vehicle.load(vehicle)
         self._viewer: Any = None
         self._build()
 
@@ -201,7 +205,8 @@ class F110Env:
 
     def _build(self) -> None:
         self.close()
-        self.world = World(_load(*self._map), mu=None if self._params is None else self._params.get("mu"))
+        course = _load(*self._map, self._vehicle.parameters)
+        self.world = World(course, self._vehicle, mu=None if self._params is None else self._params.get("mu"))
         if self._params is not None:
             _check_parameters(self._params, self.world)
         self.data = mujoco.MjData(self.world.model)
@@ -257,18 +262,18 @@ class F110Env:
         self._laps = int(self._greatest_progress // track.length)
 
 
-def _load(name: str, extension: str | None) -> Course:
+def _load(name: str, extension: str | None, car: CarParameters) -> Course:
     """Return the track of a map without its extension, or what `load_track` makes of the name."""
     if is_map(name) and extension is None:
-        return load_track(name)
+        return load_track(name, car=car)
     path = Path(name if is_map(name) else f"{name}.yaml")
     if extension is not None or path.is_file():
         return read_map(path, image=None if extension is None else path.with_suffix(extension))
-    return load_track(name)
+    return load_track(name, car=car)
 
 
 def _check_parameters(params: dict[str, float], world: World) -> None:
-    """Refuse parameters that the car does not have: they are those of its MJCF, and changed by CarChanges."""
+    """Refuse parameters that the vehicle of the world does not have."""
     car = world.parameters
     own = {
         "mu": world.car.mu, "lf": car.front_axle_distance, "lr": car.rear_axle_distance, "m": car.mass,
@@ -282,8 +287,8 @@ def _check_parameters(params: dict[str, float], world: World) -> None:
             raise SettingsError(f"params has {name!r}; accepted: {', '.join(own)}")
         if not math.isclose(value, own[name], rel_tol=_SAME):
             raise SettingsError(
-                f"params[{name!r}] is {value!r}; accepted: {own[name]:.6g}, as in the car's MJCF; only mu can be set "
-                "here, and more by fg_mujoco.CarChanges"
+                f"params[{name!r}] is {value!r}; accepted: {own[name]:.6g}, as {world.vehicle.name} has it; only mu "
+                "can be set here, and `vehicle` gives another car"
             )
 
 

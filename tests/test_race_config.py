@@ -14,6 +14,7 @@ from fg_mujoco.cli.main import _parser, main
 FULL = """\
 # every option of the command line
 track = "l_corridor"
+vehicle = "nuc2"
 controller = "follow_the_gap[point=deepest]"
 laps = 2
 obstacles = 3

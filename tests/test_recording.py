@@ -1,4 +1,5 @@
 import csv
+import hashlib
 import json
 import math
 import shutil
@@ -11,7 +12,7 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco.racing.run_folder import summary_json
 
-FILES = {"summary.json", "scene.xml", "states.npz", "telemetry.csv", "trace.png"}
+FILES = {"summary.json", "scene.xml", "states.npz", "telemetry.csv", "trace.png", "controller.py"}
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +38,7 @@ def edit_summary(folder, **changes):
     (folder / "summary.json").write_text(json.dumps(summary | changes))
 
 
-def test_run_folder_has_the_five_files_and_nothing_else(written):
+def test_run_folder_has_its_files_and_nothing_else(written):
     assert {file.name for file in written.iterdir()} == FILES
     assert {file.name for file in written.parent.iterdir()} == {"short"}
 
@@ -55,11 +56,31 @@ def test_reading_gives_back_every_bit(written, short_race):
 
 def test_summary_says_what_the_result_says_and_which_versions_made_it(written, short_race):
     summary = fg.read_run(written).summary
-    expected = short_race.summary() | {"lap_times_s": list(short_race.lap_times_s)}
+    expected = json.loads(json.dumps(short_race.summary()))  # tuples are lists there
     assert {name: summary[name] for name in expected} == expected
     assert summary["schema"] == 1
     assert summary["mujoco_version"] == mujoco.__version__
     assert summary["fg_mujoco_version"] == fg.__version__
+
+
+def test_a_planner_of_ones_own_is_kept_with_the_hash_of_its_source(written, tmp_path):
+    kept = (written / "controller.py").read_bytes()
+    origin = fg.read_run(written).summary["controller_origin"]
+    assert hashlib.sha256(kept).hexdigest() == origin["sha256"] and origin["distribution"] is None
+    assert b"class Straight" in kept
+    bundled = fg.race("oval", laps=1, time_limit=0.05)
+    assert bundled.controller_origin["distribution"] == "fg-mujoco"
+    assert bundled.controller_origin["version"] == fg.__version__
+    fg.write_run(bundled, tmp_path / "bundled", picture=False)
+    assert not (tmp_path / "bundled" / "controller.py").exists()
+
+
+def test_the_summary_has_a_row_for_each_car(short_race):
+    (row,) = short_race.summary()["cars"]
+    assert row["position"] == 1 and row["collisions_wall"] == short_race.collisions
+    assert all(
+        row[name] == getattr(short_race, name) for name in ("lap_times_s", "finished", "end_reason", "max_slide_m_s")
+    )
 
 
 def test_what_is_no_number_is_null_in_json():

@@ -14,9 +14,8 @@ from ..racing.planner_choice import ControllerChoice
 from ..racing.planner_loading import make_controller
 from ..ros.bag_messages import DRIVE, ODOMETRY, SCAN, require_ros_extra
 from ..simulation.course_loading import load_track
-from ..simulation.world import World
-from ..vehicle.vehicle import Vehicle
-from .options import ProgressLine, number, number_or_off
+from ..simulation.settings import DriveSettings
+from .options import ProgressLine, add_drive_options, drive_options
 
 FORMATS = ("mcap",)
 
@@ -43,11 +42,7 @@ def add_bags(add: Any, commands: Any) -> None:
     )  # fmt: skip
     command.add_argument("--scan-topic", metavar="TOPIC", help="default: /scan, or the only one with scans")
     command.add_argument("--odom-topic", metavar="TOPIC", help="default: /odom, or the only one with odometry")
-    command.add_argument(
-        "--planner-mu", type=number_or_off, metavar="MU",
-        help="what the planner believes mu is; off: no friction limits; default: as in the car's MJCF",
-    )  # fmt: skip
-    command.add_argument("--max-speed", type=number, default=8.0, metavar="M/S", help="default: 8")
+    add_drive_options(command.add_argument, "vehicle", "planner_mu", "max_speed")
     command.add_argument("--track", help="whose line a planner with a map follows, as race takes it")
     command.add_argument("--force", action="store_true", help="replace the file if it exists")
 
@@ -75,14 +70,17 @@ def _replay_scans(options: argparse.Namespace) -> int:
     out = options.out or Path(f"{Path(options.bag).resolve().stem}_commands.csv")
     check_commands_file(out)
     _check_new(out, force=options.force)
-    choice, car = ControllerChoice.of(options.controller), World(_ANY_TRACK).parameters
+    choice = ControllerChoice.of(options.controller)
+    drive = DriveSettings(**drive_options(options, "vehicle", "planner_mu", "max_speed"))
+    course = load_track(options.track or _ANY_TRACK, car=drive.car.parameters)
+    car = drive.world(course).parameters
     planner = make_controller(
         choice.source,
         car=car,
-        mu=Vehicle.load().nominal_mu if options.planner_mu is None else options.planner_mu,
-        max_speed=options.max_speed,
+        mu=drive.assumed_mu,
+        max_speed=drive.max_speed,
         settings=dict(choice.settings),
-        map_line=None if options.track is None else load_track(options.track).map_line,
+        map_line=None if options.track is None else course.map_line,
     )
     bag = ScanBag(options.bag, car, scan_topic=options.scan_topic, odometry_topic=options.odom_topic)
     # what a planner prints is not our output

@@ -15,11 +15,13 @@ from typing import Any
 
 from ..course.scenes.catalogue import scene_names
 from ..errors import EngineError
-from ..studies.comparison.comparison import DEFAULT_MAX_SPEED, DEFAULT_SEEDS, Comparison, ComparisonProgress, compare
+from ..simulation.settings import FASTEST
+from ..studies.comparison.comparison import DEFAULT_SEEDS, Comparison, ComparisonProgress, compare
 from ..studies.folders import as_json
-from .options import can_draw, number, number_or_off, shown_as, to_go, whole
+from .options import add_drive_options, can_draw, drive_options, number, shown_as, to_go, whole
 
 _DONE, _NOT_DONE = 0, 1
+_DRIVE = ("vehicle", "mu", "planner_mu")  # of each run; the speeds are a list
 _COMMA = re.compile(r",(?![^\[]*\])")  # outside brackets
 
 
@@ -39,17 +41,13 @@ def add_compare(add_command: Callable[..., argparse.ArgumentParser], commands: A
         help="numbers, or FIRST:END without END; of scenes, and on tracks of obstacles and noise; default: 0:10",
     )  # fmt: skip
     add(
-        "--max-speed", type=_numbers, default=(DEFAULT_MAX_SPEED,), metavar="LIST",
-        help="that a planner may ask for, each a run of its own [m/s]; default: 8",
+        "--max-speed", type=_numbers, default=(FASTEST,), metavar="LIST",
+        help=f"fastest that a planner may command [m/s], each a run of its own; default: {FASTEST:g}",
     )  # fmt: skip
     add("--laps", type=whole, default=5, metavar="N", help="on tracks; default: 5")
     add("--obstacles", type=whole, default=0, metavar="N", help="boxes on each track; default: 0")
     add("--lidar-noise", type=number, default=0.0, metavar="M", help="standard deviation of each range")
-    add("--mu", type=number, metavar="MU", help="friction coefficient of the tires; default: as in the car's MJCF")
-    add(
-        "--planner-mu", type=number_or_off, metavar="MU",
-        help="what planners believe mu is; off: no friction limits; default: as in the car's MJCF",
-    )  # fmt: skip
+    add_drive_options(add, *_DRIVE, of="each")
     add("--time-limit", type=number, metavar="S", help="of simulated time; default: as the course has it")
     add("--workers", type=whole, metavar="N", help="processes; default: as many as there are cores")
     add(
@@ -77,8 +75,7 @@ def _compare(options: argparse.Namespace) -> int:
                 laps=options.laps,
                 obstacles=options.obstacles,
                 lidar_noise=options.lidar_noise,
-                mu=options.mu,
-                planner_mu=options.planner_mu,
+                **drive_options(options, *_DRIVE),
                 time_limit=options.time_limit,
                 workers=options.workers,
                 out=options.out,

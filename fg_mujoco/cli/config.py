@@ -27,6 +27,7 @@ from ..racing.planner_loading import find_controller
 from ..racing.race import RaceSettings
 from ..racing.run_folder import read_summary
 from ..simulation.course_loading import load_track
+from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .options import number, number_or_off, whole
 
 if sys.version_info >= (3, 11):
@@ -97,12 +98,18 @@ def _read_toml(path: Path, command: argparse.ArgumentParser) -> dict[str, Any]:
 
 
 def _read_run(folder: Path, command: argparse.ArgumentParser) -> dict[str, Any]:
-    settings = read_summary(folder).get("settings")
+    summary = read_summary(folder)
+    settings = summary.get("settings")
     where = f"{folder / 'summary.json'}, settings"
     if not isinstance(settings, dict):
         raise RunFolderError(f"{where}: there are none; accepted: a folder that `fg-mujoco race --out` wrote")
     given = {_known(key, command, where): value for key, value in settings.items() if value is not None}
-    return {name: _checked(name, value, command, where) for name, value in given.items()}
+    values = {name: _checked(name, value, command, where) for name, value in given.items()}
+    vehicle = Vehicle.load(values.get("vehicle", DEFAULT_VEHICLE))
+    of_a_file = vehicle.source == vehicle.file  # bundled ones are those of the version
+    if of_a_file and vehicle.sha256 != summary.get("vehicle_sha256"):
+        raise RunFolderError(f"{where}: vehicle {vehicle.file} is another one now; accepted: the file as it was raced")
+    return values
 
 
 def _line(text: str, key: str) -> int:
@@ -192,6 +199,7 @@ def _no_check(value: Any) -> None:
 # What the race would refuse, so that the message has the line; what depends on several settings, only it can say.
 _CHECKS: dict[str, Callable[[Any], object]] = {
     "track": load_track,
+    "vehicle": Vehicle.load,
     "controller": lambda text: find_controller(ControllerChoice.of(text).source),
     "obstacles": _check_count,
     "obstacle_seed": _check_count,

@@ -21,7 +21,6 @@ from ..course.course import USUAL_LAPS
 from ..errors import FgMujocoError
 from ..lidar.effects import LidarEffects
 from ..lidar.lidar import LIDAR_BACKENDS
-from ..racing.planner_choice import ControllerChoice
 from ..racing.race import RaceProgress, race
 from ..racing.replay import replay
 from ..racing.result import RaceResult
@@ -33,11 +32,12 @@ from .compare import add_compare
 from .config import add_config, parse, settings_of
 from .controllers import add_controllers
 from .friction import add_friction
-from .options import ProgressLine, can_draw, number, number_or_off, whole
+from .options import ProgressLine, add_drive_options, can_draw, drive_options, number, whole
 from .render import add_render, check_film, film_race
 from .report import add_report, report_race
 from .rollout import add_rollout
 from .track import add_track
+from .vehicles import add_vehicles
 from .view import add_view
 
 _DONE, _NOT_DONE, _BAD_INPUT, _INTERRUPTED = 0, 1, 2, 130  # 130 is what shells call a command ended by Ctrl-C
@@ -78,6 +78,7 @@ def _parser() -> argparse.ArgumentParser:
 
     add_track(_add, commands)
     add_controllers(_add, commands)
+    add_vehicles(_add, commands)
     add_rollout(_add, commands)
     add_compare(_add, commands)
     add_render(_add, commands)
@@ -108,12 +109,7 @@ def _add_race(commands: Any) -> None:
     add("--laps", type=whole, metavar="N", help=f"default: {USUAL_LAPS}; a scene is driven once")
     add("--obstacles", type=whole, default=0, metavar="N", help="boxes on the track, with a way past each; default: 0")
     add("--obstacle-seed", type=whole, default=0, metavar="K", help="of their places; default: 0")
-    add("--mu", type=number, metavar="MU", help="friction coefficient of the tires; default: as in the car's MJCF")
-    add(
-        "--planner-mu", type=number_or_off, metavar="MU",
-        help="what the planner believes mu is; off: no friction limits; default: as in the car's MJCF",
-    )  # fmt: skip
-    add("--max-speed", type=number, default=8.0, metavar="M/S", help="that the planner may ask for; default: 8")
+    add_drive_options(add)
     add("--lidar", default="raycast", metavar="NAME", help=f"{' or '.join(LIDAR_BACKENDS)}; default: raycast")
     add("--lidar-noise", type=number, default=0.0, metavar="M", help="standard deviation of each range")
     add("--lidar-dropout", type=number, default=0.0, metavar="P", help="probability that a beam fails")
@@ -137,7 +133,7 @@ def _race(options: argparse.Namespace) -> int:
         latency=options.lidar_latency,
         motion_distortion=options.motion_distortion,
     )
-    choice, settings = ControllerChoice.of(options.controller), settings_of(options)
+    settings = settings_of(options)
     picture = options.out is not None and _check_out(options.out)
     if options.video is not None:
         check_film(options.video)
@@ -145,12 +141,9 @@ def _race(options: argparse.Namespace) -> int:
     with contextlib.redirect_stdout(sys.stderr), _Watcher(show=sys.stderr.isatty() and not options.json) as watch:
         result = race(
             options.track,
-            choice.source,
-            planner_settings=dict(choice.settings),
+            options.controller,
             laps=options.laps,
-            mu=options.mu,
-            planner_mu=options.planner_mu,
-            max_speed=options.max_speed,
+            **drive_options(options),
             lidar=options.lidar,
             seed=options.seed,
             time_limit=options.time_limit,
@@ -226,7 +219,8 @@ def _table(result: RaceResult, out: str | None) -> str:
         rows.insert(1, ("obstacles", f"{result.obstacles}, seed {result.obstacle_seed}"))
     if out is not None:
         rows.append(("written to", out))
-    return "\n".join([f"{result.track}, {result.controller}", *(f"  {name:<18}{value}" for name, value in rows)])
+    heading = f"{result.track}, {result.controller}, {result.vehicle}"
+    return "\n".join([heading, *(f"  {name:<18}{value}" for name, value in rows)])
 
 
 def _replay(options: argparse.Namespace) -> int:

@@ -17,6 +17,9 @@ from ..viz.plots import require_matplotlib
 
 _Progress = TypeVar("_Progress")
 
+DRIVE = ("vehicle", "mu", "planner_mu", "max_speed")
+"""Settings that are spelt alike at every door."""
+
 _REDRAW = 0.1  # [s] of wall time between two lines of progress
 
 
@@ -46,26 +49,39 @@ def number_or_off(text: str) -> float:
         raise argparse.ArgumentTypeError(f"{text!r}; accepted: a number, or off") from None
 
 
-def add_drive_options(add: Callable[..., Any], *, of: str = "the") -> None:
-    """Add the options of which car drives and what its planner is told; `drive_options` reads them."""
-    add(
-        "--vehicle", default=DEFAULT_VEHICLE, metavar="NAME|FILE.xml",
-        help=f"{', '.join(vehicle_names())}, or the MJCF file of one; default: {DEFAULT_VEHICLE}",
-    )  # fmt: skip
-    add("--mu", type=number, metavar="MU", help=f"friction coefficient of {of} car's tires; default: the vehicle's")
-    add(
-        "--planner-mu", type=number_or_off, metavar="MU",
-        help="friction coefficient that the planner assumes; off: no friction limits; default: the vehicle's",
-    )  # fmt: skip
-    add(
-        "--max-speed", type=number, default=FASTEST, metavar="V",
-        help=f"fastest that the planner may command [m/s]; default: {FASTEST:g}",
-    )  # fmt: skip
+def add_drive_options(add: Callable[..., Any], *names: str, of: str = "the") -> None:
+    """Add the options of which car drives and what its planner is told; `drive_options` reads them.
+
+    Args:
+      add: adds an option to a command.
+      names: of DRIVE, those that the command has; none: all.
+      of: whose tires `--mu` is about, "the" car's or "each" car's.
+    """
+    settings: dict[str, dict[str, Any]] = {
+        "vehicle": {
+            "default": DEFAULT_VEHICLE, "metavar": "NAME|FILE.xml",
+            "help": f"{', '.join(vehicle_names())}, or the MJCF file of one; default: {DEFAULT_VEHICLE}",
+        },
+        "mu": {
+            "type": number, "metavar": "MU",
+            "help": f"friction coefficient of {of} car's tires; default: the vehicle's",
+        },
+        "planner_mu": {
+            "type": number_or_off, "metavar": "MU",
+            "help": "friction coefficient that the planner assumes; off: no friction limits; default: the vehicle's",
+        },
+        "max_speed": {
+            "type": number, "default": FASTEST, "metavar": "V",
+            "help": f"fastest that the planner may command [m/s]; default: {FASTEST:g}",
+        },
+    }  # fmt: skip
+    for name in names or DRIVE:
+        add(f"--{name.replace('_', '-')}", **settings[name])
 
 
-def drive_options(options: argparse.Namespace) -> dict[str, Any]:
+def drive_options(options: argparse.Namespace, *names: str) -> dict[str, Any]:
     """Return what `add_drive_options` added, as keywords of a race."""
-    return {name: getattr(options, name) for name in ("vehicle", "mu", "planner_mu", "max_speed")}
+    return {name: getattr(options, name) for name in names or DRIVE}
 
 
 class ProgressLine:

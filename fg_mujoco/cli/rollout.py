@@ -39,7 +39,10 @@ def add_rollout(add_command: Callable[..., argparse.ArgumentParser], commands: A
         "--track", action="append", metavar="TRACK",
         help="NAME, random:SEED or file.csv, as often as wanted: the worlds take them in turn; default: oval",
     )  # fmt: skip
-    add("--controller", default="gap_finder", help="NAME or path/to/file.py:ClassName; default: gap_finder")
+    add(
+        "--controller", default="gap_finder",
+        help="NAME or path/to/file.py:ClassName, with settings NAME[SETTING=VALUE,...]; default: gap_finder",
+    )  # fmt: skip
     add("--n", type=whole, metavar="N", help=f"worlds; default: {DEFAULT_WORLDS}")
     add("--seed", type=whole, default=0, metavar="N", help="of all that is drawn; default: 0")
     add(

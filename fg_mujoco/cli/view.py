@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-from .options import number, whole
+from .options import add_drive_options, drive_options, whole
 
 _DONE = 0
 
@@ -19,8 +19,7 @@ def add_view(add_command: Callable[..., argparse.ArgumentParser], commands: Any)
     ).add_argument
     add("--track", default="oval", help="as race has it; default: oval")
     add("--controller", default="gap_finder", help="as race has it; default: gap_finder")
-    add("--mu", type=number, metavar="MU", help="friction coefficient of the tires; default: as in the car's MJCF")
-    add("--max-speed", type=number, default=8.0, metavar="M/S", help="that the planner may ask for; default: 8")
+    add_drive_options(add)
     add("--obstacles", type=whole, default=0, metavar="N", help="boxes on the track; default: 0")
     add("--obstacle-seed", type=whole, default=0, metavar="K", help="of their places; default: 0")
     add("--web", action="store_true", help="serve the view to a browser; without it, a window is opened")
@@ -34,6 +33,10 @@ def _view(options: argparse.Namespace) -> int:
     from ..viz.live.desktop import require_display, run_desktop
     from ..viz.live.session import LiveSession, LiveSettings
 
+    settings = LiveSettings(
+        track=options.track, controller=options.controller, obstacles=options.obstacles,
+        obstacle_seed=options.obstacle_seed, **drive_options(options),
+    )  # fmt: skip
     host, port = options.host or HOST, PORT if options.port is None else options.port
     if options.web:
         require_viser()
@@ -42,12 +45,7 @@ def _view(options: argparse.Namespace) -> int:
         raise SettingsError("--host and --port say where a browser is served; accepted: with --web")
     else:
         require_display()
-    session = LiveSession(
-        LiveSettings(
-            track=options.track, controller=options.controller, mu=options.mu, max_speed=options.max_speed,
-            obstacles=options.obstacles, obstacle_seed=options.obstacle_seed,
-        )
-    )  # fmt: skip
+    session = LiveSession(settings)
     if not options.web:
         run_desktop(session)
         return _DONE

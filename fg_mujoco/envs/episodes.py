@@ -57,7 +57,7 @@ class Episodes:
 
     def __init__(self, settings: EnvironmentSettings, worlds: Worlds) -> None:
         self.worlds = worlds
-        self._start, self._weights = settings.start, settings.rewards.of_tick(worlds.period)
+        self._start, self._weights = settings.fixed_start, settings.rewards.of_tick(worlds.period)
         car, count = worlds.world.parameters, len(worlds.times)
         self.layout = ObservationLayout(car, worlds.world.vehicle.lidar.beams, settings.beam_step)
         self.actions = ActionBounds(car, settings.speed_range, normalised=settings.normalised_actions)
@@ -100,8 +100,7 @@ class Episodes:
         starts, seeds = [], []
         for i in map(int, np.flatnonzero(which)):
             rng = generators[i]
-            drawn = draw_start(self.worlds.world, rng) if self._start == "random" and start is None else Start()
-            starts.append(start or drawn)
+            starts.append(start or self._start or draw_start(self.worlds.world, rng))
             seeds.append(int(rng.integers(2**63)))
         self.worlds.begin(which, starts, seeds)
         self.rewards[which] = 0.0

@@ -68,6 +68,7 @@ class F1TenthEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         chosen = EnvironmentSettings.of(settings)
         self._world = Worlds(chosen)
         self._episodes = Episodes(chosen, self._world)
+        self.metadata = self.metadata | {"render_fps": round(1.0 / self._world.period)}
         self.observation_space: gymnasium.Space[Any] = observation_space(self._episodes.layout)
         self.action_space: gymnasium.Space[Any] = action_space(self._episodes.actions)
         self._data: mujoco.MjData | None = None  # that is drawn

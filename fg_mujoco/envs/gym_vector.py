@@ -72,10 +72,12 @@ class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
             raise SettingsError(f"render_mode of many worlds is {render_mode!r}; accepted: rgb_array, None")
         self.num_envs, self.render_mode = num_envs, render_mode
         self._mode = _autoreset_mode(autoreset_mode)
-        self.metadata = F1TenthEnv.metadata | {"autoreset_mode": self._mode, "render_modes": ["rgb_array"]}
         chosen = EnvironmentSettings.of(settings)
         self._worlds = Worlds(chosen, num_envs, threads or min(usable_cores(), num_envs))
         self._episodes = Episodes(chosen, self._worlds)
+        self.metadata = F1TenthEnv.metadata | {
+            "autoreset_mode": self._mode, "render_modes": ["rgb_array"], "render_fps": round(1.0 / self._worlds.period),
+        }  # fmt: skip
         self.single_observation_space = observation_space(self._episodes.layout)
         self.single_action_space = action_space(self._episodes.actions)
         self.observation_space = batch_space(self.single_observation_space, num_envs)

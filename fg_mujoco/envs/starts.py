@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
 from typing import Any
 
 import numpy as np
 
 from ..errors import SettingsError
-from ..simulation.settings import Start
+from ..simulation.settings import Start, as_part
 from ..simulation.world import World
 
 
@@ -33,9 +32,4 @@ def given_start(options: Mapping[str, Any] | None) -> Start | None:
     if unknown:
         raise SettingsError(f"reset has no option {sorted(unknown)[0]!r}; accepted: 'start'")
     start = (options or {}).get("start")
-    if start is None or isinstance(start, Start):
-        return start
-    names = [f.name for f in fields(Start)]
-    if not isinstance(start, Mapping) or not set(start) <= set(names):
-        raise SettingsError(f"the start is {start!r}; accepted: any of {', '.join(names)}, by name")
-    return Start(**start)
+    return None if start is None else as_part(start, Start, "start")

@@ -5,12 +5,15 @@ from __future__ import annotations
 import hashlib
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from ..course.course import Course
 from ..errors import SettingsError
-from ..vehicle.vehicle import Vehicle
+from ..messages import Controller
+from ..simulation.settings import DriveSettings
 from .planner_loading import build_controller, find_controller
 
 Value = float | int | bool | str
@@ -60,17 +63,45 @@ class ControllerChoice:
         path, colon, _ = self.source.rpartition(":")
         return hashlib.sha256(Path(path).read_bytes()).hexdigest() if colon else None
 
-    def check(self, course: Course) -> None:
-        """Build it once, for a race on `course`.
+    def settings_with(self, others: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the settings in its brackets and `others`, those that are given beside it.
+
+        Raises:
+          SettingsError: one is given twice.
+        """
+        twice = [name for name, _ in self.settings if name in others]
+        if twice:
+            raise SettingsError(
+                f"{twice[0]} is given in the brackets of controller {self.label!r} and in planner_settings; accepted: "
+                "one of them"
+            )
+        return {**dict(self.settings), **others}
+
+    def check(self, course: Course, drive: DriveSettings) -> None:
+        """Build it once, for a race on `course`, as `drive` says which car and what it is told.
 
         Raises:
           ControllerError: it cannot be loaded, or not with these settings.
+          SettingsError: a setting that is given twice.
         """
-        vehicle = Vehicle.load()
         build_controller(
-            find_controller(self.source), self.source, car=vehicle.parameters, mu=vehicle.nominal_mu, max_speed=8.0,
-            settings=dict(self.settings), map_line=course.map_line,
+            find_controller(self.source), self.source, car=drive.car.parameters, mu=drive.assumed_mu,
+            max_speed=drive.max_speed, settings=self.settings_with(drive.planner_settings), map_line=course.map_line,
         )  # fmt: skip
+
+
+def split_controller(
+    controller: str | Controller, planner_settings: Mapping[str, Any] | None
+) -> tuple[str | Controller, dict[str, Any]]:
+    """Return a controller without the settings in its brackets, and these together with `planner_settings`.
+
+    Raises:
+      SettingsError: a text that is no controller, or a setting that is given twice.
+    """
+    if not isinstance(controller, str):
+        return controller, dict(planner_settings or {})
+    choice = ControllerChoice.of(controller)
+    return choice.source, choice.settings_with(planner_settings or {})
 
 
 def read_value(text: str) -> Value:

@@ -18,8 +18,9 @@ import importlib
 import inspect
 import linecache
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
+from functools import lru_cache
 from importlib.metadata import EntryPoint, entry_points, packages_distributions, version
 from pathlib import Path
 from types import ModuleType
@@ -38,11 +39,12 @@ def controller_names() -> tuple[str, ...]:
     return tuple(sorted({*_catalogue(), *(point.name for point in entry_points(group=GROUP))}))
 
 
-def origin(source: str | Controller) -> dict[str, str | None]:
+def origin(source: str | Controller, found: Any = None) -> dict[str, str | None]:
     """Return where a controller comes from, for the manifest of a run.
 
     Args:
       source: as of `make_controller`.
+      found: its class, if it is loaded already.
 
     Returns:
       distribution: the installed package that it is of; None for a file or object of the user's.
@@ -53,7 +55,8 @@ def origin(source: str | Controller) -> dict[str, str | None]:
     Raises:
       ControllerError: an unknown name, or a file or class that cannot be loaded.
     """
-    found = find_controller(source) if isinstance(source, str) else type(source)
+    if found is None:
+        found = find_controller(source) if isinstance(source, str) else type(source)
     text = source_code(found)
     place = _file_of(found)
     distribution = _distribution_of(found, source)
@@ -290,7 +293,12 @@ def _distribution_of(found: Any, source: str | Controller) -> str | None:
         return "fg-mujoco"
     if package in ("", "__main__") or not hasattr(sys.modules.get(package), "__spec__"):
         return None
-    return next(iter(packages_distributions().get(package, ())), None)
+    return next(iter(_distributions().get(package, ())), None)
+
+
+@lru_cache(maxsize=1)  # it looks through all that is installed
+def _distributions() -> Mapping[str, Sequence[str]]:
+    return packages_distributions()
 
 
 def _file_of(found: Any) -> Path | None:

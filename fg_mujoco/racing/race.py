@@ -30,7 +30,8 @@ from ..simulation.telemetry import statistics_figures
 from ..simulation.termination import END_REASONS
 from ..vehicle.changes import CarChanges
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
-from .planner_loading import make_controller
+from .planner_choice import split_controller
+from .planner_loading import make_controller, origin, source_code
 from .result import History, RaceResult, trajectory_sha256
 
 
@@ -89,7 +90,8 @@ def race(
     Args:
       track: a course, or what `load_track` makes one of: a bundled name, `random:SEED`, `scene:NAME:SEED`, or
         a path to a centreline CSV.
-      controller: a bundled name, `path/to/file.py:ClassName`, or a controller object.
+      controller: a bundled name or `path/to/file.py:ClassName`, with settings in brackets where wanted, as
+        `gap_finder[lookahead=8]`; or a controller object.
       laps: to be driven; None: 5, and of a scene 1, which is all it has.
       vehicle: a bundled name, the path of a vehicle's MJCF file, or a Vehicle.
       mu: friction coefficient of the tires; None: as in the vehicle's MJCF.
@@ -110,9 +112,10 @@ def race(
     Raises:
       TrackError, ControllerError, SettingsError: input that cannot be raced with.
     """
+    controller, own = split_controller(controller, planner_settings)
     settings = RaceSettings(
         laps=USUAL_LAPS if laps is None else laps, vehicle=vehicle, mu=mu, changes=changes or CarChanges(),
-        planner_mu=planner_mu, max_speed=max_speed, planner_settings=planner_settings or {}, start=start or Start(),
+        planner_mu=planner_mu, max_speed=max_speed, planner_settings=own, start=start or Start(),
         effects=effects or LidarEffects(), seed=seed, lidar=lidar, time_limit=time_limit,
     )  # fmt: skip
     course = load_track(track, car=settings.car.parameters)
@@ -147,7 +150,10 @@ def race(
     return RaceResult(
         track=world.track.name,
         vehicle=settings.car.name,
+        vehicle_sha256=settings.car.sha256,
         controller=controller if isinstance(controller, str) else type(controller).__name__,
+        controller_origin=origin(controller, type(planner)),
+        controller_source=source_code(type(planner)),
         laps_requested=laps,
         laps_completed=len(lap_times),
         finished=reason == "finished",

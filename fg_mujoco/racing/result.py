@@ -28,7 +28,9 @@ class RaceResult:
 
     track: str
     vehicle: str
+    vehicle_sha256: str  # of its MJCF and its LiDAR's
     controller: str
+    controller_origin: dict[str, str | None]  # distribution and version, or file, of the planner; hash of its source
     laps_requested: int
     laps_completed: int
     finished: bool
@@ -52,6 +54,7 @@ class RaceResult:
     obstacle_seed: int | None  # of their random places; None: they were not placed at random
     planner_settings: dict[str, Any]  # those that differ from its own
     trajectory_sha256: str  # of all states and controls, bit for bit
+    controller_source: bytes | None = field(repr=False)  # the file that the planner's class is in, as it was read
     world: World = field(repr=False)
     telemetry: FloatArray = field(repr=False)  # (ticks, len(TELEMETRY))
     states: FloatArray = field(repr=False)  # (ticks + 1, n) mjSTATE_INTEGRATION at the start of each tick; the last
@@ -65,11 +68,30 @@ class RaceResult:
         """Return one column of the telemetry by its name in TELEMETRY. Shape (ticks,)."""
         return self.telemetry[:, TELEMETRY.index(name)]
 
+    @property
+    def cars(self) -> tuple[dict[str, Any], ...]:
+        """How each car fared, one row a car; the other fields are those of car 0."""
+        return (
+            {
+                "name": "car_0",
+                "vehicle": self.vehicle,
+                "controller": self.controller,
+                "position": 1,
+                "laps_completed": self.laps_completed,
+                "lap_times_s": self.lap_times_s,
+                "finished": self.finished,
+                "end_reason": self.end_reason,
+                "collisions_wall": self.collisions,
+                "collisions_car": 0,
+                "max_slide_m_s": self.max_slide_m_s,
+            },
+        )
+
     def summary(self) -> dict[str, Any]:
-        """Return what the JSON summary holds: everything but the arrays and the world."""
-        arrays = ("world", "telemetry", "states", "ctrl")
-        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in arrays}
-        return values | {"lidar_effects": asdict(self.lidar_effects)}
+        """Return what the JSON summary holds: everything but the arrays, the world and the planner's source."""
+        left_out = ("world", "telemetry", "states", "ctrl", "controller_source")
+        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in left_out}
+        return values | {"lidar_effects": asdict(self.lidar_effects), "cars": list(self.cars)}
 
 
 class Trajectory(TypedDict):

@@ -9,6 +9,7 @@
     states.npz      time (n + 1,) [s], state (n + 1, k) mjSTATE_INTEGRATION, ctrl (n, 2) [rad, m/s]: row i of ctrl is
                     held from state i to state i + 1, one tick
     telemetry.csv   one row a tick, columns named with their units
+    controller.py   the source of a planner of your own, as it was read; its hash is in the summary
     trace.png       the line over the track, and the tires' work over time (needs the extra `plot`)
 
 A folder with a summary is complete: everything is written aside, and the summary is moved in last.
@@ -39,8 +40,9 @@ from .result import RaceResult
 SCHEMA = 1
 """Of the run folder; a reader refuses any other."""
 
-_FILES = ("scene.xml", "states.npz", "telemetry.csv", "trace.png", "summary.json")  # in the order they are moved in
-_SCENE, _STATES, _TELEMETRY, _TRACE, SUMMARY = _FILES
+# in the order they are moved in
+_FILES = ("scene.xml", "states.npz", "telemetry.csv", "trace.png", "controller.py", "summary.json")
+_SCENE, _STATES, _TELEMETRY, _TRACE, _CONTROLLER, SUMMARY = _FILES
 _STAGING = ".partial"  # inside the folder, so that moving out of it never crosses file systems
 
 
@@ -99,6 +101,8 @@ def write_run(
         time = result.states[:, 0]  # mjSTATE_TIME comes first in a state
         np.savez_compressed(staging / _STATES, time=time, state=result.states, ctrl=result.ctrl)
         _write_telemetry(result.telemetry, staging / _TELEMETRY)
+        if result.controller_source is not None and result.controller_origin["distribution"] is None:
+            (staging / _CONTROLLER).write_bytes(result.controller_source)
         if draw is not None:
             draw(result, staging / _TRACE)
         (staging / SUMMARY).write_text(summary_json(result, settings) + "\n", encoding="utf-8")

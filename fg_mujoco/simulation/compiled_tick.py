@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..course.course import Course
 from ..kernels import kernel
 from ..lidar.body_poses import Mount
 from ..lidar.scene import SceneArrays, Scratch
@@ -26,7 +28,7 @@ from .array_table import (
     whole_numbers,
 )
 from .physics import Batch, StateLayout
-from .termination import RaceMonitor, judge_cars
+from .termination import judge_cars
 from .tick import drive_cars, read_cars, scan_cars
 
 NAMES = (
@@ -59,11 +61,15 @@ def whole_places(
     return np.array(values, np.int64)
 
 
-def course_numbers(timestep: float, monitor: RaceMonitor) -> NDArray[np.float64]:
-    """Return the array `times` of a table."""
-    course = monitor.course
+def course_numbers(
+    timestep: float, course: Course | None, laps: int, time_limit: float | None, period: float
+) -> NDArray[np.float64]:
+    """Return the array `times` of a table; `time_limit` None is that of the course."""
     of_course = (1.0, 1.0, 0.0) if course is None else (course.length, course.modulus, course.stop_time)
-    return np.array((timestep, *of_course, monitor.last_time), np.float64)
+    if time_limit is None:
+        time_limit = math.inf if course is None else course.longest_race(laps)
+    last_time = time_limit - 0.5 * period  # times are sums of many ticks
+    return np.array((timestep, *of_course, last_time), np.float64)
 
 
 @kernel

@@ -121,6 +121,13 @@ def step_states(
     return failed
 
 
+def span_of(model: mujoco.MjModel, part: mujoco.mjtState) -> tuple[int, int]:
+    """Return where a part of a state lies in its row: the first place, and the one behind the last."""
+    earlier = (1 << bit for bit in range(int(part).bit_length() - 1))
+    before = sum(mujoco.mj_stateSize(model, bit) for bit in earlier if int(STATE) & bit)
+    return before, before + mujoco.mj_stateSize(model, int(part))
+
+
 class StateLayout(NamedTuple):
     """Where the parts of a state lie in its row: the first place, and the one behind the last."""
 
@@ -133,14 +140,7 @@ class StateLayout(NamedTuple):
     @classmethod
     def of(cls, model: mujoco.MjModel) -> StateLayout:
         """Return the layout of the states of a model."""
-        places = {}
-        for name, part in _PARTS.items():
-            before = sum(
-                mujoco.mj_stateSize(model, 1 << bit)
-                for bit in range(int(part).bit_length() - 1)
-                if int(STATE) & (1 << bit)
-            )
-            places[name] = (before, before + mujoco.mj_stateSize(model, int(part)))
+        places = {name: span_of(model, part) for name, part in _PARTS.items()}
         return cls(time=places.pop("time")[0], **places)
 
 
@@ -169,24 +169,23 @@ class Batch:
         self.model = model
         message = ctypes.create_string_buffer(1024)
         config = _Config(1, 1)
-        self.address: int = _LIBRARY.mjb_makeBatch(
-            model._address, count, ctypes.byref(config), message, len(message)
-        ) or _failed(message)
+        self._handle = _Handle(
+            _LIBRARY.mjb_makeBatch(model._address, count, ctypes.byref(config), message, len(message))
+            or _failed(message)
+        )
+        self.address = self._handle.address
         self._count = count
         size = mujoco.mj_stateSize(model, int(STATE))
-        self.states: FloatArray = _view(_LIBRARY.mjb_state(self.address), (count, size), np.float64)
-        self.warnings: NDArray[np.int32] = _view(_LIBRARY.mjb_warning(self.address), (count, 2 * _WARNINGS), np.int32)
-        self.status: NDArray[np.int32] = _view(_LIBRARY.mjb_status(self.address), (count,), np.int32)
+        self.states: FloatArray = _view(self._handle, _LIBRARY.mjb_state(self.address), (count, size), np.float64)
+        self.warnings: NDArray[np.int32] = _view(
+            self._handle, _LIBRARY.mjb_warning(self.address), (count, 2 * _WARNINGS), np.int32
+        )
+        self.status: NDArray[np.int32] = _view(self._handle, _LIBRARY.mjb_status(self.address), (count,), np.int32)
         self.sensors: FloatArray = self._live("mjb_output", "sensordata", (model.nsensordata,))
         self.records = np.zeros((count, steps, model.nsensordata))
         self._record = _Record(b"sensordata", 0, self.records.ctypes.data)
         self.record = ctypes.addressof(self._record)
         self._models: tuple[mujoco.MjModel, ...] = ()
-
-    def __del__(self) -> None:
-        if getattr(self, "address", 0):
-            _LIBRARY.mjb_deleteBatch(self.address)
-            self.address = 0
 
     @property
     def warned(self) -> NDArray[np.bool_]:
@@ -241,7 +240,7 @@ class Batch:
         )  # fmt: skip
         if not address or bytes_each.value != 8 or size.value != math.prod(shape):
             raise EngineError(f"MuJoCo gives no values of {name!r} for each state; accepted: a field of numbers")
-        return _view(address, (self._count, *shape), np.float64)
+        return _view(self._handle, address, (self._count, *shape), np.float64)
 
     def _check(self, failed: int) -> None:
         if failed:
@@ -249,12 +248,23 @@ class Batch:
             raise EngineError(f"MuJoCo failed in world {first}: {self.error(first)}")
 
 
-def _view(address: int, shape: tuple[int, ...], kind: Any) -> Any:
-    """Return an array of what lies at an address."""
+class _Handle:
+    """Holds one of MuJoCo's batches; it goes when nobody holds its handle any more."""
+
+    def __init__(self, address: int) -> None:
+        self.address = address
+
+    def __del__(self) -> None:
+        _LIBRARY.mjb_deleteBatch(self.address)
+
+
+def _view(handle: _Handle, address: int, shape: tuple[int, ...], kind: Any) -> Any:
+    """Return an array of what lies at an address in a batch, which lives as long as the array."""
     count = math.prod(shape)
     if count == 0:
         return np.zeros(shape, kind)
     buffer = (ctypes.c_byte * (count * np.dtype(kind).itemsize)).from_address(address)
+    buffer.handle = handle
     return np.frombuffer(buffer, kind).reshape(shape)
 
 

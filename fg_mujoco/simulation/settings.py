@@ -5,12 +5,13 @@ A race, a rollout, an environment and the live view spell these settings alike a
 
 from __future__ import annotations
 
+import difflib
 import functools
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from ..course.course import Course
 from ..course.obstacles import Obstacle
@@ -18,9 +19,13 @@ from ..errors import SettingsError
 from ..lidar.effects import LidarEffects
 from ..messages import require, require_whole
 from ..vehicle.changes import CarChanges
-from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle, vehicle_names
+from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .world import World
 
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+_Part = TypeVar("_Part")
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 FASTEST = 8.0
@@ -41,6 +46,35 @@ def renamed(**names: str) -> Callable[[_F], _F]:
         return cast(_F, checked)
 
     return decorate
+
+
+def known_settings(settings: Mapping[str, Any], kind: Any, what: str) -> dict[str, Any]:
+    """Return settings by name if all are fields of the dataclass `kind`.
+
+    Raises:
+      SettingsError: one is not; the message has the nearest field.
+    """
+    names = [f.name for f in fields(kind)]
+    for name in settings:
+        if name not in names:
+            near = difflib.get_close_matches(str(name), names, n=1)
+            hint = f"did you mean {near[0]!r}? " if near else ""
+            raise SettingsError(f"{what} has no setting {name!r}; {hint}accepted: {', '.join(names)}")
+    return dict(settings)
+
+
+def as_part(value: Any, kind: type[_Part], name: str) -> _Part:
+    """Return an object of the dataclass `kind`, which `value` is, or a mapping of whose fields it is.
+
+    Raises:
+      SettingsError: it is neither, or the mapping has other names.
+    """
+    if isinstance(value, kind):
+        return value
+    if isinstance(value, Mapping):
+        return kind(**known_settings(value, kind, name))
+    names = ", ".join(f.name for f in fields(cast(Any, kind)))
+    raise SettingsError(f"{name} is {value!r}; accepted: {kind.__name__}, or any of {names} by name")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,12 +109,17 @@ class CarSettings:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "vehicle", Vehicle.load(self.vehicle))
+        self._make("changes", CarChanges)
         if self.mu is not None:
             require(self, lambda value: 0.0 < value < math.inf, "a positive number", ("mu",), SettingsError)
         if self.mu is not None and self.changes.mu not in (None, self.mu):
             raise SettingsError(
                 f"mu is {self.mu!r} and CarChanges.mu is {self.changes.mu!r}; accepted: one of them, or the same twice"
             )
+
+    def _make(self, name: str, kind: type) -> None:
+        """Make an object of `kind` of a setting that may be a mapping."""
+        object.__setattr__(self, name, as_part(getattr(self, name), kind, name))
 
     @property
     def car(self) -> Vehicle:
@@ -97,6 +136,36 @@ class CarSettings:
         return World(
             course, self.car, mu=self.mu, lidar=lidar, obstacles=obstacles, changes=self.changes
         )  # fmt: skip
+
+    def described(self) -> dict[str, Any]:
+        """Return those that differ from the defaults as they can stand in JSON; `of` reads them back."""
+        plain = type(self)()
+        found: dict[str, Any] = {}
+        for name in (f.name for f in fields(self)):
+            value = getattr(self, name)
+            if value == getattr(plain, name):
+                continue
+            if isinstance(value, Vehicle):
+                found |= {name: value.source, "vehicle_sha256": value.sha256}
+            elif is_dataclass(value) and not isinstance(value, type):
+                found[name] = asdict(value)
+            else:
+                found[name] = "off" if value == math.inf else value
+        return found
+
+    @classmethod
+    def of(cls, description: Mapping[str, Any]) -> Self:
+        """Return the settings that `described` told of.
+
+        Raises:
+          SettingsError: what cannot be, or a vehicle's file that is another one now.
+        """
+        values: dict[str, Any] = {name: math.inf if value == "off" else value for name, value in description.items()}
+        sha256 = values.pop("vehicle_sha256", None)
+        settings = cls(**values)
+        if sha256 is not None and settings.car.sha256 != sha256:
+            raise SettingsError(f"vehicle {values['vehicle']!r} is another one now; accepted: the file as it was")
+        return settings
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,42 +186,12 @@ class DriveSettings(CarSettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        self._make("start", Start)
+        self._make("effects", LidarEffects)
         require(self, lambda value: 0.0 < value < math.inf, "a positive number", ("max_speed",), SettingsError)
         if self.planner_mu is not None:
             require(self, lambda value: value > 0.0, "a positive number, or inf", ("planner_mu",), SettingsError)
         require_whole("seed", self.seed, 0)
-
-    def described(self) -> dict[str, Any]:
-        """Return those that differ from the defaults as they can stand in JSON; `DriveSettings.of` reads them back."""
-        plain = DriveSettings()
-        found: dict[str, Any] = {}
-        for name in (f.name for f in fields(DriveSettings)):
-            value = getattr(self, name)
-            if value == getattr(plain, name):
-                continue
-            if isinstance(value, Vehicle):
-                bundled = value.name in vehicle_names()
-                found |= {name: value.name if bundled else value.file, "vehicle_sha256": value.sha256}
-            else:
-                found[name] = asdict(value) if is_dataclass(value) and not isinstance(value, type) else value
-        return found
-
-    @classmethod
-    def of(cls, description: Mapping[str, Any]) -> DriveSettings:
-        """Return the settings that `described` told of.
-
-        Raises:
-          SettingsError: what cannot be, or a vehicle's file that is another one now.
-        """
-        values = dict(description)
-        sha256 = values.pop("vehicle_sha256", None)
-        for name, kind in (("changes", CarChanges), ("start", Start), ("effects", LidarEffects)):
-            if name in values:
-                values[name] = kind(**values[name])
-        settings = DriveSettings(**values)
-        if sha256 is not None and settings.car.sha256 != sha256:
-            raise SettingsError(f"vehicle {values['vehicle']!r} is another one now; accepted: the file as it was")
-        return settings
 
     @property
     def assumed_mu(self) -> float:

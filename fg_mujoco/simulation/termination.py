@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
+from copy import copy
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..course.course import Course
-from ..course.lap_timer import first_seen, fresh_timers, time_lap
+from ..course.lap_timer import fresh_timers, time_lap
 from ..kernels import kernel
 from ..messages import FloatArray
 from ..vehicle.motion import CarArray, planar_pose
@@ -28,87 +28,35 @@ _UNSTABLE, _CRASH, _FINISHED, _NO_PROGRESS, _TIME_LIMIT = range(1, 6)
 
 
 class RaceMonitor:
-    """Monitors the races of r cars on one course. None runs before its first `begin`.
+    """The races of r cars: laps, which go on, and why the others ended. None runs before its car is placed.
 
     Args:
-      course: of all of them; None: it is not known, and nothing is timed or ended.
-      cars: (r,) of CAR.
-      cars_per_world: r of them make one world.
-      layout: of the worlds' states.
+      count: how many cars, r.
       laps: to be driven.
-      time_limit: of simulated time [s]; None: that of the course.
-      period: of a tick [s].
 
     Attributes:
-      course: as given.
       laps: as given.
       running: which races go on, (r,).
       reasons: numbers in END_REASONS, (r,).
       timers: of the laps, (r,) of LAP_TIMER.
       lap_times: [s], NaN where not driven, (r, laps).
       standing_since: when each car has come to stand behind the goal, NaN while it has not, (r,) [s].
-      last_time: half a tick before the time limit, because times are sums of many ticks [s].
     """
 
-    def __init__(
-        self,
-        course: Course | None,
-        cars: CarArray,
-        cars_per_world: int,
-        layout: StateLayout,
-        *,
-        laps: int,
-        time_limit: float | None,
-        period: float,
-    ) -> None:
-        self.course = course
-        self._cars, self._cars_per_world, self._layout, self.laps = cars, cars_per_world, layout, laps
-        if time_limit is None:
-            time_limit = math.inf if course is None else course.longest_race(laps)
-        self.last_time = time_limit - 0.5 * period
-        self.running = np.zeros(len(cars), np.bool_)
-        self.reasons = np.zeros(len(cars), np.int64)
-        self.lap_times = np.full((len(cars), laps), math.nan)
-        self.timers = fresh_timers(len(cars))
-        self.standing_since = np.full(len(cars), math.nan)
+    def __init__(self, count: int, laps: int) -> None:
+        self.laps = laps
+        self.running = np.zeros(count, np.bool_)
+        self.reasons = np.zeros(count, np.int64)
+        self.lap_times = np.full((count, laps), math.nan)
+        self.timers = fresh_timers(count)
+        self.standing_since = np.full(count, math.nan)
 
-    def begin(self, which: Mask, rows: slice, states: FloatArray, warnings: NDArray[np.int32], crashed: Mask) -> None:
-        """Begin the races of the cars `which` (r,) among `rows`, where they are now; otherwise as `judge`."""
-        if self.course is None:
-            self.running[rows] |= which[rows]
-            return
-        chosen = np.flatnonzero(which[rows])
-        positions = np.empty((len(chosen), 2))
-        for place, row in enumerate(chosen.tolist()):
-            first = self._layout.qpos[0] + int(self._cars["free_qpos"][rows][row])
-            positions[place] = states[row // self._cars_per_world, first : first + 2]
-        timers = fresh_timers(len(chosen))
-        first_seen(timers, self.course, positions)
-        self.timers[rows][chosen] = timers
-        self.lap_times[rows][chosen] = self.standing_since[rows][chosen] = math.nan
-        running = self.running[rows]
-        others = running & ~which[rows]
-        running[:] = which[rows]  # a timer is told of a moment only once
-        self.judge(rows, states, warnings, crashed)
-        running |= others
-
-    def judge(self, rows: slice, states: FloatArray, warnings: NDArray[np.int32], crashed: Mask) -> None:
-        """Take the cars of `rows` that run where they are now and end what is over.
-
-        Args:
-          rows: consecutive cars, of whole worlds.
-          states: (n, k) of their worlds.
-          warnings: of each, `Batch.warnings`.
-          crashed: whether the chassis of each car has touched anything, (r,).
-        """
-        course = self.course
-        if course is None:
-            return
-        judge_cars(
-            self.running[rows], self.reasons[rows], self._cars_per_world, states, self._layout, self._cars[rows],
-            warnings, crashed, self.timers[rows], self.lap_times[rows], self.standing_since[rows], course.table,
-            course.length, course.modulus, course.stop_time, self.laps, self.last_time,
-        )  # fmt: skip
+    def part(self, rows: slice) -> RaceMonitor:
+        """Return the monitor of some of the cars: views."""
+        monitor = copy(self)
+        for name in ("running", "reasons", "lap_times", "timers", "standing_since"):
+            setattr(monitor, name, getattr(self, name)[rows])
+        return monitor
 
     def end(self, which: Mask, reason: str) -> None:
         """End the races of some cars, (r,), for another reason, one of END_REASONS."""

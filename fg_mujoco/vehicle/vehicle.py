@@ -72,6 +72,8 @@ class Vehicle:
         """
         if isinstance(source, Vehicle):
             return source
+        if not isinstance(source, (str, Path)):
+            raise SettingsError(f"vehicle is {source!r}; accepted: a bundled name, the path of a file, or a Vehicle")
         if isinstance(source, str) and not source.endswith(".xml") and "/" not in source:
             return _bundled(source)
         path = Path(source).expanduser()
@@ -81,6 +83,12 @@ class Vehicle:
             reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
             raise SettingsError(f"vehicle file {source}: {reason}; accepted: an MJCF file") from error
         return _checked(path.stem, str(path), text, path.parent.absolute())
+
+    @property
+    def source(self) -> str:
+        """What `Vehicle.load` makes it of: its name if it is bundled, else its file."""
+        bundled = self.name in vehicle_names() and self == _bundled(self.name)
+        return self.name if bundled else self.file
 
     @cached_property
     def sha256(self) -> str:

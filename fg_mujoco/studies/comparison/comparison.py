@@ -22,6 +22,9 @@ from ...errors import SettingsError
 from ...messages import require_whole
 from ...racing.planner_choice import ControllerChoice
 from ...racing.planner_loading import controller_names
+from ...simulation.settings import FASTEST
+from ...vehicle.changes import CarChanges
+from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from ...viz.plots import require_matplotlib
 from ..folders import blame, replace_file
 from ..rollout.job import versions
@@ -33,7 +36,6 @@ from .store import ComparisonFolder
 from .tables import Cell, cells_csv, make_cells, markdown, runs_csv
 
 DEFAULT_SEEDS = range(10)
-DEFAULT_MAX_SPEED = 8.0  # [m/s]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,11 +85,13 @@ def compare(
     tracks: Sequence[str] = (),
     scenes: Sequence[str] = (),
     seeds: Sequence[int] = DEFAULT_SEEDS,
-    max_speeds: Sequence[float] = (DEFAULT_MAX_SPEED,),
+    max_speeds: Sequence[float] = (FASTEST,),
     laps: int = 5,
     obstacles: int = 0,
     lidar_noise: float = 0.0,
+    vehicle: Vehicle | str | Path = DEFAULT_VEHICLE,
     mu: float | None = None,
+    changes: CarChanges | None = None,
     planner_mu: float | None = None,
     time_limit: float | None = None,
     workers: int | None = None,
@@ -111,8 +115,10 @@ def compare(
       laps: on tracks; a scene is driven once.
       obstacles: boxes on each track, with a way past each.
       lidar_noise: standard deviation of each range [m].
-      mu: friction coefficient of the tires; None: as in the car's MJCF.
-      planner_mu: what planners believe it is; None: as in the car's MJCF; inf: their friction limits are off.
+      vehicle: a bundled name, the path of a vehicle's MJCF file, or a Vehicle.
+      mu: friction coefficient of the tires; None: as in the vehicle's MJCF.
+      changes: what else differs from the vehicle's MJCF.
+      planner_mu: friction coefficient that planners assume; None: as in the vehicle's MJCF; inf: no friction limits.
       time_limit: of simulated time of each run [s]; None: as `race` has it.
       workers: processes; None: as many as there are cores; one: no other than this.
       out: a new or empty folder, or one of a comparison with the same settings, from `laps` to `time_limit`.
@@ -128,12 +134,13 @@ def compare(
     if pictures:
         require_matplotlib()
     settings = ComparisonSettings(
-        laps=laps, obstacles=obstacles, lidar_noise=lidar_noise, mu=mu, planner_mu=planner_mu, time_limit=time_limit
-    )
+        laps=laps, obstacles=obstacles, lidar_noise=lidar_noise, vehicle=vehicle, mu=mu,
+        changes=changes or CarChanges(), planner_mu=planner_mu, time_limit=time_limit,
+    )  # fmt: skip
     chosen = [ControllerChoice.of(text) for text in (controller_names() if controllers is None else controllers)]
     runs = plan_runs(chosen, [*tracks, *(f"{PREFIX}{name}" for name in scenes)], max_speeds, seeds, settings)
     folder = ComparisonFolder(out)
-    folder.open(_as_json(settings), versions())
+    folder.open(settings.manifest(), versions())
     missing = [run for run in runs if run.key not in folder.rows]
 
     started, driven = time.perf_counter(), 0
@@ -194,14 +201,17 @@ def plan_runs(
         if not values or twice is not None:
             said = f"no {name} is given" if not values else f"{name} {twice} is given twice"
             raise SettingsError(f"{said}; accepted: one or more, each once")
+    car = settings.car.parameters
     for course in courses:
-        check_course(course, settings.obstacles)
+        check_course(course, settings.obstacles, car=car)
     for choice in controllers:
-        choice.check(course_ground(courses[0], seeds[0]).course)
+        choice.check(course_ground(courses[0], seeds[0], car=car).course, settings.drive(max_speed=max_speeds[0]))
     axis: dict[str, Sequence[int | None]] = {course: _seeds(course, seeds, settings) for course in courses}
     return [
         Run(
-            RunKey(choice.label, choice.sha256, names[course], ground_sha256(course, seed), float(speed), seed),
+            RunKey(
+                choice.label, choice.sha256, names[course], ground_sha256(course, seed, car=car), float(speed), seed
+            ),
             choice, course, settings,
         )
         for choice in controllers
@@ -215,10 +225,6 @@ def _seeds(course: str, seeds: Sequence[int], settings: ComparisonSettings) -> S
     """Return the seeds that a course is driven with."""
     random = course.startswith(PREFIX) or settings.obstacles > 0 or settings.lidar_noise > 0.0
     return seeds if random else (None,)
-
-
-def _as_json(settings: ComparisonSettings) -> dict[str, Any]:
-    return {name: "off" if value == math.inf else value for name, value in asdict(settings).items()}
 
 
 def _write_report(comparison: Comparison, runs: Sequence[Run], folder: ComparisonFolder, *, pictures: bool) -> None:

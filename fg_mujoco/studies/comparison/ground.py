@@ -47,34 +47,36 @@ class Ground:
         return min(nearest)
 
 
-def course_ground(course: str, seed: int | None, obstacles: int = 0) -> Ground:
+def course_ground(course: str, seed: int | None, obstacles: int = 0, *, car: CarParameters | None = None) -> Ground:
     """Return the ground of a run.
 
     Args:
       course: a track as `load_track` takes it, or `scene:NAME`.
       seed: of the scene, or of the boxes on a track.
       obstacles: boxes on a track; a scene has its own obstacles.
+      car: that they are made for; None: the default vehicle.
 
     Raises:
       TrackError, SettingsError: a course that cannot be loaded, or more boxes than it has room for.
     """
+    car = car or default_car()
     if course.startswith(PREFIX):
-        return Ground(_load(_seeded(course, seed)))
-    track = _load(course)
-    return Ground(track, random_boxes(track, obstacles, seed or 0, car=default_car()))
+        return Ground(_load(_seeded(course, seed), car))
+    track = _load(course, car)
+    return Ground(track, random_boxes(track, obstacles, seed or 0, car=car))
 
 
-def check_course(course: str, obstacles: int) -> None:
-    """Refuse a course that no car can drive.
+def check_course(course: str, obstacles: int, *, car: CarParameters) -> None:
+    """Refuse a course that the car cannot drive.
 
     Raises:
       TrackError, SettingsError: as `course_ground`; or the course is too narrow, or no walls can be put round it.
     """
-    found = _load(_seeded(course, 0))
-    found.check_car(default_car())
+    found = _load(_seeded(course, 0), car)
+    found.check_car(car)
     if course.startswith(PREFIX) or obstacles == 0:
         return
-    most = found.obstacle_sites(default_car()).most
+    most = found.obstacle_sites(car).most
     if obstacles > most:
         raise SettingsError(f"{obstacles} obstacles on track {found.name!r}; accepted: at most {most}")
 
@@ -84,9 +86,9 @@ def course_name(course: str) -> str:
     return Path(course).stem if course.endswith(".csv") else course
 
 
-def ground_sha256(course: str, seed: int | None) -> str:
-    """Return the hash of all numbers that make a course with a seed what it is."""
-    return course_sha256(_load(_seeded(course, seed)))
+def ground_sha256(course: str, seed: int | None, *, car: CarParameters) -> str:
+    """Return the hash of all numbers that make a course with a seed, for this car, what it is."""
+    return course_sha256(_load(_seeded(course, seed), car))
 
 
 def laps_of(course: Course, laps: int) -> int:
@@ -100,5 +102,5 @@ def _seeded(course: str, seed: int | None) -> str:
 
 
 @lru_cache(maxsize=128)
-def _load(name: str) -> Course:
-    return load_track(name)
+def _load(name: str, car: CarParameters) -> Course:
+    return load_track(name, car=car)

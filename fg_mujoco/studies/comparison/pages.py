@@ -87,12 +87,9 @@ def _read(folder: Path) -> tuple[ComparisonSettings, list[RunRow]]:
         manifest = json.loads(path.read_text(encoding="utf-8"))
         if not isinstance(manifest, dict) or not {"settings", "versions"} <= set(manifest):
             raise ValueError("no JSON object with settings and versions")
-        values: dict[str, Any] = {
-            name: float("inf") if value == "off" else value for name, value in manifest["settings"].items()
-        }
-        if not isinstance(values.get("laps"), int):
+        if not isinstance(manifest["settings"].get("laps"), int):
             raise ValueError("settings that are not those of a comparison")
-        settings = ComparisonSettings(**values)
+        settings = ComparisonSettings.of(manifest["settings"])
     store = ComparisonFolder(folder)
     store.open(manifest["settings"], manifest["versions"])
     if not store.rows:
@@ -136,7 +133,7 @@ def _find_run(key: RunKey, settings: ComparisonSettings) -> Run:
         raise RunFolderError(f"{choice.source}: is not in this folder as it was; accepted: call from where its file is")
     for course in (key.course, f"{key.course}.csv"):
         try:
-            if ground_sha256(course, key.seed) == key.course_sha256:
+            if ground_sha256(course, key.seed, car=settings.car.parameters) == key.course_sha256:
                 return Run(key, choice, course, settings)
         except FgMujocoError:
             continue
@@ -154,7 +151,7 @@ def _index(folder: Path, settings: ComparisonSettings, rows: Sequence[RunRow], p
         for row in rows
         if (page := pages.get(row.key, _Page())).remark
     ]
-    shared = ", ".join(f"{name} {value}" for name, value in vars(settings).items() if value is not None)
+    shared = ", ".join(f"{name} {value}" for name, value in settings.manifest().items() if value is not None)
     wins = sum(row.figures.success for row in rows)
     body = (
         f"<h1>{escape(folder.resolve().name)}: {len(rows)} runs</h1>"

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...messages import FloatArray
-from ...simulation.course_loading import default_car
+from ...messages import CarParameters, FloatArray
 from ...viz.course_drawing import draw_course, draw_obstacles, extent
 from ...viz.plots import require_matplotlib
 from .ground import Ground
@@ -117,7 +116,7 @@ def _trace_picture(
         figure.suptitle(title)
         for place, (run, runs) in enumerate(zip(shown, by_controller.values(), strict=True)):
             axes = figure.add_subplot(down, across, place + 1)
-            _draw_run(axes, grounds[run.key.seed], rows[run.key], folder.trace(run.key))
+            _draw_run(axes, run, grounds[run.key.seed], rows[run.key], folder.trace(run.key))
             axes.set(xlim=(left, right), ylim=(bottom, top), xticks=[], yticks=[], xlabel="", ylabel="")
             successes = sum(rows[other.key].figures.success for other in runs)
             axes.set_title(f"{run.key.controller}\n{successes}/{len(runs)}; {_ending(rows[run.key])}", fontsize=7.0)
@@ -136,19 +135,22 @@ def _ending(row: RunRow) -> str:
     return f"{seed}{figures.end_reason.replace('_', ' ')} at {figures.sim_time_s:.1f} s"
 
 
-def _draw_run(axes: Axes, ground: Ground, row: RunRow, trace: FloatArray) -> None:
+def _draw_run(axes: Axes, run: Run, ground: Ground, row: RunRow, trace: FloatArray) -> None:
     """Draw the course, the driven line, and the car and the moving obstacles where they were at the end."""
     draw_course(axes, ground.course)
     draw_obstacles(axes, ground.obstacles, ground.course.moving, row.figures.sim_time_s or 0.0)
     if len(trace):
         axes.plot(*trace[:, :2].T, color=_DRIVEN, linewidth=0.8)
         axes.plot(*trace[0, :2], ".", color=_DRIVEN, markersize=4.0)
-        axes.fill(*_footprint(trace[-1]).T, facecolor="none", edgecolor=_CRASHED if row.figures.collisions else _CAR)
+        axes.fill(
+            *_footprint(trace[-1], run.settings.car.parameters).T,
+            facecolor="none",
+            edgecolor=_CRASHED if row.figures.collisions else _CAR,
+        )
 
 
-def _footprint(pose: FloatArray) -> FloatArray:
+def _footprint(pose: FloatArray, car: CarParameters) -> FloatArray:
     """Return the corners of a car whose rear axle is at x [m], y [m], heading [rad]. Shape (4, 2) [m]."""
-    car = default_car()
     x, y, heading = pose.tolist()
     ahead, aside = np.array([math.cos(heading), math.sin(heading)]), np.array([-math.sin(heading), math.cos(heading)])
     ends = np.array([-car.rear_overhang, -car.rear_overhang, car.length - car.rear_overhang])

@@ -23,6 +23,7 @@ from ...racing.planner_choice import ControllerChoice
 from ...racing.race import race
 from ...racing.result import RaceResult
 from ...simulation.physics import STATE
+from ...simulation.settings import FASTEST, CarSettings, DriveSettings
 from .ground import Ground, course_ground, laps_of
 
 WRONG_WAY_SPEED = 0.1  # [m/s] back along the line; slower is the jitter of a car that stands
@@ -30,28 +31,39 @@ TRACE_STEP = 2  # ticks from one pose of a trace to the next
 
 
 @dataclass(frozen=True, kw_only=True)
-class ComparisonSettings:
+class ComparisonSettings(CarSettings):
     """What all runs of a comparison have in common.
 
     Raises:
       SettingsError: a value outside what is accepted.
+      ModelError: a file that is not that of a vehicle.
     """
 
     laps: int = 5  # on tracks; a scene is driven once
     obstacles: int = 0  # boxes on each track, at places drawn from the seed
     lidar_noise: float = 0.0  # [m] standard deviation of each range, drawn from the seed
-    mu: float | None = None  # of the tires; None: as in the car's MJCF
-    planner_mu: float | None = None  # what planners believe; None: as in the car's MJCF; inf: no friction limits
+    planner_mu: float | None = None  # that planners assume; None: as in the vehicle's MJCF; inf: no friction limits
     time_limit: float | None = None  # [s] of a run; None: as `race` has it
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         require_whole("laps", self.laps, 1)
         require_whole("obstacles", self.obstacles, 0)
-        LidarEffects(range_noise_std=self.lidar_noise)
-        given = tuple(name for name in ("mu", "time_limit") if getattr(self, name) is not None)
-        require(self, lambda value: 0.0 < value < math.inf, "a positive number", given, SettingsError)
-        if self.planner_mu is not None:
-            require(self, lambda value: value > 0.0, "a positive number, or inf", ("planner_mu",), SettingsError)
+        if self.time_limit is not None:
+            require(self, lambda value: 0.0 < value < math.inf, "a positive number", ("time_limit",), SettingsError)
+        self.drive()  # refuses the others
+
+    def drive(self, *, max_speed: float = FASTEST, seed: int = 0) -> DriveSettings:
+        """Return the settings of a run, without those of its planner."""
+        return DriveSettings(
+            vehicle=self.vehicle, mu=self.mu, changes=self.changes, planner_mu=self.planner_mu, max_speed=max_speed,
+            effects=LidarEffects(range_noise_std=self.lidar_noise), seed=seed,
+        )  # fmt: skip
+
+    def manifest(self) -> dict[str, Any]:
+        """Return them as they can stand in JSON; `of` reads them back."""
+        always = ("laps", "obstacles", "lidar_noise", "mu", "planner_mu", "time_limit")
+        return {name: getattr(self, name) for name in always} | self.described()
 
 
 @dataclass(frozen=True)
@@ -151,23 +163,25 @@ class Run:
 
     def ground(self) -> Ground:
         """Return what it is driven on."""
-        return course_ground(self.course, self.key.seed, self.settings.obstacles)
+        return course_ground(self.course, self.key.seed, self.settings.obstacles, car=self.settings.car.parameters)
 
     def race(self) -> RaceResult:
         """Drive it, and return the whole result."""
-        shared = self.settings
-        ground = self.ground()
+        shared, ground = self.settings, self.ground()
+        drive = shared.drive(max_speed=self.key.max_speed_m_s, seed=self.key.seed or 0)
         return race(
             ground.course,
             self.controller.source,
             laps=laps_of(ground.course, shared.laps),
-            mu=shared.mu,
-            planner_mu=shared.planner_mu,
-            max_speed=self.key.max_speed_m_s,
-            seed=self.key.seed or 0,
+            vehicle=drive.car,
+            mu=drive.mu,
+            changes=drive.changes,
+            planner_mu=drive.planner_mu,
+            max_speed=drive.max_speed,
+            seed=drive.seed,
             time_limit=shared.time_limit,
             obstacles=ground.boxes,
-            effects=LidarEffects(range_noise_std=shared.lidar_noise),
+            effects=drive.effects,
             planner_settings=dict(self.controller.settings),
         )
 

@@ -25,7 +25,6 @@ from ...lidar.effects import LidarEffects
 from ...racing.planner_choice import Value, read_value
 from ...simulation.settings import DriveSettings, Scenario, Start
 from ...vehicle.changes import CarChanges
-from ...vehicle.vehicle import Vehicle
 
 PARAMETERS = {
     "mu": (CarChanges, "mu"),
@@ -249,19 +248,25 @@ class Randomization:
         return Scenario(**(kept | drawn), track=track)
 
     def check_base(self, base: DriveSettings) -> None:
-        """Refuse a setting of all worlds that is also drawn for each.
+        """Refuse a setting of all worlds that is also drawn for each, and changes that their vehicle cannot have.
 
         Raises:
           SettingsError: there is one.
         """
         described = base.described()
-        for name in self.ranges:
+        for name, values in self.ranges.items():
             owner, field = PARAMETERS.get(name, (Scenario, name))
             group = {CarChanges: "changes", LidarEffects: "effects", Start: "start"}.get(owner, "")
             of_group = group in described and getattr(getattr(base, group), field) != getattr(owner(), field)
             of_planner = name.startswith(PLANNER) and name.removeprefix(PLANNER) in base.planner_settings
             if name in described or of_group or of_planner:
                 raise SettingsError(f"{name} is given for all worlds and in randomize; accepted: one of them")
+            for value in values.extremes if owner is CarChanges else ():
+                changed: dict[str, Any] = {field: value}
+                try:
+                    base.car.spec(changes=replace(base.all_changes, **changed))
+                except SettingsError as error:
+                    raise SettingsError(f"randomize {name}={values}: {error}") from error
 
 
 def world_seeds(seed: int, count: int) -> NDArray[np.int64]:
@@ -281,9 +286,7 @@ def _check_value(name: str, value: Value) -> None:
     """Raise SettingsError where a parameter cannot have a value. What the planner's settings can have, it says."""
     if name in PARAMETERS and name != _OBSTACLES:
         owner, field = PARAMETERS[name]
-        made = owner(**{field: value})
-        if isinstance(made, CarChanges):
-            Vehicle.load().spec(changes=made)
+        owner(**{field: value})
 
 
 def _counts(values: Range) -> Choice:

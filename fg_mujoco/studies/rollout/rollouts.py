@@ -23,6 +23,7 @@ from ...course.course import Course
 from ...errors import SettingsError
 from ...lidar.effects import LidarEffects
 from ...messages import require_whole
+from ...racing.planner_choice import split_controller
 from ...simulation.course_loading import load_track
 from ...simulation.settings import FASTEST, DriveSettings, Start
 from ...vehicle.changes import CarChanges
@@ -98,7 +99,8 @@ def rollout(
 
     Args:
       tracks: one or more, as `load_track` takes them; world i drives `tracks[i % len(tracks)]`.
-      controller: a bundled name or `path/to/file.py:ClassName`; each world gets a controller of its own.
+      controller: a bundled name or `path/to/file.py:ClassName`, with settings in brackets where wanted, as
+        `gap_finder[lookahead=8]`; each world gets a controller of its own.
       n: how many worlds; None: as many as `seeds`, else 1024.
       seed: the seeds of the worlds are drawn from it, each by its number only.
       seeds: the seeds of the worlds themselves, instead.
@@ -134,15 +136,16 @@ def rollout(
     require_whole("workers", workers, 1, optional=True)
     require_whole("memory_budget", memory_budget, 0)
     several = isinstance(tracks, Sequence) and not isinstance(tracks, str)
+    source, own = split_controller(controller, planner_settings)
     base = DriveSettings(
         vehicle=vehicle, mu=mu, changes=changes or CarChanges(), planner_mu=planner_mu, max_speed=max_speed,
-        planner_settings=planner_settings or {}, start=start or Start(), effects=effects or LidarEffects(),
+        planner_settings=own, start=start or Start(), effects=effects or LidarEffects(),
     )  # fmt: skip
     car = base.car.parameters
     job = RolloutJob(
         base=base,
         tracks=tuple(load_track(track, car=car) for track in (tracks if several else [tracks])),  # type: ignore[arg-type,union-attr]
-        controller=controller,
+        controller=source,  # type: ignore[arg-type]  # an object is refused by `check`
         seed=seed if seeds is None else None,
         seeds=_seeds(n, seed, seeds),
         randomization=Randomization.of(randomize),

@@ -27,6 +27,7 @@ from .session import LiveSession
 INSTALL_COMMAND = "pip install 'fg-mujoco[live]'"
 HOST, PORT = "127.0.0.1", 8080
 
+_GREATEST_MU = 1.5  # of the sliders
 _FRAME = 1.0 / 25.0  # [s] of wall time between two pictures
 _SLOW_FRAME = 0.1  # [s] between two looks at the texts and the trace
 
@@ -146,10 +147,12 @@ class LiveView:
         self._driver.on_update(lambda event: setattr(session, "by_hand", event.target.value == "keys"))
         self._camera = gui.add_dropdown("camera", CAMERAS, initial_value="chase")
         with gui.add_folder("race"):
-            self._slider("speed limit", "max_speed", session.settings.max_speed, (0.5, 20.0, 0.1))
-            self._slider("tires' mu", "mu", round(session.world.car.mu, 4), (0.1, 1.5, 0.01))
-            believed = session.settings.planner_mu or round(session.world.car.mu, 4)
-            self._slider("planner's mu", "planner_mu", believed, (0.1, 1.5, 0.01))
+            self._slider(
+                "speed limit", "max_speed", session.settings.max_speed, (0.5, session.world.parameters.max_speed, 0.1)
+            )
+            self._slider("tires' mu", "mu", round(session.world.car.mu, 4), (0.1, _GREATEST_MU, 0.01))
+            assumed = round(min(session.settings.assumed_mu, _GREATEST_MU), 4)  # without friction limits: the greatest
+            self._slider("planner's mu", "planner_mu", assumed, (0.1, _GREATEST_MU, 0.01))
             rate = gui.add_slider("time rate", 0.1, 4.0, 0.1, 1.0)
             rate.on_update(lambda event: setattr(self, "_rate", float(event.target.value)))
         with gui.add_folder("drive by keys"):

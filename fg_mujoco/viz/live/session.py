@@ -14,22 +14,22 @@ import inspect
 import math
 import threading
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-import mujoco
 import numpy as np
 
+from ...course.course import Course
 from ...course.lap_timer import LapTimer
 from ...course.random_obstacles import random_boxes
 from ...errors import FgMujocoError, SettingsError
 from ...lidar.beams import lidar_body
-from ...messages import DriveCommand, FloatArray, LaserScan, Odometry
-from ...racing.planner_choice import ControllerChoice
+from ...messages import DriveCommand, FloatArray, LaserScan, Odometry, require_whole
+from ...racing.planner_choice import split_controller
 from ...racing.planner_loading import make_controller
-from ...simulation.course_loading import default_car, load_track
-from ...simulation.physics import STATE
+from ...simulation.course_loading import load_track
 from ...simulation.planner_adapter import plan, start
+from ...simulation.settings import DriveSettings
 from ...simulation.simulation import Simulation
 from ...simulation.world import LIDAR_PREFIX, World
 from .hand_driver import HandDriver
@@ -39,22 +39,23 @@ _TRACE_LENGTH = 2000  # points
 
 
 @dataclass(frozen=True, kw_only=True)
-class LiveSettings:
-    """What a live view begins with; the knobs change it."""
+class LiveSettings(DriveSettings):
+    """What a live view begins with; the knobs change it.
 
-    track: str = "oval"
+    Raises:
+      SettingsError: a value outside of what is accepted.
+      ModelError: a file that is not that of a vehicle.
+    """
+
+    track: Course | str = "oval"  # as `load_track` takes it
     controller: str = "gap_finder"  # as the command line takes it, with settings in brackets where wanted
-    mu: float | None = None  # of the tires; None: as in the car's MJCF
-    planner_mu: float | None = None  # what the planner believes it is; None: as in the car's MJCF
-    max_speed: float = 8.0  # [m/s] fastest that the planner may command
     obstacles: int = 0  # boxes on a track
-    obstacle_seed: int = 0
+    obstacle_seed: int = 0  # of their places
 
     def __post_init__(self) -> None:
-        for name in ("mu", "planner_mu", "max_speed"):
-            value = getattr(self, name)
-            if value is not None and not 0.0 < value < math.inf:
-                raise SettingsError(f"{name} is {value!r}; accepted: a positive number")
+        super().__post_init__()
+        for name in ("obstacles", "obstacle_seed"):
+            require_whole(name, getattr(self, name), 0)
 
 
 class LiveSession:
@@ -81,15 +82,15 @@ class LiveSession:
 
     def __init__(self, settings: LiveSettings | None = None) -> None:
         self.settings = settings or LiveSettings()
-        choice = ControllerChoice.of(self.settings.controller)
-        self._source = choice.source
-        self.planner_settings: dict[str, Any] = dict(choice.settings)
-        self._course = load_track(self.settings.track)
+        self.planner_settings: dict[str, Any]
+        self._source, self.planner_settings = split_controller(self.settings.controller, self.settings.planner_settings)
+        car = self.settings.car.parameters
+        self._course = load_track(self.settings.track, car=car)
         self._obstacles = random_boxes(
-            self._course, self.settings.obstacles, self.settings.obstacle_seed, car=default_car()
+            self._course, self.settings.obstacles, self.settings.obstacle_seed, car=car, start=self.settings.start.s
         )
-        self.world = World(self._course, mu=self.settings.mu, obstacles=self._obstacles)
-        self.simulation = Simulation(self.world)
+        self.world = self.settings.world(self._course, obstacles=self._obstacles)
+        self.simulation = self._make_simulation(self.world)
         self.laps = LapTimer(self.world.track)
         self._planner = self._make_planner(self.planner_settings, self.settings)
         self.hand = HandDriver(self.world.parameters)
@@ -225,7 +226,7 @@ class LiveSession:
 
     def _change(self, name: str, value: Any) -> None:
         if name == "mu":
-            self._change_mu(replace(self.settings, mu=value))
+            self._change_mu(replace(self.settings, mu=value, changes=replace(self.settings.changes, mu=None)))
         elif name in ("max_speed", "planner_mu"):
             settings = replace(self.settings, **{name: value})
             self._planner = self._make_planner(self.planner_settings, settings)
@@ -240,18 +241,21 @@ class LiveSession:
     def _change_mu(self, settings: LiveSettings) -> None:
         """Give the car other tires where it is, as fast as it is: a new world takes the state of the old one."""
         state = self.simulation.state
-        world = World(self._course, mu=settings.mu, obstacles=self._obstacles)
-        simulation = Simulation(world)
-        mujoco.mj_setState(world.model, simulation.data, state, STATE)
-        mujoco.mj_forward(world.model, simulation.data)
+        world = settings.world(self._course, obstacles=self._obstacles)
+        simulation = self._make_simulation(world)
+        simulation.engine.load(state, effects=settings.effects, seed=settings.seed)
+        simulation.engine.read(0, simulation.data)
         simulation.crashed = self.simulation.crashed
         self.world, self.simulation, self.settings = world, simulation, settings
+
+    def _make_simulation(self, world: World) -> Simulation:
+        return Simulation(world, effects=self.settings.effects, seed=self.settings.seed)
 
     def _make_planner(self, settings: dict[str, Any], shared: LiveSettings) -> Any:
         planner = make_controller(
             self._source,
             car=self.world.parameters,
-            mu=self.world.vehicle.nominal_mu if shared.planner_mu is None else shared.planner_mu,
+            mu=shared.assumed_mu,
             max_speed=shared.max_speed,
             settings=settings,
             map_line=self.world.track.map_line,
@@ -260,7 +264,7 @@ class LiveSession:
         return planner
 
     def _place(self) -> None:
-        self.scan, self.odometry = self.simulation.reset()
+        self.scan, self.odometry = self.simulation.reset(**asdict(self.settings.start))
         start(self._planner)
         self.hand.release()
         self.laps.reset()

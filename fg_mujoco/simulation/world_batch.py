@@ -1,0 +1,276 @@
+"""Worlds that share a compiled model and are driven by one thread: a part of an engine.
+
+A WorldBatch has the states of its worlds, and views of the rows of its cars in the engine's arrays. An engine of one
+kind of world and one thread has one; worlds with models of their own are a batch each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ..course.lap_timer import first_seen, fresh_timers
+from ..course.moving_obstacles import make_mover
+from ..lidar.lidar import Lidar, RaycastLidar
+from ..messages import ODOMETRY, FloatArray
+from ..vehicle.car import WHEELS, Car
+from ..vehicle.changes import CarChanges, change_worlds, six_digits
+from ..vehicle.motion import CAR
+from ..vehicle.tire_slip import TireSlipMeter
+from . import compiled_tick
+from .array_table import ArrayTable
+from .physics import STATE, Batch, StateLayout
+from .settings import Start
+from .telemetry import STATISTICS, TELEMETRY
+from .termination import RaceMonitor
+from .tick import book_cars, hold_commands, motion_table, place_obstacles
+from .world import CAR_PREFIX, World
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CarArrays:
+    """What is known of r cars, one row a car."""
+
+    constants: NDArray[np.void]  # (r,) of CAR
+    mu: FloatArray  # (r, 4) of the tires
+    odometry: NDArray[np.void]  # (r,) of ODOMETRY, last sensed
+    ranges: FloatArray  # (r, beams) [m] as in LaserScan, last sensed
+    commands: FloatArray  # (r, 2) [rad, m/s]
+    crashed: Mask  # (r,) whether the chassis has touched anything since the car was placed
+    failed: Mask  # (r,) whether the planner or the engine failed
+    telemetry: FloatArray  # (r, len(TELEMETRY)) of the last tick
+    statistics: NDArray[np.void]  # (r,) of STATISTICS, since the car was placed
+
+    @classmethod
+    def of(cls, count: int, beams: int) -> CarArrays:
+        """Return the arrays of so many cars, whose LiDARs have so many beams."""
+        return cls(
+            constants=np.zeros(count, CAR),
+            mu=np.zeros((count, len(WHEELS))),
+            odometry=np.zeros(count, ODOMETRY),
+            ranges=np.zeros((count, beams)),
+            commands=np.zeros((count, 2)),
+            crashed=np.zeros(count, np.bool_),
+            failed=np.zeros(count, np.bool_),
+            telemetry=np.full((count, len(TELEMETRY)), np.nan),
+            statistics=np.zeros(count, STATISTICS),
+        )
+
+    def part(self, rows: slice) -> CarArrays:
+        """Return views of some rows."""
+        return CarArrays(**{name: values[rows] for name, values in vars(self).items()})
+
+
+class WorldBatch:
+    """Worlds that share a compiled model.
+
+    Args:
+      world: that they share.
+      worlds: which of the engine's they are, consecutive.
+      cars_per_world: m.
+      arrays: of the engine's cars.
+      monitor: of the engine's races.
+      substeps: physics steps of a tick.
+      period: of a tick [s].
+      time_limit: of simulated time [s]; None: that of the course.
+      own_model: step `world.model` itself, so that changes to it take effect; else a copy.
+
+    Attributes:
+      world, worlds: as given.
+      rows: of their cars among the engine's, r of them.
+      layout: of a state.
+      physics: the Batch of their states.
+      cars: Car of each row.
+      slip: what the tires of the car that was driven last did, (4, substeps, 4), as TireSlip.values.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        worlds: slice,
+        cars_per_world: int,
+        arrays: CarArrays,
+        monitor: RaceMonitor,
+        *,
+        substeps: int,
+        period: float,
+        time_limit: float | None,
+        own_model: bool,
+    ) -> None:
+        model, count = world.model, worlds.stop - worlds.start
+        self.world, self.worlds = world, worlds
+        self.rows = slice(worlds.start * cars_per_world, worlds.stop * cars_per_world)
+        self.layout = StateLayout.of(model)
+        self.physics = Batch(model, count, substeps)
+        if own_model:
+            self.physics.set_models([model] * count)
+        self.cars = [world.car] * (count * cars_per_world)
+        self.slip = np.full((4, substeps, len(WHEELS)), np.nan)
+        self._cars_per_world = cars_per_world
+        self._arrays, self._monitor = arrays.part(self.rows), monitor.part(self.rows)
+        meter = TireSlipMeter(model, CAR_PREFIX)
+        self._tires, self._chassis_contact = meter.readings.start, world.car.chassis_contact
+        self._arrays.mu[:], self._arrays.constants[:] = meter.mu, world.car.constants[0]
+        self._motions, self._mover = motion_table(world.moving), make_mover(model)
+        self._ids = np.empty(count, np.int32)
+        self._table = self._make_table(period, time_limit)
+
+    def _make_table(self, period: float, time_limit: float | None) -> ArrayTable:
+        """Return all arrays as the one argument of the compiled tick."""
+        physics, drawn, course = self.physics, self.drawn, self.world.track
+        mount = drawn.mount if drawn is not None else None
+        model, moving = self.world.model, len(self._motions)
+        controls = np.zeros((len(self._ids) if moving else 0, physics.records.shape[1], model.nu + 3 * moving))
+        arrays: dict[str, Any] = {
+            "places": compiled_tick.whole_places(
+                self._cars_per_world, self._tires, self._chassis_contact, physics, self._monitor.laps, mount,
+                self.layout,
+            ),
+            "times": compiled_tick.course_numbers(
+                float(model.opt.timestep), course, self._monitor.laps, time_limit, period
+            ),
+            "states": physics.states, "sensors": physics.sensors, "records": physics.records,
+            "status": physics.status, "warnings": physics.warnings, "slip": self.slip, "ids": self._ids,
+            "controls": controls, "motions": self._motions, "cars": self._arrays.constants, **vars(self._arrays),
+            "running": self._monitor.running, "reasons": self._monitor.reasons, "timers": self._monitor.timers,
+            "lap_times": self._monitor.lap_times, "standing_since": self._monitor.standing_since,
+        }  # fmt: skip
+        if course is not None:
+            arrays["table"] = np.ascontiguousarray(course.table)
+        if drawn is not None and mount is not None:
+            arrays |= drawn.scene.arrays._asdict() | drawn.scene.scratch()._asdict()
+            arrays |= {"offset_position": mount.offset_position, "offset_rotation": mount.offset_rotation}
+        return ArrayTable(compiled_tick.NAMES, arrays)
+
+    @cached_property
+    def drawn(self) -> RaycastLidar | None:
+        """The LiDAR whose scans `sense` draws; None: they are measured in Python, by `lidar`."""
+        lidar = self.world.lidar
+        draws = isinstance(lidar, RaycastLidar) and lidar.draws and lidar.mount is not None
+        return lidar if draws and isinstance(lidar, RaycastLidar) else None
+
+    @cached_property
+    def lidar(self) -> Lidar:
+        """Measures without effects, in data of the world's model."""
+        return self.world.make_lidar()
+
+    def change(self, changes: Sequence[CarChanges]) -> None:
+        """Change the car of each world; one whose parameters no planner can tell from the plain one's is that one."""
+        scratch = copy(self.world.model)
+        change_worlds(self.physics, changes, self.world.vehicle.compile(), CAR_PREFIX)
+        for i, change in enumerate(changes):
+            if change.mu is not None:
+                self._arrays.mu[i] = six_digits(change.mu)
+            if replace(change, mu=None, command_delay=None) != CarChanges():
+                self.cars[i] = Car(self.physics.model_of(i, scratch), CAR_PREFIX)
+                self._arrays.constants[i] = self.cars[i].constants[0]
+
+    def place(self, which: Mask, starts: Sequence[Start | None]) -> None:
+        """Place the cars `which` (r,), whole worlds, at their starts (r,), and begin their races."""
+        ids = np.flatnonzero(which[:: self._cars_per_world]).astype(np.int32)
+        if len(ids) == 0:
+            return
+        physics, model, arrays = self.physics, self.world.model, self._arrays
+        physics.reset(ids)  # warnings and all else that no state holds
+        data = mujoco.MjData(model)
+        for i in ids.tolist():
+            start = starts[i * self._cars_per_world] or Start()
+            mujoco.mj_resetData(model, data)
+            if self._mover is not None:
+                self._mover.place(data)
+            x, y, along = self.world.track.start_pose(start.s, start.offset)
+            self.world.car.write_pose(data, x, y, along + start.heading, start.speed)
+            mujoco.mj_getState(model, data, physics.states[i], int(STATE))
+        physics.forward(ids)
+        touched = np.repeat(physics.sensors[:, self._chassis_contact] > 0.0, self._cars_per_world)
+        arrays.crashed[which] = touched[which]
+        arrays.failed[which] = False
+        arrays.statistics[which], arrays.telemetry[which] = np.zeros(1, STATISTICS), np.nan
+        self._begin(which)
+
+    def _begin(self, which: Mask) -> None:
+        """Begin the races of the cars `which` (r,) where they are now."""
+        monitor, course = self._monitor, self.world.track
+        others = monitor.running & ~which
+        monitor.running[:] = which  # a timer is told of a moment only once
+        if course is not None:
+            rows = np.flatnonzero(which)
+            first = self.layout.qpos[0] + self._arrays.constants["free_qpos"][rows]
+            states = self.physics.states[rows // self._cars_per_world]
+            timers = fresh_timers(len(rows))
+            at = np.arange(len(rows))
+            first_seen(timers, course, np.column_stack((states[at, first], states[at, first + 1])))
+            monitor.timers[rows] = timers
+            monitor.lap_times[rows] = monitor.standing_since[rows] = np.nan
+            self.judge()
+        monitor.running |= others
+
+    def go_on_from(self, other: WorldBatch, places: slice) -> None:
+        """Take over the states of worlds of another batch."""
+        self.physics.states[:] = other.physics.states[places]
+        self.physics.sensors[:] = other.physics.sensors[places]
+        self.physics.warnings[:] = other.physics.warnings[places]
+
+    def load(self, i: int, state: FloatArray) -> None:
+        """Put world i of them into a recorded state (k,), its sensors up to date."""
+        self.physics.states[i] = state
+        self.physics.forward(np.array([i], np.int32))
+        self.physics.states[i] = state  # a forward pass leaves another start for the solver
+
+    def sense(self, which: Mask) -> None:
+        """Take odometry and, where scans are drawn, the scans of the cars `which` (r,)."""
+        if self.drawn is None:
+            compiled_tick.read(self._table.rows, which)
+        else:
+            compiled_tick.sense(self._table.rows, which)
+
+    def drive(self) -> None:
+        """Hold the commands for a tick in the worlds whose cars race."""
+        compiled_tick.drive(self._table.rows)
+
+    def judge(self) -> None:
+        """Time the laps of the cars that race and end what is over."""
+        if self.world.track is not None:
+            compiled_tick.judge(self._table.rows)
+
+    @property
+    def driven(self) -> NDArray[np.int32]:
+        """Which of the worlds have a car that races."""
+        running = self._monitor.running.reshape(-1, self._cars_per_world)
+        return np.flatnonzero(running.any(axis=1)).astype(np.int32)
+
+    def hold(self, ids: NDArray[np.int32], controls: FloatArray | None) -> None:
+        """Begin a tick of single steps in the worlds `ids`: hold the commands, or recorded controls (worlds, k)."""
+        self._ids[: len(ids)] = ids
+        if controls is not None:
+            self.physics.states[:, slice(*self.layout.ctrl)] = controls
+            return
+        arrays = self._arrays
+        hold_commands(
+            self._ids, len(ids), self._cars_per_world, self.physics.states, self.layout, arrays.commands,
+            arrays.constants, arrays.telemetry,
+        )  # fmt: skip
+
+    def step(self, ids: NDArray[np.int32], step: int) -> None:
+        """Do one physics step of a tick in the worlds `ids`."""
+        self.physics.step(ids, step)
+        for i in ids.tolist():
+            place_obstacles(self._motions, self.physics.states[i], self.layout)
+
+    def book(self, ids: NDArray[np.int32]) -> None:
+        """End a tick of single steps in the worlds `ids`: write what tires and chassis did."""
+        arrays = self._arrays
+        book_cars(
+            self._ids, len(ids), self._cars_per_world, self.physics.records, self.physics.status, arrays.failed,
+            self._tires, self._chassis_contact, arrays.mu, self.slip, arrays.crashed, arrays.telemetry,
+            arrays.statistics,
+        )  # fmt: skip
