@@ -72,13 +72,13 @@ docs: $(READY)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict $(ARGS)
 	@echo "the site: build/site/index.html"
 
-## make picture the picture of the README, anew
+## make picture the picture of two laps in the README
 PICTURE := docs/images/oval_trace.png
 picture: $(READY)
 	folder=$$(mktemp -d) && $(BIN)/fg-mujoco race --laps 2 --out $$folder && $(BIN)/python -c \
 	    "from PIL import Image; Image.open('$$folder/trace.png').convert('RGB').quantize(256).save('$(PICTURE)')" \
 	    && rm -r $$folder
 
-## make clean   away with everything made but runs/
+## make clean   removes everything that was made, except runs/
 clean:
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis MUJOCO_LOG.TXT

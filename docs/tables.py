@@ -42,7 +42,7 @@ MARKED = re.compile(r"(<!-- table (\w+): made by make figures -->\n).*?(<!-- end
 
 
 def filled(page: str, figures: dict[str, Any]) -> str:
-    """Return the text of a page with its tables anew.
+    """Return the text of a page with its tables filled.
 
     Raises:
       KeyError: a marker names a table that is not in TABLES.

@@ -196,7 +196,7 @@ def _split(mu: float, share: float, direction: int) -> tuple[Row, list[Row]]:
     limiter = FrictionLimiter(car, mu)
     most = limiter.braking if direction < 0 else limiter.accelerating
     allowed = longitudinal_share(abs(across), limiter.exponent) * most / gravity
-    use = np.fmax.reduce(trace.slip.friction_use.ravel())
+    use = np.fmax.reduce(trace.slip.friction_utilisation.ravel())
     row: Row = {
         "mu": mu,
         "lateral_share_begun": share,

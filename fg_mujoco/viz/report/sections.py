@@ -80,7 +80,7 @@ def laps(laps: Sequence[Lap], summary: dict[str, Any]) -> str:
         ending = "" if lap.time is not None else f", {str(summary['end_reason']).replace('_', ' ')}"
         rows.append(
             f'<tr class="here" data-time="{start:.3f}"><td>{lap.number}{escape(ending)}</td>{cells}'
-            f"<td>{lap.top_speed:.2f}</td><td>{lap.mean_speed:.2f}</td><td>{lap.friction_use:.2f}</td>"
+            f"<td>{lap.top_speed:.2f}</td><td>{lap.mean_speed:.2f}</td><td>{lap.friction_utilisation:.2f}</td>"
             f"<td>{100 * lap.sliding_share:.1f} %</td></tr>"
         )
         start += lap.time or 0.0
