@@ -42,7 +42,7 @@ from .perception.scan_filters import (
     prioritise_centre,
     rolling_mean,
 )
-from .perception.scan_geometry import beams_between
+from .perception.scan_geometry import beams_between, bearing_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +82,9 @@ class GapFinder(GoalPlanner):
         keep(shown.filtered, rolling_mean(shown.bubble, increment, settings.mean_radius))
         half = 0.5 * settings.field_of_view
         first, end = beams_between(scan, len(ranges), -half, half)
-        bearings = scan.angle_min + increment * np.arange(first, end)
+        bearings = np.empty(end - first)
+        for beam in range(first, end):
+            bearings[beam - first] = bearing_of(scan, beam)
         preferred = prioritise_centre(shown.filtered[first:end], bearings, settings.edge_weight)
         if len(preferred) == 0:
             return math.nan, 0.0

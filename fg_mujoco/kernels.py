@@ -22,16 +22,23 @@ import sys
 import tempfile
 import uuid
 from collections.abc import Callable, Iterator
-from functools import cache
+from functools import cache, partial
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
+from weakref import WeakSet
 
 import numba
 import numpy as np
-from numba.core import event
-from numba.core.compiler import CompileResult
-from numba.core.serialize import dumps as _untyped_dumps
+from llvmlite.binding import parse_bitcode
+from numba.core import event, types
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler, CompilerBase, CompileResult, DefaultPassBuilder, compile_result
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.errors import ForceLiteralArg
+from numba.core.registry import CPUDispatcher
+from numba.core.serialize import dumps
+from numba.core.sigutils import normalize_signature
 
 if TYPE_CHECKING:
     from importlib.abc import Traversable
@@ -41,17 +48,144 @@ _F = TypeVar("_F", bound=Callable[..., Any])
 _PACKAGE = "fg_mujoco"
 _ELSEWHERE = ("controllers", "models", "tracks")  # packages of ours that are top-level folders in the repository
 _ANNOUNCED = "FG_MUJOCO_COMPILING"  # environment variable: set once somebody has said that kernels are being compiled
-_dumps: Callable[[Any], bytes] = _untyped_dumps  # as pickle.dumps, of what numba has in it
-_rebuild: Callable[..., Any] = CompileResult._rebuild
 _COMPILERS = (numba.__version__, np.__version__, sys.implementation.cache_tag)
+_OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+_functions: WeakSet[Callable[..., Any]] = WeakSet()  # of which kernels are made
 
 
 def kernel(function: _F) -> _F:
     """Compile a function of numbers and arrays, at its first call; division by zero gives inf or NaN, as in numpy."""
-    compiled: Any = numba.njit(nogil=True, error_model="numpy")(function)
-    if hasattr(compiled, "_cache"):  # with NUMBA_DISABLE_JIT it is the function
-        compiled._cache = _KernelCache(function)
-    return cast(_F, compiled)
+    if numba.config.DISABLE_JIT:
+        return function
+    return cast(_F, _Kernel(function, None, {"nopython": True, "boundscheck": None, **_OPTIONS}))
+
+
+def inlined(function: _F) -> _F:
+    """Write a function out wherever kernels call it, for what is called in their inner loops."""
+    return cast(_F, numba.njit(inline="always", **_OPTIONS)(function))
+
+
+class _Kernel(CPUDispatcher):  # type: ignore[misc]
+    """A kernel as Python calls it, and functions of others that numba compiles. Kernels call its `_Part`."""
+
+    def __init__(self, function: Any, variables: Any = None, options: Any = None, pipeline: Any = Compiler) -> None:
+        super().__init__(function, variables, options, pipeline)
+        self._cache = _KernelCache(function)
+        self._part: _Part | None = None
+        _functions.add(function)
+
+    @property
+    def _numba_type_(self) -> Any:
+        with global_compiler_lock:
+            compiling = [frame.func_id.func for frame in self.typingctx.callstack._stack]
+            by_another = not compiling or compiling[-1] not in _functions
+            if by_another or (self._compiling_counter and self.py_func in compiling):  # the second: it calls itself
+                return self._type
+            if self._part is None:
+                self._part = _Part(self.py_func, None, dict(self.targetoptions))
+                self._part.kernel = self
+            return self._part._type
+
+    def compile(self, signature: Any) -> Any:
+        """Compile for a signature, or load from disk, and return what Python is to call."""
+        return _with_room(partial(super().compile, signature))
+
+    def add_overload(self, compiled: Any) -> None:
+        """Let Python call what was compiled or loaded for a signature."""
+        environments = compiled.referenced_envs or tuple(compiled._find_referenced_environments())
+        for environment in environments:  # its parts' own: `raise` and `print` take their values from there
+            compiled.codegen.set_env(environment.env_name, environment)
+        super().add_overload(compiled._replace(referenced_envs=environments))
+
+
+def _with_room(function: Callable[[], Any]) -> Any:
+    """Call a function, with room for the frames of all that it calls: see below."""
+    return function()
+
+
+# CPython keeps frames in chunks of 16 KiB, which it takes from the system and gives back again at each call that is the
+# first in one. Compiling calls so much so deep that this alone costs two seconds. A frame that is made out to be large
+# gets a chunk of 1 MiB, and shares it with the frames above it.
+_with_room.__code__ = _with_room.__code__.replace(co_stacksize=70_000)
+
+
+def _calls_in_turn(library: Any) -> bool:
+    """Say whether functions in there call each other in turn: that is done by addresses."""
+    prefix = library.codegen._rtlinker.PREFIX
+    return any(variable.name.startswith(prefix) for variable in library._final_module.global_variables)
+
+
+class _Part(CPUDispatcher):  # type: ignore[misc]
+    """A kernel as other kernels call it: linked into each of them.
+
+    Nothing is optimised here, no machine code is made, nor what Python would need to call it, which together take as
+    long as all else.
+    """
+
+    def __init__(self, function: Any, variables: Any = None, options: Any = None, pipeline: Any = None) -> None:
+        super().__init__(function, variables, options, pipeline or _PartCompiler)
+        self._cache = _PartCache(function)
+        self.kernel: _Kernel | None = None
+
+    def add_overload(self, compiled: Any) -> None:
+        """Let other kernels find what was compiled for a signature."""
+        args = tuple(compiled.signature.args)
+        if self.kernel is not None and _calls_in_turn(compiled.library):  # which takes machine code of its own
+            self.kernel.compile(args)
+            compiled = self.kernel.overloads[args]
+        else:
+            compiled = compiled._replace(entry_point=object())  # a name for it: there is no entry point
+            self.targetctx.insert_user_function(compiled.entry_point, compiled.fndesc, [compiled.library])
+        self.overloads[args] = compiled
+
+    def compile(self, signature: Any) -> None:
+        """Compile for a signature, as numba's dispatchers do, but without timers of every call of LLVM."""
+        args, return_type = normalize_signature(signature)
+        with global_compiler_lock, self._compiling_counter:
+            if tuple(args) in self.overloads:
+                return
+            compiled = self._cache.load_overload(signature, self.targetctx)
+            if compiled is not None:
+                self.add_overload(compiled)
+                return
+            details = {"dispatcher": self, "args": args, "return_type": return_type}
+            with event.trigger_event("numba:compile", details):
+                try:
+                    compiled = self._compiler.compile(args, return_type)
+                except ForceLiteralArg as error:  # it says which arguments have to be constants
+                    fold = self._compiler.fold_argument_types
+                    raise error.bind_fold_arguments(lambda *given: fold(*given)[1]) from None
+                self.add_overload(compiled)
+            self._cache.save_overload(signature, compiled)
+
+
+class _PartCompiler(CompilerBase):  # type: ignore[misc]
+    """Numba's passes for one kernel, up to LLVM's code that can be linked into another."""
+
+    def define_pipelines(self) -> list[Any]:
+        """Return the passes."""
+        state = self.state
+        state.library = _PartLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.flags.no_compile = state.flags.no_cpython_wrapper = True
+        return [DefaultPassBuilder.define_nopython_pipeline(state)]
+
+
+class _PartLibrary(JITCodeLibrary):  # type: ignore[misc]
+    """LLVM's code of one kernel, for linking alone."""
+
+    def _optimize_functions(self, module: Any) -> None:
+        module.data_layout = self._codegen._data_layout
+        for function in module.functions:
+            if not function.is_declaration:  # most are, and numba takes its time for each
+                passes, builder = self._codegen._function_pass_manager()
+                passes.run(function, builder)
+
+    def _optimize_final_module(self) -> None:
+        """Leave it to the kernel that Python calls, in which all its parts are optimised together."""
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._finalized = True
 
 
 @cache
@@ -106,23 +240,22 @@ class _KernelCache:
 
     def load_overload(self, signature: Any, target: Any) -> Any:
         """Return what was compiled for a signature; None where it is not there, or damaged."""
-        target.refresh()
-        try:
+        with contextlib.suppress(Exception):  # whatever is wrong with it, compiling helps
             kept = self._file(signature, target.codegen()).read_bytes()
             digest, payload = kept[:32], kept[32:]
             if hashlib.sha256(payload).digest() == digest:
-                return _rebuild(target, *pickle.loads(payload))
-        except Exception:  # whatever is wrong with it, compiling helps
-            pass
+                target.refresh()
+                return self._unpack(target, pickle.loads(payload))
         return None
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
         """Keep what was compiled, unless it holds addresses of this process, or cannot be written."""
-        if compiled.lifted or compiled.library.has_dynamic_globals:
+        of_this_process = compiled.lifted or compiled.library.has_dynamic_globals or _calls_in_turn(compiled.library)
+        if of_this_process or any(isinstance(argument, types.Dispatcher) for argument in compiled.signature.args):
             return
         with contextlib.suppress(OSError, pickle.PicklingError, TypeError):
             file = self._file(signature, compiled.library.codegen)
-            payload = _dumps(compiled._reduce())
+            payload = dumps(self._pack(compiled))
             unfinished = file.with_name(f"{file.name}.{uuid.uuid4().hex}")
             try:
                 unfinished.write_bytes(hashlib.sha256(payload).digest() + payload)
@@ -130,13 +263,19 @@ class _KernelCache:
             except OSError:
                 unfinished.unlink(missing_ok=True)
 
+    def _pack(self, compiled: Any) -> Any:
+        return compiled._reduce()
+
+    def _unpack(self, target: Any, packed: Any) -> Any:
+        return CompileResult._rebuild(target, *packed)
+
     def _file(self, signature: Any, codegen: Any) -> Path:
         """Return the file of a signature.
 
         Raises:
           OSError: the function has no source.
         """
-        key = _COMPILERS, codegen.magic_tuple(), _identity(self._function), str(signature)
+        key = type(self).__name__, _COMPILERS, codegen.magic_tuple(), _identity(self._function), str(signature)
         digest = hashlib.sha256(repr(key).encode()).hexdigest()
         return cache_folder() / f"{self._function.__qualname__.rpartition('.')[2]}-{digest[:32]}"
 
@@ -150,11 +289,32 @@ class _KernelCache:
         """Nothing to do: files of old sources are not read."""
 
 
+class _PartCache(_KernelCache):
+    """The files of one kernel as other kernels call it."""
+
+    def _pack(self, compiled: Any) -> Any:
+        bitcode = compiled.library._get_module_for_linking().as_bitcode()
+        compiled.fndesc.typemap = compiled.fndesc.calltypes = None
+        environments = tuple(compiled._find_referenced_environments())
+        return compiled.library.name, bitcode, compiled.fndesc, compiled.environment, compiled.signature, environments
+
+    def _unpack(self, target: Any, packed: Any) -> Any:
+        name, bitcode, fndesc, environment, signature, environments = packed
+        library = _PartLibrary(target.codegen(), name)
+        library._final_module = parse_bitcode(bitcode)
+        library._finalized = True
+        return compile_result(
+            target_context=target, typing_context=target.typing_context, library=library, fndesc=fndesc,
+            environment=environment, signature=signature, referenced_envs=environments, objectmode=False, lifted=(),
+            reload_init=(),
+        )  # fmt: skip
+
+
 def _identity(function: Callable[..., Any]) -> tuple[str, ...]:
     """Return what tells a function from all others: its sources, its place in there, and what it is a closure over."""
     code = function.__code__
     values = [cell.cell_contents for cell in function.__closure__ or ()]
-    closure = [repr(_identity(value.py_func)) if hasattr(value, "py_func") else _dumps(value).hex() for value in values]
+    closure = [repr(_identity(value.py_func)) if hasattr(value, "py_func") else dumps(value).hex() for value in values]
     return source_digest(function), str(code.co_firstlineno), code.co_code.hex(), *closure
 
 
@@ -249,16 +409,16 @@ def _imports_in(text: bytes, package: str) -> set[str]:
     return found
 
 
-class _Announcer(event.Listener):
+class _Announcer(event.Listener):  # type: ignore[misc]
     """Says on stderr that kernels are being compiled: once, in the first of a family of processes that does so."""
 
     def on_start(self, event: Any) -> None:
-        if _ANNOUNCED not in os.environ and isinstance(getattr(event.data["dispatcher"], "_cache", None), _KernelCache):
+        if _ANNOUNCED not in os.environ and isinstance(event.data["dispatcher"], (_Kernel, _Part)):
             os.environ[_ANNOUNCED] = "announced"  # processes that this one starts say nothing
-            _say("compiling kernels, once; this takes up to 15 s")
+            _say("compiling kernels, once; this takes about 10 s")
 
     def on_end(self, event: Any) -> None:
         """Nothing to say."""
 
 
-event.register("numba:compile", _Announcer())  # type: ignore[no-untyped-call]
+event.register("numba:compile", _Announcer())

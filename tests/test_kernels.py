@@ -206,7 +206,7 @@ def test_closures_are_told_apart_and_found_again(cache):
     for _ in range(2):
         assert [times(factor)(3.0) for factor in (2.0, 5.0)] == [6.0, 15.0]
         assert [plus_one(times(factor))(3.0) for factor in (2.0, 5.0)] == [7.0, 16.0]
-        assert len(kept_in(cache)) == 4
+        assert len(kept_in(cache)) == 6, "two products for Python, two for kernels, and what is called with them"
 
 
 def planner_of(constant):
@@ -332,6 +332,117 @@ def test_a_kernel_that_is_called_from_another_one_is_recompiled_there(installed,
     finally:
         path.write_text(whole)
     assert done.stdout == "8.0\n" and ANNOUNCEMENT in done.stderr
+
+
+CALLS = """
+import numba
+from fg_mujoco.kernels import inlined, kernel
+
+@kernel
+def refuses(x):
+    if x > 1.0:
+        raise ValueError("too large", x)
+    return x
+
+@kernel
+def passes_on(x):
+    return refuses(x) + 1.0
+
+@kernel
+def prints(x):
+    print("x is", x)
+    return x
+
+@kernel
+def through(function, x):
+    return function(x) + prints(x)
+
+@kernel
+def to(exponent, x):
+    return x ** numba.literally(exponent)
+
+@kernel
+def cube(x):
+    return to(3, x)
+
+@kernel
+def fibonacci(n):
+    return n if n < 2 else fibonacci(n - 1) + fibonacci(n - 2)
+
+@kernel
+def next_fibonacci(n):
+    return fibonacci(n + 1)
+
+@kernel
+def even(n):
+    return True if n == 0 else odd(n - 1)
+
+@kernel
+def odd(n):
+    return False if n == 0 else even(n - 1)
+
+@inlined
+def half(x):
+    return 0.5 * x
+
+@kernel
+def quarter(x, y=0.0):
+    return half(half(x)) + y
+
+@kernel
+def quarters(x):
+    return quarter(x) + quarter(x, 1.0) + quarter(x, y=2.0)
+
+@numba.njit
+def of_others(x):
+    return passes_on(x)
+
+@kernel
+def through_others(x):
+    return of_others(x) + refuses(x)
+
+def answer(function, *arguments):
+    try:
+        return function(*arguments)
+    except ValueError as error:
+        return error.args
+
+for function, *arguments in (
+    (passes_on, 0.5), (passes_on, 2.0), (through, quarter, 4.0), (through, refuses, 3.0), (cube, 2.0), (fibonacci, 10),
+    (next_fibonacci, 10), (even, 7), (odd, 7), (quarters, 4.0), (of_others, 2.0), (through_others, 0.5),
+    (through_others, 3.0),
+):
+    print(answer(function, *arguments))
+"""
+ANSWERS = """1.5
+('too large', 2.0)
+x is 4.0
+5.0
+('too large', 3.0)
+8.0
+55
+89
+False
+True
+6.0
+('too large', 2.0)
+2.0
+('too large', 3.0)
+"""
+
+
+def test_kernels_that_call_each_other_answer_as_python_does_compiled_and_from_disk(tmp_path):
+    program = tmp_path / "calls.py"
+    program.write_text(CALLS)
+    code = f"import runpy; runpy.run_path({str(program)!r})"
+    for _ in range(2):  # compiled, then from disk, but for what cannot be kept
+        done = run(code, XDG_CACHE_HOME=str(tmp_path))
+        assert (done.returncode, done.stdout) == (0, ANSWERS), done.stderr
+    kept = kept_in(tmp_path)
+    assert run(code, XDG_CACHE_HOME=str(tmp_path)).returncode == 0 and kept_in(tmp_path) == kept
+    names = {file.name.rpartition("-")[0] for file in kept}
+    assert {"passes_on", "refuses", "quarters", "quarter", "fibonacci"} <= names
+    assert not names & {"even", "odd"}, "machine code that calls each other's addresses"
 
 
 def test_decorating_leaves_the_cache_of_others_alone():

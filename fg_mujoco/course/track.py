@@ -349,7 +349,14 @@ def follow(x: float, y: float, near: float, table: FloatArray, modulus: float) -
     s, offset = near, 0.0
     for _ in range(math.ceil(modulus / _SEARCH)):
         centre = s % modulus
-        first = max(int(np.searchsorted(starts, centre - _SEARCH, side="right")) - 1, 0)
+        first, behind = 0, len(starts)  # bisection, as np.searchsorted, which takes numba longer to compile
+        while first < behind:
+            middle = (first + behind) // 2
+            if starts[middle] > centre - _SEARCH:
+                behind = middle
+            else:
+                first = middle + 1
+        first = max(first - 1, 0)
         nearest = math.inf
         for i in range(first, len(starts)):
             if starts[i] > centre + _SEARCH:

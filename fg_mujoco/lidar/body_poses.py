@@ -88,7 +88,7 @@ def state_arrays(data: Any) -> StateArrays:
 
 @kernel
 def mounted_pose(
-    pose: FloatArray | tuple[float, ...],
+    pose: tuple[float, ...],
     offset_position: FloatArray,
     offset_rotation: FloatArray,
     position: FloatArray,
@@ -137,10 +137,10 @@ def read_poses(poses: PoseArrays, state: StateArrays) -> None:
                 positions[i, j] = xpos[place, j]
                 for k in range(3):
                     rotations[i, j, k] = xmat[place, 3 * j + k]
-        elif kind == _FREE_JOINT:
-            pose = qpos[place : place + 7]
-            mounted_pose(pose, offset_positions[i], offset_rotations[i], positions[i], rotations[i])
+            continue
+        if kind == _FREE_JOINT:
+            p, q = qpos[place : place + 3], qpos[place + 3 : place + 7]
         else:
             p, q = mocap_pos[place], mocap_quat[place]
-            mocap_pose = (p[0], p[1], p[2], q[0], q[1], q[2], q[3])
-            mounted_pose(mocap_pose, offset_positions[i], offset_rotations[i], positions[i], rotations[i])
+        pose = (p[0], p[1], p[2], q[0], q[1], q[2], q[3])
+        mounted_pose(pose, offset_positions[i], offset_rotations[i], positions[i], rotations[i])

@@ -72,7 +72,8 @@ def sort_by_distance(scene: SceneArrays, scratch: Scratch) -> int:
     """Write the clusters in range and in view, near ones first, to views[2]; return how many they are."""
     nearest, views, bins = scratch.nearest, scratch.views, scratch.bins
     beams, turn, range_max = scene.beams.shape[1], _whole_turn(scene), scene.limits[3]
-    bins[:] = 0
+    for bin_ in range(len(bins)):
+        bins[bin_] = 0
     for cluster in range(len(nearest)):
         right, left = views[0, cluster], views[1, cluster]
         in_view = (right < beams and left > 0) or right + turn < beams or left - turn > 0

@@ -22,9 +22,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba.extending import register_jitable
 
-from ..kernels import kernel
+from ..kernels import inlined, kernel
 from ..messages import FloatArray
 from .culling import TINY, Pose, bearing, is_hidden, sort_by_distance, survey
 from .scene import NO_END, SceneArrays, Scratch
@@ -32,8 +31,6 @@ from .scene import NO_END, SceneArrays, Scratch
 _EDGE_ON = 1e-11  # [rad] that a surface spans, under which its two ends are in one direction
 _PARALLEL = 1e-15  # mjMINVAL: MuJoCo's rays miss a plane that they approach more slowly
 _NOT_CUT = -2  # column of an edge that the scan plane does not cut
-
-inlined = register_jitable(inline="always")  # of what is called for each line: the call would cost a third of it
 
 
 @kernel
@@ -58,7 +55,8 @@ def scan(
       out: (beams,) [m], written to.
     """
     range_min, range_max = scene.limits[2], scene.limits[3]
-    out[:] = (1.0 - 1e-12) / range_max  # until the end `out` holds 1 / distance; what is farther is not drawn
+    for beam in range(len(out)):  # until the end `out` holds 1 / distance; what is farther is not drawn
+        out[beam] = (1.0 - 1e-12) / range_max
     for frame in range(len(scene.frames)):
         if frame == 0:
             _look_from(position, rotation, scratch.poses[0])

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numba import carray, types  # type: ignore[attr-defined]
+from numba import carray, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 from numpy.typing import NDArray
@@ -25,8 +25,11 @@ from ..messages import ODOMETRY
 from ..vehicle.motion import CAR
 from .telemetry import STATISTICS
 
+Row = NDArray[np.int64]
+"""Of a table: an array's address, and its length along up to three axes. Shape (4,)."""
+
 Table = NDArray[np.int64]
-"""One row an array: its address, and its length along up to three axes."""
+"""One row an array. Shape (n, 4)."""
 
 
 class ArrayTable:
@@ -68,72 +71,72 @@ _pointer: Any = intrinsic(_as_pointer)
 
 
 @kernel
-def numbers(table: Table, row: int) -> Any:
-    """Return a row of numbers."""
-    return carray(_pointer(table[row, 0]), (table[row, 1],), np.float64)
+def numbers(row: Row) -> Any:
+    """Return the array of a row: numbers along one axis."""
+    return carray(_pointer(row[0]), (row[1],), np.float64)
 
 
 @kernel
-def matrix(table: Table, row: int) -> Any:
-    """Return numbers of two axes."""
-    return carray(_pointer(table[row, 0]), (table[row, 1], table[row, 2]), np.float64)
+def matrix(row: Row) -> Any:
+    """Return the array of a row: numbers along two axes."""
+    return carray(_pointer(row[0]), (row[1], row[2]), np.float64)
 
 
 @kernel
-def cube(table: Table, row: int) -> Any:
-    """Return numbers of three axes."""
-    return carray(_pointer(table[row, 0]), (table[row, 1], table[row, 2], table[row, 3]), np.float64)
+def cube(row: Row) -> Any:
+    """Return the array of a row: numbers along three axes."""
+    return carray(_pointer(row[0]), (row[1], row[2], row[3]), np.float64)
 
 
 @kernel
-def flags(table: Table, row: int) -> Any:
-    """Return a row of truth values."""
-    return carray(_pointer(table[row, 0]), (table[row, 1],), np.bool_)
+def flags(row: Row) -> Any:
+    """Return the array of a row: truth values."""
+    return carray(_pointer(row[0]), (row[1],), np.bool_)
 
 
 @kernel
-def whole_numbers(table: Table, row: int) -> Any:
-    """Return a row of whole numbers."""
-    return carray(_pointer(table[row, 0]), (table[row, 1],), np.int64)
+def whole_numbers(row: Row) -> Any:
+    """Return the array of a row: whole numbers."""
+    return carray(_pointer(row[0]), (row[1],), np.int64)
 
 
 @kernel
-def short_numbers(table: Table, row: int) -> Any:
-    """Return a row of 32-bit whole numbers."""
-    return carray(_pointer(table[row, 0]), (table[row, 1],), np.int32)
+def short_numbers(row: Row) -> Any:
+    """Return the array of a row: 32-bit whole numbers."""
+    return carray(_pointer(row[0]), (row[1],), np.int32)
 
 
 @kernel
-def short_matrix(table: Table, row: int) -> Any:
-    """Return 32-bit whole numbers of two axes."""
-    return carray(_pointer(table[row, 0]), (table[row, 1], table[row, 2]), np.int32)
+def short_matrix(row: Row) -> Any:
+    """Return the array of a row: 32-bit whole numbers along two axes."""
+    return carray(_pointer(row[0]), (row[1], row[2]), np.int32)
 
 
 @kernel
-def corner_numbers(table: Table, row: int) -> Any:
-    """Return 16-bit whole numbers of two axes."""
-    return carray(_pointer(table[row, 0]), (table[row, 1], table[row, 2]), np.uint16)
+def corner_numbers(row: Row) -> Any:
+    """Return the array of a row: 16-bit whole numbers along two axes."""
+    return carray(_pointer(row[0]), (row[1], row[2]), np.uint16)
 
 
 @kernel
-def car_rows(table: Table, row: int) -> Any:
-    """Return rows of CAR."""
-    return carray(_pointer(table[row, 0]), (table[row, 1],), CAR)
+def car_rows(row: Row) -> Any:
+    """Return the array of a row: of type CAR."""
+    return carray(_pointer(row[0]), (row[1],), CAR)
 
 
 @kernel
-def timer_rows(table: Table, row: int) -> Any:
-    """Return rows of LAP_TIMER."""
-    return carray(_pointer(table[row, 0]), (table[row, 1],), LAP_TIMER)
+def timer_rows(row: Row) -> Any:
+    """Return the array of a row: of type LAP_TIMER."""
+    return carray(_pointer(row[0]), (row[1],), LAP_TIMER)
 
 
 @kernel
-def odometry_rows(table: Table, row: int) -> Any:
-    """Return rows of ODOMETRY."""
-    return carray(_pointer(table[row, 0]), (table[row, 1],), ODOMETRY)
+def odometry_rows(row: Row) -> Any:
+    """Return the array of a row: of type ODOMETRY."""
+    return carray(_pointer(row[0]), (row[1],), ODOMETRY)
 
 
 @kernel
-def statistics_rows(table: Table, row: int) -> Any:
-    """Return rows of STATISTICS."""
-    return carray(_pointer(table[row, 0]), (table[row, 1],), STATISTICS)
+def statistics_rows(row: Row) -> Any:
+    """Return the array of a row: of type STATISTICS."""
+    return carray(_pointer(row[0]), (row[1],), STATISTICS)

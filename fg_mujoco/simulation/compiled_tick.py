@@ -84,11 +84,11 @@ def _layout(places: Any) -> StateLayout:
 @kernel
 def read(table: Table, which: NDArray[np.bool_]) -> None:
     """Read the odometry of the cars `which` (r,), see `read_cars`."""
-    places = whole_numbers(table, _PLACES)
+    places = whole_numbers(table[_PLACES])
     read_cars(
-        which, places[_CARS_PER_WORLD], matrix(table, _STATES), _layout(places), matrix(table, _SENSORS),
-        car_rows(table, _CARS), timer_rows(table, _TIMERS), odometry_rows(table, _ODOMETRY),
-        matrix(table, _TELEMETRY),
+        which, places[_CARS_PER_WORLD], matrix(table[_STATES]), _layout(places), matrix(table[_SENSORS]),
+        car_rows(table[_CARS]), timer_rows(table[_TIMERS]), odometry_rows(table[_ODOMETRY]),
+        matrix(table[_TELEMETRY]),
     )  # fmt: skip
 
 
@@ -96,44 +96,44 @@ def read(table: Table, which: NDArray[np.bool_]) -> None:
 def sense(table: Table, which: NDArray[np.bool_]) -> None:
     """Read the odometry of the cars `which` (r,), and draw their scans, see `scan_cars`."""
     read(table, which)
-    places = whole_numbers(table, _PLACES)
+    places = whole_numbers(table[_PLACES])
     scan_cars(
-        which, places[_CARS_PER_WORLD], matrix(table, _STATES), _layout(places),
-        Mount(places[_MOUNT], numbers(table, _OFFSET_POSITION), matrix(table, _OFFSET_ROTATION)),
-        matrix(table, _MOTIONS),
+        which, places[_CARS_PER_WORLD], matrix(table[_STATES]), _layout(places),
+        Mount(places[_MOUNT], numbers(table[_OFFSET_POSITION]), matrix(table[_OFFSET_ROTATION])),
+        matrix(table[_MOTIONS]),
         SceneArrays(
-            matrix(table, _BEAMS), numbers(table, _LIMITS), matrix(table, _EDGES), corner_numbers(table, _TRIANGLES),
-            matrix(table, _BOXES), short_matrix(table, _SPANS), matrix(table, _PLANES), short_matrix(table, _FRAMES),
+            matrix(table[_BEAMS]), numbers(table[_LIMITS]), matrix(table[_EDGES]), corner_numbers(table[_TRIANGLES]),
+            matrix(table[_BOXES]), short_matrix(table[_SPANS]), matrix(table[_PLANES]), short_matrix(table[_FRAMES]),
         ),
         Scratch(
-            matrix(table, _CUTS), short_numbers(table, _COLUMNS), numbers(table, _NEAREST), short_matrix(table, _VIEWS),
-            short_numbers(table, _BINS), matrix(table, _POSES),
+            matrix(table[_CUTS]), short_numbers(table[_COLUMNS]), numbers(table[_NEAREST]), short_matrix(table[_VIEWS]),
+            short_numbers(table[_BINS]), matrix(table[_POSES]),
         ),
-        matrix(table, _RANGES),
+        matrix(table[_RANGES]),
     )  # fmt: skip
 
 
 @kernel
 def drive(table: Table) -> None:
     """Hold the commands of the cars that race for a tick, see `drive_cars`."""
-    places, times = whole_numbers(table, _PLACES), numbers(table, _TIMES)
+    places, times = whole_numbers(table[_PLACES]), numbers(table[_TIMES])
     drive_cars(
-        flags(table, _RUNNING), places[_CARS_PER_WORLD], matrix(table, _STATES), _layout(places),
-        matrix(table, _COMMANDS), car_rows(table, _CARS), matrix(table, _MOTIONS), times[_TIMESTEP], places[_BATCH],
-        places[_RECORD], cube(table, _RECORDS), short_numbers(table, _IDS), cube(table, _CONTROLS),
-        short_numbers(table, _STATUS), flags(table, _FAILED), places[_TIRES], places[_CHASSIS_CONTACT],
-        matrix(table, _MU), cube(table, _SLIP), flags(table, _CRASHED), matrix(table, _TELEMETRY),
-        statistics_rows(table, _STATISTICS),
+        flags(table[_RUNNING]), places[_CARS_PER_WORLD], matrix(table[_STATES]), _layout(places),
+        matrix(table[_COMMANDS]), car_rows(table[_CARS]), matrix(table[_MOTIONS]), times[_TIMESTEP], places[_BATCH],
+        places[_RECORD], cube(table[_RECORDS]), short_numbers(table[_IDS]), cube(table[_CONTROLS]),
+        short_numbers(table[_STATUS]), flags(table[_FAILED]), places[_TIRES], places[_CHASSIS_CONTACT],
+        matrix(table[_MU]), cube(table[_SLIP]), flags(table[_CRASHED]), matrix(table[_TELEMETRY]),
+        statistics_rows(table[_STATISTICS]),
     )  # fmt: skip
 
 
 @kernel
 def judge(table: Table) -> None:
     """Time the laps of the cars that race and end what is over, see `judge_cars`."""
-    places, times = whole_numbers(table, _PLACES), numbers(table, _TIMES)
+    places, times = whole_numbers(table[_PLACES]), numbers(table[_TIMES])
     judge_cars(
-        flags(table, _RUNNING), whole_numbers(table, _REASONS), places[_CARS_PER_WORLD], matrix(table, _STATES),
-        _layout(places), car_rows(table, _CARS), short_matrix(table, _WARNINGS), flags(table, _CRASHED),
-        timer_rows(table, _TIMERS), matrix(table, _LAP_TIMES), numbers(table, _STANDING_SINCE), matrix(table, _TABLE),
+        flags(table[_RUNNING]), whole_numbers(table[_REASONS]), places[_CARS_PER_WORLD], matrix(table[_STATES]),
+        _layout(places), car_rows(table[_CARS]), short_matrix(table[_WARNINGS]), flags(table[_CRASHED]),
+        timer_rows(table[_TIMERS]), matrix(table[_LAP_TIMES]), numbers(table[_STANDING_SINCE]), matrix(table[_TABLE]),
         times[_LENGTH], times[_MODULUS], times[_STOP_TIME], places[_LAPS], times[_LAST_TIME],
     )  # fmt: skip

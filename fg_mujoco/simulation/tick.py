@@ -106,9 +106,12 @@ def scan_cars(
       ranges: (r, beams) [m], written to.
     """
     position, rotation = np.empty(3), np.empty((3, 3))
-    moving, turned = np.zeros((len(motions), 3)), np.zeros((len(motions), 3, 3))
+    moving, turned = np.empty((len(motions), 3)), np.empty((len(motions), 3, 3))
     for k in range(len(motions)):
-        turned[k, 0, 0] = turned[k, 1, 1] = turned[k, 2, 2] = 1.0
+        moving[k, 2] = 0.0
+        for i in range(3):
+            for j in range(3):
+                turned[k, i, j] = 1.0 if i == j else 0.0
     for row in range(len(which)):
         if which[row]:
             state = states[row // cars_per_world]
@@ -189,7 +192,8 @@ def drive_cars(
                 time = states[ids[place], layout.time]
                 for step in range(steps):
                     control = controls[place, step]
-                    control[: end - first] = states[ids[place], first:end]
+                    for k in range(end - first):
+                        control[k] = states[ids[place], first + k]
                     _place_obstacles(motions, time, control[end - first :])
                     time += timestep  # as MuJoCo sums it up
             step_states(batch, ids, count, steps, controls.ctypes.data, CTRL_AND_MOCAP, record)

@@ -136,7 +136,8 @@ def measure_slip(records: FloatArray, start: int, mu: FloatArray, slip: FloatArr
         for tire in range(4):
             row = records[step, start + tire * _READINGS : start + (tire + 1) * _READINGS]
             if row[0] == 0.0:
-                slip[:, step, tire] = math.nan
+                for quantity in range(len(slip)):
+                    slip[quantity, step, tire] = math.nan
                 continue
             normal = row[7:10]
             arm_x, arm_y, arm_z = row[4] - row[10], row[5] - row[11], row[6] - row[12]  # wheel's centre to the point
@@ -160,7 +161,8 @@ def greatest_slip(slip: FloatArray, greatest: FloatArray) -> int:
       slip: (4, steps, 4) from `measure_slip`.
       greatest: (8,) written to: four sliding speeds [m/s], four friction utilisations [-]; NaN only where all is NaN.
     """
-    greatest[:] = math.nan
+    for i in range(len(greatest)):
+        greatest[i] = math.nan
     sliding_steps = 0
     for step in range(slip.shape[1]):
         slides = False
