@@ -13,7 +13,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 RUN := runs/$(notdir $(basename $(TRACK)))-$(shell date +%Y%m%d-%H%M%S)
 
-.PHONY: help race test quick unit fuzz lint bench friction docs picture clean
+.PHONY: help race test quick unit fuzz lint bench figures friction docs picture clean
 .DEFAULT_GOAL := help
 
 help:
@@ -55,6 +55,12 @@ lint: $(READY)
 bench: $(READY)
 	$(BIN)/python benchmarks/all.py $(ARGS)
 
+## make figures the races whose results README.md and docs/ show, and the tables made from them; some minutes
+DATA ?= ../shared/data
+figures: $(READY)
+	$(BIN)/python benchmarks/circuits.py --json docs/figures.json --data $(DATA) $(ARGS)
+	$(BIN)/python docs/tables.py
+
 ## make friction the friction lab, and its report in runs/friction; some minutes, less what is there
 friction: $(READY)
 	$(BIN)/fg-mujoco friction all --out runs/friction $(ARGS)
@@ -66,13 +72,13 @@ docs: $(READY)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict $(ARGS)
 	@echo "the site: build/site/index.html"
 
-## make picture the picture of the README, anew
+## make picture the picture of two laps in the README
 PICTURE := docs/images/oval_trace.png
 picture: $(READY)
 	folder=$$(mktemp -d) && $(BIN)/fg-mujoco race --laps 2 --out $$folder && $(BIN)/python -c \
 	    "from PIL import Image; Image.open('$$folder/trace.png').convert('RGB').quantize(256).save('$(PICTURE)')" \
 	    && rm -r $$folder
 
-## make clean   away with everything made but runs/
+## make clean   removes everything that was made, except runs/
 clean:
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis MUJOCO_LOG.TXT

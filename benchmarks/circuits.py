@@ -1,62 +1,107 @@
-"""Races a controller on every circuit and prints lap times, sliding and speed: the table of the README.
+"""Drives the races whose results README.md and docs/ show, and writes their figures to one file.
 
-    python benchmarks/circuits.py [--laps 5] [--seeds 20] [--data ../shared/data] [--workers 2]
+    python benchmarks/circuits.py --json docs/figures.json [--data ../shared/data] [--workers 2] [--runs DIR]
 
-The real circuits are read from `--data` where that folder is; the published lap times are those of the survey
-"Unifying F1TENTH Autonomous Racing" (its benchmark notebooks: standing start, 8 m/s limit, mu 1.0489).
+`make figures` runs it and then fills the tables of README.md and docs/ from that file (docs/tables.py). Five groups of
+races are driven, all with the default settings unless the group says otherwise:
+
+- circuits: gap_finder, five laps, on the bundled circuits, on the real ones of `--data` and on random:0 to random:19;
+- planners: every planner, five laps, on the bundled circuits;
+- scenes: every planner in every scene, ten seeds;
+- speeds: every planner in two scenes at six greatest speeds, five seeds;
+- thresholds: threshold_gap with five thresholds, two laps, on the bundled circuits.
+
+Races that a folder given by `--runs` already has are not driven again.
 """
 
 from __future__ import annotations
 
 import argparse
-from concurrent.futures import ProcessPoolExecutor
-from functools import partial
+import json
+import tempfile
+from collections.abc import Sequence
+from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import fg_mujoco as fg
 
-PUBLISHED = {  # [s] follow-the-gap on LiDAR alone, optimised raceline with a map
-    "aut": (19.10, 16.79),
-    "esp": (45.78, 35.92),
-    "gbr": (39.34, 31.24),
-    "mco": (34.99, 28.08),
-}
+COMMAND = "python benchmarks/circuits.py --json docs/figures.json"
+RANDOM = tuple(f"random:{seed}" for seed in range(20))
+SPEEDS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0)  # [m/s]
+SPEED_SCENES = ("u_turn_trap", "wrong_side_chicane")
+THRESHOLDS = (1, 2, 3, 4, 5)  # [m]
+DIGITS = {"first_lap_s": 2, "best_lap_s": 2, "max_slide_m_s": 3}
 
 
 def real_circuits(data: Path) -> list[str]:
-    return [str(path) for folder in ("maps", "circuits") for path in sorted((data / folder).glob("*_centerline.csv"))]
+    """Return the centreline CSVs of the real circuits in a folder; they are not part of the repository."""
+    found = [str(path) for kind in ("maps", "circuits") for path in sorted((data / kind).glob("*_centerline.csv"))]
+    if not found:
+        raise SystemExit(f"--data is {data}; accepted: a folder with maps/ and circuits/, of *_centerline.csv files")
+    return found
 
 
-def row(track: str, laps: int, controller: str) -> str:
-    race = fg.race(track, controller, laps=laps)
-    name = race.track.removesuffix("_centerline")
-    first = race.lap_times_s[0] if race.lap_times_s else float("nan")
-    best = min(race.lap_times_s, default=float("nan"))
-    published = PUBLISHED.get(name)
-    against = f"{published[0]:.2f} | {first / published[1] - 1.0:+.1%}" if published else " | "
-    return (
-        f"| {name} | {race.laps_completed}/{laps} | {race.collisions} | {first:.2f} | {best:.2f} | {against} "
-        f"| {race.max_slide_m_s:.3f} | {race.mean_speed_m_s:.2f} | {race.realtime_factor:.0f} |"
-    )
+def lap_figures(row: Any) -> dict[str, Any]:
+    """Return what a table of circuits shows of a run."""
+    run = row.figures
+    shown = {name: getattr(run, name) for name in ("end_reason", "laps_completed", "collisions", *DIGITS)}
+    return {name: round(value, DIGITS[name]) if name in DIGITS and value else value for name, value in shown.items()}
+
+
+def by_controller(comparison: fg.Comparison) -> dict[str, dict[str, Any]]:
+    """Return the figures of each controller on each circuit."""
+    found: dict[str, dict[str, Any]] = {}
+    for row in comparison.rows:
+        circuit = row.key.course.removesuffix("_centerline")
+        found.setdefault(row.key.controller, {})[circuit] = lap_figures(row)
+    return found
+
+
+def successes(comparison: fg.Comparison) -> dict[str, dict[str, dict[str, int]]]:
+    """Return how many runs of each controller in each scene at each greatest speed succeeded."""
+    found: dict[str, dict[str, dict[str, int]]] = {}
+    for cell in comparison.cells:
+        scene = cell.course.removeprefix("scene:")
+        found.setdefault(cell.controller, {}).setdefault(scene, {})[f"{cell.max_speed_m_s:g}"] = cell.successes
+    return found
+
+
+def drive(data: Path, runs: Path, workers: int) -> dict[str, Any]:
+    """Drive all groups, and return their figures."""
+
+    def group(name: str, controllers: Sequence[str] | None = None, **settings: Any) -> fg.Comparison:
+        print(f"{name} ...", flush=True)
+        return fg.compare(controllers, out=runs / name, workers=workers, pictures=False, **settings)
+
+    bundled = fg.track_names()
+    circuits = group("circuits", ["gap_finder"], tracks=[*bundled, *real_circuits(data), *RANDOM])
+    thresholds = [f"threshold_gap[threshold={t}]" for t in THRESHOLDS]
+    scenes = successes(group("scenes", scenes=fg.scene_names(), seeds=range(10)))
+    return {
+        "circuits": by_controller(circuits)["gap_finder"],
+        "planners": by_controller(group("planners", tracks=bundled)),
+        "scenes": {name: {scene: speeds["8"] for scene, speeds in found.items()} for name, found in scenes.items()},
+        "speeds": successes(group("speeds", scenes=SPEED_SCENES, max_speeds=SPEEDS, seeds=range(5))),
+        "thresholds": by_controller(group("thresholds", thresholds, tracks=bundled, laps=2)),
+    }
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--controller", default="gap_finder")
-    parser.add_argument("--laps", type=int, default=5)
-    parser.add_argument("--seeds", type=int, default=20, help="how many random circuits")
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures here")
     parser.add_argument("--data", type=Path, default=Path(__file__).parents[1] / "../shared/data")
-    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--workers", type=int, default=2, help="processes")
+    parser.add_argument("--runs", type=Path, help="keep the runs here, and go on with those that are there")
     options = parser.parse_args()
-    tracks = [*fg.track_names(), *real_circuits(options.data), *(f"random:{seed}" for seed in range(options.seeds))]
-    print(
-        "| circuit | laps | crashes | first lap [s] | best [s] | published follow-the-gap [s] | first lap to raceline"
-        " | greatest slide [m/s] | mean speed [m/s] | times real time |"
-    )
-    print("| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |")
-    with ProcessPoolExecutor(options.workers) as pool:
-        for line in pool.map(partial(row, laps=options.laps, controller=options.controller), tracks):
-            print(line, flush=True)
+    with tempfile.TemporaryDirectory() as folder:
+        figures = drive(options.data, options.runs or Path(folder), options.workers)
+    versions = {name: version(name) for name in ("fg-mujoco", "mujoco", "numpy", "numba")}
+    text = json.dumps({"command": COMMAND, "versions": versions, **figures}, indent=1) + "\n"
+    if options.json is None:
+        print(text)
+    else:
+        options.json.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

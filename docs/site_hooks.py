@@ -1,6 +1,7 @@
 """What mkdocs does beyond its plugins: pages of the planners from their files, and links that leave docs/.
 
-- planners/NAME.md is made of the docstring and the settings of controllers/NAME.py, with images/planners/NAME.png;
+- planners/NAME.md is made of the docstring and the settings of controllers/NAME.py, with images/planners/NAME.png, and
+  stands in the navigation under "Planners";
 - changelog.md and contributing.md are CHANGELOG.md and CONTRIBUTING.md of the repository;
 - a link to a file that is in the repository and not on the site is shown as the file's name. One to a file that is
   nowhere stays as it is, and mkdocs complains of it.
@@ -129,6 +130,13 @@ def without_links_out(markdown: str, folder: str, *, to_docs: bool = False) -> s
         return (text if text.startswith("`") else f"`{text}`") if (ROOT / path).exists() else match[0]
 
     return re.sub(r"(?<!!)\[([^\]\n]+)\]\(([^)\s]+)\)", replaced, markdown)
+
+
+def on_config(config: Any) -> Any:
+    """Add the pages of the planners to the navigation."""
+    (section,) = (part["Planners"] for part in config["nav"] if "Planners" in part)
+    section += [f"planners/{name}.md" for name in planner_names()]
+    return config
 
 
 def on_files(files: Any, config: Any) -> Any:

@@ -158,7 +158,7 @@ def test_ackermann_is_exact_over_the_whole_range_standing():
 @pytest.mark.parametrize("radius", [0.75, 3.0])
 def test_ackermann_holds_at_the_friction_limit(radius):
     data, car, slip, _ = drive_circle(1.0489, radius, 0.97)
-    assert np.nanmax(slip.friction_use) > 0.9
+    assert np.nanmax(slip.friction_utilisation) > 0.9
     assert math.degrees(max(ackermann_errors(data, car.parameters))) < 0.02
 
 
@@ -263,7 +263,7 @@ def test_light_axle_lets_go_at_the_closed_form(mu, direction):
         if fraction < 1.0:  # the tires then use of their friction what the car does of the limit
             reached = direction * (speeds[-1] - speeds[-11]) / (10 * model.opt.timestep) / limit
             assert reached == pytest.approx(fraction, rel=0.015)  # implicit integration softens the servo
-            assert slip.friction_use[-1, light] == pytest.approx(reached, rel=0.015)
+            assert slip.friction_utilisation[-1, light] == pytest.approx(reached, rel=0.015)
     assert sliding[0.99].max() < SLIDING_SPEED / 10
     assert sliding[1.05][light].min() > 2 * SLIDING_SPEED
     assert sliding[1.05][heavy].max() < SLIDING_SPEED
@@ -313,7 +313,7 @@ def test_front_tires_run_wide_as_fast_as_the_closed_form_says(mu, fraction):
     radius = 8.0
     _, car, slip, driven = drive_circle(mu, radius, fraction, timestep=0.001)
     front, rear = slip.sliding_speed[:, :2], slip.sliding_speed[:, 2:]
-    assert np.isfinite(slip.sliding_speed).all() and slip.friction_use.min() > 0.99
+    assert np.isfinite(slip.sliding_speed).all() and slip.friction_utilisation.min() > 0.99
     assert driven / radius == pytest.approx(fraction**2, rel=3e-3)
     angle = math.atan(car.parameters.wheelbase / radius)  # of the front tires to their way: what widens the circle
     wide = fraction * kinematic_speed_limit(mu, radius) * math.sin(angle) * (1.0 - fraction**-2)

@@ -1,6 +1,8 @@
 """The documentation works: its Python runs, its commands are accepted, its links lead somewhere, and it is complete."""
 
 import ast
+import importlib
+import json
 import re
 import shlex
 import subprocess
@@ -28,6 +30,8 @@ ONLY_IMPORTED = {
 NEEDS = {"docs/maps.md": ("PIL", "yaml", "scipy"), "docs/howto/training.md": ("gymnasium",)}
 GREATEST_DIAGRAM = 60_000  # [bytes]
 
+ENTRY_POINT_GROUPS = {"fg_mujoco.scenes", "fg_mujoco.controllers"}  # names for other packages, not modules
+
 BLOCK = re.compile(r'^```(\w+)(?: title="([^"]+)")?\n(.*?)^```', re.MULTILINE | re.DOTALL)
 
 
@@ -36,12 +40,45 @@ def blocks(page, language):
     return [(title, code) for kind, title, code in BLOCK.findall((ROOT / page).read_text("utf-8")) if kind == language]
 
 
-@pytest.fixture(scope="module")
-def hooks():
-    spec = spec_from_file_location("site_hooks", DOCS / "site_hooks.py")
+def module_of_docs(name):
+    spec = spec_from_file_location(name, DOCS / f"{name}.py")
     module = module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+@pytest.fixture(scope="module")
+def hooks():
+    return module_of_docs("site_hooks")
+
+
+@pytest.fixture(scope="module")
+def tables():
+    return module_of_docs("tables")
+
+
+def without_old_names(page):
+    """Return the text of a page; of a table that begins with a column "before" only the other columns."""
+    lines, old = [], False
+    for line in (ROOT / page).read_text("utf-8").splitlines():
+        old = line.startswith("| before |") or (old and line.startswith("|"))
+        lines.append(line.split(" | ", 1)[1] if old else line)
+    return "\n".join(lines)
+
+
+def imported(dotted):
+    """Return whether a dotted name is a module, or a name in one."""
+    module, _, rest = dotted.partition(".")
+    found = importlib.import_module(module)
+    for name in filter(None, rest.split(".")):
+        try:
+            module = f"{module}.{name}"
+            found = importlib.import_module(module)
+        except ImportError:
+            if not hasattr(found, name):
+                return False
+            found = getattr(found, name)
+    return True
 
 
 @pytest.mark.parametrize("page", [p for p in PAGES if blocks(p, "python") and p not in RUN_ELSEWHERE | ONLY_IMPORTED])
@@ -93,6 +130,46 @@ def test_commands_of_a_page_are_accepted(page, capsys):
             assert (ROOT / words[1]).exists(), f"{page}: {line}"
 
 
+@pytest.mark.parametrize("page", ["README.md", *PAGES])
+def test_names_on_a_page_can_be_imported(page):
+    """Of the tables that say where modules moved, the new names."""
+    text = without_old_names(page)
+    dotted = set(re.findall(r"(?<![\w./-])fg_mujoco(?:\.[A-Za-z_]\w*)+", text)) - ENTRY_POINT_GROUPS
+    assert [name for name in sorted(dotted) if not imported(name)] == []
+    short = set(re.findall(r"(?<![\w./-])fg\.([A-Za-z_]\w*)", text))
+    assert [name for name in sorted(short) if not hasattr(fg, name)] == []
+
+
+def test_a_name_that_is_not_there_is_found():
+    assert imported("fg_mujoco.simulation.engine.Engine")
+    assert not imported("fg_mujoco.simulation.engine.Motor")
+    assert not imported("fg_mujoco.referee")
+
+
+@pytest.mark.parametrize("page", ["README.md", *PAGES])
+def test_files_named_on_a_page_are_there(page):
+    text = without_old_names(page)
+    named = set(re.findall(r"`((?:fg_mujoco|controllers|models|tracks|tests|docs|benchmarks|examples)/[\w/.]*)`", text))
+    assert [name for name in sorted(named) if "NAME" not in name and not (ROOT / name).exists()] == []
+
+
+def test_tables_of_figures_are_those_of_the_file(tables):
+    figures = json.loads((DOCS / "figures.json").read_text("utf-8"))
+    marked = set()
+    for page in tables.PAGES:
+        text = (ROOT / page).read_text("utf-8")
+        marked |= {name for _, name, _ in tables.MARKED.findall(text)}
+        assert tables.filled(text, figures) == text, f"{page}: accepted: what `make figures` writes"
+    assert marked == set(tables.TABLES)
+
+
+def test_a_figure_that_differs_is_found(tables):
+    figures = json.loads((DOCS / "figures.json").read_text("utf-8"))
+    text = (ROOT / "README.md").read_text("utf-8")
+    figures["circuits"]["oval"]["best_lap_s"] += 0.01
+    assert tables.filled(text, figures) != text
+
+
 @pytest.mark.parametrize("page", PAGES)
 def test_links_of_a_page_lead_somewhere(page, hooks):
     here = (ROOT / page).parent
@@ -106,10 +183,11 @@ def test_links_of_a_page_lead_somewhere(page, hooks):
 
 
 def test_every_page_is_in_the_navigation(hooks):
-    listed = set(re.findall(r"^\s*- (?:.*: )?(\S+\.md)$", CONFIG, re.MULTILINE))
+    listed = set(re.findall(r"^\s*- (?:.*: )?(\S+\.md)(?:  #.*)?$", CONFIG, re.MULTILINE))
     there = {path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md")}
-    made = {f"planners/{name}.md" for name in hooks.planner_names()} | set(hooks.PAGES_OF_THE_ROOT)
-    assert listed == there | made
+    assert listed == there | set(hooks.PAGES_OF_THE_ROOT)
+    nav = hooks.on_config({"nav": [{"Planners": ["planners.md"]}]})["nav"]
+    assert nav == [{"Planners": ["planners.md", *(f"planners/{name}.md" for name in hooks.planner_names())]}]
 
 
 def test_every_planner_has_a_page_with_its_diagram(hooks):

@@ -162,7 +162,7 @@ def test_simulations_that_follow_each_other_start_on_the_floor_where_the_car_is(
         simulation.reset()
         for _ in range(20):
             simulation.drive(0.0, 3.0)
-        assert 0.9 < np.nanmax(simulation.slip.friction_use) < 1.01  # tires that spin hop: NaN
+        assert 0.9 < np.nanmax(simulation.slip.friction_utilisation) < 1.01  # tires that spin hop: NaN
         assert simulation.floor_mu.shape == (simulation.substeps, 4)
         hashes.append(simulation.state.tobytes())
         simulation.reset(s=20.0)

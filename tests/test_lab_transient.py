@@ -109,7 +109,7 @@ def test_cells_measure_every_law_and_the_section_draws():
         str(row) for row in tables["runs"][: len(LAWS)]
     ]  # the same cell, the same rows
     section = EXPERIMENT.section(tables)
-    assert section.sentences[0].startswith("Under the whole guard no tire slides in any of 4 runs")
+    assert section.sentences[0].startswith("Under the whole friction limiter no tire slides in any of 4 runs")
     assert all(name in tables["runs"][0] for name in section.columns["runs"])
     for figure in section.figures:
         assert render(figure).startswith(b"<?xml")

@@ -273,7 +273,7 @@ def test_in_a_browser_the_car_moves_and_pause_and_knobs_and_keys_do_what_they_sa
     with served(session, free) as view, page_of(viewport={"width": 1000, "height": 700}) as page:
         page.on("request", lambda request: asked.append(request.url))
         page.goto(view.url)
-        page.wait_for_selector("text=friction use", timeout=60000)
+        page.wait_for_selector("text=friction utilisation", timeout=60000)
         page.wait_for_selector("canvas")
         before, at = page.screenshot(), session.simulation.time
         wait_until(lambda: session.simulation.time > at + 1.0)

@@ -54,7 +54,7 @@ def test_sectors_add_up_to_the_lap_to_the_last_digits(lap):
     assert sum(driven.sectors) == pytest.approx(driven.time, abs=1e-9)
     assert driven.time == lap.lap_times_s[0]
     assert driven.top_speed == pytest.approx(np.abs(lap.column("speed_m_s")).max())
-    assert driven.friction_use == pytest.approx(np.nanmax(lap.telemetry[:, 16:20]))
+    assert driven.friction_utilisation == pytest.approx(np.nanmax(lap.telemetry[:, 16:20]))
 
 
 def test_length_of_a_lap_is_that_of_the_track(lap):

@@ -59,7 +59,7 @@ def test_rolling_tire_does_not_slide_and_a_locked_one_slides_at_the_cars_speed()
     slip = slip_now(model, data)
     assert slip.sliding_speed[0] == pytest.approx([0, 0, 5, 5], abs=2e-3)
     assert slip.slides[0].tolist() == [False, False, True, True]
-    assert slip.friction_use[0, 2:] == pytest.approx([1, 1], rel=1e-3)
+    assert slip.friction_utilisation[0, 2:] == pytest.approx([1, 1], rel=1e-3)
 
 
 def test_tire_off_the_ground_reads_nan_in_everything():
@@ -67,7 +67,7 @@ def test_tire_off_the_ground_reads_nan_in_everything():
     car.set_pose(data, 0, 0, 0, 3.0)
     data.qpos[2] += 0.05
     slip = slip_now(model, data)
-    for values in (slip.sliding_speed, slip.friction_use, slip.normal_force, slip.friction_force):
+    for values in (slip.sliding_speed, slip.friction_utilisation, slip.normal_force, slip.friction_force):
         assert values.shape == (1, 4) and np.isnan(values).all()
     assert not slip.slides.any()
 
@@ -104,8 +104,8 @@ def test_forces_agree_with_the_engines_contacts_and_friction_stays_in_the_cone()
         assert slip.normal_force[0] == pytest.approx(expected[:, 0], rel=1e-9, abs=1e-9, nan_ok=True)
         assert slip.friction_force[0] == pytest.approx(expected[:, 1], rel=1e-9, abs=1e-9, nan_ok=True)
         with np.errstate(invalid="ignore"):
-            assert slip.friction_use[0] == pytest.approx(expected[:, 1] / (0.8 * expected[:, 0]), nan_ok=True)
-        assert not (slip.friction_use > 1.0 + 1e-6).any()
+            assert slip.friction_utilisation[0] == pytest.approx(expected[:, 1] / (0.8 * expected[:, 0]), nan_ok=True)
+        assert not (slip.friction_utilisation > 1.0 + 1e-6).any()
     assert contacts > 300
 
 
@@ -116,7 +116,7 @@ def test_standing_tires_carry_the_car_and_use_no_friction():
     assert slip.normal_force.sum() == pytest.approx(car.parameters.mass * 9.81, rel=1e-4)
     # the axle nearer the CoG carries more: N_front / N_rear = lr / lf
     assert slip.normal_force[0, 0] / slip.normal_force[0, 2] == pytest.approx(0.17145 / 0.15875, rel=1e-3)
-    assert slip.friction_use.max() < 1e-3 and slip.sliding_speed.max() < 1e-4
+    assert slip.friction_utilisation.max() < 1e-3 and slip.sliding_speed.max() < 1e-4
 
 
 @pytest.mark.parametrize(("mu", "speed", "steering"), [(None, 2, 0.05), (None, 4, 0.1), (0.6, 3, 0.1), (3, 5, 0.1)])
@@ -137,7 +137,7 @@ def test_a_holding_tire_creeps_in_proportion_to_the_acceleration(mu, speed, stee
     # and exactly, with the softness R of friction, the normal's (1 - d) / d / effective mass over impratio
     time_constant, damping_ratio = model.pair_solref[tire_pairs(model)[0]]
     softness = 1.0 / (tire_stiffness(model) * (time_constant * damping_ratio) ** 2 * 0.5 * model.opt.impratio)
-    assert slip.friction_use.max() < 1.0
+    assert slip.friction_utilisation.max() < 1.0
     creep = (acceleration + softness * slip.friction_force[0]) / slowing
     assert slip.sliding_speed[0] == pytest.approx(creep, rel=0.01)
     assert slip.sliding_speed.max() < SLIDING_SPEED * acceleration / (1.0489 * 9.81)
@@ -154,7 +154,7 @@ def test_reading_empties_the_meter_and_keeps_the_order_of_steps():
         meter.record(data)
         expected.append(data.sensor("front_left_tire_contact").data[1])
     slip = meter.read()
-    assert slip.friction_use.shape == (150, 4)
+    assert slip.friction_utilisation.shape == (150, 4)
     on_ground = np.isfinite(slip.normal_force[:, 0])
     assert slip.normal_force[on_ground, 0] == pytest.approx(np.array(expected)[on_ground])
     assert meter.read().sliding_speed.shape == (0, 4)

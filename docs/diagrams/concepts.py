@@ -22,51 +22,62 @@ _MU = (1.0489, 0.7, 0.4)
 
 def flow() -> None:
     """Write images/concepts/flow.png: who gives what to whom."""
-    figure, axes = _bare((7.2, 2.3), (0.0, 10.8), (0.1, 3.6))
+    figure, axes = _bare((7.2, 3.2), (0.0, 10.8), (0.0, 4.8))
     boxes = {
-        "Track": (0.1, 1.9, 1.5, WALL),
-        "World": (2.4, 1.9, 1.5, WALL),
-        "Simulation": (4.7, 1.9, 1.9, WAY),
-        "controller": (4.7, 0.3, 1.9, GAP),
-        "RaceResult": (7.7, 1.9, 1.6, CUT_OFF),
-        "run folder": (7.7, 0.3, 1.6, CUT_OFF),
+        "Course": (0.15, 3.45, 1.3, WALL),
+        "Vehicle": (0.15, 2.45, 1.3, WALL),
+        "LiDAR": (0.15, 1.45, 1.3, WALL),
+        "World": (2.25, 2.45, 1.3, WALL),
+        "planner": (4.75, 0.15, 2.4, GAP),
+        "RaceResult": (8.6, 2.45, 1.6, CUT_OFF),
+        "run folder": (8.6, 1.15, 1.6, CUT_OFF),
     }
     for name, (x, y, width, colour) in boxes.items():
-        box = FancyBboxPatch((x, y), width, 0.8, boxstyle="round,pad=0.03,rounding_size=0.12", ec=colour, fc="white")
-        axes.add_patch(box)
-        axes.text(x + 0.5 * width, y + 0.4, name, ha="center", va="center", fontsize=9.0)
-    _arrow(axes, (1.65, 2.3), (2.35, 2.3))
-    _arrow(axes, (3.95, 2.3), (4.65, 2.3))
-    _arrow(axes, (6.65, 2.3), (7.65, 2.3))
-    _arrow(axes, (8.5, 1.85), (8.5, 1.15))
-    _arrow(axes, (5.1, 1.85), (5.1, 1.15))
-    _arrow(axes, (6.2, 1.15), (6.2, 1.85))
-    axes.text(5.0, 1.5, "LaserScan\nOdometry", ha="right", va="center", fontsize=8.0)
-    axes.text(6.3, 1.5, "DriveCommand", va="center", fontsize=8.0)
-    axes.text(2.4, 2.85, "car, LiDAR, obstacles:\none MjModel", fontsize=7.5, color="0.4", va="bottom")
-    axes.text(4.7, 2.85, "a tick of 25 ms", fontsize=7.5, color="0.4", va="bottom")
-    axes.text(7.7, 2.85, "a row for each tick", fontsize=7.5, color="0.4", va="bottom")
-    axes.text(9.4, 0.7, "simulated\nagain,\nbit for bit", fontsize=7.5, color="0.4", va="center")
-    axes.text(2.4, 0.7, "a class with reset() and\n__call__(scan, odometry)", fontsize=7.5, color="0.4", va="center")
+        _box(axes, (x, y), (width, 0.7), colour)
+        axes.text(x + 0.5 * width, y + 0.35, name, ha="center", va="center", fontsize=9.0)
+    for y in (3.8, 2.8, 1.8):
+        _arrow(axes, (1.5, y), (2.2, 2.8 + 0.2 * (y - 2.8)))
+    _box(axes, (4.3, 1.75), (3.3, 2.3), WAY)
+    axes.text(5.95, 3.82, "Engine: n worlds of m cars", ha="center", va="center", fontsize=9.0)
+    verbs = {"place": 3.42, "sense": 3.04, "decide": 2.66, "drive": 2.28, "judge": 1.9}
+    meaning = ("cars at their starts", "scans, odometry", "planners command", "one tick of physics", "laps, race ends")
+    for (verb, y), text in zip(verbs.items(), meaning, strict=True):
+        axes.text(4.55, y, verb, va="center", fontsize=8.5, color=WAY)
+        axes.text(5.4, y, text, va="center", fontsize=7.5, color="0.4")
+    axes.plot([7.28, 7.42, 7.42], [1.9, 1.9, 3.04], color=WAY, linewidth=0.9)
+    _arrow(axes, (7.42, 3.04), (7.15, 3.04), WAY)
+    _arrow(axes, (3.6, 2.8), (4.25, 2.8))
+    _arrow(axes, (7.65, 2.8), (8.55, 2.8))
+    _arrow(axes, (9.4, 2.4), (9.4, 1.9))
+    _arrow(axes, (5.4, 1.7), (5.4, 0.9))
+    _arrow(axes, (6.5, 0.9), (6.5, 1.7))
+    axes.text(5.3, 1.3, "LaserScan\nOdometry", ha="right", va="center", fontsize=8.0)
+    axes.text(6.6, 1.3, "DriveCommand", va="center", fontsize=8.0)
+    axes.text(2.25, 2.3, "one MjModel", fontsize=7.5, color="0.4", va="top")
+    axes.text(4.3, 4.2, "stepped by race, rollout, environments, live view, Simulation", fontsize=7.5, color="0.4")
+    axes.text(8.6, 3.3, "telemetry and states,\none row a tick", fontsize=7.5, color="0.4", va="bottom")
+    axes.text(8.6, 1.03, "replay: the same bits", fontsize=7.5, color="0.4", va="top")
+    axes.text(7.8, 0.5, "reset() and\n__call__(scan, odometry)", fontsize=7.5, color="0.4", va="center")
     save(figure, "concepts/flow")
 
 
 def tick() -> None:
     """Write images/concepts/tick.png: what happens in the 25 ms between two scans."""
-    figure, axes = _bare((7.2, 1.6), (-8.0, 62.0), (-1.5, 2.4))
+    figure, axes = _bare((7.2, 1.9), (-9.0, 63.0), (-1.9, 2.4))
     axes.plot([-4.0, 58.0], [0.0, 0.0], color="0.25", linewidth=0.9)
     for step in range(11):
         axes.plot([5 * step] * 2, [-0.12, 0.12], color="0.25", linewidth=0.9)
-    for k in range(3):
+    verbs = ("sense\ndecide", "judge, sense\ndecide", "judge, sense\n...")
+    for k, text in enumerate(verbs):
         axes.plot([25 * k] * 2, [-0.45, 0.45], color=WAY, linewidth=1.6)
-        axes.text(25 * k, -0.65, f"scan, odometry\nstamp {25 * k} ms", ha="center", va="top", fontsize=7.5, color=WAY)
+        axes.text(25 * k, -0.6, text, ha="center", va="top", fontsize=8.0, color=WAY)
+        axes.text(25 * k, -1.75, f"stamp {25 * k} ms", ha="center", fontsize=7.5, color="0.4")
     for k in range(2):
         axes.annotate("", xy=(25 * k + 24.4, 0.75), xytext=(25 * k + 0.6, 0.75), arrowprops=_MEASURE)
-        text = f"command {k + 1} is held; five physics steps"
-        axes.text(25 * k + 12.5, 0.9, text, ha="center", fontsize=7.5)
-    axes.text(
-        25.0, 1.6, "the slip of each tire is measured at every one of them", ha="center", fontsize=7.5, color="0.4"
-    )
+        axes.text(25 * k + 12.5, 0.92, "drive: five physics steps of 5 ms", ha="center", fontsize=8.0, color=WAY)
+        axes.text(25 * k + 12.5, -0.35, f"command {k + 1} is held", ha="center", va="top", fontsize=7.5)
+    text = "The slip of each tire is measured, and hooks act, at each physics step."
+    axes.text(25.0, 1.7, text, ha="center", fontsize=7.5, color="0.4")
     axes.text(59.0, 0.0, "time", va="center", fontsize=8.0)
     save(figure, "concepts/tick")
 
@@ -156,7 +167,7 @@ def friction() -> None:
         circle.plot([0, 0], [-1.15, 1.15], color="0.8", linewidth=0.6, zorder=0)
         circle.text(0.66, 0.04, "cornering", fontsize=7.5)
         circle.text(0.03, 0.56, "driving", fontsize=7.5)
-        circle.text(0.0, -0.72, f"friction use {np.hypot(*force):.1f}", ha="center", fontsize=7.5, color=WAY)
+        circle.text(0.0, -0.72, f"friction utilisation {np.hypot(*force):.1f}", ha="center", fontsize=7.5, color=WAY)
         circle.text(0.0, 1.06, "mu times the tire's load", ha="center", fontsize=7.5)
         circle.set(xlim=(-1.2, 1.2), ylim=(-1.2, 1.25), aspect="equal")
         circle.axis("off")
@@ -178,8 +189,14 @@ def _bare(
         return figure, axes
 
 
-def _arrow(axes: Axes, start: tuple[float, float], end: tuple[float, float]) -> None:
-    axes.annotate("", xy=end, xytext=start, arrowprops=_ARROW)
+def _arrow(axes: Axes, start: tuple[float, float], end: tuple[float, float], colour: str = "0.25") -> None:
+    axes.annotate("", xy=end, xytext=start, arrowprops=_ARROW | {"color": colour})
+
+
+def _box(axes: Axes, corner: tuple[float, float], size: tuple[float, float], colour: str) -> None:
+    """Draw a box with round corners."""
+    shape = "round,pad=0.03,rounding_size=0.12"
+    axes.add_patch(FancyBboxPatch(corner, *size, boxstyle=shape, ec=colour, fc="white"))
 
 
 def main() -> None:

@@ -7,6 +7,7 @@ intermediate scans, goal, and reference steering angle, before the safety filter
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import matplotlib as mpl
@@ -189,8 +190,8 @@ def _pure_pursuit(above: Axes, axes: Axes, situation: Situation, planner: Any) -
     axes.text(130, 0.25, "it steers by the line, and does not look at these", color="0.4", fontsize=7.5)
 
 
-def main() -> None:
-    """Draw all planners."""
+def main(names: Sequence[str] = ()) -> None:
+    """Draw planners; without a name, all that are bundled."""
     situation = Situation()
-    for name in fg.controller_names():
+    for name in names or fg.controller_names():
         draw(situation, name)

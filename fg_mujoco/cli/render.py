@@ -22,9 +22,9 @@ _USUAL_SIZE = (1280, 720)
 _CAMERA_NAMES = "chase, onboard, top, track, orbit"
 _SWITCHES = {
     "beams": "the LiDAR's beams, coloured by what the planner made of them",
-    "trace": "the trace so far, coloured by friction use",
+    "trace": "the trace so far, coloured by friction utilisation",
     "forces": "the tires' forces in their friction circles",
-    "strip": "speed, the law's limit, steering, lap and friction use along the lower edge",
+    "strip": "speed, the law's limit, steering, lap and friction utilisation along the lower edge",
 }
 
 

@@ -1,1 +1,6 @@
-"""TODO room docstring."""
+"""Racing: one planner on one course, and the run folder that a race leaves.
+
+`race` has race, the closed loop for one car, and `result` its RaceResult. `run_folder` writes and reads run folders.
+`resimulation` simulates a run again from its recorded controls, and `replay` checks that every bit is the same.
+`planner_loading` finds and builds planners, and `planner_choice` reads `NAME[SETTING=VALUE,...]`.
+"""

@@ -1,11 +1,11 @@
-"""ROS 2 messages of what passes between car and planner, without ROS: the types, and the way there; back is bag_scans.
+"""ROS 2 messages of scans, odometry and commands, without ROS: their types, and how they are made.
 
     message = scan_message(scan)
     data = to_cdr(message)
 
 Types and CDR are those of the package rosbags. Frames are as in REP 105: `map`, `odom`, `base_link` (rear axle), and
-`laser` and `imu` where they are mounted; axes and units as in REP 103. What is not known is said as each message has
-it: a covariance of zeros, or with -1 in front where there is no estimate at all (sensor_msgs/Imu), an empty array.
+`laser` and `imu` where they are mounted; axes and units as in REP 103. Unknown values are as each message defines
+them: a covariance of zeros, -1 in front where there is no estimate at all (sensor_msgs/Imu), an empty array.
 """
 
 from __future__ import annotations

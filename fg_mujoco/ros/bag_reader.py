@@ -1,11 +1,11 @@
-"""Reads what a car recorded: its scans, each with the odometry that it had when the scan came in.
+"""Reads the scans that a car recorded, each with the odometry that was known when the scan arrived.
 
     with ScanBag("drive.mcap") as bag:
         for delivery in bag:
             command = planner(delivery.scan, delivery.odometry)
 
 A bag is an `.mcap` or `.db3` file, or the folder of one, as `ros2 bag record` writes it, or a `.bag` of ROS 1.
-Messages are taken in the order in which they were received. Of the odometry that a planner is told,
+Messages are taken in the order in which they were received. The odometry that a planner gets has
 
 - speed: Odometry.twist; else the last drive command's; else 0
 - steering angle: JointState of the joint "steering"; else the last drive command's; else 0
@@ -56,7 +56,7 @@ _DEEPEST = 32  # frames between base_link and the LiDAR's; more are a ring
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Delivery:
-    """A scan that came in, and what was known then."""
+    """A scan, and the odometry that was known when it arrived."""
 
     received: int  # [ns] logged by the recorder
     measured: int  # [ns] the stamp in its header
@@ -74,7 +74,7 @@ class ScanBag:
       odometry_topic: of the odometry; None: /odom, or the only one there is.
 
     Attributes:
-      topics: the topic that is read, by type of message; a type that the bag has not is not there.
+      topics: the topic that is read, by type of message; without the types that the bag lacks.
       scans: how many there are.
 
     Raises:
@@ -190,7 +190,7 @@ class ScanBag:
 
 
 class _Known:
-    """What has been heard last."""
+    """The last messages received."""
 
     def __init__(self, car: CarParameters) -> None:
         self._car = car
@@ -219,7 +219,7 @@ class _Known:
         return self._mounts[name]
 
     def odometry(self, stamp: float) -> Odometry:
-        """Return what the car knows of its motion."""
+        """Return the odometry of the last messages received."""
         odometry, imu, drive = (self._last.get(kind) for kind in (ODOMETRY, IMU, DRIVE))
         twist = odometry.twist.twist if odometry is not None else None
         speed = twist.linear.x if twist is not None else drive.drive.speed if drive is not None else 0.0

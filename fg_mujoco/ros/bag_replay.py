@@ -1,9 +1,9 @@
-"""Runs a planner over the scans of a bag, as they came in: what would it have commanded on that drive?
+"""Runs a planner over the scans of a bag, in the order in which they arrived.
 
     with ScanBag("drive.mcap", car) as bag:
         write_commands(planned(planner, bag), "commands.csv")
 
-The car of the recording drives as it drove; the planner's answers change nothing of what it sees next.
+The commands do not change how the recorded car drives, and so not the next scan.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ SUFFIXES = (".csv", ".mcap")
 
 @dataclass(frozen=True, kw_only=True)
 class PlannedCommand:
-    """What a planner answered to a scan."""
+    """A planner's command for a scan."""
 
     received: int  # [ns] when the scan came in
     measured: int  # [ns] the stamp in its header
@@ -35,7 +35,7 @@ class PlannedCommand:
 
 
 def planned(planner: Controller, deliveries: Iterable[Delivery]) -> Iterator[PlannedCommand]:
-    """Reset a planner, and yield its answer to each scan.
+    """Reset a planner, and yield its command for each scan.
 
     Raises:
       ControllerError: it raises, or answers something else than a DriveCommand.
@@ -95,6 +95,6 @@ def _write_csv(commands: Iterable[PlannedCommand], path: Path) -> int:
 
 
 def _seconds(nanoseconds: int) -> str:
-    """Return a time in seconds, all nine digits of it: a float of the years since 1970 has not so many."""
+    """Return a time in seconds, all nine digits of it: a float of the seconds since 1970 has fewer."""
     sign, (whole, part) = "-" if nanoseconds < 0 else "", divmod(abs(nanoseconds), 1_000_000_000)
     return f"{sign}{whole}.{part:09d}"

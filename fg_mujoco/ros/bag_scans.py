@@ -1,8 +1,8 @@
-"""sensor_msgs/LaserScan, as robots record it, to the scan that a planner reads: rightmost beam first, REP 117.
+"""Turns sensor_msgs/LaserScan, as robots record it, into the scan that a planner reads: rightmost beam first, REP 117.
 
-What drivers do, and what becomes of it:
+Conventions of LiDAR drivers, and how they are read:
 
-- 0 or less for a beam that failed (urg_node, sllidar): NaN. NaN, +inf and -inf say already what they mean.
+- 0 or less for a beam that failed (urg_node, sllidar): NaN. NaN, +inf and -inf stay.
 - below `range_min`: -inf, too close. From `range_max` on: +inf, nothing there.
 - beams from left to right, or a LiDAR that hangs upside down: the other way round.
 - bearings of 0 to 2 pi, or a LiDAR that looks backwards: bearings of -pi to pi, straight ahead in the middle; where the

@@ -2,17 +2,17 @@
 
     export_bag("runs/oval", "oval.mcap")
 
-    /scan          sensor_msgs/LaserScan                 measured again (bag_sensed), frame laser
+    /scan          sensor_msgs/LaserScan                 measured again (resimulation), frame laser
     /odom          nav_msgs/Odometry                     odom -> base_link
     /imu           sensor_msgs/Imu                       frame imu
     /joint_states  sensor_msgs/JointState                steering angle, turning rates of the wheels
-    /drive         ackermann_msgs/AckermannDriveStamped  what the planner answered
+    /drive         ackermann_msgs/AckermannDriveStamped  the planner's command
     /tf            tf2_msgs/TFMessage                    odom -> base_link
     /tf_static     tf2_msgs/TFMessage                    map -> odom, base_link -> laser, base_link -> imu; latched
     /map           nav_msgs/OccupancyGrid                frame map; latched
 
-Times are simulated: a run begins at 0. A message is logged at the tick that it was delivered in; its stamp is when it
-was measured. The odometry of a run does not drift, so that map and odom are one frame.
+Times are simulated: a run begins at 0. A message is logged at the tick in which it was delivered; its stamp is the
+time of the measurement. The odometry of a run does not drift, so map and odom are one frame.
 
 Sources: MCAP specification, profile ros2; rosbag2's metadata version 8 (QoS).
 """
@@ -78,7 +78,7 @@ _QOS = (  # rmw's numbers: keep last, reliable; durability 1 transient local, 2 
 
 
 class BagWriter:
-    """Writes messages into an MCAP file, which has its name only once it is whole, or interrupted by Ctrl-C.
+    """Writes messages into an MCAP file, which gets its name when it is complete, or interrupted by Ctrl-C.
 
     Args:
       path: of the file; one that exists is replaced.

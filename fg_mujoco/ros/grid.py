@@ -1,7 +1,7 @@
-"""The map of a run as cells: what stands still in its scene, and what can be reached between it.
+"""The map of a run as cells: walls, standing obstacles, and the free ground that can be reached.
 
-A cell is occupied where a wall or an obstacle that stands still touches it, so that walls have no holes; free where
-the car can get to it from its start; unknown beyond the walls.
+A cell is occupied if a wall or a standing obstacle touches it, so that walls have no holes. It is free if the car can
+reach it from its start, and unknown beyond the walls.
 """
 
 from __future__ import annotations

@@ -20,9 +20,9 @@ TELEMETRY = (
     *(f"friction_use_{wheel}" for wheel in WHEELS),
     "sliding_steps", "steps",
 )  # fmt: skip
-"""Columns of the telemetry. A row is one tick: the state at its start, the command that the planner then gave, and
-while it was held each tire's greatest sliding speed and friction use (NaN: off the ground all the while), and in how
-many of the physics steps any tire slid."""
+"""Columns of the telemetry. A row is one tick: the state at its start and the planner's command; then, while it was
+held, each tire's greatest slip speed and friction utilisation (NaN: off the ground all the while), and in how many of
+the physics steps any tire slid."""
 
 
 STATISTICS = np.dtype(

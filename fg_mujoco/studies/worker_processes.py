@@ -1,7 +1,7 @@
-"""Does pieces of work in processes of their own, as many at once as asked for, and answers each when it is done.
+"""Does items of work in worker processes, and yields each result when it is there.
 
-In threads, planners written in Python would wait for each other. The calling process alone writes; a worker gets an
-item, and answers what a function makes of it.
+Processes are used because planners written in Python would wait for each other in threads. Only the calling process
+writes files. A worker gets an item, and returns what a function makes of it.
 """
 
 from __future__ import annotations
@@ -47,12 +47,12 @@ def work_off(
 ) -> Generator[tuple[_Item, _Answer], None, None]:
     """Yield each item with what the function makes of it, in the order in which they are done.
 
-    A generator that is closed ends the work under way.
+    Closing the generator ends the work under way.
 
     Args:
-      function: found by its name in its module, as a process of its own has to.
+      function: a function of a module, which a worker process finds by its name.
       items: what it takes, one at a time; an error names an item as `str` does.
-      workers: processes; one: this one.
+      workers: number of processes; with one, this process does the work.
       pulse: called several times a second.
 
     Raises:

@@ -56,7 +56,7 @@ class TireSlip:
         return values
 
     @property
-    def friction_use(self) -> FloatArray:
+    def friction_utilisation(self) -> FloatArray:
         """|Ft| / (mu Fn), 1 at the limit [-]."""
         values: FloatArray = self.values[_FRICTION_USE]
         return values
@@ -130,7 +130,7 @@ def measure_slip(records: FloatArray, start: int, mu: FloatArray, slip: FloatArr
       records: (at least steps, m) sensor readings, one row a step.
       start: where in a row the tires' are.
       mu: (4,).
-      slip: (4, steps, 4), written to: sliding speed, friction use, normal force, friction force; by step, by tire.
+      slip: (4, steps, 4), written to: slip speed, friction utilisation, normal force, friction force; by step, tire.
     """
     for step in range(slip.shape[1]):
         for tire in range(4):
@@ -155,11 +155,11 @@ def measure_slip(records: FloatArray, start: int, mu: FloatArray, slip: FloatArr
 
 @kernel
 def greatest_slip(slip: FloatArray, greatest: FloatArray) -> int:
-    """Return in how many steps any tire slides, and write the greatest of each tire's sliding speed and friction use.
+    """Return in how many steps any tire slides, and write each tire's greatest slip speed and friction utilisation.
 
     Args:
       slip: (4, steps, 4) from `measure_slip`.
-      greatest: (8,) written to: four sliding speeds [m/s], four friction uses [-]; NaN only where all is NaN.
+      greatest: (8,) written to: four sliding speeds [m/s], four friction utilisations [-]; NaN only where all is NaN.
     """
     for i in range(len(greatest)):
         greatest[i] = math.nan

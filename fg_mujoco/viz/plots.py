@@ -73,9 +73,9 @@ def track_picture(track: Course, path: str | Path | BinaryIO) -> None:
 
 
 def trace_picture(result: RaceResult, path: str | Path | BinaryIO) -> None:
-    """Draw a race: the line over the track coloured by speed, and speed, steering and the tires' work over time.
+    """Draw a race: the line coloured by speed; speed, steering, friction utilisation and sliding over time.
 
-    What moves is drawn where it was at the end.
+    Moving obstacles are drawn where they were at the end.
 
     Raises:
       MissingExtraError: matplotlib is not installed.
@@ -138,7 +138,7 @@ def _draw_panels(panels: list[Axes], column: dict[str, FloatArray]) -> None:
         friction.plot(time, column[f"friction_use_{wheel}"], color=colour, linewidth=0.6, label=label)
         sliding.plot(time, column[f"slide_{wheel}_m_s"], color=colour, linewidth=0.6)
     friction.axhline(1.0, **_LIMIT, label="limit")
-    friction.set_ylabel("friction use\n[-]")
+    friction.set_ylabel("friction\nutilisation [-]")
     friction.set_ylim(0.0, 1.1)
     sliding.axhline(SLIDING_SPEED, **_LIMIT, label="limit")
     sliding.set_ylabel("sliding\n[m/s]")

@@ -1,14 +1,14 @@
 """Braking and accelerating, straight ahead and in turns: the friction circle, as far as this car can use it.
 
-The car has one motor and open differentials: all four wheels get the same torque, so that straight ahead the lighter
-axle lets go first, at g (l / b) / (h' / b + 1 / (2 mu)), well before mu g. In a turn the lighter inner wheel does.
+The car has one motor and open differentials, so all four wheels get the same torque. Straight ahead the lighter axle
+lets go first, at g (l / b) / (h' / b + 1 / (2 mu)), well before mu g. In a turn the lighter inner wheel lets go first.
 
-- `stops`: how long a stop is: with all wheels held, as a car with a brake on each could; with the motor asked to stand
-  still at once, which holds the mean of the wheels, so that the rear ones run backwards; and as the guard brakes;
-- `throttle`: acceleration over speed, beside the motor's limit, max_acceleration, above power_limit_speed falling as
-  power_limit_speed / v;
-- `splits`: on a circle, cornering at a share of mu g, braking (or accelerating) grows until a tire slides: what the
-  car had then, along and across; and what the guard would allow there;
+- `stops`: stopping distances with all wheels held, as if each had a brake; with the motor commanded to stop at once,
+  which holds the mean of the wheels, so that the rear ones run backwards; and with the friction limiter ("guard");
+- `throttle`: acceleration over speed, beside the motor's limit: max_acceleration, which falls above power_limit_speed
+  as power_limit_speed / v;
+- `splits`: on a circle, cornering at a share of mu g, braking (or accelerating) grows until a tire slides: the car's
+  acceleration at that moment, along and across, and what the friction limiter would allow there;
 - `gg`: force over load of all tires, and the car's acceleration, in these turns and beyond: the g-g diagram.
 """
 
@@ -84,15 +84,16 @@ class Braking:
         return tables
 
     def section(self, tables: Tables) -> Section:
-        """Say what of mu g is had, straight ahead and in turns."""
+        """Say what share of mu g the car reaches, straight ahead and in turns."""
         return Section(
             sentences=_sentences(tables),
             figures=(
                 Figure(
                     name="stops",
                     caption="Left: stopping distance over v²/(2 mu g): with all wheels held, at full brake by the one "
-                    "motor, and guarded; lines: closed forms. Right: acceleration at full throttle; lines: the motor's "
-                    "limit or the closed form of the front axle; broken: the motor's with a set point held for a tick.",
+                    "motor, and with the friction limiter; lines: closed forms. Right: acceleration at full throttle; "
+                    "lines: the motor's limit or the closed form of the front axle; broken: the motor's with a set "
+                    "point held for a tick.",
                     draw=lambda figure: draw_stops(figure, tables),
                 ),
                 Figure(
@@ -104,7 +105,7 @@ class Braking:
                 ),
                 Figure(
                     name="splits",
-                    caption="What the car had along and across when the first tire slid; line: what the guard allows.",
+                    caption="Acceleration along and across when the first tire slid; line: the friction limiter's.",
                     draw=lambda figure: draw_splits(figure, tables["splits"]),
                 ),
             ),
@@ -156,7 +157,7 @@ def _stop(mu: float, speed: float, how: str) -> Row:
 
 
 def _throttle(mu: float) -> list[Row]:
-    """Accelerate at full throttle from 0.5 m/s for three seconds, and tell the acceleration of each tenth of one."""
+    """Accelerate at full throttle from 0.5 m/s for three seconds, and return the acceleration of each tenth of one."""
     ground = OpenGround(mu)
     car = ground.car.parameters
     ground.place(0.5)
@@ -195,7 +196,7 @@ def _split(mu: float, share: float, direction: int) -> tuple[Row, list[Row]]:
     limiter = FrictionLimiter(car, mu)
     most = limiter.braking if direction < 0 else limiter.accelerating
     allowed = longitudinal_share(abs(across), limiter.exponent) * most / gravity
-    use = np.fmax.reduce(trace.slip.friction_use.ravel())
+    use = np.fmax.reduce(trace.slip.friction_utilisation.ravel())
     row: Row = {
         "mu": mu,
         "lateral_share_begun": share,
@@ -212,7 +213,7 @@ def _split(mu: float, share: float, direction: int) -> tuple[Row, list[Row]]:
 
 
 def _ramp(ground: OpenGround, mu: float, steering: float, direction: int) -> tuple[Trace, int | None]:
-    """Let a demand grow; return the trace, and the step at which a tire began to slide, None where none did."""
+    """Let a demand grow; return the trace and the step at which a tire began to slide, or None."""
     car, data = ground.car.parameters, ground.data
     traces: list[Trace] = []
     slid = None
@@ -262,20 +263,20 @@ def _sentences(tables: Tables) -> tuple[str, ...]:
     return (
         f"With all wheels held a stop takes {_span(_ratios(stops, 'held', 'best_m'))} of v²/(2 mu g). By its one motor "
         f"the car takes {_span(_ratios(stops, 'full', 'best_m'), 2)}, because open differentials let the rear axle, "
-        "which braking lightens, say how hard all wheels brake; the guard "
+        "which braking lightens, limit the braking of all wheels; with the friction limiter "
         f"{_span(_ratios(stops, 'guard', 'best_m'), 2)}, without sliding, which is its closed form to "
         f"{100 * np.abs(_ratios(stops, 'guard', 'closed_form_m') - 1.0).max():.1f} %.",
         f"At full throttle on ground of mu {GRIPPY:g} the car has {_span(motor, 2)} of the motor's limit, and "
         f"{_span(held, 2)} of what is left of it above the power limit, where a set point is held for a tick and the "
         "car catches up with it.",
         f"No tire ever has more than {np.nanmax(column(splits, 'greatest_use')):.6f} of mu times its load. The car has "
-        f"{_span(column(splits, 'use_of_car'), 2)} of mu g when its first tire slides. The guard allows at least "
-        f"{100 * _least_margin(splits):.0f} % less than what slides.",
+        f"{_span(column(splits, 'use_of_car'), 2)} of mu g when its first tire slides. The friction limiter allows "
+        f"at least {100 * _least_margin(splits):.0f} % less than what slides.",
     )
 
 
 def _least_margin(splits: list[Row]) -> float:
-    """Return the least share of what slid that the guard keeps away from."""
+    """Return the least margin of the friction limiter, as a share of the acceleration at which a tire slid."""
     slid = [row for row in splits if not row["reason"] and abs(float(row["longitudinal_share"] or 0.0)) > 0.02]
     return float((1.0 - column(slid, "guard_share") / column(slid, "longitudinal_share")).min()) if slid else math.nan
 
@@ -291,8 +292,8 @@ def _expected(tables: Tables) -> tuple[tuple[str, str, str], ...]:
             "1",
             _span(_ratios(stops, "full", "closed_form_m")),
         ),
-        ("guarded stop, over its closed form", "1", _span(_ratios(stops, "guard", "closed_form_m"))),
-        ("guarded stop, greatest slide", f"below {SLIDING_SPEED} m/s", f"{slide:.3f} m/s"),
+        ("stop with the friction limiter, over its closed form", "1", _span(_ratios(stops, "guard", "closed_form_m"))),
+        ("stop with the friction limiter, greatest slide", f"below {SLIDING_SPEED} m/s", f"{slide:.3f} m/s"),
         ("g-g: force over mu times load, any tire", "at most 1", f"{column(splits, 'greatest_use').max():.6f}"),
         ("g-g: the car's acceleration over mu g", "at most 1, while loads stay", f"{car.max():.3f}"),
     )

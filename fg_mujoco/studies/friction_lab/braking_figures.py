@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import matplotlib.axes
     import matplotlib.figure
 
-_STOPS = {"held": "wheels held", "full": "full brake", "guard": "guard"}
+_STOPS = {"held": "wheels held", "full": "full brake", "guard": "limiter"}
 
 
 def draw_stops(figure: matplotlib.figure.Figure, tables: Tables) -> None:
@@ -71,17 +71,17 @@ def draw_gg(figure: matplotlib.figure.Figure, points: list[Row]) -> None:
 
 
 def draw_splits(figure: matplotlib.figure.Figure, splits: list[Row]) -> None:
-    """Draw what the car had along and across when its first tire slid, and what the guard allows."""
+    """Draw what the car had along and across when its first tire slid, and what the friction limiter allows."""
     car = Vehicle.load().parameters
     axes = figure.add_subplot()
     across = np.linspace(0.0, 1.0, 100)
     half = np.linspace(0.0, math.pi, 200)
     style.theory(axes, np.cos(half), np.sin(half), "mu g")
     for mu, colour in zip(dict.fromkeys(column(splits, "mu").tolist()), style.COLOURS, strict=False):
-        guard = FrictionLimiter(car, mu)
-        shares = np.array([longitudinal_share(share, guard.exponent) for share in across]) / (mu * car.gravity)
-        style.theory(axes, -guard.braking * shares, across, f"guard, mu {mu:g}", colour=colour)
-        style.theory(axes, guard.accelerating * shares, across, colour=colour)
+        limiter = FrictionLimiter(car, mu)
+        shares = np.array([longitudinal_share(share, limiter.exponent) for share in across]) / (mu * car.gravity)
+        style.theory(axes, -limiter.braking * shares, across, f"limiter, mu {mu:g}", colour=colour)
+        style.theory(axes, limiter.accelerating * shares, across, colour=colour)
         rows = [row for row in splits if row["mu"] == mu and not row["reason"]]
         label = f"first slide, mu {mu:g}"
         along, aside = column(rows, "longitudinal_share"), column(rows, "lateral_share")

@@ -1,9 +1,9 @@
-"""Convergence: what the results owe to the timestep and to the settings of the solver and of the contact.
+"""Convergence: how the results depend on the timestep and on the settings of the solver and of the contact.
 
-Of the car as it is, at its own settings but for one, on a circle of dry ground: where the tires let go, what a holding
-tire creeps at 0.95 of the law's speed, what it does when it slides, at 1.03 and 1.1. And a lap of the oval.
+One setting of the car is changed at a time. Measured are, on a circle of dry ground, where the tires let go, how fast a
+holding tire creeps at 0.95 of the law's speed, and how a tire slides at 1.03 and 1.1; and a lap of the oval.
 
-`impedance` varies what makes a sliding tire hop. MuJoCo's elliptic friction cones are convex: a contact point that
+`impedance` varies the cause of a sliding tire's hops. MuJoCo's elliptic friction cones are convex: a contact point that
 slides at v is also pushed up, by mu s v, where s is the rate [1/s] at which solreffriction slows it down. Against that
 stands what the contact needs to carry the load N, N w (1 - d) / d, with d its impedance and w the inverse mass. So a
 tire lifts from v = N w (1 - d) / (d mu s) on, at the load of a standing tire some 30 mm/s above its
@@ -74,7 +74,7 @@ class Convergence:
         return {"settings": [{**row, "reason": "; ".join(reason for reason in reasons if reason)}]}
 
     def section(self, tables: Tables) -> Section:
-        """Say what moves, and what the timestep is chosen by."""
+        """Say which results change, and why the timestep is as it is."""
         rows = tables["settings"]
         return Section(
             sentences=_sentences(rows),

@@ -14,7 +14,7 @@ from ...messages import CarParameters, FloatArray
 
 
 class Laps(Protocol):
-    """What drove: a RaceResult, or a LabLaps."""
+    """The laps that were driven: a RaceResult, or a LabLaps."""
 
     @property
     def lap_times_s(self) -> tuple[float, ...]:
@@ -40,7 +40,7 @@ class DrivenLap:
 
 
 def best_flying_lap(laps: Laps) -> int:
-    """Return which lap was the fastest, from 1, but for the first, which is from a standing start.
+    """Return the number of the fastest lap, except the first, which is from a standing start.
 
     Raises:
       SettingsError: fewer than two laps were completed.
@@ -56,7 +56,7 @@ def driven_lap(laps: Laps, lap: int, car: CarParameters) -> DrivenLap:
     A lap ends some millimetres beside where it began: that gap is spread over the lap.
 
     Args:
-      laps: what drove.
+      laps: that were driven.
       lap: its number.
       car: where its centre of gravity is.
     """

@@ -1,7 +1,7 @@
 """What an experiment of the friction lab is: cells of work, the rows that they yield, and a section of the report.
 
-A cell is some seconds of one core and says all that it needs, in JSON, so that it can be measured in any process, and
-need not be measured again where its rows are on disk.
+A cell is some seconds of work on one core. It is described completely in JSON, so that any process can measure it, and
+it is not measured again if its rows are on disk.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ GREATEST_MU = 3.0
 
 @dataclass(frozen=True, kw_only=True)
 class LabSettings:
-    """What all experiments share.
+    """Settings that all experiments share.
 
     Raises:
       SettingsError: a friction or steering angle that no cell can be measured at.
@@ -83,7 +83,7 @@ class Figure:
 
 @dataclass(frozen=True, kw_only=True)
 class Section:
-    """What an experiment has to say, the result first."""
+    """The section of an experiment in the report, the result first."""
 
     sentences: tuple[str, ...]  # with the measured numbers
     figures: tuple[Figure, ...] = ()

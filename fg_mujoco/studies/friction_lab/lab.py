@@ -78,7 +78,7 @@ class LabProgress:
 
 @dataclass(frozen=True, kw_only=True)
 class LabResult:
-    """What the lab says."""
+    """The results of the lab."""
 
     chapters: tuple[Chapter, ...]  # of the experiments asked for
     folder: Path | None

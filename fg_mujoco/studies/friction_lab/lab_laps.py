@@ -4,7 +4,7 @@
     laps = drive_laps(world, laps=2, planner_mu=0.9)
     print(laps.lap_times_s, laps.max_slide_m_s)
 
-Tires that slide do so a little faster at the default timestep: what is to slide is run at
+Tires that slide do so a little faster at the default timestep, so runs that are to slide use
 open_ground.LAB_TIMESTEP. With neither patches nor a timestep, a race here is `race`'s, bit for bit.
 """
 
@@ -35,7 +35,7 @@ from ...vehicle.tire_slip import greatest_slip
 
 MAX_SPEED = 8.0  # [m/s] as `race` has it
 _SLIDE = TELEMETRY.index(f"slide_{WHEELS[0]}_m_s")
-_USE = 1  # which of TireSlip's quantities the friction use is
+_USE = 1  # which of TireSlip's quantities the friction utilisation is
 
 
 class LabWorld(World):
@@ -162,7 +162,7 @@ def drive_laps(
       world: a LabWorld that no other simulation uses.
       controller: a bundled name.
       laps: to be driven.
-      planner_mu: what the planner believes; None: as in the car's MJCF.
+      planner_mu: friction coefficient that the planner assumes; None: as in the car's MJCF.
       planner_settings: settings of the controller that differ from its own.
 
     Raises:

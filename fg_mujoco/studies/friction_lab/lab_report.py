@@ -1,7 +1,7 @@
-"""What a run of the lab leaves to be read, from the rows of its cells.
+"""The report of the lab, written from the rows of its cells.
 
 report.html          one file, which needs no other: results, figures, tables, and the commands that make them again
-NAME_TABLE.csv       a row a measurement, with all columns; what there is not is empty
+NAME_TABLE.csv       a row a measurement, with all columns; a value that is missing is empty
 NAME_FIGURE.svg      each figure by itself
 """
 
@@ -155,7 +155,7 @@ def expected_table(chapters: Iterable[Chapter]) -> str:
 
 
 def table_csv(rows: Sequence[Row]) -> str:
-    """Return a CSV of all columns, in the order in which they appear; what is no number is empty."""
+    """Return a CSV of all columns, in the order in which they appear; NaN is empty."""
     names = list(dict.fromkeys(name for row in rows for name in row))
     file = io.StringIO()
     writer = csv.writer(file, lineterminator="\n")

@@ -1,10 +1,10 @@
 """Laps at the friction limit, and how much faster the same line could have been driven.
 
-Five laps of each circuit with a planner that knows its tires. The best one's line is driven again on paper, as fast as
-the laws of motion allow (lap_time_bound): by a point mass on the friction circle, which is the bound; by a car whose
-axles hold, which says how much of the rest no guard could have used; and by one that keeps the guard's shares of the
-grip, which says what those give away. What is left is seeing, and transients: `gap_finder` sees the track as far as its
-LiDAR does, and `pure_pursuit`, under the same guard, has a map.
+A planner that knows its tires drives five laps of each circuit. The time of the best lap is compared with the times
+that the laws of motion allow on the same line (lap_time_bound): for a point mass on the friction circle, which is the
+bound; for a car whose axles hold, which shows what no friction limiter could use; and for a car within the limiter's
+shares of the grip ("guarded"), which shows what these cost. The rest is due to the limited view and to transients:
+`gap_finder` sees as far as its LiDAR, and `pure_pursuit`, with the same limiter, has a map.
 """
 
 from __future__ import annotations
@@ -62,27 +62,27 @@ _NUMBERS = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class GuardedCar(PointMass):
-    """The car that keeps the shares of the grip which the friction guard leaves it, as if it knew the whole line."""
+class LimitedCar(PointMass):
+    """The car that keeps within the friction limiter's shares of the grip, as if it knew the whole line."""
 
-    guard: FrictionLimiter
+    limiter: FrictionLimiter
 
     def corner_speed(self, curvature: float) -> float:
-        """Return the speed of the guard's lateral acceleration."""
-        return math.sqrt(self.guard.lateral / max(abs(curvature), 1e-12))
+        """Return the speed of the limiter's lateral acceleration."""
+        return math.sqrt(self.limiter.lateral / max(abs(curvature), 1e-12))
 
     def acceleration(self, curvature: float, squared_speed: float) -> float:
-        """Return what the guard lets it accelerate, or what the motor gives."""
+        """Return the lesser of the limiter's and the motor's greatest acceleration."""
         share = self._share(curvature, squared_speed)
-        return min(float(self.guard.accelerating * share), motor_acceleration(self.car, squared_speed))
+        return min(float(self.limiter.accelerating * share), motor_acceleration(self.car, squared_speed))
 
     def braking(self, curvature: float, squared_speed: float) -> float:
-        """Return what the guard lets it brake, or what the motor gives."""
-        return min(float(self.guard.braking * self._share(curvature, squared_speed)), self.car.max_acceleration)
+        """Return the lesser of the limiter's and the motor's greatest deceleration."""
+        return min(float(self.limiter.braking * self._share(curvature, squared_speed)), self.car.max_acceleration)
 
     def _share(self, curvature: float, squared_speed: float) -> float:
         lateral_use = abs(curvature) * squared_speed / (self.mu * self.car.gravity)
-        return float(longitudinal_share(lateral_use, self.guard.exponent))
+        return float(longitudinal_share(lateral_use, self.limiter.exponent))
 
 
 class LapsExperiment:
@@ -114,7 +114,7 @@ class LapsExperiment:
         driven, best = driven_lap(result, lap, car), result.lap_times_s[lap - 1]
         point_mass = PointMass(mu=mu, car=car, max_speed=max_speed)
         holding_car = HoldingCar(mu=mu, car=car, max_speed=max_speed)
-        guarded_car = GuardedCar(mu=mu, car=car, max_speed=max_speed, guard=FrictionLimiter(car, result.planner_mu))
+        limited_car = LimitedCar(mu=mu, car=car, max_speed=max_speed, limiter=FrictionLimiter(car, result.planner_mu))
         tolerances: list[Row] = []
         for tolerance in _TOLERANCES:
             smoothed = smooth_line(driven.points, tolerance)
@@ -124,7 +124,7 @@ class LapsExperiment:
                  "ratio": best / bound, "tightest_radius_m": 1.0 / float(np.abs(smoothed.curvature).max())}
             )  # fmt: skip
         line = smooth_line(driven.points, TOLERANCE)
-        fastest, holding, guarded = (fastest_speeds(line, car) for car in (point_mass, holding_car, guarded_car))
+        fastest, holding, guarded = (fastest_speeds(line, car) for car in (point_mass, holding_car, limited_car))
         actual = driven.speed_at(len(fastest))
         bound, holding_bound, guarded_bound = (lap_time(line, speeds) for speeds in (fastest, holding, guarded))
         row |= {
@@ -175,7 +175,7 @@ class LapsExperiment:
                 Figure(
                     name="ratios",
                     caption="Best flying lap over the lower bound of the same line: filled, the point mass on the "
-                    "friction circle; open, the car that keeps the guard's shares of the grip, and "
+                    "friction circle; open, the car that keeps the friction limiter's shares of the grip, and "
                     "knows the whole line.",
                     draw=lambda figure: _draw_ratios(figure, laps),
                     height=0.6 + 0.22 * len({row["track"] for row in laps}),
@@ -219,7 +219,7 @@ def _speed_rows(track: str, controller: str, line: Line, *speeds: FloatArray) ->
 
 
 def _parts(rows: list[Row]) -> str:
-    """Say what each step from the bound to the lap costs, in the mean: what no guard could use, the guard, the rest."""
+    """Say what each step from the bound to the lap costs on average: what no limiter can use, the limiter, rest."""
     bound, holding, guarded, driven = (
         column(rows, name) for name in ("bound_s", "holding_bound_s", "guarded_bound_s", "best_lap_s")
     )
@@ -227,7 +227,7 @@ def _parts(rows: list[Row]) -> str:
              for before, after in ((bound, holding), (holding, guarded), (guarded, driven))]  # fmt: skip
     return (
         f"In the mean {steps[0]:.1f} % are lost because loads move and differentials are open, {steps[1]:.1f} % are "
-        f"what the guard's shares of the grip give away, and {steps[2]:.1f} % are seeing and transients."
+        f"due to the shares of the grip that the friction limiter keeps, and {steps[2]:.1f} % to view and transients."
     )
 
 
@@ -258,7 +258,7 @@ def _with_a_map(laps: list[Row]) -> str:
     return (
         f"In the mean a lap takes {100.0 * (np.nanmean(sees) - 1.0):.0f} % longer than the bound of its line with "
         f"{_CONTROLLERS[0]}, which sees as far as its LiDAR, and {100.0 * (np.nanmean(knows) - 1.0):.0f} % with "
-        f"{_CONTROLLERS[1]}, which knows the centreline and has the same guard."
+        f"{_CONTROLLERS[1]}, which knows the centreline and has the same friction limiter."
     )
 
 
@@ -280,7 +280,7 @@ def _draw_ratios(figure: matplotlib.figure.Figure, laps: list[Row]) -> None:
             continue
         at = np.array([tracks.index(str(row["track"])) for row in rows]) + 0.18 * (2 * index - 1)
         measured(axes, column(rows, "ratio"), at, name, colour=COLOURS[index])
-        measured(axes, column(rows, "guarded_ratio"), at, f"{name}, over\nthe guard's shares", colour=COLOURS[index],
+        measured(axes, column(rows, "guarded_ratio"), at, f"{name}, over\nthe limiter's shares", colour=COLOURS[index],
                  markerfacecolor="white")  # fmt: skip
     axes.axvline(GREATEST_RATIO, color="0.25", linewidth=0.8, linestyle=(0, (4, 2)), zorder=1.5)
     axes.set_yticks(range(len(tracks)), tracks)
@@ -301,7 +301,7 @@ def _draw_speeds(figure: matplotlib.figure.Figure, rows: list[Row]) -> None:
         distance = column(own, "distance_m")
         theory(axes, distance, column(own, "bound_m_s"), "bound: point mass")
         axes.plot(distance, column(own, "holding_m_s"), color="0.6", linewidth=0.9, label="axles hold")
-        axes.plot(distance, column(own, "guarded_m_s"), color=COLOURS[4], linewidth=0.9, label="the guard's shares")
+        axes.plot(distance, column(own, "guarded_m_s"), color=COLOURS[4], linewidth=0.9, label="the limiter's shares")
         axes.plot(distance, column(own, "speed_m_s"), color=COLOURS[0], linewidth=1.3, label="as driven")
         axes.set_ylim(0.0, 8.6)
         axes.set_xlim(0.0, float(distance[-1]))

@@ -1,7 +1,7 @@
-"""What a driver wishes to steer: steps, ramps and sines over time; a slalom and a lane change over ground.
+"""Reference steering of manoeuvres: steps, ramps and sines over time; a slalom and a lane change over ground.
 
 All have the same greatest curvature, so that the law's speed is the same in all. Each begins with half a second
-straight ahead, the car rolling at the speed it wishes to keep.
+straight ahead, the car rolling at its reference speed.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from fg_mujoco.controllers.control.steering import pursue, saturate
 from ...messages import CarParameters, FloatArray, Odometry
 
 CURVATURE = 0.55
-"""[1/m] Greatest, of what is wished: circles of 1.8 m."""
+"""[1/m] Greatest of the reference: circles of 1.8 m."""
 
 _STRAIGHT = 0.5  # [s] before anything happens
 _LOOKAHEAD = 0.8  # [m] along x, to the point of the path that is steered for
@@ -26,8 +26,8 @@ class Manoeuvre:
     """A manoeuvre, the car starting from the origin along x.
 
     Attributes:
-      name: of it.
-      steering: what is wished [rad], at the motion of a car.
+      name: of the manoeuvre.
+      steering: reference steering angle [rad], as a function of the car's motion.
       seconds: that it lasts, or at most [s].
       path: y over x that is to be followed [m]; None: steering over time is all there is.
       end: x at which it ends [m].
@@ -44,7 +44,7 @@ class Manoeuvre:
         return float(odometry.pose[0]) >= self.end or self.lost(odometry.pose[2])
 
     def lost(self, heading: float) -> bool:
-        """Say whether a car heads away from where its path leads [rad]; where there is none, it cannot."""
+        """Say whether a car heads away from where its path leads [rad]; False where there is no path."""
         return self.path is not None and math.cos(heading) < 0.0
 
     def off_path(self, position: FloatArray) -> float | None:
@@ -75,8 +75,8 @@ def _over_ground(name: str, path: Callable[[float], float], end: float) -> Manoe
         x, y, heading = odometry.pose.tolist()
         ahead, aside = _LOOKAHEAD, path(x + _LOOKAHEAD) - y
         bearing = math.atan2(aside, ahead) - heading
-        wish = pursue(bearing, math.hypot(ahead, aside), 0.0, car.wheelbase)
-        held: float = saturate(wish, car.max_steering_angle)
+        reference = pursue(bearing, math.hypot(ahead, aside), 0.0, car.wheelbase)
+        held: float = saturate(reference, car.max_steering_angle)
         return held
 
     return Manoeuvre(name=name, steering=steering, seconds=30.0, path=path, end=end)

@@ -1,7 +1,8 @@
-"""What happens when the planner is wrong about the friction: believed mu over the tires', from one half to twice.
+"""What happens when the planner assumes a wrong friction: the assumed mu over the tires' mu, from one half to twice.
 
-Two laps each at the lab's timestep, for much of this slides. The knee is where the first tire does, found by
-bisection; the guard keeps shares of the grip in hand (controllers/safety/friction_limiter.py), so it lies above 1.
+Each ratio is driven for two laps at the lab's timestep, because many of these runs slide. The knee is the ratio at
+which a tire first slides, found by bisection. It lies above 1, because the friction limiter keeps back shares of the
+grip (controllers/safety/friction_limiter.py).
 """
 
 from __future__ import annotations
@@ -79,7 +80,7 @@ class MismatchExperiment:
                 Figure(
                     name="knee",
                     caption="Best flying lap over that of a planner that is right, greatest sliding speed, and share "
-                    "of the time in which a tire slides, over the believed friction to the tires'. Broken: 0.05 m/s, "
+                    "of the time in which a tire slides, over the assumed friction to the tires'. Broken: 0.05 m/s, "
                     "from which on a tire counts as sliding. A cross is a crash.",
                     draw=lambda figure: _draw(figure, laps),
                     height=4.6,
@@ -121,13 +122,13 @@ def _sentences(laps: list[Row], knees: list[Row]) -> tuple[list[str], list[tuple
         first = knees[int(np.nanargmin(begins))]
         safe = (
             f"Up to {holds.min():.2f} nothing slid anywhere: on such tracks, and with sensors as good as these, a "
-            f"planner is safe that believes in no more than {holds.min():.2f} times the least friction that it may "
+            f"planner is safe that assumes no more than {holds.min():.2f} times the least friction that it may "
             "meet."
             if np.isfinite(holds).all()
             else "Somewhere tires slide already at the least ratio that was tried: no margin is safe."
         )
         sentences.append(
-            f"Tires begin to slide where the planner believes in {spread} times their friction, first on "
+            f"Tires begin to slide where the planner assumes {spread} times their friction, first on "
             f"{first['track']} at mu {first['mu']:g}. {safe}"
         )
         expected.append(("knee: planner-mu over tire-mu where a tire first slides", "above 1", spread))
@@ -153,7 +154,7 @@ def _sentences(laps: list[Row], knees: list[Row]) -> tuple[list[str], list[tuple
 
 
 def _relative(rows: list[Row], row: Row) -> float:
-    """Return the lap time over that of a planner that is right, on the same circuit."""
+    """Return the lap time over that of a planner that assumes the right friction, on the same circuit."""
     right = [r for r in rows if r["track"] == row["track"] and r["mu"] == row["mu"] and r["ratio"] == 1.0]
     return float(row["best_lap_s"] or math.nan) / float(right[0]["best_lap_s"] or math.nan) if right else math.nan
 

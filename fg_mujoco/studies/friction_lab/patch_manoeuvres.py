@@ -1,6 +1,6 @@
 """Which friction acts on a patch: a car that slides sideways, and one on a circle, by each way to lay a patch.
 
-The ways that MuJoCo offers, and why none of them will do, beside the one that is used (friction_patches):
+The first four ways are those that MuJoCo offers, and why each is wrong. The last one is used (friction_patches):
 
     maximum   a flush geom with its own friction: of two geoms the greater counts, and the tire's is the ground's
     priority  a flush geom with `priority`: its friction counts in its contacts, and the ground's contacts stay
@@ -169,8 +169,8 @@ def circle(mu: float, radius: float, fraction: float, *, timestep: float) -> tup
     """Drive into a patch and there on a circle, at `fraction` of the law's speed, sqrt(g mu radius).
 
     Returns:
-      The driven radius at the rear axle [m], the slip of the last part (friction use is over the ground's mu), and the
-      lateral acceleration over mu g [-].
+      The driven radius at the rear axle [m], the slip of the last part (friction utilisation is over the ground's mu),
+      and the lateral acceleration over mu g [-].
     """
     floor = Patch(x=0.0, y=0.0, length=50.0, width=50.0, mu=mu)
     slab = Slab("site", floor, timestep=timestep)

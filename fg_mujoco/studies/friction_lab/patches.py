@@ -1,7 +1,7 @@
-"""Patches of low friction: that the friction which acts is the one asked for, and laps over some of them.
+"""Patches of low friction: whether the friction that acts is the one that was set, and laps over some patches.
 
-What a patch is, and why it is no geom, says friction_patches; the manoeuvres are in patch_manoeuvres. The laps are
-driven by a planner that believes in the dry ground, and by one that believes in the patches.
+`friction_patches` says what a patch is, and why it is no geom; `patch_manoeuvres` has the manoeuvres. The laps are
+driven by a planner that assumes the friction of the dry ground, and by one that assumes that of the patches.
 """
 
 from __future__ import annotations
@@ -195,7 +195,7 @@ def _on_laps(laps: list[Row]) -> list[str]:
                  if row["planner_mu"] == Vehicle.load().nominal_mu and not row["patches"]}  # fmt: skip
         change = [float(row["best_lap_s"] or math.nan) / plain.get(row["track"], math.nan) - 1.0 for row in rows]
         sentences.append(
-            f"A planner that believes in mu {planner_mu:g}, over patches of mu {_PATCH_MU:g}: {crashes} of {len(rows)} "
+            f"A planner that assumes mu {planner_mu:g}, over patches of mu {_PATCH_MU:g}: {crashes} of {len(rows)} "
             f"races crash, greatest slide {column(rows, 'max_slide_m_s').max():.2f} m/s, a tire slides in "
             f"{100.0 * np.nanmean(share):.0f} % of the time on patches in the mean; against dry "
             f"ground, which it knows, the best lap changes by {100.0 * np.nanmin(change):+.0f} to "
@@ -235,9 +235,9 @@ def _draw_map(figure: matplotlib.figure.Figure, ticks: list[Row], places: list[R
     from matplotlib.colors import LogNorm
 
     colours = mpl.colormaps["YlOrRd"].with_extremes(under="0.55")
-    believed = sorted({float(row["planner_mu"] or 0.0) for row in ticks}, reverse=True)
-    panels: Any = figure.subplots(1, len(believed), squeeze=False, sharey=True)[0]
-    for axes, planner_mu in zip(panels, believed, strict=True):
+    assumed = sorted({float(row["planner_mu"] or 0.0) for row in ticks}, reverse=True)
+    panels: Any = figure.subplots(1, len(assumed), squeeze=False, sharey=True)[0]
+    for axes, planner_mu in zip(panels, assumed, strict=True):
         own = [row for row in ticks if row["planner_mu"] == planner_mu]
         draw_course(axes, load_track(str(own[0]["track"])))
         for place in [row for row in places if row["planner_mu"] == planner_mu]:
@@ -250,7 +250,7 @@ def _draw_map(figure: matplotlib.figure.Figure, ticks: list[Row], places: list[R
             cmap=colours, norm=LogNorm(SLIDING_SPEED, 5.0), linewidth=1.4, capstyle="round",
         )  # fmt: skip
         axes.add_collection(line)
-        axes.set_title(f"planner believes in mu {planner_mu:g}", fontsize=8.0)
+        axes.set_title(f"planner assumes mu {planner_mu:g}", fontsize=8.0)
         axes.grid(visible=False)
         axes.label_outer()
     figure.colorbar(line, ax=list(panels), label="greatest slide of a tire [m/s]", extend="min", shrink=0.9)

@@ -1,4 +1,4 @@
-"""What Newton and Coulomb say of a rigid car on a steady circle: where its tires let go, and what they do beyond.
+"""Closed forms of a rigid car on a steady circle, by Newton and Coulomb: where its tires let go, and how they slide.
 
 The law v = sqrt(g mu b / tan d) is that of a point on the circle of the rear axle. A car on four wheels differs, at
 R = b / tan d and ay = v^2 / R:

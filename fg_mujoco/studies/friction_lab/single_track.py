@@ -1,8 +1,8 @@
 """The experiment `models`: the same steering angles and speeds through our car and through the 2D gyms' linear tires.
 
-Our car's steering angle and speed are measured, and the single-track model is driven by these: what differs is then the
-tires. It is driven twice: with the stiffnesses that the gyms have, and with those at which a linear tire creeps as ours
-do. With the latter it is an oracle for our car wherever slip is small; with the former it shows what a 2D gym adds.
+Our car's steering angle and speed are measured, and the single-track model is driven by these. So only the tires
+differ. It is driven twice: with the stiffnesses that the gyms have, and with those at which a linear tire creeps as
+ours do. With the latter it is an oracle for our car where slip is small. With the former it shows what a 2D gym adds.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ class Models:
         return {"manoeuvres": [row], "traces": traces}
 
     def section(self, tables: Tables) -> Section:
-        """Say where the two agree, and where not."""
+        """Say where the two models agree, and where they differ."""
         car = OpenGround().car
         return models_section(tables, SingleTrack.of(car.parameters, mu=car.mu))
 

@@ -1,4 +1,4 @@
-"""What the experiment `models` says of its rows: sentences, figures and what was expected."""
+"""The section of the experiment `models`: sentences, figures and expectations from its rows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The skidpad: on which circles, and at which speeds, the tires let go; and how the circle widens then.
+"""The skidpad: at which speeds the tires let go on a circle, and how the circle widens beyond.
 
 Constant steering, the speed brought slowly to k times the law's sqrt(g mu b / tan d). By bisection, two ks:
 

@@ -1,15 +1,14 @@
-"""Four ways to read the friction law: from a wished steering angle and speed to a command.
+"""Four ways to use the friction law: from a reference steering angle and speed to a command.
 
     hold = LAWS["guard"](car, mu=0.7)
     command = hold(steering_angle, speed, odometry)
 
-none       the wish as it is
-one way    the speed by the wished steering: v <= sqrt(g mu b / tan|d|)
-both ways  and the steering by the present speed: |d| <= atan(g mu b / v^2)
-guard      the whole of controllers/safety/friction_limiter.py
+none       the reference as it is
+one way    limits the speed by the reference steering angle: v <= sqrt(g mu b / tan|d|)
+both ways  also limits the steering angle by the present speed: |d| <= atan(g mu b / v^2)
+guard      the whole friction limiter, controllers/safety/friction_limiter.py
 
-All that read it use the guard's share of the tires' friction, so that they differ in how they read it and in nothing
-else.
+The last three use the friction limiter's share of the tires' friction. They differ only in how they use the law.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from ...messages import CarParameters, DriveCommand, Odometry
 from .open_ground import TICK
 
 Law: TypeAlias = Callable[[float, float, Odometry], DriveCommand]
-"""From a wished steering angle [rad] and speed [m/s], and the present motion, to a command."""
+"""From a reference steering angle [rad] and speed [m/s], and the present motion, to a command."""
 
 
 def _none(car: CarParameters, mu: float) -> Law:
@@ -54,15 +53,15 @@ def _both_ways(car: CarParameters, mu: float) -> Law:
     return hold
 
 
-def _guard(car: CarParameters, mu: float) -> Law:
-    guard = FrictionLimiter(car, mu)
-    return lambda steering, speed, odometry: guard(steering, speed, odometry, TICK)
+def _limiter(car: CarParameters, mu: float) -> Law:
+    limiter = FrictionLimiter(car, mu)
+    return lambda steering, speed, odometry: limiter(steering, speed, odometry, TICK)
 
 
 LAWS: dict[str, Callable[[CarParameters, float], Law]] = {
     "none": _none,
     "one way": _one_way,
     "both ways": _both_ways,
-    "guard": _guard,
+    "guard": _limiter,
 }
-"""By name: makes one for a car, and a friction coefficient that it believes in."""
+"""By name: makes a law for a car and the friction coefficient that it assumes."""

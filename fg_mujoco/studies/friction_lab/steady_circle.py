@@ -56,12 +56,12 @@ class CircleReading:
 
     @property
     def slide(self) -> float:
-        """Greatest sliding speed of any tire [m/s]."""
+        """Greatest slip speed of any tire [m/s]."""
         return float(np.nanmax(self.slides))
 
     @property
     def lets_go(self) -> str:
-        """What does: an axle, whose friction is used up, or a wheel, too light for the torque that all share; or ""."""
+        """What lets go: an axle, its friction used up, or a wheel, too light for the torque that all share; or ""."""
         if max(self.axle_use) > _EXHAUSTED:
             return ("front axle", "rear axle")[int(np.argmax(self.axle_use))]
         return f"{self.fastest_tire} spins" if self.slide > _SPINNING else ""

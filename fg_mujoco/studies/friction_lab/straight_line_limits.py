@@ -41,8 +41,8 @@ def held_share(car: CarParameters) -> float:
 def stopping_distance(speed: float, mu: float, car: CarParameters, how: str) -> float:
     """Return the closed form of a stop [m].
 
-    held: mu g. full: the rear axle's friction, twice. guard: what its braking is with a set point held for a tick; it
-    grows over the load's transfer time, a tick of which is there at once.
+    held: mu g. full: twice the rear axle's friction. guard: the friction limiter's braking, with a set point held for a
+    tick. It grows over the load's transfer time, of which one tick is there at once.
 
     Args:
       speed: at its beginning [m/s].
@@ -54,9 +54,9 @@ def stopping_distance(speed: float, mu: float, car: CarParameters, how: str) -> 
         return speed**2 / (2.0 * mu * car.gravity)
     if how == "full":
         return speed**2 / (2.0 * even_torque_limit(mu, car, -1))
-    guard = FrictionLimiter(car, mu)
-    braking = guard.braking * held_share(car)
-    growing = guard.settings.load_transfer_time - TICK
+    limiter = FrictionLimiter(car, mu)
+    braking = limiter.braking * held_share(car)
+    growing = limiter.settings.load_transfer_time - TICK
     distance: float = speed**2 / (2.0 * braking) + 0.5 * speed * growing - braking * growing**2 / 24.0
     return distance
 

@@ -1,4 +1,4 @@
-"""What a car did on level ground, step by step: all of it read off the sensors of its MJCF."""
+"""The motion of a car on level ground, step by step, read off the sensors of its MJCF."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""Transients: what the law is worth while steering and speed change, by how it is read.
+"""Transients: how well the law holds while steering and speed change, by how it is used.
 
-A driver comes along straight ahead at k times the law's speed, and wishes to keep it through a manoeuvre whose
-sharpest bend is just what the law allows at k = 1. The servo turns at its real rate. Read one way only, the law slows
-the car for a bend that it is in already, for steering turns faster than the car slows; read both ways, the steering
-waits for the speed; the guard besides holds braking and turning in within what cornering leaves.
+A car comes straight ahead at k times the law's speed. The reference keeps this speed through a manoeuvre whose sharpest
+bend is what the law allows at k = 1. The servo turns at its real rate. Used one way only, the law slows the car for a
+bend that it is already in, because steering turns faster than the car slows. Used both ways, the steering waits for the
+speed. The friction limiter ("guard") also holds braking and turning in within what cornering leaves.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     import matplotlib.figure
 
 MUS = (1.0489, 0.6)
-KS = (0.7, 0.9, 1.0, 1.1, 1.5)  # of the law's speed, that is wished
+KS = (0.7, 0.9, 1.0, 1.1, 1.5)  # of the law's speed: the reference
 _QUICK_KS = (0.9, 1.1)
 _QUICK_MANOEUVRES = ("step", "slalom")
 _SHOWN = ("step", MUS[0], 1.1)  # manoeuvre, mu, k of the figure over time
@@ -42,7 +42,7 @@ class Transient:
     """See the module."""
 
     name = "transient"
-    title = "Transients: one way, both ways, and the whole guard"
+    title = "Transients: one way, both ways, and the whole friction limiter"
 
     def cells(self, settings: LabSettings) -> list[Cell]:
         """One for each manoeuvre, friction and speed; a cell drives under every law."""
@@ -55,14 +55,14 @@ class Transient:
         tables: Tables = {"runs": [], "trace": []}
         ground = OpenGround(cell["mu"])
         for law in LAWS:
-            trace, wished = drive(ground, cell["manoeuvre"], cell["mu"], cell["k"], law)
-            tables["runs"].append({**cell, "law": law, **_figures(trace, wished, cell["manoeuvre"])})
+            trace, reference = drive(ground, cell["manoeuvre"], cell["mu"], cell["k"], law)
+            tables["runs"].append({**cell, "law": law, **_figures(trace, reference, cell["manoeuvre"])})
             if (cell["manoeuvre"], cell["mu"], cell["k"]) == _SHOWN:
                 tables["trace"] += _samples(trace, law)
         return tables
 
     def section(self, tables: Tables) -> Section:
-        """Say which reading of the law slides, and what it costs not to."""
+        """Say which use of the law slides, and what time the others cost."""
         runs = tables["runs"]
         name, mu, k = _SHOWN
         return Section(
@@ -71,7 +71,7 @@ class Transient:
                 Figure(
                     name="sliding",
                     caption="Share of the physics steps in which a tire slides, and the time lost against a car that "
-                    "keeps the wished speed, over that speed, k times the law's. A car that spins has no time.",
+                    "keeps the reference speed, over that speed, k times the law's. A car that spins has no time.",
                     draw=lambda figure: _draw_runs(figure, runs),
                     height=1.2 + 1.5 * (1 + len({row["mu"] for row in runs})),
                 ),
@@ -96,38 +96,38 @@ EXPERIMENT: Experiment = Transient()
 
 
 def drive(ground: OpenGround, manoeuvre: str, mu: float, k: float, law: str) -> tuple[Trace, float]:
-    """Drive a manoeuvre under a law, and return the trace and the wished speed [m/s]: k times the law's.
+    """Drive a manoeuvre under a law, and return the trace and the reference speed [m/s]: k times the law's.
 
     Args:
       ground: of friction mu.
       manoeuvre: one of MANOEUVRES.
-      mu: that the law believes in.
-      k: wished speed over the law's.
+      mu: that the law assumes.
+      k: reference speed over the law's.
       law: one of LAWS.
     """
     plan, car = MANOEUVRES[manoeuvre], ground.car.parameters
     hold = LAWS[law](car, mu)
-    wished = k * friction_speed(math.atan(car.wheelbase * CURVATURE), mu, car.wheelbase, car.gravity)
+    reference = k * friction_speed(math.atan(car.wheelbase * CURVATURE), mu, car.wheelbase, car.gravity)
 
     def driver(odometry: Odometry) -> DriveCommand:
-        return hold(plan.steering(odometry, car), wished, odometry)
+        return hold(plan.steering(odometry, car), reference, odometry)
 
-    ground.place(wished)
-    return ground.drive(driver, plan.seconds, until=plan.ended), wished
+    ground.place(reference)
+    return ground.drive(driver, plan.seconds, until=plan.ended), reference
 
 
-def _figures(trace: Trace, wished: float, manoeuvre: str) -> Row:
+def _figures(trace: Trace, reference: float, manoeuvre: str) -> Row:
     time = len(trace.time) * trace.timestep
     distance = float(trace.speed.sum()) * trace.timestep
     aside = np.arctan2(trace.velocity[:, 1], trace.velocity[:, 0]) - trace.heading
     spun = bool((np.cos(aside) < _ASIDE).any()) or MANOEUVRES[manoeuvre].lost(trace.heading[-1])
     return {
-        "wished_speed_m_s": wished,
+        "wished_speed_m_s": reference,
         "sliding_share": float(trace.slip.slides.any(axis=1).mean()),
         "greatest_slide_m_s": float(np.nanmax(trace.slip.sliding_speed)),
         "time_s": time,
         "distance_m": distance,
-        "time_lost_s": math.nan if spun else time - distance / wished,
+        "time_lost_s": math.nan if spun else time - distance / reference,
         "least_speed_m_s": float(trace.speed.min()),
         "turned_rad": float(trace.heading[-1]),
         "off_path_m": MANOEUVRES[manoeuvre].off_path(trace.position),
@@ -155,23 +155,26 @@ def _greatest(rows: list[Row], name: str) -> float:
 
 
 def _sentences(runs: list[Row]) -> tuple[str, ...]:
-    guarded, both, one = (_under(runs, law) for law in ("guard", "both ways", "one way"))
-    longest = 100.0 * _greatest(guarded, "sliding_share")
-    fastest = _greatest(guarded, "greatest_slide_m_s")
+    limited, both, one = (_under(runs, law) for law in ("guard", "both ways", "one way"))
+    longest = 100.0 * _greatest(limited, "sliding_share")
+    fastest = _greatest(limited, "greatest_slide_m_s")
     if longest == 0.0:
         first = (
-            f"Under the whole guard no tire slides in any of {len(guarded)} runs: {fastest:.3f} m/s at most, where "
-            f"{SLIDING_SPEED} m/s count as sliding."
+            f"Under the whole friction limiter no tire slides in any of {len(limited)} runs: {fastest:.3f} m/s "
+            f"at most, where {SLIDING_SPEED} m/s count as sliding."
         )
     else:
-        first = f"Under the whole guard a tire slides for up to {longest:.1f} % of the time, at {fastest:.3f} m/s."
+        first = (
+            f"Under the whole friction limiter a tire slides for up to {longest:.1f} % of the time, "
+            f"at {fastest:.3f} m/s."
+        )
     return (
         first,
-        f"With the law read one way tires slide in {_sliding(one)} runs, for {_share(one)} of the time; read both ways "
-        f"in {_sliding(both)}, for {_share(both)}. What is left then is braking, which locks the lighter rear axle, "
-        f"and turning in: {_spun(one)} and {_spun(both)} of the cars spin, with the guard {_spun(guarded)}.",
-        f"Against a car that keeps the wished speed the guard loses {_lost(guarded)} s; cars that do not spin lose "
-        f"{_lost(both)} s with the law read both ways, {_lost(one)} s one way.",
+        f"With the law used one way tires slide in {_sliding(one)} runs, for {_share(one)} of the time; used both ways "
+        f"in {_sliding(both)}, for {_share(both)}. The rest is due to braking, which locks the lighter rear axle, "
+        f"and turning in: {_spun(one)} and {_spun(both)} of the cars spin, with the friction limiter {_spun(limited)}.",
+        f"Against a car that keeps the reference speed the friction limiter loses {_lost(limited)} s; cars that "
+        f"do not spin lose {_lost(both)} s with the law used both ways, {_lost(one)} s one way.",
     )
 
 
@@ -218,7 +221,9 @@ def _draw_runs(figure: matplotlib.figure.Figure, runs: list[Row]) -> None:
             style.measured(axes, column(found, "k"), values, law, colour=colour, linestyle="-", linewidth=0.6)
         if row == 0:
             axes.set_title(manoeuvre, fontsize="medium")
-        style.finish(axes, "k wished [-]" if row == len(rows) - 1 else "", label if place == 0 else "", legend=False)
+        style.finish(
+            axes, "k of the reference [-]" if row == len(rows) - 1 else "", label if place == 0 else "", legend=False
+        )
     figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=len(LAWS))
 
 

@@ -220,8 +220,8 @@ class LiveView:
         state = "paused" if session.paused else session.message
         self._status.content = (
             f"**{session.simulation.speed:.2f} m/s** at t = {session.simulation.time:.2f} s\n\n"
-            f"limit {'none' if limit > 99.0 else f'{limit:.2f} m/s'}, friction use {session.friction_use:.2f}, "
-            f"sliding {session.sliding_speed:.3f} m/s\n\n"
+            f"limit {'none' if limit > 99.0 else f'{limit:.2f} m/s'}, "
+            f"friction utilisation {session.friction_utilisation:.2f}, sliding {session.sliding_speed:.3f} m/s\n\n"
             f"lap {session.laps.laps_completed + 1}{best}\n\n{state or 'all is well'}"
         )
 

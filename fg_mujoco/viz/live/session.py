@@ -165,9 +165,9 @@ class LiveSession:
         return math.sqrt(car.gravity * self.world.car.mu * car.wheelbase / tangent) if tangent > 1e-6 else math.inf
 
     @property
-    def friction_use(self) -> float:
+    def friction_utilisation(self) -> float:
         """Of the tire with the greatest, in the last tick [-]; 0 where all are in the air."""
-        return _greatest(self.simulation.slip.friction_use)
+        return _greatest(self.simulation.slip.friction_utilisation)
 
     @property
     def sliding_speed(self) -> float:

@@ -5,14 +5,16 @@
     picture = fg.render("runs/oval", time=12.5, camera="chase", size=(1280, 720))  # (720, 1280, 3) uint8
     depth = fg.render("runs/oval", time=12.5, camera="onboard", output="depth")  # [m]
 
-    with fg.Renderer(world, size=(84, 84)) as renderer:  # in a loop, for those who train on pixels
+    with fg.Renderer(world, size=(84, 84)) as renderer:  # in a loop, to train on pixels
         picture = renderer.rgb(simulation.data, camera="onboard")
 
     with fg.Film("runs/oval", camera="top") as film:  # a recorded drive, frame by frame
         fg.write_video("oval.mp4", film.frames(fps=30.0), size=film.size)
 
-Modules: gl (an OpenGL context), scenery (the model that is drawn), renderer (states to arrays), cameras, drive (a
-recording at any time), planner_view, overlays, telemetry_strip, film (all of it together), video (files).
+`gl` opens an OpenGL context, `scenery` compiles the model that is drawn, and `renderer` turns states into arrays.
+`cameras` has the cameras, and `drive` a recording at any time. `overlays`, `planner_view`, `force_arrows` and
+`telemetry_strip` draw over a picture, and `gg_diagram` draws the g-g diagram. `film` puts all of this together, and
+`video` writes files.
 """
 
 from __future__ import annotations
@@ -68,7 +70,7 @@ def render(
 ) -> NDArray[Any]:
     """Return pictures of a simulation as it is now, or of a recorded drive at one time or several.
 
-    Each call prepares anew (half a second); for many pictures in a row use a Renderer or a Film.
+    Each call prepares again (half a second). For many pictures in a row use a Renderer or a Film.
 
     Args:
       source: a Simulation, a run folder, a Run or a RaceResult.

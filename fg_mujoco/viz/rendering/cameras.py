@@ -1,6 +1,6 @@
-"""Where a picture is taken from: chase, onboard, top, track, orbit.
+"""Cameras: chase, onboard, top, track and orbit.
 
-A camera is a function of a moment of a drive, so a frame is the same alone and in a video. It answers a View, which
+A camera is a function of a moment of a drive, so a frame is the same alone and in a video. It returns a View, which
 also projects points of the world onto the picture.
 """
 
@@ -22,7 +22,7 @@ _MIDDLE = 0.165  # [m] of the car, ahead of its rear axle
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Moment:
-    """What a camera is told: the car at one time of a drive, and how it got there."""
+    """The input of a camera: the car at one time of a drive, and the drive up to then."""
 
     time: float  # [s]
     position: FloatArray  # (3,) [m] of base_link

@@ -1,8 +1,8 @@
-"""The parts of the car that are seen, as meshes: models/assets/*.obj are what this module writes.
+"""Meshes of the visible parts of the car. This module writes models/assets/*.obj.
 
     python -m fg_mujoco.viz.rendering.car_meshes
 
-Where a part sits, and in which material, is said in models/f1tenth_look.xml. All is in the frame of the body that
+models/f1tenth_look.xml has the place and the material of each part. Coordinates are in the frame of the body that
 carries it (x ahead, y left, z up) [m], and below the LiDAR's beams, .0614 over `base_link`. Wheels are drawn for the
 left side.
 """

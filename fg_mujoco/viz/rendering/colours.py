@@ -1,4 +1,4 @@
-"""Colours that mean something in pictures, and how they are read."""
+"""Colours with a meaning in pictures, and their scales."""
 
 from __future__ import annotations
 
@@ -23,6 +23,6 @@ _FRICTION_RGB = np.array(
 
 
 def friction_colour(use: ArrayLike) -> FloatArray:
-    """Return the colour of a friction use [-]: blue at 0, green at two thirds, red from 1 on. Shape (..., 3)."""
+    """Return the colour of a friction utilisation: blue at 0, green at two thirds, red from 1 on. Shape (..., 3)."""
     use = np.nan_to_num(np.asarray(use, dtype=np.float64))
     return np.stack([np.interp(use, _FRICTION_USE, _FRICTION_RGB[:, channel]) for channel in range(3)], axis=-1)

@@ -1,4 +1,4 @@
-"""Simple shapes that are added to one picture and are in no model. Lengths in metres, colours RGBA from 0 to 1."""
+"""Simple shapes that are added to a single picture, not to a model. Lengths in metres, colours RGBA from 0 to 1."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _ZERO = np.zeros(3)
 
 
 def _new(scene: mujoco.MjvScene, kind: mujoco.mjtGeom, colour: Colour, glow: float) -> mujoco.MjvGeom | None:
-    """Return the next free geom of the scene; None where it is full: what is drawn first is what counts."""
+    """Return the next free geom of the scene; None where it is full: shapes added later are left out."""
     if scene.ngeom >= scene.maxgeom:
         return None
     geom = scene.geoms[scene.ngeom]

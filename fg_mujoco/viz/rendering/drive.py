@@ -1,7 +1,7 @@
-"""A recorded drive, to be looked at at any time: a run folder, a Run or a RaceResult.
+"""A recorded drive at any time: a run folder, a Run or a RaceResult.
 
 States are recorded once a tick, 25 ms. Between two of them the physics is stepped again from the earlier one, to the
-last physics step before the time asked for, and what then is left, less than 5 ms, is gone at that step's velocities:
+last physics step before the requested time. The rest, less than 5 ms, is extrapolated with that step's velocities. So
 pictures move smoothly at any frame rate, and no frame depends on another.
 """
 
@@ -27,7 +27,7 @@ from .renderer import Renderer, track_start
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Drive:
-    """What a recording says, whatever it was read from. Arrays as in RaceResult."""
+    """A recording, whatever it was read from. Arrays as in RaceResult."""
 
     name: str
     xml: str = field(repr=False)  # of the world
@@ -53,13 +53,13 @@ class Drive:
         return np.unwrap(self.column("heading_rad"))
 
     @cached_property
-    def friction_use(self) -> FloatArray:
-        """Greatest of the four tires in each tick (ticks,) [-]; 0 where none is on the ground."""
+    def friction_utilisation(self) -> FloatArray:
+        """Greatest friction utilisation of the four tires in each tick (ticks,) [-]; 0 where none is on the ground."""
         return self._greatest_of_tires("friction_use_front_left")
 
     @cached_property
     def sliding_speed(self) -> FloatArray:
-        """Greatest of the four tires in each tick (ticks,) [m/s]; 0 where none is on the ground."""
+        """Greatest slip speed of the four tires in each tick (ticks,) [m/s]; 0 where none is on the ground."""
         return self._greatest_of_tires("slide_front_left_m_s")
 
     def _greatest_of_tires(self, first_column: str) -> FloatArray:
@@ -81,7 +81,7 @@ class Drive:
 
 
 def read_drive(source: Drive | Run | RaceResult | str | Path) -> Drive:
-    """Return a recording to be looked at.
+    """Return a recording.
 
     Raises:
       RunFolderError: a folder that is none of `race --out`, lacks a file, or is of another version.

@@ -1,4 +1,4 @@
-"""A drive through one camera: any of its moments as a picture, with what is laid over it.
+"""A drive through one camera: pictures of any of its moments, with overlays.
 
 with Film("runs/oval", camera="chase", size=(1280, 720)) as film:
     picture = film.frame(12.5)
@@ -42,13 +42,13 @@ class Film:
       camera: a name in CAMERAS.
       size: width and height [px].
       quality: a name in QUALITIES.
-      overlays: what is laid over; None: what is usual for the camera.
+      overlays: to be drawn; None: those that are usual for the camera.
 
     Attributes:
       drive: the recording.
       renderer: of its world.
-      overlays: what is laid over.
-      note: what is left out, and why, in one line; empty where nothing is.
+      overlays: that are drawn.
+      note: what is left out, and why, in one line; empty if nothing is.
 
     Raises:
       RunFolderError: no run folder, or a damaged one, or one of another version.
@@ -139,8 +139,8 @@ class Film:
         if forces is not None:
             draw_arrows(picture, forces, view)
         if show.beams or show.trace:
-            stages = tuple(name for name in STAGES if seen is not None and self._has(seen, name))
-            draw_legend(picture, stages, show.trace)
+            shown = tuple(name for name in STAGES if seen is not None and self._has(seen, name))
+            draw_legend(picture, shown, show.trace)
         if show.strip:
             draw_strip(picture, self.drive, time, self._car)
         return picture
@@ -172,4 +172,4 @@ class Film:
 
     @staticmethod
     def _has(seen: PlannerView, name: str) -> bool:
-        return name in seen.stages or (name == "goal" and seen.goal is not None)
+        return name in seen.intermediate_scans or (name == "goal" and seen.goal is not None)

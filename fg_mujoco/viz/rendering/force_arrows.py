@@ -1,4 +1,4 @@
-"""The force that the ground does on each tire, as an arrow inside the circle of what friction can carry."""
+"""The force of the ground on each tire, as an arrow inside its friction circle."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _ABOVE = 0.004  # [m] over the ground
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TireForces:
-    """What the ground does to the tires, one row a tire in the order of WHEELS; NaN where one is off the ground."""
+    """Forces of the ground on the tires, one row a tire in the order of WHEELS; NaN for a tire off the ground."""
 
     points: FloatArray  # (4, 3) [m] of contact
     friction: FloatArray  # (4, 3) [N] along the ground, world frame

@@ -1,4 +1,4 @@
-"""What is laid over a picture: beams by what the planner made of them, the trace, tire forces, the telemetry strip."""
+"""Overlays of a picture: beams coloured by the intermediate scans, the trace, tire forces, the telemetry strip."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ _GAP_EVERY = 3  # of the gap's edge
 class Overlays:
     """Switches."""
 
-    beams: bool = False  # of the LiDAR, coloured by what the planner made of them
-    trace: bool = False  # of the rear axle so far, coloured by friction use
+    beams: bool = False  # of the LiDAR, coloured by the planner's intermediate scans
+    trace: bool = False  # of the rear axle so far, coloured by friction utilisation
     forces: bool = False  # of the tires, in their friction circles
     strip: bool = False  # with speed, its limit by the friction law, steering, lap, sliding
 
@@ -61,18 +61,18 @@ def find_overlays(camera: str, **switches: bool | None) -> Overlays:
 
 
 def draw_beams(scene: mujoco.MjvScene, seen: PlannerView, origin: FloatArray, pixels: float, height: float) -> None:
-    """Add the beams: what the planner keeps of each in the colour of its fate, what it cut off in that of the filter.
+    """Add the beams: the part that the planner keeps in the colour of its use, the part cut off in that of the filter.
 
     Args:
       scene: to be added to.
       seen: by the planner.
-      origin: (3,) [m] where they are to start: the LiDAR moves on while its scan is acted upon.
+      origin: (3,) [m] where they start: the LiDAR moves on after its scan.
       pixels: width of a line.
       height: [m] of the gap's surface over the ground.
     """
-    stages, scan = seen.stages, seen.scan
-    raw = np.minimum(stages["raw"], scan.range_max)
-    kept, fate = _fates(stages, raw)
+    scans, scan = seen.intermediate_scans, seen.scan
+    raw = np.minimum(scans["raw"], scan.range_max)
+    kept, fate = _fates(scans, raw)
     beams = np.arange(0, len(raw), _EVERY)
     ends, hits = seen.points(kept, beams), seen.points(raw, beams)
     colours = {name: np.array(rgb) for name, rgb in STAGES.items()}
@@ -92,11 +92,11 @@ def draw_beams(scene: mujoco.MjvScene, seen: PlannerView, origin: FloatArray, pi
         sphere(scene, seen.goal, 0.09, magenta)
 
 
-def _fates(stages: dict[str, FloatArray], raw: FloatArray) -> tuple[FloatArray, list[str]]:
-    """Return the length that is left of each beam (n,) [m], and which stage settled it."""
-    kept = np.minimum(raw, stages.get("extended", raw))
+def _fates(scans: dict[str, FloatArray], raw: FloatArray) -> tuple[FloatArray, list[str]]:
+    """Return the length that is left of each beam (n,) [m], and which intermediate scan decided it."""
+    kept = np.minimum(raw, scans.get("extended", raw))
     fate = ["raw"] * len(raw)
-    bubble, gap = stages.get("bubble"), stages.get("gap")
+    bubble, gap = scans.get("bubble"), scans.get("gap")
     for beam in range(len(raw)):
         if gap is not None and np.isfinite(gap[beam]):
             fate[beam] = "gap"
@@ -107,7 +107,7 @@ def _fates(stages: dict[str, FloatArray], raw: FloatArray) -> tuple[FloatArray, 
 
 def _draw_gap(scene: mujoco.MjvScene, seen: PlannerView, fate: list[str], origin: FloatArray, height: float) -> None:
     """Add the surface between the beams of the gap."""
-    gap = seen.stages.get("gap")
+    gap = seen.intermediate_scans.get("gap")
     if gap is None:
         return
     beams = np.flatnonzero([name == "gap" for name in fate])[::_GAP_EVERY]
@@ -130,7 +130,7 @@ def draw_trace(scene: mujoco.MjvScene, drive: Drive, time: float, here: FloatArr
     ticks = np.append(np.arange(0, count, every), count) if count > 1 else np.array([0, 1])
     points = np.column_stack((drive.column("x_m")[:count], drive.column("y_m")[:count], np.full(count, _ABOVE)))
     points = np.vstack((points, (here[0], here[1], _ABOVE)))[np.minimum(ticks, count)]
-    use = np.maximum.reduceat(drive.friction_use[:count], ticks[:-1])
+    use = np.maximum.reduceat(drive.friction_utilisation[:count], ticks[:-1])
     for start, end, colour in zip(points[:-1], points[1:], friction_colour(use), strict=True):
         slat(scene, start, end, width, (*colour, 1.0))
 

@@ -1,8 +1,8 @@
-"""What the planner of a recorded drive saw in a tick: its scan, what it made of it, and where it was heading.
+"""What the planner of a recorded drive saw in a tick: its scan, its intermediate scans, and its goal.
 
-The scan is measured again at the recorded state, with the noise and delay of the run, and given to the planner anew.
-A planner gives its intermediate scans by a method `intermediate_scans(scan) -> {name: ranges (n,)}`, which the bundled
-planners inherit. Where the planner cannot be made any more, the bare scan is left.
+The scan is measured again at the recorded state, with the noise and delay of the run, and given to the planner again. A
+planner gives its intermediate scans by a method `intermediate_scans(scan) -> {name: ranges (n,)}`, which the bundled
+planners inherit. If the planner cannot be made any more, there is only the scan.
 """
 
 from __future__ import annotations
@@ -33,11 +33,13 @@ from .drive import Drive
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlannerView:
-    """What a planner saw in one tick, and where from."""
+    """What a planner saw in one tick, and from where."""
 
     scan: LaserScan
-    stages: dict[str, FloatArray]  # intermediate scans (n,) [m] by name: raw, extended, bubble, gap; those that it has
-    goal: FloatArray | None  # (3,) [m] where it was heading, in the world; None: nowhere, or it does not say
+    intermediate_scans: dict[
+        str, FloatArray
+    ]  # intermediate scans (n,) [m] by name: raw, extended, bubble, gap; those that it has
+    goal: FloatArray | None  # (3,) [m] its goal, in the world; None: there is none, or it does not say
     position: FloatArray  # (3,) [m] of the LiDAR
     rotation: FloatArray  # (3, 3) of the LiDAR
 
@@ -50,19 +52,19 @@ class PlannerView:
 
 
 def intermediate_scans(planner: Any, scan: LaserScan) -> dict[str, FloatArray]:
-    """Return what a planner makes of a scan, by name, ranges (n,) [m]; nothing for a planner that does not say."""
+    """Return the intermediate scans of a planner by name, ranges (n,) [m]; empty for a planner that has none."""
     own = getattr(planner, "intermediate_scans", None)
     return {name: np.asarray(ranges, dtype=np.float64) for name, ranges in own(scan).items()} if callable(own) else {}
 
 
 class PlannerEye:
-    """Looks through the eyes of the planner of a drive.
+    """Gives scans of a recorded drive to its planner again.
 
     Args:
       drive: the recording.
 
     Attributes:
-      missing: why its planner is not to be had; empty where it is.
+      missing: why its planner cannot be made; empty if it can.
     """
 
     def __init__(self, drive: Drive) -> None:
@@ -81,7 +83,7 @@ class PlannerEye:
         summary = self._drive.summary
         try:
             mu = summary.get("planner_mu")
-            course = None  # a track or map of one's own is not found by its name, and few planners drive by a map
+            course = None  # a user's own track or map is not found by its name, and few planners drive by a map
             with suppress(TrackError):
                 course = load_track(summary["track"])
             planner = make_controller(
@@ -102,11 +104,11 @@ class PlannerEye:
         position = self._data.xpos[self._lidar_body].copy()
         rotation = self._data.xmat[self._lidar_body].reshape(3, 3).copy()
         goal = None
-        stages = {"raw": np.nan_to_num(scan.ranges, nan=0.0, posinf=scan.range_max, neginf=0.0)}
+        scans = {"raw": np.nan_to_num(scan.ranges, nan=0.0, posinf=scan.range_max, neginf=0.0)}
         if self._planner is not None:
-            stages |= intermediate_scans(self._planner, scan)
+            scans |= intermediate_scans(self._planner, scan)
             goal = self._goal(scan, position, rotation)
-        return PlannerView(scan=scan, stages=stages, goal=goal, position=position, rotation=rotation)
+        return PlannerView(scan=scan, intermediate_scans=scans, goal=goal, position=position, rotation=rotation)
 
     def _goal(self, scan: LaserScan, position: FloatArray, rotation: FloatArray) -> FloatArray | None:
         """Return the goal: of one that looks for it in the scan a bearing and a distance, in the map x and y."""

@@ -1,4 +1,4 @@
-"""How much work goes into a picture: `draft`, `good` or `best`."""
+"""Presets of the quality of pictures: `draft`, `good` and `best`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ...errors import SettingsError
 
 @dataclass(frozen=True, kw_only=True)
 class Quality:
-    """What a preset stands for."""
+    """The settings of a preset."""
 
     samples: int  # of a pixel, by the graphics hardware or its software
     shadow_size: int  # [px] of the shadow map; 0: no shadows

@@ -1,4 +1,4 @@
-"""The course as surfaces to be painted: walls with texture coordinates, and the road between them.
+"""Surfaces of a course for pictures: walls with texture coordinates, and the road between them.
 
 A world's mesh `walls` is a list of prisms of eight corners (track_mesh.wall_prisms): the left wall's, then the right
 wall's. From their inner edges follow both outlines of the road.

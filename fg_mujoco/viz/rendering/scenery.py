@@ -1,8 +1,8 @@
-"""A world as it is to be seen: the car's look, painted walls, road, start line, sky and daylight.
+"""The model that is drawn of a world: the car's look, painted walls, road, start line, sky and daylight.
 
 It is a second model, compiled for pictures from the very scene.xml of a world: the bodies, joints and actuators are
-those of the first, so it takes its states. What is only to be seen stays out of the model that is raced, which so
-compiles as fast as ever, and out of the scene.xml that every run folder has (docs/rendering.md has the figures).
+those of the first, so it takes its states. So the model that is raced, and the scene.xml of a run folder, have nothing
+that is only for pictures, and compile faster (docs/rendering.md has the figures).
 """
 
 from __future__ import annotations

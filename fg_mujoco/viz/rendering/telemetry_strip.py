@@ -1,7 +1,7 @@
 """The strip along a picture's lower edge: lap and time, speed and the law's limit, steering, tires; and the legend.
 
 The law's limit is the speed at which the tires hold the car on the circle of its present steering angle,
-v = sqrt(g mu b / tan|d|), with the mu that the planner believes in (the notes of the field's gap_finder_base).
+v = sqrt(g mu b / tan|d|), with the mu that the planner assumes (the notes of the field's gap_finder_base).
 """
 
 from __future__ import annotations
@@ -63,8 +63,8 @@ def draw_strip(picture: Picture, drive: Drive, time: float, car: CarParameters) 
     image = Image.fromarray((under * (1.0 - _COVER) + _BACK * _COVER).astype(np.uint8))
     if len(drive.telemetry):
         row = dict(zip(TELEMETRY, drive.telemetry[drive.tick_at(time)].tolist(), strict=True))
-        believed = drive.summary.get("planner_mu")
-        mu = math.inf if believed is None else float(believed)
+        assumed = drive.summary.get("planner_mu")
+        mu = math.inf if assumed is None else float(assumed)
         limit = law_limit(row["steering_angle_rad"], mu, car)
         _Strip(ImageDraw.Draw(image), image.width, rows).draw(row, time, limit, drive.summary, car)
     picture[-rows:] = np.asarray(image)
@@ -119,7 +119,7 @@ class _Strip:
 
     def _speed(self, x: float, width: float, speed: float, limit: float, summary: dict[str, Any]) -> None:
         top = max(float(summary.get("speed_limit_m_s", 8.0)), 1.0)
-        whose = "law's limit" if limit < top else "top"  # where the law says nothing, what may be commanded at most
+        whose = "law's limit" if limit < top else "top"  # where the law gives no limit, the greatest command
         limit = min(limit, top)
         title, shown = "SPEED m/s", f"{whose} {limit:.1f}"
         if not self._fits(title + shown, width):
@@ -175,9 +175,9 @@ class _Strip:
         self._pen.rectangle((x - half, low - 2, x + half, high + 2), fill=colour)
 
 
-def draw_legend(picture: Picture, stages: tuple[str, ...], friction: bool) -> None:
+def draw_legend(picture: Picture, scans: tuple[str, ...], friction: bool) -> None:
     """Draw onto a picture's upper left corner what the colours of beams and trace mean."""
-    legend, opacity = _legend(stages, friction, picture.shape[0])
+    legend, opacity = _legend(scans, friction, picture.shape[0])
     rows, columns = legend.shape[:2]
     margin = max(round(0.018 * picture.shape[0]), 3)
     if rows + margin > picture.shape[0] or columns + margin > picture.shape[1]:
@@ -187,24 +187,24 @@ def draw_legend(picture: Picture, stages: tuple[str, ...], friction: bool) -> No
 
 
 @lru_cache(maxsize=16)
-def _legend(stages: tuple[str, ...], friction: bool, height: int) -> tuple[NDArray[np.float32], float]:
+def _legend(scans: tuple[str, ...], friction: bool, height: int) -> tuple[NDArray[np.float32], float]:
     from PIL import Image, ImageDraw
 
     font = _font(max(round(0.024 * height), 9))
     step, pad = round(1.5 * font.size), round(0.6 * font.size)
-    texts = [{"raw": "beam", "extended": "cut off"}.get(name, name) for name in stages]
+    texts = [{"raw": "beam", "extended": "cut off"}.get(name, name) for name in scans]
     wide = round(max([font.getlength(text) for text in texts] + [8.0 * font.size * friction], default=0.0))
-    lines = len(stages) + 2 * friction
+    lines = len(scans) + 2 * friction
     image = Image.new("RGB", (wide + 3 * pad + 2 * font.size, lines * step + pad), tuple(int(c) for c in _BACK))
     pen = ImageDraw.Draw(image)
-    for index, (name, text) in enumerate(zip(stages, texts, strict=True)):
+    for index, (name, text) in enumerate(zip(scans, texts, strict=True)):
         y = pad + index * step
         colour = tuple(int(255 * part) for part in STAGES[name])
         pen.rectangle((pad, y + 0.25 * font.size, pad + 1.5 * font.size, y + 0.75 * font.size), fill=colour)
         pen.text((2 * pad + 1.5 * font.size, y + 0.5 * font.size), text, font=font, fill=_WHITE, anchor="lm")
     if friction:
-        y = pad + len(stages) * step
-        pen.text((pad, y + 0.5 * font.size), "friction use", font=font, fill=_WHITE, anchor="lm")
+        y = pad + len(scans) * step
+        pen.text((pad, y + 0.5 * font.size), "friction utilisation", font=font, fill=_WHITE, anchor="lm")
         y += step
         width = image.width - 2 * pad - 2 * font.size
         for column in range(width):

@@ -1,7 +1,7 @@
-"""Frames to a file: MP4 or GIF by its ending, streamed to ffmpeg; PNG for one picture. They appear whole or not at all.
+"""Writes frames to a file: MP4 or GIF by its ending, streamed to ffmpeg; PNG for one picture.
 
-ffmpeg is that of `imageio-ffmpeg`. It runs in a session of its own, so that Ctrl-C ends the drawing and not the file in
-the middle of a frame.
+A file is written completely or not at all. ffmpeg is that of `imageio-ffmpeg`. It runs in a session of its own, so that
+Ctrl-C ends the drawing, and not the file in the middle of a frame.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
-"""Reports: what there is to know of a run in one HTML page, to be zoomed into, without network. Needs bokeh.
+"""Reports: a run as one HTML page with plots that can be zoomed, without network. Needs bokeh.
 
     write_report("runs/oval", "runs/oval/report.html")
 
-Modules: recorded_run (what is reported), tick_columns, lap_table, slide_events and map_shapes (what is worked out from
-it), map_plot, time_plots and gg_plot (what is drawn of it), clip, page (all of it together), comparison_pages.
+`recorded_run` reads a run. `tick_columns`, `lap_table`, `slide_events` and `map_shapes` compute what is shown of it.
+`map_plot`, `time_plots` and `gg_plot` draw it, in the style of `plot_style`. `clip` makes the video, `sections` the
+text and tables, and `page` puts all of it together. The pages of a comparison are made by `studies.comparison.pages`.
 """
 
 from .page import write_report

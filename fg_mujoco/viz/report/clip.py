@@ -16,7 +16,7 @@ from .slide_events import SlideEvent
 
 SIZE = (640, 360)  # [px]
 FRAME_RATE = 20.0  # [1/s]
-_BEFORE = 2.0  # [s] that are shown before what is worth seeing
+_BEFORE = 2.0  # [s] that are shown before the crash or slide
 
 
 @dataclass(frozen=True, kw_only=True)

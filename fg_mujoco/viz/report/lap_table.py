@@ -21,7 +21,7 @@ class Lap:
     sectors: tuple[float | None, ...]  # [s] each; None: not completed
     top_speed: float  # [m/s]
     mean_speed: float  # [m/s] over time
-    friction_use: float  # greatest of any tire [-]
+    friction_utilisation: float  # greatest of any tire [-]
     sliding_share: float  # of its physics steps
 
 
@@ -74,7 +74,7 @@ def lap_table(
                 sectors=sectors,
                 top_speed=float(speed.max()),
                 mean_speed=float(speed.mean()),
-                friction_use=float(columns["friction_use"][ticks].max()),
+                friction_utilisation=float(columns["friction_use"][ticks].max()),
                 sliding_share=float(columns["sliding_steps"][ticks].sum() / columns["steps"][ticks].sum()),
             )
         )

@@ -1,4 +1,4 @@
-"""The course from above, and the driven line on it in the colour of its speed, friction use or sliding."""
+"""The course from above, and the driven line on it in the colour of its speed, friction utilisation or sliding."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def map_plot(
         HoverTool(
             renderers=[line], line_policy="nearest",
             tooltips=[("time", "@time_s{0.00} s"), ("lap, progress", "@lap, @progress_m{0.0} m"),
-                      ("speed", "@speed_m_s{0.00} m/s"), ("friction use", "@friction_use{0.00}"),
+                      ("speed", "@speed_m_s{0.00} m/s"), ("friction utilisation", "@friction_use{0.00}"),
                       ("sliding", "@slide_m_s{0.000} m/s")],
         )
     )  # fmt: skip
@@ -95,7 +95,7 @@ def colour_scales(columns: dict[str, FloatArray]) -> dict[str, tuple[str, float]
     """Return what the line can be coloured by: name of a column -> title and upper end of its scale."""
     return {
         "speed_m_s": ("speed [m/s]", max(1.0, float(np.abs(columns["speed_m_s"]).max(initial=0.0)))),
-        "friction_use": ("friction use [-]", 1.0),
+        "friction_use": ("friction utilisation [-]", 1.0),
         "slide_m_s": ("sliding [m/s]", max(2.0 * SLIDING_SPEED, float(columns["slide_m_s"].max(initial=0.0)))),
     }
 

@@ -1,4 +1,4 @@
-"""What stands about in a world, from above: footprints of walls and obstacles, read off the compiled model.
+"""Footprints of the walls and obstacles of a world, read off the compiled model.
 
 So a run folder is enough, wherever its track came from.
 """

@@ -1,4 +1,4 @@
-"""The page of one run: everything in one HTML file that loads nothing from anywhere.
+"""The page of one run: one HTML file that loads nothing else.
 
     write_report("runs/oval", "runs/oval/report.html")
 
@@ -35,13 +35,13 @@ LIBRARY = "bokeh.min.js"
 
 CLIP_SECONDS = 8.0
 
-_COLOURS = (("speed_m_s", "speed"), ("friction_use", "friction use"), ("slide_m_s", "sliding"))
+_COLOURS = (("speed_m_s", "speed"), ("friction_use", "friction utilisation"), ("slide_m_s", "sliding"))
 _AXES = (("distance_m", "over distance"), ("time_s", "over time"))
 
 _READOUT = (
     ("t", "time_s", 3, "s"), ("lap", "lap", 0, ""), ("progress", "progress_m", 1, "m"),
     ("speed", "speed_m_s", 2, "m/s"), ("limit", "limit_speed_m_s", 2, "m/s"),
-    ("steering", "steering_angle_rad", 3, "rad"), ("friction use", "friction_use", 2, ""),
+    ("steering", "steering_angle_rad", 3, "rad"), ("friction utilisation", "friction_use", 2, ""),
     ("sliding", "slide_m_s", 3, "m/s"), ("ahead", "acceleration_ahead_m_s2", 1, "m/s²"),
     ("left", "acceleration_left_m_s2", 1, "m/s²"),
 )  # fmt: skip

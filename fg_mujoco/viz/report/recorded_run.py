@@ -1,4 +1,4 @@
-"""What a report is made of: a run folder, a Run or a RaceResult, all three told alike."""
+"""The input of a report: a run folder, a Run or a RaceResult, read into the same fields."""
 
 from __future__ import annotations
 

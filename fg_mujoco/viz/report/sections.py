@@ -66,7 +66,7 @@ def laps(laps: Sequence[Lap], summary: dict[str, Any]) -> str:
     if not laps:
         return '<p class="note">No tick was driven.</p>'
     header = ("lap", "time [s]", *(f"sector {i + 1}" for i in range(SECTORS)), "top [m/s]", "mean [m/s]",
-              "friction use", "sliding")  # fmt: skip
+              "friction utilisation", "sliding")  # fmt: skip
     best_lap = min((lap.time for lap in laps if lap.time is not None), default=None)
     best = [
         min((time for lap in laps if (time := lap.sectors[sector]) is not None), default=None)
@@ -80,7 +80,7 @@ def laps(laps: Sequence[Lap], summary: dict[str, Any]) -> str:
         ending = "" if lap.time is not None else f", {str(summary['end_reason']).replace('_', ' ')}"
         rows.append(
             f'<tr class="here" data-time="{start:.3f}"><td>{lap.number}{escape(ending)}</td>{cells}'
-            f"<td>{lap.top_speed:.2f}</td><td>{lap.mean_speed:.2f}</td><td>{lap.friction_use:.2f}</td>"
+            f"<td>{lap.top_speed:.2f}</td><td>{lap.mean_speed:.2f}</td><td>{lap.friction_utilisation:.2f}</td>"
             f"<td>{100 * lap.sliding_share:.1f} %</td></tr>"
         )
         start += lap.time or 0.0

@@ -1,4 +1,4 @@
-"""What a report draws of each tick: the telemetry's columns, and what follows from them."""
+"""The columns that a report draws, one value a tick: the telemetry's, and others computed from them."""
 
 from __future__ import annotations
 
@@ -56,8 +56,8 @@ def limit_speed(steering_angle: FloatArray, car: CarParameters, mu: float) -> Fl
 def accelerations(time: FloatArray, speed: FloatArray, yaw_rate: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the acceleration of the rear axle ahead, dv/dt over the tick, and to the left, v times the yaw rate.
 
-    What a slip of the rear axle to the side adds is not in them. In the last tick, whose end the telemetry does not
-    have, dv/dt is that of the one before.
+    They leave out the lateral slip of the rear axle. In the last tick, whose end the telemetry does not have, dv/dt is
+    that of the tick before.
 
     Args:
       time: of the starts of the ticks (n,) [s].

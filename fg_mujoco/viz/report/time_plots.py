@@ -1,4 +1,4 @@
-"""Speed and its limit, steering, friction use and sliding, over the distance driven or over time."""
+"""Speed and its limit, steering, friction utilisation and sliding, over the distance driven or over time."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def time_plots(ticks: ColumnDataSource, columns: dict[str, FloatArray], lap_time
     steering = _panel("steering [rad]", across, (-turn, turn))
     _line(steering, ticks, "command_steering_rad", COMMAND, "commanded")
     _line(steering, ticks, "steering_angle_rad", CAR, "car", width=2.0)
-    friction = _panel("friction use [-]", across, (0.0, use))
+    friction = _panel("friction utilisation [-]", across, (0.0, use))
     sliding = _panel("sliding [m/s]", across, (0.0, slide))
     for wheel, colour in zip(WHEELS, TIRE_COLOURS, strict=True):
         _line(friction, ticks, f"friction_use_{wheel}", colour, wheel.replace("_", " "))

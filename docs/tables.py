@@ -1,0 +1,188 @@
+"""Fills the tables of README.md and docs/ from docs/figures.json and from the docstrings of the planners.
+
+    python docs/tables.py           # rewrites what stands between the markers
+    python docs/tables.py --check   # exits with 1 where a page says something else
+
+A table stands between `<!-- table NAME: made by make figures -->` and `<!-- end of table -->`. TABLES has the function
+that makes each. `python benchmarks/circuits.py --json docs/figures.json` drives the races of the figures.
+"""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parent.parent
+PAGES = ("README.md", "docs/planners.md")
+
+BUNDLED = ("oval", "l_corridor", "hairpins", "chicanes", "fast", "tight")
+REAL = ("Spielberg", "Monza", "Zandvoort")
+PUBLISHED = {  # [s] lap from a standing start: follow-the-gap on LiDAR alone, and an optimised raceline with a map
+    "aut": (19.10, 16.79),
+    "esp": (45.78, 35.92),
+    "gbr": (39.34, 31.24),
+    "mco": (34.99, 28.08),
+}
+"""Of the survey "Unifying F1TENTH Autonomous Racing" (its benchmark notebooks: 8 m/s limit, mu 1.0489)."""
+
+SCENES = {  # heads of the columns
+    "corridor_sparse": "corridor sparse", "corridor_dense": "dense", "cylinder_field": "cylinders",
+    "narrow_gap_120": "gap 1.2", "narrow_gap_150": "gap 1.5", "narrow_gap_200": "gap 2",
+    "square_corner": "square corner", "dead_end": "dead end", "u_turn_trap": "U-turn trap",
+    "wrong_side_chicane": "wrong side", "crossing_box": "crossing box", "slow_leader": "slow leader",
+}  # fmt: skip
+WITH_A_MAP = ("pure_pursuit",)
+
+MARKED = re.compile(r"(<!-- table (\w+): made by make figures -->\n).*?(<!-- end of table -->)", re.DOTALL)
+
+
+def filled(page: str, figures: dict[str, Any]) -> str:
+    """Return the text of a page with its tables filled.
+
+    Raises:
+      KeyError: a marker names a table that is not in TABLES.
+    """
+    return MARKED.sub(lambda found: f"{found[1]}\n{TABLES[found[2]](figures)}\n\n{found[3]}", page)
+
+
+def controllers(figures: dict[str, Any]) -> str:
+    """Return the planners, with the first line of each one's docstring."""
+    rows = []
+    for path in sorted((ROOT / "controllers").glob("*.py")):
+        if path.stem != "__init__":
+            line = (ast.get_docstring(ast.parse(path.read_text("utf-8"))) or "").partition("\n")[0]
+            rows.append((f"`{path.stem}`", line))
+    return _table(("name", "what it does"), rows, numbers=False)
+
+
+def circuits(figures: dict[str, Any]) -> str:
+    """Return gap_finder's laps of every circuit."""
+    rows, found = [], figures["circuits"]
+    for name in (*BUNDLED, *REAL, *PUBLISHED):
+        run = found[name]
+        label = name.upper() if name in PUBLISHED else name
+        rows.append((label, f"{run['laps_completed']}/5", run["collisions"], _seconds(run["first_lap_s"]),
+                     _seconds(run["best_lap_s"]), f"{run['max_slide_m_s']:.3f}"))  # fmt: skip
+    drawn = [found[f"random:{seed}"] for seed in range(20)]
+    rows.append(("random:0 to random:19", f"{sum(run['laps_completed'] for run in drawn)}/100",
+                 sum(run["collisions"] for run in drawn), _range(run["first_lap_s"] for run in drawn),
+                 _range(run["best_lap_s"] for run in drawn),
+                 f"{max(run['max_slide_m_s'] for run in drawn):.3f}"))  # fmt: skip
+    head = ("circuit", "laps", "crashes", "lap from a standing start [s]", "best of five laps [s]",
+            "greatest slide [m/s]")  # fmt: skip
+    return _table(head, rows)
+
+
+def published(figures: dict[str, Any]) -> str:
+    """Return gap_finder's laps from a standing start beside published ones."""
+    own = {name: figures["circuits"][name]["first_lap_s"] for name in PUBLISHED}
+    return _table(
+        ("", *(name.upper() for name in PUBLISHED)),
+        [
+            ("published follow-the-gap, LiDAR only [s]", *(_seconds(gap) for gap, _ in PUBLISHED.values())),
+            ("**`gap_finder`, LiDAR only [s]**", *(f"**{_seconds(own[name])}**" for name in PUBLISHED)),
+            ("published raceline and tracking, with a map [s]", *(_seconds(line) for _, line in PUBLISHED.values())),
+            ("`gap_finder` to the raceline", *(f"{own[n] / line - 1.0:+.1%}" for n, (_, line) in PUBLISHED.items())),
+        ],
+    )
+
+
+def planners(figures: dict[str, Any]) -> str:
+    """Return each planner's best lap and greatest slide on each bundled circuit."""
+    rows = [
+        (f"`{name}`", *(f"{_lap(runs[circuit])} / {_short(runs[circuit]['max_slide_m_s'], 3)}" for circuit in BUNDLED))
+        for name, runs in figures["planners"].items()
+    ]
+    return _table(("", *BUNDLED), rows)
+
+
+def scenes(figures: dict[str, Any]) -> str:
+    """Return each planner's successes of ten seeds in each scene."""
+    rows = [
+        (f"`{name}`{' (with a map)' if name in WITH_A_MAP else ''}", *(found[scene] for scene in SCENES))
+        for name, found in figures["scenes"].items()
+    ]
+    return _table(("", *SCENES.values()), rows)
+
+
+def trap_speeds(figures: dict[str, Any]) -> str:
+    """Return the planners' successes in the U-turn trap by greatest speed."""
+    return _by_speed(figures, "u_turn_trap")
+
+
+def wrong_side_speeds(figures: dict[str, Any]) -> str:
+    """Return the planners' successes in the wrong-side chicane by greatest speed."""
+    return _by_speed(figures, "wrong_side_chicane")
+
+
+def thresholds(figures: dict[str, Any]) -> str:
+    """Return the best laps of threshold_gap by its threshold."""
+    rows = []
+    for name, runs in figures["thresholds"].items():
+        t = name.partition("=")[2].rstrip("]")
+        rows.append((f"{t} (default)" if t == "2" else t, *(_lap(runs[circuit]) for circuit in BUNDLED)))
+    return _table(("t [m]", *BUNDLED), rows)
+
+
+TABLES: dict[str, Callable[[dict[str, Any]], str]] = {
+    function.__name__: function
+    for function in (controllers, circuits, published, planners, scenes, trap_speeds, wrong_side_speeds, thresholds)
+}
+
+
+def _by_speed(figures: dict[str, Any], scene: str) -> str:
+    """Return successes of five seeds, one row for all planners that have the same."""
+    speeds = list(next(iter(figures["speeds"].values()))[scene])
+    alike: dict[tuple[int, ...], list[str]] = {}
+    for name, found in figures["speeds"].items():
+        label = f"`{name}`{' (with a map)' if name in WITH_A_MAP else ''}"
+        alike.setdefault(tuple(found[scene][speed] for speed in speeds), []).append(label)
+    rows = [(", ".join(names), *counts) for counts, names in sorted(alike.items(), reverse=True)]
+    return _table(("m/s", *speeds), rows)
+
+
+def _lap(run: dict[str, Any]) -> str:
+    """Return the best lap of a run, or why it has none."""
+    ended = run["end_reason"]
+    return _seconds(run["best_lap_s"]) if ended == "finished" else ended.replace("_", " ")
+
+
+def _seconds(value: float) -> str:
+    return f"{value:.2f}"
+
+
+def _short(value: float, digits: int) -> str:
+    return f"{value:.{digits}f}".removeprefix("0")
+
+
+def _range(values: Iterable[float]) -> str:
+    found = list(values)
+    return f"{_seconds(min(found))} to {_seconds(max(found))}"
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[object]], *, numbers: bool = True) -> str:
+    rule = ["---", *["---:" if numbers else "---"] * (len(head) - 1)]
+    return "\n".join(f"| {' | '.join(str(value) for value in row)} |" for row in (head, rule, *rows))
+
+
+def main() -> int:
+    """Fill all pages, or say which are not as they should be."""
+    figures = json.loads((ROOT / "docs" / "figures.json").read_text("utf-8"))
+    old = {page: (ROOT / page).read_text("utf-8") for page in PAGES}
+    stale = {page: new for page in PAGES if (new := filled(old[page], figures)) != old[page]}
+    if "--check" not in sys.argv[1:]:
+        for page, text in stale.items():
+            (ROOT / page).write_text(text, "utf-8")
+        return 0
+    for page in stale:
+        print(f"{page}: its tables are not those of docs/figures.json; accepted: what make figures writes")
+    return 1 if stale else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
