@@ -3,9 +3,9 @@
     python benchmarks/environments.py [--track oval] [--worlds 16 256] [--rounds 3] [--json FILE]
 
 All drive the commands of the same lap by gap_finder, 1081 beams at 40 Hz, in one thread; the vector environment once
-more in two. The core loop of one world is `Simulation.step`, that of many is `WorldGroup.tick`, the loop of `rollout`,
-with the commands in the place of its planners. They take turns, some ticks each; the overhead is the median over the
-turns of the ratio of the CPU times, which a machine that is shared disturbs less than the times.
+more in two. The baseline is the engine itself: sense, drive and judge, without planners. All take turns of some ticks.
+The overhead is the median over the turns of the ratio of the CPU times, which a shared machine disturbs less than the
+times.
 """
 
 from __future__ import annotations
@@ -22,23 +22,10 @@ import fg_mujoco as fg
 from fg_mujoco.envs.dm_environment import load
 from fg_mujoco.envs.gym_environment import ID, F1TenthEnv
 from fg_mujoco.envs.gym_vector import F1TenthVectorEnv
-from fg_mujoco.simulation.world_group import WorldGroup
+from fg_mujoco.simulation.engine import Engine
 
 TICKS = 20  # of a turn
 Tick = Callable[[int], object]
-
-
-def simulation(track: str, commands: Any) -> Tick:
-    """Return what makes tick i of the core loop of one world; tick 0 begins anew."""
-    core = fg.Simulation(fg.World(track))
-    messages = [fg.DriveCommand(steering_angle=steering, speed=speed) for steering, speed in commands.tolist()]
-
-    def tick(i: int) -> object:
-        if i == 0:
-            core.reset()
-        return core.step(messages[i])
-
-    return tick
 
 
 def single(env: Any, commands: Any) -> Tick:
@@ -53,21 +40,18 @@ def single(env: Any, commands: Any) -> Tick:
     return tick
 
 
-def group(track: str, commands: Any, count: int) -> Tick:
-    """Return the same of the core loop of many worlds."""
-    world, scenarios = fg.World(track), [fg.Scenario()] * count
-    groups: list[WorldGroup] = []
+def engine(track: str, commands: Any, count: int) -> Tick:
+    """Return what makes tick i of the engine, the commands given; tick 0 begins anew."""
+    core = Engine(fg.World(track), count, time_limit=1000.0)
+    starts = [fg.Start()] * count
 
     def tick(i: int) -> object:
         if i == 0:
-            groups[:] = [WorldGroup(world, scenarios, "gap_finder", laps=1, time_limit=1000.0)]
-
-        def decide(*sensed: Any) -> Any:
-            sensed[-1][:] = commands[i]
-            return np.zeros(count, np.bool_)
-
-        groups[0]._decide = decide  # instead of planners, which are not what is measured
-        return groups[0].tick()
+            core.place(starts)
+        core.sense()
+        core.commands[:] = commands[i]
+        core.drive()
+        return core.judge()
 
     return tick
 
@@ -116,7 +100,7 @@ def measure(track: str, counts: list[int], rounds: int) -> dict[str, Any]:
     commands = np.column_stack((race.column("command_steering_rad"), race.column("command_speed_m_s")))[:-1]
     settings = {"track": track, "start": "line"}
     ways = {
-        "Simulation.step": simulation(track, commands),
+        "Engine": engine(track, commands, 1),
         "F1TenthEnv": single(F1TenthEnv(**settings), commands),
         "gymnasium.make": single(gymnasium.make(ID, **settings), commands),
         "dm_env": single(load(track, laps=1), commands),
@@ -125,7 +109,7 @@ def measure(track: str, counts: list[int], rounds: int) -> dict[str, Any]:
     figures: dict[str, Any] = {"track": track, "one": compare(ways, len(commands), rounds, 1), "many": {}}
     for count in counts:
         ways = {
-            "WorldGroup.tick": group(track, commands, count),
+            "Engine": engine(track, commands, count),
             "F1TenthVectorEnv": vector(track, commands, count),
             "in two threads": vector(track, commands, count, 2),
         }

@@ -21,18 +21,12 @@ import numpy as np
 from common import parser, report, stay_on_cores, table
 
 import fg_mujoco as fg
+from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.physics import STATE
-from fg_mujoco.simulation.planner_adapter import ArrayPilot
 from fg_mujoco.simulation.world import World
 
-SIMULATION = importlib.import_module("fg_mujoco.simulation.simulation")
-PARTS = {
-    "physics": ((SIMULATION, "hold_controls"),),
-    "LiDAR": ((fg.RaycastLidar, "ranges"),),
-    "planner": ((ArrayPilot, "decide"),),
-    "slip meter": ((SIMULATION, "measure_slip"), (importlib.import_module("fg_mujoco.racing.result"), "end_row")),
-}
-"""Whose functions make up a part. The rest is all else: odometry, laps, log, the loop itself."""
+PARTS = ("sense", "decide", "drive", "judge")
+"""The verbs of the engine that a tick consists of. `drive` has the physics and the slip meter; the rest is the loop."""
 
 
 class Clocks:
@@ -73,9 +67,8 @@ def time_parts(track: str, laps: int) -> dict[str, float]:
     """Return the median time of each part, and of the whole tick, in a race [us]."""
     clocks = Clocks()
     with ExitStack() as patches:
-        for part, functions in PARTS.items():
-            for owner, name in functions:
-                patches.enter_context(patch.object(owner, name, clocks.around(part, getattr(owner, name))))
+        for part in PARTS:
+            patches.enter_context(patch.object(Engine, part, clocks.around(part, getattr(Engine, part))))
         fg.race(track, laps=laps, watch=clocks.end_tick)
     rows = np.array([list(row.values()) for row in clocks.rows[1:]])  # the first has the preparations in it
     medians = [*np.median(rows, axis=0), np.median(rows.sum(axis=1))]
@@ -110,7 +103,7 @@ def plain_race(track: str, laps: int) -> fg.RaceResult:
             super().__init__(*args, **kwargs)
             without_sleep(self.model)
 
-    with patch.object(importlib.import_module("fg_mujoco.racing.race"), "World", Awake):
+    with patch.object(importlib.import_module("fg_mujoco.simulation.settings"), "World", Awake):
         return fg.race(track, laps=laps, lidar="rangefinder")
 
 
