@@ -5,10 +5,11 @@
 PATH is your own checkout of f1tenth_gym v1.0, its main branch. Only its simulator is imported, which needs numba,
 scipy, pillow and PyYAML, but neither gym nor pyglet. The map's image must have the name of its YAML file.
 
-Both simulators advance one car by 10 ms a step and measure 1080 noisy beams after each step. One pure pursuit planner
-follows the map's centreline in both. They take turns of 100 steps on one core, and only the time inside `step` counts:
-the ratio is the median over the pairs of turns. After each lap, `race` drives one by gap_finder: 25 ms a tick, 1081
-beams, and its factor counts the planner too. Its ratio is that of the times real time, the median over the laps.
+f1tenth_gym and `fg_mujoco.f110` advance one car by 10 ms a step and measure 1080 noisy beams after each; `Simulation`
+advances it by 25 ms and measures 1081. One pure pursuit planner follows the map's centreline in all three. They take
+turns of one simulated second on one core, and only the time inside `step` counts: a ratio is the median over the turns.
+After each lap, `race` drives one by gap_finder, and its times real time counts the planner too: its ratio is the median
+over the laps.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ import fg_mujoco as fg
 from fg_mujoco import f110
 
 STEP = 0.01  # [s]
-TURN = 100  # steps
+TURN = 1.0  # [s], simulated
 LOOKAHEAD, WHEELBASE = 0.9, 0.3302  # [m]
 PACKAGE = Path("gym", "f110_gym", "envs")  # in a checkout
 PARAMETERS = {
@@ -77,27 +78,30 @@ class Driven:
 
     Args:
       name: to be printed.
+      period: of a step [s].
       reset: places the car and returns its first observation.
       step: takes an action (1, 2) and returns an observation.
     """
 
-    def __init__(self, name: str, reset: Callable[[Any], Observation], step: Callable[[Any], Observation]) -> None:
-        self.name, self._reset, self._step = name, reset, step
+    def __init__(
+        self, name: str, period: float, reset: Callable[[Any], Observation], step: Callable[[Any], Observation]
+    ) -> None:
+        self.name, self.period, self._reset, self._step = name, period, reset, step
 
     def begin(self, planner: WaypointFollower) -> None:
         """Place the car at the first waypoint."""
         self._planner, self._observation = planner, self._reset(planner.start)
 
     def turn(self) -> float:
-        """Drive some steps and return the time spent in them [s]."""
+        """Drive for a turn and return the time spent in its steps [s]."""
         spent = 0.0
-        for _ in range(TURN):
+        for _ in range(round(TURN / self.period)):
             action = self._planner.plan(self._observation)
             started = time.perf_counter()
             self._observation = self._step(action)
             spent += time.perf_counter() - started
-        if self._observation["collisions"].any():
-            raise SystemExit(f"{self.name} has hit a wall; accepted: a --speed at which neither does")
+        if np.any(self._observation["collisions"]):
+            raise SystemExit(f"{self.name} has hit a wall; accepted: a --speed at which none does")
         return spent
 
 
@@ -119,13 +123,28 @@ def theirs(checkout: Path, map_file: Path, extension: str) -> Driven:
         simulator.reset(pose)
         return dict(simulator.step(np.zeros((1, 2))))
 
-    return Driven("f1tenth_gym", reset, simulator.step)
+    return Driven("f1tenth_gym", STEP, reset, simulator.step)
 
 
 def ours(map_file: Path, extension: str) -> Driven:
     """Return this simulator behind f1tenth_gym's interface."""
     env = f110.make(map=str(map_file.with_suffix("")), map_ext=extension, params=PARAMETERS, timestep=STEP)
-    return Driven("fg_mujoco.f110", lambda pose: env.reset(pose)[0], lambda action: env.step(action)[0])
+    return Driven("fg_mujoco.f110", STEP, lambda pose: env.reset(pose)[0], lambda action: env.step(action)[0])
+
+
+def ours_at_25_ms(map_file: Path) -> Driven:
+    """Return this simulator as it is stepped by hand, started at the map's own start."""
+    simulation = fg.Simulation(fg.World(str(map_file)))
+
+    def observation(sensed: tuple[fg.LaserScan, fg.Odometry]) -> Observation:
+        x, y, heading = sensed[1].pose.tolist()
+        return {"poses_x": [x], "poses_y": [y], "poses_theta": [heading], "collisions": simulation.crashed}
+
+    def step(action: Any) -> Observation:
+        ((steering_angle, speed),) = action.tolist()
+        return observation(simulation.step(fg.DriveCommand(steering_angle=steering_angle, speed=speed)))
+
+    return Driven("fg_mujoco.Simulation", simulation.period, lambda pose: observation(simulation.reset()), step)
 
 
 def measure(checkout: Path, map_file: Path, *, speed: float, rounds: int) -> dict[str, Any]:
@@ -134,13 +153,13 @@ def measure(checkout: Path, map_file: Path, *, speed: float, rounds: int) -> dic
     extension = Path(next(line for line in lines if line.startswith("image:")).strip()).suffix
     course = fg.load_track(str(map_file))
     planner = WaypointFollower(course.centreline, speed)
-    ways = [theirs(checkout, map_file, extension), ours(map_file, extension)]
+    ways = [theirs(checkout, map_file, extension), ours(map_file, extension), ours_at_25_ms(map_file)]
     fg.race(str(map_file), laps=1, time_limit=1.0)
     for way in ways:  # kernels are read from disk
         way.begin(planner)
         way.turn()
-    turns = math.ceil(course.length / (speed * STEP * TURN))
-    times = np.empty((rounds, len(ways), turns))
+    turns = math.ceil(course.length / (speed * TURN))
+    times = np.empty((rounds, len(ways), turns))  # [s] a simulated second
     races = np.empty(rounds)
     for k in range(rounds):
         for way in ways:
@@ -149,17 +168,17 @@ def measure(checkout: Path, map_file: Path, *, speed: float, rounds: int) -> dic
             for row, way in enumerate(ways):
                 times[k, row, turn] = way.turn() / TURN
         races[k] = fg.race(str(map_file), laps=1).realtime_factor
-    return {
-        "map": map_file.stem,
-        "speed_m_s": speed,
-        "pairs": rounds * turns,
-        "us_per_step": {way.name: 1e6 * float(np.median(times[:, row])) for row, way in enumerate(ways)},
-        "us_per_step_least": {way.name: 1e6 * float(times[:, row].min()) for row, way in enumerate(ways)},
-        "realtime_factor": {way.name: STEP / float(np.median(times[:, row])) for row, way in enumerate(ways)},
-        "ratio": float(np.median(times[:, 0] / times[:, 1])),
-        "race_realtime_factor": float(np.median(races)),
-        "race_ratio": float(np.median(races * times[:, 0].mean(axis=1) / STEP)),
+    figures = {
+        way.name: {
+            "us_per_step": 1e6 * way.period * float(np.median(times[:, row])),
+            "us_per_step_least": 1e6 * way.period * float(times[:, row].min()),
+            "realtime_factor": 1.0 / float(np.median(times[:, row])),
+            "ratio": float(np.median(times[:, 0] / times[:, row])),
+        }
+        for row, way in enumerate(ways)
     }
+    race = {"realtime_factor": float(np.median(races)), "ratio": float(np.median(races * times[:, 0].mean(axis=1)))}
+    return {"map": map_file.stem, "speed_m_s": speed, "turns": rounds * turns, "ways": figures, "race": race}
 
 
 def main() -> None:
@@ -172,16 +191,14 @@ def main() -> None:
     options = arguments.parse_args()
     stay_on_cores(1)
     figures = measure(options.gym.resolve(), options.map.resolve(), speed=options.speed, rounds=options.rounds)
-    factors, least = figures["realtime_factor"], figures["us_per_step_least"]
     rows = [
-        (name, f"{us:.0f}", f"{least[name]:.0f}", f"{factors[name]:.0f}") for name, us in figures["us_per_step"].items()
+        (name, *(f"{way[key]:.0f}" for key in ("us_per_step", "us_per_step_least", "realtime_factor")), way["ratio"])
+        for name, way in figures["ways"].items()
     ]
-    text = (
-        f"{figures['map']} at {options.speed:g} m/s, one car, one core, 1080 beams after each step of 10 ms\n\n"
-        + table(("", "us per step, median", "least", "times real time"), rows)
-        + f"\n\nf1tenth_gym's time over ours, median of {figures['pairs']} pairs of turns of {TURN} steps: "
-        f"{figures['ratio']:.2f}\n\n`race` at 25 ms a tick, 1081 beams and planner: "
-        f"{figures['race_realtime_factor']:.0f} times real time, {figures['race_ratio']:.2f} times f1tenth_gym's factor"
+    race = figures["race"]
+    rows.append(("race, planner included", "", "", f"{race['realtime_factor']:.0f}", race["ratio"]))
+    text = f"{figures['map']} at {options.speed:g} m/s, one car, one core, {figures['turns']} turns each\n\n" + table(
+        ("", "us per step, median", "least", "times real time", "times f1tenth_gym's"), rows
     )
     report(figures, text, options.json)
 
