@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -31,8 +32,10 @@ from numpy.typing import ArrayLike
 
 from .course.course import Course
 from .course.maps.map_track import is_map, read_map
+from .course.track import follow
 from .errors import SettingsError
-from .lidar.lidar import RaycastLidar
+from .lidar.beams import lidar_of
+from .lidar.lidar import Lidar, RaycastLidar
 from .messages import CarParameters, FloatArray
 from .simulation.course_loading import load_track
 from .simulation.engine import Engine
@@ -54,6 +57,7 @@ LAPS = 2
 
 _STIFFNESSES = {"C_Sf": 4.718, "C_Sr": 5.4562}  # [1/rad] of the 2D gym's linear tires; these here have none to set
 _SAME = 0.01  # share by which a parameter may differ from that of the car
+_THE_CAR = np.ones(1, np.bool_)  # of the engine's rows
 
 
 def make(name: str = "f110_gym:f110-v0", **settings: Any) -> F110Env:
@@ -82,8 +86,7 @@ class F110Env:
       vehicle: a bundled name, the path of a vehicle's MJCF file, or a Vehicle; the 2D gym does not have this keyword.
 
     Attributes:
-      world: the World.
-      data: its mujoco.MjData.
+      world: the World; its LiDAR has the 1080 beams.
 
     Raises:
       SettingsError: more agents than one, a timestep that is no multiple of the physics' own, or other parameters than
@@ -113,6 +116,12 @@ class F110Env:
         self._viewer: Any = None
         self._build()
 
+    @property
+    def data(self) -> mujoco.MjData:
+        """The world's mujoco.MjData at the present state, which is written when it is asked for: one object."""
+        self._engine.read(0, self._data)
+        return self._data
+
     def update_map(self, map_path: str, map_ext: str | None = None) -> None:
         """Drive on another map from the next reset on; arguments as `map` and `map_ext`."""
         self._map = (map_path, map_ext)
@@ -134,9 +143,9 @@ class F110Env:
         """
         ((x, y, heading),) = _checked(poses, 3, "poses", "x, y, heading")
         self._engine.place([Start()])
-        self._engine.read(0, self.data)
-        self.world.car.set_pose(self.data, x, y, heading)
-        self._engine.load(complete_state(self.world.model, self.data))
+        data = self.data
+        self.world.car.set_pose(data, x, y, heading)
+        self._engine.load(complete_state(self.world.model, data))
         self._rng = np.random.default_rng(self._seed)
         self._collided = False
         self._place = float(self.world.track.project([[x, y]])[0][0])
@@ -163,11 +172,12 @@ class F110Env:
         engine = self._engine
         engine.commands[0] = steering_angle, speed
         engine.drive()
-        engine.read(0, self.data)
+        engine.sense(_THE_CAR)
         self._collided = self._collided or bool(engine.crashed[0]) or engine.unstable(0)
         self._count_laps()
         finished = self._laps >= LAPS
         if self._viewer is not None:
+            engine.read(0, self._data)
             self._viewer.sync()
         return self._observe(), self.timestep, self._collided or finished, {"checkpoint_done": np.array([finished])}
 
@@ -180,7 +190,7 @@ class F110Env:
         if mode == "rgb_array":
             with mujoco.Renderer(self.world.model, 480, 640) as renderer:
                 camera = mujoco.MjvCamera()
-                camera.lookat[:] = (*car_motion.planar_pose(self.data.qpos, self.world.car.constants)[:2], 0.0)
+                camera.lookat[:] = (*self._pose()[:2], 0.0)
                 camera.distance, camera.elevation, camera.azimuth = 8.0, -60.0, 90.0
                 renderer.update_scene(self.data, camera)
                 picture: FloatArray = renderer.render()
@@ -206,24 +216,20 @@ class F110Env:
     def _build(self) -> None:
         self.close()
         course = _load(*self._map, self._vehicle.parameters)
-        self.world = World(course, self._vehicle, mu=None if self._params is None else self._params.get("mu"))
+        self.world = _GymWorld(course, self._vehicle, mu=None if self._params is None else self._params.get("mu"))
         if self._params is not None:
             _check_parameters(self._params, self.world)
-        self.data = mujoco.MjData(self.world.model)
+        self._data = mujoco.MjData(self.world.model)
         physics = float(self.world.model.opt.timestep)
         steps = round(self.timestep / physics)
         if steps < 1 or abs(steps * physics - self.timestep) > 1e-9:
             raise SettingsError(f"timestep is {self.timestep} s; accepted: a multiple of the physics' own, {physics} s")
         self._engine = Engine(self.world, period=self.timestep)
-        self._lidar = RaycastLidar(self.world.model, LIDAR_PREFIX)
-        bearings = np.linspace(-0.5 * FIELD_OF_VIEW, 0.5 * FIELD_OF_VIEW, BEAMS)
-        self._beams = np.column_stack((np.cos(bearings), np.sin(bearings), np.zeros(BEAMS)))
 
     def _observe(self) -> Observation:
-        car, data = self.world.car, self.data
-        x, y, heading = car_motion.planar_pose(data.qpos, car.constants)
-        free = int(car.constants["free_dof"][0])
-        east, north = data.qvel[free : free + 2].tolist()
+        x, y, heading = self._pose()
+        free = int(self.world.car.constants["free_dof"][0])
+        east, north, *_, yaw_rate = self._engine.qvel(0)[free : free + 6].tolist()
         cos, sin = math.cos(heading), math.sin(heading)
         return {
             "ego_idx": 0,
@@ -233,7 +239,7 @@ class F110Env:
             "poses_theta": [heading % math.tau],
             "linear_vels_x": [east * cos + north * sin],
             "linear_vels_y": [north * cos - east * sin],
-            "ang_vels_z": [float(data.qvel[free + 5])],
+            "ang_vels_z": [yaw_rate],
             "collisions": np.array([float(self._collided)]),
             "lap_times": np.array([self._lap_time]),
             "lap_counts": np.array([float(self._laps)]),
@@ -241,25 +247,43 @@ class F110Env:
 
     def _scan(self) -> FloatArray:
         """Return the ranges, noisy; `range_max` where there is nothing, 0 where it is too near. Shape (1080,) [m]."""
-        position, rotation = self.data.xpos[self._lidar.body], self.data.xmat[self._lidar.body].reshape(3, 3)
-        ranges = self._lidar.cast(self.data, np.tile(position, (BEAMS, 1)), self._beams @ rotation.T)
-        noisy = ranges + self._rng.normal(0.0, SCAN_NOISE, BEAMS)
-        return np.clip(noisy, 0.0, self._lidar.beams.range_max)
+        noisy: FloatArray = self._engine.ranges[0] + self._rng.normal(0.0, SCAN_NOISE, BEAMS)
+        return np.clip(noisy, 0.0, self._engine.beams.range_max, out=noisy)
+
+    def _pose(self) -> tuple[float, float, float]:
+        return car_motion.planar_pose(self._engine.qpos(0), self.world.car.constants)
 
     def _count_laps(self) -> None:
         """Count laps by progress in the direction in which the car was placed; a scene has none."""
         if self._laps >= LAPS:
             return
-        self._lap_time = float(self.data.time)
+        self._lap_time = self._engine.time(0)
         track = self.world.track
         if not track.closed:
             return
-        x, y, _ = car_motion.planar_pose(self.data.qpos, self.world.car.constants)
-        place = float(track.project([[x, y]], near=self._place)[0][0])
+        x, y, _ = self._pose()
+        place, _ = follow(x, y, self._place, track.table, track.modulus)
         self._progress += self._forward * math.remainder(place - self._place, track.length)
         self._place = place
         self._greatest_progress = max(self._greatest_progress, self._progress)
         self._laps = int(self._greatest_progress // track.length)
+
+
+class _GymWorld(World):
+    """A world whose LiDAR measures along the 2D gym's beams, in the range of its own."""
+
+    def make_lidar(self) -> Lidar:
+        """Return the LiDAR, where the car has its own."""
+        own = lidar_of(self.model, LIDAR_PREFIX).beams
+        bearings = np.linspace(-0.5 * FIELD_OF_VIEW, 0.5 * FIELD_OF_VIEW, BEAMS)
+        increment = FIELD_OF_VIEW / (BEAMS - 1)
+        beams = replace(
+            own, directions=np.column_stack((np.cos(bearings), np.sin(bearings), np.zeros(BEAMS))),
+            origins=np.zeros((BEAMS, 3)), bearings=bearings, angle_min=-0.5 * FIELD_OF_VIEW,
+            angle_max=0.5 * FIELD_OF_VIEW, angle_increment=increment,
+            time_increment=own.period * increment / math.tau,
+        )  # fmt: skip
+        return RaycastLidar(self.model, LIDAR_PREFIX, beams=beams)
 
 
 def _load(name: str, extension: str | None, car: CarParameters) -> Course:

@@ -11,6 +11,8 @@ from map_oracles import draw_map, real_map, ring
 from fg_mujoco import f110
 from fg_mujoco.course.maps.map_track import read_map
 from fg_mujoco.errors import SettingsError, TrackError
+from fg_mujoco.lidar.lidar import RaycastLidar
+from fg_mujoco.simulation.world import LIDAR_PREFIX
 
 KEYS = {
     "ego_idx", "scans", "poses_x", "poses_y", "poses_theta", "linear_vels_x", "linear_vels_y", "ang_vels_z",
@@ -99,6 +101,33 @@ def test_a_scan_has_the_walls_where_they_are(drawn):
     for bearing, wall in ((-0.5 * math.pi, 1.5), (0.5 * math.pi, 3.0)):  # the lower wall, and the infield's
         index = int(np.argmin(np.abs(bearings - bearing)))
         assert obs["scans"][0][index - 5 : index + 5].mean() == pytest.approx(abs(2.25 - wall), abs=0.03)
+
+
+@pytest.mark.parametrize(("name", "steps"), [("drawn", 60), ("scene:crossing_box:2", 60)])
+def test_a_scan_is_what_single_rays_measure_along_its_beams(drawn, monkeypatch, name, steps):
+    monkeypatch.setattr(f110, "SCAN_NOISE", 0.0)
+    env = f110.make(map=str(drawn) if name == "drawn" else name)
+    obs, *_ = env.reset(np.array([[7.5, 2.25, 0.1]] if name == "drawn" else [[0.0, 0.1, 0.05]]))
+    bearings = np.linspace(-2.35, 2.35, 1080)
+    directions = np.column_stack((np.cos(bearings), np.sin(bearings), np.zeros(1080)))
+    lidar = RaycastLidar(env.world.model, LIDAR_PREFIX)
+    for step in range(steps):
+        obs, *_ = env.step(np.array([[0.2 * math.sin(0.1 * step), 2.0]]))
+        data = env.data
+        position, rotation = data.xpos[lidar.body], data.xmat[lidar.body].reshape(3, 3)
+        ranges = lidar.cast(data, np.tile(position, (1080, 1)), directions @ rotation.T)
+        np.testing.assert_allclose(obs["scans"][0], np.clip(ranges, 0.0, lidar.beams.range_max), rtol=0.0, atol=1e-9)
+
+
+def test_data_are_those_of_the_present_state(drawn):
+    env = f110.make(map=str(drawn))
+    env.reset(np.array([[7.5, 2.25, 0.1]]))
+    data = env.data
+    for _ in range(10):
+        obs, *_ = env.step(np.array([[0.1, 2.0]]))
+    assert env.data is data
+    assert data.time == pytest.approx(0.11)
+    assert data.body("car/base_link").xpos[:2].tolist() == [obs["poses_x"][0], obs["poses_y"][0]]
 
 
 def test_the_noise_of_a_scan_is_that_of_the_seed(drawn):

@@ -94,6 +94,11 @@ class RaycastLidar:
     rays by Embree. The sites and sensors of the rangefinders need not be in the model: `lidar_spec(sensors=False)`. One
     object serves one thread.
 
+    Args:
+      model: the compiled mujoco.MjModel.
+      prefix: of the LiDAR's names in it.
+      beams: to measure along instead of those of the LiDAR's file.
+
     Attributes:
       beams: the Beams.
       model: the compiled mujoco.MjModel.
@@ -106,8 +111,8 @@ class RaycastLidar:
       ModelError: no LiDAR under this prefix, or a visible geom that is neither mesh, box nor plane.
     """
 
-    def __init__(self, model: Any, prefix: str = "") -> None:
-        self.beams = lidar_of(model, prefix).beams
+    def __init__(self, model: Any, prefix: str = "", *, beams: Beams | None = None) -> None:
+        self.beams = lidar_of(model, prefix).beams if beams is None else beams
         self.model = model
         self.body = lidar_body(model, prefix)
         self.scene = ScanlineScene(model, self.beams, self.body)
