@@ -99,11 +99,18 @@ def find_gap(scan: Record, widened: FloatArray, settings: Record) -> tuple[float
     gaps = runs_beyond(seen, min(settings.horizon, 0.999 * scan.range_max), 1)
     if len(gaps) == 0:
         return math.nan, 0.0
-    widest = np.argmax(gaps[:, 1] - gaps[:, 0])
+    widest = 0
+    for gap in range(1, len(gaps)):
+        if gaps[gap, 1] - gaps[gap, 0] > gaps[widest, 1] - gaps[widest, 0]:
+            widest = gap
     right, left = max(gaps[widest, 0] - 1, 0), min(gaps[widest, 1], len(seen) - 1)
     right_distance, left_distance = min(seen[right], settings.horizon), min(seen[left], settings.horizon)
     centre = gap_centre(bearing_of(scan, first + right), right_distance, bearing_of(scan, first + left), left_distance)
-    return centre, np.min(seen)
+    nearest = math.inf
+    for distance in seen:
+        if distance < nearest:
+            nearest = distance
+    return centre, nearest
 
 
 @kernel
