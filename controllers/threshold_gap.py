@@ -61,7 +61,10 @@ def choose_gap(ranges: FloatArray, gaps: NDArray[np.int64], settings: Record) ->
     """Return which of the `gaps` (gaps, 2) in `ranges` (n,) [m] is taken by step 2; -1 where there is none."""
     best, best_width, best_depth = -1, 0.0, 0.0
     for gap in range(len(gaps)):
-        width, depth = float(gaps[gap, 1] - gaps[gap, 0]), np.max(ranges[gaps[gap, 0] : gaps[gap, 1]])
+        width, depth = float(gaps[gap, 1] - gaps[gap, 0]), -math.inf
+        for beam in range(gaps[gap, 0], gaps[gap, 1]):
+            if ranges[beam] > depth:
+                depth = ranges[beam]
         wider, deeper = width > best_width, depth > best_depth
         if settings.gap == _WIDEST:
             better = wider or (width == best_width and deeper)

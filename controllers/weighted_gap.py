@@ -92,7 +92,10 @@ class WeightedGap(GoalPlanner):
         gaps = runs_beyond(seen, min(settings.horizon, 0.999 * scan.range_max), 1)
         if len(gaps) == 0:
             return math.nan, 0.0
-        widest = np.argmax(gaps[:, 1] - gaps[:, 0])
+        widest = 0
+        for gap in range(1, len(gaps)):
+            if gaps[gap, 1] - gaps[gap, 0] > gaps[widest, 1] - gaps[widest, 0]:
+                widest = gap
         gap_first, gap_end = gaps[widest, 0], gaps[widest, 1]
         keep_run(shown.gap, shown.extended, first + gap_first, first + gap_end)
         right, left = max(gap_first - 1, 0), min(gap_end, len(seen) - 1)
