@@ -313,8 +313,8 @@ def test_names_are_the_same_in_a_checkout_and_installed(installed):
     code = (
         "from fg_mujoco.kernels import source_digest as d; from fg_mujoco.controllers.gap_finder import GapFinder as g"
     )
-    here = run(f"{code}print(d(g.goal))")
-    there = run(f"{code}print(d(g.goal))", cwd=installed)
+    here = run(f"{code}; print(d(g.goal))")
+    there = run(f"{code}; print(d(g.goal))", cwd=installed)
     assert here.returncode == 0 and here.stdout == there.stdout
 
 

@@ -84,7 +84,7 @@ def test_suspension_and_steering_rods_follow_the_wheels(scenery):
 
 
 def test_meshes_in_the_repository_are_those_that_the_module_makes(tmp_path):
-    folder = Path(car_meshes.__file__).parents[2] / "models" / "assets"
+    folder = Path(car_meshes.__file__).parents[3] / "models" / "assets"
     if not folder.is_dir():
         pytest.skip("not a checkout of the repository")
     car_meshes.write_all(tmp_path)

@@ -77,12 +77,12 @@ class Simulation:
         start = Start(s=s, offset=offset, heading=heading, speed=speed)
         self.engine.place([start], effects=[self._effects], seeds=[self._seed])
         self.engine.read(0, self.data)
-        return self.sense()
+        return self._sense()
 
     def step(self, command: DriveCommand) -> tuple[LaserScan, Odometry]:
         """Hold a command for one period and return what the car then senses."""
         self.drive(command.steering_angle, command.speed)
-        return self.sense()
+        return self._sense()
 
     def drive(self, steering_angle: float, speed: float) -> None:
         """Hold a command [rad, m/s] for one period; `sense` then tells what it led to."""
@@ -95,8 +95,12 @@ class Simulation:
 
     def sense(self) -> tuple[LaserScan, Odometry]:
         """Return what the car senses at the end of a period. Once for each: noise is drawn, late scans move up."""
+        mujoco.mj_getState(self.world.model, self.data, self.engine.state(0), int(STATE))
+        return self._sense()
+
+    def _sense(self) -> tuple[LaserScan, Odometry]:
+        """Sense in the engine's state, which nobody has changed since."""
         engine = self.engine
-        mujoco.mj_getState(self.world.model, self.data, engine.state(0), int(STATE))
         engine.sense(self._all)
         odometry = odometry_message(engine.odometry[0])
         return engine.scans.get(0) or engine.beams.to_scan(engine.ranges[0], odometry.stamp), odometry
