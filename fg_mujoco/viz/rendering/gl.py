@@ -11,6 +11,7 @@ import contextlib
 import importlib
 import os
 import platform
+import sys
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -84,7 +85,9 @@ def open_context(width: int, height: int) -> GraphicsContext:
     if wanted and wanted not in (*_BACKENDS, "enable", "enabled", "on", "true", "1", "glx"):
         raise SettingsError(f"MUJOCO_GL is {wanted!r}; accepted: {', '.join(_BACKENDS)}")
     backends = (wanted,) if wanted in _INSTALL_COMMANDS else ("egl", "osmesa")
-    for backend in backends:
+    # PyOpenGL that somebody else loaded may be bound to a platform that does not work: then it is loaded anew
+    attempts = 2 if "OpenGL" in sys.modules else 1
+    for backend in backends * attempts:
         # a missing library shows as AttributeError, OSError or ImportError, by the place where PyOpenGL trips over it
         with contextlib.suppress(Exception):
             return _open(backend, width, height)
@@ -124,8 +127,6 @@ def _new_context(backend: str, width: int, height: int) -> Any:
 
 def _forget_opengl() -> None:
     """Unload a PyOpenGL that was bound to a platform that does not work."""
-    import sys
-
     for name in list(sys.modules):
         if name.partition(".")[0] == "OpenGL" or name.startswith(("mujoco.egl", "mujoco.osmesa")):
             del sys.modules[name]
