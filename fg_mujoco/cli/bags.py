@@ -15,7 +15,7 @@ from ..racing.planner_loading import make_controller
 from ..ros.bag_messages import DRIVE, ODOMETRY, SCAN, require_ros_extra
 from ..simulation.course_loading import load_track
 from ..simulation.settings import DriveSettings
-from .options import ProgressLine, add_drive_options, drive_options
+from .options import ProgressLine, add_controller_option, add_drive_options, drive_options
 
 FORMATS = ("mcap",)
 
@@ -32,10 +32,7 @@ def add_bags(add: Any, commands: Any) -> None:
 
     command = add(commands, "replay-scans", _replay_scans, "run a planner over the scans of a robot's bag")
     command.add_argument("bag", metavar="BAG", help=".mcap or .db3, or the folder of one; .bag of ROS 1")
-    command.add_argument(
-        "--controller", default="gap_finder",
-        help="NAME or path/to/file.py:ClassName, with settings NAME[SETTING=VALUE,...]; default: gap_finder",
-    )  # fmt: skip
+    add_controller_option(command.add_argument)
     command.add_argument(
         "--out", metavar="FILE", type=Path,
         help="the commands, .csv, or .mcap with /drive; default: BAG_commands.csv, here",

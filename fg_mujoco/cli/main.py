@@ -32,7 +32,7 @@ from .compare import add_compare
 from .config import add_config, parse, settings_of
 from .controllers import add_controllers
 from .friction import add_friction
-from .options import ProgressLine, add_drive_options, can_draw, drive_options, number, whole
+from .options import ProgressLine, add_controller_option, add_drive_options, can_draw, drive_options, number, whole
 from .render import add_render, check_film, film_race
 from .report import add_report, report_race
 from .rollout import add_rollout
@@ -102,10 +102,7 @@ def _add_race(commands: Any) -> None:
         "--track", default="oval",
         help="NAME, random:SEED, scene:NAME:SEED, file.csv or map.yaml; default: oval; names: track list, track scenes",
     )  # fmt: skip
-    add(
-        "--controller", default="gap_finder",
-        help="NAME or path/to/file.py:ClassName, with settings NAME[SETTING=VALUE,...]; default: gap_finder",
-    )  # fmt: skip
+    add_controller_option(add)
     add("--laps", type=whole, metavar="N", help=f"default: {USUAL_LAPS}; a scene is driven once")
     add("--obstacles", type=whole, default=0, metavar="N", help="boxes on the track, with a way past each; default: 0")
     add("--obstacle-seed", type=whole, default=0, metavar="K", help="of their places; default: 0")

@@ -49,6 +49,14 @@ def number_or_off(text: str) -> float:
         raise argparse.ArgumentTypeError(f"{text!r}; accepted: a number, or off") from None
 
 
+def add_controller_option(add: Callable[..., Any]) -> None:
+    """Add the option that chooses a controller; `add` adds an option to a command."""
+    add(
+        "--controller", default="gap_finder",
+        help="NAME or path/to/file.py:ClassName, with settings NAME[SETTING=VALUE,...]; default: gap_finder",
+    )  # fmt: skip
+
+
 def add_drive_options(add: Callable[..., Any], *names: str, of: str = "the") -> None:
     """Add the options of which car drives and what its planner is told; `drive_options` reads them.
 

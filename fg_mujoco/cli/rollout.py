@@ -25,7 +25,7 @@ from ..studies.rollout.rollouts import (
 )
 from ..studies.rollout.world_batch import RECORDS
 from ..vehicle.tire_slip import SLIDING_SPEED
-from .options import add_drive_options, drive_options, number, shown_as, to_go, whole
+from .options import add_controller_option, add_drive_options, drive_options, number, shown_as, to_go, whole
 
 _DONE, _NOT_DONE = 0, 1
 _MIB = 2**20
@@ -39,10 +39,7 @@ def add_rollout(add_command: Callable[..., argparse.ArgumentParser], commands: A
         "--track", action="append", metavar="TRACK",
         help="NAME, random:SEED or file.csv, as often as wanted: the worlds take them in turn; default: oval",
     )  # fmt: skip
-    add(
-        "--controller", default="gap_finder",
-        help="NAME or path/to/file.py:ClassName, with settings NAME[SETTING=VALUE,...]; default: gap_finder",
-    )  # fmt: skip
+    add_controller_option(add)
     add("--n", type=whole, metavar="N", help=f"worlds; default: {DEFAULT_WORLDS}")
     add("--seed", type=whole, default=0, metavar="N", help="of all that is drawn; default: 0")
     add(
