@@ -12,6 +12,7 @@ without delay. A contact takes it for standing still, as MuJoCo does with mocap 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -19,6 +20,7 @@ import mujoco
 import numpy as np
 
 from ..errors import SettingsError
+from ..kernels import kernel
 from ..messages import FloatArray, require
 from .obstacles import Box
 from .track_mesh import WALL_HEIGHT
@@ -93,6 +95,25 @@ class MovingObstacle:
             length=length, width=width, start=(x, y), end=(end_x, end_y), speed=speed,
             back_and_forth=bool(back_and_forth), headway=headway, heading=heading, height=height,
         )  # fmt: skip
+
+
+def motion_table(obstacles: Sequence[MovingObstacle]) -> FloatArray:
+    """Return what `obstacle_position` wants to know of moving obstacles. Shape (k, 8), read-only."""
+    table = np.array(
+        [(*o.start, *o.end, o.speed, float(o.back_and_forth), o.headway, o.way) for o in obstacles], np.float64
+    ).reshape(-1, 8)
+    table.flags.writeable = False
+    return table
+
+
+@kernel
+def obstacle_position(motion: FloatArray, time: float) -> tuple[float, float]:
+    """Return x and y [m] of a moving obstacle at a time [s], as MovingObstacle.position does; `motion` is its row."""
+    x, y, end_x, end_y, speed, back_and_forth, headway, way = motion
+    gone = headway + speed * time
+    gone = way - abs(gone % (2.0 * way) - way) if back_and_forth else min(gone, way)
+    share = gone / way
+    return x + share * (end_x - x), y + share * (end_y - y)
 
 
 def moving_obstacles(model: Any) -> tuple[MovingObstacle, ...]:

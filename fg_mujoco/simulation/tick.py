@@ -6,12 +6,11 @@ Arrays have one row a car: the cars of world 0, then those of world 1, and so on
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..course.moving_obstacles import MovingObstacle
+from ..course.moving_obstacles import obstacle_position
 from ..kernels import kernel
 from ..lidar.body_poses import Mount, mounted_pose
 from ..lidar.scanline import scan
@@ -24,25 +23,6 @@ from .telemetry import COMMAND, begin_row, end_row
 
 Mask = NDArray[np.bool_]
 Rows = NDArray[np.void]
-
-
-def motion_table(obstacles: Sequence[MovingObstacle]) -> FloatArray:
-    """Return what `obstacle_position` wants to know of moving obstacles. Shape (k, 8), read-only."""
-    table = np.array(
-        [(*o.start, *o.end, o.speed, float(o.back_and_forth), o.headway, o.way) for o in obstacles], np.float64
-    ).reshape(-1, 8)
-    table.flags.writeable = False
-    return table
-
-
-@kernel
-def obstacle_position(motion: FloatArray, time: float) -> tuple[float, float]:
-    """Return x and y [m] of a moving obstacle at a time [s], as MovingObstacle.position does; `motion` is its row."""
-    x, y, end_x, end_y, speed, back_and_forth, headway, way = motion
-    gone = headway + speed * time
-    gone = way - abs(gone % (2.0 * way) - way) if back_and_forth else min(gone, way)
-    share = gone / way
-    return x + share * (end_x - x), y + share * (end_y - y)
 
 
 @kernel

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..course.lap_timer import first_seen, fresh_timers
-from ..course.moving_obstacles import make_mover
+from ..course.moving_obstacles import make_mover, motion_table
 from ..lidar.lidar import Lidar, RaycastLidar
 from ..messages import ODOMETRY, FloatArray
 from ..vehicle.car import WHEELS, Car
@@ -30,7 +30,7 @@ from .physics import STATE, Batch, StateLayout
 from .settings import Start
 from .telemetry import STATISTICS, TELEMETRY
 from .termination import RaceMonitor
-from .tick import book_cars, hold_commands, motion_table, place_obstacles
+from .tick import book_cars, hold_commands, place_obstacles
 from .world import CAR_PREFIX, World
 
 Mask = NDArray[np.bool_]
