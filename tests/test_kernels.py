@@ -22,7 +22,9 @@ from fg_mujoco.controllers.control.planner import Planner
 from fg_mujoco.kernels import cache_folder, kernel, package_files, source_digest
 
 FOLDER = "from fg_mujoco.kernels import cache_folder; print(cache_folder())"
-REASON = "from fg_mujoco.simulation.termination import end_reason; print(end_reason(False, True, 0, 1, 0.0, 0.0, 1.0))"
+REASON = (
+    "from fg_mujoco.simulation.termination import end_reason; print(end_reason(False, True, 0, 1, 0.0, 0.0, 0.0, 1.0))"
+)
 CRASH = "2\n"  # what REASON prints
 ANNOUNCEMENT = "compiling kernels, once"
 

@@ -210,9 +210,10 @@ def test_nor_is_to_stand_before_it():
 
 
 def test_nor_is_to_come_back_and_stand_there():
-    there_and_back = Law(lambda time: 2.0 if time < 6.5 else -2.0 if time < 9.5 else 0.0)
+    there_and_back = Law(lambda time: 2.0 if time < 6.5 else -2.0 if time < 8.5 else 0.0)
     result = fg.race(scene(**STOP), there_and_back, start=fg.Start(speed=2.0))
     assert (result.end_reason, result.laps_completed) == ("no_progress", 1)
+    assert result.column("progress_m")[-1] < result.world.track.length - 1.0
 
 
 # In a batch

@@ -214,6 +214,8 @@ def _table(result: RaceResult, out: str | None) -> str:
     ]
     if result.obstacles:
         rows.insert(1, ("obstacles", f"{result.obstacles}, seed {result.obstacle_seed}"))
+    if result.wrong_way is not None:
+        rows.insert(1, ("wrong way", str(result.wrong_way)))
     if out is not None:
         rows.append(("written to", out))
     heading = f"{result.track}, {result.controller}, {result.vehicle}"

@@ -32,6 +32,10 @@ LAP_TIMER = np.dtype(
         ("mark", np.float64),  # [m] greatest progress at `last_progress_time`
         ("last_progress_time", np.float64),  # [s] when the greatest progress last grew by STANDSTILL
         ("laps_completed", np.int64),
+        ("furthest", np.float64),  # [m] greatest progress; -inf before the first update
+        ("furthest_time", np.float64),  # [s] when and where the car first had it
+        ("furthest_x", np.float64),  # [m]
+        ("furthest_y", np.float64),  # [m]
     ]
 )
 """What a lap timer remembers of one car."""
@@ -42,6 +46,7 @@ def fresh_timers(count: int) -> NDArray[np.void]:
     timers = np.zeros(count, LAP_TIMER)
     for name in ("place", "offset", "time", "lap_start", "last_progress_time"):
         timers[name] = math.nan
+    timers["furthest"] = -math.inf
     return timers
 
 
@@ -159,4 +164,6 @@ def time_lap(
             timer.laps_completed += 1
         if timer.progress >= timer.mark + STANDSTILL:
             timer.mark, timer.last_progress_time = timer.progress, time
+    if timer.progress > timer.furthest:
+        timer.furthest, timer.furthest_time, timer.furthest_x, timer.furthest_y = timer.progress, time, x, y
     timer.place, timer.time = place, time

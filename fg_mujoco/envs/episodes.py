@@ -27,7 +27,7 @@ from .settings import EnvironmentSettings
 from .starts import draw_start
 from .worlds import Mask, Worlds
 
-TRUNCATIONS = ("no_progress", "time_limit")
+TRUNCATIONS = ("wrong_way", "no_progress", "time_limit")
 """End reasons that are the environment's patience, not something that happened to the car."""
 
 FACTS = ("time_s", "progress_m", "laps", "sliding", "clipped_actions")
@@ -51,7 +51,7 @@ class Episodes:
       commands: of the last step (n, 2) [rad, m/s].
       rewards: of the last step (n,).
       terminated: whether something has ended the episode: a crash, the last lap, a physics that broke down (n,).
-      truncated: whether the time limit has, or ten seconds without progress (n,).
+      truncated: whether the time limit has, ten seconds without progress, or five metres the wrong way (n,).
       clipped: how many actions of the episode were held within the bounds (n,).
     """
 

@@ -46,8 +46,9 @@ class F1TenthEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     """One car on one course.
 
     An episode is terminated by a crash, by the last lap and by a physics that breaks down; it is truncated by the time
-    limit and by ten seconds without progress. `info` has `time_s`, `progress_m`, `laps`, `sliding` (share of the tick
-    in which a tire slid) and `clipped_actions`, and at the end `end_reason` and `lap_times_s`.
+    limit, by ten seconds without progress and by five metres the wrong way. `info` has `time_s`, `progress_m`, `laps`,
+    `sliding` (share of the tick in which a tire slid) and `clipped_actions`, and at the end `end_reason` and
+    `lap_times_s`.
 
     Args:
       render_mode: "rgb_array", "human" or None.

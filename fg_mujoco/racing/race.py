@@ -27,7 +27,7 @@ from ..simulation.planner_adapter import adapt
 from ..simulation.planner_adapter import start as start_planner
 from ..simulation.settings import DriveSettings, Start, renamed
 from ..simulation.telemetry import statistics_figures
-from ..simulation.termination import END_REASONS
+from ..simulation.termination import END_REASONS, WrongWay
 from ..vehicle.changes import CarChanges
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .planner_choice import split_controller
@@ -145,6 +145,7 @@ def race(
 
     arrays, monitor = history.arrays(), engine.monitor
     reason = END_REASONS[monitor.reasons[0]]
+    wrong_way = WrongWay.of(monitor.timers[0], world.track.length, laps) if reason == "wrong_way" else None
     simulated = float(arrays["states"][-1, 0])  # mjSTATE_TIME comes first in a state
     lap_times = tuple(monitor.lap_times[0, : int(monitor.timers["laps_completed"][0])].tolist())
     return RaceResult(
@@ -158,6 +159,7 @@ def race(
         laps_completed=len(lap_times),
         finished=reason == "finished",
         end_reason=reason,
+        wrong_way=wrong_way,
         lap_times_s=lap_times,
         collisions=int(engine.crashed[0]),
         sim_time_s=simulated,

@@ -12,6 +12,7 @@ import numpy as np
 from ..lidar.effects import LidarEffects
 from ..messages import FloatArray, read_only
 from ..simulation.telemetry import TELEMETRY
+from ..simulation.termination import WrongWay
 
 if TYPE_CHECKING:
     from ..simulation.engine import Engine
@@ -22,8 +23,8 @@ if TYPE_CHECKING:
 class RaceResult:
     """How a race went. The summary's fields are named as in its JSON; arrays are read-only.
 
-    `end_reason` is one of "finished", "crash", "no_progress", "time_limit", "unstable" (MuJoCo warned of a bad
-    state) and "interrupted".
+    `end_reason` is one of "finished", "crash", "wrong_way", "no_progress", "time_limit", "unstable" (MuJoCo warned of
+    a bad state) and "interrupted".
     """
 
     track: str
@@ -35,6 +36,7 @@ class RaceResult:
     laps_completed: int
     finished: bool
     end_reason: str
+    wrong_way: WrongWay | None  # where the car turned; None: the race did not end by going the wrong way
     lap_times_s: tuple[float, ...]  # the first from a standing start
     collisions: int
     max_slide_m_s: float  # fastest that any tire's contact point moved over the ground
@@ -91,7 +93,10 @@ class RaceResult:
         """Return what the JSON summary holds: everything but the arrays, the world and the planner's source."""
         left_out = ("world", "telemetry", "states", "ctrl", "controller_source")
         values = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in left_out}
-        return values | {"lidar_effects": asdict(self.lidar_effects), "cars": list(self.cars)}
+        wrong_way = asdict(self.wrong_way) if self.wrong_way is not None else None
+        return values | {
+            "wrong_way": wrong_way, "lidar_effects": asdict(self.lidar_effects), "cars": list(self.cars),
+        }  # fmt: skip
 
 
 class Trajectory(TypedDict):

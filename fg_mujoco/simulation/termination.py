@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from copy import copy
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,15 +18,50 @@ from .physics import BAD_WARNINGS, StateLayout
 
 Mask = NDArray[np.bool_]
 
+WRONG_WAY_LIMIT = 5.0  # [m] a race ends when the car has come back this far from its greatest progress
 NO_PROGRESS_LIMIT = 10.0  # [s] a race ends when the car has not come further for this long
 STANDING_SPEED = 0.05  # [m/s] a car slower than this stands still, where the goal is to stop
 
-END_REASONS = ("", "unstable", "crash", "finished", "no_progress", "time_limit", "interrupted", "failed")
-"""By number; the first is that of a race that goes on. "unstable": MuJoCo warned of a bad state. "failed": in a batch,
-the planner or the engine raised, which in a race of one car is an exception."""
+END_REASONS = ("", "unstable", "crash", "finished", "wrong_way", "no_progress", "time_limit", "interrupted", "failed")
+"""By number; the first is that of a race that goes on. "unstable": MuJoCo warned of a bad state. "wrong_way": the car
+came back by WRONG_WAY_LIMIT from its greatest progress, reversing or with its nose against the course. "failed": in a
+batch, the planner or the engine raised, which in a race of one car is an exception."""
 
 _FIRST_BAD, _END_OF_BAD = BAD_WARNINGS.start, BAD_WARNINGS.stop
-_UNSTABLE, _CRASH, _FINISHED, _NO_PROGRESS, _TIME_LIMIT = range(1, 6)
+_UNSTABLE, _CRASH, _FINISHED, _WRONG_WAY, _NO_PROGRESS, _TIME_LIMIT = range(1, 7)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WrongWay:
+    """Where a car that went the wrong way turned: where it first had its greatest progress. Fields are as in the JSON.
+
+    Its text is for people: "turned at (3.10, -0.02) m, 12.3 m into lap 1, t = 4.10 s".
+    """
+
+    time_s: float
+    x_m: float
+    y_m: float
+    lap: int  # from 1
+    s_m: float  # progress in that lap
+
+    @classmethod
+    def of(cls, timer: Any, length: float, laps: int) -> WrongWay:
+        """Return where a car turned.
+
+        Args:
+          timer: a row of LAP_TIMER.
+          length: of a lap [m].
+          laps: of the race.
+        """
+        done = min(int(timer["laps_completed"]), laps - 1)
+        return cls(
+            time_s=float(timer["furthest_time"]), x_m=float(timer["furthest_x"]), y_m=float(timer["furthest_y"]),
+            lap=done + 1, s_m=float(timer["furthest"]) - done * length,
+        )  # fmt: skip
+
+    def __str__(self) -> str:
+        place = f"({self.x_m:.2f}, {self.y_m:.2f}) m"
+        return f"turned at {place}, {self.s_m:.1f} m into lap {self.lap}, t = {self.time_s:.2f} s"
 
 
 class RaceMonitor:
@@ -105,7 +142,8 @@ def judge_cars(
         unstable = False
         for kind in range(_FIRST_BAD, _END_OF_BAD, 2):
             unstable = unstable or warnings[world, kind] > 0
-        reason = end_reason(unstable, crashed[row], done, laps, time, timers[row].last_progress_time, last_time)
+        back = timers[row].furthest - timers[row].progress
+        reason = end_reason(unstable, crashed[row], done, laps, back, time, timers[row].last_progress_time, last_time)
         reasons[row] = reason
         running[row] = reason == 0
 
@@ -116,12 +154,14 @@ def end_reason(
     crashed: bool,
     laps_completed: int,
     laps: int,
+    back: float,
     time: float,
     last_progress_time: float,
     last_time: float,
 ) -> int:
     """Return the number in END_REASONS of why a race is over, 0 while it goes on.
 
+    `back` [m] is how far the car has come back from its greatest progress.
     `last_time` [s] is half a tick before the time limit, because times are sums of many ticks.
     """
     if unstable:
@@ -130,6 +170,8 @@ def end_reason(
         return _CRASH
     if laps_completed >= laps:
         return _FINISHED
+    if back >= WRONG_WAY_LIMIT:
+        return _WRONG_WAY
     if time - last_progress_time >= NO_PROGRESS_LIMIT:
         return _NO_PROGRESS
     if time >= last_time:

@@ -146,7 +146,7 @@ def _page(
     grip = run.mu * run.car.gravity
     script, places = components(
         {
-            "map": map_plot(map_shapes(run.model, run.end), columns, events, cursor),
+            "map": map_plot(map_shapes(run.model, run.end), columns, events, cursor, run.wrong_way),
             "time": time_plots(ticks, columns, lap_times),
             "gg": gg_plot(ticks, columns, grip, cursor),
         }

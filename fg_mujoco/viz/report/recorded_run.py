@@ -15,6 +15,7 @@ from ...messages import CarParameters, FloatArray
 from ...racing.result import RaceResult
 from ...racing.run_folder import Run, read_run, summary_json
 from ...simulation.telemetry import TELEMETRY
+from ...simulation.termination import WrongWay
 from ...simulation.world import CAR_PREFIX
 from ...vehicle.car import car_parameters
 
@@ -46,6 +47,12 @@ class RecordedRun:
     def end(self) -> float:
         """Simulated time at the end [s]."""
         return float(self.summary["sim_time_s"])
+
+    @property
+    def wrong_way(self) -> WrongWay | None:
+        """Where the car turned; None: the race did not end by going the wrong way."""
+        told = self.summary.get("wrong_way")  # older runs lack it
+        return None if told is None else WrongWay(**told)
 
     @cached_property
     def car(self) -> CarParameters:

@@ -42,7 +42,8 @@ def head(run: RecordedRun, title: str, notes: Sequence[str]) -> str:
         (f"{run.mu:g}", "μ of the tires"),
     ]
     figures = "".join(f"<div><b>{escape(value)}</b><span>{escape(name)}</span></div>" for value, name in boxes)
-    said = "".join(f'<p class="note">{note}</p>' for note in notes)
+    wrong_way = [] if run.wrong_way is None else [f"Wrong way: {run.wrong_way}. The map marks the place with a cross."]
+    said = "".join(f'<p class="note">{note}</p>' for note in (*wrong_way, *notes))
     return (
         f"<h1>{escape(title)}</h1>"
         f'<p class="result"><span class="badge {"good" if good else "bad"}">{escape(word)}</span>'
