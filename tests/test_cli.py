@@ -130,6 +130,7 @@ def test_a_controller_file_that_is_not_there_is_refused(here, capsys):
         ("--lidar-noise", "-0.1", "-0.1"),
         ("--lidar-dropout", "2", "2.0"),
         ("--lidar-latency", "-1", "-1"),
+        ("--odometry-drift", "-1", "more than -1 and less than 1"),
         ("--track", "random:x", "random:SEED"),
     ],
 )

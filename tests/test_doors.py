@@ -27,12 +27,13 @@ TICKS = 60
 START = Start(s=2.0, offset=0.15, heading=0.1, speed=1.0)
 CAR = {"vehicle": "nuc2", "mu": 0.8, "changes": fg.CarChanges(mass=4.8)}
 TOLD = {"planner_mu": 0.75, "max_speed": 4.0, "planner_settings": {"lookahead": 6.0}}
+DRIFT = {"odometry_drift": 0.1}
 NOISE = fg.LidarEffects(range_noise_std=0.02)
 
 
 @pytest.fixture(scope="module")
 def raced():
-    return fg.race("oval", time_limit=TICKS * 0.025 - 0.01, start=START, effects=NOISE, seed=5, **CAR, **TOLD)
+    return fg.race("oval", time_limit=TICKS * 0.025 - 0.01, start=START, effects=NOISE, seed=5, **CAR, **TOLD, **DRIFT)
 
 
 @pytest.fixture
@@ -46,14 +47,22 @@ def here(tmp_path, monkeypatch):
 
 def test_a_rollouts_world_is_the_race(raced):
     result = fg.rollout(
-        "oval", seeds=[5], duration=TICKS * 0.025 - 0.01, record="states", start=START, effects=NOISE, **CAR, **TOLD
+        "oval",
+        seeds=[5],
+        duration=TICKS * 0.025 - 0.01,
+        record="states",
+        start=START,
+        effects=NOISE,
+        **CAR,
+        **TOLD,
+        **DRIFT,
     )
     assert (result.states(0) == raced.states).all()
     assert (result.ctrl(0) == raced.ctrl).all()
 
 
 def test_a_live_session_is_the_race(raced):
-    session = LiveSession(LiveSettings(start=START, effects=NOISE, seed=5, **CAR, **TOLD))
+    session = LiveSession(LiveSettings(start=START, effects=NOISE, seed=5, **CAR, **TOLD, **DRIFT))
     for state in raced.states[1:]:
         session.tick()
         assert (session.simulation.state == state).all()
@@ -61,7 +70,7 @@ def test_a_live_session_is_the_race(raced):
 
 
 def test_a_live_session_with_other_tires_keeps_its_settings(raced):
-    session = LiveSession(LiveSettings(start=START, effects=NOISE, seed=5, **CAR, **TOLD))
+    session = LiveSession(LiveSettings(start=START, effects=NOISE, seed=5, **CAR, **TOLD, **DRIFT))
     session.change("mu", 0.5)
     session.tick()
     assert session.message == "" and session.world.car.mu == 0.5

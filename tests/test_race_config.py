@@ -27,6 +27,7 @@ lidar-noise = 0.01
 "lidar-dropout" = 0.02
 lidar_latency = 0.05
 motion-distortion = true
+odometry-drift = 0.05
 seed = 6
 time-limit = 7.5
 out = "here"
@@ -113,6 +114,7 @@ def test_what_the_file_leaves_out_has_its_default(config):
         ("max-speed = inf\n", 1, "a positive number"),
         ("lidar-dropout = 1.5\n", 1, "0 to 1"),
         ("lidar-noise = -1\n", 1, "from 0 on"),
+        ("odometry-drift = 1\n", 1, "more than -1 and less than 1"),
         ("lidar = 'sonar'\n", 1, "accepted: raycast, rangefinder"),
         ("laps = 1\ntrack = 'ovall'\n", 2, "unknown track 'ovall'"),
         ("controller = 'gapfinder'\n", 1, "controller 'gapfinder' is not known"),
@@ -148,6 +150,7 @@ def test_a_file_that_cannot_be_read_is_refused(tmp_path, capsys):
     [
         ("--track", "l_corridor", "--time-limit", 0.5, "--planner-mu", "off", "--lidar-noise", 0.02, "--seed", 3),
         ("--track", "scene:crossing_box:2", "--controller", "follow_the_gap[point=deepest]", "--time-limit", 0.5),
+        ("--odometry-drift", -0.1, "--time-limit", 0.5),
         ("--obstacles", 2, "--obstacle-seed", 5, "--mu", 0.8, "--lidar-latency", 0.05, "--motion-distortion",
          "--time-limit", 0.5, "--max-speed", 3),
     ],

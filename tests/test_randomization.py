@@ -18,7 +18,7 @@ SOME = {  # a range for each parameter
     "mu": (0.6, 1.2), "mass": (3.2, 4.5), "cog_height": (0.05, 0.09), "steering_gain": (0.5, 1.0),
     "speed_gain": (0.5, 1.0), "command_delay": (0.0, 0.1), "lidar_noise": (0.0, 0.05), "lidar_dropout": (0.0, 0.1),
     "start_s": (0.0, 30.0), "start_offset": (-0.3, 0.3), "start_heading": (-0.2, 0.2), "start_speed": (0.0, 3.0),
-    "planner_mu": [0.7, math.inf], "max_speed": (4.0, 8.0), "obstacles": "0:4",
+    "planner_mu": [0.7, math.inf], "max_speed": (4.0, 8.0), "obstacles": "0:4", "odometry_drift": (-0.1, 0.1),
     "planner.lookahead": (5.0, 12.0), "planner.edge_weight": [0.9, 0.99],
 }  # fmt: skip
 
@@ -188,7 +188,8 @@ def test_what_is_drawn_reaches_the_scenario():
         "lidar_dropout": scenario.effects.dropout_probability, "start_s": scenario.start.s,
         "start_offset": scenario.start.offset, "start_heading": scenario.start.heading,
         "start_speed": scenario.start.speed, "planner_mu": scenario.planner_mu, "max_speed": scenario.max_speed,
-        "obstacles": len(scenario.obstacles), "planner.lookahead": scenario.planner_settings["lookahead"],
+        "obstacles": len(scenario.obstacles), "odometry_drift": scenario.odometry_drift,
+        "planner.lookahead": scenario.planner_settings["lookahead"],
         "planner.edge_weight": scenario.planner_settings["edge_weight"],
     }  # fmt: skip
     assert found == values

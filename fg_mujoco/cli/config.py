@@ -209,6 +209,6 @@ _CHECKS: dict[str, Callable[[Any], object]] = {
     "lidar_latency": lambda value: LidarEffects(latency=value),
     **{
         name: lambda value, name=name: RaceSettings(**{name: value})  # type: ignore[misc]
-        for name in ("laps", "mu", "planner_mu", "max_speed", "seed", "time_limit")
+        for name in ("laps", "mu", "planner_mu", "max_speed", "odometry_drift", "seed", "time_limit")
     },
 }

@@ -112,6 +112,9 @@ def _add_race(commands: Any) -> None:
     add("--lidar-dropout", type=number, default=0.0, metavar="P", help="probability that a beam fails")
     add("--lidar-latency", type=number, default=0.0, metavar="S", help="from measurement to delivery")
     add("--motion-distortion", action="store_true", help="each beam from the pose at its own time in the sweep")
+    add(
+        "--odometry-drift", type=number, default=0.0, metavar="D", help="relative error of measured speeds and yaw rate"
+    )
     add("--seed", type=whole, default=0, metavar="N", help="of noise and dropouts; default: 0")
     add(
         "--time-limit", type=number, metavar="S",
@@ -147,6 +150,7 @@ def _race(options: argparse.Namespace) -> int:
             obstacles=options.obstacles,
             obstacle_seed=options.obstacle_seed,
             effects=effects,
+            odometry_drift=options.odometry_drift,
             watch=watch,
         )
     if options.out is not None:

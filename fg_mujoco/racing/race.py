@@ -81,6 +81,7 @@ def race(
     obstacles: tuple[Obstacle, ...] | int = (),
     obstacle_seed: int = 0,
     effects: LidarEffects | None = None,
+    odometry_drift: float = 0.0,
     start: Start | None = None,
     planner_settings: Mapping[str, Any] | None = None,
     watch: Callable[[RaceProgress], None] | None = None,
@@ -105,6 +106,8 @@ def race(
         that leave a way past each (`random_obstacles`).
       obstacle_seed: of the random places.
       effects: what the LiDAR does to a scan; nothing by default.
+      odometry_drift: relative error of the speeds and the yaw rate that the planner is told: 0.05 is 5 % too much. What
+        the car does is the same, and the pose is the true one.
       start: where and how the race starts; None: standing on the start of the centreline.
       planner_settings: settings of the controller that differ from its own.
       watch: called once a tick.
@@ -116,7 +119,7 @@ def race(
     settings = RaceSettings(
         laps=USUAL_LAPS if laps is None else laps, vehicle=vehicle, mu=mu, changes=changes or CarChanges(),
         planner_mu=planner_mu, max_speed=max_speed, planner_settings=own, start=start or Start(),
-        effects=effects or LidarEffects(), seed=seed, lidar=lidar, time_limit=time_limit,
+        effects=effects or LidarEffects(), odometry_drift=odometry_drift, seed=seed, lidar=lidar, time_limit=time_limit,
     )  # fmt: skip
     course = load_track(track, car=settings.car.parameters)
     laps = laps_to_drive(course, laps)
@@ -132,7 +135,9 @@ def race(
     start_planner(planner)
     engine = Engine(world, laps=laps, time_limit=settings.time_limit)
     engine.planners = adapt([planner], arrays=isinstance(controller, str), raises=True)
-    engine.place([settings.start], effects=[settings.effects], seeds=[seed])
+    engine.place(
+        [settings.start], effects=[settings.effects], seeds=[seed], odometry_drifts=[settings.odometry_drift]
+    )  # fmt: skip
     history = History(engine)
 
     started = time.perf_counter()
@@ -172,6 +177,7 @@ def race(
         speed_limit_m_s=float(max_speed),
         lidar=lidar,
         lidar_effects=settings.effects,
+        odometry_drift=float(settings.odometry_drift),
         obstacles=len(obstacles),
         obstacle_seed=drawn,
         planner_settings=dict(settings.planner_settings),

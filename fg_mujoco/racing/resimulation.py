@@ -99,10 +99,10 @@ def resimulate(run: Recording, world: World, *, sense: bool = True, follow: bool
     Raises:
       RunFolderError: a summary without what the LiDAR was set to.
     """
-    effects, seed = _lidar_settings(run.summary) if sense else (None, 0)
+    effects, seed, drift = _sensor_settings(run.summary) if sense else (None, 0, 0.0)
     commands = np.column_stack((run.column("command_steering_rad"), run.column("command_speed_m_s"))).tolist()
     engine = Engine(world)
-    engine.load(run.states[0], effects=effects, seed=seed)
+    engine.load(run.states[0], effects=effects, seed=seed, odometry_drift=drift)
     for controls, (steering_angle, speed), after in zip(run.ctrl, commands, run.states[1:], strict=True):
         time = float(engine.times[0])
         sensed = _sense(engine) if sense else None
@@ -130,10 +130,11 @@ def _sense(engine: Engine) -> Sensed:
     )
 
 
-def _lidar_settings(summary: dict[str, Any]) -> tuple[LidarEffects, int]:
-    """Return what the LiDAR of a run did to its scans, and the seed of its noise."""
+def _sensor_settings(summary: dict[str, Any]) -> tuple[LidarEffects, int, float]:
+    """Return what the LiDAR of a run did to its scans, the seed of its noise, and the drift of the odometry."""
     try:
-        return LidarEffects(**summary["lidar_effects"]), int(summary["seed"])
+        drift = float(summary.get("odometry_drift", 0.0))  # older runs lack it
+        return LidarEffects(**summary["lidar_effects"]), int(summary["seed"]), drift
     except (KeyError, TypeError, ValueError) as error:
         raise RunFolderError(
             f"summary.json: {type(error).__name__}: {error}; accepted: with lidar_effects and seed, as `race --out` "

@@ -52,6 +52,7 @@ class RaceResult:
     speed_limit_m_s: float
     lidar: str
     lidar_effects: LidarEffects
+    odometry_drift: float  # relative error of the speeds and the yaw rate that the planner was told
     obstacles: int  # how many stood on the track, besides what a scene has
     obstacle_seed: int | None  # of their random places; None: they were not placed at random
     planner_settings: dict[str, Any]  # those that differ from its own

@@ -111,6 +111,8 @@ class Engine:
         self.before_substep: list[Hook] = []
         self.after_substep: list[Hook] = []
         self._pipelines: dict[int, ScanPipeline] = {}
+        self._odometry_drift = np.zeros(cars)
+        self._drifts = False
         self._data: dict[int, mujoco.MjData] = {}
 
     def _batch(self, world: World, worlds: slice) -> WorldBatch:
@@ -244,6 +246,7 @@ class Engine:
         *,
         effects: Sequence[LidarEffects] | None = None,
         seeds: Sequence[int] | None = None,
+        odometry_drifts: Sequence[float] | None = None,
     ) -> None:
         """Place cars at their starts and begin their races.
 
@@ -252,6 +255,7 @@ class Engine:
           which: (r,) the cars, whole worlds; None: all.
           effects: what the LiDAR of each does to a scan; None: nothing.
           seeds: of the LiDAR's noise of each; needed with effects.
+          odometry_drifts: relative error of the speeds and the yaw rate in the odometry of each; None: there is none.
         """
         chosen = np.ones(len(self.commands), np.bool_) if which is None else which
         start_of: list[Start | None] = [None] * len(chosen)
@@ -261,10 +265,19 @@ class Engine:
             if effects is not None and effects[place] != LidarEffects():
                 assert seeds is not None
                 self._pipelines[row] = self._pipeline(row, effects[place], seeds[place])
+        self._drift(chosen, 0.0 if odometry_drifts is None else odometry_drifts)
         for batch in self._batches:
             batch.place(chosen[batch.rows], start_of[batch.rows])
 
-    def load(self, state: FloatArray, i: int = 0, *, effects: LidarEffects | None = None, seed: int = 0) -> None:
+    def load(
+        self,
+        state: FloatArray,
+        i: int = 0,
+        *,
+        effects: LidarEffects | None = None,
+        seed: int = 0,
+        odometry_drift: float = 0.0,
+    ) -> None:
         """Go on in world i from a recorded state (k,); no lap is timed there.
 
         Args:
@@ -272,10 +285,13 @@ class Engine:
           i: the world.
           effects: what its LiDARs do to a scan; None: nothing.
           seed: of their noise.
+          odometry_drift: relative error of the speeds and the yaw rate in their odometry.
         """
         batch, place = self._place_of(i)
         batch.load(place, state)
-        for row in range(i * self.cars_per_world, (i + 1) * self.cars_per_world):
+        rows = range(i * self.cars_per_world, (i + 1) * self.cars_per_world)
+        self._drift(rows, odometry_drift)
+        for row in rows:
             self._pipelines.pop(row, None)
             if effects is not None and effects != LidarEffects():
                 self._pipelines[row] = self._pipeline(row, effects, seed)
@@ -285,6 +301,11 @@ class Engine:
         """Take the scans and odometry of cars, (r,); None: of all that race. Once for each moment: noise is drawn."""
         chosen = self.running if which is None else which
         self._share(lambda batch: batch.sense(chosen[batch.rows]))
+        if self._drifts:
+            factors = 1.0 + self._odometry_drift[chosen]
+            self.odometry["speed"][chosen] *= factors
+            self.odometry["wheel_speeds"][chosen] *= factors[:, np.newaxis]
+            self.odometry["angular_velocity"][chosen, 2] *= factors
         for batch in self._batches:
             if batch.drawn is None:
                 for row in (np.flatnonzero(chosen[batch.rows]) + batch.rows.start).tolist():
@@ -341,6 +362,11 @@ class Engine:
         if self._pool is not None:
             self._pool.shutdown()
             self._pool = None
+
+    def _drift(self, rows: Any, drift: float | Sequence[float]) -> None:
+        """Let the odometry of some rows err by a share of what is measured."""
+        self._odometry_drift[rows] = drift
+        self._drifts = bool(self._odometry_drift.any())
 
     def _place_of(self, i: int) -> tuple[WorldBatch, int]:
         """Return the batch that has world i, and its place there."""

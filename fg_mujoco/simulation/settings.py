@@ -170,7 +170,7 @@ class CarSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class DriveSettings(CarSettings):
-    """Which car drives, what its planner is told, where it starts, and what its LiDAR does.
+    """Which car drives, what its planner is told, where it starts, and what its LiDAR and its odometry do.
 
     Raises:
       SettingsError: a value outside of what is accepted.
@@ -182,12 +182,16 @@ class DriveSettings(CarSettings):
     planner_settings: Mapping[str, Any] = field(default_factory=dict)  # that differ from the planner's own
     start: Start = field(default_factory=Start)
     effects: LidarEffects = field(default_factory=LidarEffects)  # what the LiDAR does to a scan
+    odometry_drift: float = 0.0  # relative error of the speeds and the yaw rate that the planner is told; 0.05: 5 %
     seed: int = 0  # of the LiDAR's noise and dropouts
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self._make("start", Start)
         self._make("effects", LidarEffects)
+        require(
+            self, lambda value: abs(value) < 1.0, "more than -1 and less than 1", ("odometry_drift",), SettingsError
+        )
         require(self, lambda value: 0.0 < value < math.inf, "a positive number", ("max_speed",), SettingsError)
         if self.planner_mu is not None:
             require(self, lambda value: value > 0.0, "a positive number, or inf", ("planner_mu",), SettingsError)

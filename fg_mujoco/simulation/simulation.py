@@ -31,6 +31,7 @@ class Simulation:
       world: the compiled world.
       effects: what the LiDAR does to a scan beyond measuring it; nothing by default.
       seed: of the LiDAR's noise and dropouts.
+      odometry_drift: relative error of the speeds and the yaw rate in the odometry, as in DriveSettings.
       engine: of this one world, whose model is the world's own; None: a new one.
       data: to be used as `data`, of the world's model; None: a new one.
 
@@ -52,6 +53,7 @@ class Simulation:
         *,
         effects: LidarEffects | None = None,
         seed: int = 0,
+        odometry_drift: float = 0.0,
         engine: Engine | None = None,
         data: mujoco.MjData | None = None,
     ) -> None:
@@ -59,7 +61,7 @@ class Simulation:
         self.engine = engine or Engine(world, own_model=True)
         self.data = mujoco.MjData(world.model) if data is None else data
         self.period, self.substeps = self.engine.period, self.engine.substeps
-        self._effects, self._seed = effects or LidarEffects(), seed
+        self._effects, self._seed, self._odometry_drift = effects or LidarEffects(), seed, odometry_drift
         self._all = np.ones(1, np.bool_)
         self.reset()
 
@@ -75,7 +77,9 @@ class Simulation:
           speed: forward [m/s], wheels rolling.
         """
         start = Start(s=s, offset=offset, heading=heading, speed=speed)
-        self.engine.place([start], effects=[self._effects], seeds=[self._seed])
+        self.engine.place(
+            [start], effects=[self._effects], seeds=[self._seed], odometry_drifts=[self._odometry_drift]
+        )  # fmt: skip
         self.engine.read(0, self.data)
         return self._sense()
 

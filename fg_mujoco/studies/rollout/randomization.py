@@ -42,6 +42,7 @@ PARAMETERS = {
     "planner_mu": (Scenario, "planner_mu"),
     "max_speed": (Scenario, "max_speed"),
     "obstacles": (Scenario, "obstacles"),  # how many
+    "odometry_drift": (Scenario, "odometry_drift"),
 }
 """Name -> whose field it is, in the order in which their shares are drawn: a new one goes to the end."""
 

@@ -81,6 +81,7 @@ def rollout(
     planner_settings: Mapping[str, Any] | None = None,
     start: Start | None = None,
     effects: LidarEffects | None = None,
+    odometry_drift: float = 0.0,
     laps: int | None = None,
     duration: float | None = None,
     workers: int | None = None,
@@ -106,7 +107,7 @@ def rollout(
       seeds: the seeds of the worlds themselves, instead.
       randomize: parameters that differ from world to world: names of `randomization.PARAMETERS`, or `planner.SETTING`,
         and for each `(low, high)`, a list of values, one value for all, or any of these as text: "0.6:1.2", "1|2|3".
-      vehicle: of all worlds, and so the next seven, as in `race`; none of them may be randomised as well.
+      vehicle: of all worlds, and so the next eight, as in `race`; none of them may be randomised as well.
       mu: friction coefficient of the tires.
       changes: what else differs from the vehicle's MJCF.
       planner_mu: friction coefficient that the planners assume.
@@ -114,6 +115,7 @@ def rollout(
       planner_settings: settings of the planners that differ from their own.
       start: where and how the cars start.
       effects: what the LiDAR does to a scan.
+      odometry_drift: relative error of the speeds and the yaw rate that the planners are told.
       laps: to be driven; None: one, or as many as fit the duration.
       duration: of simulated time at most [s]; None: what a car of 0.5 m/s needs for the laps.
       workers: threads, or with Ray cores; None: as many as there are.
@@ -140,6 +142,7 @@ def rollout(
     base = DriveSettings(
         vehicle=vehicle, mu=mu, changes=changes or CarChanges(), planner_mu=planner_mu, max_speed=max_speed,
         planner_settings=own, start=start or Start(), effects=effects or LidarEffects(),
+        odometry_drift=odometry_drift,
     )  # fmt: skip
     car = base.car.parameters
     job = RolloutJob(

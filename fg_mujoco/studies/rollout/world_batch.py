@@ -158,6 +158,7 @@ def make_engine(
     engine.place(
         [scenario.start for scenario in scenarios], effects=[scenario.effects for scenario in scenarios],
         seeds=[scenario.seed for scenario in scenarios],
+        odometry_drifts=[scenario.odometry_drift for scenario in scenarios],
     )  # fmt: skip
     return engine
 

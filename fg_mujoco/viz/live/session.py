@@ -243,13 +243,18 @@ class LiveSession:
         state = self.simulation.state
         world = settings.world(self._course, obstacles=self._obstacles)
         simulation = self._make_simulation(world)
-        simulation.engine.load(state, effects=settings.effects, seed=settings.seed)
+        simulation.engine.load(
+            state, effects=settings.effects, seed=settings.seed, odometry_drift=settings.odometry_drift
+        )  # fmt: skip
         simulation.engine.read(0, simulation.data)
         simulation.crashed = self.simulation.crashed
         self.world, self.simulation, self.settings = world, simulation, settings
 
     def _make_simulation(self, world: World) -> Simulation:
-        return Simulation(world, effects=self.settings.effects, seed=self.settings.seed)
+        settings = self.settings
+        return Simulation(
+            world, effects=settings.effects, seed=settings.seed, odometry_drift=settings.odometry_drift
+        )  # fmt: skip
 
     def _make_planner(self, settings: dict[str, Any], shared: LiveSettings) -> Any:
         planner = make_controller(
