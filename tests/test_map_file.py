@@ -77,8 +77,7 @@ def test_the_origin_is_the_lower_left_corner_and_yaw_turns_about_it(resolution, 
     [
         ({"resolution": None}, "has no resolution; accepted: the keys image, resolution"),
         ({"negate": None, "origin": None}, "has no origin, negate"),
-        ({"occupied_tresh": 0.65}, "unknown key 'occupied_tresh'; did you mean occupied_thresh"),
-        ({"colour": 1}, "unknown key 'colour'; accepted: image"),
+        ({"occupied_thresh": None, "occupied_tresh": 0.65}, "has no occupied_thresh, but occupied_tresh; accepted"),
         ({"resolution": 0}, "resolution is 0; accepted: a positive number"),
         ({"resolution": ".nan"}, "resolution is nan"),
         ({"resolution": "coarse"}, "resolution is 'coarse'"),
@@ -101,6 +100,37 @@ def test_a_yaml_that_is_wrong_is_refused(tmp_path, settings, message):
     with pytest.raises(TrackError, match=message) as refusal:
         read_map_file(path)
     assert str(tmp_path) in str(refusal.value)
+
+
+def test_keys_that_are_unknown_are_ignored_with_one_warning(tmp_path):
+    with pytest.warns(UserWarning) as warned:
+        occupancy = read_map_file(draw_map(tmp_path, box_room(), colour=1, default_resolution=0.1))
+    assert len(warned) == 1
+    assert "ignored: colour, default_resolution; read are image" in str(warned[0].message)
+    np.testing.assert_array_equal(occupancy.free, box_room())
+
+
+@pytest.mark.parametrize(
+    ("settings", "start", "heading"),
+    [
+        ({"starting_positions": [[1, 2, 0.5], [3, 4, 0.0]]}, (1.0, 2.0), 0.5),
+        ({"starting_positions": [1.5, -2.0, 0.5], "starting_angle": 2.0}, (1.5, -2.0), 0.5),
+        ({"starting_positions": [[1, 2]], "starting_angle": 2.0}, (1.0, 2.0), 2.0),
+        ({"starting_angle": 1.5}, None, 1.5),
+        ({}, None, None),
+    ],
+)
+def test_where_cars_start_is_read_without_a_warning(tmp_path, recwarn, settings, start, heading):
+    occupancy = read_map_file(draw_map(tmp_path, box_room(), **settings))
+    assert (occupancy.start, occupancy.heading) == (start, heading)
+    assert not recwarn.list
+
+
+@pytest.mark.parametrize("settings", [{"starting_positions": "pole"}, {"starting_angle": ".nan"}])
+def test_a_start_that_cannot_be_read_is_ignored_with_a_warning(tmp_path, settings):
+    with pytest.warns(UserWarning, match=f"ignored: {next(iter(settings))} is "):
+        occupancy = read_map_file(draw_map(tmp_path, box_room(), **settings))
+    assert (occupancy.start, occupancy.heading) == (None, None)
 
 
 @pytest.mark.parametrize(

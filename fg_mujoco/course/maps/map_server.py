@@ -15,6 +15,7 @@ from __future__ import annotations
 import difflib
 import importlib.util
 import math
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,7 @@ MOST_PIXELS = 100_000_000
 """Images larger than this are refused: ten thousand pixels square."""
 
 _REQUIRED = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
+_STARTS = ("starting_positions", "starting_angle")  # not of map_server, but of maps that are raced on
 _MODES = ("trinary", "scale")  # they differ in what lies between the thresholds, which is unknown here
 _TO_255 = {"L": 1.0, "1": 255.0, "I;16": 1.0 / 257.0, "I;16B": 1.0 / 257.0, "I": 1.0 / 257.0}  # of kinds of one channel
 
@@ -47,6 +49,8 @@ class OccupancyMap:
     free: BoolArray  # (rows, columns), row 0 below
     resolution: float  # [m] side of a pixel
     origin: tuple[float, float, float]  # x [m], y [m], yaw [rad] of the lower left corner in the world
+    start: tuple[float, float] | None = None  # x and y [m], where the file has them
+    heading: float | None = None  # [rad] at the start, where the file has it
 
     def to_world(self, points: ArrayLike) -> FloatArray:
         """Turn points (..., 2), columns and rows in pixels from the lower left corner, into the world's [m]."""
@@ -106,12 +110,31 @@ def read_map_file(path: str | Path, *, image: str | Path | None = None, outside_
     brightness = _read_image(Path(image) if image is not None else _image_path(path, settings["image"], outside_folder))
     occupancy = brightness / 255.0 if negate else (255.0 - brightness) / 255.0
     x, y, yaw = map(float, origin)
+    start, heading = _start(path, settings)
     return OccupancyMap(
         path=path,
         free=np.ascontiguousarray((occupancy < free)[::-1]),
         resolution=resolution,
         origin=(x, y, yaw),
+        start=start,
+        heading=heading,
     )
+
+
+def _start(path: Path, settings: dict[str, Any]) -> tuple[tuple[float, float] | None, float | None]:
+    """Return the place [m] and the heading [rad] of the first starting position of a YAML, None what it lacks.
+
+    Starting positions are rows of x, y, yaw, of which the first counts; a starting angle is that of no place.
+    """
+    rows, angle = settings.get("starting_positions"), settings.get("starting_angle")
+    heading = float(angle) if _is_finite(angle) else None
+    row = rows[0] if isinstance(rows, list) and rows and isinstance(rows[0], list) else rows
+    if isinstance(row, list) and len(row) in (2, 3) and all(map(_is_finite, row)):
+        return (float(row[0]), float(row[1])), float(row[2]) if len(row) == 3 else heading
+    if (rows is not None) or (angle is not None and heading is None):
+        given = f"starting_positions is {rows!r}" if rows is not None else f"starting_angle is {angle!r}"
+        warnings.warn(f"{path}: ignored: {given}; read are rows of [x, y, yaw], and one angle", stacklevel=4)
+    return None, heading
 
 
 def _read_yaml(path: Path) -> dict[str, Any]:
@@ -129,14 +152,15 @@ def _read_yaml(path: Path) -> dict[str, Any]:
         raise TrackError(f"{path}: is no YAML: {' '.join(str(error).split())}") from error
     if not isinstance(settings, dict):
         raise TrackError(f"{path}: is no map_server YAML; accepted: the keys {', '.join(_REQUIRED)}")
-    for key in settings:
-        if key not in known:
-            near = difflib.get_close_matches(str(key), known, n=1)
-            meant = f"; did you mean {near[0]}?" if near else ""
-            raise TrackError(f"{path}: unknown key {key!r}{meant}; accepted: {', '.join(known)}")
+    unknown = [str(key) for key in settings if key not in known]
     missing = [key for key in _REQUIRED if key not in settings]
     if missing:
-        raise TrackError(f"{path}: has no {', '.join(missing)}; accepted: the keys {', '.join(_REQUIRED)}")
+        near = [name for key in missing for name in difflib.get_close_matches(key, unknown, n=1)]
+        instead = f", but {', '.join(near)}" if near else ""
+        raise TrackError(f"{path}: has no {', '.join(missing)}{instead}; accepted: the keys {', '.join(_REQUIRED)}")
+    ignored = [key for key in unknown if key not in _STARTS]
+    if ignored:
+        warnings.warn(f"{path}: ignored: {', '.join(ignored)}; read are {', '.join((*known, *_STARTS))}", stacklevel=5)
     return settings
 
 

@@ -30,6 +30,7 @@ from ..polyline import enclosed_area, resample, smooth, step_lengths, steps, sub
 from ..scene import BEHIND, BEYOND, Scene
 from ..track import Track
 from ..track_mesh import wall_footprints
+from .closing import close_gaps, wall_the_border
 from .map_server import OccupancyMap, read_map_file
 from .region import MapCourse, course_of, encloses, find_course
 from .walls import trace
@@ -48,7 +49,10 @@ _REPEATED = 1e-6  # [m] points nearer than this are one
 _HALVINGS = 5  # of the smoothing, until the line is clear of the walls
 _WALL_SPACING = 0.02  # [m] of the points of walls that the line's distance is measured to: true to 0.1 mm
 _SPECIFICATION = re.compile(r"(?P<path>.*\.ya?ml)(\[(?P<settings>.*)\])?", re.IGNORECASE)
-_SETTINGS = "centreline=FILE.csv, start=X:Y, direction=clockwise or counterclockwise, outside_folder=yes"
+_SETTINGS = (
+    "centreline=FILE.csv, start=X:Y, direction=clockwise or counterclockwise, close=METRES, border=wall, "
+    "outside_folder=yes"
+)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -103,7 +107,11 @@ def load_map(name: str) -> MapTrack | Scene:
     settings: dict[str, str] = {}
     for setting in filter(None, (match["settings"] or "").split(",")):
         key, _, value = setting.partition("=")
-        if key not in ("centreline", "start", "direction", "outside_folder") or not value or key in settings:
+        if (
+            key not in ("centreline", "start", "direction", "outside_folder", "close", "border")
+            or not value
+            or key in settings
+        ):
             raise TrackError(f"{name!r}: setting {setting!r}; accepted: each once, of {_SETTINGS}")
         settings[key] = value
     start = None
@@ -115,12 +123,22 @@ def load_map(name: str) -> MapTrack | Scene:
         start = (x, y)
     if settings.get("outside_folder", "no") not in ("yes", "no"):
         raise TrackError(f"{name!r}: outside_folder is {settings['outside_folder']!r}; accepted: yes or no")
+    close = 0.0
+    if "close" in settings:
+        try:
+            close = float(settings["close"])
+        except ValueError:
+            raise TrackError(f"{name!r}: close is {settings['close']!r}; accepted: metres, as 1.5") from None
+    if settings.get("border", "wall") != "wall":
+        raise TrackError(f"{name!r}: border is {settings['border']!r}; accepted: wall")
     direction = settings.get("direction")
     return read_map(
         match["path"],
         centreline=settings.get("centreline"),
         start=start,
         direction=direction,  # type: ignore[arg-type]  # read_map says what is accepted
+        close=close,
+        border_wall="border" in settings,
         outside_folder=settings.get("outside_folder") == "yes",
     )
 
@@ -131,6 +149,8 @@ def read_map(
     centreline: str | Path | None = None,
     start: tuple[float, float] | None = None,
     direction: Direction | None = None,
+    close: float = 0.0,
+    border_wall: bool = False,
     image: str | Path | None = None,
     outside_folder: bool = False,
 ) -> MapTrack | Scene:
@@ -142,6 +162,8 @@ def read_map(
       start: x and y [m] of a point; the start is the place of the centreline that is nearest to it, and the course is
         the one on which the point is. None: as the module says; a given centreline starts with its first point.
       direction: None: as the module says; a given centreline is driven in the order of its points.
+      close: gaps of up to this width [m] that lead out of the image are closed by a wall.
+      border_wall: whether the image's border is a wall.
       image: in place of the one that the YAML names.
       outside_folder: whether the YAML may name an image outside of its own folder.
 
@@ -154,7 +176,13 @@ def read_map(
         raise TrackError(f"{path}: direction is {direction!r}; accepted: {', '.join(DIRECTIONS)}")
     if start is not None and not all(map(math.isfinite, start)):
         raise TrackError(f"{path}: start is {start!r}; accepted: x and y in metres")
+    if not 0.0 <= close < math.inf:
+        raise TrackError(f"{path}: close is {close!r}; accepted: a width in metres")
     occupancy = read_map_file(path, image=image, outside_folder=outside_folder)
+    if border_wall:
+        occupancy = wall_the_border(occupancy)
+    if close > 0.0:
+        occupancy = close_gaps(occupancy, close)
     if centreline is not None:
         line = read_centreline(centreline).centreline
         outlines = course_of(occupancy, line)
@@ -167,7 +195,8 @@ def read_map(
             raise TrackError(f"{path}: direction is {direction!r}, but there is no way round; accepted: none")
         return _map_scene(occupancy, course, np.zeros(2) if start is None else np.array(start))
     line = _clear_line(occupancy, course)
-    return _map_track(occupancy, course.outlines, _oriented(line, np.array(start or (0.0, 0.0)), direction, 0.0))
+    place = np.array(start or occupancy.start or (0.0, 0.0))
+    return _map_track(occupancy, course.outlines, _oriented(line, place, direction, occupancy.heading or 0.0))
 
 
 def _map_track(occupancy: OccupancyMap, outlines: list[FloatArray], line: FloatArray) -> MapTrack:
