@@ -1,79 +1,114 @@
-"""Walls that a map lacks, drawn on request: across gaps, and along the image's border.
+"""Holes in the walls of a map: how wide they are, and the walls that close them on request.
 
-    closed = close_gaps(occupancy, 1.5)        # gaps of up to 1.5 m
-    closed = wall_the_border(occupancy)
+    hole = find_hole(clearance, inside, border)                # the widest way out, where it is narrowest
+    free = close_holes(clearance, inside, border, hole.width)  # a wall across each way out, where it is narrowest
 
-A gap is a narrow place on a way from the course out of the image. Ground that is wider than the gap is divided in two
-first: what of it reaches the image's border without passing a narrower place, and what does not. All other free pixels
-go to the one of the two that they have the widest way to, which is the watershed of the distance to the walls (J. Cousty
-et al., Watershed cuts: minimum spanning forests and the drop of water principle, 2009). The wall stands where the two
-meet, at the narrowest place of each way. Narrow places that do not lead out of the image stay open.
+All are of one region of free pixels, (rows, columns), row 0 below. `clearance` is the distance to the nearest wall, 0
+in walls, `inside` says which pixels are of the course for sure, and `border` which are at the image's border. Lengths
+are in pixels.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...messages import FloatArray
-from .map_server import BoolArray, OccupancyMap
+from .map_server import BoolArray
 
 _ROUNDING = 1e-6  # [pixel]
 _INSIDE, _OUTSIDE = 0, 1  # numbers of the two wide parts in the graph; other pixels follow
+_NEIGHBOURS = np.ones((3, 3))
 
 
-def wall_the_border(occupancy: OccupancyMap) -> OccupancyMap:
-    """Return the map with a wall of one pixel along the image's border."""
-    free = np.zeros_like(occupancy.free)
-    free[1:-1, 1:-1] = occupancy.free[1:-1, 1:-1]
-    return replace(occupancy, free=free)
+@dataclass(frozen=True, kw_only=True)
+class Hole:
+    """The narrowest place of the widest way out of an image."""
+
+    width: float
+    row: int
+    column: int
 
 
-def close_gaps(occupancy: OccupancyMap, width: float) -> OccupancyMap:
-    """Return the map with a wall across every gap of up to `width` [m] that leads out of the image."""
+def find_hole(clearance: FloatArray, inside: BoolArray, border: BoolArray) -> Hole:
+    """Return the hole through which the course reaches the image's border.
+
+    Of all ways from the inside to the border the widest is looked at: where that is narrowest, a wall is missing.
+    """
     from scipy import ndimage
 
-    free = occupancy.free
-    clearance = ndimage.distance_transform_edt(free)
-    wide, _ = ndimage.label(clearance > 0.5 * width / occupancy.resolution + _ROUNDING, np.ones((3, 3)))
-    border = np.ones_like(free)
-    border[1:-1, 1:-1] = False
-    outside = np.isin(wide, np.setdiff1d(wide[border], 0)) | (border & free)
-    inside = (wide > 0) & ~outside
-    if not inside.any():
-        return occupancy
-    inside = _nearer_by_the_wider_way(free, clearance, inside, outside)
-    return replace(occupancy, free=free & (inside | ~ndimage.binary_dilation(inside)))
+    levels = np.unique(clearance[clearance > 0.0])
+    low, high = 0, len(levels)  # joined at levels[low], not at levels[high]
+    while high - low > 1:
+        middle = (low + high) // 2
+        joined = _parts((clearance >= levels[middle]) | inside, inside)
+        low, high = (middle, high) if (joined & border).any() else (low, middle)
+    within = _parts((clearance > levels[low]) | inside, inside)
+    beyond = _parts((clearance >= levels[low]) & ~within, border)
+    gates = np.argwhere(beyond & ndimage.binary_dilation(within, _NEIGHBOURS))
+    row, column = gates[len(gates) // 2].tolist()
+    return Hole(width=2.0 * float(levels[low]), row=row, column=column)
 
 
-def _nearer_by_the_wider_way(
-    free: BoolArray, clearance: FloatArray, inside: BoolArray, outside: BoolArray
-) -> BoolArray:
-    """Return which free pixels have a wider way to `inside` than to `outside`, these two included or not."""
+def close_holes(clearance: FloatArray, inside: BoolArray, border: BoolArray, width: float) -> BoolArray:
+    """Return what stays free when every way from the inside to the border is walled up; none is wider than `width`.
+
+    Ground that is wider than `width` belongs to the inside or to the border, whichever it is connected to. All other
+    pixels go to the one of the two that they have the widest way to, which is the watershed of the clearance (J. Cousty
+    et al., Watershed cuts, 2009). The walls stand where the two meet.
+    """
+    from scipy import ndimage
+
+    wide = clearance > 0.5 * width + _ROUNDING
+    within, beyond = _parts(wide | inside, inside), _parts(wide | border, border)
+    within = _watershed(clearance, within, beyond & ~within)
+    return np.asarray((clearance > 0.0) & (within | ~ndimage.binary_dilation(within)))
+
+
+def _watershed(clearance: FloatArray, inside: BoolArray, outside: BoolArray) -> BoolArray:
+    """Return the free pixels that have a wider way to `inside` than to `outside`."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
 
-    rest = free & ~inside & ~outside
-    number = np.full(free.shape, -1)
-    number[inside], number[outside] = _INSIDE, _OUTSIDE
+    region = clearance > 0.0
+    rest = region & ~inside & ~outside
     count = 2 + np.count_nonzero(rest)
-    number[rest] = np.arange(2, count)
-    ends, ways = [], []
+    number = np.full(region.shape, -1)
+    number[inside], number[outside], number[rest] = _INSIDE, _OUTSIDE, np.arange(2, count)
+    start, end, way = _ways(number, clearance)
+    # the tree joins the two wide parts first, and every other pixel by its widest way to either: cut, it is two
+    weights = np.append(1.0 / way, 1e-9)
+    ends = np.append(start, _INSIDE), np.append(end, _OUTSIDE)
+    tree = minimum_spanning_tree(csr_array((weights, ends), shape=(count, count))).tocoo()
+    kept = tree.col != _OUTSIDE
+    tree = csr_array((tree.data[kept], (tree.row[kept], tree.col[kept])), shape=(count, count))
+    _, part = connected_components(tree, directed=False)
+    return np.asarray(region & (part[number] == part[_INSIDE]))
+
+
+def _ways(number: NDArray[Any], clearance: FloatArray) -> tuple[NDArray[Any], NDArray[Any], FloatArray]:
+    """Return which numbers meet, the lower one first, and how wide the widest place is where they do, (m,) each."""
+    pairs, ways = [], []
     for one, other in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
         pair = np.sort(np.stack((number[one], number[other]), axis=-1), axis=-1)
-        used = (pair[..., 0] >= 0) & (pair[..., 1] > 1) & (pair[..., 0] != pair[..., 1])
-        ends.append(pair[used])
+        used = (pair[..., 0] >= 0) & (pair[..., 1] > _OUTSIDE) & (pair[..., 0] != pair[..., 1])
+        pairs.append(pair[used])
         ways.append(np.minimum(clearance[one], clearance[other])[used])
-    pairs, way = np.concatenate(ends), np.concatenate(ways)
-    order = np.argsort(-way, kind="stable")  # of several edges between two numbers the widest counts
-    _, first = np.unique(pairs[order] @ (count, 1), return_index=True)
-    (start, end), way = pairs[order][first].T, way[order][first]
-    # the tree joins the two wide parts first, and everything else by its widest way to either: cut, it is two
-    graph = csr_array(
-        (np.append(1.0 / way, 1e-9), (np.append(start, _INSIDE), np.append(end, _OUTSIDE))), (count, count)
-    )
-    tree = minimum_spanning_tree(graph).tolil()
-    tree[_INSIDE, _OUTSIDE] = 0.0
-    _, part = connected_components(tree.tocsr(), directed=False)
-    return free & (number >= 0) & (part[number] == part[_INSIDE])
+    pair, way = np.concatenate(pairs), np.concatenate(ways)
+    order = np.argsort(-way, kind="stable")
+    _, first = np.unique(pair[order] @ (number.max() + 1, 1), return_index=True)
+    start, end = pair[order][first].T
+    return start, end, way[order][first]
+
+
+def _parts(mask: BoolArray, seeds: BoolArray) -> BoolArray:
+    """Return the connected parts of a mask in which any of some pixels are."""
+    from scipy import ndimage
+
+    labels, count = ndimage.label(mask, _NEIGHBOURS)
+    seeded = np.zeros(count + 1, dtype=bool)
+    seeded[labels[seeds & mask]] = True
+    return np.asarray(seeded[labels])

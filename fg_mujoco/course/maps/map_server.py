@@ -16,7 +16,7 @@ import difflib
 import importlib.util
 import math
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -63,6 +63,18 @@ class OccupancyMap:
         x, y, yaw = self.origin
         turn = np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
         return np.asarray((np.asarray(points, np.float64) - (x, y)) @ turn / self.resolution)
+
+    def is_free(self, point: ArrayLike) -> bool:
+        """Say whether a point (2,) of the world [m] is in a free pixel of the image."""
+        column, row = np.floor(self.to_pixels(point)).astype(int)
+        rows, columns = self.free.shape
+        return bool(0 <= row < rows and 0 <= column < columns and self.free[row, column])
+
+    def with_walled_border(self) -> OccupancyMap:
+        """Return the map with a wall along the image's border, one pixel thick."""
+        free = np.zeros_like(self.free)
+        free[1:-1, 1:-1] = self.free[1:-1, 1:-1]
+        return replace(self, free=free)
 
     def place(self, point: ArrayLike) -> str:
         """Say where a point (2,), column and row in pixels, is: in the world and in the image, rows from above."""
