@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from ...messages import FloatArray
 from .map_server import BoolArray
 
-_ROUNDING = 1e-6  # [pixel]
+_ROUNDING = 1e-4  # [pixel]
+_PRECISION = 0.005  # [pixel] of half the width of a hole
 _INSIDE, _OUTSIDE = 0, 1  # numbers of the two wide parts in the graph; other pixels follow
 _NEIGHBOURS = np.ones((3, 3))
 
@@ -40,17 +41,17 @@ def find_hole(clearance: FloatArray, inside: BoolArray, border: BoolArray) -> Ho
     """
     from scipy import ndimage
 
-    levels = np.unique(clearance[clearance > 0.0])
-    low, high = 0, len(levels)  # joined at levels[low], not at levels[high]
-    while high - low > 1:
-        middle = (low + high) // 2
-        joined = _parts((clearance >= levels[middle]) | inside, inside)
+    low, high = 0.0, float(clearance.max()) + 1.0  # joined where the clearance is at least low, not high
+    while high - low > _PRECISION:
+        middle = 0.5 * (low + high)
+        joined = _parts((clearance >= middle) | inside, inside)
         low, high = (middle, high) if (joined & border).any() else (low, middle)
-    within = _parts((clearance > levels[low]) | inside, inside)
-    beyond = _parts((clearance >= levels[low]) & ~within, border)
+    level = float(clearance[clearance >= low].min())
+    within = _parts((clearance > level) | inside, inside)
+    beyond = _parts((clearance >= level) & ~within, border)
     gates = np.argwhere(beyond & ndimage.binary_dilation(within, _NEIGHBOURS))
     row, column = gates[len(gates) // 2].tolist()
-    return Hole(width=2.0 * float(levels[low]), row=row, column=column)
+    return Hole(width=2.0 * level, row=row, column=column)
 
 
 def close_holes(clearance: FloatArray, inside: BoolArray, border: BoolArray, width: float) -> BoolArray:
@@ -93,10 +94,10 @@ def _ways(number: NDArray[Any], clearance: FloatArray) -> tuple[NDArray[Any], ND
     """Return which numbers meet, the lower one first, and how wide the widest place is where they do, (m,) each."""
     pairs, ways = [], []
     for one, other in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
-        pair = np.sort(np.stack((number[one], number[other]), axis=-1), axis=-1)
-        used = (pair[..., 0] >= 0) & (pair[..., 1] > _OUTSIDE) & (pair[..., 0] != pair[..., 1])
-        pairs.append(pair[used])
-        ways.append(np.minimum(clearance[one], clearance[other])[used])
+        a, b = number[one], number[other]
+        used = (np.minimum(a, b) >= 0) & (np.maximum(a, b) > _OUTSIDE)
+        pairs.append(np.sort(np.stack((a[used], b[used]), axis=-1), axis=-1))
+        ways.append(np.minimum(clearance[one][used], clearance[other][used]))
     pair, way = np.concatenate(pairs), np.concatenate(ways)
     order = np.argsort(-way, kind="stable")
     _, first = np.unique(pair[order] @ (number.max() + 1, 1), return_index=True)

@@ -38,6 +38,7 @@ DOOR = 1.2
 """[m] Obstacles nearer to each other than this are gone round together, if that is possible. A door is 1 m wide."""
 
 _LARGEST = 5  # obstacles that a loop round is looked for, in each region, with doors open and with doors shut
+_MOST_SIDES = 300_000  # of pixels along the walls of a region: some 3 s
 _ROUNDING = 1e-6  # [m]
 _NEIGHBOURS = np.ones((3, 3))
 
@@ -162,7 +163,17 @@ class _Region:
 
     @cached_property
     def outlines(self) -> list[FloatArray]:
-        """The outer edge, then the holes by area, in pixels of the image."""
+        """The outer edge, then the holes by area, in pixels of the image.
+
+        Raises:
+          TrackError: so many of them that finding a line would take minutes.
+        """
+        sides = sum(int(np.count_nonzero(np.diff(self.mask, axis=axis))) for axis in range(2))
+        if sides > _MOST_SIDES:
+            raise TrackError(
+                f"{self.occupancy.path}: walls of {sides} sides of pixels; accepted: {_MOST_SIDES} at most, a map "
+                "without noise"
+            )
         edges = sorted(outlines(self.mask), key=enclosed_area)
         return [edge + self.corner[::-1] for edge in (edges.pop(), *edges)]
 
@@ -171,7 +182,8 @@ class _Region:
         """Distance of each pixel to the nearest that is not of the region; the image's border is no wall. In pixels."""
         from scipy import ndimage
 
-        return np.where(self.mask, ndimage.distance_transform_edt(self.mask | self._beyond), 0.0)
+        clearance = ndimage.distance_transform_edt(self.mask | self._beyond)
+        return np.where(self.mask, clearance, 0.0).astype(np.float32)
 
     @cached_property
     def axis(self) -> MedialAxis:
@@ -231,14 +243,21 @@ class _Region:
         return next(pixel for pixel in beside if not self.mask[pixel])
 
     def beside_largest_hole(self) -> BoolArray:
-        """Return the pixels to which no wall is nearer than the largest hole: a ring round it. All False without."""
+        """Return the pixels whose nearest wall is the largest hole: a ring round it. All False without."""
         from scipy import ndimage
 
         if len(self.outlines) < 2:
             return np.zeros_like(self.mask)
         solid, _ = ndimage.label(~self.mask, _NEIGHBOURS)
-        largest = solid == solid[self._pixel_of(self.outlines[1])]
-        return np.asarray(self.mask & (ndimage.distance_transform_edt(~largest) <= self.clearance))
+        row, column = ndimage.distance_transform_edt(
+            self.mask | self._beyond, return_distances=False, return_indices=True
+        )
+        return np.asarray(self.mask & (solid[row, column] == solid[self._pixel_of(self.outlines[1])]))
+
+    @property
+    def extent(self) -> float:
+        """The diagonal of the box of its largest hole, 0 without, in pixels."""
+        return max((float(np.hypot(*np.ptp(hole, axis=0))) for hole in self.outlines[1:]), default=0.0)
 
 
 def _regions(occupancy: OccupancyMap, at: FloatArray | None) -> list[_Region]:
@@ -319,14 +338,10 @@ def _leaking_course(regions: list[_Region]) -> _Region | None:
     course = next(_loops(tight), None) if leaking else None
     for region in leaking:
         if course is None:
-            if not tight or next(_loops([region]), None) is not None:
+            if not tight or region.extent * region.occupancy.resolution >= 0.5 * SHORTEST_LAP:  # there and back
                 return region
-        elif not any(encloses(hole, course.line[0]) for hole in region.outlines[1:]):  # else the outside of a drawing
-            extent = course.extent
-            if any(
-                obstacle.extent > extent and region.loop_round(obstacle) is not None for obstacle in region.obstacles
-            ):
-                return region
+        elif region.extent > course.extent and not any(encloses(hole, course.line[0]) for hole in region.outlines[1:]):
+            return region
     return None
 
 
@@ -348,12 +363,15 @@ def _closed_regions(occupancy: OccupancyMap, at: FloatArray | None, close: float
 
 
 def _refusal(occupancy: OccupancyMap, leak: _Leak, at: FloatArray | None) -> TrackError:
-    """Return the error for a course that reaches the image's border, with an option that was tried and helps."""
+    """Return the error for a course that reaches the image's border, with an option that helps where there is one."""
     region, hole = leak.region, leak.hole
+    option = None
     if hole is None:
         row, column = np.argwhere(region.border)[0] + region.corner
         what = f"no closed course: free ground runs out of the image at {occupancy.place((column + 0.5, row + 0.5))}"
-        options = []
+        walled = _tight_regions(occupancy.with_walled_border(), at, 0.0)
+        if not isinstance(walled, _Leak) and next(_loops(walled), None) is not None:
+            option = "border=wall"
     else:
         width = hole.width * occupancy.resolution
         row, column = np.array((hole.row, hole.column)) + region.corner
@@ -361,16 +379,6 @@ def _refusal(occupancy: OccupancyMap, leak: _Leak, at: FloatArray | None) -> Tra
             f"the wall has a hole, {width:.2f} m wide, at {occupancy.place((column + 0.5, row + 0.5))}: free ground "
             "runs on from the course out of the image"
         )
-        options = [
-            (f"close={least:.1f}", occupancy, least) for least in (math.floor(10.0 * width + 1e-6) / 10.0 + 0.1,)
-        ]
-    options.append(("border=wall", occupancy.with_walled_border(), 0.0))
-    helping = (name for name, changed, close in options if _has_loop(changed, at, close))
-    helps = next(helping, None)
-    accepted = "a course with walls all round" + (f", or {occupancy.path.name}[{helps}]" if helps else "")
+        option = f"close={math.floor(10.0 * width + _ROUNDING) / 10.0 + 0.1:.1f}"
+    accepted = "a course with walls all round" + (f", or {occupancy.path.name}[{option}]" if option else "")
     return TrackError(f"{occupancy.path}: {what}; accepted: {accepted}")
-
-
-def _has_loop(occupancy: OccupancyMap, at: FloatArray | None, close: float) -> bool:
-    regions = _tight_regions(occupancy, at, close)
-    return not isinstance(regions, _Leak) and next(_loops(regions), None) is not None
