@@ -258,6 +258,6 @@ def _read_image(path: Path) -> tuple[NDArray[Any], FloatArray]:
 
 def _too_large(path: Path, pixels: str) -> TrackError:
     return TrackError(
-        f"{path}: {pixels} pixels; accepted: {MOST_PIXELS} at most; cut the course out, or scale the image down and give "
-        "a coarser resolution"
+        f"{path}: {pixels} pixels; accepted: {MOST_PIXELS} at most; cut the course out, or scale the image down and "
+        "give a coarser resolution"
     )

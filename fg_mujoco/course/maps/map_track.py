@@ -19,13 +19,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from ...errors import TrackError
 from ...messages import FloatArray, read_only
-from ..centreline_csv import read_centreline
+from ..centreline_csv import DIRECTIONS, Direction, read_points, read_settings
 from ..course import default_time_limit
 from ..obstacles import Prism
 from ..polyline import enclosed_area, resample, smooth, step_lengths, steps, subdivide
@@ -36,9 +36,6 @@ from .map_server import OccupancyMap, read_map_file
 from .region import MapCourse, course_of, encloses, find_course, find_loops
 from .walls import trace
 
-Direction = Literal["clockwise", "counterclockwise"]
-
-DIRECTIONS: tuple[Direction, ...] = ("clockwise", "counterclockwise")
 SPACING = 0.2
 """[m] Of the points of a centreline that is found."""
 
@@ -138,18 +135,9 @@ def _parsed(name: str) -> tuple[str, dict[str, Any]]:
     match = _SPECIFICATION.fullmatch(name)
     if match is None:
         raise TrackError(f"{name!r} is no map; accepted: FILE.yaml, or FILE.yaml[SETTING=VALUE,...]")
-    settings: dict[str, Any] = {}
-    for setting in filter(None, (match["settings"] or "").split(",")):
-        key, _, value = setting.partition("=")
-        argument = "border_wall" if key == "border" else key
-        if key not in _SETTINGS or not value or argument in settings:
-            accepted = ", ".join(f"{key}={value}" for key, (value, _) in _SETTINGS.items())
-            raise TrackError(f"{name!r}: setting {setting!r}; accepted: each once, of {accepted}")
-        accepted, read = _SETTINGS[key]
-        try:
-            settings[argument] = read(value)
-        except (ValueError, KeyError):
-            raise TrackError(f"{name!r}: {key} is {value!r}; accepted: {accepted}") from None
+    settings = read_settings(name, match["settings"] or "", _SETTINGS)
+    if "border" in settings:
+        settings["border_wall"] = settings.pop("border")
     return match["path"], settings
 
 
@@ -207,7 +195,7 @@ def read_map(
         path, start=start, close=close, border_wall=border_wall, image=image, outside_folder=outside_folder
     )
     if centreline is not None:
-        line = read_centreline(centreline).centreline
+        line = read_points(centreline)
         outlines = course_of(occupancy, line, close=close)
         if start is not None or direction is not None:
             line = _oriented(line, line[0] if start is None else np.array(start), direction, _heading(line))
