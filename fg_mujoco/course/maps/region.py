@@ -103,11 +103,13 @@ def find_course(
         and the option that closes it; fewer loops than `loop`; neither a lap nor an open way.
     """
     regions = _closed_regions(occupancy, start, close)
-    loops = list(islice(_loops(regions), loop))
-    if len(loops) >= loop:
+    loops = list(islice(_loops(regions), max(loop, 1)))
+    if 1 <= loop <= len(loops):
         return loops[-1]
-    if loop > 1:
-        raise TrackError(f"{occupancy.path}: loop is {loop}; accepted: 1 to {max(len(loops), 1)}, as track show counts")
+    if loop != 1:
+        raise TrackError(
+            f"{occupancy.path}: loop is {loop}; accepted: 1 to {max(_count(regions), 1)}, as track show counts"
+        )
     region = regions[0]
     return MapCourse(outlines=region.outlines, line=region.axis.longest_way(ROOM / occupancy.resolution), closed=False)
 
@@ -117,6 +119,10 @@ def find_loops(
 ) -> list[MapCourse]:
     """Return the loops of a map, that round the largest obstacle first. Arguments and errors as of `find_course`."""
     return list(islice(_loops(_closed_regions(occupancy, start, close)), most))
+
+
+def _count(regions: list[_Region]) -> int:
+    return sum(1 for _ in _loops(regions))
 
 
 def course_of(occupancy: OccupancyMap, line: FloatArray, *, close: float = 0.0) -> list[FloatArray]:
