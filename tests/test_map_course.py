@@ -198,3 +198,22 @@ def test_a_map_of_noise_is_refused_before_minutes_are_spent_on_it(tmp_path):
 def test_options_that_are_wrong_are_refused(tmp_path, settings, message):
     with pytest.raises(TrackError, match=message):
         fg.load_track(f"{draw_map(tmp_path, ring())}[{settings}]")
+
+
+@pytest.mark.parametrize(
+    ("settings", "keys", "message"),
+    [
+        ("[start=70:5]", {}, "(70.00, 5.00) is outside of the image; accepted: a point on the course"),
+        ("[start=7.5:5]", {}, "(7.50, 5.00) is not free"),
+        ("", {"resolution": "1.0e-300"}, "resolution is 1e-300"),
+        ("", {"origin": (1e12, 0.0, 0.0)}, "origin is [1000000000000.0"),
+        ("", {"origin": (math.inf, 0.0, 0.0)}, "origin is [inf"),
+        ("", {"free_thresh": ".nan"}, "free_thresh is nan"),
+    ],
+)
+def test_the_command_line_refuses_bad_input_in_one_line(tmp_path, capsys, settings, keys, message):
+    path = draw_map(tmp_path, ring(), **keys)
+    assert main(["race", "--track", f"{path}{settings}"]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert err.startswith(f"fg-mujoco: {path}: {message}")

@@ -86,15 +86,17 @@ def read_centreline(path: str | Path, *, width: float | None = None, direction: 
     """
     path = Path(path)
     line, widths = _read(path)
-    if widths is None and width is None:
+    if width is not None:
+        if widths is not None:
+            raise TrackError(f"{path}: width is {width!r}, but the file has widths of its own; accepted: none")
+        if not 0.0 < width < math.inf:
+            raise TrackError(f"{path}: width is {width!r}; accepted: a positive number of metres")
+        widths = np.full((2, len(line)), 0.5 * width)
+    if widths is None:
         raise TrackError(f"{path}: has no widths; accepted: {path.name}[width=W], the width of the track in metres")
-    if width is not None and widths is not None:
-        raise TrackError(f"{path}: width is {width!r}, but the file has widths of its own; accepted: none")
-    if width is not None and not 0.0 < width < math.inf:
-        raise TrackError(f"{path}: width is {width!r}; accepted: a positive number of metres")
     if direction is not None and direction not in DIRECTIONS:
         raise TrackError(f"{path}: direction is {direction!r}; accepted: {', '.join(DIRECTIONS)}")
-    right, left = np.full((2, len(line)), 0.5 * width) if widths is None and width is not None else widths
+    right, left = widths
     if direction is not None and (enclosed_area(line) > 0.0) != (direction == "counterclockwise"):
         line, right, left = (np.roll(column[::-1], 1, axis=0) for column in (line, left, right))
     try:

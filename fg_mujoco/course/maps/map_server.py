@@ -160,7 +160,8 @@ def _start(path: Path, settings: dict[str, Any]) -> tuple[tuple[float, float] | 
 
     Starting positions are rows of x, y, yaw, of which the first counts; a starting angle is that of no place.
     """
-    rows, angle = settings.get("starting_positions"), settings.get("starting_angle")
+    rows: Any = settings.get("starting_positions")
+    angle: Any = settings.get("starting_angle")
     heading = float(angle) if _is_near(angle) else None
     row = rows[0] if isinstance(rows, list) and rows and isinstance(rows[0], list) else rows
     if isinstance(row, list) and len(row) in (2, 3) and all(map(_is_near, row)):

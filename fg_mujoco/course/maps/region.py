@@ -160,7 +160,7 @@ class _Region:
 
     def __init__(self, occupancy: OccupancyMap, mask: BoolArray, corner: tuple[int, int]) -> None:
         self.occupancy, self.corner, self.mask = occupancy, np.array(corner) - 1, np.pad(mask, 1)
-        rows, columns = np.indices(self.mask.shape, sparse=True)
+        rows, columns = np.ogrid[: self.mask.shape[0], : self.mask.shape[1]]
         (low, left), (high, right) = -self.corner, np.array(occupancy.free.shape) - 1 - self.corner
         self.border = self.mask & ((rows == low) | (rows == high) | (columns == left) | (columns == right))
         self._beyond = (rows < low) | (rows > high) | (columns < left) | (columns > right)
@@ -290,7 +290,11 @@ def _require_free(occupancy: OccupancyMap, point: FloatArray) -> tuple[int, int]
     rows, columns = occupancy.free.shape
     where = f"{occupancy.path}: ({point[0]:.2f}, {point[1]:.2f})"
     if not (0 <= row < rows and 0 <= column < columns):
-        raise TrackError(f"{where} is outside of the image")
+        (x, y), (end_x, end_y) = occupancy.to_world([(0, 0), (columns, rows)])
+        raise TrackError(
+            f"{where} is outside of the image; accepted: a point on the course; the image is from ({x:.2f}, {y:.2f}) "
+            f"to ({end_x:.2f}, {end_y:.2f})"
+        )
     if not occupancy.is_free(point):
         raise TrackError(f"{where} is not free; accepted: a point on the course")
     return row, column
