@@ -41,17 +41,16 @@ def find_hole(clearance: FloatArray, inside: BoolArray, border: BoolArray) -> Ho
     """
     from scipy import ndimage
 
-    low, high = 0.0, float(clearance.max()) + 1.0  # joined where the clearance is at least low, not high
+    low, high = 0.0, float(clearance.max()) + 1.0  # they are joined where the clearance is low at least, not where high
     while high - low > _PRECISION:
         middle = 0.5 * (low + high)
         joined = _parts((clearance >= middle) | inside, inside)
         low, high = (middle, high) if (joined & border).any() else (low, middle)
-    level = float(clearance[clearance >= low].min())
-    within = _parts((clearance > level) | inside, inside)
-    beyond = _parts((clearance >= level) & ~within, border)
+    within = _parts((clearance >= high) | inside, inside)
+    beyond = _parts((clearance >= low) & ~within, border)
     gates = np.argwhere(beyond & ndimage.binary_dilation(within, _NEIGHBOURS))
     row, column = gates[len(gates) // 2].tolist()
-    return Hole(width=2.0 * level, row=row, column=column)
+    return Hole(width=2.0 * float(clearance[clearance < high].max()), row=row, column=column)
 
 
 def close_holes(clearance: FloatArray, inside: BoolArray, border: BoolArray, width: float) -> BoolArray:

@@ -107,22 +107,15 @@ def find_course(
     if 1 <= loop <= len(loops):
         return loops[-1]
     if loop != 1:
-        raise TrackError(
-            f"{occupancy.path}: loop is {loop}; accepted: 1 to {max(_count(regions), 1)}, as track show counts"
-        )
+        most = max(sum(1 for _ in _loops(regions)), 1)
+        raise TrackError(f"{occupancy.path}: loop is {loop}; accepted: 1 to {most}, as track show counts them")
     region = regions[0]
     return MapCourse(outlines=region.outlines, line=region.axis.longest_way(ROOM / occupancy.resolution), closed=False)
 
 
-def find_loops(
-    occupancy: OccupancyMap, start: FloatArray | None = None, *, close: float = 0.0, most: int = 2 * _LARGEST
-) -> list[MapCourse]:
+def find_loops(occupancy: OccupancyMap, start: FloatArray | None = None, *, close: float = 0.0) -> list[MapCourse]:
     """Return the loops of a map, that round the largest obstacle first. Arguments and errors as of `find_course`."""
-    return list(islice(_loops(_closed_regions(occupancy, start, close)), most))
-
-
-def _count(regions: list[_Region]) -> int:
-    return sum(1 for _ in _loops(regions))
+    return list(_loops(_closed_regions(occupancy, start, close)))
 
 
 def course_of(occupancy: OccupancyMap, line: FloatArray, *, close: float = 0.0) -> list[FloatArray]:
