@@ -203,8 +203,8 @@ class _Region:
         from scipy import ndimage
 
         holes = self.outlines[1:]
-        if not holes:
-            return []
+        if len(holes) < 2:
+            return [Obstacle(outlines=[hole], least_clearance=0.0) for hole in holes]
         least = 0.5 * DOOR / self.occupancy.resolution
         solid, _ = ndimage.label(self.clearance < least, _NEIGHBOURS)
         groups: dict[int, list[FloatArray]] = {}
@@ -241,17 +241,19 @@ class _Region:
         beside = [(math.floor(row + dy), math.floor(column + dx)) for dx in (-0.25, 0.25) for dy in (-0.25, 0.25)]
         return next(pixel for pixel in beside if not self.mask[pixel])
 
-    def beside_largest_hole(self) -> BoolArray:
-        """Return the pixels whose nearest wall is the largest hole: a ring round it. All False without."""
+    def ring(self) -> tuple[FloatArray, BoolArray]:
+        """Return the clearance, and which pixels have the largest hole as their nearest wall: a ring round it.
+
+        None is of the ring where there is no hole.
+        """
         from scipy import ndimage
 
+        clearance, (row, column) = ndimage.distance_transform_edt(self.mask | self._beyond, return_indices=True)
+        clearance = np.where(self.mask, clearance, 0.0).astype(np.float32)
         if len(self.outlines) < 2:
-            return np.zeros_like(self.mask)
+            return clearance, np.zeros_like(self.mask)
         solid, _ = ndimage.label(~self.mask, _NEIGHBOURS)
-        row, column = ndimage.distance_transform_edt(
-            self.mask | self._beyond, return_distances=False, return_indices=True
-        )
-        return np.asarray(self.mask & (solid[row, column] == solid[self._pixel_of(self.outlines[1])]))
+        return clearance, np.asarray(self.mask & (solid[row, column] == solid[self._pixel_of(self.outlines[1])]))
 
     @property
     def extent(self) -> float:
@@ -322,15 +324,15 @@ def _tight_regions(occupancy: OccupancyMap, at: FloatArray | None, close: float)
         region = _leaking_course(regions)
         if region is None:
             return [region for region in regions if not region.leaks]
-        inside = region.beside_largest_hole()
+        clearance, inside = region.ring()
         if at is not None:
             inside[region.pixel(_require_free(occupancy, at))] = True
         if not inside.any() or (inside & region.border).any():
             return _Leak(region=region, hole=None)
-        hole = find_hole(region.clearance, inside, region.border)
+        hole = find_hole(clearance, inside, region.border)
         if hole.width * occupancy.resolution > close + _ROUNDING:
             return _Leak(region=region, hole=hole)
-        closed = close_holes(region.clearance, inside, region.border, hole.width)
+        closed = close_holes(clearance, inside, region.border, hole.width)
         occupancy = region.replaced(closed)
 
 
