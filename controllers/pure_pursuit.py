@@ -15,7 +15,7 @@ what
    it will be after `reaction`, the slower of the two. At the end of an open line the car stops.
 
 The line is the centreline, or that of a CSV file (racelines.read_line), driven in the order of its points; it is closed
-if the map's own line is.
+if the map's own line is, and then it has to go round in the same direction.
 
 Source: R. Coulter, Implementation of the Pure Pursuit Path Tracking Algorithm, CMU-RI-TR-92-01.
 
@@ -39,7 +39,7 @@ from fg_mujoco.messages import CarParameters, FloatArray, MapLine, Odometry
 
 from .control.driving import DrivingSettings, SpeedLaw
 from .control.planner import Planner
-from .control.racelines import SPEED, STEP, X, Y, line_table, read_line
+from .control.racelines import SPEED, STEP, X, Y, is_counterclockwise, line_table, read_line
 from .control.settings import FROM_ZERO, POSITIVE, SHARE, Record, for_car, setting, setting_of_car
 from .control.steering import pursue
 from .safety.friction_limiter import FrictionLimiter
@@ -160,7 +160,8 @@ class PurePursuit(Planner):
       map_line: the line through the course.
 
     Raises:
-      SettingsError: a line that cannot be read, with its file and row; and as Planner.
+      SettingsError: a line that cannot be read, with its file and row, or goes round against the course's direction;
+        and as Planner.
     """
 
     Settings = PurePursuitSettings
@@ -175,9 +176,22 @@ class PurePursuit(Planner):
         points, speeds = map_line.points, np.full(len(map_line.points), math.inf)
         if settings.line != "centreline":
             points, speeds = read_line(settings.line)
+            self._check_direction(points, map_line, settings.line)
         shape = (points.tobytes(), speeds.tobytes(), map_line.closed)
         table = _table(*shape, car, mu, max_speed, for_car(settings, car))
         super().__init__(car, mu, max_speed, settings, line=table)
+
+    @staticmethod
+    def _check_direction(points: FloatArray, map_line: MapLine, path: str) -> None:
+        """Raise SettingsError for a line that goes round a closed course against its direction."""
+        way, course = (
+            "counterclockwise" if is_counterclockwise(line) else "clockwise" for line in (points, map_line.points)
+        )
+        if map_line.closed and way != course:
+            raise SettingsError(
+                f"line {path} goes {way}, the course {course}; accepted: a line in the course's direction; a map or a "
+                f"CSV is turned round by --track 'FILE[direction={way}]'"
+            )
 
     @staticmethod
     @kernel

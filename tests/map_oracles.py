@@ -96,3 +96,21 @@ def _farthest(points, line):
         foot = start + np.clip(share, 0.0, 1.0)[..., None] * along
         worst = max(worst, float(np.linalg.norm(chunk[:, None] - foot, axis=2).min(axis=1).max()))
     return worst
+
+
+def building():
+    """Return a floor, 30 m x 20 m: a corridor of 2 m round two rooms with open doors, and a lobby with a counter.
+
+    The rooms are from column 60 to 420 and row 60 to 340; the lobby is to their right.
+    """
+    free = np.zeros((400, 600), dtype=bool)
+    free[20:380, 20:580] = True
+    free[60:340, 60:420] = False
+    free[66:334, 66:236] = True  # the left room
+    free[66:334, 244:414] = True
+    for column in (140, 320):  # doors of 0.9 m, below and above
+        free[60:66, column : column + 18] = True
+        free[334:340, column : column + 18] = True
+    free[160:240, 460:540] = False  # a counter of 4 m, and a stool
+    free[300:310, 495:505] = False
+    return free

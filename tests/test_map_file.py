@@ -36,6 +36,31 @@ def test_free_is_what_is_below_the_threshold(tmp_path, negate, suffix, free, occ
     np.testing.assert_array_equal(read_map_file(path).free[0], [value < free for value in p])
 
 
+def test_what_is_occupied_is_not_free_although_the_threshold_for_free_is_higher(tmp_path):
+    path = write(tmp_path, Image.fromarray(GREYS), free_thresh=0.9, occupied_thresh=0.5)
+    with pytest.warns(UserWarning, match=r"free_thresh is 0.9, above occupied_thresh, 0.5") as warned:
+        free = read_map_file(path).free[0]
+    assert len(warned) == 1
+    np.testing.assert_array_equal(free, [not (255 - x) / 255 > 0.5 for x in range(256)])
+
+
+def test_raw_brightness_is_the_probability_in_percent(tmp_path):
+    path = write(tmp_path, Image.fromarray(GREYS), mode="raw", free_thresh=0.25, occupied_thresh=0.65)
+    np.testing.assert_array_equal(read_map_file(path).free[0], [x < 25 for x in range(256)])
+
+
+def test_scale_has_the_free_pixels_of_trinary(tmp_path):
+    free = [read_map_file(write(tmp_path, Image.fromarray(GREYS), mode=mode)).free for mode in ("trinary", "scale")]
+    np.testing.assert_array_equal(*free)
+
+
+def test_an_image_with_a_palette_is_read_by_its_colours(tmp_path):
+    image = Image.fromarray(np.array([[0, 1, 2]], np.uint8), "P")
+    image.putpalette([0, 0, 0, 255, 255, 255, 255, 0, 0])
+    path = write(tmp_path, image)
+    np.testing.assert_array_equal(read_map_file(path).free[0], [False, True, False])
+
+
 def test_what_is_unknown_is_not_free(tmp_path):
     path = write(tmp_path, Image.fromarray(np.array([[254, 205, 100, 0]], np.uint8)))
     np.testing.assert_array_equal(read_map_file(path).free[0], [True, False, False, False])
@@ -77,17 +102,20 @@ def test_the_origin_is_the_lower_left_corner_and_yaw_turns_about_it(resolution, 
     [
         ({"resolution": None}, "has no resolution; accepted: the keys image, resolution"),
         ({"negate": None, "origin": None}, "has no origin, negate"),
-        ({"occupied_tresh": 0.65}, "unknown key 'occupied_tresh'; did you mean occupied_thresh"),
-        ({"colour": 1}, "unknown key 'colour'; accepted: image"),
-        ({"resolution": 0}, "resolution is 0; accepted: a positive number"),
+        ({"occupied_thresh": None, "occupied_tresh": 0.65}, "has no occupied_thresh, but occupied_tresh; accepted"),
+        ({"resolution": 0}, "resolution is 0; accepted: the side of a pixel in metres, from 0.001 to 1"),
         ({"resolution": ".nan"}, "resolution is nan"),
+        ({"resolution": "1.0e-300"}, "resolution is 1e-300; accepted: the side of a pixel"),
+        ({"resolution": 50}, "resolution is 50; accepted: the side of a pixel"),
         ({"resolution": "coarse"}, "resolution is 'coarse'"),
         ({"negate": 2}, "negate is 2; accepted: 0 or 1"),
-        ({"free_thresh": 0.7}, "free_thresh is 0.7; accepted: .* free_thresh <= occupied_thresh"),
+        ({"free_thresh": 1.1}, "free_thresh is 1.1; accepted: a number from 0 to 1"),
         ({"occupied_thresh": 65}, "occupied_thresh is 65"),
         ({"origin": [0, 0]}, r"origin is \[0, 0\]; accepted: \[x, y, yaw\]"),
         ({"origin": [0, 0, math.inf]}, "origin is"),
-        ({"mode": "raw"}, "mode is 'raw'; accepted: trinary, scale"),
+        ({"origin": [0, 1e12, 0]}, "origin is .*; accepted: .* three numbers within 1e"),
+        ({"mode": "binary"}, "mode is 'binary'; accepted: trinary, scale, raw"),
+        ({"mode": "raw", "negate": 1}, "mode is raw with negate: 1, .*; accepted: negate: 0"),
         ({"image": 7}, "image is 7"),
         ({"image": "none.png"}, "none.png: no such file"),
         ({"image": "../map.png"}, "image '../map.png' is outside of the YAML's folder"),
@@ -101,6 +129,37 @@ def test_a_yaml_that_is_wrong_is_refused(tmp_path, settings, message):
     with pytest.raises(TrackError, match=message) as refusal:
         read_map_file(path)
     assert str(tmp_path) in str(refusal.value)
+
+
+def test_keys_that_are_unknown_are_ignored_with_one_warning(tmp_path):
+    with pytest.warns(UserWarning) as warned:
+        occupancy = read_map_file(draw_map(tmp_path, box_room(), colour=1, default_resolution=0.1))
+    assert len(warned) == 1
+    assert "ignored: colour, default_resolution; read are image" in str(warned[0].message)
+    np.testing.assert_array_equal(occupancy.free, box_room())
+
+
+@pytest.mark.parametrize(
+    ("settings", "start", "heading"),
+    [
+        ({"starting_positions": [[1, 2, 0.5], [3, 4, 0.0]]}, (1.0, 2.0), 0.5),
+        ({"starting_positions": [1.5, -2.0, 0.5], "starting_angle": 2.0}, (1.5, -2.0), 0.5),
+        ({"starting_positions": [[1, 2]], "starting_angle": 2.0}, (1.0, 2.0), 2.0),
+        ({"starting_angle": 1.5}, None, 1.5),
+        ({}, None, None),
+    ],
+)
+def test_where_cars_start_is_read_without_a_warning(tmp_path, recwarn, settings, start, heading):
+    occupancy = read_map_file(draw_map(tmp_path, box_room(), **settings))
+    assert (occupancy.start, occupancy.heading) == (start, heading)
+    assert not recwarn.list
+
+
+@pytest.mark.parametrize("settings", [{"starting_positions": "pole"}, {"starting_angle": ".nan"}])
+def test_a_start_that_cannot_be_read_is_ignored_with_a_warning(tmp_path, settings):
+    with pytest.warns(UserWarning, match=f"ignored: {next(iter(settings))} is "):
+        occupancy = read_map_file(draw_map(tmp_path, box_room(), **settings))
+    assert (occupancy.start, occupancy.heading) == (None, None)
 
 
 @pytest.mark.parametrize(

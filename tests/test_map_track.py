@@ -235,7 +235,7 @@ def test_a_hole_in_the_inner_wall_opens_the_infield_and_leaves_the_course(tmp_pa
 @pytest.mark.parametrize(
     ("free", "message"),
     [
-        (np.zeros((50, 50), bool), "no pixel is free"),
+        (np.zeros((50, 50), bool), "no free ground is large enough"),
         (np.ones((200, 200), bool), r"free ground runs out of the image at \(0.03, 0.03\), column 0, row 199"),
         (box_room(60, 70), "no closed course, and the longest open way is of 2.. m"),
     ],

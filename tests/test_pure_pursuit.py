@@ -162,6 +162,16 @@ def test_a_raceline_is_followed_in_place_of_the_centreline(tmp_path):
     np.testing.assert_allclose(profile[:, 2], 3.0)
 
 
+@pytest.mark.parametrize("direction", [1, -1])
+def test_a_raceline_against_the_course_is_refused_with_the_option_that_turns_the_course(tmp_path, direction):
+    path = tmp_path / "raceline.csv"
+    path.write_text("\n".join(f"{x},{y},1,1" for x, y in circle(4.0, direction).points) + "\n")
+    assert pursuer(circle(6.0, direction), line=str(path)).speed_profile().size
+    way, course = ("counterclockwise", "clockwise")[::direction]
+    with pytest.raises(SettingsError, match=rf"goes {way}, the course {course}; accepted: .*\[direction={way}\]"):
+        pursuer(circle(6.0, -direction), line=str(path))
+
+
 def test_planners_of_the_same_line_share_its_table():
     assert pursuer().line is pursuer().line
     assert pursuer().line is not pursuer(max_speed=3.0).line

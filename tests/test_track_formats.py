@@ -89,6 +89,70 @@ def test_every_dialect_gives_the_same_track(read, text):
     np.testing.assert_array_equal(track.width_left, 1.2)
 
 
+def raceline_rows():
+    """Rows of s, x, y, psi, kappa, vx, ax, of which x and y count."""
+    return [(0.2 * k, x, y, 7.0, 8.0, 9.0, -1.0) for k, (x, y, _, _) in enumerate(ROWS)]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "# s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2\n" + text_of(raceline_rows(), "; "),
+        "s_m,x_m,y_m,psi_rad,kappa_radpm,vx_mps,ax_mps2\n" + text_of([*raceline_rows(), raceline_rows()[0]], ","),
+        text_of([row[:2] for row in ROWS], ","),
+        "x,y,v\n" + text_of([(*row[:2], 5.0) for row in ROWS], ","),
+    ],
+    ids=["tum", "tum-repeated", "points", "speeds"],
+)
+def test_a_file_without_widths_is_a_track_of_the_width_that_is_given(tmp_path, text):
+    path = tmp_path / "line.csv"
+    path.write_text(text)
+    track = load_track(f"{path}[width=1.5]")
+    assert track.name == "line"
+    np.testing.assert_array_equal(track.centreline, np.array(ROWS)[:, :2])
+    np.testing.assert_array_equal(track.width_right, 0.75)
+    np.testing.assert_array_equal(track.width_left, 0.75)
+    with pytest.raises(TrackError, match=r"has no widths; accepted: line\.csv\[width=W\]"):
+        load_track(path)
+
+
+@pytest.mark.parametrize("direction", ["clockwise", "counterclockwise"])
+def test_a_track_is_turned_round_on_request(tmp_path, direction):
+    path = tmp_path / "some.csv"
+    path.write_text(text_of(ROWS))
+    given, turned = load_track(path), load_track(f"{path}[direction={direction}]")
+    assert (enclosed_area(turned.centreline) > 0.0) == (direction == "counterclockwise")
+    np.testing.assert_array_equal(turned.centreline[0], given.centreline[0])
+    is_same = direction == "counterclockwise"
+    np.testing.assert_array_equal(turned.width_right, 1.0 if is_same else 1.2)
+    np.testing.assert_array_equal(turned.width_left, 1.2 if is_same else 1.0)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ("width=2", "width is 2.0, but the file has widths of its own"),
+        ("width=wide", "width is 'wide'; accepted: METRES"),
+        ("direction=left", "direction is 'left'; accepted: clockwise, counterclockwise"),
+        ("close=2", "setting 'close=2'; accepted: each once, of width=METRES"),
+        ("direction=clockwise,direction=clockwise", "setting 'direction=clockwise'; accepted: each once"),
+    ],
+)
+def test_settings_that_are_wrong_are_refused(tmp_path, settings, message):
+    path = tmp_path / "some.csv"
+    path.write_text(text_of(ROWS))
+    with pytest.raises(TrackError, match=message):
+        load_track(f"{path}[{settings}]")
+
+
+@pytest.mark.parametrize("width", ["0", "-1", "nan", "inf"])
+def test_a_width_that_is_none_is_refused(tmp_path, width):
+    path = tmp_path / "some.csv"
+    path.write_text(text_of([row[:2] for row in ROWS]))
+    with pytest.raises(TrackError, match=r"width is .*; accepted: a positive number of metres"):
+        load_track(f"{path}[width={width}]")
+
+
 def test_direction_is_that_of_the_points(read):
     assert enclosed_area(read(text_of(ROWS)).centreline) > 0.0
     assert enclosed_area(read(text_of(ROWS[::-1])).centreline) < 0.0
@@ -143,6 +207,7 @@ GOOD = text_of(ROWS[:20])
         (GOOD + "1.0, , 1.0, 1.0\n", "line 21: y_m is ''"),
         (HEADER + "\n" + GOOD + "1.0, 2.0, 1.0\n", "line 23 has 3 columns; accepted: 4, x_m, y_m"),
         (GOOD + "1.0, 2.0, 1.0, 1.0, 5.0\n", "line 21 has 5 columns"),
+        ("1, 2, 3, 4, 5\n", "line 1 has 5 columns; accepted: 4, x_m, .*; or, without widths, 2 or 3 or 7"),
         (GOOD + "1.0, 2.0, 0.0, 1.0\n", "line 21: w_tr_right_m is 0.0; accepted: a width above 0 m"),
         (GOOD + "1.0, 2.0, 1.0, -1.0\n", "line 21: w_tr_left_m is -1.0"),
         (b"\x89PNG\r\n\x1a\n\x00\xff\xfe", "is not a text file"),

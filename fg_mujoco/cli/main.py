@@ -12,7 +12,8 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Sequence
+import warnings
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -46,8 +47,9 @@ _DONE, _NOT_DONE, _BAD_INPUT, _INTERRUPTED = 0, 1, 2, 130  # 130 is what shells 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command and return its exit code."""
     try:
-        options = parse(_parser(), arguments)
-        code: int = options.run(options)
+        with _warnings_in_a_line():
+            options = parse(_parser(), arguments)
+            code: int = options.run(options)
         sys.stdout.flush()
     except FgMujocoError as error:
         print("fg-mujoco:", *str(error).split(), file=sys.stderr)
@@ -58,6 +60,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return _NOT_DONE
     return code
+
+
+@contextlib.contextmanager
+def _warnings_in_a_line() -> Iterator[None]:
+    """Print each warning that is meant for users once, in one line on stderr."""
+    shown: set[str] = set()
+
+    def show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
+        if category is not UserWarning:
+            usual(message, category, *place, **more)
+        elif str(message) not in shown:
+            shown.add(str(message))
+            print("fg-mujoco: warning:", *str(message).split(), file=sys.stderr)
+
+    with warnings.catch_warnings():
+        usual, warnings.showwarning = warnings.showwarning, show
+        yield
 
 
 class _Parser(argparse.ArgumentParser):

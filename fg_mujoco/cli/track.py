@@ -12,6 +12,7 @@ from ..course.centreline_csv import write_centreline
 from ..course.course import describe_course
 from ..course.formats import track_names
 from ..course.maps.export import RESOLUTION, SUFFIXES, export_track, exported_files, require_track
+from ..course.maps.map_track import is_map, map_loops
 from ..course.scenes.catalogue import describe_scene, scene_names
 from ..errors import SettingsError
 from ..simulation.course_loading import load_track
@@ -70,6 +71,13 @@ def _show(options: argparse.Namespace) -> int:
     except OSError as error:
         raise SettingsError(f"{path}: cannot be written: {error.strerror or error}") from error
     print(f"{path}: {describe_course(track)}")
+    if is_map(options.track):
+        for loop in map_loops(options.track):
+            if not loop.driven:
+                x, y = loop.middle
+                print(
+                    f"another loop: {loop.length:.1f} m round ({x:.2f}, {y:.2f}), with the setting loop={loop.number}"
+                )
     return _DONE
 
 

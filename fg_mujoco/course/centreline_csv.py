@@ -1,8 +1,19 @@
 """Centreline CSV files: a track as a closed line with a width to either side.
 
+    track = read_centreline("aut.csv")
+    track = read_centreline("aut_raceline.csv", width=2.0)        # or load_track("aut_raceline.csv[width=2]")
+    track = read_centreline("aut.csv", direction="clockwise")
+
 The format is the community's: one point a line, `x_m, y_m, w_tr_right_m, w_tr_left_m`, closed without repeating the
-first point. The reader also takes files without the header, files separated by semicolons or spaces, and files that
-repeat the first point at the end. Lines starting with `#` are comments. A point that repeats the one before is dropped.
+first point. Files without widths are told apart by their number of columns, and need a width:
+
+    x_m, y_m                                                 a line
+    x_m, y_m, vx_mps                                         a line with speeds
+    s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2     a raceline of TUM's optimiser
+
+The speeds are not used. The reader also takes files without the header, files separated by semicolons or spaces, and
+files that repeat the first point at the end. Lines starting with `#` are comments. A point that repeats the one before
+is dropped.
 
 A line whose steps are all at most `DENSE` is kept as it is, square corners included. A sparser line is resampled every
 `SPACING` on the periodic cubic spline through its points, so that its walls are smooth. Its widths are interpolated
@@ -11,20 +22,32 @@ linearly.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 
 from ..errors import TrackError
 from ..messages import FloatArray
-from .polyline import spline, step_lengths
+from .polyline import enclosed_area, spline, step_lengths
 from .track import MIN_POINTS, Track
 
 COLUMNS = ("x_m", "y_m", "w_tr_right_m", "w_tr_left_m")
 DENSE = 0.5  # [m] longest step of a line that is kept as it is
 SPACING = 0.2  # [m] step that a sparser line is resampled to
 
+Direction = Literal["clockwise", "counterclockwise"]
+DIRECTIONS: tuple[Direction, ...] = ("clockwise", "counterclockwise")
+
+_WITHOUT_WIDTHS = {
+    2: COLUMNS[:2],
+    3: (*COLUMNS[:2], "vx_mps"),
+    7: ("s_m", *COLUMNS[:2], "psi_rad", "kappa_radpm", "vx_mps", "ax_mps2"),
+}
+_SPECIFICATION = re.compile(r"(?P<path>.*\.csv)(\[(?P<settings>.*)\])?", re.IGNORECASE)
 _REPEATED = 1e-3  # [m] points nearer than this are one
 
 
@@ -48,28 +71,114 @@ def write_centreline(track: Track, path: str | Path, header_lines: Sequence[str]
         raise TrackError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
-def read_centreline(path: str | Path) -> Track:
+def read_centreline(path: str | Path, *, width: float | None = None, direction: Direction | None = None) -> Track:
     """Read a centreline CSV; the track is named after the file.
+
+    Args:
+      path: the file.
+      width: of the track [m], half of it to either side of the line, for a file without widths.
+      direction: in which the track is driven; None: in the order of the points.
 
     Raises:
       TrackError: with the file, and the line where there is one: a file that cannot be read or is empty, too few
-        points, a wrong number of columns, a cell that is no finite number, a width that is not positive, or what
-        `Track` refuses.
+        points, a wrong number of columns, a cell that is no finite number, a width that is not positive, is missing or
+        is given twice, an unknown direction, or what `Track` refuses.
     """
     path = Path(path)
-    rows = _parse(path, _read_text(path))
-    rows = rows[step_lengths(rows[:, :2]) > _REPEATED]  # the last of those that repeat each other stays
-    if len(rows) < MIN_POINTS:
-        raise TrackError(f"{path}: {len(rows)} points; accepted: at least {MIN_POINTS} different ones in a closed loop")
-    line, right, left = rows[:, :2], rows[:, 2], rows[:, 3]
-    if step_lengths(line).max() > DENSE:
-        line, right, left = spline(line, SPACING, right, left)
+    line, widths = _read(path)
+    if width is not None:
+        if widths is not None:
+            raise TrackError(f"{path}: width is {width!r}, but the file has widths of its own; accepted: none")
+        if not 0.0 < width < math.inf:
+            raise TrackError(f"{path}: width is {width!r}; accepted: a positive number of metres")
+        widths = np.full((2, len(line)), 0.5 * width)
+    if widths is None:
+        raise TrackError(f"{path}: has no widths; accepted: {path.name}[width=W], the width of the track in metres")
+    if direction is not None and direction not in DIRECTIONS:
+        raise TrackError(f"{path}: direction is {direction!r}; accepted: {', '.join(DIRECTIONS)}")
+    right, left = widths
+    if direction is not None and (enclosed_area(line) > 0.0) != (direction == "counterclockwise"):
+        line, right, left = (np.roll(column[::-1], 1, axis=0) for column in (line, left, right))
     try:
         track = Track(name=path.stem, centreline=line, width_right=right, width_left=left)
         _ = track.left_wall  # drawn here, so that a refusal names the file
     except TrackError as error:
         raise TrackError(f"{path}: {error}") from error
     return track
+
+
+def read_points(path: str | Path) -> FloatArray:
+    """Return the points of a centreline CSV, whose widths, if it has any, are not used. Shape (n, 2) [m].
+
+    Raises:
+      TrackError: as `read_centreline`, but for what concerns widths.
+    """
+    return _read(Path(path))[0]
+
+
+def is_centreline(name: str) -> bool:
+    """Say whether a name of a track, as load_track takes it, is that of a centreline CSV."""
+    return _SPECIFICATION.fullmatch(name) is not None
+
+
+def load_centreline(name: str) -> Track:
+    """Load a track by `FILE.csv` or `FILE.csv[SETTING=VALUE,...]`; the settings are those of `read_centreline`.
+
+    Raises:
+      TrackError: an unknown setting, or a value that it does not take; and what `read_centreline` raises.
+    """
+    match = _SPECIFICATION.fullmatch(name)
+    if match is None:
+        return read_centreline(name)
+    return read_centreline(match["path"], **read_settings(name, match["settings"] or "", _SETTINGS))
+
+
+_SETTINGS: dict[str, tuple[str, Callable[[str], Any]]] = {
+    "width": ("METRES", float),
+    "direction": ("clockwise or counterclockwise", str),
+}
+"""Settings of a file's name: what is accepted, and what reads it."""
+
+
+def read_settings(name: str, text: str, known: Mapping[str, tuple[str, Callable[[str], Any]]]) -> dict[str, Any]:
+    """Return the values of `SETTING=VALUE,...`, the text in the brackets of a name.
+
+    Args:
+      name: for messages.
+      text: what is between the brackets.
+      known: of each setting what is accepted, and what reads it, which raises ValueError or KeyError.
+
+    Raises:
+      TrackError: a setting that is unknown, or there twice, or has a value that cannot be read.
+    """
+    settings: dict[str, Any] = {}
+    for setting in filter(None, text.split(",")):
+        key, _, value = setting.partition("=")
+        if key not in known or not value or key in settings:
+            accepted = ", ".join(f"{key}={value}" for key, (value, _) in known.items())
+            raise TrackError(f"{name!r}: setting {setting!r}; accepted: each once, of {accepted}")
+        accepted, read = known[key]
+        try:
+            settings[key] = read(value)
+        except (ValueError, KeyError):
+            raise TrackError(f"{name!r}: {key} is {value!r}; accepted: {accepted}") from None
+    return settings
+
+
+def _read(path: Path) -> tuple[FloatArray, FloatArray | None]:
+    """Return the line (n, 2) and the widths to the right and to the left, (2, n) [m], None where the file has none."""
+    rows = _parse(path, _read_text(path))
+    columns = rows.shape[1]
+    if columns == 7:
+        rows = rows[:, 1:3]
+    rows = rows[step_lengths(rows[:, :2]) > _REPEATED]  # the last of those that repeat each other stays
+    if len(rows) < MIN_POINTS:
+        raise TrackError(f"{path}: {len(rows)} points; accepted: at least {MIN_POINTS} different ones in a closed loop")
+    line, widths = rows[:, :2], rows[:, 2:].T if columns == len(COLUMNS) else np.empty((0, len(rows)))
+    if step_lengths(line).max() > DENSE:
+        line, *resampled = spline(line, SPACING, *widths)
+        widths = np.array(resampled)
+    return line, widths if len(widths) else None
 
 
 def _read_text(path: Path) -> str:
@@ -86,8 +195,9 @@ def _read_text(path: Path) -> str:
 
 
 def _parse(path: Path, text: str) -> FloatArray:
-    """Read the numbers of all lines. Shape (n, 4) [m]."""
+    """Read the numbers of all lines. Shape (n, 2, 3, 4 or 7)."""
     rows: list[list[float]] = []
+    columns: tuple[str, ...] = COLUMNS
     seen_any = False
     for number, line in enumerate(text.splitlines(), start=1):
         content = line.strip()
@@ -98,9 +208,13 @@ def _parse(path: Path, text: str) -> FloatArray:
         first, seen_any = not seen_any, True
         if first and not any(_is_number(cell) for cell in cells):
             continue  # column names without a `#`
-        if len(cells) != len(COLUMNS):
-            raise TrackError(f"{path}: line {number} has {len(cells)} columns; accepted: 4, {', '.join(COLUMNS)}")
-        for cell, column in zip(cells, COLUMNS, strict=True):
+        if not rows:
+            columns = _WITHOUT_WIDTHS.get(len(cells), COLUMNS)
+        if len(cells) != len(columns):
+            accepted = f"{len(columns)}, {', '.join(columns)}"
+            others = f"; or, without widths, {' or '.join(map(str, _WITHOUT_WIDTHS))}" if not rows else ""
+            raise TrackError(f"{path}: line {number} has {len(cells)} columns; accepted: {accepted}{others}")
+        for cell, column in zip(cells, columns, strict=True):
             if not _is_number(cell) or not np.isfinite(float(cell)):
                 raise TrackError(f"{path}: line {number}: {column} is {cell!r}; accepted: a finite number")
             if column.startswith("w_") and float(cell) <= 0.0:
@@ -108,7 +222,7 @@ def _parse(path: Path, text: str) -> FloatArray:
         rows.append([float(cell) for cell in cells])
     if not seen_any:
         raise TrackError(f"{path}: is empty; accepted: one point a line, {', '.join(COLUMNS)}")
-    return np.array(rows).reshape(-1, len(COLUMNS))
+    return np.array(rows).reshape(-1, len(columns))
 
 
 def _is_number(cell: str) -> bool:

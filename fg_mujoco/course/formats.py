@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ..errors import TrackError
 from ..messages import CarParameters
-from .centreline_csv import read_centreline
+from .centreline_csv import is_centreline, load_centreline, read_centreline
 from .course import Course
 from .generator import generate_track
 from .maps.map_track import is_map, load_map
@@ -27,7 +27,7 @@ def load_course(name_or_path: str | Path, car: CarParameters) -> Course:
 
     Args:
       name_or_path: a bundled name, `random:SEED`, `scene:NAME`, `scene:NAME:SEED`, or a path to a centreline `.csv` or
-        to a map's `.yaml`, with settings in brackets where wanted (map_track.load_map).
+        to a map's `.yaml`, with settings in brackets where wanted (centreline_csv.load_centreline, map_track.load_map).
       car: that a scene is made for: its gaps are measured in widths of the car.
 
     Raises:
@@ -46,8 +46,8 @@ def load_course(name_or_path: str | Path, car: CarParameters) -> Course:
     if is_map(name):
         return load_map(name)
     path = Path(name_or_path)
-    if path.suffix.lower() == ".csv" or path.is_file():
-        return read_centreline(path)
+    if is_centreline(name) or path.is_file():
+        return load_centreline(name)
     known = ", ".join(track_names())
     raise TrackError(
         f"unknown track {name!r}; accepted: {known}, random:SEED, scene:NAME:SEED, or a path to a centreline .csv or a "

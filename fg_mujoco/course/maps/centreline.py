@@ -34,27 +34,28 @@ class MedialAxis:
     clearance: FloatArray  # (n,) to the nearest wall
     edges: IndexArray  # (m, 2) of points
 
-    def loop_around(self, hole: FloatArray) -> FloatArray | None:
+    def loop_around(self, hole: FloatArray, least_clearance: float = 0.0) -> FloatArray | None:
         """Return the closed line of least cost that goes round a hole's outline (k, 2) once, counterclockwise.
 
-        None where no line does. Shape (n, 2).
+        None where no line does that keeps `least_clearance` [pixel] from the walls. Shape (n, 2).
         """
         from scipy.sparse.csgraph import dijkstra
 
         # a ray from the hole to the right: a loop goes round the hole if it crosses the ray an odd number of times
         x, y = hole[np.argmax(hole[:, 0])] - (0.0, _OFF_GRID)
-        a, b = self.points[self.edges[:, 0]], self.points[self.edges[:, 1]]
+        edges = self.edges[(self.clearance[self.edges] >= least_clearance).all(axis=1)]
+        a, b = self.points[edges[:, 0]], self.points[edges[:, 1]]
         straddles = (a[:, 1] > y) != (b[:, 1] > y)
         with np.errstate(divide="ignore", invalid="ignore"):
             at = a[:, 0] + (y - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0])
         across = straddles & (at > x)
         # each point twice, before and after an odd number of crossings: edges that cross lead from one to the other
         count = len(self.points)
-        start, end = self.edges.T
+        start, end = edges.T
         flip = np.where(across, count, 0)
         graph = _graph(
             np.concatenate((start, start + count)), np.concatenate((end + flip, end + count - flip)),
-            np.tile(self._cost(), 2), 2 * count,
+            np.tile(self._cost(edges), 2), 2 * count,
         )  # fmt: skip
         best: tuple[float, IndexArray] = (math.inf, np.empty(0, dtype=np.intp))
         for seed in np.unique(start[across]):  # every such loop passes one of them
@@ -86,8 +87,8 @@ class MedialAxis:
             far = int(np.argmax(np.where(np.isfinite(away), away, -1.0)))
         return self.points[_walk(before, far)]
 
-    def _cost(self) -> FloatArray:
-        start, end = self.edges.T
+    def _cost(self, edges: IndexArray) -> FloatArray:
+        start, end = edges.T
         lengths = np.hypot(*(self.points[start] - self.points[end]).T)
         return np.asarray(lengths / np.minimum(self.clearance[start], self.clearance[end]) ** 2)
 

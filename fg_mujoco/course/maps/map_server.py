@@ -4,8 +4,9 @@
     occupancy.free[i, j]          # row i from below, column j from the left
 
 A pixel of brightness x, the mean of its colours from 0 to 255, is occupied with p = (255 - x) / 255, or, with `negate:
-1`, x / 255. It is free below `free_thresh`, occupied above `occupied_thresh`, and unknown between the two, or where it
-is transparent. Unknown pixels are taken for walls: nobody has seen that they can be driven on.
+1`, x / 255, or, with `mode: raw`, x / 100, where x is 100 at most. It is occupied above `occupied_thresh`, else free
+below `free_thresh`, and unknown otherwise, or where it is transparent. Unknown pixels are taken for walls: nobody has
+seen that they can be driven on.
 
 Source: the ROS packages map_server and nav2_map_server, whose documentation defines the format.
 """
@@ -15,7 +16,8 @@ from __future__ import annotations
 import difflib
 import importlib.util
 import math
-from dataclasses import dataclass
+import warnings
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,12 +30,16 @@ from ...messages import FloatArray
 BoolArray = NDArray[np.bool_]
 
 INSTALL_COMMAND = "pip install 'fg-mujoco[maps]'"
-MOST_PIXELS = 100_000_000
-"""Images larger than this are refused: ten thousand pixels square."""
+MOST_PIXELS = 4096**2
+"""Images of more pixels are refused."""
+
+_RESOLUTIONS = (0.001, 1.0)  # [m] of a pixel: from a millimetre to more than a car
+_FURTHEST = 1e6  # [m] from the world's origin: numbers there are still true to 1e-9 m
 
 _REQUIRED = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
-_MODES = ("trinary", "scale")  # they differ in what lies between the thresholds, which is unknown here
-_TO_255 = {"L": 1.0, "1": 255.0, "I;16": 1.0 / 257.0, "I;16B": 1.0 / 257.0, "I": 1.0 / 257.0}  # of kinds of one channel
+_STARTS = ("starting_positions", "starting_angle")  # not of map_server, but of maps that are raced on
+_MODES = ("trinary", "scale", "raw")  # the first two differ in what lies between the thresholds, which is unknown here
+_SIXTEEN_BITS = ("I;16", "I;16B", "I")  # kinds of images of one channel, as Pillow names them
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,6 +53,8 @@ class OccupancyMap:
     free: BoolArray  # (rows, columns), row 0 below
     resolution: float  # [m] side of a pixel
     origin: tuple[float, float, float]  # x [m], y [m], yaw [rad] of the lower left corner in the world
+    start: tuple[float, float] | None = None  # x and y [m], where the file has them
+    heading: float | None = None  # [rad] at the start, where the file has it
 
     def to_world(self, points: ArrayLike) -> FloatArray:
         """Turn points (..., 2), columns and rows in pixels from the lower left corner, into the world's [m]."""
@@ -59,6 +67,18 @@ class OccupancyMap:
         x, y, yaw = self.origin
         turn = np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
         return np.asarray((np.asarray(points, np.float64) - (x, y)) @ turn / self.resolution)
+
+    def is_free(self, point: ArrayLike) -> bool:
+        """Say whether a point (2,) of the world [m] is in a free pixel of the image."""
+        column, row = np.floor(self.to_pixels(point)).astype(int)
+        rows, columns = self.free.shape
+        return bool(0 <= row < rows and 0 <= column < columns and self.free[row, column])
+
+    def with_walled_border(self) -> OccupancyMap:
+        """Return the map with a wall along the image's border, one pixel thick."""
+        free = np.zeros_like(self.free)
+        free[1:-1, 1:-1] = self.free[1:-1, 1:-1]
+        return replace(self, free=free)
 
     def place(self, point: ArrayLike) -> str:
         """Say where a point (2,), column and row in pixels, is: in the world and in the image, rows from above."""
@@ -93,25 +113,63 @@ def read_map_file(path: str | Path, *, image: str | Path | None = None, outside_
     require_maps_extra()
     path = Path(path)
     settings = _read_yaml(path)
-    resolution = _number(path, settings, "resolution", lambda value: value > 0.0, "a positive number of metres")
-    thresholds = "two numbers, 0 <= free_thresh <= occupied_thresh <= 1"
+    low, high = _RESOLUTIONS
+    sizes = f"the side of a pixel in metres, from {low} to {high:.0f}"
+    resolution = _number(path, settings, "resolution", lambda value: low <= value <= high, sizes)
+    thresholds = "a number from 0 to 1"
     occupied = _number(path, settings, "occupied_thresh", lambda value: 0.0 <= value <= 1.0, thresholds)
-    free = _number(path, settings, "free_thresh", lambda value: 0.0 <= value <= occupied, thresholds)
+    free = _number(path, settings, "free_thresh", lambda value: 0.0 <= value <= 1.0, thresholds)
     negate = _number(path, settings, "negate", lambda value: value in (0.0, 1.0), "0 or 1")
     origin = settings["origin"]
-    if not isinstance(origin, list) or len(origin) != 3 or not all(map(_is_finite, origin)):
-        raise TrackError(f"{path}: origin is {origin!r}; accepted: [x, y, yaw], three numbers")
-    if settings.get("mode", _MODES[0]) not in _MODES:
-        raise TrackError(f"{path}: mode is {settings['mode']!r}; accepted: {', '.join(_MODES)}")
-    brightness = _read_image(Path(image) if image is not None else _image_path(path, settings["image"], outside_folder))
-    occupancy = brightness / 255.0 if negate else (255.0 - brightness) / 255.0
+    if not isinstance(origin, list) or len(origin) != 3 or not all(map(_is_near, origin)):
+        raise TrackError(f"{path}: origin is {origin!r}; accepted: [x, y, yaw], three numbers within {_FURTHEST:.0e}")
+    mode = settings.get("mode", _MODES[0])
+    if mode not in _MODES:
+        raise TrackError(f"{path}: mode is {mode!r}; accepted: {', '.join(_MODES)}")
+    if mode == "raw" and negate:
+        raise TrackError(
+            f"{path}: mode is raw with negate: 1, which ROS 1 and ROS 2 read differently; accepted: negate: 0"
+        )
+    if free > occupied:
+        warnings.warn(
+            f"{path}: free_thresh is {free}, above occupied_thresh, {occupied}: what is above the latter is a wall",
+            stacklevel=4,
+        )
+    levels, values = _read_image(
+        Path(image) if image is not None else _image_path(path, settings["image"], outside_folder)
+    )
+    if mode == "raw":
+        occupancy = np.where(values <= 100.0, values / 100.0, np.nan)
+    else:
+        occupancy = values / 255.0 if negate else (255.0 - values) / 255.0
+    is_free = (occupancy < free) & (occupancy <= occupied)
     x, y, yaw = map(float, origin)
+    start, heading = _start(path, settings)
     return OccupancyMap(
         path=path,
-        free=np.ascontiguousarray((occupancy < free)[::-1]),
+        free=np.ascontiguousarray(is_free[levels[::-1]]),
         resolution=resolution,
         origin=(x, y, yaw),
+        start=start,
+        heading=heading,
     )
+
+
+def _start(path: Path, settings: dict[str, Any]) -> tuple[tuple[float, float] | None, float | None]:
+    """Return the place [m] and the heading [rad] of the first starting position of a YAML, None what it lacks.
+
+    Starting positions are rows of x, y, yaw, of which the first counts; a starting angle is that of no place.
+    """
+    rows: Any = settings.get("starting_positions")
+    angle: Any = settings.get("starting_angle")
+    heading = float(angle) if _is_near(angle) else None
+    row = rows[0] if isinstance(rows, list) and rows and isinstance(rows[0], list) else rows
+    if isinstance(row, list) and len(row) in (2, 3) and all(map(_is_near, row)):
+        return (float(row[0]), float(row[1])), float(row[2]) if len(row) == 3 else heading
+    if (rows is not None) or (angle is not None and heading is None):
+        given = f"starting_positions is {rows!r}" if rows is not None else f"starting_angle is {angle!r}"
+        warnings.warn(f"{path}: ignored: {given}; read are rows of [x, y, yaw], and one angle", stacklevel=4)
+    return None, heading
 
 
 def _read_yaml(path: Path) -> dict[str, Any]:
@@ -129,14 +187,15 @@ def _read_yaml(path: Path) -> dict[str, Any]:
         raise TrackError(f"{path}: is no YAML: {' '.join(str(error).split())}") from error
     if not isinstance(settings, dict):
         raise TrackError(f"{path}: is no map_server YAML; accepted: the keys {', '.join(_REQUIRED)}")
-    for key in settings:
-        if key not in known:
-            near = difflib.get_close_matches(str(key), known, n=1)
-            meant = f"; did you mean {near[0]}?" if near else ""
-            raise TrackError(f"{path}: unknown key {key!r}{meant}; accepted: {', '.join(known)}")
+    unknown = [str(key) for key in settings if key not in known]
     missing = [key for key in _REQUIRED if key not in settings]
     if missing:
-        raise TrackError(f"{path}: has no {', '.join(missing)}; accepted: the keys {', '.join(_REQUIRED)}")
+        near = [name for key in missing for name in difflib.get_close_matches(key, unknown, n=1)]
+        instead = f", but {', '.join(near)}" if near else ""
+        raise TrackError(f"{path}: has no {', '.join(missing)}{instead}; accepted: the keys {', '.join(_REQUIRED)}")
+    ignored = [key for key in unknown if key not in _STARTS]
+    if ignored:
+        warnings.warn(f"{path}: ignored: {', '.join(ignored)}; read are {', '.join((*known, *_STARTS))}", stacklevel=5)
     return settings
 
 
@@ -153,6 +212,10 @@ def _is_finite(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
 
 
+def _is_near(value: Any) -> bool:
+    return _is_finite(value) and abs(value) <= _FURTHEST
+
+
 def _image_path(path: Path, name: Any, outside_folder: bool) -> Path:
     """Return where the image is that the YAML names."""
     if not isinstance(name, str) or not name:
@@ -165,21 +228,37 @@ def _image_path(path: Path, name: Any, outside_folder: bool) -> Path:
     return image
 
 
-def _read_image(path: Path) -> FloatArray:
-    """Return the brightness of each pixel, 0 black and 255 white, nan where it is transparent; the upper row first."""
+def _read_image(path: Path) -> tuple[NDArray[Any], FloatArray]:
+    """Return the level of each pixel, the upper row first, and the brightness of each level: 0 black, 255 white.
+
+    The brightness of what is transparent is NaN.
+    """
     from PIL import Image
 
     try:
-        with Image.open(path) as image:
+        with warnings.catch_warnings(), Image.open(path) as image:
+            warnings.simplefilter("ignore")  # of Pillow: the limit here is lower than its own
             if image.width * image.height > MOST_PIXELS:
-                raise TrackError(f"{path}: {image.width} x {image.height} pixels; accepted: {MOST_PIXELS} at most")
-            if image.mode in _TO_255 and "transparency" not in image.info:
-                return np.asarray(image, np.float64) * _TO_255[image.mode]
-            pixels = np.asarray(image.convert("RGBA"), np.float64)
+                raise _too_large(path, f"{image.width} x {image.height}")
+            if "transparency" not in image.info:
+                if image.mode in ("L", "1"):
+                    return np.asarray(image.convert("L")), np.arange(256.0)
+                if image.mode in _SIXTEEN_BITS:
+                    return np.clip(np.asarray(image), 0, 65535).astype(np.uint16), np.arange(65536.0) / 257.0
+            pixels = np.asarray(image.convert("RGBA"))
     except FileNotFoundError:
         raise TrackError(f"{path}: no such file; accepted: a PNG or PGM image of the map") from None
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+    except Image.DecompressionBombError:
+        raise _too_large(path, "hundreds of millions of") from None
+    except (OSError, ValueError, SyntaxError) as error:
         raise TrackError(f"{path}: cannot be read as an image: {error}; accepted: PNG or PGM") from error
-    brightness = pixels[..., :3].mean(axis=2)
-    brightness[pixels[..., 3] < 255.0] = np.nan  # neither below nor above a threshold
-    return np.asarray(brightness)
+    levels = pixels[..., :3].sum(axis=2, dtype=np.uint16)
+    levels[pixels[..., 3] < 255] = 766
+    return levels, np.append(np.arange(766.0) / 3.0, np.nan)
+
+
+def _too_large(path: Path, pixels: str) -> TrackError:
+    return TrackError(
+        f"{path}: {pixels} pixels; accepted: {MOST_PIXELS} at most; cut the course out, or scale the image down and "
+        "give a coarser resolution"
+    )

@@ -14,16 +14,18 @@ from __future__ import annotations
 
 import math
 import re
+import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Any
 
 import numpy as np
 
 from ...errors import TrackError
 from ...messages import FloatArray, read_only
-from ..centreline_csv import read_centreline
+from ..centreline_csv import DIRECTIONS, Direction, read_points, read_settings
 from ..course import default_time_limit
 from ..obstacles import Prism
 from ..polyline import enclosed_area, resample, smooth, step_lengths, steps, subdivide
@@ -31,12 +33,9 @@ from ..scene import BEHIND, BEYOND, Scene
 from ..track import Track
 from ..track_mesh import wall_footprints
 from .map_server import OccupancyMap, read_map_file
-from .region import MapCourse, course_of, encloses, find_course
+from .region import MapCourse, course_of, encloses, find_course, find_loops
 from .walls import trace
 
-Direction = Literal["clockwise", "counterclockwise"]
-
-DIRECTIONS: tuple[Direction, ...] = ("clockwise", "counterclockwise")
 SPACING = 0.2
 """[m] Of the points of a centreline that is found."""
 
@@ -48,7 +47,6 @@ _REPEATED = 1e-6  # [m] points nearer than this are one
 _HALVINGS = 5  # of the smoothing, until the line is clear of the walls
 _WALL_SPACING = 0.02  # [m] of the points of walls that the line's distance is measured to: true to 0.1 mm
 _SPECIFICATION = re.compile(r"(?P<path>.*\.ya?ml)(\[(?P<settings>.*)\])?", re.IGNORECASE)
-_SETTINGS = "centreline=FILE.csv, start=X:Y, direction=clockwise or counterclockwise, outside_folder=yes"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -91,38 +89,73 @@ def is_map(name: str) -> bool:
 def load_map(name: str) -> MapTrack | Scene:
     """Load a map by `FILE.yaml` or `FILE.yaml[SETTING=VALUE,...]`.
 
-    Settings are `centreline`, `start`, as X:Y, `direction` and `outside_folder`, as the arguments of `read_map`.
+    Settings are those of `read_map`, with `start` as X:Y and `border=wall` for `border_wall`.
 
     Raises:
       MissingExtraError: the extra `maps` is not installed.
       TrackError: an unknown setting, or a value that it does not take; and what `read_map` raises.
     """
+    path, settings = _parsed(name)
+    return read_map(path, **settings)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapLoop:
+    """One of the loops of a map."""
+
+    number: int  # as the setting `loop` takes it
+    length: float  # [m] about: of the medial axis
+    middle: tuple[float, float]  # x and y [m] of the middle of what it goes round
+    driven: bool  # whether it is the course
+
+
+def map_loops(name: str) -> list[MapLoop]:
+    """Return the loops of a map, by a name as of `load_map`, that round the largest obstacle first.
+
+    There is none where a centreline is given. Raises what `load_map` raises.
+    """
+    path, settings = _parsed(name)
+    if "centreline" in settings:
+        return []
+    occupancy, place = _occupancy(path, **settings)
+    loops = find_loops(occupancy, place, close=settings.get("close", 0.0))
+    return [
+        MapLoop(
+            number=number,
+            length=float(step_lengths(loop.line).sum()) * occupancy.resolution,
+            middle=tuple(occupancy.to_world(loop.middle).tolist()),
+            driven=number == settings.get("loop", 1),
+        )
+        for number, loop in enumerate(loops, start=1)
+    ]
+
+
+def _parsed(name: str) -> tuple[str, dict[str, Any]]:
+    """Return the path and the settings, as `read_map` takes them, that a name of a map has."""
     match = _SPECIFICATION.fullmatch(name)
     if match is None:
         raise TrackError(f"{name!r} is no map; accepted: FILE.yaml, or FILE.yaml[SETTING=VALUE,...]")
-    settings: dict[str, str] = {}
-    for setting in filter(None, (match["settings"] or "").split(",")):
-        key, _, value = setting.partition("=")
-        if key not in ("centreline", "start", "direction", "outside_folder") or not value or key in settings:
-            raise TrackError(f"{name!r}: setting {setting!r}; accepted: each once, of {_SETTINGS}")
-        settings[key] = value
-    start = None
-    if "start" in settings:
-        try:
-            x, y = map(float, settings["start"].split(":"))
-        except ValueError:
-            raise TrackError(f"{name!r}: start is {settings['start']!r}; accepted: X:Y, as 1.5:-2") from None
-        start = (x, y)
-    if settings.get("outside_folder", "no") not in ("yes", "no"):
-        raise TrackError(f"{name!r}: outside_folder is {settings['outside_folder']!r}; accepted: yes or no")
-    direction = settings.get("direction")
-    return read_map(
-        match["path"],
-        centreline=settings.get("centreline"),
-        start=start,
-        direction=direction,  # type: ignore[arg-type]  # read_map says what is accepted
-        outside_folder=settings.get("outside_folder") == "yes",
-    )
+    settings = read_settings(name, match["settings"] or "", _SETTINGS)
+    if "border" in settings:
+        settings["border_wall"] = settings.pop("border")
+    return match["path"], settings
+
+
+def _point(text: str) -> tuple[float, float]:
+    x, y = map(float, text.split(":"))
+    return x, y
+
+
+_SETTINGS: dict[str, tuple[str, Callable[[str], Any]]] = {
+    "centreline": ("FILE.csv", str),
+    "start": ("X:Y", _point),
+    "direction": ("clockwise or counterclockwise", str),
+    "loop": ("NUMBER", int),
+    "close": ("METRES", float),
+    "border": ("wall", {"wall": True}.__getitem__),
+    "outside_folder": ("yes or no", {"yes": True, "no": False}.__getitem__),
+}
+"""Settings of a map's name: what is accepted, and what reads it."""
 
 
 def read_map(
@@ -131,6 +164,9 @@ def read_map(
     centreline: str | Path | None = None,
     start: tuple[float, float] | None = None,
     direction: Direction | None = None,
+    loop: int = 1,
+    close: float = 0.0,
+    border_wall: bool = False,
     image: str | Path | None = None,
     outside_folder: bool = False,
 ) -> MapTrack | Scene:
@@ -142,6 +178,9 @@ def read_map(
       start: x and y [m] of a point; the start is the place of the centreline that is nearest to it, and the course is
         the one on which the point is. None: as the module says; a given centreline starts with its first point.
       direction: None: as the module says; a given centreline is driven in the order of its points.
+      loop: which loop is driven, as `map_loops` and `fg-mujoco track show` count them.
+      close: holes in the course's wall of up to this width [m] are closed, where free ground runs out of the image.
+      border_wall: whether the image's border is a wall.
       image: in place of the one that the YAML names.
       outside_folder: whether the YAML may name an image outside of its own folder.
 
@@ -152,22 +191,50 @@ def read_map(
     """
     if direction is not None and direction not in DIRECTIONS:
         raise TrackError(f"{path}: direction is {direction!r}; accepted: {', '.join(DIRECTIONS)}")
-    if start is not None and not all(map(math.isfinite, start)):
-        raise TrackError(f"{path}: start is {start!r}; accepted: x and y in metres")
-    occupancy = read_map_file(path, image=image, outside_folder=outside_folder)
+    occupancy, place = _occupancy(
+        path, start=start, close=close, border_wall=border_wall, image=image, outside_folder=outside_folder
+    )
     if centreline is not None:
-        line = read_centreline(centreline).centreline
-        outlines = course_of(occupancy, line)
+        line = read_points(centreline)
+        outlines = course_of(occupancy, line, close=close)
         if start is not None or direction is not None:
             line = _oriented(line, line[0] if start is None else np.array(start), direction, _heading(line))
         return _map_track(occupancy, outlines, line)
-    course = find_course(occupancy, None if start is None else np.array(start))
+    course = find_course(occupancy, place, loop=loop, close=close)
+    near = np.zeros(2) if place is None else place
     if not course.closed:
         if direction is not None:
             raise TrackError(f"{path}: direction is {direction!r}, but there is no way round; accepted: none")
-        return _map_scene(occupancy, course, np.zeros(2) if start is None else np.array(start))
+        return _map_scene(occupancy, course, near)
     line = _clear_line(occupancy, course)
-    return _map_track(occupancy, course.outlines, _oriented(line, np.array(start or (0.0, 0.0)), direction, 0.0))
+    heading = 0.0 if occupancy.heading is None else occupancy.heading
+    return _map_track(occupancy, course.outlines, _oriented(line, near, direction, heading))
+
+
+def _occupancy(
+    path: str | Path,
+    *,
+    start: tuple[float, float] | None = None,
+    close: float = 0.0,
+    border_wall: bool = False,
+    image: str | Path | None = None,
+    outside_folder: bool = False,
+    **_: Any,
+) -> tuple[OccupancyMap, FloatArray | None]:
+    """Return what of a map is free, and the point of the course (2,) [m] that is given, or is in the file."""
+    if start is not None and not all(map(math.isfinite, start)):
+        raise TrackError(f"{path}: start is {start!r}; accepted: x and y in metres")
+    if not 0.0 <= close < math.inf:
+        raise TrackError(f"{path}: close is {close!r}; accepted: a width in metres, as 1.5")
+    occupancy = read_map_file(path, image=image, outside_folder=outside_folder)
+    if border_wall:
+        occupancy = occupancy.with_walled_border()
+    if start is None and occupancy.start is not None:
+        if occupancy.is_free(occupancy.start):
+            start = occupancy.start
+        else:
+            warnings.warn(f"{path}: ignored: the starting position {occupancy.start} is not free", stacklevel=3)
+    return occupancy, None if start is None else np.array(start)
 
 
 def _map_track(occupancy: OccupancyMap, outlines: list[FloatArray], line: FloatArray) -> MapTrack:

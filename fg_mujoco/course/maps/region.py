@@ -1,23 +1,31 @@
 """The region of a map that is raced on: free pixels with a way round, or, without one, from end to end.
 
 A map usually has several free regions: the course, the infield, the outside of a drawing, rooms that a laser saw
-through a window. The course is, of the regions that do not reach the image's border, the one with the longest lap.
-Where no region has a lap, it is the largest one, driven as an open way. `start` names the region outright.
+through a window. The course is the loop round the largest obstacle, in any region that does not reach the image's
+border. Obstacles with less than DOOR between them are one where a loop goes round them all. So a building is one
+obstacle although its doors are open, and a stool in its lobby is a smaller one. A region that reaches the border is the
+outside of a drawing if the course is within one of its holes. If it is not, and has a larger obstacle to go round, it
+is the course, and its wall has a hole. Where no region has a loop, the largest is driven as an open way. `start` names
+the region, and `loop` another loop.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import islice
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import TrackError
 from ...messages import FloatArray
 from ..polyline import enclosed_area, step_lengths
-from .centreline import medial_axis
-from .map_server import OccupancyMap
+from .centreline import MedialAxis, medial_axis
+from .closing import Hole, close_holes, find_hole
+from .map_server import BoolArray, OccupancyMap
 from .walls import outlines
 
 SHORTEST_LAP = 9.0
@@ -26,9 +34,37 @@ SHORTEST_LAP = 9.0
 ROOM = 0.35
 """[m] Least distance from the walls of an open way: the car's length and a bit, over two."""
 
-_LARGEST_HOLES = 5  # that a lap round is looked for
+DOOR = 1.2
+"""[m] Obstacles nearer to each other than this are gone round together, if that is possible. A door is 1 m wide."""
 
-BoolArray = NDArray[np.bool_]
+_LARGEST = 5  # obstacles that a loop round is looked for, in each region, with doors open and with doors shut
+_MOST_SIDES = 300_000  # of pixels along the walls of a region: some 3 s
+_ROUNDING = 1e-6  # [m]
+_NEIGHBOURS = np.ones((3, 3))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Obstacle:
+    """Holes of a region that a loop may go round. Lengths in pixels."""
+
+    outlines: list[FloatArray]
+    least_clearance: float  # of the loop
+
+    @cached_property
+    def box(self) -> FloatArray:
+        """Least and greatest column and row. Shape (2, 2)."""
+        points = np.concatenate(self.outlines)
+        return np.stack((points.min(axis=0), points.max(axis=0)))
+
+    @cached_property
+    def extent(self) -> float:
+        """The diagonal of its box."""
+        return float(np.hypot(*np.ptp(self.box, axis=0)))
+
+    @property
+    def rank(self) -> tuple[float, float]:
+        """By which obstacles are sorted: the largest first, and with doors shut before with doors open."""
+        return -self.extent, -self.least_clearance
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,57 +74,63 @@ class MapCourse:
     outlines: list[FloatArray]  # the outer edge, counterclockwise, and the holes, clockwise, the largest first
     line: FloatArray  # (n, 2) on the medial axis, counterclockwise where it is closed
     closed: bool
+    goes_round: Obstacle | None = None  # None: an open way
+
+    @property
+    def extent(self) -> float:
+        """Of what the line goes round."""
+        return 0.0 if self.goes_round is None else self.goes_round.extent
+
+    @property
+    def middle(self) -> FloatArray:
+        """Column and row of the middle of what the line goes round, of the line itself if it is open. Shape (2,)."""
+        return np.asarray(self.line.mean(axis=0) if self.goes_round is None else self.goes_round.box.mean(axis=0))
 
 
-def find_course(occupancy: OccupancyMap, start: FloatArray | None = None) -> MapCourse:
+def find_course(
+    occupancy: OccupancyMap, start: FloatArray | None = None, *, loop: int = 1, close: float = 0.0
+) -> MapCourse:
     """Find the course of a map.
 
     Args:
       occupancy: the map.
       start: a point (2,) [m] of the region that is meant; None: as the module says.
+      loop: which of the loops, as `find_loops` counts them from 1.
+      close: holes of up to this width [m] in the walls of the course are closed.
 
     Raises:
-      TrackError: a start that is not free; no free region; one that leaks out of the image, with the place of the hole;
-        neither a lap nor an open way.
+      TrackError: a start that is not free; no free region; one that leaks out of the image, with the place of the hole
+        and the option that closes it; fewer loops than `loop`; neither a lap nor an open way.
     """
-    regions = _Regions(occupancy)
-    if start is not None:
-        number = regions.at(start)
-        candidates = [number]
-        if number in regions.leaking:
-            raise _leak(regions, number, occupancy.to_pixels(start))
-    else:
-        candidates = [number for number in regions.by_size if number not in regions.leaking]
-    laps = [lap for number in candidates if (lap := _lap(regions, number)) is not None]
-    if laps:
-        return max(laps, key=lambda lap: float(step_lengths(lap.line).sum()))
-    for number in [] if start is not None else regions.by_size:
-        if number in regions.leaking and _lap(regions, number) is not None:
-            raise _leak(regions, number)
-    if candidates:
-        edges = _outlines(regions.mask(candidates[0]))
-        line = medial_axis(regions.mask(candidates[0]), edges).longest_way(ROOM / occupancy.resolution)
-        return MapCourse(outlines=edges, line=line, closed=False)
-    if regions.by_size:
-        raise _leak(regions, regions.by_size[0])
-    raise TrackError(f"{occupancy.path}: no pixel is free; accepted: a map with free ground between walls")
+    regions = _closed_regions(occupancy, start, close)
+    loops = list(islice(_loops(regions), max(loop, 1)))
+    if 1 <= loop <= len(loops):
+        return loops[-1]
+    if loop != 1:
+        most = max(sum(1 for _ in _loops(regions)), 1)
+        raise TrackError(f"{occupancy.path}: loop is {loop}; accepted: 1 to {most}, as track show counts them")
+    region = regions[0]
+    return MapCourse(outlines=region.outlines, line=region.axis.longest_way(ROOM / occupancy.resolution), closed=False)
 
 
-def course_of(occupancy: OccupancyMap, line: FloatArray) -> list[FloatArray]:
+def find_loops(occupancy: OccupancyMap, start: FloatArray | None = None, *, close: float = 0.0) -> list[MapCourse]:
+    """Return the loops of a map, that round the largest obstacle first. Arguments and errors as of `find_course`."""
+    return list(_loops(_closed_regions(occupancy, start, close)))
+
+
+def course_of(occupancy: OccupancyMap, line: FloatArray, *, close: float = 0.0) -> list[FloatArray]:
     """Return the outlines, as in MapCourse, of the region in which a given line (n, 2) [m] lies.
 
     Raises:
-      TrackError: a point of the line that is not free, or in another region than the first.
+      TrackError: a point of the line that is not free, or in another region than the first; a hole as in `find_course`.
     """
-    regions = _Regions(occupancy)
-    numbers = [regions.at(point) for point in line]
-    other = np.flatnonzero(np.array(numbers) != numbers[0])
-    if len(other):
-        where = ", ".join(f"{value:.2f}" for value in line[other[0]])
+    (region,) = _closed_regions(occupancy, line[0], close)
+    column, row = np.floor(occupancy.to_pixels(line)).astype(int).T
+    for point in np.flatnonzero(~region.has(row, column)):
+        _require_free(occupancy, line[point])
+        where = ", ".join(f"{value:.2f}" for value in line[point])
         raise TrackError(f"{occupancy.path}: a wall is between the centreline's first point and ({where})")
-    if numbers[0] in regions.leaking:
-        raise _leak(regions, numbers[0], occupancy.to_pixels(line[0]))
-    return _outlines(regions.mask(numbers[0]))
+    return region.outlines
 
 
 def encloses(loop: FloatArray, point: FloatArray) -> bool:
@@ -100,123 +142,248 @@ def encloses(loop: FloatArray, point: FloatArray) -> bool:
     return bool(np.count_nonzero(a[:, 0] + (y - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0]) > x) % 2)
 
 
-class _Regions:
-    """The free regions of a map, by number from 1.
+class _Region:
+    """A connected part of the free ground of a map.
 
     Attributes:
-      occupancy: the map.
-      by_size: numbers of those that are long enough to be a course, the largest first.
-      leaking: numbers of those that reach the image's border.
+      corner: row and column of the lower left pixel of `mask` in the image.
+      mask: its pixels, in a window of the image with a row and a column to spare on each side.
+      border: those of them that are at the image's border.
     """
 
-    def __init__(self, occupancy: OccupancyMap) -> None:
+    def __init__(self, occupancy: OccupancyMap, mask: BoolArray, corner: tuple[int, int]) -> None:
+        self.occupancy, self.corner, self.mask = occupancy, np.array(corner) - 1, np.pad(mask, 1)
+        rows, columns = np.ogrid[: self.mask.shape[0], : self.mask.shape[1]]
+        (low, left), (high, right) = -self.corner, np.array(occupancy.free.shape) - 1 - self.corner
+        self.border = self.mask & ((rows == low) | (rows == high) | (columns == left) | (columns == right))
+        self._beyond = (rows < low) | (rows > high) | (columns < left) | (columns > right)
+        self.leaks = bool(self.border.any())
+        self._loops: dict[int, FloatArray | None] = {}  # by the obstacle's id
+
+    @cached_property
+    def outlines(self) -> list[FloatArray]:
+        """The outer edge, then the holes by area, in pixels of the image.
+
+        Raises:
+          TrackError: so many of them that finding a line would take minutes.
+        """
+        sides = sum(int(np.count_nonzero(np.diff(self.mask, axis=axis))) for axis in range(2))
+        if sides > _MOST_SIDES:
+            raise TrackError(
+                f"{self.occupancy.path}: walls of {sides} sides of pixels; accepted: {_MOST_SIDES} at most, a map "
+                "without noise"
+            )
+        edges = sorted(outlines(self.mask), key=enclosed_area)
+        return [edge + self.corner[::-1] for edge in (edges.pop(), *edges)]
+
+    @cached_property
+    def clearance(self) -> FloatArray:
+        """Distance of each pixel to the nearest that is not of the region; the image's border is no wall. In pixels."""
         from scipy import ndimage
 
-        self.occupancy = occupancy
-        self._labels, count = ndimage.label(occupancy.free)  # pixels that meet at a corner are not connected
-        sizes = np.bincount(self._labels.ravel(), minlength=count + 1)
-        sizes[0] = 0
+        clearance = ndimage.distance_transform_edt(self.mask | self._beyond)
+        return np.where(self.mask, clearance, 0.0).astype(np.float32)
+
+    @cached_property
+    def axis(self) -> MedialAxis:
+        """The medial axis, in pixels of the image."""
+        axis = medial_axis(self.mask, [edge - self.corner[::-1] for edge in self.outlines])
+        return replace(axis, points=axis.points + self.corner[::-1])
+
+    def has(self, row: Any, column: Any) -> Any:
+        """Say which pixels of the image are of the region."""
+        row, column = row - self.corner[0], column - self.corner[1]
+        rows, columns = self.mask.shape
+        inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+        return inside & self.mask[np.where(inside, row, 0), np.where(inside, column, 0)]
+
+    @cached_property
+    def obstacles(self) -> list[Obstacle]:
+        """The largest holes, and the largest groups of holes that are together where doors are shut."""
+        from scipy import ndimage
+
+        holes = self.outlines[1:]
+        if len(holes) < 2:
+            return [Obstacle(outlines=[hole], least_clearance=0.0) for hole in holes]
+        least = 0.5 * DOOR / self.occupancy.resolution
+        solid, _ = ndimage.label(self.clearance < least, _NEIGHBOURS)
+        groups: dict[int, list[FloatArray]] = {}
+        for hole in holes:
+            groups.setdefault(int(solid[self._pixel_of(hole)]), []).append(hole)
+        groups.pop(int(solid[0, 0]), None)  # together with what is round the region
+        single = [Obstacle(outlines=[hole], least_clearance=0.0) for hole in holes]
+        joined = [Obstacle(outlines=group, least_clearance=least) for group in groups.values()]
+        return [obstacle for kind in (single, joined) for obstacle in sorted(kind, key=lambda one: one.rank)[:_LARGEST]]
+
+    def loop_round(self, obstacle: Obstacle) -> FloatArray | None:
+        """Return the loop round an obstacle, (n, 2) in pixels of the image; None where there is none that is a lap."""
+        if id(obstacle) not in self._loops:
+            line = self.axis.loop_around(obstacle.outlines[0], obstacle.least_clearance)
+            is_lap = line is not None and step_lengths(line).sum() * self.occupancy.resolution >= SHORTEST_LAP
+            self._loops[id(obstacle)] = line if is_lap else None
+        return self._loops[id(obstacle)]
+
+    def pixel(self, pixel: tuple[int, int]) -> tuple[int, int]:
+        """Return row and column in the window of a pixel of the image."""
+        row, column = (np.array(pixel) - self.corner).tolist()
+        return row, column
+
+    def replaced(self, mask: BoolArray) -> OccupancyMap:
+        """Return the map with fewer pixels of this region free: those of a mask of its window."""
+        free = self.occupancy.free.copy()
+        row, column = np.argwhere(self.mask & ~mask).T + self.corner[:, None]
+        free[row, column] = False
+        return replace(self.occupancy, free=free)
+
+    def _pixel_of(self, hole: FloatArray) -> tuple[int, int]:
+        """Return row and column, in the window, of a pixel of a hole: its outline is half way to one that is free."""
+        column, row = hole[0] - self.corner[::-1]
+        beside = [(math.floor(row + dy), math.floor(column + dx)) for dx in (-0.25, 0.25) for dy in (-0.25, 0.25)]
+        return next(pixel for pixel in beside if not self.mask[pixel])
+
+    def ring(self) -> tuple[FloatArray, BoolArray]:
+        """Return the clearance, and which pixels have the largest hole as their nearest wall: a ring round it.
+
+        None is of the ring where there is no hole.
+        """
+        from scipy import ndimage
+
+        clearance, (row, column) = ndimage.distance_transform_edt(self.mask | self._beyond, return_indices=True)
+        clearance = np.where(self.mask, clearance, 0.0).astype(np.float32)
+        if len(self.outlines) < 2:
+            return clearance, np.zeros_like(self.mask)
+        solid, _ = ndimage.label(~self.mask, _NEIGHBOURS)
+        return clearance, np.asarray(self.mask & (solid[row, column] == solid[self._pixel_of(self.outlines[1])]))
+
+    @property
+    def extent(self) -> float:
+        """The diagonal of the box of its largest hole, 0 without, in pixels."""
+        return max((float(np.hypot(*np.ptp(hole, axis=0))) for hole in self.outlines[1:]), default=0.0)
+
+
+def _regions(occupancy: OccupancyMap, at: FloatArray | None) -> list[_Region]:
+    """Return the free regions that are large enough for a course, the largest first; or the one at a point (2,) [m]."""
+    from scipy import ndimage
+
+    labels, count = ndimage.label(occupancy.free)  # pixels that meet at a corner are not connected
+    windows = ndimage.find_objects(labels)
+    if at is not None:
+        numbers = [int(labels[_require_free(occupancy, at)])]
+    else:
+        sizes = np.bincount(labels.ravel(), minlength=count + 1)[1:]
         enough = SHORTEST_LAP * ROOM / occupancy.resolution**2
-        self.by_size = [int(k) for k in np.argsort(-sizes, kind="stable") if sizes[k] > enough]
-        labels = self._labels
-        self.leaking = set(np.unique(np.concatenate((labels[0], labels[-1], labels[:, 0], labels[:, -1])))) - {0}
-
-    def at(self, point: FloatArray) -> int:
-        """Return the number of the region at a point (2,) of the world [m]."""
-        column, row = np.floor(self.occupancy.to_pixels(point)).astype(int)
-        rows, columns = self._labels.shape
-        if not (0 <= row < rows and 0 <= column < columns):
-            raise TrackError(f"{self.occupancy.path}: ({point[0]:.2f}, {point[1]:.2f}) is outside of the image")
-        number = int(self._labels[row, column])
-        if number == 0:
-            raise TrackError(
-                f"{self.occupancy.path}: ({point[0]:.2f}, {point[1]:.2f}) is not free; accepted: a point on the course"
-            )
-        return number
-
-    def mask(self, number: int) -> BoolArray:
-        """Return which pixels are of a region."""
-        return np.asarray(self._labels == number)
+        numbers = [int(k) + 1 for k in np.argsort(-sizes, kind="stable") if sizes[k] > enough]
+    return [
+        _Region(occupancy, labels[window] == number, (window[0].start, window[1].start))
+        for number, window in ((number, windows[number - 1]) for number in numbers)
+    ]
 
 
-def _outlines(region: BoolArray) -> list[FloatArray]:
-    """Return the outlines of one region, the outer edge first, then the holes by size."""
-    edges = sorted(outlines(region), key=enclosed_area)
-    return [edges.pop(), *edges]
+def _require_free(occupancy: OccupancyMap, point: FloatArray) -> tuple[int, int]:
+    """Return row and column of a point (2,) of the world [m]; raise TrackError where it is not free."""
+    column, row = np.floor(occupancy.to_pixels(point)).astype(int).tolist()
+    rows, columns = occupancy.free.shape
+    where = f"{occupancy.path}: ({point[0]:.2f}, {point[1]:.2f})"
+    if not (0 <= row < rows and 0 <= column < columns):
+        (x, y), (end_x, end_y) = occupancy.to_world([(0, 0), (columns, rows)])
+        raise TrackError(
+            f"{where} is outside of the image; accepted: a point on the course; the image is from ({x:.2f}, {y:.2f}) "
+            f"to ({end_x:.2f}, {end_y:.2f})"
+        )
+    if not occupancy.is_free(point):
+        raise TrackError(f"{where} is not free; accepted: a point on the course")
+    return row, column
 
 
-def _lap(regions: _Regions, number: int) -> MapCourse | None:
-    """Return the course round the largest hole of a region, if it has one that a lap goes round."""
-    mask = regions.mask(number)
-    edges = _outlines(mask)
-    if len(edges) < 2:
-        return None
-    axis = medial_axis(mask, edges)
-    for hole in edges[1 : 1 + _LARGEST_HOLES]:
-        loop = axis.loop_around(hole)
-        if loop is not None and step_lengths(loop).sum() * regions.occupancy.resolution >= SHORTEST_LAP:
-            return MapCourse(outlines=edges, line=loop, closed=True)
+def _loops(regions: list[_Region]) -> Iterator[MapCourse]:
+    """Yield the loops of regions, that round the largest obstacle first, each once."""
+    ranked = [(region, obstacle) for region in regions for obstacle in region.obstacles]
+    seen: set[tuple[int, frozenset[int]]] = set()
+    for region, obstacle in sorted(ranked, key=lambda pair: pair[1].rank):
+        line = region.loop_round(obstacle)
+        if line is None:
+            continue
+        inside = frozenset(k for k, hole in enumerate(region.outlines[1:]) if encloses(line, hole[0]))
+        if (id(region), inside) not in seen:
+            seen.add((id(region), inside))
+            yield MapCourse(outlines=region.outlines, line=line, closed=True, goes_round=obstacle)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Leak:
+    """A course that reaches the image's border, and through which hole; None, if it is not known what is inside."""
+
+    region: _Region
+    hole: Hole | None
+
+
+def _tight_regions(occupancy: OccupancyMap, at: FloatArray | None, close: float) -> list[_Region] | _Leak:
+    """Return the regions that may be the course, after holes of up to `close` [m] have been closed; or a wider hole."""
+    while True:
+        regions = _regions(occupancy, at)
+        region = _leaking_course(regions)
+        if region is None:
+            return [region for region in regions if not region.leaks]
+        clearance, inside = region.ring()
+        if at is not None:
+            inside[region.pixel(_require_free(occupancy, at))] = True
+        if not inside.any() or (inside & region.border).any():
+            return _Leak(region=region, hole=None)
+        hole = find_hole(clearance, inside, region.border)
+        if hole.width * occupancy.resolution > close + _ROUNDING:
+            return _Leak(region=region, hole=hole)
+        closed = close_holes(clearance, inside, region.border, hole.width)
+        occupancy = region.replaced(closed)
+
+
+def _leaking_course(regions: list[_Region]) -> _Region | None:
+    """Return the region that is the course but reaches the image's border, if there is such a one."""
+    tight = [region for region in regions if not region.leaks]
+    leaking = [region for region in regions if region.leaks]
+    course = next(_loops(tight), None) if leaking else None
+    for region in leaking:
+        if course is None:
+            if not tight or region.extent * region.occupancy.resolution >= 0.5 * SHORTEST_LAP:  # there and back
+                return region
+        elif region.extent > course.extent and not any(encloses(hole, course.line[0]) for hole in region.outlines[1:]):
+            return region
     return None
 
 
-def _leak(regions: _Regions, number: int, inside: FloatArray | None = None) -> TrackError:
-    """Return the error for a region that reaches the image's border, with the narrowest place on the way there.
+def _closed_regions(occupancy: OccupancyMap, at: FloatArray | None, close: float) -> list[_Region]:
+    """Return the regions that may be the course, after holes of up to `close` [m] have been closed.
 
-    Of all ways from the course to the border the widest is looked at: where that is narrowest, a wall is missing.
+    Raises:
+      TrackError: there is none; or the course has a wider hole. The message has an option with which it has none.
     """
-    from scipy import ndimage
-
-    occupancy, mask = regions.occupancy, regions.mask(number)
-    border = np.ones_like(mask)
-    border[1:-1, 1:-1] = False
-    clearance, nearest = ndimage.distance_transform_edt(mask, return_indices=True)
-    holes = _outlines(mask)[1:]
-    if inside is not None:
-        seed: Any = tuple(np.floor(inside[::-1]).astype(int))
-    elif holes:
-        seed = _widest_beside(holes[0], mask, clearance, nearest)
-    else:
-        row, column = np.argwhere(mask & border)[0]
-        return TrackError(
-            f"{occupancy.path}: no closed course: free ground runs out of the image at "
-            f"{occupancy.place((column + 0.5, row + 0.5))}; accepted: a course with walls all round"
+    regions = _tight_regions(occupancy, at, close)
+    if isinstance(regions, _Leak):
+        raise _refusal(occupancy, regions, at)
+    if not regions:
+        raise TrackError(
+            f"{occupancy.path}: no free ground is large enough for a course of {SHORTEST_LAP:.0f} m; accepted: a map "
+            "with free ground between walls"
         )
-    levels = np.unique(clearance[mask])
-    low, high = 0, len(levels)  # joined at levels[low], not at levels[high]
-    while high - low > 1:
-        middle = (low + high) // 2
-        joined = _part(clearance >= levels[middle], seed)
-        low, high = (middle, high) if (joined & border).any() else (low, middle)
-    wide = _part(clearance > levels[low], seed)
-    if wide[seed]:
-        beyond, _ = ndimage.label((clearance >= levels[low]) & ~wide, np.ones((3, 3)))
-        outside = np.unique(beyond[border & (beyond > 0)])
-        gates = np.argwhere(np.isin(beyond, outside) & ndimage.binary_dilation(wide, np.ones((3, 3))))
-    else:  # the course itself is nowhere wider
-        gates = np.argwhere(mask & border)
-    row, column = gates[len(gates) // 2]
-    return TrackError(
-        f"{occupancy.path}: the wall has a hole, {2.0 * levels[low] * occupancy.resolution:.2f} m wide, at "
-        f"{occupancy.place((column + 0.5, row + 0.5))}: free ground runs on from the course out of the image; "
-        "accepted: a course with walls all round, or a start=X:Y inside another one"
-    )
+    return regions
 
 
-def _widest_beside(hole: FloatArray, mask: BoolArray, clearance: FloatArray, nearest: Any) -> Any:
-    """Return row and column of the pixel that is furthest from walls of all that have a hole as their nearest."""
-    from scipy import ndimage
-
-    solid, _ = ndimage.label(~mask, np.ones((3, 3)))
-    x, y = hole[0]  # the middle of an edge between a free pixel and one of the hole
-    beside = [(int(np.floor(y + dy)), int(np.floor(x + dx))) for dx in (-0.25, 0.25) for dy in (-0.25, 0.25)]
-    number = max(int(solid[place]) for place in beside)
-    own = solid[tuple(nearest)] == number
-    return np.unravel_index(int(np.argmax(np.where(own & mask, clearance, -1.0))), mask.shape)
-
-
-def _part(mask: BoolArray, seed: Any) -> BoolArray:
-    """Return the connected part of a mask in which a pixel lies; nothing, if it is not in the mask."""
-    from scipy import ndimage
-
-    labels, _ = ndimage.label(mask, np.ones((3, 3)))
-    return np.asarray((labels == labels[seed]) & mask & bool(mask[seed]))
+def _refusal(occupancy: OccupancyMap, leak: _Leak, at: FloatArray | None) -> TrackError:
+    """Return the error for a course that reaches the image's border, with an option that helps where there is one."""
+    region, hole = leak.region, leak.hole
+    option = None
+    if hole is None:
+        row, column = np.argwhere(region.border)[0] + region.corner
+        what = f"no closed course: free ground runs out of the image at {occupancy.place((column + 0.5, row + 0.5))}"
+        walled = _tight_regions(occupancy.with_walled_border(), at, 0.0)
+        if not isinstance(walled, _Leak) and next(_loops(walled), None) is not None:
+            option = "border=wall"
+    else:
+        width = hole.width * occupancy.resolution
+        row, column = np.array((hole.row, hole.column)) + region.corner
+        what = (
+            f"the wall has a hole, {width:.2f} m wide, at {occupancy.place((column + 0.5, row + 0.5))}: free ground "
+            "runs on from the course out of the image"
+        )
+        option = f"close={math.floor(10.0 * width + _ROUNDING) / 10.0 + 0.1:.1f}"
+    accepted = "a course with walls all round" + (f", or {occupancy.path.name}[{option}]" if option else "")
+    return TrackError(f"{occupancy.path}: {what}; accepted: {accepted}")

@@ -1,0 +1,226 @@
+"""Which course a map has: the right loop among several, holes that are closed on request, and starts in the file."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from map_oracles import box_room, building, draw_map, march, real_map, ring
+
+import fg_mujoco as fg
+from fg_mujoco.cli.main import main
+from fg_mujoco.course.maps.map_server import read_map_file
+from fg_mujoco.course.maps.map_track import MapTrack, load_map, map_loops, read_map
+from fg_mujoco.course.maps.region import encloses
+from fg_mujoco.errors import TrackError
+
+PIXEL = 0.05
+LENGTHS = {
+    "f": 86.3, "fisica": 13.4, "hangar": 45.5, "icra2022": 64.4, "ipz33": 25.8, "jfr_v5": 57.3, "jfr_v6": 38.2,
+    "lausitzring1": 33.1, "levine_slam": 64.0, "milan1": 35.2, "rca2": 105.3, "track_1": 198.0,
+}  # fmt: skip
+"""[m] Of the courses that were raced, each looked at."""
+
+
+def double_wall(hole=None, *, inner=None):
+    """Return a drawing of the stadium: black lines on white, with a hole of so many pixels in the outer, inner line."""
+    lines = ring(inner=68, outer=71) | ring(inner=39, outer=42)
+    if hole:
+        lines[100 - hole // 2 : 100 + hole // 2, 270:290] = False
+    if inner:
+        lines[100 - inner // 2 : 100 + inner // 2, 240:260] = False
+    return ~lines
+
+
+@pytest.mark.parametrize("name", LENGTHS)
+def test_real_race_maps_load_with_the_course_that_was_raced(name):
+    settings = "[close=1.5]" if name == "levine_slam" else ""
+    path = real_map(f"race_maps/{name}")
+    track = load_map(f"{path}{settings}")
+    assert isinstance(track, MapTrack)
+    assert track.length == pytest.approx(LENGTHS[name], abs=0.1)
+    assert (track.corridor_left + track.corridor_right).min() > 0.8
+    occupancy = read_map_file(path)
+    assert all(occupancy.is_free(point) for point in track.centreline)
+    # in thin barriers' hairpins, too, each side's wall is no further than a ray square to the line goes
+    for width, side in ((track.width_left, 1.0), (track.width_right, -1.0)):
+        headings = track.headings + side * 0.5 * math.pi + occupancy.origin[2]
+        padded = np.pad(occupancy.free, 1)
+        square = march(padded, occupancy.to_pixels(track.centreline) + 1.0, headings, 200.0)
+        assert np.all(width / occupancy.resolution <= square + 1.0)
+
+
+def test_the_loop_round_the_rooms_is_the_course_and_not_that_round_a_counter(tmp_path):
+    path = draw_map(tmp_path, building(), origin=(-12.0, -2.0, 0.0))
+    track = read_map(path)
+    line = read_map_file(path).to_pixels(track.centreline)
+    assert all(
+        encloses(line, np.array(room)) for room in ((70.0, 70.0), (150.0, 200.0), (330.0, 200.0), (410.0, 330.0))
+    )
+    assert track.start_pose() == pytest.approx((0.0, 0.0, 0.0), abs=0.1)
+
+
+def test_every_other_loop_is_listed_with_what_it_goes_round_and_can_be_chosen(tmp_path):
+    path = draw_map(tmp_path, building())
+    loops = map_loops(str(path))
+    assert [loop.number for loop in loops] == list(range(1, len(loops) + 1))
+    assert [loop.driven for loop in loops] == [True] + [False] * (len(loops) - 1)
+    counter = next(loop for loop in loops if np.hypot(loop.middle[0] - 25.0, loop.middle[1] - 10.0) < 0.1)
+    track = load_map(f"{path}[loop={counter.number}]")
+    line = track.centreline / PIXEL
+    assert encloses(line, np.array([500.0, 200.0])) and not encloses(line, np.array([150.0, 200.0]))
+    assert track.length == pytest.approx(counter.length, rel=0.1)
+    assert [loop.number for loop in map_loops(f"{path}[loop={counter.number}]") if loop.driven] == [counter.number]
+    with pytest.raises(TrackError, match=rf"loop is 99; accepted: 1 to {len(loops)}"):
+        load_map(f"{path}[loop=99]")
+    with pytest.raises(TrackError, match="loop is 0; accepted"):
+        load_map(f"{path}[loop=0]")
+
+
+def test_track_show_lists_the_other_loops(tmp_path, capsys):
+    path = draw_map(tmp_path, building())
+    assert main(["track", "show", str(path), "--out", str(tmp_path / "x.png")]) == 0
+    printed = capsys.readouterr().out.splitlines()
+    assert len(printed) == len(map_loops(str(path)))
+    assert any("round (25.00, 10.00), with the setting loop=" in line for line in printed[1:])
+
+
+def test_a_map_with_one_loop_lists_no_other(tmp_path):
+    assert [loop.driven for loop in map_loops(str(draw_map(tmp_path, ring())))] == [True]
+
+
+@pytest.mark.parametrize("hole", [6, 12, 20])
+def test_a_hole_is_refused_with_the_option_that_closes_it(tmp_path, hole):
+    whole = read_map(draw_map(tmp_path, double_wall(), name="whole"), direction="clockwise")
+    path = draw_map(tmp_path, double_wall(hole))
+    with pytest.raises(TrackError, match=rf"a hole, {hole * PIXEL:.2f} m wide") as refusal:
+        read_map(path)
+    option = str(refusal.value).rpartition("drawn.yaml[close=")[2].rstrip("]")
+    assert hole * PIXEL < float(option) <= hole * PIXEL + 0.11
+    for close in (option, f"{hole * PIXEL}", "2.5"):
+        closed = load_map(f"{path}[close={close},direction=clockwise]")
+        assert closed.length == pytest.approx(whole.length, rel=1e-3)
+        np.testing.assert_allclose(np.sort(closed.width_right)[:50], np.sort(whole.width_right)[:50], atol=PIXEL)
+        assert not encloses(closed.left_wall, np.array([290.5, 100.5]) * PIXEL)  # the wall is where the hole was
+    with pytest.raises(TrackError, match=rf"close={option}"):
+        load_map(f"{path}[close={hole * PIXEL - 0.05:.2f}]")
+
+
+def test_what_is_narrow_on_the_course_stays_open_when_a_hole_is_closed(tmp_path):
+    free = double_wall(20)
+    free[155:165, 148:152] = False  # leaves 0.5 m and 0.25 m of the 1.3 m, less than the hole's 1 m
+    track = load_map(f"{draw_map(tmp_path, free)}[close=1.5]")
+    assert (track.corridor_left + track.corridor_right).min() < 1.0
+    assert len(track.islands) == 1
+
+
+def test_all_holes_are_closed_at_once_and_the_widest_is_named(tmp_path):
+    free = double_wall(20)
+    free[90:96, 5:25] = True  # another one, to the left, of 0.3 m
+    path = draw_map(tmp_path, free)
+    with pytest.raises(TrackError, match=r"a hole, 1.00 m wide, at \(1[34]\.\d\d, "):
+        read_map(path)
+    assert load_map(f"{path}[close=1]").length == pytest.approx(
+        read_map(draw_map(tmp_path, double_wall())).length, rel=1e-3
+    )
+
+
+def test_a_hole_of_two_hundred_pixels_is_closed(tmp_path):
+    path = draw_map(tmp_path, np.kron(double_wall(20), np.ones((11, 11), bool)), resolution=0.005)
+    with pytest.raises(TrackError, match=r"a hole, 1.10 m wide, .*close=1.2\]"):
+        read_map(path)
+    assert load_map(f"{path}[close=1.1]").length == pytest.approx(1.1 * (2 * math.pi * 55 + 240) * PIXEL, rel=0.01)
+
+
+def test_the_images_border_is_a_wall_on_request(tmp_path):
+    free = np.ones((200, 300), dtype=bool)
+    free[60:140, 60:240] = False
+    path = draw_map(tmp_path, free)
+    with pytest.raises(TrackError, match=r"accepted: a course with walls all round, or drawn\.yaml\[border=wall\]"):
+        read_map(path)
+    track = load_map(f"{path}[border=wall]")
+    assert (track.length, track.start_pose()[0]) == (
+        pytest.approx(2 * (9 + 4) + 2 * math.pi * 1.5, rel=0.1),
+        pytest.approx(1.5, abs=0.5),
+    )
+
+
+def test_a_leaking_building_is_refused_although_a_room_beside_it_has_a_loop(tmp_path):
+    free = building()
+    free[100:110, 0:20] = True  # the corridor is open to the left
+    free = np.concatenate((free, np.pad(np.ones((180, 580), bool), 10)))
+    free[480:500, 300:320] = False  # a stool in the room beside it
+    with pytest.raises(TrackError, match=r"a hole, 0.50 m wide, at \([01]\.\d\d, 5\.\d\d\)"):
+        read_map(draw_map(tmp_path, free))
+
+
+def test_a_start_in_the_file_is_the_start_of_the_course(tmp_path):
+    rows = [[7.5, 7.7, 0.1], [7.5, 2.2, 0.0]]
+    track = read_map(draw_map(tmp_path, ring(), starting_positions=rows))
+    assert track.start_pose() == pytest.approx((7.5, 7.75, 0.0), abs=0.03)
+    turned = read_map(draw_map(tmp_path, ring(), starting_positions=[[7.5, 7.7, 3.0]]))
+    assert abs(turned.start_pose()[2]) == pytest.approx(math.pi, abs=0.03)
+    asked = read_map(tmp_path / "drawn.yaml", start=(7.5, 2.2), direction="clockwise")
+    assert asked.start_pose()[:2] == pytest.approx((7.5, 2.25), abs=0.03)
+
+
+def test_a_starting_angle_gives_the_direction(tmp_path):
+    for angle, expected in ((0.3, 0.0), (2.9, math.pi)):
+        track = read_map(draw_map(tmp_path, ring(), origin=(-7.5, -2.25, 0.0), starting_angle=angle))
+        assert abs(track.start_pose()[2]) == pytest.approx(expected, abs=0.03)
+
+
+def test_a_start_in_the_file_that_is_not_free_is_ignored_with_a_warning(tmp_path):
+    path = draw_map(tmp_path, ring(), origin=(-7.5, -2.25, 0.0), starting_positions=[[0.0, 2.75, 0.0]])
+    with pytest.warns(UserWarning, match=r"ignored: the starting position \(0.0, 2.75\) is not free"):
+        track = read_map(path)
+    assert track.start_pose() == pytest.approx((0.0, 0.0, 0.0), abs=0.03)
+
+
+def test_the_command_line_prints_a_warning_once_in_a_line(tmp_path, capsys):
+    path = draw_map(tmp_path, ring(), colour=1)
+    assert main(["track", "show", str(path), "--out", str(tmp_path / "x.png")]) == 0
+    lines = [line for line in capsys.readouterr().err.splitlines() if "colour" in line]
+    assert len(lines) == 1
+    assert lines[0].startswith(f"fg-mujoco: warning: {path}: ignored: colour; read are image")
+
+
+def test_a_map_of_noise_is_refused_before_minutes_are_spent_on_it(tmp_path):
+    free = box_room(1500, 1500) & (np.random.default_rng(0).random((1500, 1500)) > 0.1)
+    with pytest.raises(TrackError, match="sides of pixels; accepted: 300000 at most"):
+        read_map(draw_map(tmp_path, free))
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ("close=wide", "close is 'wide'; accepted: METRES"),
+        ("close=-1", r"close is -1.0; accepted: a width in metres"),
+        ("close=nan", "close is nan; accepted: a width in metres"),
+        ("border=open", "border is 'open'; accepted: wall"),
+        ("loop=first", "loop is 'first'; accepted: NUMBER"),
+    ],
+)
+def test_options_that_are_wrong_are_refused(tmp_path, settings, message):
+    with pytest.raises(TrackError, match=message):
+        fg.load_track(f"{draw_map(tmp_path, ring())}[{settings}]")
+
+
+@pytest.mark.parametrize(
+    ("settings", "keys", "message"),
+    [
+        ("[start=70:5]", {}, "(70.00, 5.00) is outside of the image; accepted: a point on the course"),
+        ("[start=7.5:5]", {}, "(7.50, 5.00) is not free"),
+        ("", {"resolution": "1.0e-300"}, "resolution is 1e-300"),
+        ("", {"origin": (1e12, 0.0, 0.0)}, "origin is [1000000000000.0"),
+        ("", {"origin": (math.inf, 0.0, 0.0)}, "origin is [inf"),
+        ("", {"free_thresh": ".nan"}, "free_thresh is nan"),
+    ],
+)
+def test_the_command_line_refuses_bad_input_in_one_line(tmp_path, capsys, settings, keys, message):
+    path = draw_map(tmp_path, ring(), **keys)
+    assert main(["race", "--track", f"{path}{settings}"]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert err.startswith(f"fg-mujoco: {path}: {message}")
