@@ -187,7 +187,11 @@ def start_on_longest_straight(line: FloatArray) -> FloatArray:
     runs = np.diff(np.append(bends, bends[0] + len(line)))  # points from one bend to the next
     longest = int(np.argmax(runs))
     start = (int(bends[longest]) + int(runs[longest]) // 2) % len(line)
-    line = np.roll(line, -start, axis=0)
+    return place_at_origin(np.roll(line, -start, axis=0))
+
+
+def place_at_origin(line: FloatArray) -> FloatArray:
+    """Move and turn a line so that it starts at the origin along x."""
     x, y = line[1] - line[-1]
     turn = np.array([[x, -y], [y, x]]) / math.hypot(x, y)
     return np.asarray((line - line[0]) @ turn)

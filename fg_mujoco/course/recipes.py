@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import FgMujocoError, TrackError
+from . import lanes
 from .centreline_csv import write_centreline
 from .generator import EASEMENT, SPACING, GeneratorSettings, generate_track, start_on_longest_straight
 from .polyline import resample, rounded_polygon, smooth
@@ -58,8 +59,27 @@ def tight() -> Track:
     return generate_track(11, settings, name="tight")
 
 
+def u_turns() -> Track:
+    """Two U-turns round the ends of one bent barrier of 0.1 m; lanes 1.3 to 1.5 m wide."""
+    drawing = ("##..", ".###")
+    return _back_to_back("u_turns", drawing, [4.0, 1.5, 2.0, 3.0], [1.4, 1.6], width=1.5, radius=1.0)
+
+
+def serpentine() -> Track:
+    """Five U-turns round barriers of 0.1 m, one after the other; lanes 1.4 m wide."""
+    return _back_to_back("serpentine", ("#.#.#", "#####"), [1.5] * 5, [1.5, 3.5], width=1.4, radius=0.8)
+
+
+def spiral() -> Track:
+    """A lane that winds inward, turns round and winds out again; lanes 1.4 m wide, barriers of 0.1 m."""
+    drawing = ("#######", "#.....#", "#.###.#", "#...#.#", "###.#.#", "....#.#", "....###")
+    drawing = ("####", "#..#", "##.#", "...#", "####")
+    return _back_to_back("spiral", drawing, [1.5, 1.5, 1.5, 1.5], [1.5] * 5, width=1.4, radius=0.7)
+
+
 RECIPES: dict[str, Callable[[], Track]] = {
-    recipe.__name__: recipe for recipe in (oval, l_corridor, hairpins, chicanes, fast, tight)
+    recipe.__name__: recipe
+    for recipe in (oval, l_corridor, hairpins, chicanes, fast, tight, u_turns, serpentine, spiral)
 }
 
 
@@ -87,6 +107,16 @@ def _circuit(name: str, corners: Sequence[tuple[float, float]], radii: float | S
 def _with_width(name: str, line: np.ndarray, width: float) -> Track:
     half = np.full(len(line), 0.5 * width)
     return Track(name=name, centreline=line, width_right=half, width_left=half)
+
+
+def _back_to_back(
+    name: str, drawing: Sequence[str], columns: Sequence[float], rows: Sequence[float], *, width: float, radius: float
+) -> Track:
+    """Lanes at most `width` [m] wide round a drawing of cells (lanes.patch), with barriers of 0.1 m between them."""
+    around = lanes.outline(lanes.patch(*drawing), columns, rows)
+    right, left = (np.minimum(room - 0.05, 0.5 * width) for room in (around.room_right, around.room_left))
+    radii = lanes.corner_radii(around, np.full(len(right), radius), hairpin=1.8)
+    return lanes.lane(around, radii, right, left, np.zeros(len(right))).track(name)
 
 
 def main(arguments: list[str]) -> int:

@@ -1,0 +1,210 @@
+"""Circuits round a patch of cells whose lanes lie back to back: between two lanes stands only a thin barrier.
+
+    track = circuit("comb", patch("#.#.#", "#####"), columns=[1.5] * 5, rows=[1.4, 3.0])
+
+The circuit is the outline of the patch. Where a cell lies between two of its stretches, the cell is divided between
+them: each lane reaches to half of the cell, less half of the barrier. So a finger of the patch that is one cell thick
+becomes a thin barrier with a hairpin round its end, and so does a gap one cell thick between two fingers.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..messages import FloatArray
+from .generator import place_at_origin
+from .polyline import step_lengths, steps, subdivide, turns
+from .track import Track
+
+Cell = tuple[int, int]
+
+SPACING = 0.1  # [m] between the points of the centreline
+_DIGITS = 4  # decimals of coordinates and widths [0.1 mm]
+_LEFT_OF = {(1, 0): (0, 0), (0, 1): (-1, 0), (-1, 0): (-1, -1), (0, -1): (0, -1)}  # cell to the left of a side
+_RIGHT_OF = {(1, 0): (0, -1), (0, 1): (0, 0), (-1, 0): (-1, 0), (0, -1): (-1, -1)}
+
+
+def patch(*rows: str) -> frozenset[Cell]:
+    """Return the cells (column, row) of a drawing: `#` for a cell of the patch; the last row is the lowest."""
+    return frozenset((i, j) for j, row in enumerate(reversed(rows)) for i, mark in enumerate(row) if mark == "#")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outline:
+    """The outline of a patch, counterclockwise: its corners, and the room beside each side.
+
+    Attributes:
+      corners: shape (n, 2) [m].
+      room_left: half of the cell to the left of the side that begins at each corner, where that is thinnest. (n,) [m]
+      room_right: the same to the right, inf where there is no cell. (n,) [m]
+    """
+
+    corners: FloatArray
+    room_left: FloatArray
+    room_right: FloatArray
+
+
+def outline(cells: frozenset[Cell], columns: Sequence[float], rows: Sequence[float]) -> Outline:
+    """Return the outline of a patch on a grid of columns and rows of these widths [m].
+
+    Raises:
+      ValueError: a patch with a hole or with cells that touch only by a corner.
+    """
+    following: dict[Cell, Cell] = {}
+    sides = 0
+    for i, j in cells:
+        loop = ((i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1))
+        for k, (di, dj) in enumerate(((0, -1), (1, 0), (0, 1), (-1, 0))):
+            if (i + di, j + dj) not in cells:
+                following[loop[k]] = loop[(k + 1) % 4]
+                sides += 1
+    path = [min(following)]
+    while following[path[-1]] != path[0]:
+        path.append(following[path[-1]])
+    if len(path) != sides:
+        raise ValueError("the patch has a hole, or cells that touch only by a corner")
+    x, y = (np.concatenate(([0.0], np.cumsum(sizes))) for sizes in (columns, rows))
+
+    def half(cell: Cell, horizontal: bool) -> float:
+        sizes, place = (rows, cell[1]) if horizontal else (columns, cell[0])
+        return 0.5 * sizes[place] if 0 <= place < len(sizes) else math.inf
+
+    corners: list[tuple[float, float]] = []
+    rooms: list[list[float]] = []
+    before = None
+    first = next(k for k in range(len(path)) if _direction(path, k) != _direction(path, k - 1))
+    for k in range(first, first + len(path)):
+        i, j = path[k % len(path)]
+        ahead = _direction(path, k)
+        beside = [half((i + di, j + dj), ahead[0] != 0) for di, dj in (_LEFT_OF[ahead], _RIGHT_OF[ahead])]
+        if ahead == before:
+            rooms[-1] = [min(pair) for pair in zip(rooms[-1], beside, strict=True)]
+        else:
+            corners.append((float(x[i]), float(y[j])))
+            rooms.append(beside)
+        before = ahead
+    left, right = np.array(rooms).T
+    return Outline(corners=np.array(corners), room_left=left, room_right=right)
+
+
+def _direction(path: list[Cell], k: int) -> Cell:
+    (i, j), (next_i, next_j) = path[k % len(path)], path[(k + 1) % len(path)]
+    return next_i - i, next_j - j
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lane:
+    """A closed line and its widths to either side. Shapes (n, 2), (n,) and (n,) [m]."""
+
+    line: FloatArray
+    right: FloatArray
+    left: FloatArray
+
+    def reverse(self) -> Lane:
+        """Return the lane driven the other way."""
+        return Lane(line=self.line[::-1], right=self.left[::-1], left=self.right[::-1])
+
+    def bend(self, gradient: FloatArray, wave: FloatArray, phase: FloatArray) -> Lane:
+        """Return the lane in a plane bent by a wave in x and one in y: x + a sin(k y + p), y + b sin(l x + q).
+
+        Args:
+          gradient: greatest slopes a k and b l, shape (2,).
+          wave: wave numbers k and l [1/m], shape (2,).
+          phase: p and q [rad], shape (2,).
+        """
+        angle = wave * self.line[:, ::-1] + phase
+        line = self.line + gradient / wave * np.sin(angle)
+        slope = gradient * np.cos(angle)  # the derivatives of x by y and of y by x
+        ahead = np.roll(self.line, -1, axis=0) - np.roll(self.line, 1, axis=0)
+        ahead /= np.hypot(*ahead.T)[:, None]
+        stretched = np.hypot(*(ahead + slope * ahead[:, ::-1]).T)
+        across = (1.0 - slope[:, 0] * slope[:, 1]) / stretched  # areas grow as the determinant does
+        return Lane(line=line, right=self.right * across, left=self.left * across)
+
+    def track(self, name: str) -> Track:
+        """Return the track, from its first point, which is at the origin, along x.
+
+        Raises:
+          TrackError: stretches that run over each other.
+        """
+        numbers = place_at_origin(self.line), self.right, self.left
+        line, right, left = (np.round(values, _DIGITS) for values in numbers)
+        return Track(name=name, centreline=line, width_right=right, width_left=left)
+
+
+def lane(around: Outline, radii: FloatArray, right: FloatArray, left: FloatArray, squareness: FloatArray) -> Lane:
+    """Return the lane along an outline, from the middle of its longest straight.
+
+    Args:
+      around: the outline.
+      radii: of the centreline at each corner. Shape (n,) [m].
+      right: from the centreline to the right wall, of the side that begins at each corner. Shape (n,) [m].
+      left: to the left wall.
+      squareness: of the outer wall at each corner, from 0, an arc, to 1, a square corner. Shape (n,).
+    """
+    corners = around.corners
+    turned = np.sign(turns(corners))
+    after = steps(corners) / step_lengths(corners)[:, None]
+    before = np.roll(after, 1, axis=0)
+    points, rights, lefts = [], [], []
+    for c in range(len(corners)):
+        count = max(2, math.ceil(0.5 * math.pi * radii[c] / SPACING))
+        angle = 0.5 * math.pi * np.arange(count + 1) / count
+        centre = corners[c] + radii[c] * (after[c] - before[c])
+        points.append(centre + radii[c] * (np.outer(np.sin(angle), before[c]) - np.outer(np.cos(angle), after[c])))
+        sides = []
+        for side, widths in ((-1.0, right), (1.0, left)):
+            share = angle / (0.5 * math.pi)
+            width = (1.0 - share) * widths[c - 1] + share * widths[c]
+            if turned[c] == -side:
+                with np.errstate(divide="ignore"):
+                    square = np.minimum(
+                        (radii[c] + widths[c - 1]) / np.cos(angle), (radii[c] + widths[c]) / np.sin(angle)
+                    )
+                width = (1.0 - squareness[c]) * width + squareness[c] * (square - radii[c])
+            sides.append(width)
+        rights.append(sides[0])
+        lefts.append(sides[1])
+    straights = straight_lengths(around, radii)
+    longest = int(np.argmax(straights))
+    middle = 0.5 * (points[longest][-1] + points[(longest + 1) % len(corners)][0])
+    points[longest] = np.vstack((points[longest], middle))
+    rights[longest], lefts[longest] = (
+        np.append(rights[longest], right[longest]),
+        np.append(lefts[longest], left[longest]),
+    )
+    start = sum(len(piece) for piece in points[: longest + 1]) - 1
+    line, *widths = (np.roll(np.concatenate(pieces), -start, axis=0) for pieces in (points, rights, lefts))
+    apart = step_lengths(line) > 1e-9
+    line, wide_right, wide_left = subdivide(line[apart], SPACING, *(width[apart] for width in widths))
+    return Lane(line=line, right=wide_right, left=wide_left)
+
+
+def straight_lengths(around: Outline, radii: FloatArray) -> FloatArray:
+    """Return how long each side is between the arcs at its ends. Shape (n,) [m]."""
+    return np.asarray(step_lengths(around.corners) - radii - np.roll(radii, -1))
+
+
+def hairpins(around: Outline) -> NDArray[np.bool_]:
+    """Return for each side whether the outline turns the same way at both of its ends. Shape (n,)."""
+    turned = np.sign(turns(around.corners))
+    return np.asarray(turned == np.roll(turned, -1))
+
+
+def corner_radii(around: Outline, wanted: FloatArray, hairpin: float) -> FloatArray:
+    """Return the radius at each corner: as wanted where there is room, half circles round hairpins. Shape (n,) [m].
+
+    Args:
+      around: the outline.
+      wanted: radii, shape (n,) [m].
+      hairpin: greatest distance from lane to lane of what is a hairpin [m].
+    """
+    lengths = step_lengths(around.corners)
+    room = 0.5 * np.minimum(lengths, np.roll(lengths, 1))
+    tip = hairpins(around) & (lengths <= hairpin)
+    return np.minimum(np.where(tip | np.roll(tip, 1), room, wanted), room)

@@ -1,0 +1,221 @@
+"""Tight circuits from a seed, as F1TENTH races are built: narrow lanes back to back and hairpins round thin barriers.
+
+    track = generate_tight_track(7)    # or load_track("random:7:tight")
+
+The generator draws a patch of cells: a bent bar, a comb, a spiral, or a tree that grows at random. The circuit is the
+outline of the patch (`lanes`). Every circuit has a hairpin of 180 degrees round a thin barrier, and a lap of it can be
+driven forward by the bundled car `f1tenth`, with 5 cm of room all round: a search over its motions finds one
+(`drivable`). A circuit that breaks the settings or that the search finds no lap of is drawn again. The same seed gives
+the same numbers.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from ..errors import SettingsError, TrackError
+from ..messages import FloatArray, require
+from .drivable import drivable_lap
+from .lanes import Cell, Outline, corner_radii, hairpins, lane, outline
+from .polyline import step_lengths, turns
+from .track import Track
+
+_ATTEMPTS = 300  # draws before giving up; with the default settings the first few keep them
+_MAX_RADIUS = 1.6  # [m] of the centreline in a corner that has room for more
+_MAX_BEND = 0.08  # greatest gradient of the displacement that bends the plane
+_THICK = (1.8, 5.0)  # [m] of a row or column that no two lanes share
+
+
+@dataclass(frozen=True, kw_only=True)
+class TightSettings:
+    """What every tight circuit keeps.
+
+    Raises:
+      SettingsError: a number that is not positive, or a least value above its greatest.
+    """
+
+    min_length: float = 15.0  # [m]
+    max_length: float = 60.0  # [m]
+    min_width: float = 1.0  # [m] of the lane; the rules of 2026 ask for at least 1 m
+    max_width: float = 1.8  # [m]; in the square corners of the outer wall there is more
+    min_radius: float = 0.45  # [m] of the centreline
+    min_barrier: float = 0.07  # [m] thickness of the barrier between two lanes
+    max_barrier: float = 0.15  # [m]
+
+    def __post_init__(self) -> None:
+        names = tuple(field.name for field in fields(self))
+        require(self, lambda value: 0.0 < value < math.inf, "a positive number of metres", names, SettingsError)
+        for what in ("length", "width", "barrier"):
+            low, high = getattr(self, f"min_{what}"), getattr(self, f"max_{what}")
+            if low > high:
+                raise SettingsError(f"TightSettings.min_{what} is {low} m; accepted: at most max_{what}, {high} m")
+
+
+def generate_tight_track(
+    seed: int | np.random.Generator, settings: TightSettings | None = None, *, name: str | None = None
+) -> Track:
+    """Draw a tight circuit, driven from the middle of its longest straight, which starts at the origin along x.
+
+    Args:
+      seed: a seed from 0, or the generator to draw from.
+      settings: what the circuit must keep; the defaults of `TightSettings` if None.
+      name: of the track; `random:SEED:tight` if None.
+
+    Raises:
+      SettingsError: settings that no circuit was found for.
+    """
+    settings = settings or TightSettings()
+    rng = seed if isinstance(seed, np.random.Generator) else np.random.default_rng(seed)
+    name = name or ("random:tight" if isinstance(seed, np.random.Generator) else f"random:{seed}:tight")
+    for _ in range(_ATTEMPTS):
+        track = _draw(rng, settings, name)
+        if track is not None and drivable_lap(track) is not None:
+            return track
+    raise SettingsError(f"no circuit found in {_ATTEMPTS} draws for {settings}; accepted: longer or wider")
+
+
+def _draw(rng: np.random.Generator, settings: TightSettings, name: str) -> Track | None:
+    cells = _KINDS[rng.integers(len(_KINDS))](rng)
+    barrier = rng.uniform(settings.min_barrier, settings.max_barrier)
+    columns, rows = (_sizes(rng, cells, axis, barrier, settings) for axis in (0, 1))
+    around = outline(cells, columns, rows)
+    count = len(around.corners)
+    radii = _radii(rng, around, settings)
+    right, left = (
+        np.where(
+            room - 0.5 * barrier < 0.5 * settings.max_width,
+            room - 0.5 * barrier,
+            0.5 * rng.uniform(settings.min_width, settings.max_width, count),
+        )
+        for room in (around.room_right, around.room_left)
+    )
+    if not _has_hairpin(around, left, settings):
+        return None
+    outside = np.isinf(around.room_right) & np.isinf(np.roll(around.room_right, 1))
+    squareness = np.where(outside, rng.choice((0.0, 0.5, 1.0), count), 0.0)
+    drawn = lane(around, radii, right, left, squareness)
+    extent = float(np.ptp(drawn.line, axis=0).max())
+    wave = 2.0 * math.pi / (extent * rng.uniform(1.5, 2.5, 2))
+    drawn = drawn.bend(rng.uniform(0.0, _MAX_BEND, 2), wave, rng.uniform(0.0, 2.0 * math.pi, 2))
+    if rng.random() < 0.5:
+        drawn = drawn.reverse()
+    try:
+        track = drawn.track(name)
+        shared = not (
+            np.array_equal(track.corridor_right, track.width_right)
+            and np.array_equal(track.corridor_left, track.width_left)
+        )
+        kept = settings.min_length <= track.length <= settings.max_length
+        kept = kept and float(np.abs(track.curvature).max()) <= 1.0 / settings.min_radius
+        kept = kept and float((track.width_left + track.width_right).min()) >= settings.min_width
+        return track if kept and not shared and len(track.left_wall) > 0 else None
+    except TrackError:
+        return None
+
+
+def _sizes(
+    rng: np.random.Generator, cells: frozenset[Cell], axis: int, barrier: float, settings: TightSettings
+) -> FloatArray:
+    """Return the width of each column (axis 0) or row (axis 1) [m]: thin where two lanes share it."""
+    count = 1 + max(cell[axis] for cell in cells)
+    ahead = (1, 0) if axis == 0 else (0, 1)
+    sizes = []
+    for place in range(count):
+        line = [cell for cell in cells if cell[axis] == place]
+        shared = any(
+            (i - ahead[0], j - ahead[1]) not in cells and (i + ahead[0], j + ahead[1]) not in cells for i, j in line
+        )
+        others = {cell[1 - axis] for cell in cells}
+        for other in others:
+            cell = (place, other) if axis == 0 else (other, place)
+            if cell not in cells:
+                lower = any(c[1 - axis] == other and c[axis] < place for c in cells)
+                upper = any(c[1 - axis] == other and c[axis] > place for c in cells)
+                shared = shared or (lower and upper)
+        thin = settings.max_width if rng.random() < 0.2 else rng.uniform(settings.min_width, settings.max_width)
+        sizes.append(thin + barrier if shared or rng.random() < 0.3 else rng.uniform(*_THICK))
+    return np.array(sizes)
+
+
+def _radii(rng: np.random.Generator, around: Outline, settings: TightSettings) -> FloatArray:
+    """Return the radius at each corner: half circles round hairpins, at random from the least elsewhere [m]."""
+    lengths = step_lengths(around.corners)
+    room = 0.5 * np.minimum(lengths, np.roll(lengths, 1))
+    least = settings.min_radius * (1.0 + 2.0 * _MAX_BEND)
+    drawn = rng.uniform(least, np.clip(room, least, _MAX_RADIUS))
+    return corner_radii(around, drawn, settings.max_width + settings.max_barrier + 1e-9)
+
+
+def _has_hairpin(around: Outline, left: FloatArray, settings: TightSettings) -> bool:
+    """Tell whether a barrier no thicker than the settings' ends in a hairpin, between lanes on both of its sides."""
+    lengths = step_lengths(around.corners)
+    thickness = lengths - np.roll(left, 1) - np.roll(left, -1)
+    return bool(np.any(hairpins(around) & (turns(around.corners) > 0.0) & (thickness < settings.max_barrier + 1e-9)))
+
+
+def _bar(rng: np.random.Generator) -> frozenset[Cell]:
+    """A bar of one to six cells that bends."""
+    return _grow(rng, int(rng.integers(1, 7)), 6.0, only_at_end=True)
+
+
+def _tree(rng: np.random.Generator) -> frozenset[Cell]:
+    """Five to fourteen cells that grow in fingers."""
+    return _grow(rng, int(rng.integers(5, 15)), rng.uniform(2.0, 6.0))
+
+
+def _comb(rng: np.random.Generator) -> frozenset[Cell]:
+    """A back of cells with two to four teeth on one side or on both."""
+    teeth, high, flipped = int(rng.integers(2, 5)), rng.integers(1, 3, 4), rng.random() < 0.5
+    cells = {(i, 0) for i in range(2 * teeth - 1)}
+    for tooth in range(teeth):
+        cells |= {(2 * tooth, j + 1) for j in range(int(high[tooth]))}
+        if rng.random() < 0.2:
+            cells.add((2 * tooth, -1))
+    return _at_zero({(j, i) for i, j in cells} if flipped else cells)
+
+
+def _spiral(rng: np.random.Generator) -> frozenset[Cell]:
+    """A bar that winds inward, with a lane between its windings."""
+    long, i, j = int(rng.integers(4, 7)), 0, 0
+    cells, mirrored = {(0, 0)}, rng.random() < 0.5
+    legs = [long, int(rng.integers(2, 5)), long, 2, long - 2][: int(rng.integers(3, 6))]
+    if len(legs) > 3:
+        legs[1] = 4
+    for leg, (di, dj) in zip(legs, ((1, 0), (0, 1), (-1, 0), (0, -1), (1, 0)), strict=False):
+        for _ in range(leg):
+            i, j = i + di, j + dj
+            cells.add((i, j))
+    return _at_zero({(b, a) for a, b in cells} if mirrored else cells)
+
+
+_KINDS = (_bar, _comb, _spiral, _tree)
+_AROUND = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))
+
+
+def _grow(rng: np.random.Generator, count: int, fingers: float, *, only_at_end: bool = False) -> frozenset[Cell]:
+    """Return so many cells, grown one by one without holes; the more `fingers`, the fewer neighbours a new cell has."""
+    cells: list[Cell] = [(0, 0)]
+    while len(cells) < count:
+        bases = cells[-1:] if only_at_end else cells
+        near = sorted({(i + di, j + dj) for i, j in bases for di, dj in _AROUND[::2]} - set(cells))
+        free = [cell for cell in near if _can_join(cell, cells)]
+        if not free:
+            break
+        touching = np.array([sum((i + di, j + dj) in cells for di, dj in _AROUND[::2]) for i, j in free])
+        weight = np.exp(-fingers * (touching - 1.0))
+        cells.append(free[rng.choice(len(free), p=weight / weight.sum())])
+    return _at_zero(set(cells))
+
+
+def _can_join(cell: Cell, cells: list[Cell]) -> bool:
+    """Tell whether the cells stay without holes and diagonal contacts: those about this one are one run."""
+    ring = [(cell[0] + di, cell[1] + dj) in cells for di, dj in _AROUND]
+    return sum(ring[k] != ring[k - 1] for k in range(8)) == 2 and any(ring[::2])
+
+
+def _at_zero(cells: set[Cell]) -> frozenset[Cell]:
+    low_i, low_j = min(i for i, _ in cells), min(j for _, j in cells)
+    return frozenset((i - low_i, j - low_j) for i, j in cells)
