@@ -71,7 +71,7 @@ def drivable_lap(track: Track, car: Footprint | None = None, margin: float = MAR
     """
     car = car or Footprint()
     along = car.length / _CIRCLES
-    middles = along * (np.arange(_CIRCLES) + 0.5) - car.rear_overhang
+    middles = np.array([along * (circle + 0.5) - car.rear_overhang for circle in range(_CIRCLES)])
     radius = math.hypot(0.5 * along, 0.5 * car.width) + margin + math.sqrt(0.5) * _FIELD  # the last: the grid's error
     walls = np.concatenate([outline(edge) for edge in track.edges])
     low = walls.reshape(-1, 2).min(axis=0) - 1.0

@@ -20,6 +20,7 @@ from ..errors import SettingsError, TrackError
 from ..messages import FloatArray, require
 from .polyline import resample, rounded_polygon, smooth, step_lengths, turns
 from .track import Track
+from .track_walls import shared_widths
 
 SPACING = 0.2  # [m] between the points of a generated centreline
 EASEMENT = 0.35  # [m] sigma over which curvature is evened out: a car of wheelbase 0.33 m steers into its arcs
@@ -97,14 +98,14 @@ def _draw(rng: np.random.Generator, settings: GeneratorSettings, name: str) -> T
     curvature = np.abs(turns(line)) / lengths
     if not settings.min_length <= lengths.sum() <= settings.max_length or curvature.max() > 1.0 / settings.min_radius:
         return None
+    with_gap = [half + 0.5 * settings.wall_gap for half in halves]
     try:
-        with_gap = [half + 0.5 * settings.wall_gap for half in halves]
-        roomy = Track(name=name, centreline=line, width_right=with_gap[0], width_left=with_gap[1])
+        track = Track(name=name, centreline=line, width_right=halves[0], width_left=halves[1])
+        left_over = shared_widths(line, *with_gap, all_round=True)
     except TrackError:
         return None
-    if np.any(roomy.corridor_right < with_gap[0]) or np.any(roomy.corridor_left < with_gap[1]):
+    if any(np.any(left < wanted) for left, wanted in zip(left_over, with_gap, strict=True)):
         return None
-    track = Track(name=name, centreline=line, width_right=halves[0], width_left=halves[1])
     return track if _has_walls(track) else None
 
 

@@ -18,13 +18,15 @@ from numpy.typing import NDArray
 
 from ..messages import FloatArray
 from .generator import place_at_origin
-from .polyline import step_lengths, steps, subdivide, turns
+from .polyline import cross, step_lengths, steps, subdivide, turns
 from .track import Track
 
 Cell = tuple[int, int]
 
 SPACING = 0.1  # [m] between the points of the centreline
-_DIGITS = 4  # decimals of coordinates and widths [0.1 mm]
+_DIGITS = 5  # decimals of coordinates and widths [0.01 mm]: points lie as near as 2 cm, and have a heading
+_RAMP = 1.4  # [m] before and behind boxes in which the centreline turns to what they leave, at most
+_EDGE = 0.01  # [m] between a corner of a box and the points of the centreline before and behind it
 _LEFT_OF = {(1, 0): (0, 0), (0, 1): (-1, 0), (-1, 0): (-1, -1), (0, -1): (0, -1)}  # cell to the left of a side
 _RIGHT_OF = {(1, 0): (0, -1), (0, 1): (0, 0), (-1, 0): (-1, 0), (0, -1): (-1, -1)}
 
@@ -49,7 +51,9 @@ class Outline:
     room_right: FloatArray
 
 
-def outline(cells: frozenset[Cell], columns: Sequence[float], rows: Sequence[float]) -> Outline:
+def outline(
+    cells: frozenset[Cell], columns: Sequence[float] | FloatArray, rows: Sequence[float] | FloatArray
+) -> Outline:
     """Return the outline of a patch on a grid of columns and rows of these widths [m].
 
     Raises:
@@ -137,52 +141,146 @@ class Lane:
         return Track(name=name, centreline=line, width_right=right, width_left=left)
 
 
-def lane(around: Outline, radii: FloatArray, right: FloatArray, left: FloatArray, squareness: FloatArray) -> Lane:
-    """Return the lane along an outline, from the middle of its longest straight.
+@dataclass(frozen=True, kw_only=True)
+class Block:
+    """A box that stands against a wall of a straight.
+
+    Attributes:
+      side: number of the corner of the outline at which the side with the straight begins.
+      start: from the beginning of the straight to the box [m].
+      length: of the box along the straight [m].
+      depth: from the wall to the face of the box [m].
+      left: whether it stands against the left wall.
+    """
+
+    side: int
+    start: float
+    length: float
+    depth: float
+    left: bool
+
+
+def lane(
+    around: Outline, *, radii: FloatArray, right: FloatArray, left: FloatArray, squareness: FloatArray,
+    blocks: Sequence[Block] = (),
+) -> Lane:  # fmt: skip
+    """Return the lane along an outline, from the middle of its longest straight without boxes.
 
     Args:
       around: the outline.
       radii: of the centreline at each corner. Shape (n,) [m].
       right: from the centreline to the right wall, of the side that begins at each corner. Shape (n,) [m].
       left: to the left wall.
-      squareness: of the outer wall at each corner, from 0, an arc, to 1, a square corner. Shape (n,).
+      squareness: of the outer wall at each corner, from 0, the largest arc, to 1, a square corner. Shape (n,).
+      blocks: boxes on straights, in the order in which the lane meets them. The centreline runs through the middle of
+        what each of them leaves.
+
+    Raises:
+      ValueError: a box that is not on its straight.
     """
     corners = around.corners
-    turned = np.sign(turns(corners))
     after = steps(corners) / step_lengths(corners)[:, None]
-    before = np.roll(after, 1, axis=0)
-    points, rights, lefts = [], [], []
-    for c in range(len(corners)):
-        count = max(2, math.ceil(0.5 * math.pi * radii[c] / SPACING))
-        angle = 0.5 * math.pi * np.arange(count + 1) / count
-        centre = corners[c] + radii[c] * (after[c] - before[c])
-        points.append(centre + radii[c] * (np.outer(np.sin(angle), before[c]) - np.outer(np.cos(angle), after[c])))
-        sides = []
-        for side, widths in ((-1.0, right), (1.0, left)):
-            share = angle / (0.5 * math.pi)
-            width = (1.0 - share) * widths[c - 1] + share * widths[c]
-            if turned[c] == -side:
-                with np.errstate(divide="ignore"):
-                    square = np.minimum(
-                        (radii[c] + widths[c - 1]) / np.cos(angle), (radii[c] + widths[c]) / np.sin(angle)
-                    )
-                width = (1.0 - squareness[c]) * width + squareness[c] * (square - radii[c])
-            sides.append(width)
-        rights.append(sides[0])
-        lefts.append(sides[1])
+    turned = np.sign(turns(corners))
     straights = straight_lengths(around, radii)
-    longest = int(np.argmax(straights))
-    middle = 0.5 * (points[longest][-1] + points[(longest + 1) % len(corners)][0])
-    points[longest] = np.vstack((points[longest], middle))
-    rights[longest], lefts[longest] = (
-        np.append(rights[longest], right[longest]),
-        np.append(lefts[longest], left[longest]),
-    )
-    start = sum(len(piece) for piece in points[: longest + 1]) - 1
-    line, *widths = (np.roll(np.concatenate(pieces), -start, axis=0) for pieces in (points, rights, lefts))
-    apart = step_lengths(line) > 1e-9
-    line, wide_right, wide_left = subdivide(line[apart], SPACING, *(width[apart] for width in widths))
+    for block in blocks:
+        if not 0.0 < block.start < block.start + block.length < straights[block.side]:
+            raise ValueError(f"{block} on a straight of {straights[block.side]:.2f} m; accepted: within it")
+    start = int(np.argmax(np.where(np.isin(np.arange(len(corners)), [block.side for block in blocks]), 0.0, straights)))
+    pieces = []
+    for k in range(start + 1, start + 1 + len(corners)):  # the start is at the very end, or the very beginning
+        c, b = k % len(corners), (k - 1) % len(corners)
+        outer = right if turned[c] > 0.0 else left
+        vertex = math.atan2(radii[c] + outer[c], radii[c] + outer[b])  # where a square corner of the outer wall is
+        count = 1 + max(2, math.ceil(0.5 * math.pi * radii[c] / SPACING))
+        angle = np.union1d(np.linspace(0.0, 0.5 * math.pi, count), vertex)
+        arc = np.outer(np.sin(angle), after[b]) - np.outer(np.cos(angle), after[c])
+        arc = corners[c] + radii[c] * (after[c] - after[b] + arc)
+        wide_outer = _outer_wall(angle, radii[c] + outer[b], radii[c] + outer[c], squareness[c]) - radii[c]
+        inner = left if turned[c] > 0.0 else right
+        wide_inner = inner[b] + angle / (0.5 * math.pi) * (inner[c] - inner[b])
+        wide_right, wide_left = (wide_outer, wide_inner) if turned[c] > 0.0 else (wide_inner, wide_outer)
+        pieces.append(np.column_stack((arc, wide_right, wide_left)))
+        standing = [block for block in blocks if block.side == c]
+        if standing:
+            along, offset, wide_right, wide_left = _straight_with(standing, straights[c], right[c], left[c])
+            aside = np.array([-after[c, 1], after[c, 0]])
+            line = arc[-1] + np.outer(along, after[c]) + np.outer(offset, aside)
+            pieces.append(np.column_stack((line, wide_right, wide_left)))
+    middle = 0.5 * (pieces[-1][-1, :2] + pieces[0][0, :2])
+    rows = np.vstack((np.append(middle, (right[start], left[start])), *pieces))
+    rows = rows[step_lengths(rows[:, :2]) > 1e-9]
+    line, wide_right, wide_left = subdivide(rows[:, :2], SPACING, rows[:, 2], rows[:, 3])
     return Lane(line=line, right=wide_right, left=wide_left)
+
+
+def _outer_wall(angle: FloatArray, before: float, after: float, squareness: float) -> FloatArray:
+    """Return the distance from the middle of a corner's arc to the outer wall: two straights and an arc between them.
+
+    Args:
+      angle: of the rays, from square to the wall before the corner to square to that behind it. Shape (n,) [rad].
+      before: from the middle to the wall before the corner [m].
+      after: to that behind it [m].
+      squareness: 0: the arc is as large as there is room for; 1: there is none.
+    """
+    cos, sin = np.cos(angle), np.sin(angle)
+    straight = before * after / np.maximum(after * cos, before * sin)  # the nearer of before / cos and after / sin
+    radius = (1.0 - squareness) * min(before, after)
+    x, y = before - radius, after - radius  # the middle of the arc of the wall
+    ahead = x * cos + y * sin
+    arc = ahead + np.sqrt(np.maximum(ahead * ahead - x * x - y * y + radius * radius, 0.0))
+    return np.where((straight * cos > x) & (straight * sin > y), arc, straight)
+
+
+def _straight_with(blocks: Sequence[Block], length: float, right: float, left: float) -> tuple[FloatArray, ...]:
+    """Return the centreline of a straight of that length [m] with boxes, and its widths.
+
+    Returns:
+      Places along the straight, offsets to its left, and widths to the right and the left wall, shape (n,) [m] each.
+    """
+    knots = [(max(0.0, blocks[0].start - _RAMP), 0.0)]
+    faces = {True: [(-1.0, left)], False: [(-1.0, -right)]}
+    for block in blocks:
+        wall = left if block.left else -right
+        face = wall - block.depth if block.left else wall + block.depth
+        end = block.start + block.length
+        middle = 0.5 * (face - right) if block.left else 0.5 * (face + left)
+        knots += [(block.start, middle), (end, middle)]
+        faces[block.left] += [(block.start, wall), (block.start, face), (end, face), (end, wall)]
+    knots.append((min(length, blocks[-1].start + blocks[-1].length + _RAMP), 0.0))
+    walls = [np.array([*faces[side], (length + 1.0, faces[side][0][1])]) for side in (False, True)]
+    fine = np.linspace(0.0, length, 1 + math.ceil(length / 0.005))
+    offset, slope = _weave(fine, knots)
+    places = [np.linspace(0.0, length, 1 + math.ceil(length / (0.5 * SPACING)))[1:-1]]
+    for x, y in np.concatenate([wall[1:-1] for wall in walls]):  # just before and behind each corner of a box
+        beyond = x - fine + (y - offset) * slope > 0.0
+        squarely = fine[1:][beyond[:-1] & ~beyond[1:]]
+        places += [squarely - _EDGE, squarely + _EDGE]
+    along = np.unique(np.clip(np.concatenate(places), _EDGE, length - _EDGE))
+    along = along[np.diff(along, append=length) > 0.5 * _EDGE]
+    offset, slope = _weave(along, knots)
+    across = np.column_stack((-slope, np.ones(len(along)))) / np.hypot(1.0, slope)[:, None]
+    points = np.column_stack((along, offset))
+    return along, offset, _distance_to(walls[0], points, -across), _distance_to(walls[1], points, across)
+
+
+def _weave(along: FloatArray, knots: Sequence[tuple[float, float]]) -> tuple[FloatArray, FloatArray]:
+    """Return offset and slope of a line that goes from knot to knot in cosine waves. Shape (n,) each."""
+    x, y = np.array(knots).T
+    k = np.clip(np.searchsorted(x, along, side="right") - 1, 0, len(x) - 2)
+    run, rise = x[k + 1] - x[k], y[k + 1] - y[k]
+    angle = math.pi * np.clip((along - x[k]) / run, 0.0, 1.0)
+    return y[k] + 0.5 * rise * (1.0 - np.cos(angle)), 0.5 * math.pi * rise / run * np.sin(angle)
+
+
+def _distance_to(wall: FloatArray, points: FloatArray, directions: FloatArray) -> FloatArray:
+    """Return the distance from each point along its direction to an open wall (m, 2). Shape (n,) [m]."""
+    ahead = np.diff(wall, axis=0)
+    away = wall[:-1] - points[:, None]
+    scale = cross(directions[:, None], ahead)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        distance, share = cross(away, ahead) / scale, cross(away, directions[:, None]) / scale
+    hit = (scale != 0.0) & (share >= 0.0) & (share <= 1.0) & (distance > 0.0)
+    return np.asarray(np.where(hit, distance, math.inf).min(axis=1))
 
 
 def straight_lengths(around: Outline, radii: FloatArray) -> FloatArray:

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import FgMujocoError, TrackError
-from . import lanes
 from .centreline_csv import write_centreline
 from .generator import EASEMENT, SPACING, GeneratorSettings, generate_track, start_on_longest_straight
+from .lanes import Block, corner_radii, lane, outline, patch
 from .polyline import resample, rounded_polygon, smooth
 from .track import Track
 
@@ -60,26 +60,45 @@ def tight() -> Track:
 
 
 def u_turns() -> Track:
-    """Two U-turns round the ends of one bent barrier of 0.1 m; lanes 1.3 to 1.5 m wide."""
-    drawing = ("##..", ".###")
-    return _back_to_back("u_turns", drawing, [4.0, 1.5, 2.0, 3.0], [1.4, 1.6], width=1.5, radius=1.0)
+    """Two U-turns round the ends of one bent barrier; lanes 1.4 to 1.5 m wide, barrier 0.1 m thick."""
+    return _back_to_back("u_turns", ("##..", ".###"), [4.0, 1.5, 2.0, 3.0], [1.4, 1.6], width=1.5, radius=1.0)
 
 
 def serpentine() -> Track:
-    """Five U-turns round barriers of 0.1 m, one after the other; lanes 1.4 m wide."""
-    return _back_to_back("serpentine", ("#.#.#", "#####"), [1.5] * 5, [1.5, 3.5], width=1.4, radius=0.8)
+    """Five U-turns in a row round barriers of 0.1 m; lanes 1.4 m wide, the outer corners square."""
+    return _back_to_back("serpentine", ("#.#.#", "#####"), [1.5] * 5, [1.5, 3.5], width=1.4, radius=0.8, square=1.0)
 
 
 def spiral() -> Track:
-    """A lane that winds inward, turns round and winds out again; lanes 1.4 m wide, barriers of 0.1 m."""
-    drawing = ("#######", "#.....#", "#.###.#", "#...#.#", "###.#.#", "....#.#", "....###")
+    """A lane that winds inward, turns round and winds out again; lanes 1.4 m wide, barriers 0.1 m thick."""
     drawing = ("####", "#..#", "##.#", "...#", "####")
-    return _back_to_back("spiral", drawing, [1.5, 1.5, 1.5, 1.5], [1.5] * 5, width=1.4, radius=0.7)
+    return _back_to_back("spiral", drawing, [1.5] * 4, [1.5] * 5, width=1.4, radius=0.7)
+
+
+def elbow() -> Track:
+    """Corners of 90 degrees straight into hairpins, a centreline of 0.45 m radius in lanes 1.3 to 1.5 m wide."""
+    drawing, columns, rows = ("#..", "###", "..#"), [1.5, 3.5, 1.6], [1.4, 1.4, 1.5]
+    return _back_to_back("elbow", drawing, columns, rows, width=1.5, radius=0.45, square=0.5)
+
+
+def boxes() -> Track:
+    """Chicanes of boxes, each of which leaves 0.75 m; lanes 1.6 m wide, barrier 0.1 m thick."""
+    places = [(1, 1.3, True), (2, 1.1, False), (2, 3.0, True), (5, 1.1, False), (5, 3.1, True)]
+    blocks = [Block(side=side, start=start, length=0.4, depth=0.85, left=left) for side, start, left in places]
+    drawing, columns, rows = ("##", "#."), [1.7, 6.2], [4.6, 1.7]
+    return _back_to_back("boxes", drawing, columns, rows, width=1.6, radius=0.8, square=1.0, blocks=blocks)
+
+
+def maze() -> Track:
+    """Eight U-turns and dead ends of barriers, as in a hall full of them; lanes 1.0 to 1.35 m wide."""
+    drawing = ("#.###", "#.#..", "#####", "..#.#", "###.#")
+    sizes = [1.3, 1.1, 1.1, 1.3, 1.3]
+    return _back_to_back("maze", drawing, sizes, sizes, width=1.5, radius=0.6, square=0.5)
 
 
 RECIPES: dict[str, Callable[[], Track]] = {
     recipe.__name__: recipe
-    for recipe in (oval, l_corridor, hairpins, chicanes, fast, tight, u_turns, serpentine, spiral)
+    for recipe in (oval, l_corridor, hairpins, chicanes, fast, tight, u_turns, serpentine, spiral, elbow, boxes, maze)
 }
 
 
@@ -110,13 +129,15 @@ def _with_width(name: str, line: np.ndarray, width: float) -> Track:
 
 
 def _back_to_back(
-    name: str, drawing: Sequence[str], columns: Sequence[float], rows: Sequence[float], *, width: float, radius: float
-) -> Track:
+    name: str, drawing: Sequence[str], columns: Sequence[float], rows: Sequence[float], *, width: float, radius: float,
+    square: float = 0.0, blocks: Sequence[Block] = (),
+) -> Track:  # fmt: skip
     """Lanes at most `width` [m] wide round a drawing of cells (lanes.patch), with barriers of 0.1 m between them."""
-    around = lanes.outline(lanes.patch(*drawing), columns, rows)
+    around = outline(patch(*drawing), columns, rows)
     right, left = (np.minimum(room - 0.05, 0.5 * width) for room in (around.room_right, around.room_left))
-    radii = lanes.corner_radii(around, np.full(len(right), radius), hairpin=1.8)
-    return lanes.lane(around, radii, right, left, np.zeros(len(right))).track(name)
+    corners = np.ones(len(right))
+    radii = corner_radii(around, radius * corners, hairpin=1.8)
+    return lane(around, radii=radii, right=right, left=left, squareness=square * corners, blocks=blocks).track(name)
 
 
 def main(arguments: list[str]) -> int:

@@ -3,10 +3,11 @@
     track = generate_tight_track(7)    # or load_track("random:7:tight")
 
 The generator draws a patch of cells: a bent bar, a comb, a spiral, or a tree that grows at random. The circuit is the
-outline of the patch (`lanes`). Every circuit has a hairpin of 180 degrees round a thin barrier, and a lap of it can be
-driven forward by the bundled car `f1tenth`, with 5 cm of room all round: a search over its motions finds one
-(`drivable`). A circuit that breaks the settings or that the search finds no lap of is drawn again. The same seed gives
-the same numbers.
+outline of the patch (`lanes`). Corners are round or square, on some of the straights boxes stand as a chicane, and the
+plane is bent a little. Every circuit has a hairpin of 180 degrees round a thin barrier. A lap of it can be driven
+forward by the bundled car `f1tenth`, with 5 cm of room all round: a search over its motions finds one (`drivable`). A
+circuit that breaks the settings, or of which the search finds no lap, is drawn again. The same seed gives the same
+numbers.
 """
 
 from __future__ import annotations
@@ -19,13 +20,17 @@ import numpy as np
 from ..errors import SettingsError, TrackError
 from ..messages import FloatArray, require
 from .drivable import drivable_lap
-from .lanes import Cell, Outline, corner_radii, hairpins, lane, outline
+from .lanes import Block, Cell, Outline, corner_radii, hairpins, lane, outline, straight_lengths
 from .polyline import step_lengths, turns
 from .track import Track
 
 _ATTEMPTS = 300  # draws before giving up; with the default settings the first few keep them
 _MAX_RADIUS = 1.6  # [m] of the centreline in a corner that has room for more
 _MAX_BEND = 0.08  # greatest gradient of the displacement that bends the plane
+_CHICANES = 0.3  # share of the straights with room for boxes that have some
+_CHICANE = 2.2  # [m] of a straight with one box; each further one needs as much more as the box and the way to it
+_APART = (1.1, 1.8)  # [m] from the end of one box to the beginning of the next
+_BLOCK = (0.2, 0.6)  # [m] length of a box
 _THICK = (1.8, 5.0)  # [m] of a row or column that no two lanes share
 
 
@@ -40,15 +45,17 @@ class TightSettings:
     min_length: float = 15.0  # [m]
     max_length: float = 60.0  # [m]
     min_width: float = 1.0  # [m] of the lane; the rules of 2026 ask for at least 1 m
-    max_width: float = 1.8  # [m]; in the square corners of the outer wall there is more
+    max_width: float = 1.8  # [m]; square corners of the outer wall leave more
+    min_gap: float = 0.6  # [m] that a box leaves; the car is 0.31 m wide
+    max_gap: float = 0.9  # [m]
     min_radius: float = 0.45  # [m] of the centreline
-    min_barrier: float = 0.07  # [m] thickness of the barrier between two lanes
+    min_barrier: float = 0.08  # [m] thickness of the barrier between two lanes, before the plane is bent
     max_barrier: float = 0.15  # [m]
 
     def __post_init__(self) -> None:
         names = tuple(field.name for field in fields(self))
         require(self, lambda value: 0.0 < value < math.inf, "a positive number of metres", names, SettingsError)
-        for what in ("length", "width", "barrier"):
+        for what in ("length", "width", "gap", "barrier"):
             low, high = getattr(self, f"min_{what}"), getattr(self, f"max_{what}")
             if low > high:
                 raise SettingsError(f"TightSettings.min_{what} is {low} m; accepted: at most max_{what}, {high} m")
@@ -94,9 +101,15 @@ def _draw(rng: np.random.Generator, settings: TightSettings, name: str) -> Track
     )
     if not _has_hairpin(around, left, settings):
         return None
-    outside = np.isinf(around.room_right) & np.isinf(np.roll(around.room_right, 1))
-    squareness = np.where(outside, rng.choice((0.0, 0.5, 1.0), count), 0.0)
-    drawn = lane(around, radii, right, left, squareness)
+    squareness = rng.choice((0.0, 0.5, 1.0), count)
+    drawn = lane(
+        around,
+        radii=radii,
+        right=right,
+        left=left,
+        squareness=squareness,
+        blocks=_blocks(rng, around, radii, right, left, settings),
+    )
     extent = float(np.ptp(drawn.line, axis=0).max())
     wave = 2.0 * math.pi / (extent * rng.uniform(1.5, 2.5, 2))
     drawn = drawn.bend(rng.uniform(0.0, _MAX_BEND, 2), wave, rng.uniform(0.0, 2.0 * math.pi, 2))
@@ -104,40 +117,35 @@ def _draw(rng: np.random.Generator, settings: TightSettings, name: str) -> Track
         drawn = drawn.reverse()
     try:
         track = drawn.track(name)
-        shared = not (
-            np.array_equal(track.corridor_right, track.width_right)
-            and np.array_equal(track.corridor_left, track.width_left)
-        )
         kept = settings.min_length <= track.length <= settings.max_length
         kept = kept and float(np.abs(track.curvature).max()) <= 1.0 / settings.min_radius
-        kept = kept and float((track.width_left + track.width_right).min()) >= settings.min_width
-        return track if kept and not shared and len(track.left_wall) > 0 else None
+        kept = kept and np.array_equal(track.corridor_right, track.width_right)
+        kept = kept and np.array_equal(track.corridor_left, track.width_left)
+        return track if kept and len(track.left_wall) > 0 else None
     except TrackError:
         return None
 
 
 def _sizes(
     rng: np.random.Generator, cells: frozenset[Cell], axis: int, barrier: float, settings: TightSettings
-) -> FloatArray:
+) -> list[float]:
     """Return the width of each column (axis 0) or row (axis 1) [m]: thin where two lanes share it."""
-    count = 1 + max(cell[axis] for cell in cells)
-    ahead = (1, 0) if axis == 0 else (0, 1)
     sizes = []
-    for place in range(count):
-        line = [cell for cell in cells if cell[axis] == place]
-        shared = any(
-            (i - ahead[0], j - ahead[1]) not in cells and (i + ahead[0], j + ahead[1]) not in cells for i, j in line
-        )
-        others = {cell[1 - axis] for cell in cells}
-        for other in others:
-            cell = (place, other) if axis == 0 else (other, place)
-            if cell not in cells:
-                lower = any(c[1 - axis] == other and c[axis] < place for c in cells)
-                upper = any(c[1 - axis] == other and c[axis] > place for c in cells)
-                shared = shared or (lower and upper)
-        thin = settings.max_width if rng.random() < 0.2 else rng.uniform(settings.min_width, settings.max_width)
-        sizes.append(thin + barrier if shared or rng.random() < 0.3 else rng.uniform(*_THICK))
-    return np.array(sizes)
+    for place in range(1 + max(cell[axis] for cell in cells)):
+        thin = barrier + rng.uniform(settings.min_width, settings.max_width)
+        thick = rng.uniform(*_THICK)
+        sizes.append(thin if _is_shared(cells, axis, place) or rng.random() < 0.3 else thick)
+    return sizes
+
+
+def _is_shared(cells: frozenset[Cell], axis: int, place: int) -> bool:
+    """Tell whether a column or row is all that divides two lanes: it has a cell, or a gap, that is one thick."""
+    for other in {cell[1 - axis] for cell in cells}:
+        across = {cell[axis] for cell in cells if cell[1 - axis] == other}
+        beside = (place - 1 in across, place + 1 in across)
+        if (place in across and beside == (False, False)) or (place not in across and beside == (True, True)):
+            return True
+    return False
 
 
 def _radii(rng: np.random.Generator, around: Outline, settings: TightSettings) -> FloatArray:
@@ -149,6 +157,33 @@ def _radii(rng: np.random.Generator, around: Outline, settings: TightSettings) -
     return corner_radii(around, drawn, settings.max_width + settings.max_barrier + 1e-9)
 
 
+def _blocks(
+    rng: np.random.Generator,
+    around: Outline,
+    radii: FloatArray,
+    right: FloatArray,
+    left: FloatArray,
+    settings: TightSettings,
+) -> list[Block]:
+    """Return boxes for some of the straights, in the middle of each: against one wall and then the other."""
+    straights = straight_lengths(around, radii)
+    blocks = []
+    for side in np.flatnonzero(straights > _CHICANE).tolist():
+        wanted = rng.random() < _CHICANES and side != int(np.argmax(straights))
+        apart, on_left, count = rng.uniform(*_APART), bool(rng.random() < 0.5), int(rng.integers(1, 4))
+        count = min(count, 1 + int((straights[side] - _CHICANE) / (apart + _BLOCK[1])))
+        lengths = rng.uniform(*_BLOCK, count)
+        depths = right[side] + left[side] - rng.uniform(settings.min_gap, settings.max_gap, count)
+        if not wanted or depths.min() < _BLOCK[0]:
+            continue
+        start = 0.5 * (straights[side] - lengths.sum() - (count - 1) * apart)
+        for length, depth in zip(lengths.tolist(), depths.tolist(), strict=True):
+            blocks.append(Block(side=side, start=start, length=length, depth=depth, left=on_left))
+            start += length + apart
+            on_left = not on_left
+    return blocks
+
+
 def _has_hairpin(around: Outline, left: FloatArray, settings: TightSettings) -> bool:
     """Tell whether a barrier no thicker than the settings' ends in a hairpin, between lanes on both of its sides."""
     lengths = step_lengths(around.corners)
@@ -157,8 +192,8 @@ def _has_hairpin(around: Outline, left: FloatArray, settings: TightSettings) -> 
 
 
 def _bar(rng: np.random.Generator) -> frozenset[Cell]:
-    """A bar of one to six cells that bends."""
-    return _grow(rng, int(rng.integers(1, 7)), 6.0, only_at_end=True)
+    """A bar of two to six cells that bends."""
+    return _grow(rng, int(rng.integers(2, 7)), 6.0, only_at_end=True)
 
 
 def _tree(rng: np.random.Generator) -> frozenset[Cell]:
