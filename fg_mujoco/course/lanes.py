@@ -1,6 +1,7 @@
 """Circuits round a patch of cells whose lanes lie back to back: between two lanes stands only a thin barrier.
 
-    track = circuit("comb", patch("#.#.#", "#####"), columns=[1.5] * 5, rows=[1.4, 3.0])
+    around = outline(patch("#.#.#", "#####"), columns=[1.5] * 5, rows=[1.4, 3.0])
+    track = lane(around, radii=..., right=..., left=..., squareness=...).track("comb")
 
 The circuit is the outline of the patch. Where a cell lies between two of its stretches, the cell is divided between
 them: each lane reaches to half of the cell, less half of the barrier. So a finger of the patch that is one cell thick
@@ -9,6 +10,7 @@ becomes a thin barrier with a hairpin round its end, and so does a gap one cell 
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,15 +20,14 @@ from numpy.typing import NDArray
 
 from ..messages import FloatArray
 from .generator import place_at_origin
-from .polyline import cross, step_lengths, steps, subdivide, turns
+from .polyline import step_lengths, steps, subdivide, turns
 from .track import Track
 
 Cell = tuple[int, int]
 
 SPACING = 0.1  # [m] between the points of the centreline
-_DIGITS = 5  # decimals of coordinates and widths [0.01 mm]: points lie as near as 2 cm, and have a heading
-_RAMP = 1.4  # [m] before and behind boxes in which the centreline turns to what they leave, at most
-_EDGE = 0.01  # [m] between a corner of a box and the points of the centreline before and behind it
+_DIGITS = 5  # decimals of coordinates and widths [0.01 mm]: beside boxes points are 2 cm apart
+_STRAIGHT = 3.0  # [m] radius over which a lane counts as straight
 _LEFT_OF = {(1, 0): (0, 0), (0, 1): (-1, 0), (-1, 0): (-1, -1), (0, -1): (0, -1)}  # cell to the left of a side
 _RIGHT_OF = {(1, 0): (0, -1), (0, 1): (0, 0), (-1, 0): (-1, 0), (0, -1): (-1, -1)}
 
@@ -130,6 +131,18 @@ class Lane:
         across = (1.0 - slope[:, 0] * slope[:, 1]) / stretched  # areas grow as the determinant does
         return Lane(line=line, right=self.right * across, left=self.left * across)
 
+    @property
+    def arc_length(self) -> FloatArray:
+        """Progress at each point, 0 at the first. Shape (n,) [m]."""
+        lengths = step_lengths(self.line)
+        return np.asarray(np.cumsum(lengths) - lengths)
+
+    def straights(self) -> list[tuple[float, float]]:
+        """Return where the straights begin and end [m]; the one that the start is on is left out."""
+        lengths = step_lengths(self.line)
+        bends = self.arc_length[np.abs(turns(self.line)) > 0.5 * (lengths + np.roll(lengths, 1)) / _STRAIGHT].tolist()
+        return [(first, last) for first, last in itertools.pairwise(bends) if last - first > 3.0 * SPACING]
+
     def track(self, name: str) -> Track:
         """Return the track, from its first point, which is at the origin, along x.
 
@@ -141,30 +154,8 @@ class Lane:
         return Track(name=name, centreline=line, width_right=right, width_left=left)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Block:
-    """A box that stands against a wall of a straight.
-
-    Attributes:
-      side: number of the corner of the outline at which the side with the straight begins.
-      start: from the beginning of the straight to the box [m].
-      length: of the box along the straight [m].
-      depth: from the wall to the face of the box [m].
-      left: whether it stands against the left wall.
-    """
-
-    side: int
-    start: float
-    length: float
-    depth: float
-    left: bool
-
-
-def lane(
-    around: Outline, *, radii: FloatArray, right: FloatArray, left: FloatArray, squareness: FloatArray,
-    blocks: Sequence[Block] = (),
-) -> Lane:  # fmt: skip
-    """Return the lane along an outline, from the middle of its longest straight without boxes.
+def lane(around: Outline, *, radii: FloatArray, right: FloatArray, left: FloatArray, squareness: FloatArray) -> Lane:
+    """Return the lane along an outline, from the middle of its longest straight.
 
     Args:
       around: the outline.
@@ -172,20 +163,11 @@ def lane(
       right: from the centreline to the right wall, of the side that begins at each corner. Shape (n,) [m].
       left: to the left wall.
       squareness: of the outer wall at each corner, from 0, the largest arc, to 1, a square corner. Shape (n,).
-      blocks: boxes on straights, in the order in which the lane meets them. The centreline runs through the middle of
-        what each of them leaves.
-
-    Raises:
-      ValueError: a box that is not on its straight.
     """
     corners = around.corners
     after = steps(corners) / step_lengths(corners)[:, None]
     turned = np.sign(turns(corners))
-    straights = straight_lengths(around, radii)
-    for block in blocks:
-        if not 0.0 < block.start < block.start + block.length < straights[block.side]:
-            raise ValueError(f"{block} on a straight of {straights[block.side]:.2f} m; accepted: within it")
-    start = int(np.argmax(np.where(np.isin(np.arange(len(corners)), [block.side for block in blocks]), 0.0, straights)))
+    start = int(np.argmax(step_lengths(corners) - radii - np.roll(radii, -1)))
     pieces = []
     for k in range(start + 1, start + 1 + len(corners)):  # the start is at the very end, or the very beginning
         c, b = k % len(corners), (k - 1) % len(corners)
@@ -200,12 +182,6 @@ def lane(
         wide_inner = inner[b] + angle / (0.5 * math.pi) * (inner[c] - inner[b])
         wide_right, wide_left = (wide_outer, wide_inner) if turned[c] > 0.0 else (wide_inner, wide_outer)
         pieces.append(np.column_stack((arc, wide_right, wide_left)))
-        standing = [block for block in blocks if block.side == c]
-        if standing:
-            along, offset, wide_right, wide_left = _straight_with(standing, straights[c], right[c], left[c])
-            aside = np.array([-after[c, 1], after[c, 0]])
-            line = arc[-1] + np.outer(along, after[c]) + np.outer(offset, aside)
-            pieces.append(np.column_stack((line, wide_right, wide_left)))
     middle = 0.5 * (pieces[-1][-1, :2] + pieces[0][0, :2])
     rows = np.vstack((np.append(middle, (right[start], left[start])), *pieces))
     rows = rows[step_lengths(rows[:, :2]) > 1e-9]
@@ -229,63 +205,6 @@ def _outer_wall(angle: FloatArray, before: float, after: float, squareness: floa
     ahead = x * cos + y * sin
     arc = ahead + np.sqrt(np.maximum(ahead * ahead - x * x - y * y + radius * radius, 0.0))
     return np.where((straight * cos > x) & (straight * sin > y), arc, straight)
-
-
-def _straight_with(blocks: Sequence[Block], length: float, right: float, left: float) -> tuple[FloatArray, ...]:
-    """Return the centreline of a straight of that length [m] with boxes, and its widths.
-
-    Returns:
-      Places along the straight, offsets to its left, and widths to the right and the left wall, shape (n,) [m] each.
-    """
-    knots = [(max(0.0, blocks[0].start - _RAMP), 0.0)]
-    faces = {True: [(-1.0, left)], False: [(-1.0, -right)]}
-    for block in blocks:
-        wall = left if block.left else -right
-        face = wall - block.depth if block.left else wall + block.depth
-        end = block.start + block.length
-        middle = 0.5 * (face - right) if block.left else 0.5 * (face + left)
-        knots += [(block.start, middle), (end, middle)]
-        faces[block.left] += [(block.start, wall), (block.start, face), (end, face), (end, wall)]
-    knots.append((min(length, blocks[-1].start + blocks[-1].length + _RAMP), 0.0))
-    walls = [np.array([*faces[side], (length + 1.0, faces[side][0][1])]) for side in (False, True)]
-    fine = np.linspace(0.0, length, 1 + math.ceil(length / 0.005))
-    offset, slope = _weave(fine, knots)
-    places = [np.linspace(0.0, length, 1 + math.ceil(length / (0.5 * SPACING)))[1:-1]]
-    for x, y in np.concatenate([wall[1:-1] for wall in walls]):  # just before and behind each corner of a box
-        beyond = x - fine + (y - offset) * slope > 0.0
-        squarely = fine[1:][beyond[:-1] & ~beyond[1:]]
-        places += [squarely - _EDGE, squarely + _EDGE]
-    along = np.unique(np.clip(np.concatenate(places), _EDGE, length - _EDGE))
-    along = along[np.diff(along, append=length) > 0.5 * _EDGE]
-    offset, slope = _weave(along, knots)
-    across = np.column_stack((-slope, np.ones(len(along)))) / np.hypot(1.0, slope)[:, None]
-    points = np.column_stack((along, offset))
-    return along, offset, _distance_to(walls[0], points, -across), _distance_to(walls[1], points, across)
-
-
-def _weave(along: FloatArray, knots: Sequence[tuple[float, float]]) -> tuple[FloatArray, FloatArray]:
-    """Return offset and slope of a line that goes from knot to knot in cosine waves. Shape (n,) each."""
-    x, y = np.array(knots).T
-    k = np.clip(np.searchsorted(x, along, side="right") - 1, 0, len(x) - 2)
-    run, rise = x[k + 1] - x[k], y[k + 1] - y[k]
-    angle = math.pi * np.clip((along - x[k]) / run, 0.0, 1.0)
-    return y[k] + 0.5 * rise * (1.0 - np.cos(angle)), 0.5 * math.pi * rise / run * np.sin(angle)
-
-
-def _distance_to(wall: FloatArray, points: FloatArray, directions: FloatArray) -> FloatArray:
-    """Return the distance from each point along its direction to an open wall (m, 2). Shape (n,) [m]."""
-    ahead = np.diff(wall, axis=0)
-    away = wall[:-1] - points[:, None]
-    scale = cross(directions[:, None], ahead)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        distance, share = cross(away, ahead) / scale, cross(away, directions[:, None]) / scale
-    hit = (scale != 0.0) & (share >= 0.0) & (share <= 1.0) & (distance > 0.0)
-    return np.asarray(np.where(hit, distance, math.inf).min(axis=1))
-
-
-def straight_lengths(around: Outline, radii: FloatArray) -> FloatArray:
-    """Return how long each side is between the arcs at its ends. Shape (n,) [m]."""
-    return np.asarray(step_lengths(around.corners) - radii - np.roll(radii, -1))
 
 
 def hairpins(around: Outline) -> NDArray[np.bool_]:

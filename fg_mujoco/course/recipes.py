@@ -14,8 +14,9 @@ import numpy as np
 
 from ..errors import FgMujocoError, TrackError
 from .centreline_csv import write_centreline
+from .chicanes import Block, with_boxes
 from .generator import EASEMENT, SPACING, GeneratorSettings, generate_track, start_on_longest_straight
-from .lanes import Block, corner_radii, lane, outline, patch
+from .lanes import corner_radii, lane, outline, patch
 from .polyline import resample, rounded_polygon, smooth
 from .track import Track
 
@@ -83,10 +84,8 @@ def elbow() -> Track:
 
 def boxes() -> Track:
     """Chicanes of boxes, each of which leaves 0.75 m; lanes 1.6 m wide, barrier 0.1 m thick."""
-    places = [(1, 1.3, True), (2, 1.1, False), (2, 3.0, True), (5, 1.1, False), (5, 3.1, True)]
-    blocks = [Block(side=side, start=start, length=0.4, depth=0.85, left=left) for side, start, left in places]
     drawing, columns, rows = ("##", "#."), [1.7, 6.2], [4.6, 1.7]
-    return _back_to_back("boxes", drawing, columns, rows, width=1.6, radius=0.8, square=1.0, blocks=blocks)
+    return _back_to_back("boxes", drawing, columns, rows, width=1.6, radius=0.8, square=1.0, gap=0.75)
 
 
 def maze() -> Track:
@@ -130,14 +129,31 @@ def _with_width(name: str, line: np.ndarray, width: float) -> Track:
 
 def _back_to_back(
     name: str, drawing: Sequence[str], columns: Sequence[float], rows: Sequence[float], *, width: float, radius: float,
-    square: float = 0.0, blocks: Sequence[Block] = (),
+    square: float = 0.0, gap: float = 0.0,
 ) -> Track:  # fmt: skip
-    """Lanes at most `width` [m] wide round a drawing of cells (lanes.patch), with barriers of 0.1 m between them."""
+    """Lanes round a drawing of cells (lanes.patch), with barriers of 0.1 m between them.
+
+    Args:
+      name: of the track.
+      drawing: rows of cells, the last is the lowest.
+      columns: their widths [m].
+      rows: their heights [m].
+      width: of the lanes, at most [m].
+      radius: of the centreline in all corners that are no U-turns, at most [m].
+      square: how square the corners of the outer wall are, from 0 to 1.
+      gap: left by boxes on all straights of 2.5 m or more [m]; 0: no boxes.
+    """
     around = outline(patch(*drawing), columns, rows)
     right, left = (np.minimum(room - 0.05, 0.5 * width) for room in (around.room_right, around.room_left))
     corners = np.ones(len(right))
     radii = corner_radii(around, radius * corners, hairpin=1.8)
-    return lane(around, radii=radii, right=right, left=left, squareness=square * corners, blocks=blocks).track(name)
+    drawn = lane(around, radii=radii, right=right, left=left, squareness=square * corners)
+    for start, end in reversed(drawn.straights()) if gap else ():
+        count = int((end - start - 0.6) / 1.9)
+        first = 0.5 * (end - start - 1.9 * count + 1.5)
+        blocks = [Block(start=first + 1.9 * k, length=0.4, depth=width - gap, left=k % 2 == 0) for k in range(count)]
+        drawn = with_boxes(drawn, start, end, blocks) if blocks else drawn
+    return drawn.track(name)
 
 
 def main(arguments: list[str]) -> int:

@@ -19,15 +19,16 @@ import numpy as np
 
 from ..errors import SettingsError, TrackError
 from ..messages import FloatArray, require
+from .chicanes import Block, with_boxes
 from .drivable import drivable_lap
-from .lanes import Block, Cell, Outline, corner_radii, hairpins, lane, outline, straight_lengths
+from .lanes import SPACING, Cell, Lane, Outline, corner_radii, hairpins, lane, outline
 from .polyline import step_lengths, turns
 from .track import Track
 
 _ATTEMPTS = 300  # draws before giving up; with the default settings the first few keep them
 _MAX_RADIUS = 1.6  # [m] of the centreline in a corner that has room for more
 _MAX_BEND = 0.08  # greatest gradient of the displacement that bends the plane
-_CHICANES = 0.3  # share of the straights with room for boxes that have some
+_CHICANES = 0.5  # share of the straights with room for boxes that have some
 _CHICANE = 2.2  # [m] of a straight with one box; each further one needs as much more as the box and the way to it
 _APART = (1.1, 1.8)  # [m] from the end of one box to the beginning of the next
 _BLOCK = (0.2, 0.6)  # [m] length of a box
@@ -102,19 +103,13 @@ def _draw(rng: np.random.Generator, settings: TightSettings, name: str) -> Track
     if not _has_hairpin(around, left, settings):
         return None
     squareness = rng.choice((0.0, 0.5, 1.0), count)
-    drawn = lane(
-        around,
-        radii=radii,
-        right=right,
-        left=left,
-        squareness=squareness,
-        blocks=_blocks(rng, around, radii, right, left, settings),
-    )
+    drawn = lane(around, radii=radii, right=right, left=left, squareness=squareness)
     extent = float(np.ptp(drawn.line, axis=0).max())
     wave = 2.0 * math.pi / (extent * rng.uniform(1.5, 2.5, 2))
     drawn = drawn.bend(rng.uniform(0.0, _MAX_BEND, 2), wave, rng.uniform(0.0, 2.0 * math.pi, 2))
     if rng.random() < 0.5:
         drawn = drawn.reverse()
+    drawn = _chicanes(rng, drawn, settings)
     try:
         track = drawn.track(name)
         kept = settings.min_length <= track.length <= settings.max_length
@@ -157,31 +152,27 @@ def _radii(rng: np.random.Generator, around: Outline, settings: TightSettings) -
     return corner_radii(around, drawn, settings.max_width + settings.max_barrier + 1e-9)
 
 
-def _blocks(
-    rng: np.random.Generator,
-    around: Outline,
-    radii: FloatArray,
-    right: FloatArray,
-    left: FloatArray,
-    settings: TightSettings,
-) -> list[Block]:
-    """Return boxes for some of the straights, in the middle of each: against one wall and then the other."""
-    straights = straight_lengths(around, radii)
-    blocks = []
-    for side in np.flatnonzero(straights > _CHICANE).tolist():
-        wanted = rng.random() < _CHICANES and side != int(np.argmax(straights))
-        apart, on_left, count = rng.uniform(*_APART), bool(rng.random() < 0.5), int(rng.integers(1, 4))
-        count = min(count, 1 + int((straights[side] - _CHICANE) / (apart + _BLOCK[1])))
-        lengths = rng.uniform(*_BLOCK, count)
-        depths = right[side] + left[side] - rng.uniform(settings.min_gap, settings.max_gap, count)
-        if not wanted or depths.min() < _BLOCK[0]:
+def _chicanes(rng: np.random.Generator, drawn: Lane, settings: TightSettings) -> Lane:
+    """Return the lane with boxes on some of its straights: against one wall and then the other."""
+    for begin, end in reversed(drawn.straights()):  # those before keep their places
+        room = end - begin - _CHICANE
+        wanted, on_left, count = rng.random() < _CHICANES, bool(rng.random() < 0.5), int(rng.integers(1, 4))
+        if room < 0.0 or not wanted:
             continue
-        start = 0.5 * (straights[side] - lengths.sum() - (count - 1) * apart)
+        apart = rng.uniform(*_APART)
+        lengths = rng.uniform(*_BLOCK, min(count, 1 + int(room / (apart + _BLOCK[1]))))
+        beside = np.abs(drawn.arc_length - 0.5 * (begin + end)) < 0.5 * room + SPACING
+        width = float((drawn.right + drawn.left)[beside].min())
+        depths = width - rng.uniform(settings.min_gap, settings.max_gap, len(lengths))
+        if depths.min() < _BLOCK[0]:
+            continue
+        start, blocks = 0.5 * (end - begin - lengths.sum() - (len(lengths) - 1) * apart), []
         for length, depth in zip(lengths.tolist(), depths.tolist(), strict=True):
-            blocks.append(Block(side=side, start=start, length=length, depth=depth, left=on_left))
+            blocks.append(Block(start=start, length=length, depth=depth, left=on_left))
             start += length + apart
             on_left = not on_left
-    return blocks
+        drawn = with_boxes(drawn, begin, end, blocks)
+    return drawn
 
 
 def _has_hairpin(around: Outline, left: FloatArray, settings: TightSettings) -> bool:
