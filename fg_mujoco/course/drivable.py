@@ -2,11 +2,14 @@
 
     poses = drivable_lap(track)    # (n, 3), or None where there is no way
 
-The search is hybrid A* without its heuristic (Dolgov et al. 2010). From the start pose the car drives arcs of length
-`STEP`, each with one of five curvatures up to full lock. Of all free poses in one cell of position and heading the
-first is kept. A pose is free if the footprint, grown by a margin all round, touches no wall. A lap is found when the
-progress along the centreline reaches the length of the track. A way that is returned is a proof. A search that ends
-without one has tried every cell: it may miss a way that needs poses finer than the cells.
+The search is over the states of hybrid A*, but depth first (Dolgov et al. 2010). From the start pose the car drives
+arcs of length `STEP`, each with one of five curvatures up to full lock. Of all free poses in one cell of position and
+heading the first is kept. A pose is free if the footprint, grown by a margin all round, touches no wall. A way that
+falls back along the centreline by 0.8 m is given up, so that the car drives neither in circles nor the wrong way round.
+A lap is found when the progress reaches the length of the track.
+
+A way that is returned is a proof. A search that ends without one has tried every cell: it may miss a way that needs
+poses finer than the cells.
 """
 
 from __future__ import annotations
@@ -30,7 +33,7 @@ _CELL = 0.05  # [m] of the cells of position; a step always leaves one
 _HEADINGS = 72  # cells of heading in a turn
 _FIELD = 0.02  # [m] of the grid of distances
 _CIRCLES = 6  # that cover the footprint, in a row along it
-_BEHIND = 0.5  # [m] that the car may fall behind the start line
+_BEHIND = 0.8  # [m] that the car may fall behind its greatest progress: less than on a full circle
 _ALIGNED = math.cos(math.radians(45.0))  # of the angle between the last heading and the centreline
 
 
@@ -101,22 +104,43 @@ def _distances(walls: FloatArray, low: FloatArray, columns: int, rows: int, reac
 
 
 @kernel
+def _is_free(
+    field: FloatArray, low: FloatArray, radius: float, middles: FloatArray, x: float, y: float, heading: float
+) -> bool:
+    """Tell whether all circles of the footprint are clear of the walls at a pose."""
+    cos, sin = math.cos(heading), math.sin(heading)
+    for middle in middles:
+        i, j = round((x + middle * cos - low[0]) / _FIELD), round((y + middle * sin - low[1]) / _FIELD)
+        if field[i, j] < radius:
+            return False
+    return True
+
+
+@kernel
 def _search(
     field: FloatArray, low: FloatArray, radius: float, middles: FloatArray, start: FloatArray, lock: float,
     table: FloatArray, length: float,
 ) -> FloatArray:  # fmt: skip
     """Return the poses of a lap, (n, 3), none where there is none. Depth first, and straight on before all else."""
+    if not _is_free(field, low, radius, middles, start[0], start[1], start[2]):
+        return np.empty((0, 3))
     columns, rows = int(field.shape[0] * _FIELD / _CELL) + 1, int(field.shape[1] * _FIELD / _CELL) + 1
     seen = np.zeros((columns, rows, _HEADINGS), np.bool_)
-    nodes = np.empty((1 << 16, 5))  # x, y, heading, progress, and the node before
+    nodes = np.zeros((1 << 16, 6))  # x, y, heading, the node before, progress, and the greatest so far
     stack = np.empty(1 << 16, np.int64)
-    nodes[0, 0], nodes[0, 1], nodes[0, 2], nodes[0, 3], nodes[0, 4] = start[0], start[1], start[2], 0.0, -1.0
+    nodes[0, :3], nodes[0, 3] = start, -1.0
     stack[0] = 0
     count, waiting = 1, 1
     while waiting > 0:
         waiting -= 1
         node = stack[waiting]
-        x, y, heading, progress = nodes[node, 0], nodes[node, 1], nodes[node, 2], nodes[node, 3]
+        x, y, heading, progress, greatest = (
+            nodes[node, 0],
+            nodes[node, 1],
+            nodes[node, 2],
+            nodes[node, 4],
+            nodes[node, 5],
+        )
         # full lock is put on the stack first, and straight on last, so that it is taken first
         for choice in range(_CURVATURES):
             share = 1.0 - (choice // 2) * 2.0 / (_CURVATURES - 1)
@@ -130,27 +154,20 @@ def _search(
             k = round(new_heading / (2.0 * math.pi) * _HEADINGS) % _HEADINGS
             if seen[i, j, k]:
                 continue
-            cos, sin = math.cos(new_heading), math.sin(new_heading)
-            free = True
-            for circle in range(len(middles)):
-                a = round((new_x + middles[circle] * cos - low[0]) / _FIELD)
-                b = round((new_y + middles[circle] * sin - low[1]) / _FIELD)
-                if field[a, b] < radius:
-                    free = False
-                    break
-            if not free:
+            if not _is_free(field, low, radius, middles, new_x, new_y, new_heading):
                 continue
-            seen[i, j, k] = True
             place, _ = follow(new_x, new_y, progress % length, table, length)
             gone = (place - progress + 0.5 * length) % length - 0.5 * length
-            if progress + gone < -_BEHIND:
+            if progress + gone < greatest - _BEHIND:
                 continue
+            seen[i, j, k] = True
             if count == len(nodes):
-                more = np.empty((2 * count, 5))
+                more = np.empty((2 * count, 6))
                 more[:count] = nodes
                 nodes = more
             nodes[count, 0], nodes[count, 1], nodes[count, 2] = new_x, new_y, new_heading
-            nodes[count, 3], nodes[count, 4] = progress + gone, float(node)
+            nodes[count, 3], nodes[count, 4] = float(node), progress + gone
+            nodes[count, 5] = max(greatest, progress + gone)
             count += 1
             if progress + gone >= length and math.cos(new_heading - start[2]) > _ALIGNED:
                 return _way(nodes, count - 1)
@@ -168,10 +185,10 @@ def _way(nodes: FloatArray, last: int) -> FloatArray:
     """Return the poses from the first node to the last, (n, 3)."""
     count, node = 0, last
     while node >= 0:
-        count, node = count + 1, int(nodes[node, 4])
+        count, node = count + 1, int(nodes[node, 3])
     way = np.empty((count, 3))
     node = last
     for place in range(count - 1, -1, -1):
         way[place] = nodes[node, :3]
-        node = int(nodes[node, 4])
+        node = int(nodes[node, 3])
     return way

@@ -19,11 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..messages import FloatArray
-from .generator import place_at_origin
+from .generator import SIDES, Cell, place_at_origin, walk_round
 from .polyline import step_lengths, steps, subdivide, turns
 from .track import Track
-
-Cell = tuple[int, int]
 
 SPACING = 0.1  # [m] between the points of the centreline
 _DIGITS = 5  # decimals of coordinates and widths [0.01 mm]: beside boxes points are 2 cm apart
@@ -60,18 +58,8 @@ def outline(
     Raises:
       ValueError: a patch with a hole or with cells that touch only by a corner.
     """
-    following: dict[Cell, Cell] = {}
-    sides = 0
-    for i, j in cells:
-        loop = ((i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1))
-        for k, (di, dj) in enumerate(((0, -1), (1, 0), (0, 1), (-1, 0))):
-            if (i + di, j + dj) not in cells:
-                following[loop[k]] = loop[(k + 1) % 4]
-                sides += 1
-    path = [min(following)]
-    while following[path[-1]] != path[0]:
-        path.append(following[path[-1]])
-    if len(path) != sides:
+    path = walk_round(cells)
+    if len(path) != sum((i + di, j + dj) not in cells for i, j in cells for di, dj in SIDES):
         raise ValueError("the patch has a hole, or cells that touch only by a corner")
     x, y = (np.concatenate(([0.0], np.cumsum(sizes))) for sizes in (columns, rows))
 

@@ -21,7 +21,8 @@ from ..errors import SettingsError, TrackError
 from ..messages import FloatArray, require
 from .chicanes import Block, with_boxes
 from .drivable import drivable_lap
-from .lanes import SPACING, Cell, Lane, Outline, corner_radii, hairpins, lane, outline
+from .generator import SIDES, Cell, can_join
+from .lanes import SPACING, Lane, Outline, corner_radii, hairpins, lane, outline
 from .polyline import step_lengths, turns
 from .track import Track
 
@@ -218,7 +219,6 @@ def _spiral(rng: np.random.Generator) -> frozenset[Cell]:
 
 
 _KINDS = (_bar, _comb, _spiral, _tree)
-_AROUND = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))
 
 
 def _grow(rng: np.random.Generator, count: int, fingers: float, *, only_at_end: bool = False) -> frozenset[Cell]:
@@ -226,20 +226,14 @@ def _grow(rng: np.random.Generator, count: int, fingers: float, *, only_at_end: 
     cells: list[Cell] = [(0, 0)]
     while len(cells) < count:
         bases = cells[-1:] if only_at_end else cells
-        near = sorted({(i + di, j + dj) for i, j in bases for di, dj in _AROUND[::2]} - set(cells))
-        free = [cell for cell in near if _can_join(cell, cells)]
+        near = sorted({(i + di, j + dj) for i, j in bases for di, dj in SIDES} - set(cells))
+        free = [cell for cell in near if can_join(cell, cells)]
         if not free:
             break
-        touching = np.array([sum((i + di, j + dj) in cells for di, dj in _AROUND[::2]) for i, j in free])
+        touching = np.array([sum((i + di, j + dj) in cells for di, dj in SIDES) for i, j in free])
         weight = np.exp(-fingers * (touching - 1.0))
         cells.append(free[rng.choice(len(free), p=weight / weight.sum())])
     return _at_zero(set(cells))
-
-
-def _can_join(cell: Cell, cells: list[Cell]) -> bool:
-    """Tell whether the cells stay without holes and diagonal contacts: those about this one are one run."""
-    ring = [(cell[0] + di, cell[1] + dj) in cells for di, dj in _AROUND]
-    return sum(ring[k] != ring[k - 1] for k in range(8)) == 2 and any(ring[::2])
 
 
 def _at_zero(cells: set[Cell]) -> frozenset[Cell]:
