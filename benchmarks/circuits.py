@@ -27,6 +27,7 @@ from typing import Any
 import fg_mujoco as fg
 
 COMMAND = "python benchmarks/circuits.py --json docs/figures.json"
+BUNDLED = ("chicanes", "fast", "hairpins", "l_corridor", "oval", "tight")
 RANDOM = tuple(f"random:{seed}" for seed in range(20))
 SPEEDS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0)  # [m/s]
 SPEED_SCENES = ("u_turn_trap", "wrong_side_chicane")
@@ -74,16 +75,15 @@ def drive(data: Path, runs: Path, workers: int) -> dict[str, Any]:
         print(f"{name} ...", flush=True)
         return fg.compare(controllers, out=runs / name, workers=workers, pictures=False, **settings)
 
-    bundled = fg.track_names()
-    circuits = group("circuits", ["gap_finder"], tracks=[*bundled, *real_circuits(data), *RANDOM])
+    circuits = group("circuits", ["gap_finder"], tracks=[*BUNDLED, *real_circuits(data), *RANDOM])
     thresholds = [f"threshold_gap[threshold={t}]" for t in THRESHOLDS]
     scenes = successes(group("scenes", scenes=fg.scene_names(), seeds=range(10)))
     return {
         "circuits": by_controller(circuits)["gap_finder"],
-        "planners": by_controller(group("planners", tracks=bundled)),
+        "planners": by_controller(group("planners", tracks=BUNDLED)),
         "scenes": {name: {scene: speeds["8"] for scene, speeds in found.items()} for name, found in scenes.items()},
         "speeds": successes(group("speeds", scenes=SPEED_SCENES, max_speeds=SPEEDS, seeds=range(5))),
-        "thresholds": by_controller(group("thresholds", thresholds, tracks=bundled, laps=2)),
+        "thresholds": by_controller(group("thresholds", thresholds, tracks=BUNDLED, laps=2)),
     }
 
 

@@ -24,6 +24,7 @@ from .course.moving_obstacles import MovingObstacle
 from .course.obstacles import Box, Cylinder, Prism
 from .course.scene import Scene
 from .course.scenes.catalogue import scene_names
+from .course.tight import TightSettings, generate_tight_track
 from .course.track import Track
 from .errors import (
     BagError,
@@ -113,6 +114,7 @@ __all__ = [
     "SettingsError",
     "Simulation",
     "Start",
+    "TightSettings",
     "TireSlip",
     "TireSlipMeter",
     "Track",
@@ -127,6 +129,7 @@ __all__ = [
     "compare",
     "controller_names",
     "export_track",
+    "generate_tight_track",
     "generate_track",
     "lidar_spec",
     "load_track",

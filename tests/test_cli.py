@@ -339,6 +339,13 @@ def test_track_new_writes_what_track_show_and_race_read(here, capsys):
     assert main(["race", "--track", "out.csv", "--time-limit", "0.2"]) == 1
 
 
+def test_track_new_writes_a_tight_circuit(here, capsys):
+    assert main(["track", "new", "--seed", "7", "--tight", "out.csv"]) == 0
+    drawn, made = fg.load_track("out.csv"), fg.generate_tight_track(7)
+    assert drawn.centreline == pytest.approx(made.centreline) and drawn.width_left == pytest.approx(made.width_left)
+    assert "fg-mujoco track new --seed 7 --tight" in (here / "out.csv").read_text().splitlines()[0]
+
+
 def test_track_new_replaces_a_file_only_by_force(here, capsys):
     (here / "out.csv").write_text("mine")
     assert "--force" in refused(here, capsys, "track", "new", "--seed", "7", "out.csv")

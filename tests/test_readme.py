@@ -69,6 +69,16 @@ def test_files_linked_exist():
     assert not [link for link in links if "://" not in link and not (README.parent / link).exists()]
 
 
+def test_the_table_of_circuits_says_what_they_measure():
+    rows = re.findall(
+        r"^\| `(\w+)` \| [^|]+ \| ([\d.]+) \| ([\d.]+(?: to [\d.]+)?) \| ([\d.]+) \|$", TEXT, re.MULTILINE
+    )
+    shown = {
+        name: f"{length} m long, {width} m wide, tightest radius {radius} m" for name, length, width, radius in rows
+    }
+    assert shown == {name: fg.load_track(name).description for name in fg.track_names()}
+
+
 def test_picture_is_small():
     (picture,) = (README.parent / "docs" / "images").glob("oval_trace.png")
     assert picture.stat().st_size < 200_000

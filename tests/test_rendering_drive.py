@@ -104,6 +104,9 @@ def _corners(text):
     return middles[np.lexsort(middles.T)]
 
 
+WITHOUT_ROAD = ("boxes", "elbow", "maze")  # whose walls are no ribbon: the floor is drawn without a road
+
+
 @pytest.mark.parametrize("name", fg.track_names())
 def test_road_covers_the_track_and_nothing_else(name):
     """The area between the outlines, by the shoelace formula, and no triangle upside down."""
@@ -111,6 +114,9 @@ def test_road_covers_the_track_and_nothing_else(name):
     assert len(chains) == 2
     left, right = (chain[:, 0, :2] for chain in chains)
     surface = road(left, right)
+    if name in WITHOUT_ROAD:
+        assert surface is None
+        return
     a, b, c = (surface.vertices[surface.faces[:, k], :2] for k in range(3))
     areas = 0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
     assert (areas > -1e-9).all()

@@ -258,7 +258,7 @@ def test_track_narrower_than_the_car_is_refused_with_the_place(tmp_path):
 
 
 def test_bundled_names_random_seeds_and_tracks_load(tmp_path):
-    assert set(track_names()) >= {"oval", "l_corridor", "hairpins", "chicanes", "fast", "tight"}
+    assert set(track_names()) >= {"oval", "l_corridor", "hairpins", "chicanes", "fast", "tight", "u_turns", "maze"}
     oval = load_track("oval")
     assert oval.name == "oval"
     assert load_track(oval) is oval

@@ -38,6 +38,12 @@ def test_characters():
     np.testing.assert_allclose(np.abs(corners[np.abs(corners) > 0.01]), 0.5 * np.pi)
     bends = np.sign(tracks["hairpins"].curvature[np.abs(tracks["hairpins"].curvature) > 0.4])
     assert np.sum(bends != np.roll(bends, 1)) >= 4
+    back_to_back = {name: tracks[name] for name in ("u_turns", "serpentine", "spiral", "elbow", "boxes", "maze")}
+    assert all(15.0 < track.length < 60.0 and 0.44 < sharpest[name] < 0.8 for name, track in back_to_back.items())
+    assert {name for name, track in back_to_back.items() if (track.width_left + track.width_right).min() < 0.99} == {
+        "boxes"
+    }
+    assert sharpest["elbow"] == pytest.approx(0.45, abs=0.01)
     assert all(track.start_pose() == pytest.approx((0.0, 0.0, 0.0), abs=1e-3) for track in tracks.values())
 
 

@@ -17,8 +17,9 @@ from fg_mujoco.course.polyline import (
     step_lengths,
 )
 from fg_mujoco.course.track import Track
-from fg_mujoco.course.track_walls import SHARED_WALL, WALL_TOLERANCE
+from fg_mujoco.course.track_walls import SHARED_WALL, WALL_TOLERANCE, shared_widths
 from fg_mujoco.errors import TrackError
+from fg_mujoco.simulation.course_loading import load_track
 
 
 def circle(radius, count=400):
@@ -165,3 +166,28 @@ def test_no_wall_comes_nearer_to_the_line_than_the_width(radii, right, left, see
             away = distance_to_segment(np.repeat(point[None], len(line), 0), start, end)
             assert away.min() >= width - 2.0 * WALL_TOLERANCE
     assert step_lengths(track.left_wall).min() > 0.0
+
+
+@pytest.mark.parametrize("name", ["serpentine", "boxes", "maze"])
+def test_square_corners_and_boxes_beside_another_stretch_move_no_wall(name):
+    """Widths reach further than half of the way to the other stretch, but aside of it."""
+    track = load_track(name)
+    widths = track.width_right, track.width_left
+    for corridor, width in zip((track.corridor_right, track.corridor_left), widths, strict=True):
+        np.testing.assert_array_equal(corridor, width)
+    all_round = shared_widths(track.centreline, *widths, all_round=True)
+    assert any(np.any(corridor < width) for corridor, width in zip(all_round, widths, strict=True))
+
+
+def test_walls_that_would_stand_in_another_stretch_are_moved_whatever_the_angle():
+    """Two stretches that run towards each other at an angle: no wall stands within the other's corridor."""
+    line = rounded([(0.0, 0.0), (16.0, 0.0), (16.0, 8.0), (12.0, 8.0), (8.0, 1.6), (4.0, 8.0), (0.0, 8.0)], 0.6)
+    track = track_of(line, 1.1)
+    narrow = track.corridor_left < 1.1
+    assert narrow.any() and not narrow.all()
+    away = np.min(
+        [distance_to_segment(track.left_wall, a, b) for a, b in zip(line, np.roll(line, -1, axis=0), strict=True)],
+        axis=0,
+    )
+    assert away.min() > 0.4
+    assert len(self_crossings(track.left_wall)[0]) == 0

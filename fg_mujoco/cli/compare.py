@@ -34,7 +34,7 @@ def add_compare(add_command: Callable[..., argparse.ArgumentParser], commands: A
         help="NAME or path/to/file.py:ClassName, with settings as gap_finder[lookahead=8,clearance=0.2], comma between "
         "two; default: all bundled ones",
     )  # fmt: skip
-    add("--tracks", type=_names, metavar="LIST", help="NAME, random:SEED or file.csv; default: none")
+    add("--tracks", type=_names, metavar="LIST", help="NAME, random:SEED[:tight] or file.csv; default: none")
     add("--scenes", type=_names, metavar="LIST", help="names, or all; default: all, unless there are tracks")
     add(
         "--seeds", type=_seeds, default=DEFAULT_SEEDS, metavar="LIST",

@@ -119,7 +119,8 @@ def _add_race(commands: Any) -> None:
     add = command.add_argument
     add(
         "--track", default="oval",
-        help="NAME, random:SEED, scene:NAME:SEED, file.csv or map.yaml; default: oval; names: track list, track scenes",
+        help="NAME, random:SEED[:tight], scene:NAME:SEED, file.csv or map.yaml; default: oval; "
+        "names: track list, track scenes",
     )  # fmt: skip
     add_controller_option(add)
     add("--laps", type=whole, metavar="N", help=f"default: {USUAL_LAPS}; a scene is driven once")

@@ -37,7 +37,7 @@ def add_rollout(add_command: Callable[..., argparse.ArgumentParser], commands: A
     add = add_command(commands, "rollout", _rollout, text).add_argument
     add(
         "--track", action="append", metavar="TRACK",
-        help="NAME, random:SEED or file.csv, as often as wanted: the worlds take them in turn; default: oval",
+        help="NAME, random:SEED[:tight] or file.csv, as often as wanted: the worlds take them in turn; default: oval",
     )  # fmt: skip
     add_controller_option(add)
     add("--n", type=whole, metavar="N", help=f"worlds; default: {DEFAULT_WORLDS}")

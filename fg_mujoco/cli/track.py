@@ -10,7 +10,7 @@ from typing import Any
 
 from ..course.centreline_csv import write_centreline
 from ..course.course import describe_course
-from ..course.formats import track_names
+from ..course.formats import TIGHT, track_names
 from ..course.maps.export import RESOLUTION, SUFFIXES, export_track, exported_files, require_track
 from ..course.maps.map_track import is_map, map_loops
 from ..course.scenes.catalogue import describe_scene, scene_names
@@ -29,18 +29,21 @@ def add_track(add: Callable[..., argparse.ArgumentParser], commands: Any) -> Non
     )
     command = add(tracks, "new", _new, "write a random circuit as a centreline CSV")
     command.add_argument("--seed", required=True, help="the same seed gives the same circuit")
+    command.add_argument("--tight", action="store_true", help="narrow lanes back to back, as random:SEED:tight")
     command.add_argument("--force", action="store_true", help="replace the file if it exists")
     command.add_argument("path", metavar="FILE.csv", type=Path)
 
     command = add(tracks, "show", _show, "draw a track or a scene as a PNG")
-    command.add_argument("track", metavar="TRACK", help="NAME, random:SEED, scene:NAME:SEED, file.csv or map.yaml")
+    command.add_argument(
+        "track", metavar="TRACK", help="NAME, random:SEED[:tight], scene:NAME:SEED, file.csv or map.yaml"
+    )
     command.add_argument("--out", metavar="FILE.png", type=Path, help="default: NAME.png here")
 
     add(tracks, "list", _list, "list the bundled tracks")
     add(tracks, "scenes", _scenes, "list the scenes")
 
     command = add(tracks, "export", _export, "write a track as a map, a centreline CSV or a mesh of its walls")
-    command.add_argument("track", metavar="TRACK", help="NAME, random:SEED, file.csv or map.yaml")
+    command.add_argument("track", metavar="TRACK", help="NAME, random:SEED[:tight], file.csv or map.yaml")
     command.add_argument(
         "files", metavar="FILE", nargs="+", type=Path, help=f"of each suffix what it says: {', '.join(SUFFIXES)}"
     )
@@ -53,8 +56,9 @@ def add_track(add: Callable[..., argparse.ArgumentParser], commands: Any) -> Non
 def _new(options: argparse.Namespace) -> int:
     if options.path.exists() and not options.force:
         raise SettingsError(f"{options.path}: exists; accepted: a new file, or --force to replace it")
-    track = require_track(load_track(f"random:{options.seed}"))
-    write_centreline(track, options.path, [f"made by: fg-mujoco track new --seed {options.seed}"])
+    kind, option = (f":{TIGHT}", " --tight") if options.tight else ("", "")
+    track = require_track(load_track(f"random:{options.seed}{kind}"))
+    write_centreline(track, options.path, [f"made by: fg-mujoco track new --seed {options.seed}{option}"])
     print(f"{options.path}: {describe_course(track)}")
     return _DONE
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import re
 from functools import lru_cache
 from importlib import resources
@@ -14,6 +15,10 @@ from .course import Course
 from .generator import generate_track
 from .maps.map_track import is_map, load_map
 from .scenes.catalogue import load_scene
+from .tight import generate_tight_track
+
+TIGHT = "tight"
+"""Kind of the random circuits that are built as races are: `random:SEED:tight`."""
 
 
 def track_names() -> tuple[str, ...]:
@@ -26,8 +31,9 @@ def load_course(name_or_path: str | Path, car: CarParameters) -> Course:
     """Load a course.
 
     Args:
-      name_or_path: a bundled name, `random:SEED`, `scene:NAME`, `scene:NAME:SEED`, or a path to a centreline `.csv` or
-        to a map's `.yaml`, with settings in brackets where wanted (centreline_csv.load_centreline, map_track.load_map).
+      name_or_path: a bundled name, `random:SEED`, `random:SEED:tight`, `scene:NAME`, `scene:NAME:SEED`, or a path to a
+        centreline `.csv` or to a map's `.yaml`, with settings in brackets where wanted
+        (centreline_csv.load_centreline, map_track.load_map).
       car: that a scene is made for: its gaps are measured in widths of the car.
 
     Raises:
@@ -36,11 +42,9 @@ def load_course(name_or_path: str | Path, car: CarParameters) -> Course:
     name = str(name_or_path)
     if name in track_names():
         return _bundled(name)
-    kind, _, seed = name.partition(":")
+    kind, _, rest = name.partition(":")
     if kind == "random":
-        if not re.fullmatch("[0-9]{1,18}", seed):
-            raise TrackError(f"{name!r} has no seed; accepted: random:SEED with SEED an integer from 0, as random:7")
-        return _random(int(seed))
+        return _random(name, rest)
     if kind == "scene":
         return load_scene(name, car)
     if is_map(name):
@@ -50,8 +54,8 @@ def load_course(name_or_path: str | Path, car: CarParameters) -> Course:
         return load_centreline(name)
     known = ", ".join(track_names())
     raise TrackError(
-        f"unknown track {name!r}; accepted: {known}, random:SEED, scene:NAME:SEED, or a path to a centreline .csv or a "
-        "map .yaml"
+        f"unknown track {name!r}; accepted: {known}, random:SEED, random:SEED:tight, scene:NAME:SEED, or a path to a "
+        "centreline .csv or a map .yaml"
     )
 
 
@@ -61,6 +65,17 @@ def _bundled(name: str) -> Course:
         return read_centreline(path)
 
 
+def _random(name: str, rest: str) -> Course:
+    seed, colon, kind = rest.partition(":")
+    accepted = "random:SEED or random:SEED:tight, with SEED an integer from 0, as random:7"
+    if not re.fullmatch("[0-9]{1,18}", seed):
+        raise TrackError(f"{name!r} has no seed; accepted: {accepted}")
+    if colon and kind != TIGHT:
+        close = f"; did you mean 'random:{seed}:{TIGHT}'?" if difflib.get_close_matches(kind, [TIGHT]) else ""
+        raise TrackError(f"{name!r} asks for a random circuit of kind {kind!r}; accepted: {accepted}{close}")
+    return _drawn(int(seed), tight=bool(colon))
+
+
 @lru_cache(maxsize=32)
-def _random(seed: int) -> Course:
-    return generate_track(seed)
+def _drawn(seed: int, *, tight: bool) -> Course:
+    return generate_tight_track(seed) if tight else generate_track(seed)

@@ -12,6 +12,7 @@ again. The same seed gives the same numbers.
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Set
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -20,6 +21,7 @@ from ..errors import SettingsError, TrackError
 from ..messages import FloatArray, require
 from .polyline import resample, rounded_polygon, smooth, step_lengths, turns
 from .track import Track
+from .track_walls import shared_widths
 
 SPACING = 0.2  # [m] between the points of a generated centreline
 EASEMENT = 0.35  # [m] sigma over which curvature is evened out: a car of wheelbase 0.33 m steers into its arcs
@@ -29,9 +31,9 @@ _WIDTH_SWING = 0.12  # share by which each half width wanders about its mean
 _MAX_BEND = 0.18  # greatest gradient of the displacement that bends the plane
 _DIGITS = 4  # decimals of the coordinates [0.1 mm]: a tidy file, far below any tolerance
 
-_Cell = tuple[int, int]
-_RING = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))  # neighbours, counterclockwise
-_SIDES = _RING[::2]
+Cell = tuple[int, int]
+RING = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))  # neighbours, counterclockwise
+SIDES = RING[::2]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,14 +99,14 @@ def _draw(rng: np.random.Generator, settings: GeneratorSettings, name: str) -> T
     curvature = np.abs(turns(line)) / lengths
     if not settings.min_length <= lengths.sum() <= settings.max_length or curvature.max() > 1.0 / settings.min_radius:
         return None
+    with_gap = [half + 0.5 * settings.wall_gap for half in halves]
     try:
-        with_gap = [half + 0.5 * settings.wall_gap for half in halves]
-        roomy = Track(name=name, centreline=line, width_right=with_gap[0], width_left=with_gap[1])
+        track = Track(name=name, centreline=line, width_right=halves[0], width_left=halves[1])
+        left_over = shared_widths(line, *with_gap, all_round=True)
     except TrackError:
         return None
-    if np.any(roomy.corridor_right < with_gap[0]) or np.any(roomy.corridor_left < with_gap[1]):
+    if any(np.any(left < wanted) for left, wanted in zip(left_over, with_gap, strict=True)):
         return None
-    track = Track(name=name, centreline=line, width_right=halves[0], width_left=halves[1])
     return track if _has_walls(track) else None
 
 
@@ -123,27 +125,33 @@ def _outline(rng: np.random.Generator, cell: float, length: float) -> FloatArray
     patch = {(size // 2, size // 2)}
     corners = _corners(patch, edges)
     while step_lengths(corners).sum() < 1.12 * length:  # rounding the corners will shorten it
-        frontier = sorted({(i + di, j + dj) for i, j in patch for di, dj in _SIDES} - patch)
-        open_cells = [c for c in frontier if _can_join(c, patch) and 0 <= c[0] < size and 0 <= c[1] < size]
+        frontier = sorted({(i + di, j + dj) for i, j in patch for di, dj in SIDES} - patch)
+        open_cells = [c for c in frontier if can_join(c, patch) and 0 <= c[0] < size and 0 <= c[1] < size]
         if not open_cells:
             break
-        neighbours = np.array([sum((i + di, j + dj) in patch for di, dj in _SIDES) for i, j in open_cells])
+        neighbours = np.array([sum((i + di, j + dj) in patch for di, dj in SIDES) for i, j in open_cells])
         weight = np.exp(-fingers * (neighbours - 1.0))
         patch.add(open_cells[rng.choice(len(open_cells), p=weight / weight.sum())])
         corners = _corners(patch, edges)
     return corners
 
 
-def _can_join(cell: _Cell, patch: set[_Cell]) -> bool:
+def can_join(cell: Cell, patch: Collection[Cell]) -> bool:
     """Tell whether the patch stays without holes and diagonal contacts: its cells about this one are one run."""
-    ring = [(cell[0] + di, cell[1] + dj) in patch for di, dj in _RING]
+    ring = [(cell[0] + di, cell[1] + dj) in patch for di, dj in RING]
     runs = sum(ring[k] != ring[k - 1] for k in range(8))
     return runs == 2 and any(ring[::2])
 
 
-def _corners(patch: set[_Cell], edges: list[FloatArray]) -> FloatArray:
+def _corners(patch: set[Cell], edges: list[FloatArray]) -> FloatArray:
     """Corners of the outline of a patch, counterclockwise."""
-    following: dict[_Cell, _Cell] = {}
+    points = np.array([(edges[0][i], edges[1][j]) for i, j in walk_round(patch)])
+    return points[np.abs(turns(points)) > 0.1]
+
+
+def walk_round(patch: Set[Cell]) -> list[Cell]:
+    """Return the corners of cells along the outline of a patch, counterclockwise from the lowest of the leftmost."""
+    following: dict[Cell, Cell] = {}
     for i, j in patch:
         loop = ((i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1))
         for k, (di, dj) in enumerate(((0, -1), (1, 0), (0, 1), (-1, 0))):
@@ -152,8 +160,7 @@ def _corners(patch: set[_Cell], edges: list[FloatArray]) -> FloatArray:
     path = [min(following)]
     while following[path[-1]] != path[0]:
         path.append(following[path[-1]])
-    points = np.array([(edges[0][i], edges[1][j]) for i, j in path])
-    return points[np.abs(turns(points)) > 0.1]
+    return path
 
 
 def _corner_radii(rng: np.random.Generator, corners: FloatArray, radius: float) -> FloatArray:
@@ -187,7 +194,11 @@ def start_on_longest_straight(line: FloatArray) -> FloatArray:
     runs = np.diff(np.append(bends, bends[0] + len(line)))  # points from one bend to the next
     longest = int(np.argmax(runs))
     start = (int(bends[longest]) + int(runs[longest]) // 2) % len(line)
-    line = np.roll(line, -start, axis=0)
+    return place_at_origin(np.roll(line, -start, axis=0))
+
+
+def place_at_origin(line: FloatArray) -> FloatArray:
+    """Move and turn a line so that it starts at the origin along x."""
     x, y = line[1] - line[-1]
     turn = np.array([[x, -y], [y, x]]) / math.hypot(x, y)
     return np.asarray((line - line[0]) @ turn)

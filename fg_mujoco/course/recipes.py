@@ -14,7 +14,9 @@ import numpy as np
 
 from ..errors import FgMujocoError, TrackError
 from .centreline_csv import write_centreline
+from .chicanes import Block, with_boxes
 from .generator import EASEMENT, SPACING, GeneratorSettings, generate_track, start_on_longest_straight
+from .lanes import corner_radii, lane, outline, patch
 from .polyline import resample, rounded_polygon, smooth
 from .track import Track
 
@@ -58,8 +60,44 @@ def tight() -> Track:
     return generate_track(11, settings, name="tight")
 
 
+def u_turns() -> Track:
+    """Two U-turns round the ends of one bent barrier; lanes 1.4 to 1.5 m wide, barrier 0.1 m thick."""
+    return _back_to_back("u_turns", ("##..", ".###"), [4.0, 1.5, 2.0, 3.0], [1.4, 1.6], width=1.5, radius=1.0)
+
+
+def serpentine() -> Track:
+    """Five U-turns in a row round barriers of 0.1 m; lanes 1.4 m wide, the outer corners square."""
+    return _back_to_back("serpentine", ("#.#.#", "#####"), [1.5] * 5, [1.5, 3.5], width=1.4, radius=0.8, square=1.0)
+
+
+def spiral() -> Track:
+    """A lane that winds inward, turns round and winds out again; lanes 1.4 m wide, barriers 0.1 m thick."""
+    drawing = ("####", "#..#", "##.#", "...#", "####")
+    return _back_to_back("spiral", drawing, [1.5] * 4, [1.5] * 5, width=1.4, radius=0.7)
+
+
+def elbow() -> Track:
+    """Corners of 90 degrees straight into hairpins, a centreline of 0.45 m radius in lanes 1.3 to 1.5 m wide."""
+    drawing, columns, rows = ("#..", "###", "..#"), [1.5, 3.5, 1.6], [1.4, 1.4, 1.5]
+    return _back_to_back("elbow", drawing, columns, rows, width=1.5, radius=0.45, square=0.5)
+
+
+def boxes() -> Track:
+    """Chicanes of boxes, each of which leaves 0.75 m; lanes 1.6 m wide, barrier 0.1 m thick."""
+    drawing, columns, rows = ("##", "#."), [1.7, 6.2], [4.6, 1.7]
+    return _back_to_back("boxes", drawing, columns, rows, width=1.6, radius=0.8, square=1.0, gap=0.75)
+
+
+def maze() -> Track:
+    """Eight U-turns and dead ends of barriers, as in a hall full of them; lanes 1.0 to 1.35 m wide."""
+    drawing = ("#.###", "#.#..", "#####", "..#.#", "###.#")
+    sizes = [1.3, 1.1, 1.1, 1.3, 1.3]
+    return _back_to_back("maze", drawing, sizes, sizes, width=1.5, radius=0.6, square=0.5)
+
+
 RECIPES: dict[str, Callable[[], Track]] = {
-    recipe.__name__: recipe for recipe in (oval, l_corridor, hairpins, chicanes, fast, tight)
+    recipe.__name__: recipe
+    for recipe in (oval, l_corridor, hairpins, chicanes, fast, tight, u_turns, serpentine, spiral, elbow, boxes, maze)
 }
 
 
@@ -87,6 +125,35 @@ def _circuit(name: str, corners: Sequence[tuple[float, float]], radii: float | S
 def _with_width(name: str, line: np.ndarray, width: float) -> Track:
     half = np.full(len(line), 0.5 * width)
     return Track(name=name, centreline=line, width_right=half, width_left=half)
+
+
+def _back_to_back(
+    name: str, drawing: Sequence[str], columns: Sequence[float], rows: Sequence[float], *, width: float, radius: float,
+    square: float = 0.0, gap: float = 0.0,
+) -> Track:  # fmt: skip
+    """Lanes round a drawing of cells (lanes.patch), with barriers of 0.1 m between them.
+
+    Args:
+      name: of the track.
+      drawing: rows of cells, the last is the lowest.
+      columns: their widths [m].
+      rows: their heights [m].
+      width: of the lanes, at most [m].
+      radius: of the centreline in all corners that are no U-turns, at most [m].
+      square: how square the corners of the outer wall are, from 0 to 1.
+      gap: left by boxes on all straights of 2.5 m or more [m]; 0: no boxes.
+    """
+    around = outline(patch(*drawing), columns, rows)
+    right, left = (np.minimum(room - 0.05, 0.5 * width) for room in (around.room_right, around.room_left))
+    corners = np.ones(len(right))
+    radii = corner_radii(around, radius * corners, hairpin=1.8)
+    drawn = lane(around, radii=radii, right=right, left=left, squareness=square * corners)
+    for start, end in reversed(drawn.straights()) if gap else ():
+        count = int((end - start - 0.6) / 1.9)
+        first = 0.5 * (end - start - 1.9 * count + 1.5)
+        blocks = [Block(start=first + 1.9 * k, length=0.4, depth=width - gap, left=k % 2 == 0) for k in range(count)]
+        drawn = with_boxes(drawn, start, end, blocks) if blocks else drawn
+    return drawn.track(name)
 
 
 def main(arguments: list[str]) -> int:

@@ -6,7 +6,8 @@ places:
 - In a corner tighter than the corridor is wide, the inner offset folds over itself. The part that lies in the corridor
   of another part of the line is cut off where the two arms of the fold meet.
 - Where two stretches of the circuit run so close that their corridors would overlap, they share the room in proportion
-  to their widths, with a wall of `SHARED_WALL` between them.
+  to their widths, with a wall of `SHARED_WALL` between them. A wall is moved where it would stand in the corridor of
+  the other stretch, or nearer to it than that.
 """
 
 from __future__ import annotations
@@ -69,16 +70,19 @@ def wall_lines(centreline: FloatArray, right: FloatArray, left: FloatArray) -> t
     )
 
 
-def shared_widths(centreline: FloatArray, right: FloatArray, left: FloatArray) -> tuple[FloatArray, FloatArray]:
+def shared_widths(
+    centreline: FloatArray, right: FloatArray, left: FloatArray, *, all_round: bool = False
+) -> tuple[FloatArray, FloatArray]:
     """Widths to the right and to the left, less what stretches that run side by side take from each other.
 
-    Arguments as `wall_lines`; shapes (n,) [m].
+    Arguments as `wall_lines`, and `all_round`: the widths count in all directions, and not only square to the line.
+    Shapes (n,) [m].
 
     Raises:
       TrackError: a stretch whose wall would lie beyond the centreline of another.
     """
     pairs = _stretch_pairs(centreline, np.maximum(right, left))
-    return _share(centreline, right, -1.0, pairs), _share(centreline, left, 1.0, pairs)
+    return _share(centreline, right, -1.0, pairs, all_round), _share(centreline, left, 1.0, pairs, all_round)
 
 
 def _stretch_pairs(line: FloatArray, widths: FloatArray) -> tuple[IndexArray, IndexArray]:
@@ -92,7 +96,9 @@ def _stretch_pairs(line: FloatArray, widths: FloatArray) -> tuple[IndexArray, In
     return i[other], j[other]
 
 
-def _share(line: FloatArray, widths: FloatArray, side: float, pairs: tuple[IndexArray, IndexArray]) -> FloatArray:
+def _share(
+    line: FloatArray, widths: FloatArray, side: float, pairs: tuple[IndexArray, IndexArray], all_round: bool
+) -> FloatArray:
     i, j = pairs
     start, end = line[j], np.roll(line, -1, axis=0)[j]
     heading = np.roll(line, -1, axis=0)[i] - np.roll(line, 1, axis=0)[i]
@@ -109,16 +115,28 @@ def _share(line: FloatArray, widths: FloatArray, side: float, pairs: tuple[Index
             f"{distance[worst]:.2f} m; accepted: stretches that run at least their widths apart"
         )
     share = (distance - SHARED_WALL) / (widths[i] + np.maximum(widths[j], np.roll(widths, -1)[j]))
+    if not all_round:
+        mirrored = line * (1.0, side)
+        wall, half_turn = _offset(mirrored, widths)
+        share[~_covered(wall[i], j, mirrored, widths, half_turn, SHARED_WALL)] = 1.0
     narrowed = widths.copy()
     np.minimum.at(narrowed, i, widths[i] * share)
     return narrowed
 
 
-def _left_wall(line: FloatArray, widths: FloatArray, name: str) -> FloatArray:
+def _offset(line: FloatArray, widths: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return a point to the left of each point of a line, (n, 2) [m], and half the line's turn there, (n,) [rad].
+
+    The distance of a point to both segments that meet there is the width.
+    """
     half_turn = 0.5 * turns(line)
     heading = np.arctan2(*steps(line).T[::-1]) - half_turn  # of the bisector at each point
     mitre = np.column_stack((-np.sin(heading), np.cos(heading))) / np.cos(half_turn)[:, None]
-    wall = line + widths[:, None] * mitre  # its distance to both segments at the point is the width
+    return line + widths[:, None] * mitre, half_turn
+
+
+def _left_wall(line: FloatArray, widths: FloatArray, name: str) -> FloatArray:
+    wall, half_turn = _offset(line, widths)
     wall = _cut_off(wall, *_runs(_in_corridor(wall, line, widths, half_turn)))
     folds = True
     while folds and len(wall) >= 3:  # what jumps of the widths leave: folds outside of every corridor
@@ -145,17 +163,24 @@ def _in_corridor(wall: FloatArray, line: FloatArray, widths: FloatArray, half_tu
     i, j = nearby(np.stack((wall, wall), axis=1), segments(line), 2.0 * float(widths.max()))
     neighbour = (i == j) | (i == (j + 1) % len(line))
     i, j = i[~neighbour], j[~neighbour]
+    inside = np.zeros(len(wall), dtype=bool)
+    inside[i[_covered(wall[i], j, line, widths, half_turn, -_TOUCH)]] = True
+    return inside
+
+
+def _covered(
+    points: FloatArray, j: IndexArray, line: FloatArray, widths: FloatArray, half_turn: FloatArray, beyond: float
+) -> BoolArray:
+    """Return which points (k, 2) lie in the left corridors of segments j (k,), widened by `beyond` [m]. Shape (k,)."""
     lengths = step_lengths(line)
     ahead = steps(line)[j] / lengths[j, None]
-    along = np.sum((wall[i] - line[j]) * ahead, axis=1)
-    aside = cross(ahead, wall[i] - line[j])
+    along = np.sum((points - line[j]) * ahead, axis=1)
+    aside = cross(ahead, points - line[j])
     share = np.clip(along / lengths[j], 0.0, 1.0)
     edge = (1.0 - share) * widths[j] + share * np.roll(widths, -1)[j]
     lean = np.maximum(-np.tan(half_turn), 0.0)
     between = (along >= -lean[j] * aside) & (along <= lengths[j] + np.roll(lean, -1)[j] * aside)
-    inside = np.zeros(len(wall), dtype=bool)
-    inside[i[between & (aside > 0.0) & (aside < edge - _TOUCH)]] = True
-    return inside
+    return np.asarray(between & (aside > 0.0) & (aside < edge + beyond))
 
 
 def _runs(marked: BoolArray) -> tuple[IndexArray, IndexArray]:

@@ -89,7 +89,8 @@ def race(
     """Race a controller round a track, or through a scene, and return how it went.
 
     Args:
-      track: a course, or what `load_track` makes one of: a bundled name, `random:SEED`, `scene:NAME:SEED`, or
+      track: a course, or what `load_track` makes one of: a bundled name, `random:SEED`, `random:SEED:tight`,
+        `scene:NAME:SEED`, or
         a path to a centreline CSV.
       controller: a bundled name or `path/to/file.py:ClassName`, with settings in brackets where wanted, as
         `gap_finder[lookahead=8]`; or a controller object.

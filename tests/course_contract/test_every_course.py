@@ -20,7 +20,8 @@ from fg_mujoco.course.lap_timer import LapTimer
 from fg_mujoco.simulation.course_loading import default_car, reload_course
 
 CAR = default_car()
-NAMES = (*fg.track_names(), "random:4", *(f"scene:{name}:1" for name in fg.scene_names()), "ring.yaml", "corridor.yaml")
+RANDOM = ("random:4", "random:4:tight", "random:8:tight")
+NAMES = (*fg.track_names(), *RANDOM, *(f"scene:{name}:1" for name in fg.scene_names()), "ring.yaml", "corridor.yaml")
 
 
 @pytest.fixture(scope="module", params=[*NAMES, "own"])

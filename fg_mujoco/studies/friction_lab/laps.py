@@ -17,7 +17,6 @@ import numpy as np
 
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longitudinal_share
 
-from ...course.formats import track_names
 from ...messages import FloatArray
 from ...racing.race import race
 from ...vehicle.car import WHEELS
@@ -48,6 +47,7 @@ TOLERANCE = 0.005
 _TOLERANCES = (0.001, 0.002, 0.005, 0.010, 0.020)  # [m]
 _RANDOM = 10  # seeds of random circuits
 _LAPS, _QUICK_LAPS = 5, 2
+_TRACKS = ("chicanes", "fast", "hairpins", "l_corridor", "oval", "tight")
 _QUICK_TRACKS = ("oval", "l_corridor")
 _SHOWN, _QUICK_SHOWN = "tight", "oval"  # the circuit whose speeds are drawn
 _CONTROLLERS = ("gap_finder", "pure_pursuit")
@@ -95,7 +95,7 @@ class LapsExperiment:
         """Return a cell for each circuit and planner."""
         if settings.quick:
             return [_cell(track, _CONTROLLERS[0], _QUICK_LAPS, _QUICK_SHOWN) for track in _QUICK_TRACKS]
-        tracks = [*track_names(), *(f"random:{seed}" for seed in range(_RANDOM))]
+        tracks = [*_TRACKS, *(f"random:{seed}" for seed in range(_RANDOM))]
         return [_cell(track, controller, _LAPS, _SHOWN) for controller in _CONTROLLERS for track in tracks]
 
     def measure(self, cell: Cell) -> Tables:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ...course.polyline import enclosed_area, step_lengths
 from ...messages import FloatArray
 
-_MISFIT = 0.01  # of a road's area, that its triangles may cover too much or too little
+_MISFIT = 0.002  # of a road's area, that its triangles may cover too much or too little
 _ROUND = np.cos(np.radians(40.0))  # walls that turn less at a joint are shaded as round
 
 

@@ -1,0 +1,264 @@
+"""Tight circuits keep their settings, and the car can drive a lap of each of them, whatever the seed."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scene_search import Clearances, car_gets_through
+
+import fg_mujoco as fg
+from fg_mujoco.course.chicanes import Block, with_boxes
+from fg_mujoco.course.clearance import least_clearance, outline
+from fg_mujoco.course.drivable import MARGIN, STEP, Footprint, drivable_lap
+from fg_mujoco.course.lanes import corner_radii, lane, patch
+from fg_mujoco.course.lanes import outline as outline_of
+from fg_mujoco.course.polyline import enclosed_area, segments, self_crossings, step_lengths
+from fg_mujoco.simulation.course_loading import default_car
+
+CAR = default_car()
+BUNDLED = ("u_turns", "serpentine", "spiral", "elbow", "boxes", "maze")
+SEEDS = tuple(f"random:{seed}:tight" for seed in range(6))
+DEFAULTS = fg.TightSettings()
+
+
+def bar(width, barrier=0.1, length=4.0, square=0.0):
+    """Two straights back to back, with a U-turn at either end."""
+    around = outline_of(patch("#"), [length], [width + barrier])
+    corners = np.ones(4)
+    radii = corner_radii(around, 0.5 * (width + barrier) * corners, hairpin=2.0)
+    sides = 0.5 * width * corners
+    return lane(around, radii=radii, right=sides, left=sides, squareness=square * corners)
+
+
+def barriers_with_a_turn_round_their_end(track):
+    """Thickness of the wall between places that head in opposite directions, a U-turn apart. Shape (k,) [m]."""
+    line, heading, at = track.centreline, track.headings, track.arc_length
+    left = np.column_stack((-np.sin(heading), np.cos(heading)))
+    found = []
+    for i, j in itertools.combinations(range(0, len(line), 2), 2):
+        between = min(at[j] - at[i], track.length - at[j] + at[i])
+        opposite = math.cos(heading[i] - heading[j]) < -0.98
+        if opposite and between < 4.5:
+            towards = line[j] - line[i]
+            distance = math.hypot(*towards)
+            if abs(towards @ left[i]) > 0.98 * distance:
+                widths = (track.width_left, track.width_right)[int(towards @ left[i] < 0.0)]
+                found.append(distance - widths[i] - widths[j])
+    return np.array(found)
+
+
+def check_lap(track, poses, margin=MARGIN):
+    """The poses are a lap that the car can drive forward, clear of all walls: without the search or its grids."""
+    x, y, heading = poses.T
+    np.testing.assert_allclose(poses[0], track.start_pose(), atol=1e-9)
+    chord = np.hypot(np.diff(x), np.diff(y))
+    turn = np.diff(heading)
+    assert chord.max() <= STEP + 1e-9 and chord.min() > 0.99 * STEP
+    assert np.abs(turn).max() <= STEP * math.tan(CAR.max_steering_angle) / CAR.wheelbase + 1e-4  # full lock
+    middle = heading[:-1] + 0.5 * turn  # an arc's chord looks half way, forward
+    np.testing.assert_allclose(np.diff(x), chord * np.cos(middle), atol=1e-9)
+    np.testing.assert_allclose(np.diff(y), chord * np.sin(middle), atol=1e-9)
+    walls = np.concatenate([outline(edge) for edge in track.edges])
+    assert least_clearance(poses, walls, CAR) >= margin
+    places = np.argmin(np.hypot(*(poses[:, None, :2] - track.centreline).transpose(2, 0, 1)), axis=1)
+    gone = np.diff(track.arc_length[places])
+    gone = (gone + 0.5 * track.length) % track.length - 0.5 * track.length
+    assert np.abs(gone).max() < 1.5 and gone.sum() > track.length - 0.2
+    assert not np.any((np.cumsum(gone) < 0.0) & (np.arange(len(gone)) > 20))  # never round the wrong way
+
+
+@settings(deadline=None, max_examples=25)
+@given(seed=st.integers(0, 2**63 - 1))
+def test_every_seed_keeps_the_default_settings(seed):
+    track = fg.generate_tight_track(seed)
+    assert DEFAULTS.min_length <= track.length <= DEFAULTS.max_length
+    assert np.abs(track.curvature).max() <= 1.0 / DEFAULTS.min_radius
+    width = track.width_left + track.width_right
+    assert width.min() >= 0.9 * DEFAULTS.min_gap and np.percentile(width, 25) >= 0.95 * DEFAULTS.min_width
+    assert max(np.ptp(np.concatenate(track.edges), axis=0)) < 30.0
+    np.testing.assert_array_equal(track.corridor_right, track.width_right)
+    np.testing.assert_array_equal(track.corridor_left, track.width_left)
+    assert all(len(self_crossings(wall)[0]) == 0 for wall in track.edges)
+    barriers = barriers_with_a_turn_round_their_end(track)
+    assert np.any((barriers > 0.02) & (barriers < 1.3 * DEFAULTS.max_barrier))
+    assert track.start_pose() == pytest.approx((0.0, 0.0, 0.0), abs=1e-3)
+
+
+@settings(deadline=None, max_examples=25)
+@given(seed=st.integers(0, 2**63 - 1))
+def test_every_seed_has_a_lap_that_the_car_can_drive(seed):
+    track = fg.generate_tight_track(seed)
+    check_lap(track, drivable_lap(track))
+
+
+@pytest.mark.parametrize("name", [*BUNDLED, *SEEDS])
+def test_the_car_can_drive_a_lap_of(name):
+    track = fg.load_track(name)
+    check_lap(track, drivable_lap(track))
+
+
+class Follow:
+    """Follows a lap of poses by pure pursuit with a lookahead of 0.3 m, slowly."""
+
+    def __init__(self, poses):
+        ahead = np.outer(np.arange(1, 11) * STEP, (math.cos(poses[-1, 2]), math.sin(poses[-1, 2])))
+        self.points = np.vstack((poses[:, :2], poses[-1, :2] + ahead))
+
+    def reset(self):
+        self.place = 0
+
+    def __call__(self, scan, odometry):
+        x, y, heading = odometry.pose
+        self.place += int(np.argmin(np.hypot(*(self.points[self.place : self.place + 15] - (x, y)).T)))
+        dx, dy = self.points[min(self.place + 3, len(self.points) - 1)] - (x, y)
+        aside = dy * math.cos(heading) - dx * math.sin(heading)
+        steering = math.atan(2.0 * CAR.wheelbase * aside / (dx * dx + dy * dy))
+        most = CAR.max_steering_angle
+        return fg.DriveCommand(steering_angle=min(max(steering, -most), most), speed=0.6)
+
+
+@pytest.mark.parametrize("name", [*BUNDLED, *SEEDS])
+def test_the_simulated_car_drives_the_lap_that_was_found_on(name):
+    track = fg.load_track(name)
+    result = fg.race(track, Follow(drivable_lap(track)), laps=1, time_limit=4.0 * track.length)
+    assert (result.end_reason, result.laps_completed, result.collisions) == ("finished", 1, 0)
+
+
+def through_the_u_turn(drawn):
+    """Whether the search of the tests, on another lattice, gets round one of the U-turns of a bar."""
+    line = drawn.line - drawn.line.mean(axis=0)
+    track = fg.Track(name="bar", centreline=line, width_right=drawn.right, width_left=drawn.left)
+    low, high = np.concatenate(track.edges).min(axis=0), np.concatenate(track.edges).max(axis=0)
+    clearances = Clearances(track.walls, low - 0.3, high + 0.3, 0.02)
+    above = float(line[:, 1].max())
+    radius = CAR.wheelbase / math.tan(CAR.max_steering_angle)
+    start = (0.0, above, math.pi)  # heads for the turn at the left, and has to come back below
+    return car_gets_through(clearances, start, 1.0, CAR, radius=radius, margin=MARGIN)
+
+
+@pytest.mark.parametrize(("width", "drivable"), [(0.7, False), (0.85, False), (1.15, True), (1.4, True)])
+def test_the_search_says_no_where_a_hairpin_is_too_narrow(width, drivable):
+    track = bar(width).track("bar")
+    poses = drivable_lap(track)
+    assert (poses is not None) == drivable == through_the_u_turn(bar(width))
+    if drivable:
+        check_lap(track, poses)
+
+
+def test_the_search_says_no_where_a_box_leaves_too_little():
+    free = bar(1.4, length=8.0)
+    start, end = max(free.straights(), key=lambda straight: straight[1] - straight[0])
+    for gap, drivable in ((CAR.width + 2.0 * MARGIN - 0.02, False), (CAR.width + 2.0 * MARGIN + 0.15, True)):
+        middle = 0.5 * (end - start)
+        drawn = with_boxes(free, start, end, [Block(start=middle, length=0.4, depth=1.4 - gap, left=True)])
+        track = drawn.track("box")
+        assert (drivable_lap(track) is not None) == drivable
+        assert (track.width_left + track.width_right).min() == pytest.approx(gap, abs=1e-3)
+
+
+def test_a_longer_car_finds_no_lap_where_the_default_car_does():
+    track = bar(1.2).track("bar")
+    assert drivable_lap(track) is not None
+    assert drivable_lap(track, Footprint(length=1.1, turning_radius=1.4)) is None
+
+
+def test_the_default_footprint_is_that_of_the_default_vehicle():
+    found, expected = Footprint(), Footprint.of(CAR)
+    for name in ("length", "width", "rear_overhang", "turning_radius"):
+        assert getattr(found, name) == pytest.approx(getattr(expected, name), abs=1e-4)
+    with pytest.raises(fg.SettingsError, match=r"turning_radius is 0\.0; accepted: a positive number"):
+        Footprint(turning_radius=0.0)
+
+
+def test_a_box_stands_where_it_is_said_and_the_line_goes_through_what_it_leaves():
+    free = bar(1.6, length=10.0)
+    (start, end) = max(free.straights(), key=lambda straight: straight[1] - straight[0])
+    block = Block(start=3.0, length=0.5, depth=0.9, left=False)
+    drawn = with_boxes(free, start, end, [block])
+    at = np.cumsum(step_lengths(free.line)) - step_lengths(free.line)
+    x, y = (np.interp(start + np.array((3.0, 3.25, 3.5)), at, column) for column in free.line.T)
+    ahead = np.array((x[2] - x[0], y[2] - y[0])) / 0.5
+    left = np.array((-ahead[1], ahead[0]))
+    track = fg.Track(name="box", centreline=drawn.line, width_right=drawn.right, width_left=drawn.left)
+    beside = np.array((x[1], y[1])) + left * 0.45  # the middle of the 0.7 m to the left of the box
+    _, offset = track.project([beside])
+    assert offset[0] == pytest.approx(0.0, abs=1e-6)
+    for k in (0, 2):
+        corner = np.array((x[k], y[k])) + left * 0.1
+        away = np.hypot(*(np.concatenate(segments(track.right_wall)) - corner).T)
+        assert away.min() < 0.02  # the faces of boxes lean by a centimetre or two
+    with pytest.raises(ValueError, match="accepted: within it"):
+        with_boxes(free, start, end, [Block(start=end - start - 0.1, length=0.5, depth=0.5, left=True)])
+
+
+@pytest.mark.parametrize("square", [0.0, 0.5, 1.0])
+def test_lanes_back_to_back_leave_the_barrier_and_nothing_more(square):
+    track = bar(1.3, barrier=0.08, square=square).track("bar")
+    assert barriers_with_a_turn_round_their_end(track).min() == pytest.approx(0.08, abs=1e-3)
+    np.testing.assert_array_equal(track.corridor_right, track.width_right)
+    corner = track.width_right.max() + 0.69  # from the middle of the turn
+    assert corner == pytest.approx(1.34 * (1.0 + (math.sqrt(2.0) - 1.0) * square), abs=1e-3)
+
+
+def test_a_patch_with_a_hole_is_refused():
+    with pytest.raises(ValueError, match="a hole"):
+        outline_of(patch("###", "#.#", "###"), [1.0] * 3, [1.0] * 3)
+
+
+def test_same_seed_same_bytes_and_other_seed_other_circuit():
+    first, second, other = (fg.generate_tight_track(seed) for seed in (7, 7, 8))
+    assert first.centreline.tobytes() == second.centreline.tobytes()
+    assert first.width_left.tobytes() == second.width_left.tobytes()
+    assert first.centreline.shape != other.centreline.shape or not np.array_equal(first.centreline, other.centreline)
+    drawn = fg.generate_tight_track(np.random.default_rng(7))
+    assert drawn.centreline.tobytes() == first.centreline.tobytes()
+    assert (first.name, drawn.name) == ("random:7:tight", "random:tight")
+    assert fg.load_track("random:7:tight").centreline.tobytes() == first.centreline.tobytes()
+
+
+def test_circuits_differ():
+    tracks = [fg.generate_tight_track(seed) for seed in range(40)]
+    lengths = [track.length for track in tracks]
+    assert min(lengths) < 22.0 and max(lengths) > 50.0 and len({round(length, 3) for length in lengths}) == 40
+    with_boxes_on_it = [(track.width_left + track.width_right).min() < 0.95 for track in tracks]
+    assert 10 < sum(with_boxes_on_it) < 35
+    counterclockwise = [enclosed_area(track.centreline) > 0.0 for track in tracks]
+    assert 8 < sum(counterclockwise) < 32
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"min_width": 0.0}, "min_width is 0.0; accepted: a positive number"),
+        ({"min_barrier": float("nan")}, "min_barrier is nan"),
+        ({"min_length": 300.0}, r"min_length is 300.0 m; accepted: at most max_length, 60.0 m"),
+        ({"max_gap": 0.5}, "accepted: at most max_gap"),
+    ],
+)
+def test_settings_that_make_no_sense_are_refused(change, message):
+    with pytest.raises(fg.SettingsError, match=message):
+        fg.TightSettings(**change)
+
+
+def test_settings_that_no_circuit_keeps_are_refused():
+    with pytest.raises(fg.SettingsError, match=r"no circuit found in \d+ draws"):
+        fg.generate_tight_track(0, fg.TightSettings(min_width=0.4, max_width=0.5, min_radius=0.2))
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("random:7:tigth", r"asks for a random circuit of kind 'tigth'; accepted: .*; did you mean 'random:7:tight'\?"),
+        ("random:7:oval", r"kind 'oval'; accepted: random:SEED or random:SEED:tight, with SEED an integer from 0.*7$"),
+        ("random:7:", "kind ''"),
+        ("random:x:tight", "'random:x:tight' has no seed; accepted: random:SEED or random:SEED:tight"),
+    ],
+)
+def test_names_that_are_none_are_refused(name, message):
+    with pytest.raises(fg.TrackError, match=message):
+        fg.load_track(name)
