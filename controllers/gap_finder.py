@@ -16,8 +16,9 @@ Differences from the known implementation of the text: the friction limit is the
 follows it; g is the model's, not 10; bubbles reach to the ends of the scan; no filter changes its input; the car
 steers along the arc to the goal, not by the goal's bearing.
 
-Limits: the planner sees no further than the next corner and has no memory, so it takes the longer of two ways, wherever
-that leads. In a dead end it stops, reverses (recovery) and tries again.
+Limits: a scan shows no more than the next corner, and the goal is the longer of two ways, wherever that leads. What was
+seen before is remembered by guidance, which leads the car on where the goal does not; with `guidance=false` the planner
+has no memory, and may turn back in a hairpin. In a dead end it stops.
 """
 
 from __future__ import annotations

@@ -52,6 +52,7 @@ class PurePursuitSettings(DrivingSettings):
     """Which line, how far ahead, and how fast."""
 
     speed_law: SpeedLaw = setting("friction", text="which speed laws apply")  # noqa: RUF009
+    guidance: bool = setting(False, text="the planner has a map")
     line: str = setting("centreline", text="or the path of a CSV file")
     least_lookahead: float = setting_of_car(0.8, "m", "from the rear axle", POSITIVE)
     lookahead_time: float = setting(0.15, "s", "the lookahead is at least the way of this time", FROM_ZERO)

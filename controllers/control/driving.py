@@ -1,15 +1,19 @@
-"""From a reference command to a safe one: speed laws, braking trajectories, safety filter, recovery, friction limiter.
+"""From a reference command to a safe one: guidance, speed laws, safety filter, recovery, friction limiter.
 
 A planner gives a reference: a steering angle, a greatest speed, and the bearing it looks towards. What happens then is
 the same for all planners:
 
-1. The speed laws that look at the scan lower the speed (speed).
-2. The speed is lowered to one from which the car stops within what it sees (braking_trajectories).
-3. The safety filter replaces a reference after which the car could not stop by one after which it can (safety_filter).
-4. A car that stands without a way on reverses along its path (recovery).
-5. The friction limiter turns the result into a command that the tires can follow (friction_limiter).
+1. The law of the mean range towards the goal lowers the speed (speed).
+2. Guidance replaces a reference that leads into a pocket, or back, by one that leads on (guidance). While it turns the
+   car in several moves, only 6 applies.
+3. The speed is lowered by the distance straight ahead (speed), and to one from which the car stops within what it sees
+   (braking_trajectories), unless a motion through the local map says how fast the car may go.
+4. The safety filter replaces a reference after which the car could not stop by one after which it can (safety_filter).
+5. A car that stands without a way on reverses along its path (recovery).
+6. The friction limiter turns the result into a command that the tires can follow (friction_limiter).
 
-The setting `speed_law` chooses which of these apply. A planner that assumes no friction limit, mu = inf, has only 1.
+The settings `speed_law`, `guidance`, `safety_filter` and `recovery` choose which of these apply. A planner that assumes
+no friction limit, mu = inf, has only the laws of the mean range and of the distance straight ahead.
 """
 
 from __future__ import annotations
@@ -25,10 +29,12 @@ from fg_mujoco.errors import SettingsError
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import CarParameters, FloatArray, require
 
+from ..perception.local_map import move
 from ..perception.scan_filters import widen_all
-from ..perception.scan_geometry import beams_between, period_of
+from ..perception.scan_geometry import beams_between, looks_ahead, period_of, sees
 from ..safety.braking_trajectories import safe_speed
 from ..safety.friction_limiter import LIMITER, LIMITER_MEMORY, FrictionLimiter, limited
+from ..safety.guidance import GUIDANCE, GuidanceSettings, guide
 from ..safety.recovery import PATH_HISTORY, RecoverySettings, angle_along_history, extend_history, reverses
 from ..safety.safety_filter import SafetyFilterSettings, safe_steering
 from .settings import (
@@ -70,6 +76,10 @@ class DrivingSettings(Settings):
     recovery: bool = setting(
         True, text="with safety_filter: a car that stands without a way on reverses and tries again"
     )
+    guidance: bool = setting(
+        True,
+        text="with speed_law minimum: the way back is closed, and the car is led round where the planner turns back",
+    )
     safe_distance: float = setting_of_car(
         0.2, "m", "forward_distance: nearer ahead of the LiDAR than this, the car stops", FROM_ZERO
     )
@@ -103,10 +113,12 @@ DRIVER = np.dtype(
         ("stopping", np.bool_),
         ("safety_filter", np.bool_),
         ("recovery", np.bool_),
+        ("guidance", np.bool_),
         ("settings", record_type(DrivingSettings)),
         ("limiter", LIMITER),
         ("filter_settings", record_type(SafetyFilterSettings)),
         ("recovery_settings", record_type(RecoverySettings)),
+        ("guidance_settings", record_type(GuidanceSettings)),
         ("trajectories", np.int64),  # which table of braking trajectories is its own
         ("line_first", np.int64),  # which points of the lines through the map are its own: the first,
         ("line_end", np.int64),  # and the one behind the last
@@ -114,7 +126,7 @@ DRIVER = np.dtype(
 )
 """Type of what the kernels here read of a planner."""
 
-DRIVING_MEMORY = np.dtype([("limiter", LIMITER_MEMORY), ("history", PATH_HISTORY)])
+DRIVING_MEMORY = np.dtype([("limiter", LIMITER_MEMORY), ("history", PATH_HISTORY), ("guidance", GUIDANCE)])
 """Type of what they keep of its car from tick to tick; zero at the beginning."""
 
 REFERENCE = np.dtype(
@@ -135,6 +147,7 @@ def driver_record(
     law = settings.speed_law
     row = np.zeros(1, DRIVER)
     row["filter_settings"] = record_values(for_car(SafetyFilterSettings(), car))
+    row["guidance_settings"] = record_values(for_car(GuidanceSettings(), car))
     row["recovery_settings"] = record_values(for_car(RecoverySettings(), car))
     driving = {field.name: getattr(settings, field.name) for field in fields(DrivingSettings)}
     row["settings"] = record_values(for_car(DrivingSettings(**driving), car))
@@ -145,6 +158,7 @@ def driver_record(
         row["friction"], row["stopping"] = law in ("friction", "minimum"), law in ("stopping", "minimum")
         row["safety_filter"] = settings.safety_filter and law == "minimum"
         row["recovery"] = settings.recovery and row["safety_filter"]
+        row["guidance"] = settings.guidance and law == "minimum"
         row["limiter"] = limiter.record
     return row
 
@@ -246,6 +260,17 @@ def drive(
       memory: of type DRIVING_MEMORY, written to.
       trajectories: tables of type TRAJECTORIES; `driver.trajectories` is the index of the planner's own.
     """
+    if driver.guidance:
+        guidance = memory.guidance
+        if sees(scan, valid) and looks_ahead(scan, len(valid)):
+            guide(scan, valid, odometry, driver.limiter, driver.guidance_settings, guidance, reference)
+            if guidance.turning.active:
+                _extend_history(scan, odometry, driver, memory)
+                steering_angle, speed = guidance.turning.steering_angle, guidance.turning.speed
+                least = driver.limiter.settings.least_lateral_use
+                return _hold(scan, odometry, driver, memory, steering_angle, speed, least)
+        else:
+            move(guidance.way.map, odometry.speed, odometry.angular_velocity[2], period_of(scan))
     if math.isnan(reference.steering_angle) or not math.isfinite(odometry.speed + odometry.steering_angle):
         return _brake(scan, odometry, driver, memory)
     speed = reference.speed
@@ -309,13 +334,14 @@ def _drive_filtered(
     reference = saturate(steering_angle, car.max_steering_angle)
     if history.tried > 0:
         speed = min(speed, driver.recovery_settings.speed)
-    reference_speed = min(speed, max(in_sight, settings.crawl_speed))
+    guidance = memory.guidance
+    reference_speed = speed if guidance.knows_speed else min(speed, max(in_sight, settings.crawl_speed))
     safe, use, found = safe_steering(
         limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference, reference_speed,
         angle, now, period,
     )  # fmt: skip
     stands = abs(now) < settings.standing_speed
-    if driver.recovery and reverses(history, driver.recovery_settings, stands, found, period):
+    if driver.recovery and reverses(history, driver.recovery_settings, stands, found and not guidance.stuck, period):
         back = saturate(angle_along_history(history, car.wheelbase), car.max_steering_angle)
         return _hold(scan, odometry, driver, memory, back, -driver.recovery_settings.speed, use)
     if not found:

@@ -46,6 +46,12 @@ def sees(scan: Record, valid: FloatArray) -> bool:
 
 
 @kernel
+def looks_ahead(scan: Record, count: int) -> bool:
+    """Say whether a scan of so many beams has some to both sides of straight ahead."""
+    return bool(scan.angle_min < 0.0 < scan.angle_min + scan.angle_increment * (count - 1))
+
+
+@kernel
 def bearing_of(scan: Record, beam: float) -> float:
     """Return the bearing of a beam [rad]; between two beams, of a place between them."""
     return float(scan.angle_min + scan.angle_increment * beam)

@@ -52,7 +52,7 @@ class SafetyFilterSettings(Settings):
         number.
     """
 
-    margin: float = setting_of_car(0.05, "m", "ahead of the bumper, in the direction of the reference", FROM_ZERO)
+    margin: float = setting_of_car(0.12, "m", "ahead of the bumper, in the direction of the reference", FROM_ZERO)
     margin_aside: float = setting_of_car(
         0.08, "m", "in other directions, which are then not lost at once when the car brakes a little less", FROM_ZERO
     )

@@ -1,0 +1,240 @@
+"""Local map: what the scans of the last metres showed, on a grid that moves with the car, and the path behind it.
+
+A scan shows what can be seen from one place. In a hairpin round a thin barrier the way on is hidden until the car is
+in it, and what was seen a second ago is then behind the car. So the free ground and the walls of the last scans are
+kept on a grid, by dead reckoning. Dead reckoning drifts: a cell is unknown again when the car has driven `_FORGET`
+since it was seen.
+
+A scan is entered in two steps. The cells along its beams become free. Then the cells at the ends of its beams
+become walls; ends of neighbouring beams that are close together are joined, because they lie apart where a beam
+meets a wall at a small angle. The last observation counts, so that an obstacle that has moved on is forgotten when
+its place is seen again.
+
+The path of the rear axle is kept with the room to its right and left, so that the way back can be closed (way_on).
+
+Source: H. Moravec and A. Elfes, High Resolution Maps from Wide Angle Sonar, IEEE ICRA 1985, for the grid. Its cells
+have probabilities; these have three values.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from fg_mujoco.kernels import kernel
+from fg_mujoco.messages import FloatArray
+
+from ..control.settings import Record
+
+SIZE = 256  # cells to a side; a power of two, so that `place & RING` is the place of a cell in the ring
+RING = SIZE - 1
+CELL = 0.1  # [m]
+EDGE = SIZE // 2 - 2  # cells from the car's own that are kept
+SIGHT = 9.8  # [m] along a beam that is entered
+UNKNOWN, FREE, WALL = 0, 1, 2
+
+PATH = 160  # points of the path that are kept
+RIGHT, LEFT, ALONG = 3, 4, 5  # columns of the path, after x, y and heading
+
+_FORGET = 72  # quarters of a metre: longer than the path that way_on closes
+_SWEPT = 8  # rows that are searched for old cells each time: all of them within 32 entries
+_STEP = 0.09  # [m] along a beam, below a cell
+_FINEST = math.radians(0.5)  # between the beams that are entered: a cell at 11 m
+_COARSEST = 8  # only every so many beams are followed from the LiDAR on; those between from where they are apart
+_JOINED = 0.4  # [m] between neighbouring ends of beams that are one wall
+_SPACING = 0.1  # [m] between the points of the path
+_WIDENS = 0.3  # [m/m] by which the room beside the path may grow along it: at a barrier's end the way on is beside
+_WIDEST = 3.0  # [m] of the room to one side
+_BESIDE = math.radians(15.0)  # to either side of square to the car: beams that measure the room beside it
+_BEFORE = 7.0  # [m] of path that the car is taken to have come before its first tick
+_CLOSE = 2.0  # [m] from the LiDAR within which the ends of beams are kept as they are
+_VERY_CLOSE = 0.6  # [m] the same, all of them; between, every second
+_ENDS = 600
+_FARTHEST = 1e9  # [m] or [rad] of a tick; beyond, it is no odometry
+
+LOCAL_MAP = np.dtype(
+    [
+        ("begun", np.bool_),
+        ("x", np.float64),  # [m] of the rear axle, by dead reckoning from where it began
+        ("y", np.float64),  # [m]
+        ("heading", np.float64),  # [rad]
+        ("driven", np.float64),  # [m]
+        ("along", np.float64),  # [m] along the path, of which pockets are cut off that the car has to leave again
+        ("furthest", np.float64),  # [m] greatest `along`
+        ("column", np.int64),  # of the cell of the rear axle
+        ("row", np.int64),
+        ("swept", np.int64),  # row that was last searched for old cells
+        ("cells", np.uint8, (SIZE, SIZE)),  # UNKNOWN, FREE or WALL, by column and row in the ring
+        ("seen", np.uint8, (SIZE, SIZE)),  # `driven` when the cell was seen, in quarters of a metre modulo 256
+        ("path", np.float64, (PATH, 6)),  # ring buffer: x, y [m], heading [rad], room to the right and left, along [m]
+        ("newest", np.int64),  # index of the last point of the path
+        ("known", np.int64),  # how many of them there are
+        ("ends", np.float64, (_ENDS, 2)),  # [m] ends of the last scan's beams that are close
+        ("ends_known", np.int64),
+    ]
+)
+"""Type of the memory; zero at the beginning."""
+
+
+@kernel
+def move(memory: Record, speed: float, yaw_rate: float, period: float) -> None:
+    """Take the car on by one tick, and make the cells unknown that come into the window.
+
+    Args:
+      memory: of type LOCAL_MAP, written to.
+      speed: [m/s].
+      yaw_rate: [rad/s].
+      period: of the tick [s].
+    """
+    way, turn = speed * period, yaw_rate * period
+    if not memory.begun:
+        memory.begun = True
+        memory.along = memory.furthest = _BEFORE
+        return
+    if not (abs(way) < _FARTHEST and abs(turn) < _FARTHEST):  # nor is NaN
+        return
+    memory.x += way * math.cos(memory.heading + 0.5 * turn)
+    memory.y += way * math.sin(memory.heading + 0.5 * turn)
+    memory.heading += turn
+    memory.driven += abs(way)
+    memory.along += abs(way)
+    memory.furthest = max(memory.furthest, memory.along)
+    column, row = math.floor(memory.x / CELL), math.floor(memory.y / CELL)
+    if abs(column - memory.column) > SIZE or abs(row - memory.row) > SIZE:  # odometry that jumps
+        memory.cells[:] = UNKNOWN
+        memory.column, memory.row, memory.known = column, row, 0
+        memory.along = memory.furthest = _BEFORE
+    while memory.column != column:
+        step = 1 if column > memory.column else -1
+        memory.column += step
+        memory.cells[(memory.column + step * (EDGE + 1)) & RING, :] = UNKNOWN
+    while memory.row != row:
+        step = 1 if row > memory.row else -1
+        memory.row += step
+        memory.cells[:, (memory.row + step * (EDGE + 1)) & RING] = UNKNOWN
+
+
+@kernel
+def enter_scan(memory: Record, scan: Record, ranges: FloatArray, lidar_offset: float) -> None:
+    """Enter a scan.
+
+    Args:
+      memory: of type LOCAL_MAP, written to.
+      scan: of type SCAN.
+      ranges: readings (n,) [m], without NaN or inf.
+      lidar_offset: of the LiDAR ahead of the rear axle [m].
+    """
+    cells, seen = memory.cells, memory.seen
+    now = int(memory.driven * 4.0) & 255
+    _forget(memory, now)
+    stride = max(1, int(_FINEST / scan.angle_increment + 1e-6))
+    count = (len(ranges) + stride - 1) // stride
+    x0 = memory.x + lidar_offset * math.cos(memory.heading)
+    y0 = memory.y + lidar_offset * math.sin(memory.heading)
+    increment = stride * scan.angle_increment
+    turn_cos, turn_sin = math.cos(increment), math.sin(increment)
+    cos, sin = math.cos(memory.heading + scan.angle_min), math.sin(memory.heading + scan.angle_min)
+    ends = np.empty((count, 2))
+    memory.ends_known = 0
+    for beam in range(count):
+        distance = ranges[beam * stride]
+        ends[beam, 0], ends[beam, 1] = x0 + distance * cos, y0 + distance * sin
+        if distance < _CLOSE and memory.ends_known < _ENDS and (distance < _VERY_CLOSE or beam % 2 == 0):
+            memory.ends[memory.ends_known, 0], memory.ends[memory.ends_known, 1] = ends[beam, 0], ends[beam, 1]
+            memory.ends_known += 1
+        every = 1
+        while every < _COARSEST and beam % (2 * every) == 0:
+            every *= 2
+        first = 0.0 if every == _COARSEST else 0.3 * CELL / (increment * every)
+        last = min(distance, SIGHT) - 0.5 * CELL
+        if first < last:
+            x, y = (x0 + first * cos) / CELL, (y0 + first * sin) / CELL
+            for _ in range(int((last - first) / _STEP) + 1):
+                i, j = math.floor(x) & RING, math.floor(y) & RING
+                cells[i, j], seen[i, j] = FREE, now
+                x += _STEP / CELL * cos
+                y += _STEP / CELL * sin
+        cos, sin = cos * turn_cos - sin * turn_sin, sin * turn_cos + cos * turn_sin
+    for beam in range(count):
+        if ranges[beam * stride] >= SIGHT:
+            continue
+        x, y = ends[beam, 0], ends[beam, 1]
+        before_x, before_y, parts = x, y, 1
+        if beam > 0 and ranges[(beam - 1) * stride] < SIGHT:
+            before_x, before_y = ends[beam - 1, 0], ends[beam - 1, 1]
+            apart = math.hypot(x - before_x, y - before_y)
+            if apart < _JOINED:
+                parts = int(apart / (0.8 * CELL)) + 1
+        for part in range(parts):
+            share = part / parts
+            i = math.floor((x + share * (before_x - x)) / CELL) & RING
+            j = math.floor((y + share * (before_y - y)) / CELL) & RING
+            cells[i, j], seen[i, j] = WALL, now
+
+
+@kernel
+def _forget(memory: Record, now: int) -> None:
+    """Make the cells of some rows unknown that were seen too long ago."""
+    for _ in range(_SWEPT):
+        memory.swept = (memory.swept + 1) & RING
+        cells, seen = memory.cells[memory.swept], memory.seen[memory.swept]
+        for j in range(SIZE):
+            if ((now - seen[j]) & 255) > _FORGET:
+                cells[j] = UNKNOWN
+
+
+@kernel
+def extend_path(memory: Record, scan: Record, ranges: FloatArray) -> None:
+    """Add where the car is to its path, with the room beside it, if the last point is far enough behind.
+
+    Arguments as of `enter_scan`. At first, the way before the start is taken to end where the car is. The room is no
+    wider than that at the last point and what _WIDENS allows.
+    """
+    last = memory.path[memory.newest]
+    begins = memory.known == 0
+    if not begins and memory.along - last[ALONG] < _SPACING:
+        return
+    right, left = _room_beside(scan, ranges)
+    if not begins:
+        wider = _WIDENS * (memory.along - last[ALONG])
+        right, left = min(right, last[RIGHT] + wider), min(left, last[LEFT] + wider)
+    while True:
+        memory.newest = (memory.newest + 1) % PATH
+        memory.known = min(memory.known + 1, PATH)
+        point = memory.path[memory.newest]
+        point[0], point[1], point[2] = memory.x, memory.y, memory.heading
+        point[RIGHT], point[LEFT] = min(right, _WIDEST), min(left, _WIDEST)
+        point[ALONG] = memory.known - 1.0 if begins else memory.along
+        if not begins or point[ALONG] >= _BEFORE:
+            break
+
+
+@kernel
+def cut_path(memory: Record, along: float) -> None:
+    """Cut the path off beyond a place [m] along it: the car has driven into a pocket from there."""
+    while memory.known > 1 and memory.path[memory.newest, ALONG] > along:
+        memory.newest = (memory.newest - 1) % PATH
+        memory.known -= 1
+    memory.along = max(memory.path[memory.newest, ALONG], along)
+
+
+@kernel
+def _room_beside(scan: Record, ranges: FloatArray) -> tuple[float, float]:
+    """Return how far it is to the walls to the right and to the left [m], past what is narrower than the beams."""
+    right = left = 0.0
+    ahead, half = -scan.angle_min / scan.angle_increment, _BESIDE / scan.angle_increment
+    quarter, last = 0.5 * math.pi / scan.angle_increment, len(ranges) - 1.0
+    for place in range(-2, 3):
+        aside = math.cos(0.5 * place * _BESIDE)
+        beam = min(max(ahead - quarter + 0.5 * place * half, 0.0), last)
+        right = max(right, aside * ranges[int(beam)])
+        beam = min(max(ahead + quarter + 0.5 * place * half, 0.0), last)
+        left = max(left, aside * ranges[int(beam)])
+    return right, left
+
+
+@kernel
+def in_window(memory: Record, i: int, j: int) -> bool:
+    """Say whether the map has a cell, by its column and row."""
+    return bool(abs(i - memory.column) <= EDGE and abs(j - memory.row) <= EDGE)

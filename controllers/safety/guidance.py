@@ -1,0 +1,315 @@
+"""Guidance: a planner that would drive into a pocket, or back, is led along the way on.
+
+A gap planner goes where the scan shows most room. In a hairpin that is the pocket at its end, and then the way back.
+Guidance knows the way on (perception.way_on), and lets the planner drive as long as that is not lost:
+
+1. Where the planner's goal leads on about as well as any beam, and nothing hides the way on nearby, the planner
+   drives.
+2. Else its reference is simulated for `viable_time`. While a motion of the car leads on from there (motion_search),
+   the planner still drives.
+3. Else the car follows a motion from where it is now, which is searched for anew in every second tick, and kept
+   while it is free and none is found. Its speed is that of its curvature, with braking before it.
+4. Where there is no motion, the car brakes. Where it has come to be slow for `patience`, it turns in several moves,
+   forward and in reverse (turning).
+
+Where the car has no way on, as in a dead end, it is no faster than it can stop ahead of what it sees. Where it has
+stood there for 4 s it forgets its path, which on a course as short as its memory may have been wrong.
+
+Limits: as of way_on and motion_search. Without a friction limit nothing says how sharply the car can turn, and
+guidance is off."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from fg_mujoco.kernels import kernel
+from fg_mujoco.messages import FloatArray
+
+from ..control.settings import FROM_ZERO, POSITIVE, SHARE, Record, Settings, setting, setting_of_car
+from ..control.steering import arc_through, pursue, saturate
+from ..perception.local_map import SIGHT
+from ..perception.scan_geometry import beams_between
+from ..perception.way_on import AT_WALL, NEAR_WALL, WAY_ON, least_to_go_along, look_for_way_on, to_go_around
+from .motion_search import CURVATURE, HEADING, MOTION, X, Y, is_clear, search_motion
+from .turning import TURNING, turn_in_moves
+
+_BEAMS = 16  # every so many are compared with the planner's goal
+_NODES = 10000  # of a search while the car drives
+_AHEAD = math.radians(15.0)  # to either side: what a car without a way on stops ahead of
+_ON_MOTION = (0.25, 0.6)  # [m] beside a motion and [rad] from its heading, within which the car is on it
+
+
+@dataclass(frozen=True, kw_only=True)
+class GuidanceSettings(Settings):
+    """When the planner drives, and how fast a motion is driven.
+
+    Raises:
+      SettingsError: a share that is not above 0 and at most 1; another value that is negative or not finite.
+    """
+
+    every: int = setting(4, "", "ticks between two searches for the way on", POSITIVE)
+    as_good: float = setting(0.6, "", "of the best beam's gain of way: the planner's goal leads on", SHARE)
+    worth_simulating: float = setting(0.3, "", "of the best beam's gain: its reference is simulated", SHARE)
+    tight_distance: float = setting_of_car(4.5, "m", "way to go to a hidden frontier that counts as nearby", POSITIVE)
+    viable_time: float = setting(0.4, "s", "for which the planner's reference is simulated", POSITIVE)
+    lag: float = setting(0.08, "s", "until a new steering angle is reached", FROM_ZERO)
+    grip: float = setting(0.85, "", "of the cornering acceleration, for motions", SHARE)
+    profile_grip: float = setting(0.74, "", "of the cornering acceleration, for the speed on a motion", SHARE)
+    profile_braking: float = setting(0.4, "", "of the greatest braking, ahead of a motion's curve", SHARE)
+    stop_braking: float = setting(0.65, "", "of the greatest braking, ahead of a motion's end", SHARE)
+    hidden_braking: float = setting(0.7, "", "of the greatest braking, ahead of a hidden frontier", SHARE)
+    horizon: float = setting_of_car(3.0, "m", "of a motion, and .1 s^2/m v^2 more", POSITIVE)
+    narrow_speed: float = setting_of_car(1.0, "m/s", "in gaps that are hardly wider than the car", POSITIVE)
+    trusted_speed: float = setting_of_car(3.5, "m/s", "below it a simulated way on says how fast to go", POSITIVE)
+    lost_after: int = setting(
+        12, "", "ticks without a way on, after which the car stops ahead of what it sees", POSITIVE
+    )
+    start_again_after: int = setting(160, "", "ticks, after which a car that stands forgets its path", POSITIVE)
+    stop_margin: float = setting_of_car(0.3, "m", "ahead of the bumper, where there is no way on", FROM_ZERO)
+
+
+GUIDANCE = np.dtype(
+    [
+        ("way", WAY_ON),
+        ("motion", MOTION),  # that the car follows
+        ("trial", MOTION),  # that was last searched for
+        ("follows", np.bool_),  # there is a motion to follow
+        ("progress", np.int64),  # index of the motion's point that is next
+        ("narrow", np.bool_),  # the motion leads through a gap that is hardly wider than the car
+        ("knows_speed", np.bool_),  # the reference's speed is that of a motion, which is free farther than is in sight
+        ("stuck", np.bool_),  # there is no motion
+        ("lost", np.int64),  # ticks without a way on
+        ("turning", TURNING),
+    ]
+)
+"""Type of what guidance keeps of its car from tick to tick; zero at the beginning."""
+
+
+@kernel
+def guide(
+    scan: Record,
+    ranges: FloatArray,
+    odometry: Record,
+    limiter: Record,
+    settings: Record,
+    memory: Record,
+    reference: Record,
+) -> None:
+    """Change a planner's reference where it does not lead on.
+
+    Args:
+      scan: of type SCAN.
+      ranges: readings (n,) [m], without NaN or inf.
+      odometry: of type ODOMETRY.
+      limiter: of type LIMITER.
+      settings: fields of GuidanceSettings.
+      memory: of type GUIDANCE, written to.
+      reference: of type REFERENCE, written to.
+    """
+    car, way = limiter.car, memory.way
+    speed, present = odometry.speed, math.tan(odometry.steering_angle) / car.wheelbase
+    memory.knows_speed = memory.stuck = False
+    if not math.isfinite(speed + present + odometry.angular_velocity[2]):
+        memory.follows = memory.turning.active = False
+        return
+    look_for_way_on(scan, ranges, odometry, car.lidar_offset, way, settings.every)
+    turn_in_moves(way, limiter, memory.turning, odometry.steering_angle, speed)
+    if memory.turning.active:
+        return
+    x = way.map.x + car.lidar_offset * math.cos(way.map.heading)
+    y = way.map.y + car.lidar_offset * math.sin(way.map.heading)
+    here = to_go_around(way, x, y) if way.found else math.inf
+    if not math.isfinite(here):
+        memory.follows = False
+        memory.lost = memory.lost + 1 if not way.found else 0
+        if memory.lost > settings.lost_after:
+            reference.speed = min(reference.speed, _speed_to_stop(scan, ranges, limiter, settings))
+        if memory.lost > settings.start_again_after and abs(speed) < 0.1:
+            memory.lost, way.map.known = 0, 0  # the path may be wrong: it begins anew here
+        return
+    memory.lost = 0
+    gain, at, bearing = _best_beam(scan, ranges, way, x, y, here)
+    if _planner_drives(scan, ranges, odometry, limiter, settings, memory, reference, x, y, here, gain):
+        return
+    _renew_motion(limiter, settings, memory, present, speed)
+    if memory.follows and not _is_on_motion(memory, car):
+        memory.follows = False
+    memory.knows_speed, memory.stuck = memory.follows, not memory.follows
+    followed = memory.motion if memory.follows else memory.trial
+    if followed.count > 0:
+        _follow(memory, followed, memory.progress if memory.follows else 0, car, speed, reference)
+    else:
+        reference.steering_angle = pursue(bearing, 1.0, car.lidar_offset, car.wheelbase)
+        reference.bearing, reference.distance = bearing, at
+    reference.speed = 0.0
+    if memory.follows:
+        reference.speed = _speed_on(memory, memory.motion, memory.progress, limiter, settings, speed)
+        if way.hidden:
+            reference.speed = min(reference.speed, _speed_to_frontier(limiter, settings, here))
+
+
+@kernel
+def _planner_drives(
+    scan: Record,
+    ranges: FloatArray,
+    odometry: Record,
+    limiter: Record,
+    settings: Record,
+    memory: Record,
+    reference: Record,
+    x: float,
+    y: float,
+    here: float,
+    best_gain: float,
+) -> bool:
+    """Say whether the planner's own reference leads on; arguments as of `guide`, and as of `_best_beam`."""
+    if math.isnan(reference.bearing) or math.isnan(reference.steering_angle):
+        return False
+    way, car, speed = memory.way, limiter.car, odometry.speed
+    beam = int(min(max(round((reference.bearing - scan.angle_min) / scan.angle_increment), 0), len(ranges) - 1))
+    least, _ = least_to_go_along(way, x, y, way.map.heading + reference.bearing, ranges[beam])
+    gain = here - least
+    bends = memory.follows and _is_on_motion(memory, car) and _bends(memory, car)
+    tight = way.hidden and here < settings.tight_distance
+    if gain >= settings.as_good * best_gain and gain > -0.5 and not bends and not tight:
+        memory.follows = False
+        return True
+    if not gain > settings.worth_simulating * best_gain:
+        return False
+    most = 0.8 * limiter.lateral / max(speed * speed, 0.5)
+    present = math.tan(odometry.steering_angle) / car.wheelbase
+    wanted = saturate(math.tan(saturate(reference.steering_angle, car.max_steering_angle)) / car.wheelbase, most)
+    memory.narrow = False
+    if not search_motion(
+        way, limiter, memory.trial, 0.5 * (present + wanted), speed, settings.viable_time, 1.0,
+        settings.horizon + 0.1 * speed * speed, NEAR_WALL, False, _NODES,
+    ):  # fmt: skip
+        return False
+    memory.follows = False
+    if speed < settings.trusted_speed:
+        memory.knows_speed = True
+        reference.speed = min(reference.speed, _speed_on(memory, memory.trial, 0, limiter, settings, speed))
+    return True
+
+
+@kernel
+def _best_beam(
+    scan: Record, ranges: FloatArray, way: Record, x: float, y: float, here: float
+) -> tuple[float, float, float]:
+    """Return by how much the best beam shortens the way to go [m], how far along it that is [m], and its bearing."""
+    gain, at, bearing = -math.inf, 0.0, 0.0
+    for beam in range(0, len(ranges), _BEAMS):
+        angle = scan.angle_min + scan.angle_increment * beam
+        least, place = least_to_go_along(way, x, y, way.map.heading + angle, ranges[beam])
+        if here - least > gain:
+            gain, at, bearing = here - least, place, angle
+    return gain, at, bearing
+
+
+@kernel
+def _renew_motion(limiter: Record, settings: Record, memory: Record, present: float, speed: float) -> None:
+    """Search for a motion to follow, where the car has none, and in every second tick."""
+    if memory.follows and memory.way.ticks % 2 == 1:
+        return
+    way, trial, horizon = memory.way, memory.trial, settings.horizon + 0.1 * speed * speed
+    lag, grip, narrow = settings.lag, settings.grip, False
+    found = search_motion(way, limiter, trial, present, speed, lag, grip, horizon, NEAR_WALL, False, _NODES)
+    if not found and speed > 1.5:
+        found = search_motion(way, limiter, trial, present, speed, lag, 1.0, horizon, NEAR_WALL, False, _NODES)
+    if not found and speed < 2.0:
+        narrow = True
+        found = search_motion(way, limiter, trial, present, speed, lag, 1.0, 2.0, AT_WALL, False, _NODES)
+    if found:
+        memory.motion.found, memory.motion.count = True, trial.count
+        memory.motion.points[:] = trial.points
+        memory.follows, memory.progress, memory.narrow = True, 0, narrow
+
+
+@kernel
+def _is_on_motion(memory: Record, car: Record) -> bool:
+    """Say whether what is left of the motion is free, and the car on it."""
+    world, motion = memory.way.map, memory.motion
+    cos, sin = math.cos(world.heading), math.sin(world.heading)
+    while memory.progress < motion.count:
+        point = motion.points[memory.progress]
+        if cos * (point[X] - world.x) + sin * (point[Y] - world.y) > 0.0:
+            break
+        memory.progress += 1
+    if memory.progress + 2 >= motion.count:
+        return False
+    point = motion.points[memory.progress]
+    aside = math.cos(point[HEADING]) * (world.y - point[Y]) - math.sin(point[HEADING]) * (world.x - point[X])
+    if abs(aside) > _ON_MOTION[0] or abs(point[HEADING] - world.heading) > _ON_MOTION[1]:
+        return False
+    for k in range(memory.progress, motion.count):
+        point = motion.points[k]
+        if not is_clear(memory.way, car, point[X], point[Y], point[HEADING], AT_WALL):
+            return False
+    return True
+
+
+@kernel
+def _bends(memory: Record, car: Record) -> bool:
+    """Say whether what is left of the motion needs more than about a third of the steering."""
+    most = 0.0
+    for k in range(memory.progress, memory.motion.count):
+        most = max(most, abs(memory.motion.points[k, CURVATURE]))
+    return bool(most > 0.37 * math.tan(car.max_steering_angle) / car.wheelbase)
+
+
+@kernel
+def _follow(memory: Record, motion: Record, first: int, car: Record, speed: float, reference: Record) -> None:
+    """Write the reference that leads along the arc to a point of a motion some way ahead."""
+    world = memory.way.map
+    lookahead, along, place = 0.3 + 0.2 * max(speed, 0.0), 0.0, first
+    x, y = world.x, world.y
+    for k in range(first, motion.count):
+        along += math.hypot(motion.points[k, X] - x, motion.points[k, Y] - y)
+        x, y = motion.points[k, X], motion.points[k, Y]
+        if along <= lookahead:
+            place = k
+    dx, dy = motion.points[place, X] - world.x, motion.points[place, Y] - world.y
+    cos, sin = math.cos(world.heading), math.sin(world.heading)
+    ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
+    reference.steering_angle = arc_through(ahead, left, car.wheelbase)
+    reference.bearing = math.atan2(left, ahead - car.lidar_offset)
+    reference.distance = math.hypot(left, ahead - car.lidar_offset)
+
+
+@kernel
+def _speed_on(memory: Record, motion: Record, first: int, limiter: Record, settings: Record, speed: float) -> float:
+    """Return the speed [m/s] from which the car slows in time for a motion's curves, and stops at its end."""
+    lateral, braking = settings.profile_grip * limiter.lateral, settings.profile_braking * limiter.braking
+    square, along = math.inf, 0.0
+    x, y = memory.way.map.x, memory.way.map.y
+    for k in range(first, motion.count):
+        curvature = abs(motion.points[k, CURVATURE])
+        if curvature > 0.0:
+            square = min(square, lateral / curvature + 2.0 * braking * max(along - 0.15 * speed, 0.0))
+        along += math.hypot(motion.points[k, X] - x, motion.points[k, Y] - y)
+        x, y = motion.points[k, X], motion.points[k, Y]
+    square = min(square, 2.0 * settings.stop_braking * limiter.braking * (along + 0.3))
+    return min(math.sqrt(square), settings.narrow_speed) if memory.narrow else math.sqrt(square)
+
+
+@kernel
+def _speed_to_frontier(limiter: Record, settings: Record, way_to_go: float) -> float:
+    """Return the speed [m/s] from which the car can turn at full lock behind a hidden frontier."""
+    tightest = math.tan(limiter.car.max_steering_angle) / limiter.car.wheelbase
+    turning = settings.grip * limiter.lateral / tightest
+    return math.sqrt(turning + 2.0 * settings.hidden_braking * limiter.braking * way_to_go)
+
+
+@kernel
+def _speed_to_stop(scan: Record, ranges: FloatArray, limiter: Record, settings: Record) -> float:
+    """Return the speed [m/s] from which the car stops ahead of what is in front of it."""
+    first, end = beams_between(scan, len(ranges), -_AHEAD, _AHEAD)
+    ahead = SIGHT
+    for beam in range(first, end):
+        ahead = min(ahead, ranges[beam])
+    to_bumper = limiter.car.length - limiter.car.rear_overhang - limiter.car.lidar_offset
+    room = max(ahead - to_bumper - settings.stop_margin, 0.0)
+    return math.sqrt(2.0 * settings.profile_braking * limiter.braking * room)

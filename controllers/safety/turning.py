@@ -1,0 +1,117 @@
+"""Turning in several moves: a slow car in a place that is tighter than its turning circle turns as in a parking lot.
+
+Where the car has been slow for `_PATIENCE` and there is a way on, a motion is searched for that may reverse
+(motion_search). It is followed move by move: the car stops before it changes its direction, turns its wheels, and
+drives on. A motion that is no longer free, or on which the car stands still for a second, is given up."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from fg_mujoco.kernels import kernel
+
+from ..control.settings import Record
+from ..control.steering import arc_through, saturate
+from ..perception.way_on import AT_WALL, NEAR_WALL
+from .motion_search import CURVATURE, DIRECTION, HEADING, MOTION, X, Y, outline_in_walls, search_motion, touches
+
+_SLOW = 0.7  # [m/s]
+_PATIENCE = 14  # ticks
+_GIVE_UP = 40  # ticks without moving
+_SPEED = 0.8  # [m/s]
+_BRAKING = 1.5  # [m/s^2] before a change of direction
+_REACH = 0.3  # [m] to the point that the car steers for
+_HORIZON = 1.5  # [m] by which the way to go is shorter at the end
+_NODES = 16000
+_IN_WALLS = 7  # points of the outline, at most
+
+TURNING = np.dtype(
+    [
+        ("active", np.bool_),
+        ("slow", np.int64),  # ticks for which the car has been slow; while turning, for which it has stood
+        ("motion", MOTION),
+        ("place", np.int64),  # index of the motion's point that is next
+        ("in_walls", np.int64),  # points of the outline in cells of walls at the beginning
+        ("steering_angle", np.float64),  # [rad] of the command
+        ("speed", np.float64),  # [m/s] of the command, negative in reverse
+    ]
+)
+"""Type of what is kept from tick to tick; zero at the beginning."""
+
+
+@kernel
+def turn_in_moves(way: Record, limiter: Record, memory: Record, steering_angle: float, speed: float) -> None:
+    """Begin, follow or end a turn in several moves. While it is active, its command is in the memory.
+
+    Args:
+      way: of type WAY_ON.
+      limiter: of type LIMITER.
+      memory: of type TURNING, written to.
+      steering_angle: present [rad].
+      speed: present [m/s].
+    """
+    if not memory.active and not _begins(way, limiter, memory, steering_angle, speed):
+        return
+    car, world, motion = limiter.car, way.map, memory.motion
+    cos, sin = math.cos(world.heading), math.sin(world.heading)
+    while memory.place < motion.count:
+        point = motion.points[memory.place]
+        ahead = (cos * (point[X] - world.x) + sin * (point[Y] - world.y)) * point[DIRECTION]
+        last = memory.place + 1 == motion.count or motion.points[memory.place + 1, DIRECTION] != point[DIRECTION]
+        if ahead > (0.03 if last else 0.12):
+            break
+        memory.place += 1
+    if memory.place >= motion.count or memory.slow > _GIVE_UP or not _is_free(way, car, memory):
+        memory.active, memory.slow = False, 0
+        return
+    memory.slow = memory.slow + 1 if abs(speed) < 0.05 else 0
+    direction, left, target = motion.points[memory.place, DIRECTION], 0.0, -1
+    x, y, end = world.x, world.y, memory.place
+    while end < motion.count and motion.points[end, DIRECTION] == direction:
+        left += math.hypot(motion.points[end, X] - x, motion.points[end, Y] - y)
+        x, y = motion.points[end, X], motion.points[end, Y]
+        if target < 0 and left >= _REACH:
+            target = end
+        end += 1
+    point = motion.points[target if target >= 0 else end - 1]
+    ahead = cos * (point[X] - world.x) + sin * (point[Y] - world.y)
+    aside = cos * (point[Y] - world.y) - sin * (point[X] - world.x)
+    angle = math.atan(motion.points[memory.place, CURVATURE] * car.wheelbase)
+    if abs(ahead) > 0.15:
+        angle = arc_through(ahead, aside, car.wheelbase)
+    memory.steering_angle = saturate(angle, car.max_steering_angle)
+    memory.speed = min(_SPEED, math.sqrt(2.0 * _BRAKING * left) + 0.1) * direction
+    turns_wheels = abs(memory.steering_angle - steering_angle) > 0.1 and abs(speed) < 0.3
+    if speed * direction < -0.1 or turns_wheels:
+        memory.speed, memory.slow = 0.0, 0
+
+
+@kernel
+def _begins(way: Record, limiter: Record, memory: Record, steering_angle: float, speed: float) -> bool:
+    """Say whether the car begins to turn now."""
+    memory.slow = memory.slow + 1 if abs(speed) < _SLOW else 0
+    if memory.slow < _PATIENCE or not way.found:
+        return False
+    memory.slow = 0
+    car, world = limiter.car, way.map
+    curvature = math.tan(steering_angle) / car.wheelbase
+    for nearest in (NEAR_WALL, AT_WALL):
+        if search_motion(way, limiter, memory.motion, curvature, 0.0, 0.0, 0.85, _HORIZON, nearest, True, _NODES):
+            memory.active, memory.place = True, 0
+            memory.in_walls = outline_in_walls(world, car, world.x, world.y, world.heading)
+            return True
+    return False
+
+
+@kernel
+def _is_free(way: Record, car: Record, memory: Record) -> bool:
+    """Say whether what is left of the motion is free."""
+    for k in range(memory.place, memory.motion.count):
+        point = memory.motion.points[k]
+        if outline_in_walls(way.map, car, point[X], point[Y], point[HEADING]) > max(memory.in_walls, _IN_WALLS):
+            return False
+        if touches(way.map, car, point[X], point[Y], point[HEADING], 0.0):
+            return False
+    return True
