@@ -1,0 +1,96 @@
+"""Worlds drawn as lines, with a car that drives through them and sees them: numpy only, no physics, no ray caster."""
+
+import itertools
+import math
+
+import numpy as np
+from scan_worlds import CAR, INCREMENT
+
+from fg_mujoco.controllers.perception.local_map import CELL, RING, SIZE
+from fg_mujoco.controllers.perception.scan_geometry import SCAN
+from fg_mujoco.controllers.perception.way_on import WAY_ON, look_for_way_on
+from fg_mujoco.messages import ODOMETRY
+
+PERIOD = 0.025
+BEAMS = 1081
+FIRST = -0.5 * (BEAMS - 1) * INCREMENT
+BEARINGS = FIRST + INCREMENT * np.arange(BEAMS)
+GEOMETRY = np.array([(FIRST, INCREMENT, 30.0, PERIOD)], SCAN)[0]
+
+
+def lines(*polylines):
+    """Straight walls between the points of each polyline. Shape (n, 2, 2) [m]."""
+    return np.array([pair for line in polylines for pair in itertools.pairwise(line)], float)
+
+
+def box(low_x, low_y, high_x, high_y):
+    return [(low_x, low_y), (high_x, low_y), (high_x, high_y), (low_x, high_y), (low_x, low_y)]
+
+
+def seen_from(walls, x, y, headings):
+    """How far it is to the nearest wall along each heading, at most 30 m. Shape (n,) [m]."""
+    rays = np.column_stack((np.cos(headings), np.sin(headings)))[:, np.newaxis]
+    ahead, away = walls[:, 1] - walls[:, 0], walls[:, 0] - (x, y)
+
+    def cross(a, b):
+        return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+
+    with np.errstate(divide="ignore", invalid="ignore"):
+        distance, share = cross(away, ahead) / cross(rays, ahead), cross(away, rays) / cross(rays, ahead)
+    met = (distance > 0.0) & (share >= 0.0) & (share <= 1.0)
+    return np.minimum(np.where(met, distance, math.inf).min(axis=1), 30.0)
+
+
+def cell(x, y):
+    """The cell of a place, in the ring."""
+    return math.floor(x / CELL) & RING, math.floor(y / CELL) & RING
+
+
+def middles(memory):
+    """The places of all cells of a local map's window, by their index in the ring: x and y, NaN at its edge [m]."""
+    found = []
+    for at in (int(memory["column"]), int(memory["row"])):
+        places = np.full(SIZE, math.nan)
+        kept = np.arange(at - SIZE // 2 + 2, at + SIZE // 2 - 1)
+        places[kept & RING] = (kept + 0.5) * CELL
+        found.append(places)
+    return np.meshgrid(*found, indexing="ij")
+
+
+class Driven:
+    """A car that starts at x = 0, y = 0 along x, and looks for its way on in every tick."""
+
+    def __init__(self, walls, every=1):
+        self.walls, self.every = walls, every
+        self.way = np.zeros(1, WAY_ON)[0]
+        self.x = self.y = self.heading = 0.0
+        self.look(0.0, 0.0)
+
+    def look(self, speed, yaw_rate):
+        odometry = np.zeros(1, ODOMETRY)[0]
+        odometry["speed"] = speed
+        odometry["angular_velocity"][2] = yaw_rate
+        look_for_way_on(GEOMETRY, self.ranges(), odometry, CAR.lidar_offset, self.way, self.every)
+
+    def lidar(self):
+        offset = CAR.lidar_offset
+        return self.x + offset * math.cos(self.heading), self.y + offset * math.sin(self.heading)
+
+    def ranges(self):
+        return seen_from(self.walls, *self.lidar(), self.heading + BEARINGS)
+
+    def go(self, distance, curvature=0.0, speed=2.0):
+        """Drive an arc, in reverse if the distance is negative."""
+        ticks = max(round(abs(distance) / (speed * PERIOD)), 1)
+        for _ in range(ticks):
+            step = distance / ticks
+            turn = step * curvature
+            self.x += step * math.cos(self.heading + 0.5 * turn)
+            self.y += step * math.sin(self.heading + 0.5 * turn)
+            self.heading += turn
+            self.look(step / PERIOD, turn / PERIOD)
+
+    def to_go(self, x, y):
+        """The way to go from a place [m], inf where it is not known."""
+        cells = self.way["to_go"][cell(x, y)]
+        return math.inf if cells == 65535 else cells * 0.01
