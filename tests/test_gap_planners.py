@@ -1,7 +1,7 @@
 """What the planners have in common that take a gap and drive to a point in it."""
 
 import math
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -43,6 +43,8 @@ def rough_scan(seed):
 
 
 def test_a_mirrored_scan_gets_the_mirrored_command(planner):
+    """Without guidance: the cells of its map have an orientation of their own."""
+    planner = type(planner)(CAR, MU, planner.max_speed, replace(planner.settings, guidance=False))
     motions = ((0.0, 0.0), (3.0, 0.1), (6.0, -0.05))
     for scan in map(rough_scan, range(20)):
         planner.reset()
