@@ -17,7 +17,7 @@ Limits: the planner knows one obstacle, the nearest. The gap's far side, and the
 get no bubble until they are nearer than all else: the lookahead and the bubble have to make up for the car's width.
 Without the first (30 m) `furthest` aims along the inner wall, and its laps are half as long again. `middle` goes where
 much is open, not where the road goes on: it is as slow, and comes to stand in `l_corridor`. The longest run may be the
-way back: a U-turn. The planner has no memory; in a dead end it stops, reverses (recovery) and tries again.
+way back: a U-turn, from which guidance keeps the car. Without guidance the planner has no memory.
 """
 
 from __future__ import annotations

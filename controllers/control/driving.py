@@ -29,9 +29,8 @@ from fg_mujoco.errors import SettingsError
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import CarParameters, FloatArray, require
 
-from ..perception.local_map import move
 from ..perception.scan_filters import widen_all
-from ..perception.scan_geometry import beams_between, looks_ahead, period_of, sees
+from ..perception.scan_geometry import beams_between, period_of
 from ..safety.braking_trajectories import safe_speed
 from ..safety.friction_limiter import LIMITER, LIMITER_MEMORY, FrictionLimiter, limited
 from ..safety.guidance import GUIDANCE, GuidanceSettings, guide
@@ -261,16 +260,12 @@ def drive(
       trajectories: tables of type TRAJECTORIES; `driver.trajectories` is the index of the planner's own.
     """
     if driver.guidance:
-        guidance = memory.guidance
-        if sees(scan, valid) and looks_ahead(scan, len(valid)):
-            guide(scan, valid, odometry, driver.limiter, driver.guidance_settings, guidance, reference)
-            if guidance.turning.active:
-                _extend_history(scan, odometry, driver, memory)
-                steering_angle, speed = guidance.turning.steering_angle, guidance.turning.speed
-                least = driver.limiter.settings.least_lateral_use
-                return _hold(scan, odometry, driver, memory, steering_angle, speed, least)
-        else:
-            move(guidance.way.map, odometry.speed, odometry.angular_velocity[2], period_of(scan))
+        guide(scan, valid, odometry, driver.limiter, driver.guidance_settings, memory.guidance, reference)
+        turning = memory.guidance.turning
+        if turning.active:
+            _extend_history(scan, odometry, driver, memory)
+            least = driver.limiter.settings.least_lateral_use
+            return _hold(scan, odometry, driver, memory, turning.steering_angle, turning.speed, least)
     if math.isnan(reference.steering_angle) or not math.isfinite(odometry.speed + odometry.steering_angle):
         return _brake(scan, odometry, driver, memory)
     speed = reference.speed

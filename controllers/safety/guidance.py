@@ -9,14 +9,15 @@ Guidance knows the way on (perception.way_on), and lets the planner drive as lon
    the planner still drives.
 3. Else the car follows a motion from where it is now, which is searched for anew in every second tick, and kept
    while it is free and none is found. Its speed is that of its curvature, with braking before it.
-4. Where there is no motion, the car brakes. Where it has come to be slow for `patience`, it turns in several moves,
-   forward and in reverse (turning).
+4. Where there is no motion, the car brakes. Where it has been slow for .35 s, it turns in several moves, forward
+   and in reverse (turning).
 
 Where the car has no way on, as in a dead end, it is no faster than it can stop ahead of what it sees. Where it has
 stood there for 4 s it forgets its path, which on a course as short as its memory may have been wrong.
 
 Limits: as of way_on and motion_search. Without a friction limit nothing says how sharply the car can turn, and
-guidance is off."""
+guidance is off.
+"""
 
 from __future__ import annotations
 
@@ -30,8 +31,8 @@ from fg_mujoco.messages import FloatArray
 
 from ..control.settings import FROM_ZERO, POSITIVE, SHARE, Record, Settings, setting, setting_of_car
 from ..control.steering import arc_through, pursue, saturate
-from ..perception.local_map import SIGHT
-from ..perception.scan_geometry import beams_between
+from ..perception.local_map import SIGHT, move
+from ..perception.scan_geometry import beams_between, looks_ahead, period_of, sees
 from ..perception.way_on import AT_WALL, NEAR_WALL, WAY_ON, least_to_go_along, look_for_way_on, to_go_around
 from .motion_search import CURVATURE, HEADING, MOTION, X, Y, is_clear, search_motion
 from .turning import TURNING, turn_in_moves
@@ -98,7 +99,7 @@ def guide(
     memory: Record,
     reference: Record,
 ) -> None:
-    """Change a planner's reference where it does not lead on.
+    """Change a planner's reference where it does not lead on; a scan that shows nothing ahead leaves it as it is.
 
     Args:
       scan: of type SCAN.
@@ -112,7 +113,10 @@ def guide(
     car, way = limiter.car, memory.way
     speed, present = odometry.speed, math.tan(odometry.steering_angle) / car.wheelbase
     memory.knows_speed = memory.stuck = False
-    if not math.isfinite(speed + present + odometry.angular_velocity[2]):
+    looks = sees(scan, ranges) and looks_ahead(scan, len(ranges))
+    if not looks:
+        move(way.map, speed, odometry.angular_velocity[2], period_of(scan))
+    if not (looks and math.isfinite(speed + present + odometry.angular_velocity[2])):
         memory.follows = memory.turning.active = False
         return
     look_for_way_on(scan, ranges, odometry, car.lidar_offset, way, settings.every)
@@ -223,7 +227,7 @@ def _renew_motion(limiter: Record, settings: Record, memory: Record, present: fl
         narrow = True
         found = search_motion(way, limiter, trial, present, speed, lag, 1.0, 2.0, AT_WALL, False, _NODES)
     if found:
-        memory.motion.found, memory.motion.count = True, trial.count
+        memory.motion.count = trial.count
         memory.motion.points[:] = trial.points
         memory.follows, memory.progress, memory.narrow = True, 0, narrow
 

@@ -13,7 +13,8 @@ wall than that, and in gaps that are hardly wider than the car, its outline is c
 themselves.
 
 Limits: the simulated car does not slip, and what stands in its way stands still. Ground that nobody has seen counts
-as free for the car's corners."""
+as free for the car's corners.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +47,7 @@ _UNKNOWN_LENGTH = 1.5  # [m] from the start on which the way to go may be unknow
 _TOUCHING_LENGTH = 0.8  # [m] from the start on which the car may be nearer to walls than it plans
 _EXACT = 1.4  # [m] from the car within which its outline is compared with the ends of beams
 _MARGIN = 0.03  # [m] round the outline
-_FAT = 7  # points of the outline that may lie in cells of walls, whose cells are thicker than they are
+MOST_IN_WALLS = 7  # points of the outline that may lie in cells of walls, whose cells are thicker than they are
 
 MOTION = np.dtype(
     [
@@ -231,7 +232,7 @@ def _passes(
     x, y, heading = place[0], place[1], place[2]
     if not (touching or exact):
         return is_clear(way, car, x, y, heading, nearest)
-    if outline_in_walls(way.map, car, x, y, heading) > (hits if touching else _FAT):
+    if outline_in_walls(way.map, car, x, y, heading) > (hits if touching else MOST_IN_WALLS):
         return False
     return not touches(way.map, car, x, y, heading, margin)
 

@@ -2,7 +2,8 @@
 
 Where the car has been slow for `_PATIENCE` and there is a way on, a motion is searched for that may reverse
 (motion_search). It is followed move by move: the car stops before it changes its direction, turns its wheels, and
-drives on. A motion that is no longer free, or on which the car stands still for a second, is given up."""
+drives on. A motion that is no longer free, or on which the car stands still for a second, is given up.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +16,18 @@ from fg_mujoco.kernels import kernel
 from ..control.settings import Record
 from ..control.steering import arc_through, saturate
 from ..perception.way_on import AT_WALL, NEAR_WALL
-from .motion_search import CURVATURE, DIRECTION, HEADING, MOTION, X, Y, outline_in_walls, search_motion, touches
+from .motion_search import (
+    CURVATURE,
+    DIRECTION,
+    HEADING,
+    MOST_IN_WALLS,
+    MOTION,
+    X,
+    Y,
+    outline_in_walls,
+    search_motion,
+    touches,
+)
 
 _SLOW = 0.7  # [m/s]
 _PATIENCE = 14  # ticks
@@ -25,7 +37,6 @@ _BRAKING = 1.5  # [m/s^2] before a change of direction
 _REACH = 0.3  # [m] to the point that the car steers for
 _HORIZON = 1.5  # [m] by which the way to go is shorter at the end
 _NODES = 16000
-_IN_WALLS = 7  # points of the outline, at most
 
 TURNING = np.dtype(
     [
@@ -110,7 +121,7 @@ def _is_free(way: Record, car: Record, memory: Record) -> bool:
     """Say whether what is left of the motion is free."""
     for k in range(memory.place, memory.motion.count):
         point = memory.motion.points[k]
-        if outline_in_walls(way.map, car, point[X], point[Y], point[HEADING]) > max(memory.in_walls, _IN_WALLS):
+        if outline_in_walls(way.map, car, point[X], point[Y], point[HEADING]) > max(memory.in_walls, MOST_IN_WALLS):
             return False
         if touches(way.map, car, point[X], point[Y], point[HEADING], 0.0):
             return False

@@ -36,6 +36,16 @@ RING = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))  #
 SIDES = RING[::2]
 
 
+def require_order(settings: object, *names: str) -> None:
+    """Raise SettingsError for the first of the lengths `names` whose `min_` is above its `max_` [m]."""
+    for name in names:
+        low, high = getattr(settings, f"min_{name}"), getattr(settings, f"max_{name}")
+        if low > high:
+            raise SettingsError(
+                f"{type(settings).__name__}.min_{name} is {low} m; accepted: at most max_{name}, {high} m"
+            )
+
+
 @dataclass(frozen=True, kw_only=True)
 class GeneratorSettings:
     """What every generated circuit keeps.
@@ -54,12 +64,7 @@ class GeneratorSettings:
     def __post_init__(self) -> None:
         names = tuple(field.name for field in fields(self))
         require(self, lambda value: 0.0 < value < math.inf, "a positive number of metres", names, SettingsError)
-        for low, high in (("min_length", "max_length"), ("min_width", "max_width")):
-            if getattr(self, low) > getattr(self, high):
-                raise SettingsError(
-                    f"GeneratorSettings.{low} is {getattr(self, low)} m; accepted: at most {high}, "
-                    f"{getattr(self, high)} m"
-                )
+        require_order(self, "length", "width")
 
 
 def generate_track(

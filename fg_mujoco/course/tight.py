@@ -21,7 +21,7 @@ from ..errors import SettingsError, TrackError
 from ..messages import FloatArray, require
 from .chicanes import Block, with_boxes
 from .drivable import drivable_lap
-from .generator import SIDES, Cell, can_join
+from .generator import SIDES, Cell, can_join, require_order
 from .lanes import SPACING, Lane, Outline, corner_radii, hairpins, lane, outline
 from .polyline import step_lengths, turns
 from .track import Track
@@ -57,10 +57,7 @@ class TightSettings:
     def __post_init__(self) -> None:
         names = tuple(field.name for field in fields(self))
         require(self, lambda value: 0.0 < value < math.inf, "a positive number of metres", names, SettingsError)
-        for what in ("length", "width", "gap", "barrier"):
-            low, high = getattr(self, f"min_{what}"), getattr(self, f"max_{what}")
-            if low > high:
-                raise SettingsError(f"TightSettings.min_{what} is {low} m; accepted: at most max_{what}, {high} m")
+        require_order(self, "length", "width", "gap", "barrier")
 
 
 def generate_tight_track(
