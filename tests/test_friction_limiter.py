@@ -34,10 +34,10 @@ EVERY_BIT = FrictionLimiterSettings(lateral_use=1.0, braking_use=1.0, accelerati
 
 
 def settled(limiter, steering_angle, speed, now, ticks=20):
-    """The command after so many ticks of one and the same reference and odometry; its acceleration [m/s^2]."""
+    """The command after so many ticks of one and the same reference and odometry; its mean acceleration [m/s^2]."""
     for _ in range(ticks):
         command = limiter(steering_angle, speed, odometry_of(now, steering_angle), PERIOD)
-    return command, (command.speed - now) / CAR.speed_time_constant
+    return command, (command.speed - now) * (1.0 - math.exp(-PERIOD / CAR.speed_time_constant)) / PERIOD
 
 
 def drive_bicycle(limiter, references, speed=0.0, steering_angle=0.0, substeps=10):
@@ -263,7 +263,7 @@ def test_the_share_that_cornering_leaves_is_at_most_the_measured_one(mu, directi
     shares = np.array([longitudinal_share(use, 0.8) for use in uses])
     assert (np.diff(shares) <= 0.0).all()
     assert (longitudinal_share(0.0, 0.8), longitudinal_share(1.0, 0.8)) == (1.0, 0.0)
-    # of what the closed form says for straight ahead, .92 and .88 of which is used
+    # of what the closed form says for straight ahead, .87 and .88 of which is used
     limiter = FrictionLimiter(CAR, mu)
     greatest = limiter.braking if direction == "brake" else limiter.accelerating
     shares = [longitudinal_share(use, limiter.exponent) for use in USES]

@@ -66,7 +66,7 @@ def search(way, speed=0.0, curvature=0.0, reverses=False, horizon=100.0, nearest
     motion = np.zeros(1, MOTION)[0]
     limiter = LIMITER.record[0]
     found = search_motion(
-        way, limiter, motion, curvature, speed, 0.0, grip, horizon, nearest, reverses, nodes
+        way, limiter, motion, curvature, speed, 0.0, grip, 0.97, horizon, nearest, reverses, nodes
     )  # fmt: skip
     assert found == motion["found"]
     return motion

@@ -17,19 +17,23 @@ from fg_mujoco.vehicle.vehicle import Vehicle
 CAR = Vehicle.load().parameters
 LIMITER = FrictionLimiter(CAR, 1.0489)
 BEAMS, INCREMENT = 1081, math.radians(0.25)
+NO_PATH = np.empty((0, 4))
 START = -0.5 * (BEAMS - 1) * INCREMENT
 BEARINGS = START + INCREMENT * np.arange(BEAMS)
 BUMPER = CAR.length - CAR.rear_overhang - CAR.lidar_offset - 0.25 * CAR.width  # [m] from the LiDAR to the disc's centre
 
 
-def filtered(widened, reference=0.0, angle=0.0, speed=4.0, acceleration=0.0, reference_speed=0.0, **settings):
+def filtered(
+    widened, reference=0.0, angle=0.0, speed=4.0, acceleration=0.0, reference_speed=0.0, path=NO_PATH, **settings
+):
     values = for_car(SafetyFilterSettings(**settings), CAR)
     row = np.array([record_values(values)], record_type(SafetyFilterSettings))
     memory = np.zeros(1, LIMITER_MEMORY)
     memory["acceleration"] = acceleration
     answer = safe_steering(
-        LIMITER.record[0], memory[0], row[0], widened, START, INCREMENT, reference, reference_speed, angle, speed, 0.025
-    )
+        LIMITER.record[0], memory[0], row[0], widened, START, INCREMENT, reference, reference_speed, angle, speed,
+        0.025, path,
+    )  # fmt: skip
     assert memory["acceleration"][0] == acceleration  # trying leaves no trace
     return answer
 

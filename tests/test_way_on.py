@@ -136,6 +136,20 @@ def test_a_dead_end_has_no_way_on():
     assert to_go_at(driven.way, driven.x, driven.y) == FAR
 
 
+def test_the_shadow_of_a_box_is_no_way_on_and_the_ground_behind_a_wall_is():
+    """A closed hall with a box whose back nobody sees; and with a wall that hides half of the hall."""
+    left = [(-30.0, 1.0), (1.0, 1.0), (1.0, 3.0), (7.0, 3.0)]
+    hall = lines(left + [(x, -y) for x, y in reversed(left)])
+    closed = Driven(np.concatenate((hall, lines(box(4.6, 0.3, 4.9, 0.5)))))
+    half = Driven(np.concatenate((hall, lines(box(4.6, -3.0, 4.65, 0.5)))))
+    for driven in (closed, half):
+        driven.go(2.2)
+    assert not closed.way["found"]
+    assert half.way["found"]
+    x, y = goal(half)
+    assert x > 4.7 and y < 1.0
+
+
 def test_a_closed_room_has_no_way_on():
     assert not Driven(lines(box(-3.0, -2.0, 4.0, 3.0))).way["found"]
 

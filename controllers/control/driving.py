@@ -33,7 +33,7 @@ from ..perception.scan_filters import widen_all
 from ..perception.scan_geometry import beams_between, period_of
 from ..safety.braking_trajectories import safe_speed
 from ..safety.friction_limiter import LIMITER, LIMITER_MEMORY, FrictionLimiter, limited
-from ..safety.guidance import GUIDANCE, GuidanceSettings, guide
+from ..safety.guidance import GUIDANCE, GuidanceSettings, guide, path_ahead
 from ..safety.recovery import PATH_HISTORY, RecoverySettings, angle_along_history, extend_history, reverses
 from ..safety.safety_filter import SafetyFilterSettings, safe_steering
 from .settings import (
@@ -50,6 +50,7 @@ from .settings import (
     setting_of_car,
 )
 from .speed import forward_distance_speed, range_ratio_speed
+from .speedometer import SPEEDOMETER, command_speed, read_speedometer
 from .steering import pursue, saturate
 
 _AHEAD = math.radians(2.0)  # to either side: beams that count as straight ahead
@@ -125,7 +126,9 @@ DRIVER = np.dtype(
 )
 """Type of what the kernels here read of a planner."""
 
-DRIVING_MEMORY = np.dtype([("limiter", LIMITER_MEMORY), ("history", PATH_HISTORY), ("guidance", GUIDANCE)])
+DRIVING_MEMORY = np.dtype(
+    [("limiter", LIMITER_MEMORY), ("history", PATH_HISTORY), ("guidance", GUIDANCE), ("speedometer", SPEEDOMETER)]
+)
 """Type of what they keep of its car from tick to tick; zero at the beginning."""
 
 REFERENCE = np.dtype(
@@ -259,6 +262,8 @@ def drive(
       memory: of type DRIVING_MEMORY, written to.
       trajectories: tables of type TRAJECTORIES; `driver.trajectories` is the index of the planner's own.
     """
+    if driver.friction:
+        read_speedometer(memory.speedometer, odometry.speed, driver.car, period_of(scan))
     if driver.guidance:
         guide(scan, valid, odometry, driver.limiter, driver.guidance_settings, memory.guidance, reference)
         turning = memory.guidance.turning
@@ -333,7 +338,7 @@ def _drive_filtered(
     reference_speed = speed if guidance.knows_speed else min(speed, max(in_sight, settings.crawl_speed))
     safe, use, found = safe_steering(
         limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference, reference_speed,
-        angle, now, period,
+        angle, now, period, path_ahead(guidance),
     )  # fmt: skip
     stands = abs(now) < settings.standing_speed
     if driver.recovery and reverses(history, driver.recovery_settings, stands, found and not guidance.stuck, period):
@@ -341,6 +346,8 @@ def _drive_filtered(
         return _hold(scan, odometry, driver, memory, back, -driver.recovery_settings.speed, use)
     if not found:
         speed = 0.0 if now > settings.crawl_speed else min(speed, in_sight)
+        if guidance.follows:  # it is free, as far as its search could tell
+            return _hold(scan, odometry, driver, memory, steering_angle, speed, 1.0)
         return _hold(scan, odometry, driver, memory, safe, speed, use)
     if safe != reference:
         return _hold(scan, odometry, driver, memory, safe, min(speed, settings.crawl_speed), use)
@@ -380,4 +387,6 @@ def _hold(
 ) -> tuple[float, float]:
     """Return the command nearest to a reference that the friction limiter allows."""
     angle, now = odometry.steering_angle, odometry.speed
-    return limited(driver.limiter, memory.limiter, steering_angle, speed, least_use, angle, now, period_of(scan))
+    limiter, period = driver.limiter, period_of(scan)
+    steering, speed = limited(limiter, memory.limiter, steering_angle, speed, least_use, angle, now, period)
+    return steering, command_speed(memory.speedometer, speed, driver.car, driver.max_speed, period)

@@ -47,6 +47,7 @@ _SPACING = 0.1  # [m] between the points of the path
 _WIDENS = 0.3  # [m/m] by which the room beside the path may grow along it: at a barrier's end the way on is beside
 _WIDEST = 3.0  # [m] of the room to one side
 _BESIDE = math.radians(15.0)  # to either side of square to the car: beams that measure the room beside it
+_KEPT = 15  # cells round the car that are kept when the rest is forgotten
 _BEFORE = 7.0  # [m] of path that the car is taken to have come before its first tick
 _CLOSE = 2.0  # [m] from the LiDAR within which the ends of beams are kept as they are
 _VERY_CLOSE = 0.6  # [m] the same, all of them; between, every second
@@ -113,6 +114,17 @@ def move(memory: Record, speed: float, yaw_rate: float, period: float) -> None:
         step = 1 if row > memory.row else -1
         memory.row += step
         memory.cells[:, (memory.row + step * (EDGE + 1)) & RING] = UNKNOWN
+
+
+@kernel
+def forget(memory: Record) -> None:
+    """Forget what was seen farther away than the car turns, and where it came from: straight from behind, as it is."""
+    for i in range(memory.column - EDGE, memory.column + EDGE + 1):
+        for j in range(memory.row - EDGE, memory.row + EDGE + 1):
+            if max(abs(i - memory.column), abs(j - memory.row)) > _KEPT:
+                memory.cells[i & RING, j & RING] = UNKNOWN
+    memory.known = 0
+    memory.along = memory.furthest = _BEFORE
 
 
 @kernel

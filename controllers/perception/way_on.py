@@ -50,19 +50,28 @@ from .scan_geometry import period_of
 
 FAR = 65535  # to_go of cells from which no way on is known
 UNIT = 0.01  # [m] of to_go
-NEAR_WALL, WAY_BACK, AT_WALL = 1, 2, 4  # bits of a blocked cell: within two cells of a wall; closed; within one cell
+NEAR_WALL, WAY_BACK, AT_WALL, HOLE = 1, 2, 4, 8
+# bits of a blocked cell: within two cells of a wall; closed; within one cell; in the middle of a hole of three cells
 
 _CLOSED = 15.0  # [m] of the path that are closed
 _CLOSED_LOOP = 8.0  # [m] the same, on a course that is shorter
-_ATTEMPTS = ((0.6, _CLOSED), (0.6, _CLOSED_LOOP), (2.0, _CLOSED), (4.0, _CLOSED), (6.0, _CLOSED))
-# [m] from the end of the path: where it begins to be closed, and where it ends
+_ATTEMPTS = (
+    (0.6, _CLOSED, AT_WALL | HOLE),
+    (0.6, _CLOSED_LOOP, AT_WALL | HOLE),
+    (0.6, _CLOSED, AT_WALL),
+    (2.0, _CLOSED, NEAR_WALL),
+    (4.0, _CLOSED, NEAR_WALL),
+    (6.0, _CLOSED, NEAR_WALL),
+)  # [m] from the end of the path: where it begins to be closed, and where it ends; and what cannot be passed
 _WIDEST = 3.0  # [m] of a line across open ground, to either side
 _POCKET = 6.0  # [m] deepest pocket that the car leaves again
 _LEAST_FRONTIER = 5  # cells
 _LEAST_FRONTIER_BACK = 10  # cells, where the car has to leave a pocket for it
 _WIDE = 3.0  # [m] of a frontier; more counts as this
+_ROOM = 150  # cells that nobody has seen behind a frontier, or it is a shadow or a crack in a wall
 _SAME = 1.0  # [m] from the last way on: a frontier counts as the same, and as 1 m farther
 _LEAST_LOOP = 3.0  # [m] to the far side of a closed path
+_LEAST_AGE = 5.0  # [m] of the part of the path that the car comes upon there
 _FREE_START = 4  # cells from the car that may be near a wall
 _BUCKETS = 64  # above the greatest cost of a step
 
@@ -74,6 +83,8 @@ WAY_ON = np.dtype(
         ("hidden", np.bool_),  # the frontier is nearer than the sight, so something hides what is behind it
         ("x", np.float64),  # [m] of the middle of the way on
         ("y", np.float64),
+        ("edge_x", np.float64),  # [m] of the nearest of its cells that is not near a wall
+        ("edge_y", np.float64),
         ("to_go", np.uint16, (SIZE, SIZE)),  # to the way on [UNIT], by column and row in the ring; FAR: not known
         ("blocked", np.uint8, (SIZE, SIZE)),  # bits, see NEAR_WALL
     ]
@@ -154,29 +165,32 @@ def _find(memory: Record, lidar_offset: float) -> None:
     loop, count = False, 0
     open_ground = False
     for attempt in range(len(_ATTEMPTS)):
-        opened, closed = _ATTEMPTS[attempt]
+        opened, closed, passed = _ATTEMPTS[attempt]
         for _ in range(2):
             blocked[:] = walls
             _close_way_back(world, blocked, opened, closed, open_ground)
             distance[:] = FAR
             queue[0, 0], queue[0, 1] = i, j
             distance[i & RING, j & RING] = 0
-            reached = _flood(world, blocked, distance, queue)
+            reached = _flood(world, blocked, distance, queue, passed)
             if attempt > 0 or open_ground or not _is_open_ground(world, distance):
                 break
             open_ground = True
         if closed < _CLOSED and open_ground:
             continue
-        least = _LEAST_FRONTIER if attempt == 0 else _LEAST_FRONTIER_BACK
+        least = _LEAST_FRONTIER if opened == _ATTEMPTS[0][0] else _LEAST_FRONTIER_BACK
         if closed == _CLOSED:
-            count = _choose_frontier(memory, distance, queue, reached, least, goal)
+            count = _choose_frontier(memory, blocked, distance, queue, reached, least, goal)
         if count > 0:
             if opened > _ATTEMPTS[0][0]:
                 cut_path(world, max(world.along - opened, world.furthest - _POCKET))
             break
         if closed < _CLOSED:
             place = reached - 1
-            while place > 0 and not _beside_way_back(blocked, queue[place, 0], queue[place, 1]):
+            while place > 0:
+                a, b = queue[place, 0], queue[place, 1]
+                if _beside_way_back(blocked, a, b) and _comes_from_behind(world, distance, a, b):
+                    break
                 place -= 1
             a, b = queue[place, 0], queue[place, 1]
             loop = distance[a & RING, b & RING] * CELL > _LEAST_LOOP
@@ -186,8 +200,11 @@ def _find(memory: Record, lidar_offset: float) -> None:
                 break
     memory.found = count > 0
     memory.hidden = memory.found and not loop and math.hypot(memory.x - world.x, memory.y - world.y) < SIGHT - 1.0
+    memory.edge_x, memory.edge_y = memory.x, memory.y
+    if not loop:
+        _find_edge(memory, goal, count)
     memory.to_go[:] = FAR
-    _spread(world, blocked, near, memory.to_go, goal, count)
+    _spread(world, blocked, near, memory.to_go, goal, count, AT_WALL | HOLE if attempt < 2 else AT_WALL)
 
 
 @kernel
@@ -215,7 +232,9 @@ def _mark_walls(world: Record, walls: NDArray[np.uint8], near: NDArray[np.uint8]
         for j in range(SIZE):
             octagon = one[a, j] | two[b, j] | two[i, j] | two[c, j] | one[d, j]
             at_wall = one[i, j] | (world.cells[b, j] == WALL) | (world.cells[c, j] == WALL)
-            walls[i, j] = octagon * NEAR_WALL | at_wall * AT_WALL
+            hole = (world.cells[a, j] == WALL) & (world.cells[d, j] == WALL)
+            hole |= (world.cells[i, (j - 2) & RING] == WALL) & (world.cells[i, (j + 2) & RING] == WALL)
+            walls[i, j] = octagon * NEAR_WALL | at_wall * AT_WALL | hole * HOLE
         for offset in range(-6, 7):
             k = (i + offset) & RING
             if abs(offset) <= 4:
@@ -292,7 +311,9 @@ def _neighbour(k: int) -> tuple[int, int]:
 
 
 @kernel
-def _flood(world: Record, blocked: NDArray[np.uint8], distance: NDArray[np.uint16], queue: NDArray[np.int32]) -> int:
+def _flood(
+    world: Record, blocked: NDArray[np.uint8], distance: NDArray[np.uint16], queue: NDArray[np.int32], walls: int
+) -> int:
     """Spread distances [cells] from the first cell of the queue; return how many cells were reached.
 
     Steps to four neighbours and to eight take turns, which makes circles octagons. No step leaves the window: the cells
@@ -310,7 +331,7 @@ def _flood(world: Record, blocked: NDArray[np.uint8], distance: NDArray[np.uint1
                 if distance[p, q] != FAR or world.cells[p, q] != FREE:
                     continue
                 bits = blocked[p, q]
-                if bits & WAY_BACK != 0 or (bits & AT_WALL != 0 and level >= _FREE_START):
+                if bits & WAY_BACK != 0 or (bits & walls != 0 and level >= _FREE_START):
                     continue
                 distance[p, q] = level + 1
                 queue[count, 0], queue[count, 1] = a, b
@@ -323,6 +344,7 @@ def _flood(world: Record, blocked: NDArray[np.uint8], distance: NDArray[np.uint1
 @kernel
 def _choose_frontier(
     memory: Record,
+    blocked: NDArray[np.uint8],
     distance: NDArray[np.uint16],
     queue: NDArray[np.int32],
     reached: int,
@@ -333,6 +355,7 @@ def _choose_frontier(
 
     Args:
       memory: of type WAY_ON, written to.
+      blocked: bits of each cell.
       distance: of each cell from the car [cells].
       queue: the cells that were reached.
       reached: how many.
@@ -348,7 +371,7 @@ def _choose_frontier(
                 di, dj = _neighbour(k)
                 if cells[(i + di) & RING, (j + dj) & RING] == UNKNOWN:
                     label[i & RING, j & RING] = 1
-    group = np.empty((reached, 2), np.int32)
+    group, behind = np.empty((reached, 2), np.int32), np.empty((_ROOM + 8, 2), np.int32)
     best, best_count, last_x, last_y = 0.0, 0, memory.x, memory.y
     for place in range(reached):
         i, j = queue[place, 0], queue[place, 1]
@@ -376,11 +399,65 @@ def _choose_frontier(
         score = far + 2.0 * min(count * CELL, _WIDE)
         if memory.found and math.hypot(x - last_x, y - last_y) < _SAME:
             score += 1.0
-        if score > best:
+        if score > best and _has_room_behind(world, blocked, distance, label, group, count, behind):
             best, best_count, memory.x, memory.y = score, count, x, y
             for k in range(count):
                 goal[k, 0], goal[k, 1] = group[k, 0], group[k, 1]
     return best_count
+
+
+@kernel
+def _has_room_behind(
+    world: Record,
+    blocked: NDArray[np.uint8],
+    distance: NDArray[np.uint16],
+    label: NDArray[np.uint8],
+    group: NDArray[np.int32],
+    count: int,
+    behind: NDArray[np.int32],
+) -> bool:
+    """Say whether a frontier may lead on: there is room behind it, or ground that the car does not reach otherwise.
+
+    Args:
+      world: of type LOCAL_MAP.
+      blocked: bits of each cell.
+      distance: of each cell from the car [cells].
+      label: of each cell that nobody has seen, written to: 3: behind a frontier that does not lead on, 4: that does.
+      group: cells of the frontier.
+      count: how many.
+      behind: written to.
+    """
+    reached, at, leads_on = 0, 0, False
+    while at < count + reached and not leads_on:
+        place = group[at] if at < count else behind[at - count]
+        for k in range(4):
+            di, dj = _neighbour(k)
+            i, j = place[0] + di, place[1] + dj
+            p, q = i & RING, j & RING
+            if not in_window(world, i, j) or label[p, q] == 4:
+                leads_on = True
+            elif world.cells[p, q] == UNKNOWN and label[p, q] == 0 and blocked[p, q] & (NEAR_WALL | WAY_BACK) == 0:
+                label[p, q] = 3
+                behind[reached, 0], behind[reached, 1] = i, j
+                reached += 1
+            elif at >= count and world.cells[p, q] == FREE and distance[p, q] == FAR and blocked[p, q] & NEAR_WALL == 0:
+                leads_on = True
+        leads_on = leads_on or reached >= _ROOM
+        at += 1
+    for k in range(reached if leads_on else 0):
+        label[behind[k, 0] & RING, behind[k, 1] & RING] = 4
+    return leads_on
+
+
+@kernel
+def _find_edge(memory: Record, goal: NDArray[np.int32], count: int) -> None:
+    """Write where the nearest cell of a frontier is that is not near a wall."""
+    world, least = memory.map, math.inf
+    for k in range(count):
+        i, j = goal[k, 0], goal[k, 1]
+        distance = math.hypot((i + 0.5) * CELL - world.x, (j + 0.5) * CELL - world.y)
+        if distance < least and memory.blocked[i & RING, j & RING] & NEAR_WALL == 0:
+            least, memory.edge_x, memory.edge_y = distance, (i + 0.5) * CELL, (j + 0.5) * CELL
 
 
 @kernel
@@ -394,6 +471,26 @@ def _beside_way_back(blocked: NDArray[np.uint8], i: int, j: int) -> bool:
 
 
 @kernel
+def _comes_from_behind(world: Record, distance: NDArray[np.uint16], i: int, j: int) -> bool:
+    """Say whether distances grow, at a cell beside the path, in the direction in which the car came by there."""
+    x, y, here = 0.0, 0.0, distance[i & RING, j & RING]
+    for di in range(-2, 3):
+        for dj in range(-2, 3):
+            there = distance[(i + di) & RING, (j + dj) & RING]
+            if there != FAR:
+                x += di * (float(there) - here)
+                y += dj * (float(there) - here)
+    nearest, along, age = math.inf, 0.0, 0.0
+    for back in range(world.known):
+        point = world.path[(world.newest - back) % PATH]
+        apart = math.hypot(point[0] - i * CELL, point[1] - j * CELL)
+        if apart < nearest:
+            nearest, age = apart, world.along - point[ALONG]
+            along = math.cos(point[2]) * x + math.sin(point[2]) * y
+    return along > 0.5 * math.hypot(x, y) and age > _LEAST_AGE
+
+
+@kernel
 def _spread(
     world: Record,
     blocked: NDArray[np.uint8],
@@ -401,6 +498,7 @@ def _spread(
     to_go: NDArray[np.uint16],
     goal: NDArray[np.int32],
     count: int,
+    walls: int,
 ) -> None:
     """Write the way to go [UNIT] from all free cells to the nearest of `count` cells of `goal`."""
     heads = np.full(_BUCKETS, -1, np.int32)  # of the lists of cells that wait, by their way to go modulo _BUCKETS
@@ -428,7 +526,7 @@ def _spread(
             a, b = i + di, j + dj
             p, q = a & RING, b & RING
             bits = blocked[p, q]
-            if world.cells[p, q] != FREE or bits & (WAY_BACK | AT_WALL) != 0:
+            if world.cells[p, q] != FREE or bits & (WAY_BACK | walls) != 0:
                 continue
             cost = level + _cost(10 if k < 4 else 14, near[p, q], bits)
             if cost < to_go[p, q]:

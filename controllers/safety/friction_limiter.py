@@ -72,7 +72,7 @@ class FrictionLimiterSettings(Settings):
     most_left: float = setting(
         2.0, "", "what cornering leaves counts as at most this share of mu g; 2 is all that there can be", POSITIVE
     )
-    braking_use: float = setting(0.92, "", "share of the greatest braking that locks no axle", SHARE)
+    braking_use: float = setting(0.87, "", "share of the greatest braking that locks no axle", SHARE)
     accelerating_use: float = setting(0.88, "", "share of the greatest accelerating that spins no wheel", SHARE)
     load_transfer_time: float = setting(0.2, "s", "a period of the car's pitching on its springs", POSITIVE)
     speed_response: float = setting(
@@ -160,7 +160,7 @@ def limited(
     command = angle_now + saturate(target - angle_now, step)
     braking, accelerating = _shares_left(limiter, slope, math.tan(command), now)
     acceleration = _approach(limiter, memory.acceleration, allowed - speed_now, braking, accelerating, period)
-    reached = speed_now + acceleration * car.speed_time_constant
+    reached = speed_now + acceleration * period / (1.0 - math.exp(-period / car.speed_time_constant))
     if not math.isfinite(command + reached):
         memory.acceleration = 0.0
         return 0.0, 0.0

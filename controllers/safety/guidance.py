@@ -7,10 +7,12 @@ Guidance knows the way on (perception.way_on), and lets the planner drive as lon
    drives.
 2. Else its reference is simulated for `viable_time`. While a motion of the car leads on from there (motion_search),
    the planner still drives.
-3. Else the car follows a motion from where it is now, which is searched for anew in every second tick, and kept
-   while it is free and none is found. Its speed is that of its curvature, with braking before it.
+3. Else the car follows a motion from where it is now (control.tracking), which is searched for anew in every second
+   tick, and kept while it is free and none is found. Its speed is that of its curvature, with braking before it. In
+   a sharp bend the car stays on its motions until the bend is over.
 4. Where there is no motion, the car brakes. Where it has been slow for .35 s, it turns in several moves, forward
-   and in reverse (turning).
+   and in reverse (turning). From then on it is careful: it comes to the edge of what it sees no faster than that it
+   could turn there at full lock.
 
 Where the car has no way on, as in a dead end, it is no faster than it can stop ahead of what it sees. Where it has
 stood there for 4 s it forgets its path, which on a course as short as its memory may have been wrong.
@@ -30,17 +32,21 @@ from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from ..control.settings import FROM_ZERO, POSITIVE, SHARE, Record, Settings, setting, setting_of_car
-from ..control.steering import arc_through, pursue, saturate
-from ..perception.local_map import SIGHT, move
+from ..control.steering import saturate
+from ..control.tracking import CURVATURE, HEADING, LAG, X, Y, errors, next_place, steer_along
+from ..perception.local_map import SIGHT, forget, move
 from ..perception.scan_geometry import beams_between, looks_ahead, period_of, sees
 from ..perception.way_on import AT_WALL, NEAR_WALL, WAY_ON, least_to_go_along, look_for_way_on, to_go_around
-from .motion_search import CURVATURE, HEADING, MOTION, X, Y, is_clear, search_motion
+from .motion_search import MOTION, is_clear, search_motion
 from .turning import TURNING, turn_in_moves
 
 _BEAMS = 16  # every so many are compared with the planner's goal
+_BENDS, _BENDS_SHARPLY = 0.37, 0.75  # of the curvature at full lock: motions that the planner's goal does not end,
+# and that its simulated reference does not end either
+_MOST_LOCK = 0.97  # of that curvature, where less leads nowhere
 _NODES = 10000  # of a search while the car drives
 _AHEAD = math.radians(15.0)  # to either side: what a car without a way on stops ahead of
-_ON_MOTION = (0.25, 0.6)  # [m] beside a motion and [rad] from its heading, within which the car is on it
+_ON_MOTION = (0.15, 0.4)  # [m] beside a motion and [rad] from its heading, within which the car is on it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,9 +62,9 @@ class GuidanceSettings(Settings):
     worth_simulating: float = setting(0.3, "", "of the best beam's gain: its reference is simulated", SHARE)
     tight_distance: float = setting_of_car(4.5, "m", "way to go to a hidden frontier that counts as nearby", POSITIVE)
     viable_time: float = setting(0.4, "s", "for which the planner's reference is simulated", POSITIVE)
-    lag: float = setting(0.08, "s", "until a new steering angle is reached", FROM_ZERO)
+    lock: float = setting(0.87, "", "of the curvature at full lock, for motions; the rest keeps the car on them", SHARE)
     grip: float = setting(0.85, "", "of the cornering acceleration, for motions", SHARE)
-    profile_grip: float = setting(0.74, "", "of the cornering acceleration, for the speed on a motion", SHARE)
+    profile_grip: float = setting(0.76, "", "of the cornering acceleration, for the speed on a motion", SHARE)
     profile_braking: float = setting(0.4, "", "of the greatest braking, ahead of a motion's curve", SHARE)
     stop_braking: float = setting(0.65, "", "of the greatest braking, ahead of a motion's end", SHARE)
     hidden_braking: float = setting(0.7, "", "of the greatest braking, ahead of a hidden frontier", SHARE)
@@ -68,7 +74,7 @@ class GuidanceSettings(Settings):
     lost_after: int = setting(
         12, "", "ticks without a way on, after which the car stops ahead of what it sees", POSITIVE
     )
-    start_again_after: int = setting(160, "", "ticks, after which a car that stands forgets its path", POSITIVE)
+    start_again_after: int = setting(30, "", "ticks, after which a car that stands forgets its path", POSITIVE)
     stop_margin: float = setting_of_car(0.3, "m", "ahead of the bumper, where there is no way on", FROM_ZERO)
 
 
@@ -83,6 +89,7 @@ GUIDANCE = np.dtype(
         ("knows_speed", np.bool_),  # the reference's speed is that of a motion, which is free farther than is in sight
         ("stuck", np.bool_),  # there is no motion
         ("lost", np.int64),  # ticks without a way on
+        ("careful", np.bool_),  # the car has had to turn in several moves: there are bends tighter than they look
         ("turning", TURNING),
     ]
 )
@@ -122,6 +129,7 @@ def guide(
     look_for_way_on(scan, ranges, odometry, car.lidar_offset, way, settings.every)
     turn_in_moves(way, limiter, memory.turning, odometry.steering_angle, speed)
     if memory.turning.active:
+        memory.careful = True
         return
     x = way.map.x + car.lidar_offset * math.cos(way.map.heading)
     y = way.map.y + car.lidar_offset * math.sin(way.map.heading)
@@ -132,27 +140,31 @@ def guide(
         if memory.lost > settings.lost_after:
             reference.speed = min(reference.speed, _speed_to_stop(scan, ranges, limiter, settings))
         if memory.lost > settings.start_again_after and abs(speed) < 0.1:
-            memory.lost, way.map.known = 0, 0  # the path may be wrong: it begins anew here
+            memory.lost = 0
+            forget(way.map)  # the path or the map may be wrong
         return
     memory.lost = 0
     gain, at, bearing = _best_beam(scan, ranges, way, x, y, here)
-    if _planner_drives(scan, ranges, odometry, limiter, settings, memory, reference, x, y, here, gain):
+    to_edge = math.hypot(way.edge_x - x, way.edge_y - y)
+    around_edge = _speed_to_frontier(limiter, settings, to_edge) if way.hidden else math.inf
+    if memory.careful:
+        reference.speed = min(reference.speed, around_edge)
+    bend = _bend(memory, car) if memory.follows and _is_on_motion(memory, car) else math.nan
+    if _planner_drives(scan, ranges, odometry, limiter, settings, memory, reference, x, y, here, gain, bend):
         return
-    _renew_motion(limiter, settings, memory, present, speed)
-    if memory.follows and not _is_on_motion(memory, car):
-        memory.follows = False
+    if not _renew_motion(limiter, settings, memory, present, speed):
+        memory.follows = not math.isnan(bend)
     memory.knows_speed, memory.stuck = memory.follows, not memory.follows
     followed = memory.motion if memory.follows else memory.trial
     if followed.count > 0:
         _follow(memory, followed, memory.progress if memory.follows else 0, car, speed, reference)
     else:
-        reference.steering_angle = pursue(bearing, 1.0, car.lidar_offset, car.wheelbase)
+        reference.steering_angle = odometry.steering_angle
         reference.bearing, reference.distance = bearing, at
     reference.speed = 0.0
     if memory.follows:
-        reference.speed = _speed_on(memory, memory.motion, memory.progress, limiter, settings, speed)
-        if way.hidden:
-            reference.speed = min(reference.speed, _speed_to_frontier(limiter, settings, here))
+        on_motion = _speed_on(memory, memory.motion, memory.progress, limiter, settings, speed)
+        reference.speed = min(on_motion, around_edge)
 
 
 @kernel
@@ -168,27 +180,30 @@ def _planner_drives(
     y: float,
     here: float,
     best_gain: float,
+    bend: float,
 ) -> bool:
-    """Say whether the planner's own reference leads on; arguments as of `guide`, and as of `_best_beam`."""
+    """Say whether the planner's own reference leads on; arguments as of `guide`, and as of `_best_beam`.
+
+    `bend` is that of the motion that the car is on, see `_bend`; NaN: it is on none.
+    """
     if math.isnan(reference.bearing) or math.isnan(reference.steering_angle):
         return False
     way, car, speed = memory.way, limiter.car, odometry.speed
     beam = int(min(max(round((reference.bearing - scan.angle_min) / scan.angle_increment), 0), len(ranges) - 1))
     least, _ = least_to_go_along(way, x, y, way.map.heading + reference.bearing, ranges[beam])
     gain = here - least
-    bends = memory.follows and _is_on_motion(memory, car) and _bends(memory, car)
     tight = way.hidden and here < settings.tight_distance
-    if gain >= settings.as_good * best_gain and gain > -0.5 and not bends and not tight:
+    if gain >= settings.as_good * best_gain and gain > -0.5 and not (bend > _BENDS or tight):
         memory.follows = False
         return True
-    if not gain > settings.worth_simulating * best_gain:
+    if (memory.careful and bend > _BENDS_SHARPLY) or not gain > settings.worth_simulating * best_gain:
         return False
     most = 0.8 * limiter.lateral / max(speed * speed, 0.5)
     present = math.tan(odometry.steering_angle) / car.wheelbase
     wanted = saturate(math.tan(saturate(reference.steering_angle, car.max_steering_angle)) / car.wheelbase, most)
     memory.narrow = False
     if not search_motion(
-        way, limiter, memory.trial, 0.5 * (present + wanted), speed, settings.viable_time, 1.0,
+        way, limiter, memory.trial, 0.5 * (present + wanted), speed, settings.viable_time, 1.0, _MOST_LOCK,
         settings.horizon + 0.1 * speed * speed, NEAR_WALL, False, _NODES,
     ):  # fmt: skip
         return False
@@ -214,39 +229,37 @@ def _best_beam(
 
 
 @kernel
-def _renew_motion(limiter: Record, settings: Record, memory: Record, present: float, speed: float) -> None:
-    """Search for a motion to follow, where the car has none, and in every second tick."""
+def _renew_motion(limiter: Record, settings: Record, memory: Record, present: float, speed: float) -> bool:
+    """Search for a motion to follow, where the car has none, and in every second tick; say whether one was found."""
     if memory.follows and memory.way.ticks % 2 == 1:
-        return
+        return False
     way, trial, horizon = memory.way, memory.trial, settings.horizon + 0.1 * speed * speed
-    lag, grip, narrow = settings.lag, settings.grip, False
-    found = search_motion(way, limiter, trial, present, speed, lag, grip, horizon, NEAR_WALL, False, _NODES)
-    if not found and speed > 1.5:
-        found = search_motion(way, limiter, trial, present, speed, lag, 1.0, horizon, NEAR_WALL, False, _NODES)
+    found, narrow = False, False
+    for grip, lock in ((settings.grip, settings.lock), (1.0, _MOST_LOCK)):
+        if not found:
+            found = search_motion(
+                way, limiter, trial, present, speed, LAG, grip, lock, horizon, NEAR_WALL, False, _NODES
+            )
     if not found and speed < 2.0:
         narrow = True
-        found = search_motion(way, limiter, trial, present, speed, lag, 1.0, 2.0, AT_WALL, False, _NODES)
+        found = search_motion(way, limiter, trial, present, speed, LAG, 1.0, _MOST_LOCK, 2.0, AT_WALL, False, _NODES)
     if found:
         memory.motion.count = trial.count
         memory.motion.points[:] = trial.points
         memory.follows, memory.progress, memory.narrow = True, 0, narrow
+    return found
 
 
 @kernel
 def _is_on_motion(memory: Record, car: Record) -> bool:
     """Say whether what is left of the motion is free, and the car on it."""
     world, motion = memory.way.map, memory.motion
-    cos, sin = math.cos(world.heading), math.sin(world.heading)
-    while memory.progress < motion.count:
-        point = motion.points[memory.progress]
-        if cos * (point[X] - world.x) + sin * (point[Y] - world.y) > 0.0:
-            break
-        memory.progress += 1
+    points = motion.points[: motion.count]
+    memory.progress = next_place(points, memory.progress, world.x, world.y, world.heading)
     if memory.progress + 2 >= motion.count:
         return False
-    point = motion.points[memory.progress]
-    aside = math.cos(point[HEADING]) * (world.y - point[Y]) - math.sin(point[HEADING]) * (world.x - point[X])
-    if abs(aside) > _ON_MOTION[0] or abs(point[HEADING] - world.heading) > _ON_MOTION[1]:
+    _, beside, angle = errors(points[memory.progress], world.x, world.y, world.heading)
+    if abs(beside) > _ON_MOTION[0] or abs(angle) > _ON_MOTION[1]:
         return False
     for k in range(memory.progress, motion.count):
         point = motion.points[k]
@@ -256,31 +269,39 @@ def _is_on_motion(memory: Record, car: Record) -> bool:
 
 
 @kernel
-def _bends(memory: Record, car: Record) -> bool:
-    """Say whether what is left of the motion needs more than about a third of the steering."""
+def _bend(memory: Record, car: Record) -> float:
+    """Return the greatest curvature of what is left of the motion, as a share of that at full lock."""
     most = 0.0
     for k in range(memory.progress, memory.motion.count):
         most = max(most, abs(memory.motion.points[k, CURVATURE]))
-    return bool(most > 0.37 * math.tan(car.max_steering_angle) / car.wheelbase)
+    return float(most * car.wheelbase / math.tan(car.max_steering_angle))
 
 
 @kernel
 def _follow(memory: Record, motion: Record, first: int, car: Record, speed: float, reference: Record) -> None:
-    """Write the reference that leads along the arc to a point of a motion some way ahead."""
-    world = memory.way.map
-    lookahead, along, place = 0.3 + 0.2 * max(speed, 0.0), 0.0, first
-    x, y = world.x, world.y
-    for k in range(first, motion.count):
-        along += math.hypot(motion.points[k, X] - x, motion.points[k, Y] - y)
-        x, y = motion.points[k, X], motion.points[k, Y]
-        if along <= lookahead:
-            place = k
-    dx, dy = motion.points[place, X] - world.x, motion.points[place, Y] - world.y
+    """Write the reference that keeps the car on a motion."""
+    world, points = memory.way.map, motion.points[: motion.count]
+    reference.steering_angle = steer_along(points, first, world.x, world.y, world.heading, speed, car.wheelbase)
+    dx, dy = points[first, X] - world.x, points[first, Y] - world.y
     cos, sin = math.cos(world.heading), math.sin(world.heading)
-    ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
-    reference.steering_angle = arc_through(ahead, left, car.wheelbase)
-    reference.bearing = math.atan2(left, ahead - car.lidar_offset)
-    reference.distance = math.hypot(left, ahead - car.lidar_offset)
+    reference.bearing = math.atan2(cos * dy - sin * dx, cos * dx + sin * dy)
+    reference.distance = math.hypot(dx, dy)
+
+
+@kernel
+def path_ahead(memory: Record) -> FloatArray:
+    """Return the points (m, 4) of the motion that the car follows, in the frame of its rear axle; or none."""
+    if not memory.follows:
+        return np.empty((0, 4))
+    world = memory.way.map
+    cos, sin = math.cos(world.heading), math.sin(world.heading)
+    path = np.empty((memory.motion.count - memory.progress, 4))
+    for k in range(len(path)):
+        point = memory.motion.points[memory.progress + k]
+        dx, dy = point[X] - world.x, point[Y] - world.y
+        path[k, X], path[k, Y] = cos * dx + sin * dy, cos * dy - sin * dx
+        path[k, HEADING], path[k, CURVATURE] = point[HEADING] - world.heading, point[CURVATURE]
+    return path
 
 
 @kernel

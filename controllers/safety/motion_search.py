@@ -30,7 +30,7 @@ from ..perception.local_map import CELL, FREE, RING, SIZE, WALL, in_window
 from ..perception.way_on import AT_WALL, FAR, UNIT, to_go_around, to_go_at
 from .friction_limiter import longitudinal_share
 
-X, Y, HEADING, CURVATURE, DIRECTION = range(5)  # columns of a motion
+DIRECTION = 4  # column of a motion, after those of control.tracking
 
 _POINTS = 64
 _SHARES = 5  # of the grip for turning: all to the right, half, none, half to the left, all
@@ -47,6 +47,7 @@ _UNKNOWN_LENGTH = 1.5  # [m] from the start on which the way to go may be unknow
 _TOUCHING_LENGTH = 0.8  # [m] from the start on which the car may be nearer to walls than it plans
 _EXACT = 1.4  # [m] from the car within which its outline is compared with the ends of beams
 _MARGIN = 0.03  # [m] round the outline
+_CHECKS_AT_WALL = 5  # places on an arc near a wall where the outline is compared
 MOST_IN_WALLS = 7  # points of the outline that may lie in cells of walls, whose cells are thicker than they are
 
 MOTION = np.dtype(
@@ -68,6 +69,7 @@ def search_motion(
     speed: float,
     lag: float,
     grip: float,
+    lock: float,
     horizon: float,
     nearest: int,
     reverses: bool,
@@ -85,6 +87,7 @@ def search_motion(
       speed: present [m/s].
       lag: time for which the car drives on as it does [s].
       grip: share of the cornering acceleration that may be used.
+      lock: share of the curvature at full lock that may be used.
       horizon: [m].
       nearest: which cells have to be clear of, NEAR_WALL or AT_WALL.
       reverses: the car may drive in reverse, too.
@@ -92,7 +95,7 @@ def search_motion(
     """
     car, world = limiter.car, way.map
     lateral = grip * limiter.lateral
-    tightest = 0.97 * math.tan(car.max_steering_angle) / car.wheelbase
+    tightest = lock * math.tan(car.max_steering_angle) / car.wheelbase
     slowest = lateral / tightest  # [m^2/s^2] square of the speed at which full lock is held
     state = np.empty((most_nodes, 6))  # x, y, heading, curvature, square of the speed, length so far
     value = np.empty(most_nodes)
@@ -141,11 +144,17 @@ def search_motion(
             if abs(after[2] + 0.5 * used * limit * to * length - start[2]) > _MOST_TURN:
                 continue
             touching = not clear and here[5] < _TOUCHING_LENGTH
-            exact = nearest == AT_WALL and math.hypot(after[0] - world.x, after[1] - world.y) < _EXACT
-            if not _passes(way, car, after, nearest, touching, exact, hits, margin):
-                continue
-            _advance(here, used * limit, to * length, after)
-            if not _passes(way, car, after, nearest, touching, exact, hits, margin):
+            close = math.hypot(after[0] - world.x, after[1] - world.y) < _EXACT
+            exact, corners = close and nearest == AT_WALL, close and reverses  # three discs leave the corners out
+            checks = _CHECKS_AT_WALL if touching or exact or corners else 2
+            passes = True
+            for check in range(checks):
+                _advance(here, used * limit, to * length * (check + 1) / checks, after)
+                passes = _passes(way, car, after, nearest, touching, exact, hits, margin)
+                if not passes or (corners and touches(world, car, after[0], after[1], after[2], margin)):
+                    passes = False
+                    break
+            if not passes:
                 continue
             if to == -1 and not _tail_is_seen(world, car, after):
                 continue

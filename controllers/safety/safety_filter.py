@@ -32,6 +32,7 @@ from fg_mujoco.messages import FloatArray
 
 from ..control.settings import FROM_ZERO, POSITIVE, Record, Settings, setting, setting_of_car
 from ..control.steering import pursue
+from ..control.tracking import next_place, steer_along
 from .friction_limiter import FrictionLimiterSettings, limited
 
 EVASIVE = FrictionLimiterSettings(most_left=0.6, turn_in_use=0.45)
@@ -84,6 +85,7 @@ def safe_steering(
     angle_now: float,
     speed_now: float,
     period: float,
+    path: FloatArray,
 ) -> tuple[float, float, bool]:
     """Return a steering angle [rad] with which the car can stop, the share of grip for cornering, and if there is one.
 
@@ -102,6 +104,7 @@ def safe_steering(
       angle_now: present steering angle [rad].
       speed_now: present speed [m/s].
       period: between commands [s].
+      path: motion (m, 4) that the reference leads along, in the frame of the rear axle; m may be 0.
     """
     car, speed, pursuit = limiter.car, max(speed_now, settings.crawl_speed), settings.pursuit_distance
     reference = bearing_of_arc(steering_angle, pursuit, car.lidar_offset, car.wheelbase)
@@ -116,13 +119,13 @@ def safe_steering(
     while least > 0.0 and views[number] > 0.0:
         bearing = reference + _aside(number, settings.fan_step)
         goal = (bearing, views[number])
-        margin = settings.margin if number == 0 else settings.margin_aside
+        margin = settings.margin if number == 0 and len(path) == 0 else settings.margin_aside
         at_first = reference_speed if number == 0 else 0.0
         for use in _LATERAL_USES:
             last = memory.acceleration
             left = speed_at_contact(
                 limiter, memory, settings, widened, angle_min, angle_increment, goal, use, margin, at_first, angle_now,
-                speed, period,
+                speed, period, path if number == 0 else path[:0],
             )  # fmt: skip
             memory.acceleration = last
             if left == 0.0 and number == 0:
@@ -158,6 +161,7 @@ def speed_at_contact(
     angle: float,
     speed: float,
     period: float,
+    path: FloatArray,
 ) -> float:
     """Return the speed [m/s] at which the simulated car, braking on its way to a goal, hits something; 0: it stops.
 
@@ -179,24 +183,29 @@ def speed_at_contact(
       angle: present steering angle [rad].
       speed: present [m/s].
       period: of a tick [s].
+      path: a motion (m, 4) to steer along instead of to the goal, in the frame of the rear axle; m may be 0.
     """
-    car, (bearing, distance) = limiter.car, goal
+    car, (bearing, distance), tau = limiter.car, goal, limiter.car.speed_time_constant
     lidar, standing = car.lidar_offset, settings.standing_speed
     front = car.length - car.rear_overhang - 0.25 * car.width  # ahead of the rear axle, as the LiDAR
     to_bumper = 0.25 * car.width  # widening does not shorten a reading, so this has to stay clear too
     goal_x, goal_y = lidar + distance * math.cos(bearing), distance * math.sin(bearing)
     turned = 1.0 - math.exp(-period / limiter.settings.steering_response)  # part of a command that a tick carries out
-    slowed = 1.0 - math.exp(-period / car.speed_time_constant)
+    slowed, slowed_twice = 1.0 - math.exp(-period / tau), 1.0 - math.exp(-2.0 * period / tau)
     x, y, heading = 0.0, 0.0, 0.0  # of the rear axle
+    place = 0
     for tick in range(_TICKS):
         ticks = 1.0 if tick < _FINE_TICKS else 2.0
         reference = angle
-        if distance > settings.arrived:
+        if len(path) > 0:
+            place = next_place(path, place, x, y, heading)
+            reference = steer_along(path, place, x, y, heading, speed, car.wheelbase)
+        elif distance > settings.arrived:
             reference = pursue(bearing, min(distance, settings.pursuit_distance), lidar, car.wheelbase)
         reference_speed = at_first if tick == 0 else 0.0
         command = limited(limiter, memory, reference, reference_speed, lateral_use, angle, speed, ticks * period)
         next_angle = angle + ticks * turned * (command[0] - angle)
-        next_speed = speed + ticks * slowed * (command[1] - speed)
+        next_speed = speed + (slowed if tick < _FINE_TICKS else slowed_twice) * (command[1] - speed)
         way = 0.5 * (speed + next_speed) * ticks * period
         curvature = math.tan(0.5 * (angle + next_angle)) / car.wheelbase
         x += way * math.cos(heading + 0.5 * curvature * way)
@@ -208,8 +217,8 @@ def speed_at_contact(
         beyond = reading(widened, angle_min, angle_increment, math.atan2(left, ahead))
         if not beyond > math.hypot(ahead, left) + to_bumper + margin:
             return float(max(speed, standing))
-        for place in (0.0, lidar):
-            ahead, left = x + place * cos - lidar, y + place * sin
+        for offset in (0.0, lidar):
+            ahead, left = x + offset * cos - lidar, y + offset * sin
             if ahead > 0.0:
                 beyond = reading(widened, angle_min, angle_increment, math.atan2(left, ahead))
                 if not beyond > math.hypot(ahead, left):

@@ -15,19 +15,9 @@ from fg_mujoco.kernels import kernel
 
 from ..control.settings import Record
 from ..control.steering import arc_through, saturate
+from ..control.tracking import CURVATURE, HEADING, X, Y
 from ..perception.way_on import AT_WALL, NEAR_WALL
-from .motion_search import (
-    CURVATURE,
-    DIRECTION,
-    HEADING,
-    MOST_IN_WALLS,
-    MOTION,
-    X,
-    Y,
-    outline_in_walls,
-    search_motion,
-    touches,
-)
+from .motion_search import DIRECTION, MOST_IN_WALLS, MOTION, outline_in_walls, search_motion, touches
 
 _SLOW = 0.7  # [m/s]
 _PATIENCE = 14  # ticks
@@ -94,7 +84,7 @@ def turn_in_moves(way: Record, limiter: Record, memory: Record, steering_angle: 
         angle = arc_through(ahead, aside, car.wheelbase)
     memory.steering_angle = saturate(angle, car.max_steering_angle)
     memory.speed = min(_SPEED, math.sqrt(2.0 * _BRAKING * left) + 0.1) * direction
-    turns_wheels = abs(memory.steering_angle - steering_angle) > 0.1 and abs(speed) < 0.3
+    turns_wheels = abs(memory.steering_angle - steering_angle) > 0.05 and abs(speed) < 0.3
     if speed * direction < -0.1 or turns_wheels:
         memory.speed, memory.slow = 0.0, 0
 
@@ -109,7 +99,7 @@ def _begins(way: Record, limiter: Record, memory: Record, steering_angle: float,
     car, world = limiter.car, way.map
     curvature = math.tan(steering_angle) / car.wheelbase
     for nearest in (NEAR_WALL, AT_WALL):
-        if search_motion(way, limiter, memory.motion, curvature, 0.0, 0.0, 0.85, _HORIZON, nearest, True, _NODES):
+        if search_motion(way, limiter, memory.motion, curvature, 0.0, 0.0, 0.85, 0.97, _HORIZON, nearest, True, _NODES):
             memory.active, memory.place = True, 0
             memory.in_walls = outline_in_walls(world, car, world.x, world.y, world.heading)
             return True

@@ -1,0 +1,77 @@
+"""Speedometer: a car whose odometry says another speed than its motor follows is driven by what the odometry says.
+
+The friction limiter asks for an acceleration a by commanding the speed v + a tau, tau the time constant of the speed
+servo. Odometry that says 5 % too much, as with worn tires, makes .05 v / tau of it that nobody asked for: 4 m/s^2 at
+8 m/s. So the error is measured while driving: in each tick the measured speed moves by the share
+1 - exp(-period / tau) of the way to the command. A car whose odometry is right measures errors within 1 % in this
+way, and such errors are left alone.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from fg_mujoco.kernels import kernel
+
+from .settings import Record
+from .steering import saturate
+
+_LEAST_SPEED = 1.0  # [m/s] of a command that is measured by
+_MOST_USE = 0.9  # of what the motor can do: its limits show above it
+_GAIN = 0.1  # of a measurement
+_MOST = 0.15  # error of one
+_LEFT_ALONE = 0.01  # error
+
+SPEEDOMETER = np.dtype(
+    [
+        ("command", np.float64),  # [m/s] that was last given; 0: none
+        ("speed", np.float64),  # [m/s] that was measured then
+        ("error", np.float64),  # of the measured speed, as a share of the motor's
+    ]
+)
+"""Type of what is kept from tick to tick; zero at the beginning."""
+
+
+@kernel
+def read_speedometer(memory: Record, speed: float, car: Record, period: float) -> None:
+    """Take a measured speed into the memory, in every tick.
+
+    Args:
+      memory: of type SPEEDOMETER, written to.
+      speed: measured [m/s].
+      car: of type CAR.
+      period: since the last command [s].
+    """
+    asked = (memory.command * (1.0 + memory.error) - memory.speed) / car.speed_time_constant
+    most = _MOST_USE * car.max_acceleration * min(car.power_limit_speed / max(abs(memory.speed), 1e-3), 1.0)
+    if _LEAST_SPEED < memory.command < car.max_speed and abs(asked) < most and math.isfinite(speed):
+        share = 1.0 - math.exp(-period / car.speed_time_constant)
+        given = memory.speed + (speed - memory.speed) / share
+        memory.error += _GAIN * (saturate(given / memory.command - 1.0, _MOST) - memory.error)
+    memory.command, memory.speed = 0.0, speed
+
+
+@kernel
+def command_speed(memory: Record, speed: float, car: Record, max_speed: float, period: float) -> float:
+    """Return the speed to command so that the measured one becomes `speed` [m/s], and keep it.
+
+    Forward, the measured speed stays within 0 and the greatest one until the next command, as it would by the command
+    of `speed` itself on a car without an error.
+
+    Args:
+      memory: of type SPEEDOMETER, written to.
+      speed: by the limiter [m/s].
+      car: of type CAR.
+      max_speed: of the planner [m/s].
+      period: until the next command [s].
+    """
+    command, now = speed, memory.speed
+    if speed > 0.0:
+        share = 1.0 - math.exp(-period / car.speed_time_constant)
+        lowest, highest = now - max(now, 0.0) / share, now + max(max_speed - now, 0.0) / share
+        command = speed / (1.0 + memory.error - saturate(memory.error, _LEFT_ALONE))
+        command = max(min(command, max(highest, speed)), min(lowest, speed))
+    memory.command = command
+    return command

@@ -1,0 +1,68 @@
+"""Tracking: the steering angle that keeps a car on a motion.
+
+The curvature of the motion is steered ahead of time, by as much as the steering takes, and the distance from the
+motion and the angle to it fall over a length that grows with the speed, as a critically damped oscillator does.
+
+Source: the linear feedback of the kinematic car in Frenet coordinates, with feed-forward of the curvature: C. Samson,
+Path Following and Time-Varying Feedback Stabilization of a Wheeled Mobile Robot, ICARCV 1992.
+"""
+
+from __future__ import annotations
+
+import math
+
+from fg_mujoco.kernels import kernel
+from fg_mujoco.messages import FloatArray
+
+X, Y, HEADING, CURVATURE = range(4)  # columns of a motion: of the rear axle after each arc, and the arc's curvature
+
+LAG = 0.08  # [s] until a new steering angle is reached
+_LENGTH, _LENGTH_TIME = 0.3, 0.1  # [m] and [s]: over which errors fall
+
+
+@kernel
+def next_place(points: FloatArray, place: int, x: float, y: float, heading: float) -> int:
+    """Return the index of the first point of a motion from `place` on that lies ahead of the car; the last, if none."""
+    cos, sin = math.cos(heading), math.sin(heading)
+    while place + 1 < len(points) and cos * (points[place, X] - x) + sin * (points[place, Y] - y) <= 0.0:
+        place += 1
+    return place
+
+
+@kernel
+def errors(point: FloatArray, x: float, y: float, heading: float) -> tuple[float, float, float]:
+    """Return how a car is placed on the arc that ends at a point of a motion.
+
+    That is how far ahead the end of the arc is [m], how far to the left of the arc the car is [m], and its angle to the
+    arc [rad], positive to the left. Arguments as of `steer_along`.
+    """
+    cos, sin = math.cos(point[HEADING]), math.sin(point[HEADING])
+    ahead = cos * (point[X] - x) + sin * (point[Y] - y)
+    beside = cos * (y - point[Y]) - sin * (x - point[X]) - 0.5 * point[CURVATURE] * ahead * ahead
+    angle = heading - (point[HEADING] - point[CURVATURE] * ahead)
+    return ahead, beside, angle - 2.0 * math.pi * round(angle / (2.0 * math.pi))
+
+
+@kernel
+def steer_along(
+    points: FloatArray, place: int, x: float, y: float, heading: float, speed: float, wheelbase: float
+) -> float:
+    """Return the steering angle [rad] for a car on a motion.
+
+    Args:
+      points: of the motion (n, 4 or more), see X; in the same frame as the car.
+      place: index of the next one, see `next_place`.
+      x: of the rear axle [m].
+      y: of the rear axle [m].
+      heading: of the car [rad].
+      speed: of the car [m/s].
+      wheelbase: of the car [m].
+    """
+    ahead, beside, angle = errors(points[place], x, y, heading)
+    along, at = ahead, place
+    while along < LAG * speed and at + 1 < len(points):
+        along += math.hypot(points[at + 1, X] - points[at, X], points[at + 1, Y] - points[at, Y])
+        at += 1
+    length = _LENGTH + _LENGTH_TIME * max(speed, 0.0)
+    curvature = points[at, CURVATURE] - beside / (length * length) - 2.0 * math.sin(angle) / length
+    return math.atan(wheelbase * curvature)

@@ -1,0 +1,71 @@
+"""The speedometer: how much odometry errs is measured from what a servo makes of commands."""
+
+import math
+
+import numpy as np
+import pytest
+
+import fg_mujoco as fg
+from fg_mujoco.controllers.control.settings import CAR, record_values
+from fg_mujoco.controllers.control.speedometer import SPEEDOMETER, command_speed, read_speedometer
+from fg_mujoco.vehicle.vehicle import Vehicle
+
+PARAMETERS = Vehicle.load().parameters
+ROW = np.array([record_values(PARAMETERS)], CAR)[0]
+PERIOD, TOP = 0.025, 12.0
+SHARE = 1.0 - math.exp(-PERIOD / PARAMETERS.speed_time_constant)
+
+
+def driven(error, seconds, acceleration=0.0, start=4.0):
+    """A first-order servo that is told speeds that err, and asked for an acceleration; what it is told, each tick."""
+    memory, speed, told = np.zeros(1, SPEEDOMETER)[0], start, []
+    for _ in range(round(seconds / PERIOD)):
+        told.append(speed * (1.0 + error))
+        read_speedometer(memory, told[-1], ROW, PERIOD)
+        command = command_speed(memory, told[-1] + acceleration * PERIOD / SHARE, ROW, TOP, PERIOD)
+        speed += SHARE * (command - speed)
+    return memory, np.array(told)
+
+
+@pytest.mark.parametrize("error", (0.05, -0.05, 0.12))
+@pytest.mark.parametrize("acceleration", (0.0, 1.5, -1.5))
+def test_the_error_is_measured_and_the_speed_becomes_what_was_asked_for(error, acceleration):
+    memory, told = driven(error, 1.6, acceleration)
+    assert memory["error"] == pytest.approx(error, abs=0.005)
+    last = np.diff(told)[-4:] / PERIOD
+    left = 0.012 * told[-1] / PARAMETERS.speed_time_constant  # an error of 1 % is left alone
+    np.testing.assert_allclose(last, acceleration, atol=1.5 * left)
+    first = (told[1] - told[0]) / PERIOD  # nothing was measured yet: the error shows in full
+    assert abs(first - acceleration) > 0.8 * abs(error) * 4.0 / PARAMETERS.speed_time_constant
+
+
+@pytest.mark.parametrize("error", (0.0, 0.009, -0.009))
+def test_an_error_that_a_car_without_one_shows_changes_no_command(error):
+    memory, _ = driven(error, 1.0, 1.0)
+    memory["error"] = error
+    assert command_speed(memory, 3.7, ROW, TOP, PERIOD) == pytest.approx(3.7, rel=1e-15)
+
+
+@pytest.mark.parametrize("told", (0.0, 0.3, 4.0, 8.0))
+@pytest.mark.parametrize("error", (-0.15, 0.15))
+def test_whatever_was_measured_the_told_speed_stays_between_a_stop_and_the_greatest(told, error):
+    memory = np.zeros(1, SPEEDOMETER)[0]
+    memory["error"], memory["speed"] = error, told
+    for asked in (0.05, told, TOP):
+        reached = told + SHARE * (command_speed(memory, asked, ROW, TOP, PERIOD) - told)
+        assert -1e-12 <= reached <= TOP + 1e-12
+
+
+def test_what_cannot_be_is_not_measured():
+    memory = np.zeros(1, SPEEDOMETER)[0]
+    for speed in (math.nan, math.inf, 4.0, -3.0):
+        read_speedometer(memory, speed, ROW, PERIOD)
+        command_speed(memory, 4.0, ROW, TOP, PERIOD)
+        assert memory["error"] == 0.0 or math.isfinite(memory["error"])
+    assert command_speed(memory, -1.0, ROW, TOP, PERIOD) == -1.0  # in reverse nothing is corrected
+
+
+@pytest.mark.parametrize("drift", (0.05, -0.05))
+def test_a_race_with_odometry_that_errs_does_not_slide(drift):
+    race = fg.race("oval", "gap_finder", laps=1, max_speed=8.0, odometry_drift=drift)
+    assert race.finished and race.max_slide_m_s <= fg.SLIDING_SPEED
