@@ -2,9 +2,11 @@
 
 1. The way back is closed like a wall: across the path of the last metres, as wide as the corridor was there.
 2. From the car, distances spread over the free ground of the local map. Where they reach ground that nobody has
-   seen is a frontier. The way on is the frontier that is far and wide: a pocket that was seen to its end has none.
+   seen is a frontier, unless that ground is only the shadow of a box or lies behind a crack in a wall. The way on is
+   the frontier that is far and wide: a pocket that was seen to its end has none.
 3. Where there is no frontier, the car may go round a course as short as its memory: then the way on is the far side
-   of the closed path. Else it is in a pocket, and the end of its path is opened again, 2, 4 and 6 m of it.
+   of the closed path, to which it comes from behind. Else it is in a pocket, and the end of its path is opened again,
+   2, 4 and 6 m of it.
 4. From the way on, distances spread back over the free ground. Ground near a wall counts as longer, so that the
    shortest way goes round the end of a barrier on a circle and not along it.
 
