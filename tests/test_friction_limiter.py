@@ -263,7 +263,7 @@ def test_the_share_that_cornering_leaves_is_at_most_the_measured_one(mu, directi
     shares = np.array([longitudinal_share(use, 0.8) for use in uses])
     assert (np.diff(shares) <= 0.0).all()
     assert (longitudinal_share(0.0, 0.8), longitudinal_share(1.0, 0.8)) == (1.0, 0.0)
-    # of what the closed form says for straight ahead, .87 and .88 of which is used
+    # of what the closed form says for straight ahead, .865 of which is used
     limiter = FrictionLimiter(CAR, mu)
     greatest = limiter.braking if direction == "brake" else limiter.accelerating
     shares = [longitudinal_share(use, limiter.exponent) for use in USES]

@@ -72,8 +72,8 @@ class FrictionLimiterSettings(Settings):
     most_left: float = setting(
         2.0, "", "what cornering leaves counts as at most this share of mu g; 2 is all that there can be", POSITIVE
     )
-    braking_use: float = setting(0.87, "", "share of the greatest braking that locks no axle", SHARE)
-    accelerating_use: float = setting(0.88, "", "share of the greatest accelerating that spins no wheel", SHARE)
+    braking_use: float = setting(0.865, "", "share of the greatest braking that locks no axle", SHARE)
+    accelerating_use: float = setting(0.865, "", "share of the greatest accelerating that spins no wheel", SHARE)
     load_transfer_time: float = setting(0.2, "s", "a period of the car's pitching on its springs", POSITIVE)
     speed_response: float = setting(
         0.05, "s", "a reference speed is approached at (reference - speed) / speed_response", POSITIVE
