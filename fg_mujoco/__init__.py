@@ -34,6 +34,7 @@ from .errors import (
     MessageError,
     MissingExtraError,
     ModelError,
+    PlannerError,
     RunFolderError,
     SettingsError,
     TrackError,
@@ -46,7 +47,7 @@ from .racing.planner_loading import controller_names, make_controller
 from .racing.race import RaceProgress, race
 from .racing.replay import ReplayReport, replay
 from .racing.result import RaceResult
-from .racing.run_folder import Run, check_run_folder, read_run
+from .racing.run_folder import Run, check_run_folder, read_failed_scan, read_run
 from .simulation.course_loading import load_track
 from .simulation.settings import Scenario, Start
 from .simulation.simulation import Simulation
@@ -97,6 +98,7 @@ __all__ = [
     "ModelError",
     "MovingObstacle",
     "Odometry",
+    "PlannerError",
     "Prism",
     "RaceProgress",
     "RaceResult",
@@ -137,6 +139,7 @@ __all__ = [
     "make_lidar",
     "race",
     "read_centreline",
+    "read_failed_scan",
     "read_map",
     "read_rollout",
     "read_run",

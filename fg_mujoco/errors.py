@@ -1,5 +1,43 @@
 """The exception tree. Every message says what was wrong, where it came from, and what would be accepted."""
 
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from typing import Any
+
+
+def nearest(name: object, known: Iterable[str], *, cutoff: float = 0.6) -> str | None:
+    """Return the name that was probably meant: the most similar of the known ones, or None where none is similar.
+
+    Args:
+      name: as it was given.
+      known: names to choose from; capitals, hyphens and underscores make no difference.
+      cutoff: least similarity, from 0 to 1 (difflib's ratio).
+    """
+    spelt = {_spelling(each): each for each in reversed(list(known))}
+    found = difflib.get_close_matches(_spelling(str(name)), spelt, n=1, cutoff=cutoff)
+    return spelt[found[0]] if found else None
+
+
+def accepted_names(name: object, known: Iterable[str], others: str = "", *, besides: Iterable[str] = ()) -> str:
+    """Return the end of a message that refuses a name: "accepted: oval, tight; did you mean 'oval'?".
+
+    Args:
+      name: as it was given.
+      known: names that are accepted.
+      others: what else is accepted, in words, such as ", or path/to/file.xml".
+      besides: further names that may have been meant, too many for the list.
+    """
+    known = list(known)
+    meant = nearest(name, [*known, *besides])
+    hint = "" if meant is None or meant == name else f"; did you mean {meant!r}?"
+    return f"accepted: {', '.join(known)}{others}{hint}"
+
+
+def _spelling(name: str) -> str:
+    return name.casefold().replace("-", "_")
+
 
 class FgMujocoError(Exception):
     """Anything this package refuses; the command line prints it in one line and exits 2."""
@@ -23,6 +61,20 @@ class ModelError(FgMujocoError, ValueError):
 
 class ControllerError(FgMujocoError):
     """A controller that cannot be loaded, cannot be built, or answers something else than a command."""
+
+
+class PlannerError(ControllerError):
+    """A planner that failed while it drove: it raised, or answered something else than a command.
+
+    Attributes:
+      failure: PlannerFailure: the line of the planner's file, its traceback, and the scan that it was told.
+      result: RaceResult of the race up to there; None where there was no race.
+    """
+
+    def __init__(self, message: str, failure: Any = None) -> None:
+        super().__init__(message)
+        self.failure = failure
+        self.result: Any = None
 
 
 class RunFolderError(FgMujocoError, OSError):

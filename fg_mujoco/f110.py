@@ -33,7 +33,7 @@ from numpy.typing import ArrayLike
 from .course.course import Course
 from .course.maps.map_track import is_map, read_map
 from .course.track import follow
-from .errors import SettingsError
+from .errors import SettingsError, accepted_names
 from .lidar.beams import lidar_of
 from .lidar.lidar import Lidar, RaycastLidar
 from .messages import CarParameters, FloatArray
@@ -308,7 +308,7 @@ def _check_parameters(params: dict[str, float], world: World) -> None:
     }  # fmt: skip
     for name, value in params.items():
         if name not in own:
-            raise SettingsError(f"params has {name!r}; accepted: {', '.join(own)}")
+            raise SettingsError(f"params has {name!r}; {accepted_names(name, own)}")
         if not math.isclose(value, own[name], rel_tol=_SAME):
             raise SettingsError(
                 f"params[{name!r}] is {value!r}; accepted: {own[name]:.6g}, as {world.vehicle.name} has it; only mu "

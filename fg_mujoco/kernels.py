@@ -21,6 +21,8 @@ import re
 import stat
 import sys
 import tempfile
+import threading
+import time
 import uuid
 from collections.abc import Callable, Iterator
 from functools import cache, partial
@@ -51,6 +53,8 @@ _ELSEWHERE = ("controllers", "models", "tracks")  # packages of ours that are to
 _ANNOUNCED = "FG_MUJOCO_COMPILING"  # environment variable: set once somebody has said that kernels are being compiled
 _COMPILERS = (numba.__version__, np.__version__, sys.implementation.cache_tag)
 _OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+_LOADING = f"{_PACKAGE}:kernel"  # event of numba's kind: a kernel is compiled, or loaded from disk
+_COMPILING = (_LOADING, "numba:compile")
 _functions: WeakSet[Callable[..., Any]] = WeakSet()  # of which kernels are made
 
 
@@ -92,7 +96,8 @@ class _Kernel(CPUDispatcher):  # type: ignore[misc]
         collecting = gc.isenabled()
         gc.disable()  # most of what is made here stays: to look through it again and again would take a second
         try:
-            return _with_room(partial(super().compile, signature))
+            with event.trigger_event(_LOADING):
+                return _with_room(partial(super().compile, signature))
         finally:
             if collecting:
                 gc.enable()
@@ -104,6 +109,51 @@ class _Kernel(CPUDispatcher):  # type: ignore[misc]
         for environment in environments:  # its parts' own: `raise` and `print` take their values from there
             compiled.codegen.set_env(environment.env_name, environment)
         super().add_overload(compiled._replace(referenced_envs=environments))
+
+
+class CompileTime(event.Listener):  # type: ignore[misc]
+    """Measures for how long this thread compiles kernels, or anything else by numba, or loads kernels from disk.
+
+        with CompileTime() as compile_time:
+            ...
+        compile_time.seconds
+
+    Attributes:
+      running: whether it does so now.
+    """
+
+    def __init__(self) -> None:
+        self.running = False
+        self._depth, self._done, self._began = 0, 0.0, 0.0
+        self._thread = threading.get_ident()
+
+    def __enter__(self) -> CompileTime:
+        for kind in _COMPILING:
+            event.register(kind, self)
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        for kind in _COMPILING:
+            event.unregister(kind, self)
+
+    @property
+    def seconds(self) -> float:
+        """Time taken up to now [s]."""
+        return self._done + (time.perf_counter() - self._began if self.running else 0.0)
+
+    def on_start(self, _: Any) -> None:
+        """Note that something begins to be compiled; kernels compile each other."""
+        if threading.get_ident() == self._thread:
+            if self._depth == 0:
+                self._began, self.running = time.perf_counter(), True
+            self._depth += 1
+
+    def on_end(self, _: Any) -> None:
+        """Note that it is compiled, or that compiling it failed."""
+        if threading.get_ident() == self._thread:
+            self._depth -= 1
+            if self._depth == 0:
+                self._done, self.running = self.seconds, False
 
 
 def _with_room(function: Callable[[], Any]) -> Any:

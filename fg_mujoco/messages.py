@@ -39,12 +39,26 @@ def require(
             raise error(f"{type(message).__name__}.{name} is {value!r}; accepted: {accepted}")
 
 
-def require_whole(name: str, value: object, least: int, *, optional: bool = False) -> None:
-    """Raise SettingsError unless a value is a whole number from `least`; None is accepted where it is optional."""
+def require_whole(
+    name: str, value: object, least: int, most: int | None = None, *, why: str = "", optional: bool = False
+) -> None:
+    """Raise SettingsError unless a value is a whole number from `least` to `most`.
+
+    Args:
+      name: of the value, for the message.
+      value: what is looked at.
+      least: the least that is accepted.
+      most: the greatest; None: there is none.
+      why: there is a greatest one.
+      optional: whether None is accepted.
+    """
     if optional and value is None:
         return
-    if not isinstance(value, int) or isinstance(value, bool) or value < least:
-        raise SettingsError(f"{name} is {value!r}; accepted: a whole number from {least}")
+    above = isinstance(value, int) and most is not None and value > most
+    if not isinstance(value, int) or isinstance(value, bool) or value < least or above:
+        upwards = "" if most is None else f" to {most}"
+        reason = f"; {why}" if above and why else ""
+        raise SettingsError(f"{name} is {value!r}; accepted: a whole number from {least}{upwards}{reason}")
 
 
 def require_finite(message: object, *values: object, names: tuple[str, ...]) -> None:
@@ -104,6 +118,7 @@ class LaserScan:
 _SCAN_NUMBERS = tuple(f.name for f in fields(LaserScan) if f.name not in ("ranges", "no_return"))
 
 
+_COMMAND_NUMBERS = ("steering_angle", "speed")
 _VECTORS = (("angular_velocity", (3,)), ("linear_acceleration", (3,)), ("wheel_speeds", (4,)), ("pose", (3,)))
 _NO_POSE = read_only((math.nan, math.nan, math.nan))
 
@@ -145,6 +160,8 @@ class Odometry:
 class DriveCommand:
     """What a planner asks of the car (ackermann_msgs/AckermannDrive). As an array: [steering, speed].
 
+    Whole numbers and numpy's become floats.
+
     Raises:
       MessageError: a value that is not a finite number.
     """
@@ -153,7 +170,10 @@ class DriveCommand:
     speed: float  # [m/s] forward positive
 
     def __post_init__(self) -> None:
-        require_finite(self, self.steering_angle, self.speed, names=("steering_angle", "speed"))
+        require_finite(self, self.steering_angle, self.speed, names=_COMMAND_NUMBERS)
+        for name in _COMMAND_NUMBERS:  # kernels are compiled anew for each type of number
+            if type(getattr(self, name)) is not float:
+                object.__setattr__(self, name, float(getattr(self, name)))
 
 
 STOP = DriveCommand(steering_angle=0.0, speed=0.0)

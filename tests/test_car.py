@@ -126,7 +126,7 @@ def test_ctrl_is_steering_then_speed(flat):
 
 @pytest.mark.parametrize("mu", [-1.0, 0.0, math.nan, math.inf])
 def test_friction_that_is_no_positive_number_is_refused(mu):
-    with pytest.raises(SettingsError, match=r"mu.*accepted: a number above 0"):
+    with pytest.raises(SettingsError, match=r"mu.*accepted: a positive number up to 3"):
         Vehicle.load().spec(mu)
 
 

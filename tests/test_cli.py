@@ -2,6 +2,8 @@ import json
 import math
 import os
 import pty
+import re
+import signal
 import subprocess
 import sys
 
@@ -91,20 +93,35 @@ def test_an_unknown_controller_is_refused_with_the_known_ones(here, capsys):
         ("import nothing_of_that_name\n", "P", "does not import"),
         ("def (:\n", "P", "does not import"),
         ("raise SystemExit(0)\n", "P", "does not import"),
-        ("class Q: pass\n", "P", "it has Q"),
+        ("class Q: pass\n", "P", "has no class 'P'; accepted: Q"),
         ("class P: pass\n", "P", "is no controller"),
         ("class P:\n    def __init__(self, map): pass\n", "P", "wants map"),
         ("class P:\n    def __init__(self): raise RuntimeError('two\\nlines')\n", "P", "two lines"),
-        (planner("DriveCommand(steering_angle=math.nan, speed=1.0)"), "P", "nan"),
-        (planner("DriveCommand(steering_angle=0.0, speed=math.inf)"), "P", "inf"),
-        (planner("(0.0, 1.0)"), "P", "accepted: a DriveCommand"),
-        (planner("None"), "P", "accepted: a DriveCommand"),
-        (planner("scan.ranges[5000]"), "P", "IndexError"),
     ],
 )
 def test_a_bad_controller_file_is_refused(here, capsys, text, name, said):
     (here / "planner.py").write_text(text)
     assert said in refused(here, capsys, "race", "--controller", f"planner.py:{name}", "--out", "run")
+
+
+@pytest.mark.parametrize(
+    ("answer", "said"),
+    [
+        ("DriveCommand(steering_angle=math.nan, speed=1.0)", "nan"),
+        ("DriveCommand(steering_angle=0.0, speed=math.inf)", "inf"),
+        ("(0.0, 1.0)", "accepted: a DriveCommand"),
+        ("None", "accepted: a DriveCommand"),
+        ("scan.ranges[5000]", "IndexError"),
+    ],
+)
+def test_a_controller_that_fails_at_its_first_scan_exits_1_and_leaves_a_run_of_no_tick(here, capsys, answer, said):
+    (here / "planner.py").write_text(planner(answer))
+    assert main(["race", "--controller", "planner.py:P", "--out", "run"]) == 1
+    (told,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("  planner failed  ")]
+    assert said in told and "(planner.py, line 5), t = 0.000 s" in told
+    run = fg.read_run("run")
+    assert (run.summary["end_reason"], len(run.ctrl)) == ("planner_failed", 0)
+    assert main(["replay", "run"]) == 0
 
 
 def test_a_controller_file_that_is_not_there_is_refused(here, capsys):
@@ -118,14 +135,14 @@ def test_a_controller_file_that_is_not_there_is_refused(here, capsys):
         ("--mu", "0", "mu is 0"),
         ("--mu", "nan", "nan"),
         ("--mu", "wet", "'wet'; accepted: a number"),
-        ("--planner-mu", "-0.5", "planner_mu is -0.5"),
+        ("--planner-mu", "-0.5", "--planner-mu is -0.5"),
         ("--planner-mu", "on", "'on'; accepted: a number, or off"),
         ("--laps", "0", "laps is 0; accepted: a whole number from 1"),
         ("--laps", "-3", "laps is -3"),
         ("--laps", "1.5", "'1.5'; accepted: a whole number"),
-        ("--max-speed", "0", "max_speed is 0"),
-        ("--max-speed", "inf", "max_speed is inf"),
-        ("--time-limit", "-1", "time_limit is -1"),
+        ("--max-speed", "0", "--max-speed is 0"),
+        ("--max-speed", "inf", "--max-speed is inf"),
+        ("--time-limit", "-1", "--time-limit is -1"),
         ("--seed", "-1", "seed is -1"),
         ("--lidar", "camera", "accepted: raycast, rangefinder"),
         ("--lidar-noise", "-0.1", "-0.1"),
@@ -289,6 +306,59 @@ def test_ctrl_c_twice_ends_a_planner_that_never_answers(here, capsys):
     assert json.loads(capsys.readouterr().out)["end_reason"] == "interrupted"
 
 
+def test_the_second_ctrl_c_ends_the_race_where_the_first_was_to_be_ignored(here, capsys):
+    (here / "planner.py").write_text(
+        "import os, signal\nclass P:\n    def reset(self): pass\n    def __call__(self, scan, odometry):\n"
+        "        while True: os.kill(os.getpid(), signal.SIGINT)\n"
+    )
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # as a shell does for what runs in the background
+    try:
+        assert main(["race", "--controller", "planner.py:P", "--json", "--decision-limit", "20"]) == 1
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert json.loads(capsys.readouterr().out)["end_reason"] == "interrupted"
+
+
+def test_the_first_ctrl_c_says_what_it_waits_for(here, capfd):
+    (here / "planner.py").write_text(
+        "import os, signal\nfrom fg_mujoco.messages import STOP\nclass P:\n    def reset(self): pass\n"
+        "    def __call__(self, scan, odometry):\n"
+        "        if scan.stamp >= WHEN: os.kill(os.getpid(), signal.SIGINT)\n        return STOP\nWHEN = 0.1\n"
+    )
+    assert main(["race", "--controller", "planner.py:P", "--json"]) == 1
+    said = "waiting for the planner's command at t = 0.100 s. Ctrl-C once more ends the race at once.\n"
+    assert capfd.readouterr().err == f"fg-mujoco: interrupted; {said}"
+    text = (here / "planner.py").read_text()
+    (here / "planner.py").write_text(text.replace("WHEN = 0.1", "WHEN = 0.0"))
+    assert main(["race", "--controller", "planner.py:P", "--json"]) == 1
+    assert "waiting for the first tick: the world, kernels to be compiled" in capfd.readouterr().err
+
+
+def test_a_planner_that_never_answers_ends_the_race_and_what_was_driven_is_kept(here, capsys):
+    (here / "planner.py").write_text(
+        "from fg_mujoco.messages import STOP\nclass P:\n    def reset(self): pass\n"
+        "    def __call__(self, scan, odometry):\n        while scan.stamp > 0.11: pass\n        return STOP\n"
+    )
+    arguments = ["race", "--controller", "planner.py:P", "--decision-limit", "0.2", "--out", "run"]
+    assert main(arguments) == 1
+    out = capsys.readouterr().out
+    assert "0 of 5, decision limit\n" in out and "no command within 0.2 s at t = 0.125 s\n" in out
+    summary = fg.read_run("run").summary
+    assert (summary["end_reason"], summary["finished"], summary["decision_limit_s"]) == ("decision_limit", False, 0.2)
+    assert summary["settings"]["decision_limit"] == 0.2
+    assert len(fg.read_run("run").ctrl) == 5 and main(["replay", "run"]) == 0
+
+
+def test_the_table_has_decision_times_and_clamped_commands(here, capsys):
+    main(["race", "--time-limit", "0.5"])
+    out = capsys.readouterr().out
+    assert re.search(r"  clamped commands  0 of 20\n", out)
+    assert re.search(
+        r"  decisions         median [\d.]+ ms, 99 % [\d.]+ ms, worst [\d.]+ ms; \d+ of 20 over 25 ms\n", out
+    )
+
+
 def test_without_extras_the_rest_is_written_and_the_commands_that_install_them_are_said(here, capsys, monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     assert main(["race", "--laps", "1", "--out", "run"]) == 0
@@ -384,7 +454,7 @@ def test_controllers_as_json_has_every_setting_with_its_unit(capsys):
 
 
 def test_a_controller_that_is_not_known_is_not_described(here, capsys):
-    assert "did you mean gap_finder?" in refused(here, capsys, "controllers", "gap_findr")
+    assert "did you mean 'gap_finder'?" in refused(here, capsys, "controllers", "gap_findr")
 
 
 def test_version_is_the_packages(capsys):

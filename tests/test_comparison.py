@@ -130,7 +130,7 @@ def test_a_planner_that_fails_is_a_row_and_the_others_go_on():
     comparison = compare(seeds=[0])
     assert [row.figures.end_reason for row in comparison.rows] == ["time_limit", "time_limit", "failed"]
     failed = comparison.rows[-1].figures
-    assert failed.message == "controller Broken failed at t = 0.200 s: ValueError: no more"
+    assert failed.message == "controller Broken failed at t = 0.200 s: ValueError: no more (planners.py, line 33)"
     assert failed.sim_time_s is None and not failed.success
 
 
@@ -206,7 +206,7 @@ def test_a_line_that_is_no_run_is_refused(here):
     compare(GRID[:1])
     path = here / "out/runs.jsonl"
     path.write_bytes(b'{"controller": 3}\n' + path.read_bytes())
-    with pytest.raises(fg.RunFolderError, match="line 1: KeyError"):
+    with pytest.raises(fg.RunFolderError, match="line 1: TypeError"):
         compare(GRID[:1])
 
 

@@ -135,9 +135,9 @@ def test_a_file_that_does_not_import_is_told_why(in_file, text, reason):
 
 
 def test_a_class_that_is_not_there_is_told_those_that_are(in_file):
-    refusal(lambda: make(in_file(GOOD, "Planer")), "mine.py", "no class 'Planer'", "it has Planner")
-    refusal(lambda: make(in_file(GOOD, "")), "mine.py", "no class ''")
-    refusal(lambda: make(in_file("Planner = 3\n")), "mine.py", "no class 'Planner'", "it has none")
+    refusal(lambda: make(in_file(GOOD, "Planer")), "mine.py", "no class 'Planer'", "did you mean 'Planner'?")
+    refusal(lambda: make(in_file(GOOD, "")), "the name of its class is missing", "mine.py:Planner")
+    refusal(lambda: make(in_file("Planner = 3\n")), "mine.py", "there is no class in the file")
 
 
 def test_a_constructor_that_wants_something_else_is_told_what_it_may_name(in_file):

@@ -108,9 +108,8 @@ def test_a_comparisons_run_is_the_race(here):
 def test_a_controllers_brackets_are_its_planner_settings():
     beside = fg.race("oval", time_limit=0.5, planner_settings={"lookahead": 6.0})
     inside = fg.race("oval", "gap_finder[lookahead=6.0]", time_limit=0.5)
-    assert inside.summary() | {"wall_time_s": 0, "realtime_factor": 0} == beside.summary() | {
-        "wall_time_s": 0, "realtime_factor": 0
-    }  # fmt: skip
+    unlike = {"wall_time_s": 0, "realtime_factor": 0, "decision_times": 0}  # they differ from run to run
+    assert inside.summary() | unlike == beside.summary() | unlike
     rolled = fg.rollout("oval", "gap_finder[lookahead=6.0]", seeds=[0], duration=0.5, record="states")
     assert (rolled.states(0) == beside.states).all()
 
@@ -233,7 +232,7 @@ def test_a_name_that_changed_is_answered_with_the_new_one(call, said):
     [
         ({"start": "here"}, "start is 'here'; accepted: random, line, or a Start"),
         ({"start": 3.0}, "start is 3.0; accepted: Start, or any of s, offset, heading, speed by name"),
-        ({"start": {"sped": 1.0}}, "start has no setting 'sped'; did you mean 'speed'"),
+        ({"start": {"sped": 1.0}}, "start has no setting 'sped'; accepted: .*; did you mean 'speed'"),
         ({"start": {"s": float("nan")}}, "a finite number"),
         ({"changes": {"weight": 4.0}}, "changes has no setting 'weight'"),
         ({"vehicle": 3}, "vehicle is 3; accepted: a bundled name"),

@@ -87,9 +87,9 @@ def test_options_are_settings_and_all_is_every_experiment(monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("skidpad", "--mu", "0"), "mu 0.0; accepted: friction coefficients"),
-        (("skidpad", "--mu=-0.5"), "mu -0.5; accepted"),
-        (("skidpad", "--mu", "0.5,nan"), "mu nan; accepted"),
+        (("skidpad", "--mu", "0"), "--mu is 0.0; accepted: friction coefficients"),
+        (("skidpad", "--mu=-0.5"), "--mu is -0.5; accepted"),
+        (("skidpad", "--mu", "0.5,nan"), "--mu is nan; accepted"),
         (("skidpad", "--mu", "3.5"), "up to 3"),
         (("skidpad", "--mu", "0.5,0.5"), "each once"),
         (("skidpad", "--mu", "0.5,"), "accepted: a number"),

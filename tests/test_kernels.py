@@ -17,8 +17,10 @@ import numpy as np
 import pytest
 from scan_worlds import CAR, odometry_of, scan_of
 
+import fg_mujoco as fg
 from fg_mujoco.controllers.control.driving import DrivingSettings
 from fg_mujoco.controllers.control.planner import Planner
+from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
 from fg_mujoco.kernels import cache_folder, kernel, package_files, source_digest
 
 FOLDER = "from fg_mujoco.kernels import cache_folder; print(cache_folder())"
@@ -464,6 +466,47 @@ def test_decorating_leaves_the_cache_of_others_alone():
 def test_without_compilation_a_kernel_is_the_function():
     done = run(f"{REASON}; print(type(end_reason).__name__)", NUMBA_DISABLE_JIT="1")
     assert done.stdout == CRASH + "function\n" and done.stderr == ""
+
+
+def signatures():
+    """What each kernel of the package has been compiled for."""
+    modules = [module for name, module in sorted(sys.modules.items()) if name.split(".")[0] == "fg_mujoco"]
+    kernels = {id(value): value for module in modules for value in vars(module).values() if hasattr(value, "py_func")}
+    return {(found.__module__, found.__qualname__): set(found.signatures) for found in kernels.values()}
+
+
+class Commander:
+    """Limits a command by the friction limiter and answers it, in one kind of numbers."""
+
+    def __init__(self, number):
+        self.number, self.limiter = number, FrictionLimiter(CAR, 1.0)
+
+    def reset(self):
+        self.limiter.reset()
+
+    def __call__(self, scan, odometry):
+        self.limiter(self.number(0), self.number(2), odometry, scan.scan_time)
+        return fg.DriveCommand(steering_angle=self.number(0), speed=self.number(2))
+
+
+def command_everywhere(number):
+    """Command a car in a race, in a simulation and by hand."""
+    result = fg.race("oval", Commander(number), laps=1, time_limit=0.1)
+    command = fg.DriveCommand(steering_angle=number(0), speed=number(2))
+    simulation = fg.Simulation(fg.World("oval"))
+    simulation.step(command)
+    simulation.drive(number(0), number(2))
+    simulation.world.car.apply(simulation.data, command)
+    simulation.world.car.limit_speed_command(number(2), number(9))
+    return result.trajectory_sha256
+
+
+@pytest.mark.parametrize("number", (int, np.int32, np.float32))
+def test_a_command_in_other_numbers_compiles_nothing_anew(number):
+    bits, before = command_everywhere(float), signatures()
+    assert any("drive" in name and compiled for (_, name), compiled in before.items())
+    assert command_everywhere(number) == bits
+    assert signatures() == before
 
 
 def test_the_first_compilation_is_announced_once(tmp_path):

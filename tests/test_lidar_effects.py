@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from lidar_worlds import PREFIX, RIG, rig_spec, room
 
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.lidar.effects import LidarEffects, PoseHistory, ScanPipeline
+from fg_mujoco.lidar.effects import GREATEST_NOISE, LidarEffects, PoseHistory, ScanPipeline
 from fg_mujoco.lidar.lidar import lidar_spec, make_lidar
 
 PERIOD, STEP = 0.025, 0.0025
@@ -265,7 +265,7 @@ def test_settings_out_of_range_are_refused_by_name_and_value(setting: dict[str, 
 
 
 @given(
-    std=st.floats(0, 40),
+    std=st.floats(0, GREATEST_NOISE),
     dropout=st.floats(0, 1),
     distortion=st.booleans(),
     pose=st.tuples(st.floats(-7, 7), st.floats(-5, 5), st.floats(-4, 4)),

@@ -13,9 +13,10 @@ from browsers import page_of  # noqa: F401 - a fixture
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
-from fg_mujoco.errors import SettingsError
+from fg_mujoco.errors import EngineError, SettingsError
 from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.viz.live.hand_driver import HandDriver
+from fg_mujoco.viz.live.handshake import is_own
 from fg_mujoco.viz.live.session import LiveSession, LiveSettings
 from fg_mujoco.viz.live.shapes import world_shapes
 
@@ -205,7 +206,7 @@ def free():
         ([], "no display here; accepted: --web"),
         (["--web", "--port", "{free}", "--track", "nowhere"], "nowhere"),
         (["--web", "--port", "{free}", "--controller", "nobody"], "nobody"),
-        (["--web", "--port", "{free}", "--max-speed", "-1"], "max_speed"),
+        (["--web", "--port", "{free}", "--max-speed", "-1"], "--max-speed is -1"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(arguments, said, taken, free, monkeypatch, capsys):
@@ -265,6 +266,75 @@ def test_view_listens_on_this_machine_alone_and_ends(session, free):
         if not own.startswith("127."):
             with pytest.raises(OSError):
                 socket.create_connection((own, free), 2.0)
+
+
+@pytest.mark.parametrize(
+    ("hosts", "origins", "own"),
+    [
+        (["localhost:8080"], [], True),
+        (["LOCALHOST:8080"], ["http://localhost:8080"], True),
+        (["127.0.0.1:8080"], ["http://127.0.0.1:8080"], True),
+        (["[::1]:8080"], ["http://[::1]:8080"], True),
+        (["box:9000"], ["http://box:9000"], True),
+        (["localhost:8080"], ["http://evil.example"], False),
+        (["localhost:8080"], ["https://localhost:8080"], False),
+        (["localhost:8080"], ["http://localhost:9090"], False),
+        (["localhost:8080"], ["http://localhost:8080.evil.example"], False),
+        (["localhost:8080"], ["null"], False),
+        (["localhost:8080"], [""], False),
+        (["evil.example:8080"], [], False),
+        (["evil.example:8080"], ["http://evil.example:8080"], False),
+        (["localhost.evil.example:8080"], [], False),
+        (["evil@localhost:8080"], ["http://evil@localhost:8080/"], False),
+        (["[::1:8080"], [], False),
+        ([""], [], False),
+        ([], [], False),
+        (["localhost:8080", "evil.example"], [], False),
+        (["localhost:8080"], ["http://localhost:8080", "http://evil.example"], False),
+    ],
+)
+def test_a_request_is_of_the_views_own_page_or_of_none(hosts, origins, own):
+    assert is_own(hosts, origins, frozenset({"box"})) is own
+
+
+def test_pages_of_other_sites_are_refused_before_they_are_answered(session, free):
+    pytest.importorskip("viser", reason="no viser here: pip install 'fg-mujoco[live]'")
+    upgrade = (
+        "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
+        "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Protocol: viser-v0\r\n"
+    )
+
+    def status(host, origin=None, more=""):
+        said = "" if origin is None else f"Origin: {origin}\r\n"
+        with socket.create_connection(("127.0.0.1", free), 10.0) as connection:
+            connection.sendall(f"GET / HTTP/1.1\r\nHost: {host}\r\n{said}{more}\r\n".encode())
+            return int(connection.recv(64).split()[1])
+
+    own = f"localhost:{free}"
+    with served(session, free):
+        assert (status(own), status(own, more=upgrade), status(own, f"http://{own}", upgrade)) == (200, 101, 101)
+        for host, origin in ((own, "http://evil.example"), (f"evil.example:{free}", f"http://evil.example:{free}")):
+            assert (status(host, origin), status(host, origin, upgrade)) == (403, 403)
+        assert status(f"evil.example:{free}") == 403
+
+
+def test_a_server_that_cannot_be_guarded_is_not_used(session, free, monkeypatch):
+    viser = pytest.importorskip("viser", reason="no viser here: pip install 'fg-mujoco[live]'")
+    from fg_mujoco.viz.live.browser import LiveView
+
+    stopped = []
+
+    class Other:
+        def __init__(self, **settings):
+            pass
+
+        def stop(self):
+            stopped.append(self)
+
+    monkeypatch.setattr(viser, "ViserServer", Other)
+    with pytest.raises(EngineError, match="version of viser"):
+        LiveView(session, port=free)
+    assert len(stopped) == 1
 
 
 def test_in_a_browser_the_car_moves_and_pause_and_knobs_and_keys_do_what_they_say(session, free, page_of):  # noqa: F811

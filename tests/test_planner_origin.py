@@ -104,7 +104,7 @@ def test_an_entry_point_that_leads_nowhere_is_told_with_its_package(installed, v
 
 
 def test_a_name_that_is_not_known_is_told_those_that_are_and_a_close_one():
-    with pytest.raises(ControllerError, match=r"'gap_findr' is not known; accepted: .*did you mean gap_finder\?"):
+    with pytest.raises(ControllerError, match=r"'gap_findr' is not known; accepted: .*did you mean 'gap_finder'\?"):
         make("gap_findr")
 
 

@@ -406,6 +406,28 @@ def test_the_figures_of_sliding_are_those_of_the_rows():
     assert np.nanmax(uses) == pytest.approx(1.0, abs=1e-3)
 
 
+def test_wheelspin_is_great_sliding_and_little_of_it_sideways():
+    result = race(lambda time: (0.0, 8.0), mu=0.5, time_limit=0.5)
+    assert result.max_slide_m_s > 1.0 and result.max_lateral_slide_m_s < SLIDING_SPEED
+
+
+def test_cornering_too_fast_is_sliding_sideways():
+    result = race(lambda time: (0.0 if time < 0.5 else 0.4, 4.0), start=fg.Start(speed=4.0), time_limit=0.8)
+    assert 0.5 < result.max_lateral_slide_m_s <= result.max_slide_m_s
+    assert result.summary()["max_lateral_slide_m_s"] == result.max_lateral_slide_m_s
+
+
+def test_the_greatest_sideways_sliding_is_that_of_the_slip_meter():
+    simulation, greatest = fg.Simulation(fg.World("oval")), 0.0
+    simulation.reset(speed=5.0)
+    for _ in range(20):
+        simulation.step(fg.DriveCommand(steering_angle=0.4, speed=8.0))
+        greatest = max(greatest, np.nanmax(simulation.slip.lateral_sliding_speed))
+        values = simulation.slip
+        assert not (values.lateral_sliding_speed > values.sliding_speed * (1 + 1e-9)).any()
+    assert simulation.engine.statistics["max_lateral_slide"][0] == greatest > SLIDING_SPEED
+
+
 def test_a_tire_in_the_air_leaves_nan_and_never_zero(short_race):
     engine = Engine(short_race.world)
     engine.place([fg.Start()])
@@ -419,11 +441,12 @@ def test_a_tire_in_the_air_leaves_nan_and_never_zero(short_race):
 
     half = np.array([[math.nan, 0.3, 0.1, math.nan], [math.nan, math.nan, 0.2, 0.01]])
     row = engine.telemetry[0]
-    end_row(engine.statistics, 0, row, np.stack((half, 2 * half, half, half)))
+    end_row(engine.statistics, 0, row, np.stack((half, 2 * half, half, half, 0.5 * half)))
     expected = [math.nan, 0.3, 0.2, 0.01, math.nan, 0.6, 0.4, 0.02, 2.0, 2.0]
     assert row[first:] == pytest.approx(expected, nan_ok=True)
     so_far = engine.statistics[0]
     assert (so_far["max_slide"], so_far["sliding_steps"], so_far["steps"]) == (0.3, 2, 7)
+    assert so_far["max_lateral_slide"] == 0.15
 
 
 def test_a_result_cannot_be_changed(short_race):

@@ -92,7 +92,7 @@ def test_race_drives_a_scene_and_leaves_a_whole_folder(capsys, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "text"),
     (
-        (["--track", "scene:nowhere"], "accepted: scene:NAME or scene:NAME:SEED, NAME one of corridor_sparse,"),
+        (["--track", "scene:nowhere"], "unknown scene 'scene:nowhere'; accepted: corridor_sparse,"),
         (["--track", "scene:dead_end:x"], "accepted: scene:NAME:SEED"),
         (["--track", "scene:dead_end", "--laps", "3"], "accepted: 1"),
         (["--track", "scene:dead_end", "--obstacles", "3"], "accepted: on a track"),

@@ -1,5 +1,8 @@
 """The pages of reports: whole, self-contained, refused where they cannot be; in a browser, cursor and switches."""
 
+import base64
+import contextlib
+import hashlib
 import json
 import re
 import shutil
@@ -16,7 +19,9 @@ from fg_mujoco.racing.run_folder import summary_json
 pytest.importorskip("bokeh", reason="no bokeh here: pip install 'fg-mujoco[report]'")
 
 from fg_mujoco.studies.comparison.pages import write_comparison_report
+from fg_mujoco.studies.comparison.run import RunRow
 from fg_mujoco.viz.report import write_report
+from fg_mujoco.viz.report.recorded_run import read_recorded
 
 _SCALES = """(() => {
     const find = (view) => view.model.name === "map" ? view : Array.from(view.child_views || []).map(find).find(v => v);
@@ -69,7 +74,7 @@ def test_page_loads_nothing_from_anywhere(report):
     loads = Loads()
     loads.feed(text)
     assert loads.found == []
-    assert loads.policy.startswith("default-src 'none'; script-src 'unsafe-inline';")
+    assert loads.policy.startswith("default-src 'none'; script-src 'sha256-")
     assert not re.search(r"@import|url\(\s*['\"]?https?:", text[: text.index("<script>")])
 
 
@@ -84,6 +89,39 @@ def test_page_says_how_the_race_went(report, lap):
         ("mujoco_version", json.loads(summary_json(lap))["mujoco_version"]),
     ):
         assert f"<td>{name}</td><td><code>{value}</code></td>" in text
+
+
+def test_page_has_decision_times_clamped_commands_and_sliding_sideways(report, lap):
+    text, times = report.read_text(), lap.decision_times
+    shown = " / ".join(f"{1e3 * t:.2f}" for t in (times.median_s, times.percentile_99_s, times.worst_s))
+    for value, name in (
+        (f"{shown} ms", "decisions: median / 99 % / worst"),
+        (f"{times.over_period} of {len(lap.telemetry)}", "decisions over 25 ms"),
+        (str(lap.clamped_commands), "commands clamped"),
+        (f"{lap.max_lateral_slide_m_s:.3f} m/s", "greatest sideways"),
+    ):
+        assert f"<div><b>{value}</b><span>{name}</span></div>" in text
+
+
+def test_page_of_a_run_without_these_figures_leaves_them_out(folder, tmp_path):
+    copy = tmp_path / "run"
+    shutil.copytree(folder, copy)
+    summary = json.loads((copy / "summary.json").read_text())
+    for name in ("decision_times", "clamped_commands", "max_lateral_slide_m_s"):
+        del summary[name]
+    (copy / "summary.json").write_text(json.dumps(summary))
+    text = write_report(copy, copy / "report.html", clip_seconds=None).read_text()
+    assert "decisions over" not in text and "commands clamped" not in text and "sideways" not in text
+
+
+@pytest.mark.parametrize(("begins", "at"), ((0.0, "0.000"), (0.09, "0.100")))
+def test_page_says_that_the_planner_did_not_answer(here, begins, at):
+    (here / "planner.py").write_text(
+        "from fg_mujoco.messages import STOP\nclass P:\n    def reset(self): pass\n"
+        f"    def __call__(self, scan, odometry):\n        while scan.stamp >= {begins}: pass\n        return STOP\n"
+    )
+    assert main(["race", "--controller", "planner.py:P", "--decision-limit", "0.2", "--out", "run"]) == 1
+    assert f"Decision limit: no command within 0.2 s at t = {at} s." in (here / "run" / "report.html").read_text()
 
 
 def test_report_of_a_result_and_of_its_folder_show_the_same(report, lap, tmp_path):
@@ -208,7 +246,7 @@ def comparison(tmp_path_factory):
 
 def test_comparison_has_a_page_for_each_run_and_an_index(comparison, monkeypatch):
     monkeypatch.chdir(comparison)
-    index = write_comparison_report("out")
+    index = write_comparison_report("out", trust=True)
     loads = Loads()
     loads.feed(index.read_text())
     pages = sorted(path.name for path in index.parent.glob("*.html") if path != index)
@@ -221,14 +259,15 @@ def test_comparison_has_a_page_for_each_run_and_an_index(comparison, monkeypatch
         assert sorted(page.found) == ["bokeh.min.js", "index.html"]
         assert "the same run, bit for bit" in text
     before = {path: path.stat().st_mtime_ns for path in index.parent.glob("*-*.html")}
-    write_comparison_report("out")  # goes on where it was: nothing is left to do
+    write_comparison_report("out", trust=True)  # goes on where it was: nothing is left to do
     assert {path: path.stat().st_mtime_ns for path in index.parent.glob("*-*.html")} == before
 
 
 def test_planner_that_is_not_here_any_more_leaves_a_remark(comparison, here):
     shutil.copytree(comparison / "out", here / "out", ignore=shutil.ignore_patterns("report"))
-    text = write_comparison_report(here / "out").read_text()
-    assert text.count("slow.py:Slow: is not in this folder as it was") == 2
+    with pytest.warns(UserWarning, match="slow.py:Slow"):
+        text = write_comparison_report(here / "out", trust=True).read_text()
+    assert text.count("there is no file slow.py; accepted with --trust") == 2
     assert len(list((here / "out" / "report").glob("*-*.html"))) == 2
 
 
@@ -280,3 +319,127 @@ def test_cursor_of_one_plot_is_that_of_all_and_nothing_is_asked_of_the_network(r
             == "time [s]"
         )
     assert asked == [report.as_uri()]
+
+
+MARKUP = "<script>alert(1)</script><img src=x onerror=alert(1)>'\"&"
+
+
+def leaves(value, path=()):
+    """Yield the path of every string and number in a summary."""
+    if isinstance(value, dict):
+        for key, part in value.items():
+            yield from leaves(part, (*path, key))
+    elif isinstance(value, list):
+        for place, part in enumerate(value):
+            yield from leaves(part, (*path, place))
+    else:
+        yield path
+
+
+def with_markup(value, path):
+    """Return a summary with markup in the place of one value."""
+    if not path:
+        return MARKUP
+    copy = dict(value) if isinstance(value, dict) else list(value)
+    copy[path[0]] = with_markup(copy[path[0]], path[1:])
+    return copy
+
+
+class Scripts(HTMLParser):
+    """The scripts of a page, and whatever else could run in it."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.scripts, self.others, self.hashes, self._inside = [], [], [], False
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        values = dict(attributes)
+        self._inside = tag == "script" and values.get("type") != "application/json" and "src" not in values
+        if self._inside:
+            self.scripts.append("")
+        self.others += [f"{tag} {name}" for name in values if name.startswith("on")]
+        self.others += [tag] if tag in ("img", "iframe", "object", "embed", "base", "form", "link") else []
+        if values.get("http-equiv") == "Content-Security-Policy":
+            self.hashes = re.findall(r"'sha256-([^']+)'", values["content"])
+            self.others += re.findall(r"script-src[^;]*'unsafe-[a-z]+'", values["content"])
+
+    def handle_endtag(self, tag):
+        self._inside = False
+
+    def handle_data(self, data):
+        if self._inside:
+            self.scripts[-1] += data
+
+    @property
+    def own(self):
+        return [base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in self.scripts]
+
+
+def test_a_page_runs_its_own_scripts_by_hash_and_no_other(report):
+    page = Scripts(report.read_text("utf-8"))
+    assert len(page.scripts) == 3
+    assert page.own == page.hashes
+    assert page.others == []
+
+
+def test_no_value_of_a_summary_becomes_markup(folder, tmp_path, capsys):
+    """Each is in the page as text, or is refused by its name."""
+    summary = json.loads((folder / "summary.json").read_text())
+    copy = tmp_path / "run"
+    shutil.copytree(folder, copy, ignore=shutil.ignore_patterns("report.html"))
+    taken, refused = summary, 0
+    for path in leaves(summary):
+        if path == ("schema",):
+            continue
+        (copy / "summary.json").write_text(json.dumps(with_markup(summary, path)))
+        try:
+            read_recorded(copy)
+            taken = with_markup(taken, path)
+        except RunFolderError:
+            assert main(["report", str(copy), "--no-clip"]) == 2
+            assert f"summary.json: {path[0]} is " in complaint(capsys)
+            assert not (copy / "report.html").exists()
+            refused += 1
+    assert (taken["seed"], taken["track"], taken["vehicle"], refused) == (MARKUP, MARKUP, MARKUP, 24)
+    (copy / "summary.json").write_text(json.dumps(taken))
+    assert main(["report", str(copy), "--no-clip"]) == 0
+    text = (copy / "report.html").read_text("utf-8")
+    page = Scripts(text)
+    assert "<script>alert" not in text and "<img" not in text and page.others == [] and page.own == page.hashes
+    assert text.count("&lt;script&gt;alert(1)") >= sum(path != ("schema",) for path in leaves(summary)) - refused
+
+
+def test_no_name_in_a_summary_becomes_markup(folder, tmp_path):
+    summary = json.loads((folder / "summary.json").read_text())
+    copy = tmp_path / "run"
+    shutil.copytree(folder, copy, ignore=shutil.ignore_patterns("report.html"))
+    (copy / "summary.json").write_text(json.dumps(summary | {MARKUP: 1, "more": {MARKUP: [MARKUP]}}))
+    text = write_report(copy, copy / "report.html", clip_seconds=None).read_text("utf-8")
+    assert "<script>alert" not in text and Scripts(text).others == []
+
+
+def test_no_value_of_a_comparison_becomes_markup(comparison, tmp_path, capsys):
+    out = tmp_path / "out"
+    shutil.copytree(comparison / "out", out, ignore=shutil.ignore_patterns("report"))
+    lines = (out / "runs.jsonl").read_text("utf-8").splitlines()
+    row = json.loads(lines[0])
+    texts = ("controller", "controller_sha256", "course", "course_sha256", "end_reason", "message", "trajectory_sha256")
+    shown = refused = 0
+    for name in row:
+        changed = row | {name: MARKUP}
+        with contextlib.suppress(TypeError):
+            (out / "poses").mkdir(exist_ok=True)
+            (out / "poses" / f"{RunRow.of(changed).key.sha256[:24]}.npy").touch()
+        (out / "runs.jsonl").write_text("\n".join([json.dumps(changed), *lines[1:]]) + "\n")
+        shutil.rmtree(out / "report", ignore_errors=True)
+        if main(["report", str(out)]) == 2:
+            assert name in complaint(capsys)
+            refused += 1
+        else:
+            text = (out / "report" / "index.html").read_text("utf-8")
+            page = Scripts(text)
+            assert "<script" not in text and page.others == [] and page.hashes == []
+            capsys.readouterr()
+            shown += 1
+    assert (shown, refused) == (len(texts), len(row) - len(texts))

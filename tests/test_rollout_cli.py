@@ -121,7 +121,7 @@ def test_a_finished_folder_is_told_of_again(no_engine, capsys):
         (("--seed", "-1"), "seed is -1"),
         (("--workers", "0"), "workers is 0"),
         (("--chunk", "0"), "chunk is 0"),
-        (("--memory-budget", "-1"), "memory_budget is -1048576"),
+        (("--memory-budget", "-1"), "--memory-budget is -1"),
         (("--memory-budget", "lots"), "'lots'; accepted: a whole number"),
         (("--engine", "slurm"), "engine is 'slurm'; accepted: local, ray"),
         (("--record", "video", "--out", "run"), "record is 'video'; accepted: summary, telemetry, states"),

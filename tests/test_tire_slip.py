@@ -9,11 +9,23 @@ from hypothesis import strategies as st
 
 from fg_mujoco.errors import ModelError
 from fg_mujoco.messages import DriveCommand
-from fg_mujoco.vehicle.car import WHEELS
+from fg_mujoco.vehicle.car import WHEELS, Car
 from fg_mujoco.vehicle.fitting import tire_stiffness
-from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED, TireSlipMeter
+from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED, TireSlipMeter, add_axle_sensors
+from fg_mujoco.vehicle.vehicle import Vehicle
 
 FLAT = flat_world()
+
+
+def with_axles():
+    """The same with sensors of the axles, as a World has them."""
+    spec = Vehicle.load().spec()
+    add_axle_sensors(spec)
+    model = spec.compile()
+    return model, mujoco.MjData(model), Car(model)
+
+
+STEERED = with_axles()
 
 
 def slip_now(model, data):
@@ -47,6 +59,56 @@ def test_sliding_speed_is_that_of_the_material_point(forward, left, yaw_rate, he
     y = np.array([1, -1, 1, -1]) * 0.5 * limits.track_width
     expected = np.hypot(forward - yaw_rate * y - np.array(spins) * depth, left + yaw_rate * x)
     assert slip.sliding_speed[0] == pytest.approx(expected, abs=1e-6)
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    forward=st.floats(-10, 10), left=st.floats(-3, 3), yaw_rate=st.floats(-5, 5), heading=st.floats(-4, 4),
+    steering=st.floats(-0.4, 0.4), spin=st.floats(-300, 300), angle=st.floats(-4, 4),
+)  # fmt: skip
+def test_sliding_across_the_heading_is_the_velocity_along_the_axle(
+    forward, left, yaw_rate, heading, steering, spin, angle
+):
+    """Oracle: planar velocity of the wheel's centre, turned into the wheel's frame; the spin has no part in it."""
+    model, data, car = STEERED
+    car.set_pose(data, 1.0, -2.0, heading)
+    data.qpos[2] -= 1e-4
+    cos, sin = np.cos(heading), np.sin(heading)
+    data.qvel[:2] = cos * forward - sin * left, sin * forward + cos * left
+    data.qvel[5] = yaw_rate
+    for wheel in WHEELS:
+        data.joint(f"{wheel}_wheel").qvel, data.joint(f"{wheel}_wheel").qpos = spin, angle
+    for side in ("left", "right"):
+        data.joint(f"front_{side}_kingpin").qpos = steering
+    slip, limits = slip_now(model, data), car.parameters
+    x = np.array([limits.wheelbase, limits.wheelbase, 0.0, 0.0])
+    y = np.array([1, -1, 1, -1]) * 0.5 * limits.track_width
+    turned = np.array([steering, steering, 0.0, 0.0])
+    across = -np.sin(turned) * (forward - yaw_rate * y) + np.cos(turned) * (left + yaw_rate * x)
+    assert slip.lateral_sliding_speed[0] == pytest.approx(np.abs(across), abs=1e-6)
+
+
+def test_without_sensors_of_the_axles_sliding_across_the_heading_is_nan():
+    model, data, car = FLAT
+    car.set_pose(data, 0, 0, 0, 5.0)
+    slip = slip_now(model, data)
+    assert np.isnan(slip.lateral_sliding_speed).all() and np.isfinite(slip.sliding_speed).all()
+
+
+def test_sensors_of_the_axles_are_added_once_and_change_no_motion():
+    spec = Vehicle.load().spec()
+    add_axle_sensors(spec)
+    count = len(spec.sensors)
+    add_axle_sensors(spec)
+    assert len(spec.sensors) == count
+    states = []
+    for model in (spec.compile(), Vehicle.load().compile()):
+        data, car = mujoco.MjData(model), Car(model)
+        car.set_pose(data, 0, 0, 0, 4.0)
+        car.apply(data, DriveCommand(steering_angle=0.3, speed=6.0))
+        run(model, data, 0.5)
+        states.append(np.concatenate((data.qpos, data.qvel)))
+    assert np.array_equal(*states)
 
 
 def test_rolling_tire_does_not_slide_and_a_locked_one_slides_at_the_cars_speed():

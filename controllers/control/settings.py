@@ -28,7 +28,7 @@ from typing import Any, Literal, NamedTuple, TypeVar, cast, get_args, get_origin
 
 import numpy as np
 
-from fg_mujoco.errors import SettingsError
+from fg_mujoco.errors import SettingsError, accepted_names
 from fg_mujoco.messages import CarParameters, require
 
 Record = Any
@@ -89,14 +89,14 @@ class Settings:
         for each in fields(self):
             value, accepted = getattr(self, each.name), each.metadata.get("accepted")
             if each.name in words and value not in words[each.name]:
-                self._refuse(each.name, ", ".join(words[each.name]))
+                self._refuse(each.name, accepted_names(value, words[each.name]))
             if hints[each.name] is bool and not isinstance(value, bool):
-                self._refuse(each.name, "True, False")
+                self._refuse(each.name, "accepted: True, False")
             if accepted is not None and not (value is None and "of_f1tenth" in each.metadata):
                 require(self, accepted.holds, accepted.text, (each.name,), SettingsError)
 
-    def _refuse(self, name: str, accepted: str) -> None:
-        raise SettingsError(f"{type(self).__name__}.{name} is {getattr(self, name)!r}; accepted: {accepted}")
+    def _refuse(self, name: str, said: str) -> None:
+        raise SettingsError(f"{type(self).__name__}.{name} is {getattr(self, name)!r}; {said}")
 
 
 _S = TypeVar("_S", bound=Settings)

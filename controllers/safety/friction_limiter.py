@@ -292,5 +292,6 @@ class FrictionLimiter:
         """
         angle, now = odometry.steering_angle, odometry.speed
         least = self.settings.least_lateral_use
-        command = limited(self.record[0], self._memory[0], steering_angle, speed, least, angle, now, period)
+        reference = float(steering_angle), float(speed)  # a whole number would compile the kernel anew
+        command = limited(self.record[0], self._memory[0], *reference, least, angle, now, period)
         return DriveCommand(steering_angle=command[0], speed=command[1])

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from ..errors import SettingsError
+from ..errors import SettingsError, accepted_names
 from ..racing.planner_choice import ControllerChoice
 from ..racing.planner_loading import make_controller
 from ..ros.bag_messages import DRIVE, ODOMETRY, SCAN, require_ros_extra
@@ -48,7 +48,7 @@ def _export(options: argparse.Namespace) -> int:
     from ..ros.bag_writer import export_bag
 
     if options.format not in FORMATS:
-        raise SettingsError(f"format {options.format!r}; accepted: {', '.join(FORMATS)}")
+        raise SettingsError(f"format is {options.format!r}; {accepted_names(options.format, FORMATS)}")
     path = options.out or Path(f"{Path(options.folder).resolve().name}.mcap")
     if path.suffix.lower() != ".mcap":
         raise SettingsError(f"{path}: is no name for a bag; accepted: one that ends in .mcap")

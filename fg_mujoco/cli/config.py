@@ -12,20 +12,22 @@ and paths are from the present folder, as on the command line. Options on the co
 from __future__ import annotations
 
 import argparse
-import difflib
 import math
+import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..errors import FgMujocoError, RunFolderError, SettingsError
+from ..errors import FgMujocoError, RunFolderError, SettingsError, accepted_names
 from ..lidar.effects import LidarEffects
 from ..lidar.lidar import LIDAR_BACKENDS
+from ..messages import require_whole
 from ..racing.planner_choice import ControllerChoice
 from ..racing.planner_loading import find_controller
+from ..racing.planner_trust import recorded_sha256, require_trusted
 from ..racing.race import RaceSettings
-from ..racing.run_folder import read_summary
+from ..racing.run_folder import SUMMARY, read_summary
 from ..simulation.course_loading import load_track
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .options import number, number_or_off, whole
@@ -35,16 +37,19 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
+Check = Callable[[Any], object]
+"""Raises an error of this package where an option cannot have a value."""
+
 _OPTION = "--config"
-_OF_THE_OUTPUT = ("out", "video", "json")  # options that say nothing about the race itself
+_OF_THE_OUTPUT = ("out", "video", "json", "traceback")  # options that say nothing about the race itself
+_OF_THE_USER = ("help", "config", "trust")  # options that no file can set
 
 
 def add_config(command: argparse.ArgumentParser) -> None:
-    """Give a command the option `--config`. Its parser is kept, for `parse` to set its defaults."""
+    """Give a command the option `--config`, with which `parse` sets its defaults."""
     command.add_argument(
         _OPTION, metavar="FILE", help="settings from a TOML file, or from a run folder to race it again; options win"
     )
-    command.set_defaults(command=command)
 
 
 def parse(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> argparse.Namespace:
@@ -53,12 +58,19 @@ def parse(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> a
     Raises:
       SettingsError: a file that cannot be read, with an unknown key, or with a value that its option cannot have.
       RunFolderError: a folder that is no run's, or holds no settings.
+      ControllerError: a run folder's planner that is not bundled, and not trusted or not the recorded one.
     """
     options = parser.parse_args(arguments)
     if getattr(options, "config", None) is None:
         return options
-    options.command.set_defaults(**read_config(options.config, options.command))
-    return parser.parse_args(arguments)
+    given = read_config(options.config, options.command)
+    options.command.set_defaults(**given)
+    options = parser.parse_args(arguments)
+    if Path(options.config).is_dir() and options.controller == given.get("controller"):
+        summary, where = read_summary(options.config), f"{Path(options.config) / SUMMARY}, settings"
+        source = ControllerChoice.of(options.controller).source
+        require_trusted(source, recorded_sha256(summary), trust=options.trust, where=where)
+    return options
 
 
 def settings_of(options: argparse.Namespace) -> dict[str, Any]:
@@ -104,7 +116,12 @@ def _read_run(folder: Path, command: argparse.ArgumentParser) -> dict[str, Any]:
     if not isinstance(settings, dict):
         raise RunFolderError(f"{where}: there are none; accepted: a folder that `fg-mujoco race --out` wrote")
     given = {_known(key, command, where): value for key, value in settings.items() if value is not None}
-    values = {name: _checked(name, value, command, where) for name, value in given.items()}
+    for name in given:
+        if name in _OF_THE_OUTPUT:
+            raise RunFolderError(f"{where}: {name!r} is set; accepted: what is written is said on the command line")
+    # the planner is not loaded here: `parse` asks first whether it may be
+    checks = {name: check for name, check in _CHECKS.items() if name != "controller"}
+    values = {name: _checked(name, value, command, where, checks) for name, value in given.items()}
     vehicle = Vehicle.load(values.get("vehicle", DEFAULT_VEHICLE))
     of_a_file = vehicle.source == vehicle.file  # bundled ones are those of the version
     if of_a_file and vehicle.sha256 != summary.get("vehicle_sha256"):
@@ -132,7 +149,7 @@ def _line(text: str, key: str) -> int:
 
 def _settable(command: argparse.ArgumentParser) -> dict[str, argparse.Action]:
     """Return the options of a command that a file can set, by name."""
-    return {a.dest: a for a in command._actions if a.option_strings and a.dest not in ("help", _OPTION.lstrip("-"))}
+    return {a.dest: a for a in command._actions if a.option_strings and a.dest not in _OF_THE_USER}
 
 
 def _known(key: str, command: argparse.ArgumentParser, where: str) -> str:
@@ -141,11 +158,12 @@ def _known(key: str, command: argparse.ArgumentParser, where: str) -> str:
     if name in known:
         return name
     options = [option.replace("_", "-") for option in known]
-    (nearest,) = difflib.get_close_matches(name.replace("_", "-"), options, n=1, cutoff=0.0)
-    raise SettingsError(f"{where}: {key!r} is no setting, the nearest is {nearest!r}; accepted: {', '.join(options)}")
+    raise SettingsError(f"{where}: {key!r} is no setting; {accepted_names(key, options)}")
 
 
-def _checked(name: str, value: Any, command: argparse.ArgumentParser, where: str) -> Any:
+def _checked(
+    name: str, value: Any, command: argparse.ArgumentParser, where: str, checks: Mapping[str, Check] | None = None
+) -> Any:
     """Return a value as its option has it."""
     action = _settable(command)[name]
     accepted, fits = _kind(action)
@@ -157,12 +175,18 @@ def _checked(name: str, value: Any, command: argparse.ArgumentParser, where: str
     elif action.type is not None and isinstance(value, str):
         value = action.type(value)  # type: ignore[operator]  # Path
     if action.choices is not None and value not in action.choices:
-        raise SettingsError(f"{where}: {key} is {value!r}; accepted: {', '.join(map(str, action.choices))}")
+        raise SettingsError(f"{where}: {key} is {value!r}; {accepted_names(value, map(str, action.choices))}")
     try:
-        _CHECKS.get(name, _no_check)(value)
+        (_CHECKS if checks is None else checks).get(name, _no_check)(value)
     except FgMujocoError as error:
-        raise type(error)(f"{where}: {key}: {error}") from error
+        raise type(error)(f"{where}: {_with_key(str(error), key)}") from error
     return value
+
+
+def _with_key(message: str, key: str) -> str:
+    """Return a message that says which key it is about: in place of a field that it begins with, or before it."""
+    field = re.match(r"(?:[A-Z]\w*\.)?[a-z]\w*(?= is )", message)
+    return f"{key}: {message}" if field is None else f"{key}{message[field.end() :]}"
 
 
 def _kind(action: argparse.Action) -> tuple[str, Callable[[Any], bool]]:
@@ -184,12 +208,11 @@ def _is_number(value: Any) -> bool:
 
 def _check_backend(name: str) -> None:
     if name not in LIDAR_BACKENDS:
-        raise SettingsError(f"LiDAR back end {name!r}; accepted: {', '.join(LIDAR_BACKENDS)}")
+        raise SettingsError(f"lidar is {name!r}; {accepted_names(name, LIDAR_BACKENDS)}")
 
 
 def _check_count(value: int) -> None:
-    if value < 0:
-        raise SettingsError(f"{value}; accepted: a whole number from 0")
+    require_whole("count", value, 0)
 
 
 def _no_check(value: Any) -> None:
@@ -197,7 +220,7 @@ def _no_check(value: Any) -> None:
 
 
 # What the race would refuse, so that the message has the line; what depends on several settings, only it can say.
-_CHECKS: dict[str, Callable[[Any], object]] = {
+_CHECKS: dict[str, Check] = {
     "track": load_track,
     "vehicle": Vehicle.load,
     "controller": lambda text: find_controller(ControllerChoice.of(text).source),
@@ -209,6 +232,6 @@ _CHECKS: dict[str, Callable[[Any], object]] = {
     "lidar_latency": lambda value: LidarEffects(latency=value),
     **{
         name: lambda value, name=name: RaceSettings(**{name: value})  # type: ignore[misc]
-        for name in ("laps", "mu", "planner_mu", "max_speed", "odometry_drift", "seed", "time_limit")
+        for name in ("laps", "mu", "planner_mu", "max_speed", "odometry_drift", "seed", "time_limit", "decision_limit")
     },
 }

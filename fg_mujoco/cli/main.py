@@ -12,6 +12,7 @@ import os
 import signal
 import sys
 import time
+import traceback
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -19,9 +20,11 @@ from typing import Any, NoReturn
 
 from .. import __version__
 from ..course.course import USUAL_LAPS
-from ..errors import FgMujocoError
+from ..errors import FgMujocoError, PlannerError, accepted_names, nearest
 from ..lidar.effects import LidarEffects
 from ..lidar.lidar import LIDAR_BACKENDS
+from ..racing.decisions import decision_limit_text
+from ..racing.planner_choice import with_settings
 from ..racing.race import RaceProgress, race
 from ..racing.replay import replay
 from ..racing.result import RaceResult
@@ -33,9 +36,19 @@ from .compare import add_compare
 from .config import add_config, parse, settings_of
 from .controllers import add_controllers
 from .friction import add_friction
-from .options import ProgressLine, add_controller_option, add_drive_options, can_draw, drive_options, number, whole
+from .options import (
+    ProgressLine,
+    add_controller_option,
+    add_drive_options,
+    add_trust_option,
+    can_draw,
+    drive_options,
+    in_options,
+    number,
+    whole,
+)
 from .render import add_render, check_film, film_race
-from .report import add_report, report_race
+from .report import PAGE, add_report, report_race
 from .rollout import add_rollout
 from .track import add_track
 from .vehicles import add_vehicles
@@ -46,13 +59,15 @@ _DONE, _NOT_DONE, _BAD_INPUT, _INTERRUPTED = 0, 1, 2, 130  # 130 is what shells 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command and return its exit code."""
+    options = None
     try:
         with _warnings_in_a_line():
             options = parse(_parser(), arguments)
             code: int = options.run(options)
         sys.stdout.flush()
     except FgMujocoError as error:
-        print("fg-mujoco:", *str(error).split(), file=sys.stderr)
+        said = str(error) if options is None else in_options(str(error), options.command)
+        print("fg-mujoco:", *said.split(), file=sys.stderr)
         return _BAD_INPUT
     except KeyboardInterrupt:
         return _INTERRUPTED
@@ -80,7 +95,23 @@ def _warnings_in_a_line() -> Iterator[None]:
 
 
 class _Parser(argparse.ArgumentParser):
-    """Complains in one line."""
+    """Complains in one line, and says which option or command was probably meant."""
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse; what is left over is refused by the command that it was given to, whose options are looked up."""
+        options, left = super().parse_known_args(args, namespace)
+        if left:
+            known = [option for option in self._option_string_actions if option.startswith("--")]
+            unknown = left[0].partition("=")[0]
+            meant = nearest(unknown, known) if unknown.startswith("-") else None
+            hint = "" if meant is None else f"; did you mean {meant!r}?"
+            self.error(f"{unknown!r} is no {'option' if unknown.startswith('-') else 'argument'} here{hint}")
+        return options, left
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if action.choices is not None and value not in action.choices:
+            name = action.metavar if isinstance(action.metavar, str) else "COMMAND"
+            raise argparse.ArgumentError(None, f"{name} is {value!r}; {accepted_names(value, action.choices)}")
 
     def error(self, message: str) -> NoReturn:
         self.exit(_BAD_INPUT, f"{self.prog}: {message}; see {self.prog} --help\n")
@@ -110,7 +141,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _add(commands: Any, name: str, run: Callable[[argparse.Namespace], int], text: str) -> argparse.ArgumentParser:
     command: argparse.ArgumentParser = commands.add_parser(name, help=text, description=text, allow_abbrev=False)
-    command.set_defaults(run=run)
+    command.set_defaults(run=run, command=command)
     return command
 
 
@@ -140,10 +171,16 @@ def _add_race(commands: Any) -> None:
         "--time-limit", type=number, metavar="S",
         help="of simulated time; default: what a car of 0.5 m/s needs, or the scene's",
     )  # fmt: skip
+    add(
+        "--decision-limit", type=number, metavar="S",
+        help="of wall time for each decision; a planner that takes longer, or never answers, ends the race",
+    )  # fmt: skip
     add("--out", metavar="DIR", help="write a run folder here; it must be new or empty")
     add("--video", type=Path, metavar="FILE", help="write a video of the race, .mp4 or .gif; see the command render")
     add("--json", action="store_true", help="print one JSON object and nothing else")
+    add("--traceback", action="store_true", help="of a planner that fails, print the whole traceback, not its own part")
     add_config(command)
+    add_trust_option(add)
 
 
 def _race(options: argparse.Namespace) -> int:
@@ -159,20 +196,26 @@ def _race(options: argparse.Namespace) -> int:
         check_film(options.video)
     # what a planner prints is not our output
     with contextlib.redirect_stdout(sys.stderr), _Watcher(show=sys.stderr.isatty() and not options.json) as watch:
-        result = race(
-            options.track,
-            options.controller,
-            laps=options.laps,
-            **drive_options(options),
-            lidar=options.lidar,
-            seed=options.seed,
-            time_limit=options.time_limit,
-            obstacles=options.obstacles,
-            obstacle_seed=options.obstacle_seed,
-            effects=effects,
-            odometry_drift=options.odometry_drift,
-            watch=watch,
-        )
+        try:
+            result = race(
+                options.track,
+                options.controller,
+                laps=options.laps,
+                **drive_options(options),
+                lidar=options.lidar,
+                seed=options.seed,
+                time_limit=options.time_limit,
+                decision_limit=options.decision_limit,
+                obstacles=options.obstacles,
+                obstacle_seed=options.obstacle_seed,
+                effects=effects,
+                odometry_drift=options.odometry_drift,
+                watch=watch,
+            )
+        except PlannerError as error:  # what was driven is kept
+            result = error.result
+            whole = "".join(traceback.format_exception(error)) if options.traceback else error.failure.traceback
+            print(whole, end="", file=sys.stderr)
     if options.out is not None:
         write_run(result, options.out, picture=picture, settings=settings)
         report_race(options.out)
@@ -192,11 +235,12 @@ def _check_out(folder: str) -> bool:
 class _Watcher:
     """Shows how a race goes, and on Ctrl-C ends it between two ticks, so that what was driven is whole.
 
-    A second Ctrl-C ends a planner that never answers.
+    The first Ctrl-C says what it waits for. A second one ends a planner that never answers.
     """
 
     def __init__(self, *, show: bool) -> None:
-        self._line = ProgressLine(show=show)
+        self._line, self._show = ProgressLine(show=show), show
+        self._time: float | None = None  # [s] simulated; None: no tick is done
         self._started = time.perf_counter()
         self._interrupted = False
 
@@ -210,9 +254,16 @@ class _Watcher:
 
     def _interrupt(self, *signal_and_frame: object) -> None:
         self._interrupted = True
-        signal.signal(signal.SIGINT, self._before)
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        first = "the first tick: the world, kernels to be compiled, and the planner's first command"
+        waits_for = first if self._time is None else f"the planner's command at t = {self._time:.3f} s"
+        said = f"fg-mujoco: interrupted; waiting for {waits_for}. Ctrl-C once more ends the race at once.\n"
+        clear = "\r\x1b[K" if self._show else ""
+        with contextlib.suppress(OSError):
+            os.write(2, (clear + said).encode())  # print may be interrupted in the midst of printing
 
     def __call__(self, progress: RaceProgress) -> None:
+        self._time = progress.time
         if self._interrupted:
             raise KeyboardInterrupt
         if self._line.due:
@@ -230,9 +281,12 @@ def _table(result: RaceResult, out: str | None) -> str:
         *laps,
         ("collisions", f"{result.collisions}"),
         ("greatest sliding", f"{result.max_slide_m_s:.4f} m/s (a tire slides above {SLIDING_SPEED} m/s)"),
+        ("sliding sideways", f"{result.max_lateral_slide_m_s:.4f} m/s at most"),
         ("time sliding", f"{100.0 * result.slide_time_fraction:.2f} %"),
         ("top speed", f"{result.max_speed_m_s:.2f} m/s"),
         ("mean speed", f"{result.mean_speed_m_s:.2f} m/s"),
+        ("clamped commands", f"{result.clamped_commands} of {len(result.telemetry)}"),
+        ("decisions", str(result.decision_times)),
         ("simulated", f"{result.sim_time_s:.2f} s in {result.wall_time_s:.2f} s"),
         ("real-time factor", f"{result.realtime_factor:.1f}"),
     ]
@@ -240,9 +294,18 @@ def _table(result: RaceResult, out: str | None) -> str:
         rows.insert(1, ("obstacles", f"{result.obstacles}, seed {result.obstacle_seed}"))
     if result.wrong_way is not None:
         rows.insert(1, ("wrong way", str(result.wrong_way)))
+    if result.planner_failure is not None:
+        rows.insert(1, ("planner failed", str(result.planner_failure)))
+    if result.crash is not None:
+        rows.insert(1, ("crash", str(result.crash)))
+    if result.end_reason == "decision_limit":
+        rows.insert(1, ("decision limit", decision_limit_text(result.decision_limit_s, result.sim_time_s)))
     if out is not None:
         rows.append(("written to", out))
-    heading = f"{result.track}, {result.controller}, {result.vehicle}"
+        if (Path(out) / PAGE).is_file():
+            rows.append(("report", str(Path(out) / PAGE)))
+    controller = with_settings(result.controller, result.planner_settings)
+    heading = f"{result.track}, {controller}, {result.vehicle}"
     return "\n".join([heading, *(f"  {name:<18}{value}" for name, value in rows)])
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import math
+import re
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -21,6 +22,32 @@ DRIVE = ("vehicle", "mu", "planner_mu", "max_speed")
 """Settings that are spelt alike at every door."""
 
 _REDRAW = 0.1  # [s] of wall time between two lines of progress
+
+_OPTION_OF = {
+    "range_noise_std": "lidar_noise", "dropout_probability": "lidar_dropout", "latency": "lidar_latency",
+}  # fmt: skip
+"""Field -> option that sets it, where they are spelt otherwise."""
+
+_FIELD = re.compile(r"(?:[A-Z]\w*\.)?([a-z]\w*)(?= is )")
+_FIELD_INSIDE = re.compile(r"(?<=: )[A-Z]\w*\.(?=[a-z]\w* is )")  # the class of a field, within a message
+
+
+def in_options(message: str, command: argparse.ArgumentParser) -> str:
+    """Return a message whose first words are a field, as "RaceSettings.mu is ...", with the option that sets it: --mu.
+
+    Args:
+      message: of an error.
+      command: whose options they are; a message about anything else stays as it is.
+    """
+    options = {action.dest: action.option_strings[0] for action in command._actions if action.option_strings}
+    if message.startswith("randomize ") and "randomize" in options:
+        return f"--{_FIELD_INSIDE.sub('', message)}"
+    field = _FIELD.match(message)
+    if field is None:
+        return message
+    name = _OPTION_OF.get(field[1], field[1])
+    option = options.get(name) or options.get(f"{name}s")  # the command compare takes lists
+    return message if option is None else f"{option}{message[field.end() :]}"
 
 
 def whole(text: str) -> int:
@@ -55,6 +82,11 @@ def add_controller_option(add: Callable[..., Any]) -> None:
         "--controller", default="gap_finder",
         help="NAME or path/to/file.py:ClassName, with settings NAME[SETTING=VALUE,...]; default: gap_finder",
     )  # fmt: skip
+
+
+def add_trust_option(add: Callable[..., Any]) -> None:
+    """Add the option that says that a recorded planner may be loaded; `add` adds an option to a command."""
+    add("--trust", action="store_true", help="load the recorded planner if it is not bundled, which runs its code")
 
 
 def add_drive_options(add: Callable[..., Any], *names: str, of: str = "the") -> None:

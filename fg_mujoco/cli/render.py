@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import SettingsError
-from .options import ProgressLine, number
+from .options import ProgressLine, add_trust_option, number
 
 if TYPE_CHECKING:
     from ..racing.result import RaceResult
@@ -43,6 +43,7 @@ def add_render(add_command: Callable[..., argparse.ArgumentParser], commands: An
     add("--out", type=Path, metavar="FILE", help=".mp4, .gif, or .png with --frame; default: DIR-CAMERA.mp4 here")
     for name, text in _SWITCHES.items():
         add(f"--{name}", action=argparse.BooleanOptionalAction, default=None, help=f"{text}; default: by camera")
+    add_trust_option(add)
 
 
 def size_of(text: str) -> tuple[int, int]:
@@ -73,9 +74,11 @@ def film_race(result: RaceResult, path: Path) -> None:
 def _render(options: argparse.Namespace) -> int:
     from ..viz.rendering import Film, find_overlays, write_picture
     from ..viz.rendering.cameras import find_camera
+    from ..viz.rendering.presets import find_quality
     from ..viz.rendering.video import check_place, check_video
 
     find_camera(options.camera)
+    find_quality(options.quality)
     one = options.frame is not None
     name = f"{Path(options.folder).resolve().name}-{options.camera}{'.png' if one else '.mp4'}"
     path = options.out or Path(name)
@@ -84,7 +87,12 @@ def _render(options: argparse.Namespace) -> int:
     check_place(path) if one else check_video(path, options.size)
     overlays = find_overlays(options.camera, **{name: getattr(options, name) for name in _SWITCHES})
     with Film(
-        options.folder, camera=options.camera, size=options.size, quality=options.quality, overlays=overlays
+        options.folder,
+        camera=options.camera,
+        size=options.size,
+        quality=options.quality,
+        overlays=overlays,
+        trust=options.trust,
     ) as film:
         if film.note:
             print(f"fg-mujoco: of the planner only its beams are drawn: {film.note}", file=sys.stderr)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import MissingExtraError, SettingsError
-from .options import ProgressLine, number, to_go
+from .options import ProgressLine, add_trust_option, number, to_go
 
 PAGE = "report.html"
 """Name of the report in a run folder."""
@@ -27,6 +27,7 @@ def add_report(add_command: Callable[..., argparse.ArgumentParser], commands: An
     add("--out", type=Path, metavar="FILE.html", help=f"of a run; default: DIR/{PAGE}; of a comparison: DIR/report/")
     add("--clip", type=number, default=_USUAL_CLIP, metavar="S", help="of video in the page of a run; default: 8")
     add("--no-clip", action="store_true", help="without video")
+    add_trust_option(add)
 
 
 def report_race(folder: str | Path) -> None:
@@ -60,7 +61,7 @@ def _report(options: argparse.Namespace) -> int:
         if is_comparison(options.folder):
             if options.out is not None:
                 raise SettingsError("--out is of the page of a run; accepted: without, pages go to DIR/report/")
-            page, pages = write_comparison_report(options.folder, watch=watch), "and a page for each run"
+            page, pages = write_comparison_report(options.folder, watch, trust=options.trust), "and a page for each run"
         else:
             path = options.out or Path(options.folder) / PAGE
             if path.suffix.lower() not in (".html", ".htm"):

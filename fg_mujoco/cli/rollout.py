@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from ..errors import EngineError, SettingsError
+from ..messages import require_whole
 from ..studies.folders import as_json
 from ..studies.rollout.result import RolloutResult
 from ..studies.rollout.rollouts import (
@@ -65,8 +66,9 @@ def add_rollout(add_command: Callable[..., argparse.ArgumentParser], commands: A
 
 
 def _rollout(options: argparse.Namespace) -> int:
-    if options.record != "summary" and options.out is None:
+    if options.record in RECORDS and options.record != "summary" and options.out is None:
         raise SettingsError(f"--record {options.record} is kept nowhere; accepted: with --out DIR")
+    require_whole("memory_budget", options.memory_budget, 0)  # of MiB, as it was given
     with (
         contextlib.redirect_stdout(sys.stderr),
         shown_as(_progress, show=sys.stderr.isatty() and not options.json) as watch,

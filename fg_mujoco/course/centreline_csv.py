@@ -30,7 +30,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ..errors import TrackError
+from ..errors import TrackError, accepted_names, nearest
 from ..messages import FloatArray
 from .polyline import enclosed_area, spline, step_lengths
 from .track import MIN_POINTS, Track
@@ -95,7 +95,7 @@ def read_centreline(path: str | Path, *, width: float | None = None, direction: 
     if widths is None:
         raise TrackError(f"{path}: has no widths; accepted: {path.name}[width=W], the width of the track in metres")
     if direction is not None and direction not in DIRECTIONS:
-        raise TrackError(f"{path}: direction is {direction!r}; accepted: {', '.join(DIRECTIONS)}")
+        raise TrackError(f"{path}: direction is {direction!r}; {accepted_names(direction, DIRECTIONS)}")
     right, left = widths
     if direction is not None and (enclosed_area(line) > 0.0) != (direction == "counterclockwise"):
         line, right, left = (np.roll(column[::-1], 1, axis=0) for column in (line, left, right))
@@ -155,8 +155,10 @@ def read_settings(name: str, text: str, known: Mapping[str, tuple[str, Callable[
     for setting in filter(None, text.split(",")):
         key, _, value = setting.partition("=")
         if key not in known or not value or key in settings:
-            accepted = ", ".join(f"{key}={value}" for key, (value, _) in known.items())
-            raise TrackError(f"{name!r}: setting {setting!r}; accepted: each once, of {accepted}")
+            forms = ", ".join(f"{each}={form}" for each, (form, _) in known.items())
+            meant = nearest(key, known) if key not in known else None
+            hint = f"; did you mean {meant!r}?" if meant else ""
+            raise TrackError(f"{name!r}: setting {setting!r}; accepted: each once, of {forms}{hint}")
         accepted, read = known[key]
         try:
             settings[key] = read(value)

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from functools import lru_cache
 from importlib import resources
 from pathlib import Path
 
-from ..errors import TrackError
+from ..errors import TrackError, accepted_names, nearest
 from ..messages import CarParameters
 from .centreline_csv import is_centreline, load_centreline, read_centreline
 from .course import Course
 from .generator import generate_track
 from .maps.map_track import is_map, load_map
-from .scenes.catalogue import load_scene
+from .scenes.catalogue import PREFIX, load_scene, scene_names
 from .tight import generate_tight_track
 
 TIGHT = "tight"
@@ -52,11 +51,9 @@ def load_course(name_or_path: str | Path, car: CarParameters) -> Course:
     path = Path(name_or_path)
     if is_centreline(name) or path.is_file():
         return load_centreline(name)
-    known = ", ".join(track_names())
-    raise TrackError(
-        f"unknown track {name!r}; accepted: {known}, random:SEED, random:SEED:tight, scene:NAME:SEED, or a path to a "
-        "centreline .csv or a map .yaml"
-    )
+    others = ", random:SEED, random:SEED:tight, scene:NAME:SEED, or a path to a centreline .csv or a map .yaml"
+    besides = [*([f"random:{rest}"] if rest else []), *(f"{PREFIX}{scene}" for scene in scene_names())]
+    raise TrackError(f"unknown track {name!r}; {accepted_names(name, track_names(), others, besides=besides)}")
 
 
 @lru_cache(maxsize=32)  # a course is immutable, and what is worked out of it is kept in it
@@ -67,12 +64,12 @@ def _bundled(name: str) -> Course:
 
 def _random(name: str, rest: str) -> Course:
     seed, colon, kind = rest.partition(":")
-    accepted = "random:SEED or random:SEED:tight, with SEED an integer from 0, as random:7"
+    forms = "random:SEED or random:SEED:tight, with SEED an integer from 0, as random:7"
     if not re.fullmatch("[0-9]{1,18}", seed):
-        raise TrackError(f"{name!r} has no seed; accepted: {accepted}")
+        raise TrackError(f"{name!r} has no seed; accepted: {forms}")
     if colon and kind != TIGHT:
-        close = f"; did you mean 'random:{seed}:{TIGHT}'?" if difflib.get_close_matches(kind, [TIGHT]) else ""
-        raise TrackError(f"{name!r} asks for a random circuit of kind {kind!r}; accepted: {accepted}{close}")
+        close = f"; did you mean 'random:{seed}:{TIGHT}'?" if nearest(kind, [TIGHT]) else ""
+        raise TrackError(f"{name!r} asks for a random circuit of kind {kind!r}; accepted: {forms}{close}")
     return _drawn(int(seed), tight=bool(colon))
 
 

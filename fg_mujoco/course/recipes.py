@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import FgMujocoError, TrackError
+from ..errors import FgMujocoError, TrackError, accepted_names
 from .centreline_csv import write_centreline
 from .chicanes import Block, with_boxes
 from .generator import EASEMENT, SPACING, GeneratorSettings, generate_track, start_on_longest_straight
@@ -108,7 +108,7 @@ def write_bundled(name: str, path: str | Path) -> None:
       TrackError: a name that has no recipe, or a path that cannot be written.
     """
     if name not in RECIPES:
-        raise TrackError(f"unknown recipe {name!r}; accepted: {', '.join(RECIPES)}")
+        raise TrackError(f"unknown recipe {name!r}; {accepted_names(name, RECIPES)}")
     description = str(RECIPES[name].__doc__)
     header = (f"{name}: {description}", f"made by: python -m fg_mujoco.course.recipes {name}")
     write_centreline(RECIPES[name](), path, header)

@@ -25,7 +25,7 @@ from dm_control.rl import control
 from dm_env import specs
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import SettingsError
+from ..errors import SettingsError, accepted_names
 from ..simulation.simulation import Simulation
 from .actions import ACTION
 from .episodes import Episodes
@@ -69,7 +69,7 @@ def load(
       TrackError, SettingsError: what cannot be driven.
     """
     if task not in TASKS:
-        raise SettingsError(f"task is {task!r}; accepted: {', '.join(TASKS)}")
+        raise SettingsError(f"task is {task!r}; {accepted_names(task, TASKS)}")
     if seed is not None and (not isinstance(seed, int) or isinstance(seed, bool) or seed < 0):
         raise SettingsError(f"seed is {seed!r}; accepted: a whole number from 0, or None")
     chosen = EnvironmentSettings.of({"track": track, "obstacle_seed": seed or 0} | dict(TASKS[task]) | settings)

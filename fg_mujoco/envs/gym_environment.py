@@ -20,7 +20,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import MissingExtraError, SettingsError
+from ..errors import MissingExtraError, SettingsError, accepted_names
 from ..lidar.beams import LidarModel
 from .actions import ActionBounds
 from .episodes import Episodes
@@ -64,7 +64,9 @@ class F1TenthEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
     def __init__(self, render_mode: str | None = None, **settings: Any) -> None:
         if render_mode not in (None, *RENDER_MODES):
-            raise SettingsError(f"render_mode is {render_mode!r}; accepted: {', '.join(RENDER_MODES)}, None")
+            raise SettingsError(
+                f"render_mode is {render_mode!r}; {accepted_names(render_mode, RENDER_MODES, ', None')}"
+            )
         self.render_mode = render_mode
         chosen = EnvironmentSettings.of(settings)
         self._world = Worlds(chosen)

@@ -18,7 +18,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SettingsError
+from ..errors import SettingsError, accepted_names
 from ..simulation.physics import STATE
 from ..studies.worker_processes import usable_cores
 from .episodes import FACTS, Episodes
@@ -228,5 +228,5 @@ def _autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
     try:
         return AutoresetMode(mode)
     except ValueError as error:
-        accepted = ", ".join(known.value for known in AutoresetMode)
-        raise SettingsError(f"autoreset_mode is {mode!r}; accepted: {accepted}") from error
+        modes = [known.value for known in AutoresetMode]
+        raise SettingsError(f"autoreset_mode is {mode!r}; {accepted_names(mode, modes)}") from error

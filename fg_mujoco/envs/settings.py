@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..course.course import Course, laps_to_drive
 from ..course.random_obstacles import random_boxes
-from ..errors import SettingsError
+from ..errors import SettingsError, accepted_names
 from ..lidar.effects import LidarEffects
 from ..messages import require, require_whole
 from ..simulation.course_loading import load_track
@@ -62,7 +62,7 @@ class EnvironmentSettings(CarSettings):
         if not isinstance(self.start, str):
             self._make("start", Start)
         elif self.start not in STARTS:
-            raise SettingsError(f"start is {self.start!r}; accepted: {', '.join(STARTS)}, or a Start")
+            raise SettingsError(f"start is {self.start!r}; {accepted_names(self.start, STARTS, ', or a Start')}")
         if self.time_limit is not None:
             require(self, lambda value: 0.0 < value < math.inf, "a positive number", ("time_limit",), SettingsError)
         if not isinstance(self.normalised_actions, bool):

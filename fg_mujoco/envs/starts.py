@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import SettingsError
+from ..errors import SettingsError, accepted_names
 from ..simulation.settings import Start, as_part
 from ..simulation.world import World
 
@@ -28,8 +28,7 @@ def given_start(options: Mapping[str, Any] | None) -> Start | None:
     Raises:
       SettingsError: an unknown option, or one that is not a start.
     """
-    unknown = set(options or ()) - {"start"}
-    if unknown:
-        raise SettingsError(f"reset has no option {sorted(unknown)[0]!r}; accepted: 'start'")
+    for name in sorted(set(options or ()) - {"start"}):
+        raise SettingsError(f"reset has no option {name!r}; {accepted_names(name, ['start'])}")
     start = (options or {}).get("start")
     return None if start is None else as_part(start, Start, "start")

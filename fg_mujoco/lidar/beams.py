@@ -12,7 +12,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from ..errors import ModelError, SettingsError
+from ..errors import ModelError, SettingsError, accepted_names
 from ..messages import FloatArray, LaserScan, ScanGeometry, read_only
 
 DEFAULT_LIDAR = "hokuyo_ust10lx.xml"
@@ -78,7 +78,7 @@ class Beams:
           SettingsError: an unknown `no_return`.
         """
         if no_return not in NO_RETURN_READINGS:
-            raise SettingsError(f"no_return is {no_return!r}; accepted: {', '.join(NO_RETURN_READINGS)}")
+            raise SettingsError(f"no_return is {no_return!r}; {accepted_names(no_return, NO_RETURN_READINGS)}")
         if no_return == "range_max":
             ranges = np.where(ranges == math.inf, self.range_max, ranges)
         return LaserScan(

@@ -20,10 +20,16 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from ..errors import SettingsError
+from ..errors import SettingsError, accepted_names
 from ..messages import FloatArray, LaserScan, require
 from .beams import NO_RETURN_READINGS, Beams
 from .lidar import Lidar, RaycastLidar
+
+GREATEST_NOISE = 10.0
+"""[m] Greatest standard deviation of a range that is accepted."""
+
+LONGEST_LATENCY = 1.0
+"""[s] Longest latency that is accepted, forty sweeps."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,14 +50,16 @@ class LidarEffects:
     no_return: str = "inf"  # what a beam without a return reads: "inf" or "range_max"
 
     def __post_init__(self) -> None:
-        not_negative = ("range_noise_std", "latency")
-        require(self, lambda value: 0.0 <= value < math.inf, "a finite number from 0 on", not_negative, SettingsError)
+        noise = f"0 to {GREATEST_NOISE:g} m, which is the range that the UST-10LX is made for"
+        require(self, lambda value: 0.0 <= value <= GREATEST_NOISE, noise, ("range_noise_std",), SettingsError)
+        latency = f"0 to {LONGEST_LATENCY:g} s; an F1TENTH car drives 8 m in that time"
+        require(self, lambda value: 0.0 <= value <= LONGEST_LATENCY, latency, ("latency",), SettingsError)
         require(self, lambda value: 0.0 <= value <= 1.0, "0 to 1", ("dropout_probability",), SettingsError)
         if not isinstance(self.motion_distortion, bool):
             raise SettingsError(f"LidarEffects.motion_distortion is {self.motion_distortion!r}; accepted: True, False")
         if self.no_return not in NO_RETURN_READINGS:
-            accepted = ", ".join(NO_RETURN_READINGS)
-            raise SettingsError(f"LidarEffects.no_return is {self.no_return!r}; accepted: {accepted}")
+            readings = accepted_names(self.no_return, NO_RETURN_READINGS)
+            raise SettingsError(f"LidarEffects.no_return is {self.no_return!r}; {readings}")
 
 
 class ScanPipeline:

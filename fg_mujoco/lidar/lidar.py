@@ -21,7 +21,7 @@ from typing import Any, Protocol
 import mujoco
 import numpy as np
 
-from ..errors import ModelError, SettingsError
+from ..errors import ModelError, SettingsError, accepted_names
 from ..kernels import kernel
 from ..messages import FloatArray
 from .beams import DEFAULT_LIDAR, Beams, LidarModel, lidar_body, lidar_of
@@ -167,4 +167,4 @@ def make_lidar(backend: str, model: Any, prefix: str = "") -> Lidar:
         return RaycastLidar(model, prefix)
     if backend == "rangefinder":
         return RangefinderLidar(model, prefix)
-    raise SettingsError(f"LiDAR back end {backend!r}; accepted: {', '.join(LIDAR_BACKENDS)}")
+    raise SettingsError(f"lidar is {backend!r}; {accepted_names(backend, LIDAR_BACKENDS)}")

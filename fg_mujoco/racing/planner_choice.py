@@ -54,8 +54,7 @@ class ControllerChoice:
     @property
     def label(self) -> str:
         """What it is called in tables: a file without its folder."""
-        inside = ",".join(f"{name}={str(v).lower() if isinstance(v, bool) else v}" for name, v in self.settings)
-        return Path(self.source).name + (f"[{inside}]" if inside else "")
+        return with_settings(Path(self.source).name, dict(self.settings))
 
     @property
     def sha256(self) -> str | None:
@@ -88,6 +87,12 @@ class ControllerChoice:
             find_controller(self.source), self.source, car=drive.car.parameters, mu=drive.assumed_mu,
             max_speed=drive.max_speed, settings=self.settings_with(drive.planner_settings), map_line=course.map_line,
         )  # fmt: skip
+
+
+def with_settings(source: str, settings: Mapping[str, Any]) -> str:
+    """Return a controller's name with settings in brackets, where there are any."""
+    inside = ",".join(f"{name}={str(v).lower() if isinstance(v, bool) else v}" for name, v in settings.items())
+    return source + (f"[{inside}]" if inside else "")
 
 
 def split_controller(

@@ -12,7 +12,6 @@ A name that is bundled stays that of the bundled planner. A name that two packag
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import importlib
 import inspect
@@ -26,12 +25,18 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
-from ..errors import ControllerError
+from ..errors import ControllerError, SettingsError, accepted_names
 from ..messages import CarParameters, Controller, MapLine
-from ..simulation.planner_adapter import one_line, short, short_text
+from ..simulation.planner_adapter import short, short_text
+from ..simulation.planner_failure import file_of, one_line, told
 
 GROUP = "fg_mujoco.controllers"
 """Group of the entry points of planners."""
+
+
+def bundled_names() -> tuple[str, ...]:
+    """Return the names of the bundled controllers."""
+    return tuple(sorted(_catalogue()))
 
 
 def controller_names() -> tuple[str, ...]:
@@ -193,7 +198,7 @@ def build_controller(
     try:
         controller = factory(**{name: value for name, value in offered.items() if name in wanted})
     except (Exception, SystemExit) as error:
-        raise ControllerError(f"{origin} cannot be built: {one_line(error)}") from error
+        raise ControllerError(f"{origin} cannot be built: {told(error, file_of(factory))}") from error
     return _checked(controller, origin)
 
 
@@ -211,12 +216,16 @@ def _settings(factory: Any, changes: Mapping[str, Any], origin: str, *, taken: b
         if name not in defaults and now:
             raise ControllerError(f"{origin} has no setting {name!r} any more: it is called {now!r} now")
         if name not in defaults:
-            raise ControllerError(f"{origin} has no setting {name!r}; accepted: {', '.join(defaults)}")
-        accepted = _like(defaults[name], value)
-        if accepted:
-            raise ControllerError(f"{origin}: setting {name} is {short(value)}; accepted: {accepted}")
+            raise ControllerError(f"{origin} has no setting {name!r}; {accepted_names(name, defaults)}")
+        kind_of_value = _like(defaults[name], value)
+        if kind_of_value:
+            raise ControllerError(f"{origin}: setting {name} is {short(value)}; accepted: {kind_of_value}")
     try:
         return kind(**changes)
+    except SettingsError as error:
+        of_a_field = str(error).startswith(f"{kind.__name__}.")
+        said = f"setting {str(error).removeprefix(f'{kind.__name__}.')}" if of_a_field else str(error)
+        raise ControllerError(f"{origin}: {said}") from error
     except (Exception, SystemExit) as error:
         given = ", ".join(f"{name}={value!r}" for name, value in changes.items())
         raise ControllerError(f"{origin} cannot have settings {short_text(given)}: {one_line(error)}") from error
@@ -244,25 +253,36 @@ def _find_class(source: str, said: str) -> Any:
     if source in catalogue:
         module_name, _, class_name = catalogue[source].partition(":")
         return getattr(importlib.import_module(f"fg_mujoco.controllers.{module_name}"), class_name)
-    path, colon, class_name = source.rpartition(":")
-    if not colon or not path.endswith(".py"):
+    path, _, class_name = source.rpartition(":") if not Path(source).is_file() else (source, "", "")
+    if not path.endswith(".py"):
         return _load(_registered(source, said), said)
     module = _import_file(Path(path), said)
     found = getattr(module, class_name, None)
     if not isinstance(found, type):
-        classes = [n for n, v in vars(module).items() if isinstance(v, type) and v.__module__ == module.__name__]
-        raise ControllerError(f"{said}: no class {class_name!r} there; it has {', '.join(classes) or 'none'}")
+        names = _planner_classes(module)
+        if not names:
+            raise ControllerError(f"{said}: there is no class in the file; accepted: one with __call__ and reset")
+        if not class_name:
+            ways = ", ".join(f"{path}:{name}" for name in names)
+            raise ControllerError(f"{said}: the name of its class is missing; accepted: {ways}")
+        raise ControllerError(f"{said}: the file has no class {class_name!r}; {accepted_names(class_name, names)}")
     return found
+
+
+def _planner_classes(module: ModuleType) -> list[str]:
+    """Return the names of the classes of a user's file that plan; of all its classes where none does."""
+    own = [value for value in vars(module).values() if isinstance(value, type) and value.__module__ == module.__name__]
+    planners = [each for each in own if any("__call__" in vars(base) for base in each.__mro__)]
+    return [each.__name__ for each in planners or own]
 
 
 def _registered(name: str, said: str) -> EntryPoint:
     """Return the entry point of a name that an installed package registers."""
     points = list(entry_points(group=GROUP, name=name))
     if not points:
-        names = controller_names()
-        close = difflib.get_close_matches(name, names, n=1)
-        meant = f"; did you mean {close[0]}?" if close else ""
-        raise ControllerError(f"{said} is not known; accepted: {', '.join(names)}, or path/to/file.py:ClassName{meant}")
+        raise ControllerError(
+            f"{said} is not known; {accepted_names(name, controller_names(), ', or path/to/file.py:ClassName')}"
+        )
     if len({point.value for point in points}) > 1:
         packages = " and ".join(sorted(_of_package(point) for point in points))
         raise ControllerError(f"{said} is registered by {packages}; accepted: a name that one package registers")
@@ -322,7 +342,7 @@ def _import_file(path: Path, origin: str) -> ModuleType:
         setattr(module, _READ, text)
         exec(compile(text, str(path), "exec"), module.__dict__)
     except (Exception, SystemExit) as error:
-        raise ControllerError(f"{origin} does not import: {one_line(error)}") from error
+        raise ControllerError(f"{origin} does not import: {told(error, str(path))}") from error
     return module
 
 

@@ -18,21 +18,23 @@ from typing import Any
 from ..course.course import USUAL_LAPS, Course, laps_to_drive
 from ..course.obstacles import Obstacle
 from ..course.random_obstacles import random_boxes
-from ..errors import SettingsError
+from ..errors import PlannerError, SettingsError
 from ..lidar.effects import LidarEffects
-from ..messages import Controller, require, require_whole
+from ..messages import Controller, require
 from ..simulation.course_loading import load_track
 from ..simulation.engine import Engine
 from ..simulation.planner_adapter import adapt
 from ..simulation.planner_adapter import start as start_planner
-from ..simulation.settings import DriveSettings, Start, renamed
+from ..simulation.settings import DriveSettings, Start, renamed, require_laps, require_time_limit
 from ..simulation.telemetry import statistics_figures
 from ..simulation.termination import END_REASONS, WrongWay
 from ..vehicle.changes import CarChanges
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
+from .crash import crash_of
+from .decisions import DecisionClock, DecisionLimitReached, DecisionTimes
 from .planner_choice import split_controller
 from .planner_loading import make_controller, origin, source_code
-from .result import History, RaceResult, trajectory_sha256
+from .result import History, RaceResult, clamped_commands, trajectory_sha256
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,12 +48,14 @@ class RaceSettings(DriveSettings):
     laps: int = USUAL_LAPS
     lidar: str = "raycast"
     time_limit: float | None = None  # [s]; None: as long as a car of 0.5 m/s needs, or the scene's
+    decision_limit: float | None = None  # [s] of wall time that the planner may take for a decision; None: any
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_whole("laps", self.laps, 1)
-        if self.time_limit is not None:
-            require(self, lambda value: 0.0 < value < math.inf, "a positive number", ("time_limit",), SettingsError)
+        require_laps(self.laps)
+        require_time_limit(self)
+        if self.decision_limit is not None:
+            require(self, lambda value: 0.0 < value < math.inf, "a positive number", ("decision_limit",), SettingsError)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,6 +82,7 @@ def race(
     lidar: str = "raycast",
     seed: int = 0,
     time_limit: float | None = None,
+    decision_limit: float | None = None,
     obstacles: tuple[Obstacle, ...] | int = (),
     obstacle_seed: int = 0,
     effects: LidarEffects | None = None,
@@ -103,6 +108,9 @@ def race(
       lidar: back end, "raycast" or "rangefinder".
       seed: of the LiDAR's noise and dropouts.
       time_limit: of simulated time [s]; None: as long as a car of 0.5 m/s needs, or the scene's own.
+      decision_limit: of wall time that the planner may take for one decision [s]; None: any. A race whose planner takes
+        longer, or never answers, ends with the end reason "decision_limit"; `racing.decisions` says what cannot be
+        interrupted.
       obstacles: what stands on the track, besides what a scene has; or of how many boxes, at random places of a track
         that leave a way past each (`random_obstacles`).
       obstacle_seed: of the random places.
@@ -115,12 +123,15 @@ def race(
 
     Raises:
       TrackError, ControllerError, SettingsError: input that cannot be raced with.
+      PlannerError: the controller raises while it drives, or answers something else than a command. Its `result` is
+        that of the race up to there, which can be written as a run folder; its `failure` has the line and the scan.
     """
     controller, own = split_controller(controller, planner_settings)
     settings = RaceSettings(
         laps=USUAL_LAPS if laps is None else laps, vehicle=vehicle, mu=mu, changes=changes or CarChanges(),
         planner_mu=planner_mu, max_speed=max_speed, planner_settings=own, start=start or Start(),
         effects=effects or LidarEffects(), odometry_drift=odometry_drift, seed=seed, lidar=lidar, time_limit=time_limit,
+        decision_limit=decision_limit,
     )  # fmt: skip
     course = load_track(track, car=settings.car.parameters)
     laps = laps_to_drive(course, laps)
@@ -130,7 +141,7 @@ def race(
         obstacles = random_boxes(course, obstacles, obstacle_seed, car=settings.car.parameters, start=settings.start.s)
     world = settings.world(course, lidar=lidar, obstacles=obstacles)
     planner = make_controller(
-        controller, car=world.car.parameters, mu=settings.assumed_mu, max_speed=max_speed,
+        controller, car=world.car.parameters, mu=float(settings.assumed_mu), max_speed=float(settings.max_speed),
         settings=settings.planner_settings, map_line=world.track.map_line,
     )  # fmt: skip
     start_planner(planner)
@@ -139,22 +150,32 @@ def race(
     engine.place(
         [settings.start], effects=[settings.effects], seeds=[seed], odometry_drifts=[settings.odometry_drift]
     )  # fmt: skip
-    history = History(engine)
+    history, clock = History(engine), DecisionClock(settings.decision_limit)
 
+    failed: PlannerError | None = None
     started = time.perf_counter()
     try:
-        _drive(engine, history, laps, watch)
+        with clock:
+            _drive(engine, history, clock, laps, watch)
     except KeyboardInterrupt:  # what was driven is kept
         engine.interrupt()
+    except PlannerError as error:
+        failed = error
+        engine.monitor.end(engine.running.copy(), "planner_failed")
+    except DecisionLimitReached:
+        engine.monitor.end(engine.running.copy(), "decision_limit")
     ended = time.perf_counter()
     later_time = ended - (history.first_end or ended)  # [s] without the first tick
 
     arrays, monitor = history.arrays(), engine.monitor
     reason = END_REASONS[monitor.reasons[0]]
     wrong_way = WrongWay.of(monitor.timers[0], world.track.length, laps) if reason == "wrong_way" else None
+    crash = None
+    if reason == "crash":
+        crash = crash_of(world, arrays["states"], arrays["ctrl"], monitor.timers[0], laps, engine.period)
     simulated = float(arrays["states"][-1, 0])  # mjSTATE_TIME comes first in a state
     lap_times = tuple(monitor.lap_times[0, : int(monitor.timers["laps_completed"][0])].tolist())
-    return RaceResult(
+    result = RaceResult(
         track=world.track.name,
         vehicle=settings.car.name,
         vehicle_sha256=settings.car.sha256,
@@ -166,10 +187,15 @@ def race(
         finished=reason == "finished",
         end_reason=reason,
         wrong_way=wrong_way,
+        crash=crash,
+        planner_failure=None if failed is None else failed.failure,
         lap_times_s=lap_times,
         collisions=int(engine.crashed[0]),
         sim_time_s=simulated,
         wall_time_s=ended - started,
+        decision_times=DecisionTimes.of(clock.seconds, engine.beams.period),
+        decision_limit_s=None if settings.decision_limit is None else float(settings.decision_limit),
+        clamped_commands=clamped_commands(arrays["telemetry"], world.car.parameters),
         realtime_factor=(simulated - engine.period) / later_time if later_time > 0.0 else 0.0,
         **statistics_figures(engine.statistics[0]),
         seed=seed,
@@ -186,14 +212,24 @@ def race(
         world=world,
         **arrays,
     )
+    if failed is not None:
+        failed.result = result
+        raise failed
+    return result
 
 
-def _drive(engine: Engine, history: History, laps: int, watch: Callable[[RaceProgress], None] | None) -> None:
+def _drive(
+    engine: Engine,
+    history: History,
+    clock: DecisionClock,
+    laps: int,
+    watch: Callable[[RaceProgress], None] | None,
+) -> None:
     """Run the loop until the race is over."""
     running, timers = engine.running, engine.monitor.timers
     while running[0]:
         engine.sense()
-        engine.decide()
+        clock.time(engine.decide)
         engine.drive()
         history.append()
         engine.judge()

@@ -10,9 +10,12 @@ from typing import TYPE_CHECKING, Any, TypedDict
 import numpy as np
 
 from ..lidar.effects import LidarEffects
-from ..messages import FloatArray, read_only
-from ..simulation.telemetry import TELEMETRY
+from ..messages import CarParameters, FloatArray, read_only
+from ..simulation.planner_failure import PlannerFailure
+from ..simulation.telemetry import COMMAND, TELEMETRY
 from ..simulation.termination import WrongWay
+from .crash import Crash
+from .decisions import DecisionTimes
 
 if TYPE_CHECKING:
     from ..simulation.engine import Engine
@@ -24,7 +27,8 @@ class RaceResult:
     """How a race went. The summary's fields are named as in its JSON; arrays are read-only.
 
     `end_reason` is one of "finished", "crash", "wrong_way", "no_progress", "time_limit", "unstable" (MuJoCo warned of
-    a bad state) and "interrupted".
+    a bad state), "interrupted", "decision_limit" (the planner took longer for a decision than it was allowed) and
+    "planner_failed" (of a result that a PlannerError carries).
     """
 
     track: str
@@ -37,14 +41,22 @@ class RaceResult:
     finished: bool
     end_reason: str
     wrong_way: WrongWay | None  # where the car turned; None: the race did not end by going the wrong way
+    crash: Crash | None  # into what, where, when, how fast; None: the race did not end in a crash
+    planner_failure: PlannerFailure | None  # where and why the planner failed; None: it did not
     lap_times_s: tuple[float, ...]  # the first from a standing start
     collisions: int
     max_slide_m_s: float  # fastest that any tire's contact point moved over the ground
+    max_lateral_slide_m_s: float  # the same, across the wheel's heading: sideways, and not by spinning or locked wheels
     slide_time_fraction: float  # share of the physics steps in which a tire slid, faster than SLIDING_SPEED
     mean_speed_m_s: float
     max_speed_m_s: float
     sim_time_s: float
     wall_time_s: float
+    decision_times: DecisionTimes  # wall times that the planner took for its decisions
+    decision_limit_s: float | None  # that it was allowed for each; None: any
+    clamped_commands: (
+        int  # commands outside the car's limits of steering angle or speed, which the car held within them
+    )
     realtime_factor: float  # from the second tick on: in the first, kernels are read from disk, or compiled
     seed: int
     mu: float
@@ -87,6 +99,7 @@ class RaceResult:
                 "collisions_wall": self.collisions,
                 "collisions_car": 0,
                 "max_slide_m_s": self.max_slide_m_s,
+                "max_lateral_slide_m_s": self.max_lateral_slide_m_s,
             },
         )
 
@@ -95,9 +108,19 @@ class RaceResult:
         left_out = ("world", "telemetry", "states", "ctrl", "controller_source")
         values = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in left_out}
         wrong_way = asdict(self.wrong_way) if self.wrong_way is not None else None
+        failure = self.planner_failure.summary() if self.planner_failure is not None else None
         return values | {
-            "wrong_way": wrong_way, "lidar_effects": asdict(self.lidar_effects), "cars": list(self.cars),
+            "planner_failure": failure, "decision_times": asdict(self.decision_times),
+            "wrong_way": wrong_way, "crash": asdict(self.crash) if self.crash is not None else None,
+            "lidar_effects": asdict(self.lidar_effects), "cars": list(self.cars),
         }  # fmt: skip
+
+
+def clamped_commands(telemetry: FloatArray, car: CarParameters) -> int:
+    """Return how many commands of a telemetry (ticks, len(TELEMETRY)) are outside a car's limits."""
+    steering_angle, speed = telemetry[:, COMMAND], telemetry[:, COMMAND + 1]
+    beyond = (np.abs(steering_angle) > car.max_steering_angle) | (speed > car.max_speed) | (speed < car.min_speed)
+    return int(beyond.sum())
 
 
 class Trajectory(TypedDict):

@@ -10,6 +10,7 @@
                     held from state i to state i + 1, one tick
     telemetry.csv   one row a tick, columns named with their units
     controller.py   the source of a planner of your own, as it was read; its hash is in the summary
+    failed_scan.npz where the planner failed: the scan and the odometry that it was told, see `read_failed_scan`
     trace.png       the line over the track, and the tires' work over time (needs the extra `plot`)
 
 A folder with a summary is complete: everything is written aside, and the summary is moved in last.
@@ -24,7 +25,7 @@ import platform
 import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -33,7 +34,8 @@ import mujoco
 import numpy as np
 
 from ..errors import FgMujocoError, RunFolderError
-from ..messages import FloatArray
+from ..messages import FloatArray, LaserScan, Odometry
+from ..simulation.planner_failure import PlannerFailure
 from ..simulation.telemetry import TELEMETRY
 from .result import RaceResult
 
@@ -41,8 +43,8 @@ SCHEMA = 1
 """Of the run folder; a reader refuses any other."""
 
 # in the order they are moved in
-_FILES = ("scene.xml", "states.npz", "telemetry.csv", "trace.png", "controller.py", "summary.json")
-_SCENE, _STATES, _TELEMETRY, _TRACE, _CONTROLLER, SUMMARY = _FILES
+_FILES = ("scene.xml", "states.npz", "telemetry.csv", "trace.png", "controller.py", "failed_scan.npz", "summary.json")
+_SCENE, _STATES, _TELEMETRY, _TRACE, _CONTROLLER, FAILED_SCAN, SUMMARY = _FILES
 _STAGING = ".partial"  # inside the folder, so that moving out of it never crosses file systems
 
 
@@ -103,6 +105,8 @@ def write_run(
         _write_telemetry(result.telemetry, staging / _TELEMETRY)
         if result.controller_source is not None and result.controller_origin["distribution"] is None:
             (staging / _CONTROLLER).write_bytes(result.controller_source)
+        if result.planner_failure is not None:
+            _write_failed_scan(result.planner_failure, staging / FAILED_SCAN)
         if draw is not None:
             draw(result, staging / _TRACE)
         (staging / SUMMARY).write_text(summary_json(result, settings) + "\n", encoding="utf-8")
@@ -120,9 +124,12 @@ def summary_json(result: RaceResult, settings: Mapping[str, Any] | None = None) 
         "mujoco_version": mujoco.__version__,
         "platform": f"{platform.system()}-{platform.machine()}",
     }
+    found = result.summary()
+    if found.get("planner_failure") is not None:
+        found["planner_failure"]["scan"] = FAILED_SCAN
     summary = {
         name: None if isinstance(value, float) and not math.isfinite(value) else value
-        for name, value in (result.summary() | ({"settings": dict(settings)} if settings else {}) | versions).items()
+        for name, value in (found | ({"settings": dict(settings)} if settings else {}) | versions).items()
     }
     return json.dumps(summary, indent=2, allow_nan=False)
 
@@ -162,6 +169,32 @@ def read_run(folder: str | Path) -> Run:
     for array in (time, states, ctrl, telemetry):
         array.flags.writeable = False
     return Run(folder=folder, summary=summary, time=time, states=states, ctrl=ctrl, telemetry=telemetry)
+
+
+def read_failed_scan(folder: str | Path) -> tuple[LaserScan, Odometry]:
+    """Return the scan and the odometry at which the planner of a run failed.
+
+    Raises:
+      RunFolderError: the planner did not fail, or the file is damaged.
+    """
+    path = Path(folder) / FAILED_SCAN
+    if not path.is_file():
+        raise RunFolderError(f"{folder}: has no {FAILED_SCAN}; accepted: the folder of a race whose planner failed")
+    with _blame(path), np.load(path, allow_pickle=False) as file:
+        scan = LaserScan(**{f.name: _value(file[f.name]) for f in fields(LaserScan)})
+        odometry = Odometry(**{f.name: _value(file[f"odometry_{f.name}"]) for f in fields(Odometry)})
+    return scan, odometry
+
+
+def _value(array: Any) -> Any:
+    return array if array.ndim else array.item()
+
+
+def _write_failed_scan(failure: PlannerFailure, path: Path) -> None:
+    """Write the fields of a scan by their names, and those of the odometry behind `odometry_`."""
+    values = {f.name: getattr(failure.scan, f.name) for f in fields(LaserScan)}
+    values |= {f"odometry_{f.name}": getattr(failure.odometry, f.name) for f in fields(Odometry)}
+    np.savez_compressed(path, **values)
 
 
 def _write_telemetry(telemetry: FloatArray, path: Path) -> None:

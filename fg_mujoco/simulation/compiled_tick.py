@@ -46,18 +46,19 @@ NAMES = (
     _SLIP, _CRASHED, _STATISTICS, _REASONS, _WARNINGS, _LAP_TIMES, _STANDING_SINCE, _TABLE,
 ) = range(len(NAMES))  # fmt: skip
 
-_CARS_PER_WORLD, _TIRES, _CHASSIS_CONTACT, _BATCH, _RECORD, _LAPS, _MOUNT, _FIRST_OF_LAYOUT = range(8)
+_CARS_PER_WORLD, _TIRES, _AXLES, _CHASSIS_CONTACT, _BATCH, _RECORD, _LAPS, _MOUNT, _FIRST_OF_LAYOUT = range(9)
 _TIMESTEP, _LENGTH, _MODULUS, _STOP_TIME, _LAST_TIME = range(5)
 
 
 def whole_places(
-    cars_per_world: int, tires: int, chassis_contact: int, batch: Batch, laps: int, mount: Mount | None,
+    cars_per_world: int, tires: int, axles: int, chassis_contact: int, batch: Batch, laps: int, mount: Mount | None,
     layout: StateLayout,
 ) -> NDArray[np.int64]:  # fmt: skip
     """Return the array `places` of a table."""
     address = 0 if mount is None else mount.qpos_address
     spans = (*layout.qpos, *layout.qvel, *layout.ctrl, *layout.mocap_pos)
-    values = (cars_per_world, tires, chassis_contact, batch.address, batch.record, laps, address, layout.time, *spans)
+    sensors = (tires, axles, chassis_contact)
+    values = (cars_per_world, *sensors, batch.address, batch.record, laps, address, layout.time, *spans)
     return np.array(values, np.int64)
 
 
@@ -121,9 +122,9 @@ def drive(table: Table) -> None:
         flags(table[_RUNNING]), places[_CARS_PER_WORLD], matrix(table[_STATES]), _layout(places),
         matrix(table[_COMMANDS]), car_rows(table[_CARS]), matrix(table[_MOTIONS]), times[_TIMESTEP], places[_BATCH],
         places[_RECORD], cube(table[_RECORDS]), short_numbers(table[_IDS]), cube(table[_CONTROLS]),
-        short_numbers(table[_STATUS]), flags(table[_FAILED]), places[_TIRES], places[_CHASSIS_CONTACT],
-        matrix(table[_MU]), cube(table[_SLIP]), flags(table[_CRASHED]), matrix(table[_TELEMETRY]),
-        statistics_rows(table[_STATISTICS]),
+        short_numbers(table[_STATUS]), flags(table[_FAILED]), places[_TIRES], places[_AXLES],
+        places[_CHASSIS_CONTACT], matrix(table[_MU]), cube(table[_SLIP]), flags(table[_CRASHED]),
+        matrix(table[_TELEMETRY]), statistics_rows(table[_STATISTICS]),
     )  # fmt: skip
 
 

@@ -208,7 +208,7 @@ class Engine:
     def slip(self, i: int = 0) -> FloatArray:
         """Return what the tires of the car did that was driven last in the batch of world i, as TireSlip.values. Live.
 
-        Shape (4, substeps, 4).
+        Shape (QUANTITIES, substeps, 4).
         """
         return self._place_of(i)[0].slip
 

@@ -12,9 +12,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ControllerError
+from ..errors import ControllerError, PlannerError
 from ..lidar.beams import Beams
 from ..messages import ODOMETRY, Controller, ControllerBatch, DriveCommand, FloatArray, LaserScan, Odometry
+from .planner_failure import failure_of, file_of, place, told, wrong_answer
 from .tick import not_finite
 
 _ODOMETRY = ODOMETRY.names or ()
@@ -56,12 +57,11 @@ class MessagePlanners:
         """See Planners.
 
         Raises:
-          ControllerError: a planner raises, or answers something else than a DriveCommand.
+          PlannerError: a planner raises, or answers something else than a DriveCommand.
         """
         failed = np.zeros_like(cars.running)
         for row in map(int, np.flatnonzero(cars.running)):
-            sensed = odometry_message(cars.odometry[row])
-            scan = cars.scans.get(row) or cars.beams.to_scan(cars.ranges[row], sensed.stamp)
+            scan, sensed = _told(cars, row)
             try:
                 command = plan(self._planners[row], scan, sensed)
             except ControllerError:
@@ -78,29 +78,33 @@ class BatchPlanners:
 
     Args:
       planners: in the order of the cars.
+      kind: their class.
       raises: whether a command that is no number is raised, and not noted as a failure of its car.
     """
 
-    def __init__(self, planners: ControllerBatch, *, raises: bool = False) -> None:
-        self._planners, self._raises = planners, raises
+    def __init__(self, planners: ControllerBatch, kind: type, *, raises: bool = False) -> None:
+        self._planners, self._kind, self._raises = planners, kind, raises
 
     def __call__(self, cars: Cars) -> NDArray[np.bool_] | None:
         """See Planners.
 
         Raises:
-          ControllerError: a command that is no number.
+          PlannerError: the planners raise, or a command is no number.
         """
-        self._planners(cars.beams.geometry, cars.ranges, cars.odometry, cars.running, cars.commands)
+        try:
+            self._planners(cars.beams.geometry, cars.ranges, cars.odometry, cars.running, cars.commands)
+        except Exception as error:
+            if not self._raises:
+                raise
+            raise _failed(error, self._kind, *_told(cars, int(cars.running.argmax()))) from error
         if np.isfinite(cars.commands).all():
             return None
         failed = not_finite(cars.running, cars.commands)
         if self._raises and failed.any():
             row = int(failed.argmax())
             steering_angle, speed = cars.commands[row].tolist()
-            time = float(cars.odometry["stamp"][row])
-            raise ControllerError(
-                f"the controller commanded {steering_angle} rad, {speed} m/s at t = {time:.3f} s; accepted: numbers"
-            )
+            said = f"commanded {steering_angle} rad, {speed} m/s"
+            raise _answered(said, "numbers", self._kind, *_told(cars, row))
         return failed
 
 
@@ -117,7 +121,7 @@ def adapt(planners: Sequence[Controller], *, arrays: bool = True, raises: bool =
     batch = getattr(kind, "batch", None) if arrays else None
     if batch is None or any(type(planner) is not kind for planner in planners):
         return MessagePlanners(planners, raises=raises)
-    return BatchPlanners(batch(planners), raises=raises)
+    return BatchPlanners(batch(planners), kind, raises=raises)
 
 
 def odometry_message(row: Any) -> Odometry:
@@ -136,31 +140,45 @@ def start(controller: Controller) -> None:
         controller.reset()
     except (Exception, SystemExit) as error:
         name = type(controller).__name__
-        raise ControllerError(f"controller {name} failed in reset(): {one_line(error)}") from error
+        raise ControllerError(
+            f"controller {name} failed in reset(): {told(error, file_of(type(controller)))}"
+        ) from error
 
 
 def plan(controller: Controller, scan: LaserScan, odometry: Odometry) -> DriveCommand:
     """Return the controller's answer to a scan.
 
     Raises:
-      ControllerError: it raises, or answers something else than a DriveCommand.
+      PlannerError: it raises, or answers something else than a DriveCommand.
     """
     try:
         command = controller(scan, odometry)
     except (Exception, SystemExit) as error:
-        name = type(controller).__name__
-        raise ControllerError(f"controller {name} failed at t = {scan.stamp:.3f} s: {one_line(error)}") from error
+        raise _failed(error, type(controller), scan, odometry) from error
     if not isinstance(command, DriveCommand):
-        name = type(controller).__name__
-        raise ControllerError(
-            f"controller {name} answered {short(command)} at t = {scan.stamp:.3f} s; accepted: a DriveCommand"
-        )
+        raise _answered(f"answered {short(command)}", "a DriveCommand", type(controller), scan, odometry)
     return command
 
 
-def one_line(error: BaseException) -> str:
-    """Return the kind and the message of an error in one line."""
-    return f"{type(error).__name__}: {' '.join(str(error).split())}"
+def _told(cars: Cars, row: int) -> tuple[LaserScan, Odometry]:
+    """Return what a car senses, as messages."""
+    sensed = odometry_message(cars.odometry[row])
+    return cars.scans.get(row) or cars.beams.to_scan(cars.ranges[row], sensed.stamp), sensed
+
+
+def _failed(error: BaseException, kind: type, scan: LaserScan, odometry: Odometry) -> PlannerError:
+    failure = failure_of(error, kind, scan, odometry)
+    where = place(failure.file, failure.line)
+    return PlannerError(
+        f"controller {kind.__name__} failed at t = {scan.stamp:.3f} s: {failure.error}{where}", failure
+    )  # fmt: skip
+
+
+def _answered(said: str, accepted: str, kind: type, scan: LaserScan, odometry: Odometry) -> PlannerError:
+    failure = wrong_answer(f"{said}; accepted: {accepted}", kind, scan, odometry)
+    where = place(failure.file, failure.line)
+    message = f"controller {kind.__name__} {said} at t = {scan.stamp:.3f} s{where}; accepted: {accepted}"
+    return PlannerError(message, failure)
 
 
 def short(value: object) -> str:

@@ -5,7 +5,6 @@ A race, a rollout, an environment and the live view spell these settings alike a
 
 from __future__ import annotations
 
-import difflib
 import functools
 import math
 from collections.abc import Callable, Mapping
@@ -15,10 +14,10 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from ..course.course import Course
 from ..course.obstacles import Obstacle
-from ..errors import SettingsError
+from ..errors import SettingsError, accepted_names
 from ..lidar.effects import LidarEffects
 from ..messages import require, require_whole
-from ..vehicle.changes import CarChanges
+from ..vehicle.changes import ACCEPTED_MU, GREATEST_MU, CarChanges
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .world import World
 
@@ -30,6 +29,30 @@ _F = TypeVar("_F", bound=Callable[..., Any])
 
 FASTEST = 8.0
 """[m/s] The fastest that a planner may command unless it is told otherwise: that of the published lap times."""
+
+GREATEST_SPEED = 100.0
+"""[m/s] Greatest `max_speed` that is accepted: five times what the motor of an F1TENTH car gives."""
+
+_ACCEPTED_SPEED = f"a positive number up to {GREATEST_SPEED:g} m/s; the motor of an F1TENTH car gives 20 m/s"
+
+LONGEST_RACE = 86400.0
+"""[s] Longest time limit that is accepted, a day: a race keeps about 60 kB for each second."""
+
+GREATEST_LAPS = 1000
+"""Greatest number of laps that is accepted: a race keeps about 0.5 MB for each lap of the oval."""
+
+
+def require_laps(laps: object, *, optional: bool = False) -> None:
+    """Raise SettingsError unless `laps` is a number of laps; None is accepted where it is optional."""
+    why = "a race keeps about 0.5 MB for each lap"
+    require_whole("laps", laps, 1, GREATEST_LAPS, why=why, optional=optional)
+
+
+def require_time_limit(settings: Any) -> None:
+    """Raise SettingsError unless the field `time_limit` [s] is None or what a race may last."""
+    if settings.time_limit is not None:
+        accepted = f"a positive number up to {LONGEST_RACE:g} s, a day; a race keeps about 60 kB for each second"
+        require(settings, lambda value: 0.0 < value <= LONGEST_RACE, accepted, ("time_limit",), SettingsError)
 
 
 def renamed(**names: str) -> Callable[[_F], _F]:
@@ -57,9 +80,7 @@ def known_settings(settings: Mapping[str, Any], kind: Any, what: str) -> dict[st
     names = [f.name for f in fields(kind)]
     for name in settings:
         if name not in names:
-            near = difflib.get_close_matches(str(name), names, n=1)
-            hint = f"did you mean {near[0]!r}? " if near else ""
-            raise SettingsError(f"{what} has no setting {name!r}; {hint}accepted: {', '.join(names)}")
+            raise SettingsError(f"{what} has no setting {name!r}; {accepted_names(name, names)}")
     return dict(settings)
 
 
@@ -111,7 +132,7 @@ class CarSettings:
         object.__setattr__(self, "vehicle", Vehicle.load(self.vehicle))
         self._make("changes", CarChanges)
         if self.mu is not None:
-            require(self, lambda value: 0.0 < value < math.inf, "a positive number", ("mu",), SettingsError)
+            require(self, lambda value: 0.0 < value <= GREATEST_MU, ACCEPTED_MU, ("mu",), SettingsError)
         if self.mu is not None and self.changes.mu not in (None, self.mu):
             raise SettingsError(
                 f"mu is {self.mu!r} and CarChanges.mu is {self.changes.mu!r}; accepted: one of them, or the same twice"
@@ -192,9 +213,10 @@ class DriveSettings(CarSettings):
         require(
             self, lambda value: abs(value) < 1.0, "more than -1 and less than 1", ("odometry_drift",), SettingsError
         )
-        require(self, lambda value: 0.0 < value < math.inf, "a positive number", ("max_speed",), SettingsError)
+        require(self, lambda value: 0.0 < value <= GREATEST_SPEED, _ACCEPTED_SPEED, ("max_speed",), SettingsError)
         if self.planner_mu is not None:
-            require(self, lambda value: value > 0.0, "a positive number, or inf", ("planner_mu",), SettingsError)
+            holds: Callable[[float], bool] = lambda value: 0.0 < value <= GREATEST_MU or value == math.inf  # noqa: E731
+            require(self, holds, f"{ACCEPTED_MU}; or inf, no friction limits", ("planner_mu",), SettingsError)
         require_whole("seed", self.seed, 0)
 
     @property

@@ -11,7 +11,7 @@ from ..kernels import kernel
 from ..messages import FloatArray
 from ..vehicle.car import WHEELS
 from ..vehicle.motion import CarArray, ground_speed, planar_pose
-from ..vehicle.tire_slip import greatest_slip
+from ..vehicle.tire_slip import greatest_lateral_speed, greatest_slip
 
 TELEMETRY = (
     "time_s", "lap", "progress_m", "offset_m", "x_m", "y_m", "heading_rad",
@@ -31,6 +31,7 @@ STATISTICS = np.dtype(
         ("steps", np.int64),
         ("sliding_steps", np.int64),
         ("max_slide", np.float64),  # [m/s]
+        ("max_lateral_slide", np.float64),  # [m/s]
         ("speed_sum", np.float64),  # [m/s] of all ticks, without sign
         ("max_speed", np.float64),  # [m/s]
     ]
@@ -42,6 +43,7 @@ class StatisticsFigures(TypedDict):
     """What the summary says of the running statistics."""
 
     max_slide_m_s: float
+    max_lateral_slide_m_s: float
     slide_time_fraction: float
     mean_speed_m_s: float
     max_speed_m_s: float
@@ -52,6 +54,7 @@ def statistics_figures(row: Any) -> StatisticsFigures:
     ticks, steps = int(row["ticks"]), int(row["steps"])
     return {
         "max_slide_m_s": float(row["max_slide"]),
+        "max_lateral_slide_m_s": float(row["max_lateral_slide"]),
         "slide_time_fraction": int(row["sliding_steps"]) / steps if steps else 0.0,
         "mean_speed_m_s": float(row["speed_sum"]) / ticks if ticks else 0.0,
         "max_speed_m_s": float(row["max_speed"]),
@@ -94,7 +97,7 @@ def end_row(statistics: NDArray[np.void], i: int, row: FloatArray, slip: FloatAr
       statistics: (n,) of STATISTICS, written to.
       i: which of them.
       row: (len(TELEMETRY),), its last ten columns written to.
-      slip: (4, steps, 4) of `measure_slip`.
+      slip: (QUANTITIES, steps, 4) of `measure_slip`.
     """
     so_far = statistics[i]
     row[-2] = greatest_slip(slip, row[_SLIDE : _SLIDE + 8])
@@ -105,5 +108,6 @@ def end_row(statistics: NDArray[np.void], i: int, row: FloatArray, slip: FloatAr
     for tire in range(4):
         if row[_SLIDE + tire] > so_far.max_slide:
             so_far.max_slide = row[_SLIDE + tire]
+    so_far.max_lateral_slide = greatest_lateral_speed(slip, so_far.max_lateral_slide)
     so_far.speed_sum += abs(row[_SPEED])
     so_far.max_speed = max(so_far.max_speed, abs(row[_SPEED]))

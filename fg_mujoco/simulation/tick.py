@@ -120,6 +120,7 @@ def drive_cars(
     status: NDArray[np.int32],
     failed: Mask,
     tires: int,
+    axles: int,
     chassis_contact: int,
     mu: FloatArray,
     slip: FloatArray,
@@ -148,9 +149,10 @@ def drive_cars(
       status: (n,) `Batch.status`.
       failed: (r,) written to: whether the engine failed.
       tires: where the tires' readings begin in the sensors.
+      axles: and those of the wheels' axles, -1 where there are none.
       chassis_contact: and that of the chassis.
       mu: (r, 4) of the tires.
-      slip: (4, steps, 4) room; left with the slip of the last car.
+      slip: (QUANTITIES, steps, 4) room; left with the slip of the last car.
       crashed: (r,) written to.
       telemetry: (r, len(TELEMETRY)), its last columns written to.
       statistics: (r,) of STATISTICS, written to.
@@ -184,8 +186,8 @@ def drive_cars(
         if len(motions) > 0:
             _place_obstacles(motions, states[world, layout.time], states[world, layout.mocap_pos[0] :])
     book_cars(
-        ids, count, cars_per_world, records, status, failed, tires, chassis_contact, mu, slip, crashed, telemetry,
-        statistics,
+        ids, count, cars_per_world, records, status, failed, tires, axles, chassis_contact, mu, slip, crashed,
+        telemetry, statistics,
     )  # fmt: skip
 
 
@@ -219,6 +221,7 @@ def book_cars(
     status: NDArray[np.int32],
     failed: Mask,
     tires: int,
+    axles: int,
     chassis_contact: int,
     mu: FloatArray,
     slip: FloatArray,
@@ -232,7 +235,7 @@ def book_cars(
         for row in range(world * cars_per_world, (world + 1) * cars_per_world):
             failed[row] = failed[row] or status[world] != 0
             crashed[row] = crashed[row] or any_touch(records[place], chassis_contact)
-            measure_slip(records[place], tires, mu[row], slip)
+            measure_slip(records[place], tires, axles, mu[row], slip)
             end_row(statistics, row, telemetry[row], slip)
 
 

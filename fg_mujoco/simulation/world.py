@@ -18,11 +18,12 @@ from ..course.course import Course
 from ..course.moving_obstacles import PREFIX as MOVING_PREFIX
 from ..course.moving_obstacles import MovingObstacle, moving_obstacles
 from ..course.obstacles import Obstacle
-from ..errors import SettingsError
+from ..errors import SettingsError, accepted_names
 from ..lidar.lidar import LIDAR_BACKENDS, Lidar, make_lidar
 from ..messages import CarParameters, FloatArray
 from ..vehicle.car import Car
 from ..vehicle.changes import CarChanges
+from ..vehicle.tire_slip import add_axle_sensors
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .course_loading import load_track
 
@@ -126,8 +127,9 @@ def _compose(
 ) -> Any:
     """Return the spec of the whole world: walls, obstacles, and the car with its ground and its LiDAR."""
     if lidar not in LIDAR_BACKENDS:
-        raise SettingsError(f"LiDAR back end {lidar!r}; accepted: {', '.join(LIDAR_BACKENDS)}")
+        raise SettingsError(f"lidar is {lidar!r}; {accepted_names(lidar, LIDAR_BACKENDS)}")
     car = vehicle.spec(mu, changes)
+    add_axle_sensors(car)
     spec = mujoco.MjSpec()
     spec.modelname = f"fg_mujoco {track.name}"
     spec.option, spec.memory = car.option, car.memory  # the engine settings that the car was validated with

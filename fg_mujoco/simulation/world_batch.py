@@ -23,7 +23,7 @@ from ..messages import ODOMETRY, FloatArray
 from ..vehicle.car import WHEELS, Car
 from ..vehicle.changes import CarChanges, change_worlds, six_digits
 from ..vehicle.motion import CAR
-from ..vehicle.tire_slip import TireSlipMeter
+from ..vehicle.tire_slip import QUANTITIES, TireSlipMeter
 from . import compiled_tick
 from .array_table import ArrayTable
 from .physics import STATE, Batch, StateLayout
@@ -90,7 +90,7 @@ class WorldBatch:
       layout: of a state.
       physics: the Batch of their states.
       cars: Car of each row.
-      slip: what the tires of the car that was driven last did, (4, substeps, 4), as TireSlip.values.
+      slip: what the tires of the car that was driven last did, (QUANTITIES, substeps, 4), as TireSlip.values.
     """
 
     def __init__(
@@ -114,11 +114,12 @@ class WorldBatch:
         if own_model:
             self.physics.set_models([model] * count)
         self.cars = [world.car] * (count * cars_per_world)
-        self.slip = np.full((4, substeps, len(WHEELS)), np.nan)
+        self.slip = np.full((QUANTITIES, substeps, len(WHEELS)), np.nan)
         self._cars_per_world = cars_per_world
         self._arrays, self._monitor = arrays.part(self.rows), monitor.part(self.rows)
         meter = TireSlipMeter(model, CAR_PREFIX)
-        self._tires, self._chassis_contact = meter.readings.start, world.car.chassis_contact
+        self._tires, self._axles = meter.readings.start, meter.axles
+        self._chassis_contact = world.car.chassis_contact
         self._arrays.mu[:], self._arrays.constants[:] = meter.mu, world.car.constants[0]
         self._motions, self._mover = motion_table(world.moving), make_mover(model)
         self._ids = np.empty(count, np.int32)
@@ -132,8 +133,8 @@ class WorldBatch:
         controls = np.zeros((len(self._ids) if moving else 0, physics.records.shape[1], model.nu + 3 * moving))
         arrays: dict[str, Any] = {
             "places": compiled_tick.whole_places(
-                self._cars_per_world, self._tires, self._chassis_contact, physics, self._monitor.laps, mount,
-                self.layout,
+                self._cars_per_world, self._tires, self._axles, self._chassis_contact, physics, self._monitor.laps,
+                mount, self.layout,
             ),
             "times": compiled_tick.course_numbers(
                 float(model.opt.timestep), course, self._monitor.laps, time_limit, period
@@ -271,6 +272,6 @@ class WorldBatch:
         arrays = self._arrays
         book_cars(
             self._ids, len(ids), self._cars_per_world, self.physics.records, self.physics.status, arrays.failed,
-            self._tires, self._chassis_contact, arrays.mu, self.slip, arrays.crashed, arrays.telemetry,
+            self._tires, self._axles, self._chassis_contact, arrays.mu, self.slip, arrays.crashed, arrays.telemetry,
             arrays.statistics,
         )  # fmt: skip

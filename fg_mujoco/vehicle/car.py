@@ -203,7 +203,7 @@ class Car:
 
     def limit_speed_command(self, speed_command: float, speed: float) -> float:
         """Return the set point [m/s] that asks for no more than the motor's power gives at `speed` [m/s]."""
-        return car_motion.limit_speed_command(speed_command, speed, self.constants)
+        return car_motion.limit_speed_command(float(speed_command), float(speed), self.constants)
 
     def apply(self, data: mujoco.MjData, command: DriveCommand) -> None:
         """Write a command to the actuators, held within their limits and the motor's power."""

@@ -18,6 +18,11 @@ from ..errors import SettingsError
 from ..messages import FloatArray, require
 from .car import WHEELS
 
+GREATEST_MU = 3.0
+"""[-] Greatest friction coefficient of tires that is accepted; no tire on any ground has more."""
+
+ACCEPTED_MU = f"a positive number up to {GREATEST_MU:g}, which no tire of a 1:10 car reaches"
+
 _LONGEST_DELAY = 0.15  # [s] 30 physics steps of 5 ms
 _DELAY_SAMPLES = 32
 _CHASSIS, _SERVOS = "base_link", ("steering", "speed")
@@ -40,8 +45,10 @@ class CarChanges:
 
     def __post_init__(self) -> None:
         given = {field.name for field in fields(self) if getattr(self, field.name) is not None}
-        positive = tuple(sorted(given - {"command_delay"}))
+        positive = tuple(sorted(given - {"command_delay", "mu"}))
         require(self, lambda value: 0.0 < value < math.inf, "a positive number", positive, SettingsError)
+        if "mu" in given:
+            require(self, lambda value: 0.0 < value <= GREATEST_MU, ACCEPTED_MU, ("mu",), SettingsError)
         if "command_delay" in given:
             accepted = f"0 to {_LONGEST_DELAY} s"
             require(self, lambda value: 0.0 <= value <= _LONGEST_DELAY, accepted, ("command_delay",), SettingsError)

@@ -5,7 +5,6 @@ Each check raises in one line that says which name, in which file, and what is a
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 import warnings
@@ -19,7 +18,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from ..errors import FgMujocoError, ModelError
+from ..errors import FgMujocoError, ModelError, nearest
 from ..lidar.beams import DEFAULT_LIDAR, LidarModel
 from ..messages import CarParameters, FloatArray
 from .car import WHEELS, Car, car_parameters, element_id, sensor_slice
@@ -139,8 +138,8 @@ def check_names(spec: Any, where: str) -> None:
         element = getattr(spec, part.kind)(part.name)
         if element is None:
             names = [other.name for other in getattr(spec, _PLURALS.get(part.kind, f"{part.kind}s")) if other.name]
-            near = difflib.get_close_matches(part.name, names, n=1, cutoff=0.8)
-            meant = f" (did you mean {near[0]!r}?)" if near and not _is_part(part.kind, near[0]) else ""
+            near = nearest(part.name, names, cutoff=0.8)
+            meant = f" (did you mean {near!r}?)" if near is not None and not _is_part(part.kind, near) else ""
             raise ModelError(f"{where} has no {part.kind} named {part.name!r}{meant}; accepted: {part.what}")
         if part.type is not None and element.type != part.type:
             is_, should = (_type_name(kind) for kind in (element.type, part.type))

@@ -8,6 +8,9 @@
 
 `record` copies the tires' sensors, which hold the contacts that the step was made with; `read` does the arithmetic
 for all steps at once. A tire off the ground has no contact point: it reads NaN, never zero.
+
+The part of sliding across the wheel's heading takes sensors of the wheels' axles, which `add_axle_sensors` adds to a
+vehicle's spec. World does so; in a model without these sensors that part is NaN.
 """
 
 from __future__ import annotations
@@ -15,6 +18,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -37,7 +41,12 @@ _READINGS = 19
 """Of a tire: found, force in the contact's frame (normal first), point, normal; centre, velocity and angular velocity
 of the wheel."""
 
-_SLIDING_SPEED, _FRICTION_USE, _NORMAL_FORCE, _FRICTION_FORCE = range(4)  # what `measure_slip` writes, in this order
+_AXLE = "wheel_axle"  # sensor of a wheel: where its axle points, (3,) in the world
+
+QUANTITIES = 5
+"""How many quantities of each tire and step the slip meter writes."""
+
+_SLIDING_SPEED, _FRICTION_USE, _NORMAL_FORCE, _FRICTION_FORCE, _LATERAL_SPEED = range(QUANTITIES)  # in this order
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,7 +56,7 @@ class TireSlip:
     All have shape (steps, 4), NaN where a tire is off the ground.
     """
 
-    values: FloatArray  # (4, steps, 4) the four quantities below
+    values: FloatArray  # (QUANTITIES, steps, 4) the quantities below
 
     @property
     def sliding_speed(self) -> FloatArray:
@@ -74,9 +83,29 @@ class TireSlip:
         return values
 
     @property
+    def lateral_sliding_speed(self) -> FloatArray:
+        """Of the contact point over the ground, across the wheel's heading [m/s]; NaN without sensors of the axles."""
+        values: FloatArray = self.values[_LATERAL_SPEED]
+        return values
+
+    @property
     def slides(self) -> NDArray[np.bool_]:
         """Whether each tire slides, faster than SLIDING_SPEED. Shape (steps, 4); False off the ground."""
         return self.sliding_speed > SLIDING_SPEED
+
+
+def add_axle_sensors(spec: Any) -> None:
+    """Add to a vehicle's spec, in place, what measures where the axle of each wheel points; those it has stay."""
+    for wheel in WHEELS:
+        name = f"{wheel}_{_AXLE}"
+        if spec.sensor(name) is not None:
+            continue
+        site = spec.body(f"{wheel}_wheel").add_site(name=name, group=5, rgba=(0.0, 0.0, 0.0, 0.0))
+        site.alt.type = mujoco.mjtOrientation.mjORIENTATION_ZAXIS
+        site.alt.zaxis = spec.joint(f"{wheel}_wheel").axis
+        spec.add_sensor(
+            name=name, type=mujoco.mjtSensor.mjSENS_FRAMEZAXIS, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=name
+        )  # fmt: skip
 
 
 class TireSlipMeter:
@@ -87,6 +116,7 @@ class TireSlipMeter:
     Attributes:
       mu: friction coefficient of each tire, (4,).
       readings: where the tires' sensors are in `data.sensordata`.
+      axles: where the axles' sensors begin in it; -1: the model has none.
 
     Raises:
       ModelError: the model does not hold the car under this prefix.
@@ -99,6 +129,7 @@ class TireSlipMeter:
         if any(before.stop != after.start for before, after in pairwise(slices)):
             raise ModelError(f"the tires' sensors are apart; accepted: for each of {WHEELS}, {_SENSORS} side by side")
         self.readings = slice(slices[0].start, slices[-1].stop)
+        self.axles = _first_axle(model, prefix)
         self._records = np.empty((8, model.nsensordata))
         self._count = 0
 
@@ -117,20 +148,33 @@ class TireSlipMeter:
 
     def measure(self, records: FloatArray) -> TireSlip:
         """Return the slip of steps whose `sensordata` are the rows of `records` (steps, nsensordata)."""
-        slip = np.empty((4, len(records), len(WHEELS)))
-        measure_slip(records, self.readings.start, self.mu, slip)
+        slip = np.empty((QUANTITIES, len(records), len(WHEELS)))
+        measure_slip(records, self.readings.start, self.axles, self.mu, slip)
         return TireSlip(values=slip)
 
 
+def _first_axle(model: mujoco.MjModel, prefix: str) -> int:
+    """Return where the sensors of the axles begin in `data.sensordata`, -1 unless they are there side by side."""
+    found = [
+        mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SENSOR, f"{prefix}{wheel}_{_AXLE}") for wheel in WHEELS
+    ]  # fmt: skip
+    if min(found) < 0:
+        return -1
+    places = model.sensor_adr[found]
+    return int(places[0]) if (np.diff(places) == 3).all() else -1
+
+
 @kernel
-def measure_slip(records: FloatArray, start: int, mu: FloatArray, slip: FloatArray) -> None:
+def measure_slip(records: FloatArray, start: int, axles: int, mu: FloatArray, slip: FloatArray) -> None:
     """Work out the slip of the tires in each of some steps.
 
     Args:
       records: (at least steps, m) sensor readings, one row a step.
       start: where in a row the tires' are.
+      axles: where in a row the axles' are; -1: nowhere.
       mu: (4,).
-      slip: (4, steps, 4), written to: slip speed, friction utilisation, normal force, friction force; by step, tire.
+      slip: (QUANTITIES, steps, 4), written to: slip speed, friction utilisation, normal force, friction force, slip
+        speed across the wheel's heading; by step, tire.
     """
     for step in range(slip.shape[1]):
         for tire in range(4):
@@ -151,6 +195,13 @@ def measure_slip(records: FloatArray, start: int, mu: FloatArray, slip: FloatArr
             slip[_FRICTION_USE, step, tire] = friction / (mu[tire] * row[1])
             slip[_NORMAL_FORCE, step, tire] = row[1]
             slip[_FRICTION_FORCE, step, tire] = friction
+            if axles < 0:
+                slip[_LATERAL_SPEED, step, tire] = math.nan
+                continue
+            axle = records[step, axles + 3 * tire : axles + 3 * (tire + 1)]
+            lean = axle[0] * normal[0] + axle[1] * normal[1] + axle[2] * normal[2]
+            along_axle = x * axle[0] + y * axle[1] + z * axle[2]  # of a velocity along the ground
+            slip[_LATERAL_SPEED, step, tire] = abs(along_axle) / math.sqrt(max(1.0 - lean * lean, 1e-12))
 
 
 @kernel
@@ -158,7 +209,7 @@ def greatest_slip(slip: FloatArray, greatest: FloatArray) -> int:
     """Return in how many steps any tire slides, and write each tire's greatest slip speed and friction utilisation.
 
     Args:
-      slip: (4, steps, 4) from `measure_slip`.
+      slip: (QUANTITIES, steps, 4) from `measure_slip`.
       greatest: (8,) written to: four sliding speeds [m/s], four friction utilisations [-]; NaN only where all is NaN.
     """
     for i in range(len(greatest)):
@@ -175,3 +226,16 @@ def greatest_slip(slip: FloatArray, greatest: FloatArray) -> int:
                 greatest[4 + tire] = use
         sliding_steps += slides
     return sliding_steps
+
+
+@kernel
+def greatest_lateral_speed(slip: FloatArray, so_far: float) -> float:
+    """Return the greatest slip speed of any tire across its wheel's heading [m/s], or `so_far` where that is greater.
+
+    `slip` (QUANTITIES, steps, 4) is from `measure_slip`.
+    """
+    for step in range(slip.shape[1]):
+        for tire in range(4):
+            if slip[_LATERAL_SPEED, step, tire] > so_far:  # nor is NaN
+                so_far = slip[_LATERAL_SPEED, step, tire]
+    return so_far

@@ -9,9 +9,7 @@ The MJCF is the source of every constant of the car; docs/howto/own_car.md lists
 
 from __future__ import annotations
 
-import difflib
 import hashlib
-import math
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -21,11 +19,11 @@ from typing import Any
 
 import mujoco
 
-from ..errors import SettingsError
+from ..errors import SettingsError, accepted_names
 from ..lidar.beams import LidarModel
 from ..messages import CarParameters
 from .car import WHEELS, car_parameters
-from .changes import CarChanges, change_spec, set_mu
+from .changes import ACCEPTED_MU, GREATEST_MU, CarChanges, change_spec, set_mu
 from .contract import check_model, check_names, compiled, find_lidar, find_look, parsed
 
 DEFAULT_VEHICLE = "f1tenth"
@@ -118,8 +116,8 @@ class Vehicle:
           SettingsError: a friction that is not positive, another one in `changes`, or changes that it cannot have.
         """
         changes = changes or CarChanges()
-        if mu is not None and not 0.0 < mu < math.inf:
-            raise SettingsError(f"mu, the friction coefficient of the tires, is {mu!r}; accepted: a number above 0")
+        if mu is not None and not 0.0 < mu <= GREATEST_MU:
+            raise SettingsError(f"mu, the friction coefficient of the tires, is {mu!r}; accepted: {ACCEPTED_MU}")
         if mu is not None and changes.mu not in (None, mu):
             raise SettingsError(
                 f"mu is {mu!r} and CarChanges.mu is {changes.mu!r}; accepted: one of them, or the same in both"
@@ -164,9 +162,7 @@ def _as_it_was(name: str, file: str, text: str, lidar: LidarModel, look: str | N
 def _bundled(name: str) -> Vehicle:
     known = vehicle_names()
     if name not in known:
-        near = difflib.get_close_matches(name, known, n=1)
-        meant = f"; did you mean {near[0]!r}?" if near else ""
-        raise SettingsError(f"vehicle {name!r}{meant}; accepted: {', '.join(known)}, or path/to/file.xml")
+        raise SettingsError(f"vehicle {name!r} is not known; {accepted_names(name, known, ', or path/to/file.xml')}")
     text = (files("fg_mujoco.models") / f"{name}.xml").read_text("utf-8")
     return _checked(name, f"models/{name}.xml", text, None)
 

@@ -38,7 +38,7 @@ _MAX_LAP_LABELS = 12
 _STYLE: Any = {"font.size": 8.0, "axes.linewidth": 0.6, "lines.linewidth": 0.9, "legend.frameon": False}
 _TIRE_COLOURS = ("#0072b2", "#56b4e9", "#d55e00", "#e69f00")  # Okabe and Ito; front blue, rear orange
 _LIMIT: Any = {"color": "0.2", "linewidth": 0.8, "linestyle": (0, (4, 2))}
-_TURN = "#d00000"
+_ALERT = "#d00000"
 _COMMAND: Any = {"color": "0.55", "linewidth": 0.8}
 
 
@@ -76,7 +76,8 @@ def track_picture(track: Course, path: str | Path | BinaryIO) -> None:
 def trace_picture(result: RaceResult, path: str | Path | BinaryIO) -> None:
     """Draw a race: the line coloured by speed; speed, steering, friction utilisation and sliding over time.
 
-    Moving obstacles are drawn where they were at the end. A cross marks where a car turned that went the wrong way.
+    Moving obstacles are drawn where they were at the end. A cross marks where a car turned that went the wrong way,
+    or where it crashed.
 
     Raises:
       MissingExtraError: matplotlib is not installed.
@@ -100,9 +101,11 @@ def trace_picture(result: RaceResult, path: str | Path | BinaryIO) -> None:
         scale = axes.inset_axes((1.015, 0.05, 0.02, 0.9))
         scale.set_in_layout(False)
         figure.colorbar(line, cax=scale, label="speed [m/s]")
-        if (turn := result.wrong_way) is not None:
-            axes.plot(turn.x_m, turn.y_m, "x", color=_TURN, markersize=9.0, markeredgewidth=2.0)
-            axes.annotate("turned here", (turn.x_m, turn.y_m), (6.0, 6.0), textcoords="offset points", color=_TURN)
+        for text, marked in (("turned here", result.wrong_way), ("crashed here", result.crash)):
+            if marked is not None:
+                axes.plot(marked.x_m, marked.y_m, "x", color=_ALERT, markersize=9.0, markeredgewidth=2.0)
+                place = (marked.x_m, marked.y_m)
+                axes.annotate(text, place, (6.0, 6.0), textcoords="offset points", color=_ALERT)
         axes.set_title(_headline(result))
 
         panels = [figure.add_subplot(grid[1])]

@@ -180,7 +180,8 @@ def test_an_unknown_name_is_refused_with_the_bundled_ones():
     with pytest.raises(fg.SettingsError) as refused:
         fg.World("oval", "f1tent")
     assert (
-        str(refused.value) == "vehicle 'f1tent'; did you mean 'f1tenth'?; accepted: f1tenth, nuc2, or path/to/file.xml"
+        str(refused.value)
+        == "vehicle 'f1tent' is not known; accepted: f1tenth, nuc2, or path/to/file.xml; did you mean 'f1tenth'?"
     )
 
 

@@ -13,7 +13,6 @@ Source: the ROS packages map_server and nav2_map_server, whose documentation def
 
 from __future__ import annotations
 
-import difflib
 import importlib.util
 import math
 import warnings
@@ -24,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...errors import MissingExtraError, TrackError
+from ...errors import MissingExtraError, TrackError, accepted_names, nearest
 from ...messages import FloatArray
 
 BoolArray = NDArray[np.bool_]
@@ -125,7 +124,7 @@ def read_map_file(path: str | Path, *, image: str | Path | None = None, outside_
         raise TrackError(f"{path}: origin is {origin!r}; accepted: [x, y, yaw], three numbers within {_FURTHEST:.0e}")
     mode = settings.get("mode", _MODES[0])
     if mode not in _MODES:
-        raise TrackError(f"{path}: mode is {mode!r}; accepted: {', '.join(_MODES)}")
+        raise TrackError(f"{path}: mode is {mode!r}; {accepted_names(mode, _MODES)}")
     if mode == "raw" and negate:
         raise TrackError(
             f"{path}: mode is raw with negate: 1, which ROS 1 and ROS 2 read differently; accepted: negate: 0"
@@ -190,7 +189,7 @@ def _read_yaml(path: Path) -> dict[str, Any]:
     unknown = [str(key) for key in settings if key not in known]
     missing = [key for key in _REQUIRED if key not in settings]
     if missing:
-        near = [name for key in missing for name in difflib.get_close_matches(key, unknown, n=1)]
+        near = [name for name in (nearest(key, unknown) for key in missing) if name is not None]
         instead = f", but {', '.join(near)}" if near else ""
         raise TrackError(f"{path}: has no {', '.join(missing)}{instead}; accepted: the keys {', '.join(_REQUIRED)}")
     ignored = [key for key in unknown if key not in _STARTS]

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import TrackError
+from ...errors import TrackError, accepted_names
 from ...messages import FloatArray, read_only
 from ..centreline_csv import DIRECTIONS, Direction, read_points, read_settings
 from ..course import default_time_limit
@@ -190,7 +190,7 @@ def read_map(
         lap nor an open way; a start that is not free; a centreline that is not in free ground; an unknown direction.
     """
     if direction is not None and direction not in DIRECTIONS:
-        raise TrackError(f"{path}: direction is {direction!r}; accepted: {', '.join(DIRECTIONS)}")
+        raise TrackError(f"{path}: direction is {direction!r}; {accepted_names(direction, DIRECTIONS)}")
     occupancy, place = _occupancy(
         path, start=start, close=close, border_wall=border_wall, image=image, outside_folder=outside_folder
     )

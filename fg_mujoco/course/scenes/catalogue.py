@@ -20,7 +20,7 @@ from functools import cached_property
 from importlib.metadata import EntryPoint, entry_points
 from types import MappingProxyType
 
-from ...errors import TrackError
+from ...errors import TrackError, accepted_names
 from ...messages import CarParameters
 from ..course import Course, require_course
 from . import corners, corridors, gaps
@@ -133,8 +133,10 @@ def load_scene(name: str, car: CarParameters) -> Course:
     kind, colon, seed = name.removeprefix(PREFIX).partition(":")
     registered = {} if kind in SCENES else registered_scenes()
     if kind not in SCENES and kind not in registered:
-        known = ", ".join((*SCENES, *registered))
-        raise TrackError(f"unknown scene {name!r}; accepted: scene:NAME or scene:NAME:SEED, NAME one of {known}")
+        raise TrackError(
+            f"unknown scene {name!r}; "
+            f"{accepted_names(kind, (*SCENES, *registered), ', as scene:NAME or scene:NAME:SEED')}"
+        )
     if colon and not re.fullmatch("[0-9]{1,18}", seed):
         raise TrackError(
             f"{name!r} has no seed; accepted: scene:NAME:SEED with SEED a whole number from 0, as {PREFIX}{kind}:7"

@@ -9,7 +9,6 @@ needs `if __name__ == "__main__":`, as every script that starts processes does.
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Sequence
 from contextlib import closing
@@ -189,8 +188,7 @@ def plan_runs(
     for seed in seeds:
         require_whole("seed", seed, 0)
     for speed in max_speeds:
-        if not 0.0 < speed < math.inf:
-            raise SettingsError(f"max_speed is {speed!r}; accepted: a positive number")
+        settings.drive(max_speed=speed)  # refuses what it cannot be
     names = {course: course_name(course) for course in courses}
     axes: tuple[tuple[str, Sequence[Any]], ...] = (
         ("controller", [choice.label for choice in controllers]), ("course", [names[course] for course in courses]),

@@ -9,13 +9,14 @@
 The folder of a comparison has the poses and the figures of each run, but not what the tires did. So each run is driven
 again for its page. The same key and versions give the same bits, which the hash of the trajectory shows. A planner or
 track of a user's own is looked for in the current folder, by its name and its hash; if it is missing, the index says
-so. Pages that are there already are kept.
+so. One that is not bundled is driven only where it is trusted. Pages that are there already are kept.
 """
 
 from __future__ import annotations
 
 import json
 import re
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -23,8 +24,9 @@ from pathlib import Path
 from typing import Any
 
 from ...course.scenes.catalogue import PREFIX
-from ...errors import FgMujocoError, RunFolderError
+from ...errors import ControllerError, FgMujocoError, RunFolderError
 from ...racing.planner_choice import ControllerChoice
+from ...racing.planner_trust import require_trusted
 from ...viz.report.page import LIBRARY, library, page_frame, write_page, write_report
 from ...viz.report.plot_style import require_bokeh
 from ...viz.report.sections import table
@@ -51,7 +53,9 @@ def is_comparison(folder: str | Path) -> bool:
     return (Path(folder) / _MANIFEST).is_file() and not (Path(folder) / "summary.json").exists()
 
 
-def write_comparison_report(folder: str | Path, watch: Callable[[int, int, str], None] | None = None) -> Path:
+def write_comparison_report(
+    folder: str | Path, watch: Callable[[int, int, str], None] | None = None, *, trust: bool = False
+) -> Path:
     """Write the pages of a comparison and return the path of their index.
 
     After Ctrl-C the pages that are finished stay, with an index of them, and the same call goes on.
@@ -59,6 +63,7 @@ def write_comparison_report(folder: str | Path, watch: Callable[[int, int, str],
     Args:
       folder: of a comparison.
       watch: told how many pages are done, of how many, and the word "page".
+      trust: whether to load planners that are not bundled, which runs their code, if their files are the recorded ones.
 
     Raises:
       RunFolderError: it is none, is damaged or of another version, or cannot be written.
@@ -75,7 +80,7 @@ def write_comparison_report(folder: str | Path, watch: Callable[[int, int, str],
         for done, row in enumerate(rows):
             if watch is not None:
                 watch(done, len(rows), "page")
-            pages[row.key] = _run_page(row, settings, out)
+            pages[row.key] = _run_page(row, settings, out, trust=trust)
     finally:
         write_page(out / "index.html", _index(Path(folder), settings, rows, pages))
     return out / "index.html"
@@ -97,7 +102,7 @@ def _read(folder: Path) -> tuple[ComparisonSettings, list[RunRow]]:
     return settings, list(store.rows.values())
 
 
-def _run_page(row: RunRow, settings: ComparisonSettings, out: Path) -> _Page:
+def _run_page(row: RunRow, settings: ComparisonSettings, out: Path, *, trust: bool) -> _Page:
     """Drive a run again and write its page, unless it is there."""
     if row.figures.trajectory_sha256 is None:
         return _Page(remark=row.figures.message or "failed")
@@ -108,7 +113,10 @@ def _run_page(row: RunRow, settings: ComparisonSettings, out: Path) -> _Page:
     if (out / name).exists():
         return _Page(name=name)
     try:
-        result = _find_run(key, settings).race()
+        result = _find_run(key, settings, trust=trust).race()
+    except ControllerError as error:
+        warnings.warn(str(error), stacklevel=2)
+        return _Page(remark=" ".join(str(error).split()))
     except FgMujocoError as error:
         return _Page(remark=" ".join(str(error).split()))
     if result.end_reason == "interrupted":
@@ -120,17 +128,14 @@ def _run_page(row: RunRow, settings: ComparisonSettings, out: Path) -> _Page:
     return _Page(name=name, remark="" if same else said)
 
 
-def _find_run(key: RunKey, settings: ComparisonSettings) -> Run:
+def _find_run(key: RunKey, settings: ComparisonSettings, *, trust: bool) -> Run:
     """Return a run to be driven again, with the planner and the course that its key means.
 
     Raises:
       FgMujocoError: one of them is not here.
     """
     choice = ControllerChoice.of(key.controller)
-    if key.controller_sha256 is not None and (
-        not Path(choice.source.rpartition(":")[0]).is_file() or choice.sha256 != key.controller_sha256
-    ):
-        raise RunFolderError(f"{choice.source}: is not in this folder as it was; accepted: call from where its file is")
+    require_trusted(choice.source, key.controller_sha256, trust=trust, where=_RUNS)
     for course in (key.course, f"{key.course}.csv"):
         try:
             if ground_sha256(course, key.seed, car=settings.car.parameters) == key.course_sha256:
@@ -147,7 +152,7 @@ def _index(folder: Path, settings: ComparisonSettings, rows: Sequence[RunRow], p
               "wrong way [s]", "runs, by seed")  # fmt: skip
     lines = [_row(cell, cells, rows, pages) for cell in cells]
     remarks = [
-        f"<li>{escape(row.key.controller)} on {escape(row.key.course)}{_seed(row)}: {escape(page.remark)}</li>"
+        f"<li>{escape(row.key.controller)} on {escape(row.key.course)}{escape(_seed(row))}: {escape(page.remark)}</li>"
         for row in rows
         if (page := pages.get(row.key, _Page())).remark
     ]
@@ -180,7 +185,7 @@ def _row(cell: Cell, cells: Sequence[Cell], rows: Sequence[RunRow], pages: Mappi
 
 
 def _link(row: RunRow, page: _Page) -> str:
-    name = "run" if row.key.seed is None else str(row.key.seed)
+    name = "run" if row.key.seed is None else escape(str(row.key.seed))
     reason = row.figures.end_reason.replace("_", " ")
     colour = "good" if row.figures.success else "bad"
     mark = "✓" if row.figures.success else "✗"

@@ -7,24 +7,26 @@ process.
 from __future__ import annotations
 
 import hashlib
-import math
 import statistics
 from collections.abc import Mapping
 from dataclasses import asdict, astuple, dataclass, fields
-from typing import Any
+from typing import Any, TypeVar, get_args, get_type_hints
 
 import mujoco
 import numpy as np
 
-from ...errors import ControllerError, SettingsError
+from ...errors import ControllerError
 from ...lidar.effects import LidarEffects
-from ...messages import FloatArray, require, require_whole
+from ...messages import FloatArray, require_whole
 from ...racing.planner_choice import ControllerChoice
 from ...racing.race import race
 from ...racing.result import RaceResult
 from ...simulation.physics import STATE
-from ...simulation.settings import FASTEST, CarSettings, DriveSettings
+from ...simulation.planner_adapter import short
+from ...simulation.settings import FASTEST, CarSettings, DriveSettings, require_laps, require_time_limit
 from .ground import Ground, course_ground, laps_of
+
+_Part = TypeVar("_Part")
 
 WRONG_WAY_SPEED = 0.1  # [m/s] back along the line; slower is the jitter of a car that stands
 TRACE_STEP = 2  # ticks from one pose of a trace to the next
@@ -47,10 +49,9 @@ class ComparisonSettings(CarSettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_whole("laps", self.laps, 1)
+        require_laps(self.laps)
         require_whole("obstacles", self.obstacles, 0)
-        if self.time_limit is not None:
-            require(self, lambda value: 0.0 < value < math.inf, "a positive number", ("time_limit",), SettingsError)
+        require_time_limit(self)
         self.drive()  # refuses the others
 
     def drive(self, *, max_speed: float = FASTEST, seed: int = 0) -> DriveSettings:
@@ -123,9 +124,19 @@ class RunRow:
 
         Raises:
           KeyError: a value is missing.
+          TypeError: a value is of another kind than its field.
         """
-        key = RunKey(**{field.name: values[field.name] for field in fields(RunKey)})
-        return cls(key, RunFigures(**{field.name: values[field.name] for field in fields(RunFigures)}))
+        return cls(_of_kind(RunKey, values), _of_kind(RunFigures, values))
+
+
+def _of_kind(kind: type[_Part], values: Mapping[str, Any]) -> _Part:
+    """Return a RunKey or RunFigures of some values, each of the kind that its field says."""
+    for name, hint in get_type_hints(kind).items():
+        value, kinds = values[name], get_args(hint) or (hint,)
+        accepted = (*kinds, int) if float in kinds else kinds
+        if not isinstance(value, accepted) or (isinstance(value, bool) and bool not in kinds):
+            raise TypeError(f"{name} is {short(value)}; accepted: {getattr(hint, '__name__', hint)}")
+    return kind(**{field.name: values[field.name] for field in fields(kind)})  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)

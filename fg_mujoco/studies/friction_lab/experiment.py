@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 from ...errors import SettingsError
 from ...messages import require_whole
+from ...vehicle.changes import GREATEST_MU
 
 if TYPE_CHECKING:
     import matplotlib.figure
@@ -26,9 +27,6 @@ Row: TypeAlias = dict[str, "float | int | str | bool | None"]
 
 Tables: TypeAlias = dict[str, list[Row]]
 """Rows by the names of their tables."""
-
-GREATEST_MU = 3.0
-"""[-] That the lab accepts: no tire on any ground has more."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,13 +50,14 @@ class LabSettings:
         for mu in self.mus or ():
             if not 0.0 < mu <= GREATEST_MU:
                 raise SettingsError(
-                    f"mu {mu!r}; accepted: friction coefficients of the tires above 0, up to {GREATEST_MU:g}"
+                    f"mu is {mu!r}; accepted: friction coefficients of the tires above 0, up to {GREATEST_MU:g}"
                 )
         for steering in self.steerings or ():
             if not 0.0 < steering <= _lock():
                 why = ", at which the law's speed is infinite" if steering == 0.0 else ""
                 raise SettingsError(
-                    f"steering {steering!r}{why}; accepted: angles above 0, up to the car's lock of {_lock():g} rad; "
+                    f"steering is {steering!r}{why}; "
+                    f"accepted: angles above 0, up to the car's lock of {_lock():g} rad; "
                     "each is measured to the left and to the right"
                 )
 

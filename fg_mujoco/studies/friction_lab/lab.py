@@ -19,7 +19,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import NamedTuple
 
-from ...errors import SettingsError
+from ...errors import SettingsError, accepted_names
 from ...messages import require_whole
 from ...viz.plots import require_matplotlib
 from ..rollout.job import versions
@@ -100,7 +100,7 @@ def load_experiment(name: str) -> Experiment:
       SettingsError: there is none.
     """
     if name not in EXPERIMENTS:
-        raise SettingsError(f"unknown experiment {name!r}; accepted: {', '.join(EXPERIMENTS)}")
+        raise SettingsError(f"unknown experiment {name!r}; {accepted_names(name, EXPERIMENTS)}")
     experiment: Experiment = importlib.import_module(EXPERIMENTS[name]).EXPERIMENT
     return experiment
 

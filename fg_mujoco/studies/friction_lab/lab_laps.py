@@ -124,6 +124,7 @@ class LabLaps:
     end_reason: str
     lap_times_s: tuple[float, ...]
     max_slide_m_s: float
+    max_lateral_slide_m_s: float
     slide_time_fraction: float
     mean_speed_m_s: float
     max_speed_m_s: float

@@ -18,14 +18,14 @@ from typing import TypeAlias
 import mujoco
 import numpy as np
 
-from ...errors import SettingsError
+from ...errors import SettingsError, accepted_names
 from ...messages import DriveCommand, FloatArray, Odometry, require
 from ...simulation.engine import whole_steps
 from ...simulation.physics import STATE
 from ...simulation.simulation import complete_state
 from ...vehicle.car import Car
+from ...vehicle.changes import GREATEST_MU
 from ...vehicle.vehicle import Vehicle
-from .experiment import GREATEST_MU
 from .trace import CarSensors, Trace, join
 
 TICK = 0.025
@@ -61,9 +61,10 @@ class Engine:
         require(self, lambda value: 0.0 < value < math.inf, "a positive number", positive, SettingsError)
         if self.tolerance is not None:
             require(self, lambda value: 0.0 <= value < 1.0, "a number from 0, below 1", ("tolerance",), SettingsError)
-        for name, accepted in (("solver", _SOLVERS), ("cone", _CONES)):
-            if getattr(self, name) not in (None, *accepted):
-                raise SettingsError(f"Engine.{name} is {getattr(self, name)!r}; accepted: {', '.join(accepted)}")
+        for name, known in (("solver", _SOLVERS), ("cone", _CONES)):
+            value = getattr(self, name)
+            if value not in (None, *known):
+                raise SettingsError(f"Engine.{name} is {value!r}; {accepted_names(value, known)}")
 
     def apply(self, model: mujoco.MjModel) -> None:
         """Set a compiled model to it."""

@@ -41,7 +41,7 @@ def held_share(car: CarParameters) -> float:
 def stopping_distance(speed: float, mu: float, car: CarParameters, how: str) -> float:
     """Return the closed form of a stop [m].
 
-    held: mu g. full: twice the rear axle's friction. guard: the friction limiter's braking, with a set point held for a
+    held: mu g. full: twice the rear axle's friction. guard: the friction limiter's braking, the mean over each
     tick. It grows over the load's transfer time, of which one tick is there at once.
 
     Args:
@@ -55,7 +55,7 @@ def stopping_distance(speed: float, mu: float, car: CarParameters, how: str) -> 
     if how == "full":
         return speed**2 / (2.0 * even_torque_limit(mu, car, -1))
     limiter = FrictionLimiter(car, mu)
-    braking = limiter.braking * held_share(car)
+    braking = limiter.braking
     growing = limiter.settings.load_transfer_time - TICK
     distance: float = speed**2 / (2.0 * braking) + 0.5 * speed * growing - braking * growing**2 / 24.0
     return distance

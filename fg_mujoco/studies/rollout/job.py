@@ -22,13 +22,13 @@ from numpy.typing import NDArray
 
 from ...course.course import Course, Sites, laps_to_drive
 from ...course.definitions import course_sha256
-from ...errors import ControllerError, SettingsError
+from ...errors import ControllerError, SettingsError, accepted_names
 from ...kernels import package_files
 from ...messages import require_whole
 from ...racing.planner_choice import Value
 from ...racing.planner_loading import build_controller, find_controller
 from ...simulation.physics import STATE
-from ...simulation.settings import DriveSettings, Scenario
+from ...simulation.settings import DriveSettings, Scenario, require_laps
 from ...simulation.telemetry import TELEMETRY
 from ...vehicle.changes import CarChanges
 from .randomization import Randomization
@@ -62,7 +62,7 @@ class RolloutJob:
     base: DriveSettings = field(default_factory=DriveSettings)  # what is the same in all worlds
 
     def __post_init__(self) -> None:
-        require_whole("laps", self.laps, 1, optional=True)
+        require_laps(self.laps, optional=True)
         require_whole("chunk", self.chunk, 1)
         number = isinstance(self.duration, (int, float)) and not isinstance(self.duration, bool)
         if self.duration is not None and not (number and 0.0 < self.duration < math.inf):
@@ -70,7 +70,7 @@ class RolloutJob:
         if self.laps is None and self.duration is None:
             raise SettingsError("neither laps nor duration is given; accepted: either or both")
         if self.record not in RECORDS:
-            raise SettingsError(f"record is {self.record!r}; accepted: {', '.join(RECORDS)}")
+            raise SettingsError(f"record is {self.record!r}; {accepted_names(self.record, RECORDS)}")
 
     def check(self) -> None:
         """Refuse what cannot be driven, before anything is.

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...course.course import Course, Sites
-from ...errors import SettingsError
+from ...errors import SettingsError, accepted_names
 from ...lidar.effects import LidarEffects
 from ...racing.planner_choice import Value, read_value
 from ...simulation.settings import DriveSettings, Scenario, Start
@@ -164,8 +164,8 @@ class Randomization:
     def __post_init__(self) -> None:
         for name in self.ranges:
             if name not in PARAMETERS and not (name.startswith(PLANNER) and name.removeprefix(PLANNER)):
-                known = ", ".join((*PARAMETERS, f"{PLANNER}SETTING"))
-                raise SettingsError(f"randomize {name}: no parameter; accepted: {known}")
+                known = accepted_names(name, PARAMETERS, f", {PLANNER}SETTING")
+                raise SettingsError(f"randomize {name}: no parameter; {known}")
         # sorted, so that the same ranges in another order are the same randomisation
         order = (*PARAMETERS, *sorted(self.ranges))
         sorted_ranges = {name: self.ranges[name] for name in sorted(self.ranges, key=order.index)}

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...course.course import Course
-from ...errors import SettingsError
+from ...errors import SettingsError, accepted_names
 from ...messages import FloatArray
 from ...simulation.settings import DriveSettings, Scenario
 from ..folders import blame
@@ -60,7 +60,7 @@ class RolloutResult:
           SettingsError: there is none of that name.
         """
         if name not in self.names:
-            raise SettingsError(f"no column {name!r}; accepted: {', '.join(self.names)}")
+            raise SettingsError(f"no column {name!r}; {accepted_names(name, self.names)}")
         return self.worlds[name]
 
     def scenario(self, world: int) -> Scenario:

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...course.course import Course
-from ...errors import SettingsError
+from ...errors import SettingsError, accepted_names
 from ...lidar.effects import LidarEffects
 from ...messages import require_whole
 from ...racing.planner_choice import split_controller
@@ -132,7 +132,7 @@ def rollout(
       MissingExtraError, EngineError: no Ray, or no cluster that can be worked with.
     """
     if engine not in ENGINES:
-        raise SettingsError(f"engine is {engine!r}; accepted: {', '.join(ENGINES)}")
+        raise SettingsError(f"engine is {engine!r}; {accepted_names(engine, ENGINES)}")
     if engine == "ray":
         require_ray()
     require_whole("workers", workers, 1, optional=True)

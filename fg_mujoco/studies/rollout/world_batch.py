@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from ...course.course import Course, laps_to_drive
 from ...course.obstacles import Obstacle
-from ...errors import SettingsError
+from ...errors import SettingsError, accepted_names
 from ...messages import FloatArray
 from ...racing.planner_loading import build_controller, find_controller
 from ...simulation.engine import Engine
@@ -46,6 +46,7 @@ RESULT = np.dtype(
         ("best_lap_s", np.float64),
         ("collisions", np.int64),
         ("max_slide_m_s", np.float64),
+        ("max_lateral_slide_m_s", np.float64),
         ("slide_time_fraction", np.float64),
         ("mean_speed_m_s", np.float64),
         ("max_speed_m_s", np.float64),
@@ -98,7 +99,7 @@ def drive_worlds(
         if value is not None and not 0 < value < math.inf:
             raise SettingsError(f"{name} is {value!r}; accepted: a positive number")
     if record not in RECORDS:
-        raise SettingsError(f"record is {record!r}; accepted: {', '.join(RECORDS)}")
+        raise SettingsError(f"record is {record!r}; {accepted_names(record, RECORDS)}")
     for scenario in scenarios:
         if scenario.effects.motion_distortion:
             raise SettingsError("motion distortion of the LiDAR, in a batch; accepted: in `race` only")

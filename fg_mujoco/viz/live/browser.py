@@ -4,7 +4,8 @@
     with LiveView(session, port=8080) as view:
         view.run()  # until Ctrl-C
 
-The server is viser's. It listens on 127.0.0.1 unless told otherwise: whoever reaches it can turn the knobs.
+The server is viser's. It listens on 127.0.0.1 unless told otherwise: whoever reaches it can turn the knobs, but for the
+pages of other sites in a browser (`handshake`).
 """
 
 from __future__ import annotations
@@ -19,9 +20,10 @@ import typing
 from dataclasses import fields
 from typing import Any
 
-from ...errors import MissingExtraError, SettingsError
+from ...errors import EngineError, MissingExtraError, SettingsError
 from .browser_scene import CAMERAS, LiveScene, camera_view
 from .hand_driver import KEYS
+from .handshake import own_pages_only
 from .session import LiveSession
 
 INSTALL_COMMAND = "pip install 'fg-mujoco[live]'"
@@ -49,7 +51,7 @@ def check_port(host: str, port: int) -> None:
       SettingsError: it is in use, is no address of this machine, or needs rights.
     """
     if not 1 <= port <= 65535:
-        raise SettingsError(f"port {port}; accepted: 1 to 65535")
+        raise SettingsError(f"port is {port}; accepted: 1 to 65535")
     try:
         family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
         with socket.socket(family, socket.SOCK_STREAM) as probe:
@@ -77,6 +79,7 @@ class LiveView:
     Raises:
       MissingExtraError: viser is not installed.
       SettingsError: an address that cannot be listened on.
+      EngineError: a version of viser whose server cannot be guarded against pages of other sites.
     """
 
     def __init__(self, session: LiveSession, *, host: str = HOST, port: int = PORT) -> None:
@@ -85,8 +88,11 @@ class LiveView:
         import viser
 
         self.session = session
-        with contextlib.redirect_stdout(io.StringIO()):  # its banner
+        with own_pages_only(host) as guarded, contextlib.redirect_stdout(io.StringIO()):  # its banner
             self._server = viser.ViserServer(host=host, port=port, label="fg_mujoco", verbose=False)
+        if not guarded:
+            self._server.stop()
+            raise EngineError("this version of viser starts its server in an unknown way; accepted: viser 1.x")
         if self._server.get_port() != port:  # somebody was faster
             self._server.stop()
             raise SettingsError(f"{host}:{port} is in use; accepted: a port that is free, by --port")
@@ -203,7 +209,13 @@ class LiveView:
 
     def _toggle_pause(self) -> None:
         self.session.paused = not self.session.paused
-        self._pause.label = "go on" if self.session.paused else "pause"
+        self._label_pause()
+
+    def _label_pause(self) -> None:
+        """Let the button say what it does: a planner that fails pauses, too."""
+        label = "go on" if self.session.paused else "pause"
+        if self._pause.label != label:
+            self._pause.label = label
 
     def _toggle_driver(self) -> None:
         self._driver.value = "planner" if self.session.by_hand else "keys"
@@ -217,7 +229,10 @@ class LiveView:
         session = self.session
         limit = session.limit_speed
         best = f", best lap {min(session.laps.lap_times):.3f} s" if session.laps.lap_times else ""
-        state = "paused" if session.paused else session.message
+        self._label_pause()
+        state = "\n\n".join(text for text in ("paused" if session.paused else "", session.message) if text)
+        if session.failure is not None and session.failure.traceback:
+            state += f"\n\n```\n{session.failure.traceback}```"
         self._status.content = (
             f"**{session.simulation.speed:.2f} m/s** at t = {session.simulation.time:.2f} s\n\n"
             f"limit {'none' if limit > 99.0 else f'{limit:.2f} m/s'}, "

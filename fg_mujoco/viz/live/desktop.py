@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
+import sys
 import time
 import warnings
 
@@ -33,6 +34,8 @@ def require_display() -> None:
 def run_desktop(session: LiveSession) -> None:
     """Show a session in a window, and drive it on in real time, until the window is closed.
 
+    What happens, such as a lap, a crash or a planner that fails, is printed on stderr.
+
     Keys: P pause, R reset, M planner or keys, and those of hand_driver.KEYS.
 
     Raises:
@@ -60,10 +63,15 @@ def run_desktop(session: LiveSession) -> None:
     except Exception as error:  # whatever a window system says
         raise SettingsError(f"the display cannot be used: {' '.join(str(error).split())}; accepted: --web") from error
     with viewer:
-        due = time.perf_counter()
+        due, told = time.perf_counter(), ""
         while viewer.is_running():
             with viewer.lock():
                 session.tick()
+            if session.message != told:
+                told = session.message
+                print(told or "all is well", file=sys.stderr)
+                if session.failure is not None:
+                    print(session.failure.traceback, end="", file=sys.stderr)
             viewer.sync()
             due = max(due + session.period, time.perf_counter() - 4.0 * session.period)
             time.sleep(max(0.0, due - time.perf_counter()))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from ...errors import SettingsError
+from ...errors import SettingsError, accepted_names
 from ...messages import CarParameters, DriveCommand
 
 KEYS = {"faster": "I", "slower": "K", "left": "J", "right": "L", "stop": "B"}
@@ -47,7 +47,7 @@ class HandDriver:
           SettingsError: there is no such key.
         """
         if name not in KEYS:
-            raise SettingsError(f"key {name!r}; accepted: {', '.join(KEYS)}")
+            raise SettingsError(f"key {name!r}; {accepted_names(name, KEYS)}")
         if name == "stop":
             self.speed = 0.0
         elif name in ("faster", "slower"):

@@ -22,13 +22,14 @@ import numpy as np
 from ...course.course import Course
 from ...course.lap_timer import LapTimer
 from ...course.random_obstacles import random_boxes
-from ...errors import FgMujocoError, SettingsError
+from ...errors import FgMujocoError, PlannerError, SettingsError
 from ...lidar.beams import lidar_body
 from ...messages import DriveCommand, FloatArray, LaserScan, Odometry, require_whole
 from ...racing.planner_choice import split_controller
 from ...racing.planner_loading import make_controller
 from ...simulation.course_loading import load_track
 from ...simulation.planner_adapter import plan, start
+from ...simulation.planner_failure import PlannerFailure
 from ...simulation.settings import DriveSettings
 from ...simulation.simulation import Simulation
 from ...simulation.world import LIDAR_PREFIX, World
@@ -73,6 +74,7 @@ class LiveSession:
       paused: whether time stands still.
       by_hand: whether the keys drive, and not the planner.
       message: what happened last; empty where all is well.
+      failure: how the planner failed, which pauses; None: it has not since the reset or the last change of a knob.
       scan: what the LiDAR sees.
       laps: the lap timer.
 
@@ -102,6 +104,7 @@ class LiveSession:
         self.scan: LaserScan
         self.odometry: Odometry
         self.message = ""
+        self.failure: PlannerFailure | None = None
         self._place()
 
     @property
@@ -142,6 +145,7 @@ class LiveSession:
             command = self._command()
         except FgMujocoError as error:
             self.message, self.paused = " ".join(str(error).split()), True
+            self.failure = error.failure if isinstance(error, PlannerError) else None
             return False
         self.scan, self.odometry = self.simulation.step(command)
         x, y, _ = self.simulation.pose
@@ -190,7 +194,10 @@ class LiveSession:
         wanted = tuple(inspect.signature(find).parameters) if find is not None else ()
         position, rotation = self._lidar_pose()
         if find is not None and wanted == ("scan",):
-            found = find(self.scan)
+            try:
+                found = find(self.scan)
+            except Exception:  # as `tick` tells: here it would end the view
+                return None
             if found is not None:
                 bearing, distance = found
                 return np.asarray(
@@ -218,11 +225,14 @@ class LiveSession:
         for name, value in wishes.items():
             try:
                 self._change(name, value)
-                self.message = ""
+                self.message, self.failure = "", None
             except FgMujocoError as error:
                 self.message = " ".join(str(error).split())
         if reset:
-            self._place()
+            try:
+                self._place()
+            except FgMujocoError as error:  # the planner's reset
+                self.message, self.paused = " ".join(str(error).split()), True
 
     def _change(self, name: str, value: Any) -> None:
         if name == "mu":
@@ -274,7 +284,7 @@ class LiveSession:
         self.hand.release()
         self.laps.reset()
         self._trace.clear()
-        self.message = ""
+        self.message, self.failure = "", None
 
 
 def _greatest(values: FloatArray) -> float:

@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import SettingsError
+from ...errors import SettingsError, accepted_names
 from ...racing.result import RaceResult
 from ...racing.run_folder import Run
 from ...simulation.simulation import Simulation
@@ -67,6 +67,7 @@ def render(
     quality: str = "good",
     output: str = "rgb",
     overlays: Overlays | None = None,
+    trust: bool = False,
 ) -> NDArray[Any]:
     """Return pictures of a simulation as it is now, or of a recorded drive at one time or several.
 
@@ -81,6 +82,7 @@ def render(
       output: "rgb" (height, width, 3) uint8; "depth" (height, width) float32, along the view's axis [m], inf where
         there is sky; "segmentation" (height, width) uint8, places in LABELS.
       overlays: of a recorded drive, laid over "rgb"; None: none.
+      trust: as of a Film: whether the planner of a run folder may be loaded where it is not a bundled one.
 
     Raises:
       SettingsError: an unknown camera, quality or output, a size that cannot be drawn, a time outside of the drive.
@@ -88,7 +90,7 @@ def render(
       MissingExtraError: no OpenGL here; the message is the command that installs it.
     """
     if output not in OUTPUTS:
-        raise SettingsError(f"output is {output!r}; accepted: {', '.join(OUTPUTS)}")
+        raise SettingsError(f"output is {output!r}; {accepted_names(output, OUTPUTS)}")
     if isinstance(source, Simulation):
         if time is not None or overlays is not None:
             raise SettingsError("time and overlays are of recorded drives; accepted with a Simulation: None")
@@ -96,7 +98,8 @@ def render(
             picture: NDArray[Any] = getattr(renderer, output)(source.data, camera)
             return picture
     take: Callable[[float], NDArray[Any]]
-    with Film(source, camera=camera, size=size, quality=quality, overlays=overlays or Overlays()) as film:
+    overlays = overlays or Overlays()
+    with Film(source, camera=camera, size=size, quality=quality, overlays=overlays, trust=trust) as film:
         take = film.frame if output == "rgb" else film.depth if output == "depth" else film.segmentation
         if time is None or isinstance(time, (int, float)):
             return take(film.drive.end if time is None else float(time))

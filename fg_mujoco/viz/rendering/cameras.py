@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...errors import SettingsError
+from ...errors import SettingsError, accepted_names
 from ...messages import FloatArray
 
 _UP = np.array([0.0, 0.0, 1.0])
@@ -161,5 +161,5 @@ def find_camera(name: str) -> Camera:
       SettingsError: an unknown one.
     """
     if name not in CAMERAS:
-        raise SettingsError(f"camera is {name!r}; accepted: {', '.join(CAMERAS)}")
+        raise SettingsError(f"camera is {name!r}; {accepted_names(name, CAMERAS)}")
     return CAMERAS[name]

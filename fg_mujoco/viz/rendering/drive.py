@@ -37,6 +37,7 @@ class Drive:
     ctrl: FloatArray = field(repr=False)  # (ticks, 2)
     telemetry: FloatArray = field(repr=False)  # (ticks, len(TELEMETRY))
     start: tuple[float, float] | None = None  # a point on the start line [m]
+    raced_here: bool = False  # by this process, which has run the planner's code already
 
     def column(self, name: str) -> FloatArray:
         """Return one column of the telemetry, shape (ticks,)."""
@@ -93,6 +94,7 @@ def read_drive(source: Drive | Run | RaceResult | str | Path) -> Drive:
         return Drive(
             name=f"{source.track}, {source.controller}", xml=source.world.xml, summary=source.summary(), time=time,
             states=source.states, ctrl=source.ctrl, telemetry=source.telemetry, start=track_start(source.world),
+            raced_here=True,
         )  # fmt: skip
     run = source if isinstance(source, Run) else read_run(source)
     try:

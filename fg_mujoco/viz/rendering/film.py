@@ -43,6 +43,8 @@ class Film:
       size: width and height [px].
       quality: a name in QUALITIES.
       overlays: to be drawn; None: those that are usual for the camera.
+      trust: whether the overlay `beams` may load the planner of a run folder, which runs its code, where it is not a
+        bundled one. Its file must be the recorded one. Nothing else needs the planner.
 
     Attributes:
       drive: the recording.
@@ -64,6 +66,7 @@ class Film:
         size: tuple[int, int] = (1280, 720),
         quality: str = "good",
         overlays: Overlays | None = None,
+        trust: bool = False,
     ) -> None:
         self._camera = find_camera(camera)
         self.overlays = overlays if overlays is not None else find_overlays(camera)
@@ -75,7 +78,7 @@ class Film:
         self._car = car_parameters(self.renderer.model, CAR_PREFIX)
         self._forces = TireForceMeter(self.renderer.model)
         self._lidar = lidar_body(self.renderer.model, LIDAR_PREFIX)
-        self._eye = PlannerEye(self.drive) if self.overlays.beams else None
+        self._eye = PlannerEye(self.drive, trust=trust) if self.overlays.beams else None
         self.note = self._eye.missing if self._eye is not None else ""
 
     def __enter__(self) -> Film:

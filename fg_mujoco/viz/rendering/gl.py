@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from ...errors import MissingExtraError, SettingsError
+from ...errors import MissingExtraError, SettingsError, accepted_names
 
 INSTALL_COMMAND = "apt-get install -y --no-install-recommends libegl1 libgl1"
 """Of what Debian and Ubuntu lack for pictures."""
@@ -83,7 +83,7 @@ def open_context(width: int, height: int) -> GraphicsContext:
     if platform.system() != "Linux":
         return _open("system", width, height)
     if wanted and wanted not in (*_BACKENDS, "enable", "enabled", "on", "true", "1", "glx"):
-        raise SettingsError(f"MUJOCO_GL is {wanted!r}; accepted: {', '.join(_BACKENDS)}")
+        raise SettingsError(f"MUJOCO_GL is {wanted!r}; {accepted_names(wanted, _BACKENDS)}")
     backends = (wanted,) if wanted in _INSTALL_COMMANDS else ("egl", "osmesa")
     # PyOpenGL that somebody else loaded may be bound to a platform that does not work: then it is loaded anew
     attempts = 2 if "OpenGL" in sys.modules else 1

@@ -8,7 +8,7 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 
-from ...errors import SettingsError
+from ...errors import SettingsError, accepted_names
 from ...messages import FloatArray
 from .cameras import View
 from .colours import STAGES, friction_colour
@@ -54,7 +54,7 @@ def find_overlays(camera: str, **switches: bool | None) -> Overlays:
     """
     unknown = [name for name in switches if name not in OVERLAYS]
     if unknown:
-        raise SettingsError(f"overlay {unknown[0]!r} is not known; accepted: {', '.join(OVERLAYS)}")
+        raise SettingsError(f"overlay {unknown[0]!r} is not known; {accepted_names(unknown[0], OVERLAYS)}")
     usual = USUAL_OVERLAYS.get(camera, Overlays())
     chosen = {name: getattr(usual, name) if switches.get(name) is None else bool(switches[name]) for name in OVERLAYS}
     return Overlays(**chosen)

@@ -2,7 +2,7 @@
 
 The scan is measured again at the recorded state, with the noise and delay of the run, and given to the planner again. A
 planner gives its intermediate scans by a method `intermediate_scans(scan) -> {name: ranges (n,)}`, which the bundled
-planners inherit. If the planner cannot be made any more, there is only the scan.
+planners inherit. If the planner cannot be made any more, or may not be loaded, there is only the scan.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from ...lidar.effects import LidarEffects
 from ...lidar.lidar import make_lidar
 from ...messages import FloatArray, LaserScan
 from ...racing.planner_loading import make_controller
+from ...racing.planner_trust import recorded_sha256, require_trusted
 from ...racing.resimulation import resimulate
 from ...simulation.course_loading import load_track
 from ...simulation.physics import STATE
@@ -62,12 +63,13 @@ class PlannerEye:
 
     Args:
       drive: the recording.
+      trust: whether to load a planner that is not bundled, which runs its code, if its file is the recorded one.
 
     Attributes:
       missing: why its planner cannot be made; empty if it can.
     """
 
-    def __init__(self, drive: Drive) -> None:
+    def __init__(self, drive: Drive, *, trust: bool = False) -> None:
         self._drive = drive
         self._model = model = mujoco.MjModel.from_xml_string(drive.xml)
         self._data = mujoco.MjData(model)
@@ -77,23 +79,25 @@ class PlannerEye:
         self._effects = LidarEffects(**drive.summary.get("lidar_effects", {}))
         self._scans: list[LaserScan] = []
         self.missing = ""
-        self._planner = self._make_planner()
+        self._planner = self._make_planner(trust=trust or drive.raced_here)
 
-    def _make_planner(self) -> Any:
+    def _make_planner(self, *, trust: bool) -> Any:
         summary = self._drive.summary
         try:
+            source = str(summary["controller"])
+            require_trusted(source, recorded_sha256(summary), trust=trust, where=self._drive.name)
             mu = summary.get("planner_mu")
             course = None  # a user's own track or map is not found by its name, and few planners drive by a map
             with suppress(TrackError):
-                course = load_track(summary["track"])
+                course = load_track(str(summary["track"]))
             planner = make_controller(
-                summary["controller"], car=self._car.parameters, mu=math.inf if mu is None else mu,
+                source, car=self._car.parameters, mu=math.inf if mu is None else mu,
                 max_speed=summary["speed_limit_m_s"], settings=summary.get("planner_settings") or {},
                 map_line=None if course is None else course.map_line,
             )  # fmt: skip
             start(planner)
             return planner
-        except (FgMujocoError, KeyError, OSError) as error:
+        except (FgMujocoError, KeyError, OSError, TypeError, ValueError) as error:
             self.missing = " ".join(str(error).split())
             return None
 

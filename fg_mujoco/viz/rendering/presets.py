@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ...errors import SettingsError
+from ...errors import SettingsError, accepted_names
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,5 +31,5 @@ def find_quality(name: str) -> Quality:
       SettingsError: an unknown one.
     """
     if name not in QUALITIES:
-        raise SettingsError(f"quality is {name!r}; accepted: {', '.join(QUALITIES)}")
+        raise SettingsError(f"quality is {name!r}; {accepted_names(name, QUALITIES)}")
     return QUALITIES[name]

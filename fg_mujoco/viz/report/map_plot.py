@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...messages import FloatArray
+from ...racing.crash import Crash
 from ...simulation.termination import WrongWay
 from ...vehicle.tire_slip import SLIDING_SPEED
 from .map_shapes import MapShapes
@@ -28,6 +29,7 @@ def map_plot(
     events: tuple[SlideEvent, ...],
     cursor: ColumnDataSource,
     wrong_way: WrongWay | None = None,
+    crash: Crash | None = None,
 ) -> Figure:
     """Return the map. Its line is of one piece a tick, and `report.js` switches the field that colours it.
 
@@ -37,6 +39,7 @@ def map_plot(
       events: of sliding, marked where they began.
       cursor: source of the dot at the cursor.
       wrong_way: where the car turned, marked with a cross; None: it did not.
+      crash: where the car hit something, marked with a cross; None: it did not.
     """
     from bokeh.models import BoxZoomTool, ColorBar, ColumnDataSource, HoverTool, LinearColorMapper
 
@@ -85,10 +88,9 @@ def map_plot(
             [event.x for event in events], [event.y for event in events], marker="circle_x", size=9, fill_color=None,
             line_color=ALERT, line_width=1.5, name="slides", visible=False,
         )  # fmt: skip
-    if wrong_way is not None:
-        plot.scatter(
-            [wrong_way.x_m], [wrong_way.y_m], marker="x", size=18, line_color=ALERT, line_width=4, name="wrong_way"
-        )  # fmt: skip
+    for name, marked in (("wrong_way", wrong_way), ("crash", crash)):
+        if marked is not None:
+            plot.scatter([marked.x_m], [marked.y_m], marker="x", size=18, line_color=ALERT, line_width=4, name=name)
     plot.scatter("x_m", "y_m", source=cursor, size=13, fill_color="white", line_color="black", line_width=2.5)
     plot.add_tools(
         HoverTool(

@@ -9,13 +9,16 @@ from __future__ import annotations
 
 import json
 import os
+from base64 import b64encode
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from hashlib import sha256
 from html import escape
 from importlib.resources import files
 from pathlib import Path
 
 from ...errors import RunFolderError
+from ...racing.planner_choice import with_settings
 from ...racing.result import RaceResult
 from ...racing.run_folder import Run
 from . import sections
@@ -34,6 +37,8 @@ LIBRARY = "bokeh.min.js"
 """Name of the file with bokeh's JavaScript, where pages share one."""
 
 CLIP_SECONDS = 8.0
+
+_NONE = "'none'"  # of a policy that allows no script
 
 _COLOURS = (("speed_m_s", "speed"), ("friction_use", "friction utilisation"), ("slide_m_s", "sliding"))
 _AXES = (("distance_m", "over distance"), ("time_s", "over time"))
@@ -105,20 +110,44 @@ def library() -> str:
     return "\n".join(Resources(mode="inline", components=["bokeh"], log_level="error").js_raw)
 
 
-def page_frame(title: str, body: str, script: str = "", *, beside: bool = False) -> str:
-    """Return a page that may load nothing, but for scripts that lie `beside` it."""
+def page_frame(title: str, body: str, scripts: Sequence[str] = (), *, data: str = "", beside: str = "") -> str:
+    """Return a page that loads nothing and runs these scripts alone: its policy has their hashes.
+
+    Args:
+      title: of the page, a text.
+      body: of the page, HTML.
+      scripts: JavaScript, in the order in which it runs.
+      data: JSON that the scripts find in the element `report-data`.
+      beside: name of a file beside the page with JavaScript that runs before the scripts.
+    """
     style = (files(__package__) / "report.css").read_text(encoding="utf-8")
-    scripts = "'unsafe-inline' 'self' file:" if beside else "'unsafe-inline'"
+    scripts = [_as_parsed(script) for script in scripts]
+    allowed = [f"'sha256-{b64encode(sha256(script.encode()).digest()).decode()}'" for script in scripts]
+    allowed += ["'self'", "file:"] if beside else []
     policy = (
-        f"default-src 'none'; script-src {scripts}; style-src 'unsafe-inline'; img-src data: blob:; "
-        "media-src data:; font-src data:"
+        f"default-src 'none'; script-src {' '.join(allowed) or _NONE}; style-src 'unsafe-inline'; "
+        "img-src data: blob:; media-src data:; font-src data:; base-uri 'none'; form-action 'none'"
     )
+    tags = [f'<script src="{escape(beside)}"></script>'] if beside else []
+    tags += [f'<script type="application/json" id="report-data">{_in_script(data)}</script>'] if data else []
+    tags += [f"<script>{script}</script>" for script in scripts]
+    script = "".join(f"{tag}\n" for tag in tags)
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{escape(title)}</title>\n<style>\n{style}</style>\n</head>\n<body>\n{body}\n{script}</body>\n</html>\n"
     )
+
+
+def _as_parsed(script: str) -> str:
+    """Return JavaScript as a browser reads it from a page, which is what it hashes: lines end in LF alone."""
+    return script.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _in_script(data: str) -> str:
+    """Return JSON that no text in it can end, or take for markup."""
+    return data.replace("<", "\\u003c")
 
 
 def _page(
@@ -146,10 +175,11 @@ def _page(
     grip = run.mu * run.car.gravity
     script, places = components(
         {
-            "map": map_plot(map_shapes(run.model, run.end), columns, events, cursor, run.wrong_way),
+            "map": map_plot(map_shapes(run.model, run.end), columns, events, cursor, run.wrong_way, run.crash),
             "time": time_plots(ticks, columns, lap_times),
             "gg": gg_plot(ticks, columns, grip, cursor),
-        }
+        },
+        wrap_script=False,
     )
     data = {
         "readout": _READOUT,
@@ -158,7 +188,8 @@ def _page(
         "axes": {"distance_m": "distance driven [m]", "time_s": "time [s]"},
         "clip_start": film.start if film else 0.0,
     }
-    title = f"{summary['track']}, {summary['controller']}"
+    controller = with_settings(str(summary["controller"]), summary.get("planner_settings") or {})
+    title = f"{summary['track']}, {controller}"
     body = "\n".join(
         (
             sections.head(run, title, notes),
@@ -177,9 +208,5 @@ def _page(
         )
     )
     code = (files(__package__) / "report.js").read_text(encoding="utf-8")
-    loads = f'<script src="{LIBRARY}"></script>' if share_library else f"<script>{library()}</script>"
-    text = json.dumps(data).replace("</", "<\\/")
-    return page_frame(
-        title, body, f'{loads}\n{script}\n<script type="application/json" id="report-data">{text}</script>\n'
-        f"<script>\n{code}</script>\n", beside=share_library,
-    )  # fmt: skip
+    scripts = (script, code) if share_library else (library(), script, code)
+    return page_frame(title, body, scripts, data=json.dumps(data), beside=LIBRARY if share_library else "")

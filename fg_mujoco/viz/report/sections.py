@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from html import escape
 from typing import Any
 
+from ...racing.decisions import decision_limit_text
 from ...vehicle.tire_slip import SLIDING_SPEED
 from .clip import Clip
 from .lap_table import SECTORS, Lap
@@ -29,27 +30,51 @@ def head(run: RecordedRun, title: str, notes: Sequence[str]) -> str:
     word = "finished" if good else str(summary["end_reason"]).replace("_", " ")
     best = f", best {min(lap_times):.3f} s" if lap_times else ""
     slides = float(summary["max_slide_m_s"])
+    lateral = summary.get("max_lateral_slide_m_s")  # older runs lack it
     share = f"{100 * summary['slide_time_fraction']:.2f} %"
     verdict = "no tire slid" if slides <= SLIDING_SPEED else f"a tire slid {share} of the time"
+    decisions, clamped = summary.get("decision_times"), summary.get("clamped_commands")
     boxes = [
         (f"{summary['laps_completed']} of {summary['laps_requested']}", "laps"),
         (f"{min(lap_times):.3f} s" if lap_times else "-", "best lap"),
         (f"{summary['collisions']}", "collisions"),
         (f"{slides:.3f} m/s", "greatest sliding"),
+        *([] if lateral is None else [(f"{lateral:.3f} m/s", "greatest sideways")]),
         (share, "of the time sliding"),
         (f"{summary['max_speed_m_s']:.2f} m/s", "top speed"),
         (f"{summary['mean_speed_m_s']:.2f} m/s", "mean speed"),
         (f"{run.mu:g}", "μ of the tires"),
     ]
+    if clamped is not None:
+        boxes.append((f"{clamped}", "commands clamped"))
+    if decisions is not None and decisions["decisions"]:
+        times = (decisions[name] for name in ("median_s", "percentile_99_s", "worst_s"))
+        boxes.append((" / ".join(f"{1e3 * time:.2f}" for time in times) + " ms", "decisions: median / 99 % / worst"))
+        over = f"decisions over {1e3 * decisions['period_s']:g} ms"
+        boxes.append((f"{decisions['over_period']} of {decisions['decisions']}", over))
     figures = "".join(f"<div><b>{escape(value)}</b><span>{escape(name)}</span></div>" for value, name in boxes)
     wrong_way = [] if run.wrong_way is None else [f"Wrong way: {run.wrong_way}. The map marks the place with a cross."]
-    said = "".join(f'<p class="note">{note}</p>' for note in (*wrong_way, *notes))
+    failure = [] if run.planner_failure is None else [_failure(run.planner_failure)]
+    crash = [] if run.crash is None else [f"Crash: {run.crash}. The map marks the place with a cross."]
+    late = []
+    if summary["end_reason"] == "decision_limit":
+        late.append(f"Decision limit: {decision_limit_text(summary['decision_limit_s'], run.end)}.")
+    told = (*failure, *map(escape, (*wrong_way, *crash, *late)), *notes)
+    said = "".join(f'<div class="note">{note}</div>' for note in told)
     return (
         f"<h1>{escape(title)}</h1>"
         f'<p class="result"><span class="badge {"good" if good else "bad"}">{escape(word)}</span>'
-        f"{summary['laps_completed']} of {summary['laps_requested']} laps{best}; {verdict}.</p>{said}"
+        f"{escape(boxes[0][0])} laps{best}; {verdict}.</p>{said}"
         f'<div class="figures">{figures}</div>'
     )
+
+
+def _failure(told: dict[str, Any]) -> str:
+    """Return why a planner failed and where, and its traceback."""
+    where = f" ({told['file']}, line {told['line']})" if told["line"] is not None else ""
+    text = f"The planner failed at t = {told['time_s']:.3f} s: {told['error']}{where}. It was told {told['scan']}."
+    said = f"<pre>{escape(told['traceback'])}</pre>" if told["traceback"] else ""
+    return escape(text) + said
 
 
 def switch(name: str, choices: Sequence[tuple[str, str]]) -> str:

@@ -1,0 +1,147 @@
+"""How long a planner takes for its decisions, and the limit at which a race ends.
+
+    clock = DecisionClock(limit=1.0)
+    with clock:
+        clock.time(engine.decide)
+    DecisionTimes.of(clock.seconds, period=0.025)
+
+A decision is all that is between a scan and its command: the planner, and the messages to and from it. The time in
+which numba compiles kernels, or this package reads them from disk, is not counted.
+
+In the main thread a timer of the system (SIGALRM) interrupts a planner that takes longer than the limit. It ends loops
+in Python, and waiting: `time.sleep`, locks, sockets. It cannot interrupt compiled code that does not come back to
+Python, as an endless loop in C or in a numba kernel, nor a planner that catches BaseException and goes on. In other
+threads, and on systems without this timer, the limit is checked when the planner has answered.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..kernels import CompileTime
+
+_AGAIN = 0.05  # [s] after which a planner that went on all the same is interrupted once more
+
+
+class DecisionLimitReached(BaseException):
+    """A decision that took longer than its limit. No Exception: a planner that catches those does not catch it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DecisionTimes:
+    """How long the planner of a race took for its decisions. Wall times: they differ from run to run.
+
+    Fields are as in the JSON. Times are None where there was no decision.
+    """
+
+    decisions: int
+    median_s: float | None
+    percentile_99_s: float | None  # 99 % of the decisions took no longer
+    worst_s: float | None
+    over_period: int  # how many took longer than `period_s`, so that a real car would have missed a scan
+    period_s: float  # of the LiDAR
+
+    @classmethod
+    def of(cls, seconds: Sequence[float], period: float) -> DecisionTimes:
+        """Return the figures of decisions that took so many seconds; `period` is the LiDAR's [s]."""
+        times = np.array(seconds, dtype=np.float64)
+        shares = (0.5, 0.99, 1.0)  # each is one of the times
+        figures = np.quantile(times, shares, method="inverted_cdf").tolist() if len(times) else (None, None, None)
+        median, most, worst = figures
+        return cls(
+            decisions=len(times), median_s=median, percentile_99_s=most, worst_s=worst,
+            over_period=int((times > period).sum()), period_s=float(period),
+        )  # fmt: skip
+
+    def __str__(self) -> str:
+        if self.median_s is None or self.percentile_99_s is None or self.worst_s is None:
+            return "none"
+        of = ", ".join(
+            f"{name} {1e3 * value:.2f} ms"
+            for name, value in (("median", self.median_s), ("99 %", self.percentile_99_s), ("worst", self.worst_s))
+        )
+        return f"{of}; {self.over_period} of {self.decisions} over {1e3 * self.period_s:g} ms"
+
+
+def decision_limit_text(limit: float | None, time: float) -> str:
+    """Return what is said of a race that ended by its limit of a decision [s], at a simulated time [s]."""
+    return f"no command within {limit:g} s at t = {time:.3f} s"
+
+
+class DecisionClock:
+    """Times decisions, and interrupts one that takes longer than a limit.
+
+    Args:
+      limit: [s]; None: there is none.
+
+    Attributes:
+      seconds: that each decision took, in their order; one that was interrupted is the last.
+    """
+
+    def __init__(self, limit: float | None = None) -> None:
+        self.seconds: list[float] = []
+        self._limit = limit
+        self._compile_time = CompileTime()
+        self._deciding = False
+        self._began = self._compiled = 0.0
+        in_main = threading.current_thread() is threading.main_thread()
+        self._interrupts = limit is not None and in_main and hasattr(signal, "setitimer")
+
+    def __enter__(self) -> DecisionClock:
+        self._compile_time.__enter__()
+        if self._interrupts:
+            self._entered, self._timer_before = time.perf_counter(), signal.getitimer(signal.ITIMER_REAL)
+            self._handler_before = signal.signal(signal.SIGALRM, self._interrupt)
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        if self._interrupts:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+            signal.signal(signal.SIGALRM, self._handler_before or signal.SIG_DFL)
+            left, interval = self._timer_before
+            if left > 0.0:  # of somebody else's timer
+                gone = time.perf_counter() - self._entered
+                signal.setitimer(signal.ITIMER_REAL, max(left - gone, 1e-3), interval)
+        self._compile_time.__exit__()
+
+    def time(self, decide: Callable[[], Any]) -> None:
+        """Call what decides, and keep how long it took.
+
+        Raises:
+          DecisionLimitReached: it took longer than the limit.
+        """
+        self._began, self._compiled = time.perf_counter(), self._compile_time.seconds
+        self._deciding = True
+        if self._interrupts:
+            assert self._limit is not None
+            signal.setitimer(signal.ITIMER_REAL, self._limit, _AGAIN)
+        try:
+            try:
+                decide()
+            finally:
+                self._deciding = False
+        finally:
+            self._deciding = False
+            if self._interrupts:
+                signal.setitimer(signal.ITIMER_REAL, 0.0)
+            self.seconds.append(self._elapsed)
+        if self._limit is not None and self.seconds[-1] > self._limit:  # nothing could interrupt it
+            raise DecisionLimitReached
+
+    @property
+    def _elapsed(self) -> float:
+        """Time since the decision began, without compiling [s]."""
+        return time.perf_counter() - self._began - (self._compile_time.seconds - self._compiled)
+
+    def _interrupt(self, *signal_and_frame: object) -> None:
+        """Handle the timer's signal."""
+        late = self._limit is not None and self._elapsed >= self._limit
+        if self._deciding and late and not self._compile_time.running:
+            raise DecisionLimitReached

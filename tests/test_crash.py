@@ -1,0 +1,147 @@
+"""A crash says into what, where, when and at what speed, in the table, the summary, the report and the picture."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+import fg_mujoco as fg
+from fg_mujoco.cli.main import main
+
+PLANNER = """
+import fg_mujoco as fg
+
+class Steady:
+    def __init__(self, max_speed):
+        self.speed = max_speed
+
+    def reset(self):
+        pass
+
+    def __call__(self, scan, odometry):
+        return fg.DriveCommand(steering_angle=0.0, speed=self.speed)
+"""
+
+
+class Held:
+    """Holds one command."""
+
+    def __init__(self, steering, speed):
+        self.command = fg.DriveCommand(steering_angle=steering, speed=speed)
+
+    def reset(self):
+        pass
+
+    def __call__(self, scan, odometry):
+        return self.command
+
+
+def wall_distance(track, point):
+    """Of a point from the nearest corner-to-corner line of the two edges [m]."""
+    edges = [np.asarray(edge) for edge in track.edges]
+    starts, ends = (np.concatenate(parts) for parts in (edges, [np.roll(edge, -1, axis=0) for edge in edges]))
+    along = ends - starts
+    share = np.clip(((point - starts) * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
+    return np.hypot(*(point - starts - share[:, None] * along).T).min()
+
+
+@pytest.mark.parametrize(("steering", "side"), ((0.2, "left wall"), (-0.2, "right wall")))
+def test_the_wall_on_the_side_that_the_car_steers_to(steering, side):
+    result = fg.race("oval", Held(steering, 2.0), laps=1)
+    crash = result.crash
+    assert (result.end_reason, crash.into) == ("crash", side)
+    assert wall_distance(result.world.track, (crash.x_m, crash.y_m)) < 0.02
+    # the contact is on the chassis, which is .31 x .58 m
+    pose = np.array([result.column(name)[-1] for name in ("x_m", "y_m")])
+    assert math.dist(pose, (crash.x_m, crash.y_m)) < math.hypot(0.58, 0.31)
+    assert result.column("time_s")[-1] <= crash.time_s < result.sim_time_s
+    assert crash.speed_m_s == pytest.approx(result.column("speed_m_s")[-1], abs=0.05)
+    assert (crash.lap, crash.s_m) == (1, pytest.approx(result.column("progress_m")[-1], abs=2.0 * 0.025))
+    assert crash.geom.startswith("wall_") and crash.geom in result.world.xml
+
+
+def test_the_sides_of_a_course_driven_against_its_direction_stay_its_own():
+    start = fg.Start(s=3.0, heading=math.pi)
+    assert fg.race("oval", Held(0.2, 2.0), laps=1, start=start).crash.into == "right wall"
+
+
+def test_a_box_ahead_is_hit_at_its_face_by_its_number():
+    boxes = (fg.Box(x=8.0, y=0.9, length=0.2, width=0.2), fg.Box(x=5.0, y=0.05, length=0.4, width=0.3))
+    result = fg.race("oval", Held(0.0, 3.0), laps=1, obstacles=boxes)
+    crash = result.crash
+    assert (crash.into, crash.geom) == ("obstacle 1", "obstacle_1")
+    assert crash.x_m == pytest.approx(4.8, abs=0.02) and -0.11 <= crash.y_m <= 0.21
+    assert crash.speed_m_s == pytest.approx(3.0, abs=0.1)
+    car = result.world.parameters
+    front = crash.x_m - (car.length - car.rear_overhang)
+    assert crash.time_s == pytest.approx(np.interp(front, result.column("x_m"), result.column("time_s")), abs=0.026)
+    assert str(crash).startswith(f"hit obstacle 1 at ({crash.x_m:.2f}, {crash.y_m:.2f}) m, ")
+
+
+def test_a_moving_obstacle_a_dead_end_and_a_wall_behind():
+    leader = fg.race("scene:slow_leader:0", Held(0.0, 4.0))
+    assert (leader.crash.into, leader.crash.geom) == ("moving obstacle 0", "moving_0")
+    (obstacle,) = leader.world.moving
+    low, high = (corner(obstacle.corners(leader.crash.time_s), axis=0) for corner in (np.min, np.max))
+    place = np.array((leader.crash.x_m, leader.crash.y_m))
+    assert (low - 0.03 <= place).all() and (place <= high + 0.03).all()
+    end = fg.race("scene:dead_end:0", Held(0.0, 4.0))
+    assert str(end.crash).startswith("hit the wall across the course at (")
+    behind = fg.race("oval", Held(0.3, -2.0), laps=1).crash
+    assert behind.speed_m_s == pytest.approx(-2.0, abs=0.1)
+    assert str(behind).endswith(", 2.0 m/s in reverse")
+
+
+def test_a_car_that_starts_in_a_wall_has_crashed_at_once():
+    result = fg.race("oval", Held(0.0, 1.0), laps=1, start=fg.Start(offset=1.05))
+    assert (result.end_reason, result.crash.into, result.crash.time_s) == ("crash", "left wall", 0.0)
+    assert result.crash.speed_m_s == 0.0
+
+
+def test_a_race_that_ends_otherwise_has_no_crash(lap):
+    assert lap.crash is None and lap.summary()["crash"] is None
+
+
+def test_table_json_report_and_picture_tell_of_the_crash(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("bokeh", reason="no bokeh here: pip install 'fg-mujoco[report]'")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "planner.py").write_text(PLANNER)
+    drawn = []
+    monkeypatch.setattr("fg_mujoco.viz.plots._save", lambda figure, path: drawn.append(figure))
+    assert main(["race", "--controller", "planner.py:Steady", "--max-speed", "3", "--out", "runs/hit"]) == 1
+    table = capsys.readouterr().out
+    crash = json.loads((tmp_path / "runs/hit/summary.json").read_text())["crash"]
+    assert set(crash) == {"into", "geom", "time_s", "x_m", "y_m", "speed_m_s", "lap", "s_m"}
+    said = (
+        f"hit the {crash['into']} at ({crash['x_m']:.2f}, {crash['y_m']:.2f}) m, {crash['s_m']:.1f} m into lap 1, "
+        f"t = {crash['time_s']:.2f} s, {crash['speed_m_s']:.1f} m/s"
+    )
+    assert f"  crash             {said}\n" in table
+    assert table.splitlines()[-1] == "  report            runs/hit/report.html"
+    page = (tmp_path / "runs/hit/report.html").read_text()
+    assert f"Crash: {said}." in page
+    assert '"name":"crash"' in page and '"name":"wrong_way"' not in page
+    axes = drawn[0].axes[0]
+    assert (crash["x_m"], crash["y_m"]) in [tuple(line.get_xydata()[0]) for line in axes.lines if len(line.get_xdata())]
+    assert "crashed here" in [text.get_text() for text in axes.texts]
+
+
+def test_the_headings_of_table_and_report_have_the_planners_settings(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("bokeh", reason="no bokeh here: pip install 'fg-mujoco[report]'")
+    monkeypatch.chdir(tmp_path)
+    chosen = "gap_finder[lookahead=4.0,guidance=false]"
+    main(["race", "--controller", chosen, "--time-limit", "0.5", "--out", "run"])
+    assert capsys.readouterr().out.splitlines()[0] == f"oval, {chosen}, f1tenth"
+    assert f"<h1>oval, {chosen}</h1>" in (tmp_path / "run/report.html").read_text()
+
+
+def test_a_report_of_a_run_from_before_says_nothing(lap, tmp_path):
+    pytest.importorskip("bokeh", reason="no bokeh here: pip install 'fg-mujoco[report]'")
+    from fg_mujoco.viz.report.recorded_run import read_recorded
+
+    folder = fg.write_run(lap, tmp_path / "run", picture=False)
+    summary = json.loads((folder / "summary.json").read_text())
+    assert summary.pop("crash", "missing") is None
+    (folder / "summary.json").write_text(json.dumps(summary))
+    assert read_recorded(folder).crash is None
