@@ -93,6 +93,7 @@ def test_race_drives_a_scene_and_leaves_a_whole_folder(capsys, tmp_path):
     ("arguments", "text"),
     (
         (["--track", "scene:nowhere"], "unknown scene 'scene:nowhere'; accepted: corridor_sparse,"),
+        (["--track", "scene:nowhere"], ", as scene:NAME or scene:NAME:SEED"),
         (["--track", "scene:dead_end:x"], "accepted: scene:NAME:SEED"),
         (["--track", "scene:dead_end", "--laps", "3"], "accepted: 1"),
         (["--track", "scene:dead_end", "--obstacles", "3"], "accepted: on a track"),

@@ -317,7 +317,8 @@ def _drive_filtered(
     """Return the command for a reference that passes the safety filter, or for the direction that the filter chooses.
 
     In another direction than the reference's the car brakes, but not below the crawl speed as long as a direction is
-    free. Where it stands and no direction is free it reverses, and tries again.
+    free. Where none is free it brakes: on a motion that it follows it stays on that motion, else it takes the direction
+    that the filter chooses. Where it stands and no direction is free it reverses, and tries again.
 
     Args:
       scan: of type SCAN.

@@ -38,6 +38,12 @@ def friction_steering(speed: float, mu: float, wheelbase: float, gravity: float)
 
 
 @kernel
+def share_of_way(period: float, time_constant: float) -> float:
+    """Return the share of the way to its set point that a servo of first order comes in a time [s]."""
+    return 1.0 - math.exp(-period / time_constant)
+
+
+@kernel
 def forward_distance_speed(distance: float, safe: float, full_speed: float, top_speed: float) -> float:
     """Return a speed [m/s] by the distance straight ahead [m]: 0 below `safe`, `top_speed` beyond `full_speed`.
 

@@ -16,6 +16,7 @@ import numpy as np
 from fg_mujoco.kernels import kernel
 
 from .settings import Record
+from .speed import share_of_way
 from .steering import saturate
 
 _LEAST_SPEED = 1.0  # [m/s] of a command that is measured by
@@ -47,7 +48,7 @@ def read_speedometer(memory: Record, speed: float, car: Record, period: float) -
     asked = (memory.command * (1.0 + memory.error) - memory.speed) / car.speed_time_constant
     most = _MOST_USE * car.max_acceleration * min(car.power_limit_speed / max(abs(memory.speed), 1e-3), 1.0)
     if _LEAST_SPEED < memory.command < car.max_speed and abs(asked) < most and math.isfinite(speed):
-        share = 1.0 - math.exp(-period / car.speed_time_constant)
+        share = share_of_way(period, car.speed_time_constant)
         given = memory.speed + (speed - memory.speed) / share
         memory.error += _GAIN * (saturate(given / memory.command - 1.0, _MOST) - memory.error)
     memory.command, memory.speed = 0.0, speed
@@ -69,7 +70,7 @@ def command_speed(memory: Record, speed: float, car: Record, max_speed: float, p
     """
     command, now = speed, memory.speed
     if speed > 0.0:
-        share = 1.0 - math.exp(-period / car.speed_time_constant)
+        share = share_of_way(period, car.speed_time_constant)
         lowest, highest = now - max(now, 0.0) / share, now + max(max_speed - now, 0.0) / share
         command = speed / (1.0 + memory.error - saturate(memory.error, _LEFT_ALONE))
         command = max(min(command, max(highest, speed)), min(lowest, speed))

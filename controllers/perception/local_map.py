@@ -91,7 +91,7 @@ def move(memory: Record, speed: float, yaw_rate: float, period: float) -> None:
     way, turn = speed * period, yaw_rate * period
     if not memory.begun:
         memory.begun = True
-        memory.along = memory.furthest = _BEFORE
+        _begin_path(memory)
         return
     if not (abs(way) < _FARTHEST and abs(turn) < _FARTHEST):  # nor is NaN
         return
@@ -104,8 +104,8 @@ def move(memory: Record, speed: float, yaw_rate: float, period: float) -> None:
     column, row = math.floor(memory.x / CELL), math.floor(memory.y / CELL)
     if abs(column - memory.column) > SIZE or abs(row - memory.row) > SIZE:  # odometry that jumps
         memory.cells[:] = UNKNOWN
-        memory.column, memory.row, memory.known = column, row, 0
-        memory.along = memory.furthest = _BEFORE
+        memory.column, memory.row = column, row
+        _begin_path(memory)
     while memory.column != column:
         step = 1 if column > memory.column else -1
         memory.column += step
@@ -118,11 +118,17 @@ def move(memory: Record, speed: float, yaw_rate: float, period: float) -> None:
 
 @kernel
 def forget(memory: Record) -> None:
-    """Forget what was seen farther away than the car turns, and where it came from: straight from behind, as it is."""
+    """Forget what was seen far from the car, and the path; what is near is kept, so that the car can reverse there."""
     for i in range(memory.column - EDGE, memory.column + EDGE + 1):
         for j in range(memory.row - EDGE, memory.row + EDGE + 1):
             if max(abs(i - memory.column), abs(j - memory.row)) > _KEPT:
                 memory.cells[i & RING, j & RING] = UNKNOWN
+    _begin_path(memory)
+
+
+@kernel
+def _begin_path(memory: Record) -> None:
+    """Take the car to have come straight to where it is, for the length _BEFORE."""
     memory.known = 0
     memory.along = memory.furthest = _BEFORE
 

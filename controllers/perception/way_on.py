@@ -55,16 +55,17 @@ UNIT = 0.01  # [m] of to_go
 NEAR_WALL, WAY_BACK, AT_WALL, HOLE = 1, 2, 4, 8
 # bits of a blocked cell: within two cells of a wall; closed; within one cell; in the middle of a hole of three cells
 
+_OPENED = 0.6  # [m] before the end of the path that stay open
 _CLOSED = 15.0  # [m] of the path that are closed
 _CLOSED_LOOP = 8.0  # [m] the same, on a course that is shorter
 _ATTEMPTS = (
-    (0.6, _CLOSED, AT_WALL | HOLE),
-    (0.6, _CLOSED_LOOP, AT_WALL | HOLE),
-    (0.6, _CLOSED, AT_WALL),
+    (_OPENED, _CLOSED, AT_WALL | HOLE),
+    (_OPENED, _CLOSED_LOOP, AT_WALL | HOLE),
+    (_OPENED, _CLOSED, AT_WALL),
     (2.0, _CLOSED, NEAR_WALL),
     (4.0, _CLOSED, NEAR_WALL),
     (6.0, _CLOSED, NEAR_WALL),
-)  # [m] from the end of the path: where it begins to be closed, and where it ends; and what cannot be passed
+)  # [m] from the end of the path: where it begins to be closed, and where it ends; bits of cells that are impassable
 _WIDEST = 3.0  # [m] of a line across open ground, to either side
 _POCKET = 6.0  # [m] deepest pocket that the car leaves again
 _LEAST_FRONTIER = 5  # cells
@@ -167,24 +168,24 @@ def _find(memory: Record, lidar_offset: float) -> None:
     loop, count = False, 0
     open_ground = False
     for attempt in range(len(_ATTEMPTS)):
-        opened, closed, passed = _ATTEMPTS[attempt]
+        opened, closed, impassable = _ATTEMPTS[attempt]
         for _ in range(2):
             blocked[:] = walls
             _close_way_back(world, blocked, opened, closed, open_ground)
             distance[:] = FAR
             queue[0, 0], queue[0, 1] = i, j
             distance[i & RING, j & RING] = 0
-            reached = _flood(world, blocked, distance, queue, passed)
+            reached = _flood(world, blocked, distance, queue, impassable)
             if attempt > 0 or open_ground or not _is_open_ground(world, distance):
                 break
             open_ground = True
         if closed < _CLOSED and open_ground:
             continue
-        least = _LEAST_FRONTIER if opened == _ATTEMPTS[0][0] else _LEAST_FRONTIER_BACK
+        least = _LEAST_FRONTIER if opened == _OPENED else _LEAST_FRONTIER_BACK
         if closed == _CLOSED:
             count = _choose_frontier(memory, blocked, distance, queue, reached, least, goal)
         if count > 0:
-            if opened > _ATTEMPTS[0][0]:
+            if opened > _OPENED:
                 cut_path(world, max(world.along - opened, world.furthest - _POCKET))
             break
         if closed < _CLOSED:
@@ -206,7 +207,7 @@ def _find(memory: Record, lidar_offset: float) -> None:
     if not loop:
         _find_edge(memory, goal, count)
     memory.to_go[:] = FAR
-    _spread(world, blocked, near, memory.to_go, goal, count, AT_WALL | HOLE if attempt < 2 else AT_WALL)
+    _spread(world, blocked, near, memory.to_go, goal, count, AT_WALL | impassable & HOLE)
 
 
 @kernel
@@ -254,7 +255,7 @@ def _close_way_back(world: Record, blocked: NDArray[np.uint8], opened: float, cl
     On open ground the lines go on up to a wall, or _WIDEST to either side.
     """
     until = world.along - opened
-    if opened > _ATTEMPTS[0][0]:
+    if opened > _OPENED:
         until = max(until, world.furthest - _POCKET)
     for back in range(world.known):
         point = world.path[(world.newest - back) % PATH]
@@ -314,7 +315,7 @@ def _neighbour(k: int) -> tuple[int, int]:
 
 @kernel
 def _flood(
-    world: Record, blocked: NDArray[np.uint8], distance: NDArray[np.uint16], queue: NDArray[np.int32], walls: int
+    world: Record, blocked: NDArray[np.uint8], distance: NDArray[np.uint16], queue: NDArray[np.int32], impassable: int
 ) -> int:
     """Spread distances [cells] from the first cell of the queue; return how many cells were reached.
 
@@ -333,7 +334,7 @@ def _flood(
                 if distance[p, q] != FAR or world.cells[p, q] != FREE:
                     continue
                 bits = blocked[p, q]
-                if bits & WAY_BACK != 0 or (bits & walls != 0 and level >= _FREE_START):
+                if bits & WAY_BACK != 0 or (bits & impassable != 0 and level >= _FREE_START):
                     continue
                 distance[p, q] = level + 1
                 queue[count, 0], queue[count, 1] = a, b
@@ -500,7 +501,7 @@ def _spread(
     to_go: NDArray[np.uint16],
     goal: NDArray[np.int32],
     count: int,
-    walls: int,
+    impassable: int,
 ) -> None:
     """Write the way to go [UNIT] from all free cells to the nearest of `count` cells of `goal`."""
     heads = np.full(_BUCKETS, -1, np.int32)  # of the lists of cells that wait, by their way to go modulo _BUCKETS
@@ -528,7 +529,7 @@ def _spread(
             a, b = i + di, j + dj
             p, q = a & RING, b & RING
             bits = blocked[p, q]
-            if world.cells[p, q] != FREE or bits & (WAY_BACK | walls) != 0:
+            if world.cells[p, q] != FREE or bits & (WAY_BACK | impassable) != 0:
                 continue
             cost = level + _cost(10 if k < 4 else 14, near[p, q], bits)
             if cost < to_go[p, q]:

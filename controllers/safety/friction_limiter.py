@@ -45,7 +45,7 @@ from ..control.settings import (
     setting,
     setting_of_car,
 )
-from ..control.speed import friction_speed, friction_steering
+from ..control.speed import friction_speed, friction_steering, share_of_way
 from ..control.steering import saturate
 
 _CORNERING_EXPONENT = 0.8  # of the F1TENTH car, see 4 above
@@ -160,7 +160,8 @@ def limited(
     command = angle_now + saturate(target - angle_now, step)
     braking, accelerating = _shares_left(limiter, slope, math.tan(command), now)
     acceleration = _approach(limiter, memory.acceleration, allowed - speed_now, braking, accelerating, period)
-    reached = speed_now + acceleration * period / (1.0 - math.exp(-period / car.speed_time_constant))
+    # the servo's acceleration falls while the command is held: the mean over the period is what was asked for
+    reached = speed_now + acceleration * period / share_of_way(period, car.speed_time_constant)
     if not math.isfinite(command + reached):
         memory.acceleration = 0.0
         return 0.0, 0.0

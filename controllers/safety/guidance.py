@@ -9,7 +9,7 @@ Guidance knows the way on (perception.way_on), and lets the planner drive as lon
    the planner still drives.
 3. Else the car follows a motion from where it is now (control.tracking), which is searched for anew in every second
    tick, and kept while it is free and none is found. Its speed is that of its curvature, with braking before it. In
-   a sharp bend the car stays on its motions until the bend is over.
+   a sharp bend a careful car (4) stays on its motions until the bend is over.
 4. Where there is no motion, the car brakes. Where it has been slow for .35 s, it turns in several moves, forward
    and in reverse (turning). From then on it is careful: it comes to the edge of what it sees no faster than that it
    could turn there at full lock.
@@ -37,13 +37,12 @@ from ..control.tracking import CURVATURE, HEADING, LAG, X, Y, errors, next_place
 from ..perception.local_map import SIGHT, forget, move
 from ..perception.scan_geometry import beams_between, looks_ahead, period_of, sees
 from ..perception.way_on import AT_WALL, NEAR_WALL, WAY_ON, least_to_go_along, look_for_way_on, to_go_around
-from .motion_search import MOTION, is_clear, search_motion
+from .motion_search import MOST_LOCK, MOTION, is_clear, search_motion
 from .turning import TURNING, turn_in_moves
 
 _BEAMS = 16  # every so many are compared with the planner's goal
-_BENDS, _BENDS_SHARPLY = 0.37, 0.75  # of the curvature at full lock: motions that the planner's goal does not end,
-# and that its simulated reference does not end either
-_MOST_LOCK = 0.97  # of that curvature, where less leads nowhere
+_BENDS = 0.37  # of the curvature at full lock, from which on the planner's goal alone does not end a motion
+_BENDS_SHARPLY = 0.75  # the same, from which on its simulated reference does not end a motion of a careful car
 _NODES = 10000  # of a search while the car drives
 _AHEAD = math.radians(15.0)  # to either side: what a car without a way on stops ahead of
 _ON_MOTION = (0.15, 0.4)  # [m] beside a motion and [rad] from its heading, within which the car is on it
@@ -203,7 +202,7 @@ def _planner_drives(
     wanted = saturate(math.tan(saturate(reference.steering_angle, car.max_steering_angle)) / car.wheelbase, most)
     memory.narrow = False
     if not search_motion(
-        way, limiter, memory.trial, 0.5 * (present + wanted), speed, settings.viable_time, 1.0, _MOST_LOCK,
+        way, limiter, memory.trial, 0.5 * (present + wanted), speed, settings.viable_time, 1.0, MOST_LOCK,
         settings.horizon + 0.1 * speed * speed, NEAR_WALL, False, _NODES,
     ):  # fmt: skip
         return False
@@ -235,14 +234,14 @@ def _renew_motion(limiter: Record, settings: Record, memory: Record, present: fl
         return False
     way, trial, horizon = memory.way, memory.trial, settings.horizon + 0.1 * speed * speed
     found, narrow = False, False
-    for grip, lock in ((settings.grip, settings.lock), (1.0, _MOST_LOCK)):
+    for grip, lock in ((settings.grip, settings.lock), (1.0, MOST_LOCK)):
         if not found:
             found = search_motion(
                 way, limiter, trial, present, speed, LAG, grip, lock, horizon, NEAR_WALL, False, _NODES
             )
     if not found and speed < 2.0:
         narrow = True
-        found = search_motion(way, limiter, trial, present, speed, LAG, 1.0, _MOST_LOCK, 2.0, AT_WALL, False, _NODES)
+        found = search_motion(way, limiter, trial, present, speed, LAG, 1.0, MOST_LOCK, 2.0, AT_WALL, False, _NODES)
     if found:
         memory.motion.count = trial.count
         memory.motion.points[:] = trial.points

@@ -48,6 +48,7 @@ _TOUCHING_LENGTH = 0.8  # [m] from the start on which the car may be nearer to w
 _EXACT = 1.4  # [m] from the car within which its outline is compared with the ends of beams
 _MARGIN = 0.03  # [m] round the outline
 _CHECKS_AT_WALL = 5  # places on an arc near a wall where the outline is compared
+MOST_LOCK = 0.97  # share of the curvature at full lock, where less leads nowhere
 MOST_IN_WALLS = 7  # points of the outline that may lie in cells of walls, whose cells are thicker than they are
 
 MOTION = np.dtype(

@@ -4,15 +4,16 @@ The speed of the reference is that of some free braking trajectory (braking_traj
 the goal. Where both lead the same way, as in a corner, that is safe. Where the goal jumps, as when a corner opens
 beside a box, it is not: the car would leave the only free trajectory for a goal that it cannot reach at its speed.
 
-So each reference command is simulated first: the car follows it for one tick, since the command holds until the next
-scan, and then brakes to a stop, with the same friction limiter that drives the car. If the car would hit something,
-it brakes at once, and directions to both sides of the reference are simulated as well. Of those in which the car
-stops in time the one with the longest view is taken, because the nearest to the reference often ends in the corner
-between a box and a wall. If there is none, the car brakes in the direction in which it would be slowest at the
-contact; the margins often make that a stop. Each direction is simulated with several shares of the grip for
-cornering, from braking first and turning late to the reverse. This is a dynamic window (D. Fox, W. Burgard and S.
-Thrun, The Dynamic Window Approach to Collision Avoidance, IEEE Robotics & Automation Magazine 4(1), 1997) over
-directions and shares of grip.
+So each reference command is simulated first: the car follows it for one tick, since the command holds until the
+next scan, and then brakes to a stop, with the same friction limiter that drives the car. If the car would hit
+something, it brakes at once, and directions to both sides of the reference are simulated as well. Of those in which
+the car stops in time the one with the longest view is taken, because the nearest to the reference often ends in the
+corner between a box and a wall. If there is none, the car brakes in the direction in which it would be slowest at
+the contact; the margins often make that a stop. Each direction is simulated with several shares of the grip for
+cornering, from braking first and turning late to the reverse. Where guidance leads the car, the reference is the
+motion that it follows, and its stop is simulated along the motion, not towards a goal. This is a dynamic window (D.
+Fox, W. Burgard and S. Thrun, The Dynamic Window Approach to Collision Avoidance, IEEE Robotics & Automation
+Magazine 4(1), 1997) over directions and shares of grip.
 
 These stops are as hard as the tires hold, and those that limit the speed are far softer. On a track without obstacles
 the reference is therefore rarely changed.
@@ -31,6 +32,7 @@ from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from ..control.settings import FROM_ZERO, POSITIVE, Record, Settings, setting, setting_of_car
+from ..control.speed import share_of_way
 from ..control.steering import pursue
 from ..control.tracking import next_place, steer_along
 from .friction_limiter import FrictionLimiterSettings, limited
@@ -185,13 +187,14 @@ def speed_at_contact(
       period: of a tick [s].
       path: a motion (m, 4) to steer along instead of to the goal, in the frame of the rear axle; m may be 0.
     """
-    car, (bearing, distance), tau = limiter.car, goal, limiter.car.speed_time_constant
+    car, (bearing, distance) = limiter.car, goal
     lidar, standing = car.lidar_offset, settings.standing_speed
     front = car.length - car.rear_overhang - 0.25 * car.width  # ahead of the rear axle, as the LiDAR
     to_bumper = 0.25 * car.width  # widening does not shorten a reading, so this has to stay clear too
     goal_x, goal_y = lidar + distance * math.cos(bearing), distance * math.sin(bearing)
-    turned = 1.0 - math.exp(-period / limiter.settings.steering_response)  # part of a command that a tick carries out
-    slowed, slowed_twice = 1.0 - math.exp(-period / tau), 1.0 - math.exp(-2.0 * period / tau)
+    turned = share_of_way(period, limiter.settings.steering_response)  # part of a command that a tick carries out
+    slowed = share_of_way(period, car.speed_time_constant)
+    slowed_twice = share_of_way(2.0 * period, car.speed_time_constant)
     x, y, heading = 0.0, 0.0, 0.0  # of the rear axle
     place = 0
     for tick in range(_TICKS):

@@ -17,7 +17,7 @@ from ..control.settings import Record
 from ..control.steering import arc_through, saturate
 from ..control.tracking import CURVATURE, HEADING, X, Y
 from ..perception.way_on import AT_WALL, NEAR_WALL
-from .motion_search import DIRECTION, MOST_IN_WALLS, MOTION, outline_in_walls, search_motion, touches
+from .motion_search import DIRECTION, MOST_IN_WALLS, MOST_LOCK, MOTION, outline_in_walls, search_motion, touches
 
 _SLOW = 0.7  # [m/s]
 _PATIENCE = 14  # ticks
@@ -26,6 +26,7 @@ _SPEED = 0.8  # [m/s]
 _BRAKING = 1.5  # [m/s^2] before a change of direction
 _REACH = 0.3  # [m] to the point that the car steers for
 _HORIZON = 1.5  # [m] by which the way to go is shorter at the end
+_GRIP = 0.85  # of the cornering acceleration; the search takes the car to be standing
 _NODES = 16000
 
 TURNING = np.dtype(
@@ -99,7 +100,9 @@ def _begins(way: Record, limiter: Record, memory: Record, steering_angle: float,
     car, world = limiter.car, way.map
     curvature = math.tan(steering_angle) / car.wheelbase
     for nearest in (NEAR_WALL, AT_WALL):
-        if search_motion(way, limiter, memory.motion, curvature, 0.0, 0.0, 0.85, 0.97, _HORIZON, nearest, True, _NODES):
+        if search_motion(
+            way, limiter, memory.motion, curvature, 0.0, 0.0, _GRIP, MOST_LOCK, _HORIZON, nearest, True, _NODES
+        ):
             memory.active, memory.place = True, 0
             memory.in_walls = outline_in_walls(world, car, world.x, world.y, world.heading)
             return True

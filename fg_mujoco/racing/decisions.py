@@ -125,7 +125,7 @@ class DecisionClock:
         try:
             try:
                 decide()
-            finally:
+            finally:  # the signal may still come in here, before the assignment
                 self._deciding = False
         finally:
             self._deciding = False

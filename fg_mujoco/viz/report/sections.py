@@ -8,6 +8,7 @@ from html import escape
 from typing import Any
 
 from ...racing.decisions import decision_limit_text
+from ...simulation.planner_failure import place
 from ...vehicle.tire_slip import SLIDING_SPEED
 from .clip import Clip
 from .lap_table import SECTORS, Lap
@@ -71,7 +72,7 @@ def head(run: RecordedRun, title: str, notes: Sequence[str]) -> str:
 
 def _failure(told: dict[str, Any]) -> str:
     """Return why a planner failed and where, and its traceback."""
-    where = f" ({told['file']}, line {told['line']})" if told["line"] is not None else ""
+    where = place(told["file"], told["line"])
     text = f"The planner failed at t = {told['time_s']:.3f} s: {told['error']}{where}. It was told {told['scan']}."
     said = f"<pre>{escape(told['traceback'])}</pre>" if told["traceback"] else ""
     return escape(text) + said
