@@ -216,6 +216,7 @@ def _mark_walls(world: Record, walls: NDArray[np.uint8], near: NDArray[np.uint8]
     padded = np.zeros(SIZE + 12, np.uint8)
     one, two = np.zeros((SIZE, SIZE), np.uint8), np.zeros((SIZE, SIZE), np.uint8)
     four, six = np.zeros((SIZE, SIZE), np.uint8), np.zeros((SIZE, SIZE), np.uint8)
+    holes = np.zeros((SIZE, SIZE), np.uint8)
     for i in range(SIZE):
         cells = world.cells[i]
         some = 0
@@ -226,6 +227,7 @@ def _mark_walls(world: Record, walls: NDArray[np.uint8], near: NDArray[np.uint8]
             continue
         padded[:6], padded[SIZE + 6 :] = padded[SIZE : SIZE + 6].copy(), padded[6:12].copy()
         for j in range(SIZE):
+            holes[i, j] = padded[j + 4] & padded[j + 8]
             one[i, j] = padded[j + 5] | padded[j + 6] | padded[j + 7]
             two[i, j] = one[i, j] | padded[j + 4] | padded[j + 8]
             four[i, j] = two[i, j] | padded[j + 2] | padded[j + 3] | padded[j + 9] | padded[j + 10]
@@ -235,8 +237,7 @@ def _mark_walls(world: Record, walls: NDArray[np.uint8], near: NDArray[np.uint8]
         for j in range(SIZE):
             octagon = one[a, j] | two[b, j] | two[i, j] | two[c, j] | one[d, j]
             at_wall = one[i, j] | (world.cells[b, j] == WALL) | (world.cells[c, j] == WALL)
-            hole = (world.cells[a, j] == WALL) & (world.cells[d, j] == WALL)
-            hole |= (world.cells[i, (j - 2) & RING] == WALL) & (world.cells[i, (j + 2) & RING] == WALL)
+            hole = holes[i, j] | ((world.cells[a, j] == WALL) & (world.cells[d, j] == WALL))
             walls[i, j] = octagon * NEAR_WALL | at_wall * AT_WALL | hole * HOLE
         for offset in range(-6, 7):
             k = (i + offset) & RING

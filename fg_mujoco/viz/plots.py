@@ -104,8 +104,9 @@ def trace_picture(result: RaceResult, path: str | Path | BinaryIO) -> None:
         for text, marked in (("turned here", result.wrong_way), ("crashed here", result.crash)):
             if marked is not None:
                 axes.plot(marked.x_m, marked.y_m, "x", color=_ALERT, markersize=9.0, markeredgewidth=2.0)
-                place = (marked.x_m, marked.y_m)
-                axes.annotate(text, place, (6.0, 6.0), textcoords="offset points", color=_ALERT)
+                place, right = (marked.x_m, marked.y_m), marked.x_m > sum(axes.get_xlim()) / 2.0
+                offset, side = ((-8.0, 6.0), "right") if right else ((8.0, 6.0), "left")  # where the picture has room
+                axes.annotate(text, place, offset, textcoords="offset points", color=_ALERT, ha=side)
         axes.set_title(_headline(result))
 
         panels = [figure.add_subplot(grid[1])]
