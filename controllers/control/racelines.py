@@ -39,7 +39,9 @@ def read_line(path: str | Path) -> tuple[FloatArray, FloatArray]:
         format, a cell that is no finite number, a speed that is not positive, or no two points.
     """
     try:
-        text = Path(path).read_text(encoding="utf-8-sig")
+        if (file := Path(path)).exists() and not (file.is_file() or file.is_dir()):
+            raise OSError(0, "is a FIFO or a device, not a regular file")
+        text = file.read_text(encoding="utf-8-sig")
     except (OSError, ValueError) as error:
         raise SettingsError(f"line {path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
     rows: list[list[float]] = []

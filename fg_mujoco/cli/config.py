@@ -19,6 +19,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from ..course.files import is_folder, read_bytes
 from ..errors import FgMujocoError, RunFolderError, SettingsError, accepted_names
 from ..lidar.effects import LidarEffects
 from ..lidar.lidar import LIDAR_BACKENDS
@@ -42,6 +43,7 @@ Check = Callable[[Any], object]
 
 _OPTION = "--config"
 _OF_THE_OUTPUT = ("out", "video", "json", "traceback")  # options that say nothing about the race itself
+_MOST_BYTES, _MOST_LINES, _MOST_CHARACTERS = 2**20, 1000, 2000  # of a TOML file, the last of one line in it
 _OF_THE_USER = ("help", "config", "trust")  # options that no file can set
 
 
@@ -66,7 +68,7 @@ def parse(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> a
     given = read_config(options.config, options.command)
     options.command.set_defaults(**given)
     options = parser.parse_args(arguments)
-    if Path(options.config).is_dir() and options.controller == given.get("controller"):
+    if is_folder(options.config) and options.controller == given.get("controller"):
         summary, where = read_summary(options.config), f"{Path(options.config) / SUMMARY}, settings"
         source = ControllerChoice.of(options.controller).source
         require_trusted(source, recorded_sha256(summary), trust=options.trust, where=where)
@@ -87,18 +89,22 @@ def read_config(path: str | Path, command: argparse.ArgumentParser) -> dict[str,
       SettingsError, RunFolderError: as `parse`.
     """
     path = Path(path)
-    return _read_run(path, command) if path.is_dir() else _read_toml(path, command)
+    return _read_run(path, command) if is_folder(path) else _read_toml(path, command)
 
 
 def _read_toml(path: Path, command: argparse.ArgumentParser) -> dict[str, Any]:
     try:
-        text = path.read_bytes().decode("utf-8")
+        text = read_bytes(path, _MOST_BYTES).decode("utf-8")
+        _check_text(path, text)
         content = tomllib.loads(text)
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or error
         raise SettingsError(f"{path}: cannot be read: {reason}; accepted: a TOML file, or a run folder") from error
     except tomllib.TOMLDecodeError as error:  # it says which line
         raise SettingsError(f'{path}: {error}; accepted: TOML, as: track = "oval"') from error
+    except (ValueError, RecursionError) as error:  # of thousands of digits or levels
+        reason = "nested too deep" if isinstance(error, RecursionError) else error
+        raise SettingsError(f'{path}: {reason}; accepted: TOML, as: track = "oval"') from error
     values: dict[str, Any] = {}
     for key, value in content.items():
         where = f"{path}, line {_line(text, key)}"
@@ -107,6 +113,18 @@ def _read_toml(path: Path, command: argparse.ArgumentParser) -> dict[str, Any]:
             raise SettingsError(f"{where}: {key!r} was given before; accepted: each setting once")
         values[name] = _checked(name, value, command, where)
     return values
+
+
+def _check_text(path: Path, text: str) -> None:
+    """Refuse a text that is no race's settings before it is read, which takes the square of its size."""
+    lines = text.split("\n")
+    if len(lines) > _MOST_LINES:
+        raise SettingsError(f"{path}: {len(lines)} lines; accepted: {_MOST_LINES} at most")
+    for place, line in enumerate(lines, start=1):
+        if len(line) > _MOST_CHARACTERS:
+            raise SettingsError(
+                f"{path}, line {place}: {len(line)} characters; accepted: {_MOST_CHARACTERS} at most in a line"
+            )
 
 
 def _read_run(folder: Path, command: argparse.ArgumentParser) -> dict[str, Any]:

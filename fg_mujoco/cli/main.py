@@ -43,6 +43,7 @@ from .options import (
     add_trust_option,
     can_draw,
     drive_options,
+    in_one_line,
     in_options,
     number,
     whole,
@@ -67,7 +68,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
     except FgMujocoError as error:
         said = str(error) if options is None else in_options(str(error), options.command)
-        print("fg-mujoco:", *said.split(), file=sys.stderr)
+        print("fg-mujoco:", in_one_line(said), file=sys.stderr)
         return _BAD_INPUT
     except KeyboardInterrupt:
         return _INTERRUPTED
@@ -114,7 +115,7 @@ class _Parser(argparse.ArgumentParser):
             raise argparse.ArgumentError(None, f"{name} is {value!r}; {accepted_names(value, action.choices)}")
 
     def error(self, message: str) -> NoReturn:
-        self.exit(_BAD_INPUT, f"{self.prog}: {message}; see {self.prog} --help\n")
+        self.exit(_BAD_INPUT, f"{self.prog}: {in_one_line(message)}; see {self.prog} --help\n")
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -21,6 +21,7 @@ _Progress = TypeVar("_Progress")
 DRIVE = ("vehicle", "mu", "planner_mu", "max_speed")
 """Settings that are spelt alike at every door."""
 
+_LONGEST_WORD, _LONGEST_LINE = 400, 4000  # characters of a message
 _REDRAW = 0.1  # [s] of wall time between two lines of progress
 
 _OPTION_OF = {
@@ -48,6 +49,14 @@ def in_options(message: str, command: argparse.ArgumentParser) -> str:
     name = _OPTION_OF.get(field[1], field[1])
     option = options.get(name) or options.get(f"{name}s")  # the command compare takes lists
     return message if option is None else f"{option}{message[field.end() :]}"
+
+
+def in_one_line(message: str) -> str:
+    """Return a message in one line of bounded length, without the middle of what is longer, or control characters."""
+    words = (word if len(word) <= _LONGEST_WORD else f"{word[:100]}...{word[-60:]}" for word in message.split())
+    words = ("".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in word) for word in words)
+    line = " ".join(words)
+    return line if len(line) <= _LONGEST_LINE else f"{line[: _LONGEST_LINE // 2]} ... {line[-_LONGEST_LINE // 4 :]}"
 
 
 def whole(text: str) -> int:

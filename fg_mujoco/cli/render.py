@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import SettingsError
+from ..racing.run_folder import read_summary
 from .options import ProgressLine, add_trust_option, number
 
 if TYPE_CHECKING:
@@ -79,6 +80,7 @@ def _render(options: argparse.Namespace) -> int:
 
     find_camera(options.camera)
     find_quality(options.quality)
+    read_summary(options.folder)  # a folder that is none is refused before all else
     one = options.frame is not None
     name = f"{Path(options.folder).resolve().name}-{options.camera}{'.png' if one else '.mp4'}"
     path = options.out or Path(name)

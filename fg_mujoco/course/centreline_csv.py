@@ -32,8 +32,9 @@ import numpy as np
 
 from ..errors import TrackError, accepted_names, nearest
 from ..messages import FloatArray
+from .files import read_text
 from .polyline import enclosed_area, spline, step_lengths
-from .track import MIN_POINTS, Track
+from .track import MIN_POINTS, MOST_POINTS, Track, check_size
 
 COLUMNS = ("x_m", "y_m", "w_tr_right_m", "w_tr_left_m")
 DENSE = 0.5  # [m] longest step of a line that is kept as it is
@@ -177,6 +178,10 @@ def _read(path: Path) -> tuple[FloatArray, FloatArray | None]:
     if len(rows) < MIN_POINTS:
         raise TrackError(f"{path}: {len(rows)} points; accepted: at least {MIN_POINTS} different ones in a closed loop")
     line, widths = rows[:, :2], rows[:, 2:].T if columns == len(COLUMNS) else np.empty((0, len(rows)))
+    try:
+        check_size(line)  # before it is resampled
+    except TrackError as error:
+        raise TrackError(f"{path}: {error}") from error
     if step_lengths(line).max() > DENSE:
         line, *resampled = spline(line, SPACING, *widths)
         widths = np.array(resampled)
@@ -185,7 +190,7 @@ def _read(path: Path) -> tuple[FloatArray, FloatArray | None]:
 
 def _read_text(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8-sig")  # the signature is what Windows editors put first
+        return read_text(path)
     except FileNotFoundError:
         raise TrackError(f"{path}: no such file; accepted: a centreline .csv of {', '.join(COLUMNS)}") from None
     except IsADirectoryError:
@@ -193,7 +198,9 @@ def _read_text(path: Path) -> str:
     except UnicodeDecodeError:
         raise TrackError(f"{path}: is not a text file; accepted: a centreline .csv of {', '.join(COLUMNS)}") from None
     except OSError as error:
-        raise TrackError(f"{path}: cannot be read: {error.strerror or error}") from error
+        raise TrackError(
+            f"{path}: cannot be read: {error.strerror or error}; accepted: a centreline .csv of {', '.join(COLUMNS)}"
+        ) from error
 
 
 def _parse(path: Path, text: str) -> FloatArray:
@@ -222,6 +229,8 @@ def _parse(path: Path, text: str) -> FloatArray:
             if column.startswith("w_") and float(cell) <= 0.0:
                 raise TrackError(f"{path}: line {number}: {column} is {cell}; accepted: a width above 0 m")
         rows.append([float(cell) for cell in cells])
+        if len(rows) > MOST_POINTS:
+            raise TrackError(f"{path}: line {number}: more than {MOST_POINTS} points; accepted: {MOST_POINTS} at most")
     if not seen_any:
         raise TrackError(f"{path}: is empty; accepted: one point a line, {', '.join(COLUMNS)}")
     return np.array(rows).reshape(-1, len(columns))

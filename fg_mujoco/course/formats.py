@@ -11,6 +11,7 @@ from ..errors import TrackError, accepted_names, nearest
 from ..messages import CarParameters
 from .centreline_csv import is_centreline, load_centreline, read_centreline
 from .course import Course
+from .files import is_file
 from .generator import generate_track
 from .maps.map_track import is_map, load_map
 from .scenes.catalogue import PREFIX, load_scene, scene_names
@@ -48,8 +49,7 @@ def load_course(name_or_path: str | Path, car: CarParameters) -> Course:
         return load_scene(name, car)
     if is_map(name):
         return load_map(name)
-    path = Path(name_or_path)
-    if is_centreline(name) or path.is_file():
+    if is_centreline(name) or is_file(name):
         return load_centreline(name)
     others = ", random:SEED, random:SEED:tight, scene:NAME:SEED, or a path to a centreline .csv or a map .yaml"
     besides = [*([f"random:{rest}"] if rest else []), *(f"{PREFIX}{scene}" for scene in scene_names())]

@@ -34,6 +34,10 @@ HEADING = 0.2  # [rad] greatest, of a random start, from that of the centreline
 _TRIES = 1000  # random starts that are drawn before there is said to be none
 
 MIN_POINTS = 4  # three make a triangle, which tells nothing of a circuit
+MOST_POINTS = 200_000  # work on a line grows with its points
+LONGEST = 30e3  # [m] of a line: the longest circuits there are, at their full size
+FURTHEST = 1e6  # [m] from the world's origin: numbers there are still true to 1e-9 m
+WIDEST = 1e3  # [m] to either wall
 
 _SEARCH = 1.5  # [m] to either side of the previous progress; a car at 20 m/s does 0.5 m in a tick of 25 ms
 _CHUNK = 256  # points projected at once against the whole line, to bound the memory
@@ -44,9 +48,10 @@ class Track:
     """A circuit, driven in the order of its points.
 
     Raises:
-      TrackError: when made, fewer than 4 points, a number that is not finite, a width that is not positive, a point
-        twice in a row, a line that turns back or crosses itself, or stretches that run over each other. When its
-        walls are asked for, corners that leave no room for the inner one.
+      TrackError: when made, fewer than 4 points or more than MOST_POINTS, a number that is not finite, a coordinate
+        beyond FURTHEST, a line longer than LONGEST, a width that is not positive or is above WIDEST, a point twice in
+        a row, a line that turns back or crosses itself, or stretches that run over each other. When its walls are asked
+        for, corners that leave no room for the inner one.
     """
 
     name: str
@@ -63,9 +68,11 @@ class Track:
             width = read_only(getattr(self, side))
             if width.shape != (len(line),):
                 raise TrackError(f"{side} has shape {width.shape}; accepted: ({len(line)},), one for each point")
-            if not np.all((width > 0.0) & (width < math.inf)):
-                bad = int(np.flatnonzero(~((width > 0.0) & (width < math.inf)))[0])
-                raise TrackError(f"{side} is {width[bad]} m at point {bad}; accepted: a positive number")
+            if not np.all((width > 0.0) & (width <= WIDEST)):
+                bad = int(np.flatnonzero(~((width > 0.0) & (width <= WIDEST)))[0])
+                raise TrackError(
+                    f"{side} is {width[bad]} m at point {bad}; accepted: a positive number, at most {WIDEST:g} m"
+                )
             object.__setattr__(self, side, width)
         _check_line(line)
         _ = self._corridor  # refuses stretches that run over each other
@@ -374,11 +381,32 @@ def follow(x: float, y: float, near: float, table: FloatArray, modulus: float) -
     return s % modulus, offset
 
 
+def check_size(line: FloatArray) -> None:
+    """Refuse a line (n, 2) of finite numbers [m] that is too much to work on, or too far away.
+
+    Raises:
+      TrackError: more than MOST_POINTS points, a coordinate beyond FURTHEST, or a line longer than LONGEST.
+    """
+    if len(line) > MOST_POINTS:
+        raise TrackError(f"the centreline has {len(line)} points; accepted: {MOST_POINTS} at most")
+    far = np.abs(line).max(axis=1) > FURTHEST
+    if far.any():
+        x, y = line[far][0]
+        raise TrackError(
+            f"the centreline is ({x:g}, {y:g}) at point {int(far.argmax())}; accepted: within {FURTHEST:g} m of the "
+            "origin"
+        )
+    length = float(step_lengths(line).sum())
+    if length > LONGEST:
+        raise TrackError(f"the centreline is {length:g} m long; accepted: {LONGEST:g} m at most")
+
+
 def _check_line(line: FloatArray) -> None:
     """Raise TrackError for a line that no corridor can follow."""
     if not np.isfinite(line).all():
         bad = int(np.flatnonzero(~np.isfinite(line).all(axis=1))[0])
         raise TrackError(f"the centreline is {tuple(line[bad].tolist())} at point {bad}; accepted: finite numbers")
+    check_size(line)
     lengths = step_lengths(line)
     if not np.all(lengths > 0.0):
         bad = int(np.argmin(lengths))

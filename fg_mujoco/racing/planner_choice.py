@@ -21,7 +21,7 @@ Value = float | int | bool | str
 
 _CHOICE = re.compile(r"([^\[\]]+?)\s*(?:\[([^\[\]]*)\])?")
 
-_WORD = re.compile(r"[A-Za-z_./][\w./-]*")  # and paths
+_WORD = re.compile(r"[A-Za-z_./~][\w./+~@%# -]*|[^\[\],|:=\x00-\x1f]*/[^\[\],|:=\x00-\x1f]*")  # and paths
 _WORDS: dict[str, Value] = {"true": True, "false": False, "off": math.inf, "inf": math.inf}
 
 

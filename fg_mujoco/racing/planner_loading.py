@@ -25,6 +25,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
+from ..course.files import is_file
 from ..errors import ControllerError, SettingsError, accepted_names
 from ..messages import CarParameters, Controller, MapLine
 from ..simulation.planner_adapter import short, short_text
@@ -330,7 +331,7 @@ _READ = "__fg_mujoco_read__"  # name in a module that was read from a user's fil
 
 
 def _import_file(path: Path, origin: str) -> ModuleType:
-    if not path.is_file():
+    if not is_file(path):
         raise ControllerError(f"{origin}: there is no file {path}")
     module = ModuleType(f"fg_mujoco_user_{path.stem}")
     module.__file__ = str(path)

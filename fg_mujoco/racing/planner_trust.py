@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from ..course.files import is_file
 from ..errors import ControllerError
 from .planner_loading import bundled_names, origin
 
@@ -44,7 +45,7 @@ def require_trusted(source: str, sha256: str | None, *, trust: bool, where: str)
     path, colon, _ = source.rpartition(":")
     if not colon:  # of an installed package, whose code the user has chosen
         found = origin(source)["sha256"] if sha256 is not None else None
-    elif Path(path).is_file():
+    elif is_file(path):
         found = hashlib.sha256(Path(path).read_bytes()).hexdigest()
     else:
         raise ControllerError(f"{said}: there is no file {path}; accepted with --trust: the file as it was raced")

@@ -33,6 +33,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from ..course.files import is_file, read_text, require_regular
 from ..errors import FgMujocoError, RunFolderError
 from ..messages import FloatArray, LaserScan, Odometry
 from ..simulation.planner_failure import PlannerFailure
@@ -141,10 +142,10 @@ def read_summary(folder: str | Path) -> dict[str, Any]:
       RunFolderError: it is not one, or its summary is damaged.
     """
     path = Path(folder) / SUMMARY
-    if not path.is_file():
+    if not is_file(path):
         raise RunFolderError(f"{folder}: has no {SUMMARY}; accepted: a folder that `race --out` wrote")
     with _blame(path):
-        summary = json.loads(path.read_text(encoding="utf-8"))
+        summary = json.loads(read_text(path))
         if not isinstance(summary, dict) or summary.get("schema") != SCHEMA:
             raise ValueError(f"no JSON object with schema {SCHEMA}")
     return summary
@@ -158,6 +159,9 @@ def read_run(folder: str | Path) -> Run:
     """
     folder = Path(folder)
     summary = read_summary(folder)
+    for path in (folder / _SCENE, folder / _STATES, folder / _TELEMETRY):
+        with _blame(path):
+            require_regular(path)
     with _blame(folder / _STATES), np.load(folder / _STATES, allow_pickle=False) as arrays:
         time, states, ctrl = (np.array(arrays[name], dtype=np.float64) for name in ("time", "state", "ctrl"))
         if ctrl.shape != (len(ctrl), 2) or states.ndim != 2 or {len(time), len(states)} != {len(ctrl) + 1}:

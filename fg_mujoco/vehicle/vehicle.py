@@ -19,6 +19,7 @@ from typing import Any
 
 import mujoco
 
+from ..course.files import read_text
 from ..errors import SettingsError, accepted_names
 from ..lidar.beams import LidarModel
 from ..messages import CarParameters
@@ -76,7 +77,7 @@ class Vehicle:
             return _bundled(source)
         path = Path(source).expanduser()
         try:
-            text = path.read_text("utf-8")
+            text = read_text(path)
         except (OSError, UnicodeDecodeError) as error:
             reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
             raise SettingsError(f"vehicle file {source}: {reason}; accepted: an MJCF file") from error

@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...errors import MissingExtraError, TrackError, accepted_names, nearest
 from ...messages import FloatArray
+from ..files import read_text, require_regular
 
 BoolArray = NDArray[np.bool_]
 
@@ -34,6 +35,8 @@ MOST_PIXELS = 4096**2
 
 _RESOLUTIONS = (0.001, 1.0)  # [m] of a pixel: from a millimetre to more than a car
 _FURTHEST = 1e6  # [m] from the world's origin: numbers there are still true to 1e-9 m
+_GREATEST = 1e300  # of a number at all: whole numbers of YAML have no end
+_MOST_BYTES, _MOST_CHARACTERS, _DEEPEST = 2**20, 1000, 20  # of a YAML, of one value in it, levels of it
 
 _REQUIRED = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
 _STARTS = ("starting_positions", "starting_angle")  # not of map_server, but of maps that are raced on
@@ -177,13 +180,16 @@ def _read_yaml(path: Path) -> dict[str, Any]:
 
     known = (*_REQUIRED, "mode")
     try:
-        settings = yaml.safe_load(path.read_text(encoding="utf-8-sig"))
+        text = read_text(path, _MOST_BYTES)
     except FileNotFoundError:
         raise TrackError(f"{path}: no such file; accepted: a map_server .yaml of {', '.join(_REQUIRED)}") from None
     except (OSError, UnicodeDecodeError) as error:
         raise TrackError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
-    except yaml.YAMLError as error:
-        raise TrackError(f"{path}: is no YAML: {' '.join(str(error).split())}") from error
+    try:
+        settings = yaml.load(text, _plain_loader())
+    except Exception as error:  # YAML's own, and whatever its values' readers raise
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise TrackError(f"{path}: is no YAML: {reason}; accepted: the keys {', '.join(_REQUIRED)}") from error
     if not isinstance(settings, dict):
         raise TrackError(f"{path}: is no map_server YAML; accepted: the keys {', '.join(_REQUIRED)}")
     unknown = [str(key) for key in settings if key not in known]
@@ -198,6 +204,33 @@ def _read_yaml(path: Path) -> dict[str, Any]:
     return settings
 
 
+def _plain_loader() -> Any:
+    """Return a loader of YAML that refuses aliases, which multiply, deep nesting, and values of many characters."""
+    import yaml
+
+    class PlainLoader(yaml.SafeLoader):  # type: ignore[misc]
+        depth = 0
+
+        def compose_node(self, parent: Any, index: Any) -> Any:
+            event = self.peek_event()
+            wrong = ""
+            if isinstance(event, yaml.AliasEvent):
+                wrong = "an alias; accepted: the value itself"
+            elif self.depth >= _DEEPEST:
+                wrong = f"more than {_DEEPEST} levels; accepted: as many at most"
+            elif len(getattr(event, "value", "")) > _MOST_CHARACTERS:
+                wrong = f"a value of {len(event.value)} characters; accepted: {_MOST_CHARACTERS} at most"
+            if wrong:
+                raise ValueError(f"line {event.start_mark.line + 1}: {wrong}")
+            self.depth += 1
+            try:
+                return super().compose_node(parent, index)
+            finally:
+                self.depth -= 1
+
+    return PlainLoader
+
+
 def _number(path: Path, settings: dict[str, Any], key: str, accepts: Any, accepted: str) -> float:
     value = settings[key]
     if isinstance(value, bool) and key == "negate":
@@ -208,7 +241,7 @@ def _number(path: Path, settings: dict[str, Any], key: str, accepts: Any, accept
 
 
 def _is_finite(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and -_GREATEST < value < _GREATEST
 
 
 def _is_near(value: Any) -> bool:
@@ -220,6 +253,8 @@ def _image_path(path: Path, name: Any, outside_folder: bool) -> Path:
     if not isinstance(name, str) or not name:
         raise TrackError(f"{path}: image is {name!r}; accepted: the name of a file beside it")
     image = path.parent / name
+    if "\0" in name or len(name) > _MOST_CHARACTERS:
+        raise TrackError(f"{path}: image is {name[:60]!r}; accepted: the name of a file beside it")
     if not outside_folder and not image.resolve().is_relative_to(path.parent.resolve()):
         raise TrackError(
             f"{path}: image {name!r} is outside of the YAML's folder; accepted: a file inside it, or outside_folder=yes"
@@ -235,8 +270,11 @@ def _read_image(path: Path) -> tuple[NDArray[Any], FloatArray]:
     from PIL import Image
 
     try:
-        with warnings.catch_warnings(), Image.open(path) as image:
+        require_regular(path)
+        with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of Pillow: the limit here is lower than its own
+            opened = Image.open(path)  # reads the header alone
+        with opened as image:
             if image.width * image.height > MOST_PIXELS:
                 raise _too_large(path, f"{image.width} x {image.height}")
             if "transparency" not in image.info:
@@ -249,8 +287,11 @@ def _read_image(path: Path) -> tuple[NDArray[Any], FloatArray]:
         raise TrackError(f"{path}: no such file; accepted: a PNG or PGM image of the map") from None
     except Image.DecompressionBombError:
         raise _too_large(path, "hundreds of millions of") from None
+    except TrackError:
+        raise
     except (OSError, ValueError, SyntaxError) as error:
-        raise TrackError(f"{path}: cannot be read as an image: {error}; accepted: PNG or PGM") from error
+        reason = getattr(error, "strerror", None) or error
+        raise TrackError(f"{path}: cannot be read as an image: {reason}; accepted: PNG or PGM") from error
     levels = pixels[..., :3].sum(axis=2, dtype=np.uint16)
     levels[pixels[..., 3] < 255] = 766
     return levels, np.append(np.arange(766.0) / 3.0, np.nan)

@@ -23,6 +23,7 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
+from ...course.files import is_file
 from ...course.scenes.catalogue import PREFIX
 from ...errors import ControllerError, FgMujocoError, RunFolderError
 from ...racing.planner_choice import ControllerChoice
@@ -50,7 +51,7 @@ class _Page:
 
 def is_comparison(folder: str | Path) -> bool:
     """Say whether a folder is one of `compare`; one of `race` is not."""
-    return (Path(folder) / _MANIFEST).is_file() and not (Path(folder) / "summary.json").exists()
+    return is_file(Path(folder) / _MANIFEST) and not is_file(Path(folder) / "summary.json")
 
 
 def write_comparison_report(

@@ -1,0 +1,233 @@
+"""Files and values that are too much, or no files: each is refused in one line that names it, before any work on it."""
+
+import os
+
+import numpy as np
+import pytest
+from refusals import refused
+
+import fg_mujoco as fg
+from fg_mujoco.cli.options import in_one_line
+from fg_mujoco.course.files import is_file, is_folder, read_bytes, read_text, require_regular
+from fg_mujoco.course.track import FURTHEST, LONGEST, MOST_POINTS, WIDEST
+from fg_mujoco.errors import TrackError
+from fg_mujoco.racing.planner_choice import ControllerChoice
+from fg_mujoco.studies.rollout.randomization import Randomization
+
+LINE = [(0.0, 0.0), (5.0, 0.0), (10.0, 1.0), (10.0, 5.0), (5.0, 6.0), (0.0, 5.0)]
+LONG = "a" * 5000
+MAP = """image: {image}
+resolution: {resolution}
+origin: {origin}
+negate: 0
+occupied_thresh: 0.65
+free_thresh: 0.196
+"""
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def csv_of(first=None, width=1.0, shift=0.0):
+    points = [first, *LINE[1:]] if first else LINE
+    return "".join(f"{x + shift!r}, {y!r}, {width!r}, {width!r}\n" for x, y in points)
+
+
+def map_of(image="map.png", resolution="0.05", origin="[0, 0, 0]", before=""):
+    return before + MAP.format(image=image, resolution=resolution, origin=origin)
+
+
+def laughs():
+    lines = ["a: &a [x, x, x, x, x, x, x, x, x, x]"]
+    lines += [f"{new}: &{new} [{', '.join([f'*{old}'] * 10)}]" for old, new in zip("abcdefgh", "bcdefghi", strict=True)]
+    return "\n".join(lines) + "\n"
+
+
+TRACKS = {
+    "coordinate of 1e5 m": (csv_of((1e5, 0.0)), "the centreline is", "long; accepted: 30000 m"),
+    "coordinate of 1e150 m": (csv_of((1e150, 0.0)), "1e+150", "accepted: within 1e+06 m"),
+    "far away": (csv_of(shift=1e12), "1e+12", "accepted: within 1e+06 m"),
+    "width of 1e9 m": (csv_of(width=1e9), "1000000000.0 m", "at most 1000 m"),
+    "points without end": ("1, 2, 1, 1\n" * (MOST_POINTS + 1), f"line {MOST_POINTS + 1}", f"{MOST_POINTS} at most"),
+    "NUL": (csv_of().replace("5.0", "5\0"), "line 2", "accepted: a finite number"),
+    "digits": (csv_of().replace("0.0, 0.0", "9" * 5000 + ", 0.0", 1), "line 1", "a finite number"),
+}
+
+
+@pytest.mark.parametrize("name", TRACKS)
+def test_tracks_that_are_too_much(name, here, capsys):
+    text, *said = TRACKS[name]
+    (here / "mine.csv").write_text(text, "utf-8")
+    err = refused(here, capsys, "track", "show", "mine.csv")
+    assert "mine.csv: " in err and all(part in err for part in said)
+    assert len(err) < 4500
+
+
+MAPS = {
+    "billion laughs": (map_of(origin="*i", before=laughs()), "line 2", "an alias; accepted: the value itself"),
+    "an alias of itself": ("a: &a [*a]\n" + map_of(), "line 1", "an alias"),
+    "levels": (map_of(origin="[" * 100_000 + "]" * 100_000), "line 3", "levels; accepted"),
+    "a thousand levels": (map_of(origin="[" * 900 + "]" * 900), "line 3", "levels; accepted"),
+    "digits": (map_of(resolution="9" * 5000), "line 2", "5000 characters; accepted: 1000 at most"),
+    "a number beyond floats": (map_of(resolution="9" * 400), "resolution is 999", "accepted: the side of a pixel"),
+    "origin far away": (map_of(origin="[1.0e+12, 0, 0]"), "origin is [1000000000000.0", "within 1e+06"),
+    "resolution of nothing": (map_of(resolution="1.0e-300"), "resolution is 1e-300", "accepted: the side of a pixel"),
+    "no date": (map_of(resolution="2001-99-99"), "month must be in", "is no YAML"),
+    "a tag without a value": (map_of(resolution='!!int ""'), "is no YAML", "mine.yaml"),
+    "a tag of Python": (map_of(resolution="!!python/object/apply:os.getcwd []"), "no YAML", "python/object"),
+    "an image with NUL": (map_of(image='"a\\0.png"'), "image is 'a\\x00.png'", "accepted: the name of a file"),
+    "an image with a long name": (map_of(image="a" * 900 + ".png"), "cannot be read as an image", "PNG or PGM"),
+    "an image that is a FIFO": (map_of(image="pipe"), "pipe: cannot be read as an image: is a FIFO", "PNG or PGM"),
+    "an image that is a folder": (map_of(image="folder"), "folder: cannot be read as an image: is a folder", "PNG"),
+    "a large file": (map_of() + "#" * 2**20, "has more than 1048576 bytes", "mine.yaml"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_maps_that_are_too_much(name, here, capsys):
+    pytest.importorskip("yaml", reason="no yaml here: pip install 'fg-mujoco[maps]'")
+    text, *said = MAPS[name]
+    (here / "mine.yaml").write_text(text, "utf-8")
+    os.mkfifo(here / "pipe")
+    (here / "folder").mkdir()
+    err = refused(here, capsys, "track", "show", "mine.yaml")
+    assert all(part in err for part in said)
+    assert len(err) < 4500
+
+
+def test_an_image_is_refused_by_its_header_alone(here, capsys):
+    """It has no pixels at all behind it: decoding it would be said to fail."""
+    pytest.importorskip("PIL", reason="no Pillow here: pip install 'fg-mujoco[maps]'")
+    (here / "mine.yaml").write_text(map_of(image="map.pgm"), "utf-8")
+    (here / "map.pgm").write_bytes(b"P5 10000 10000 255\n")
+    err = refused(here, capsys, "track", "show", "mine.yaml")
+    assert err.startswith("fg-mujoco: map.pgm: 10000 x 10000 pixels; accepted: ")
+
+
+CONFIGS = {
+    "levels": ("track = " + "[" * 900 + "]" * 900 + "\n", "nested too deep"),
+    "dotted levels": ("a" + ".a" * 50_000 + " = 1\n", "line 1: 100005 characters; accepted: 2000 at most"),
+    "digits": ("laps = " + "9" * 1900 + "\n", "accepted: a whole number from 1 to 1000;"),
+    "more digits": ("laps = " + "9" * 10_000 + "\n", "line 1: 10007 characters"),
+    "lines": ("# x\n" * 20_000 + "lapps = 1\n", "20002 lines; accepted: 1000 at most"),
+    "NUL": ("track = 'a\0'\n", "accepted: TOML"),
+    "a name with NUL": ('track = "a\\u0000.csv"\n', "line 1: track: "),
+    "a long name": ("track = '" + "a" * 1900 + ".csv'\n", "line 1: track: "),
+    "a large file": ("#" * (2**20 + 1), "has more than 1048576 bytes"),
+}
+
+
+@pytest.mark.parametrize("name", CONFIGS)
+def test_settings_that_are_too_much(name, here, capsys):
+    text, said = CONFIGS[name]
+    (here / "race.toml").write_text(text, "utf-8")
+    err = refused(here, capsys, "race", "--config", "race.toml")
+    assert "race.toml" in err and said in err
+    assert len(err) < 4500
+
+
+DOORS = (
+    ("track", "show", "{}.csv"),
+    ("track", "show", "{}.yaml"),
+    ("race", "--track", "{}.csv"),
+    ("race", "--vehicle", "{}.xml"),
+    ("race", "--controller", "{}.py:Planner"),
+    ("race", "--config", "{}.toml"),
+    ("replay", "{}"),
+    ("report", "{}"),
+    ("render", "{}", "--frame", "0", "--out", "picture.png"),
+)
+
+
+@pytest.mark.parametrize("arguments", DOORS, ids=lambda arguments: " ".join(arguments[:2]))
+@pytest.mark.parametrize("kind", ["FIFO", "device", "folder", "long", "NUL", "not UTF-8", "nothing"])
+def test_what_is_no_file_is_refused_at_every_door(kind, arguments, here, capsys):
+    name = {"long": LONG, "NUL": "a\0b", "not UTF-8": "a\udcff"}.get(kind, "thing")
+    for end in ("", ".csv", ".yaml", ".xml", ".py", ".toml"):
+        if kind == "FIFO":
+            os.mkfifo(here / f"thing{end}")
+        elif kind == "device":
+            (here / f"thing{end}").symlink_to("/dev/zero")
+        elif kind == "folder":
+            (here / f"thing{end}").mkdir()
+    err = refused(here, capsys, *(argument.format(name) for argument in arguments))
+    assert len(err) < 4500
+
+
+@pytest.mark.parametrize("file", ["summary.json", "scene.xml", "states.npz", "telemetry.csv"])
+def test_a_run_folder_of_fifos_is_refused(file, short_race, here, capsys):
+    folder = fg.write_run(short_race, here / "run", picture=False)
+    (folder / file).unlink()
+    os.mkfifo(folder / file)
+    for command in (("replay", "run"), ("report", "run")):
+        assert file in refused(here, capsys, *command)
+
+
+@pytest.mark.parametrize(
+    ("value", "accepted"),
+    [
+        (("--laps", "9" * 5000), "a whole number"),
+        (("--laps", "9" * 400), "a whole number from 1 to 1000;"),
+        (("--obstacles", "9" * 400), "obstacles"),
+        (("--track", "random:" + "9" * 5000), "with SEED an integer"),
+        (("--track", "scene:dead_end:" + "9" * 5000), "dead_end"),
+        (("--controller", "gap_finder[lookahead=" + "9" * 5000 + "]"), "accepted"),
+    ],
+)
+def test_values_that_are_too_much(value, accepted, here, capsys):
+    err = refused(here, capsys, "race", *value)
+    assert accepted in err and len(err) < 4500
+
+
+def test_tracks_from_python_have_the_same_bounds():
+    line, ones = np.array(LINE), np.ones(len(LINE))
+
+    def track(line=line, width=ones):
+        return fg.Track(name="mine", centreline=line, width_right=width, width_left=width)
+
+    assert track().length < 30.0
+    with pytest.raises(TrackError, match="long; accepted"):
+        track(line * LONGEST / 10.0)
+    with pytest.raises(TrackError, match="accepted: within"):
+        track(line + 2.0 * FURTHEST)
+    with pytest.raises(TrackError, match="at most"):
+        track(width=ones * 2.0 * WIDEST)
+    circle = np.linspace(0.0, 2.0 * np.pi, MOST_POINTS + 1, endpoint=False)
+    with pytest.raises(TrackError, match=f"{MOST_POINTS} at most"):
+        track(1000.0 * np.column_stack((np.cos(circle), np.sin(circle))), np.ones(len(circle)))
+
+
+@pytest.mark.parametrize("path", ["a+b/x.csv", "a b/x.csv", "2024/x.csv", "~/x.csv", "my line.csv", "a@b#1%.csv"])
+def test_paths_in_settings_may_have_any_usual_character(path):
+    assert dict(ControllerChoice.of(f"pure_pursuit[line={path}]").settings) == {"line": path}
+    assert Randomization.of({"planner.line": path}).ranges["planner.line"].values == (path,)
+
+
+@pytest.mark.parametrize("value", ["0.6.1", "8x", "a\0/b", "a[/b"])
+def test_what_is_neither_a_number_nor_a_word_is_refused(value):
+    with pytest.raises(fg.FgMujocoError, match="accepted"):
+        ControllerChoice.of(f"pure_pursuit[line={value}]")
+
+
+def test_only_regular_files_of_a_bounded_size_are_read(here):
+    (here / "text").write_bytes(b"\xef\xbb\xbfone\r\ntwo")
+    assert (read_text("text"), read_bytes("text", 11)) == ("one\ntwo", b"\xef\xbb\xbfone\r\ntwo")
+    with pytest.raises(OSError, match="more than 10 bytes"):
+        read_bytes("text", 10)
+    os.mkfifo("pipe")
+    for name in ("pipe", "/dev/zero", ".", "none", LONG, "a\0b"):
+        with pytest.raises(OSError):
+            require_regular(name)
+        assert not is_file(name)
+    assert is_file("text") and is_folder(".") and not is_folder("text") and not is_folder(LONG)
+
+
+def test_a_message_is_one_line_that_a_terminal_shows():
+    assert in_one_line("a  short\nmessage") == "a short message"
+    assert in_one_line(f"{'x' * 5000}: accepted") == f"{'x' * 100}...{'x' * 59}: accepted"
+    assert len(in_one_line("word " * 10_000)) < 4500
+    assert in_one_line("a\udcff\x1b[2J\0.csv") == "a\\udcff\\x1b[2J\\x00.csv"
+    assert in_one_line("μ of 3 m/s²") == "μ of 3 m/s²"
