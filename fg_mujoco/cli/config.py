@@ -95,11 +95,12 @@ def read_config(path: str | Path, command: argparse.ArgumentParser) -> dict[str,
 def _read_toml(path: Path, command: argparse.ArgumentParser) -> dict[str, Any]:
     try:
         text = read_bytes(path, _MOST_BYTES).decode("utf-8")
-        _check_text(path, text)
-        content = tomllib.loads(text)
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or error
         raise SettingsError(f"{path}: cannot be read: {reason}; accepted: a TOML file, or a run folder") from error
+    _check_text(path, text)
+    try:
+        content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:  # it says which line
         raise SettingsError(f'{path}: {error}; accepted: TOML, as: track = "oval"') from error
     except (ValueError, RecursionError) as error:  # of thousands of digits or levels

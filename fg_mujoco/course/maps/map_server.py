@@ -184,7 +184,10 @@ def _read_yaml(path: Path) -> dict[str, Any]:
     except FileNotFoundError:
         raise TrackError(f"{path}: no such file; accepted: a map_server .yaml of {', '.join(_REQUIRED)}") from None
     except (OSError, UnicodeDecodeError) as error:
-        raise TrackError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
+        reason = getattr(error, "strerror", None) or error
+        raise TrackError(
+            f"{path}: cannot be read: {reason}; accepted: a map_server .yaml of {', '.join(_REQUIRED)}"
+        ) from error
     try:
         settings = yaml.load(text, _plain_loader())
     except Exception as error:  # YAML's own, and whatever its values' readers raise
@@ -215,11 +218,11 @@ def _plain_loader() -> Any:
             event = self.peek_event()
             wrong = ""
             if isinstance(event, yaml.AliasEvent):
-                wrong = "an alias; accepted: the value itself"
+                wrong = "an alias in the place of a value"
             elif self.depth >= _DEEPEST:
-                wrong = f"more than {_DEEPEST} levels; accepted: as many at most"
+                wrong = f"more than {_DEEPEST} levels"
             elif len(getattr(event, "value", "")) > _MOST_CHARACTERS:
-                wrong = f"a value of {len(event.value)} characters; accepted: {_MOST_CHARACTERS} at most"
+                wrong = f"a value of {len(event.value)} characters, more than {_MOST_CHARACTERS}"
             if wrong:
                 raise ValueError(f"line {event.start_mark.line + 1}: {wrong}")
             self.depth += 1
