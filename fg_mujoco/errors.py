@@ -86,7 +86,7 @@ class BagError(FgMujocoError, OSError):
 
 
 class MissingExtraError(FgMujocoError, ImportError):
-    """An optional part that is not installed; the message is the command that installs it."""
+    """An optional part that is not installed; the message says what needs it, and the command that installs it."""
 
 
 class EngineError(FgMujocoError, RuntimeError):

@@ -231,7 +231,9 @@ def test_display_that_is_not_there_is_refused(monkeypatch, capsys):
 def test_without_viser_the_message_is_what_installs_it(monkeypatch, capsys):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     assert main(["view", "--web"]) == 2
-    assert capsys.readouterr().err == "fg-mujoco: pip install 'fg-mujoco[live]'\n"
+    assert (
+        capsys.readouterr().err == "fg-mujoco: the live view in a browser needs viser: pip install 'fg-mujoco[live]'\n"
+    )
 
 
 @contextlib.contextmanager

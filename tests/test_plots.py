@@ -105,5 +105,6 @@ def test_without_matplotlib_the_message_is_the_install_command(monkeypatch, shor
     ):
         with pytest.raises(fg.MissingExtraError) as refusal:
             draw()
-        assert str(refusal.value) == INSTALL_COMMAND == "pip install 'fg-mujoco[plot]'"
+        assert str(refusal.value) == f"pictures need matplotlib: {INSTALL_COMMAND}"
+        assert INSTALL_COMMAND == "pip install 'fg-mujoco[plot]'"
     assert list(tmp_path.iterdir()) == []

@@ -187,3 +187,57 @@ def test_settings_of_a_folder_that_were_changed_are_checked_as_any_file(tmp_path
     folder = fg.write_run(short_race, tmp_path / "run", picture=False, settings={"laps": 0, "track": "oval"})
     assert main(["race", "--config", str(folder)]) == 2
     assert "summary.json, settings: laps is " in capsys.readouterr().err
+
+
+PLANNER = """
+from fg_mujoco.messages import DriveCommand
+
+
+class Slow:
+    def reset(self): pass
+    def __call__(self, scan, odometry): return DriveCommand(steering_angle=0.1, speed=SPEED)
+"""
+
+
+@pytest.fixture
+def raced(tmp_path, monkeypatch):
+    """The folder of a race by a planner's file that lies beside it; the present folder."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("fg_mujoco.cli.main._check_out", lambda folder: False)  # without a picture
+    (tmp_path / "planner.py").write_text(PLANNER.replace("SPEED", "0.5"))
+    main(["race", "--controller", "planner.py:Slow", "--time-limit", "0.2", "--out", "first"])
+    return tmp_path
+
+
+def raced_again(folder, capsys, *arguments):
+    capsys.readouterr()
+    main(["race", "--config", str(folder), "--json", *arguments])
+    return json.loads(capsys.readouterr().out)
+
+
+@pytest.mark.parametrize("change", ["nothing", "another folder", "edited", "removed"])
+def test_a_planners_file_is_found_again_in_the_run_folder(raced, capsys, monkeypatch, change):
+    if change == "another folder":
+        (raced / "elsewhere").mkdir()
+        monkeypatch.chdir(raced / "elsewhere")
+    elif change == "edited":
+        (raced / "planner.py").write_text(PLANNER.replace("SPEED", "1.5"))
+    elif change == "removed":
+        (raced / "planner.py").unlink()
+    again, first = raced_again(raced / "first", capsys), fg.read_run(raced / "first").summary
+    assert again["trajectory_sha256"] == first["trajectory_sha256"]
+    kept = f"{raced / 'first' / 'controller.py'}:Slow"
+    assert again["settings"]["controller"] == ("planner.py:Slow" if change == "nothing" else kept)
+
+
+def test_an_option_wins_over_the_copy_in_the_run_folder(raced, capsys):
+    (raced / "planner.py").write_text(PLANNER.replace("SPEED", "1.5"))
+    again = raced_again(raced / "first", capsys, "--controller", "planner.py:Slow")
+    assert again["trajectory_sha256"] != fg.read_run(raced / "first").summary["trajectory_sha256"]
+
+
+def test_a_copy_in_the_run_folder_that_was_edited_is_refused(raced, capsys):
+    (raced / "first" / "controller.py").write_text(PLANNER.replace("SPEED", "1.5"))
+    capsys.readouterr()
+    assert main(["race", "--config", "first"]) == 2
+    assert "controller.py: is another one now" in capsys.readouterr().err

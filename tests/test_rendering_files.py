@@ -113,7 +113,7 @@ def test_no_encoder_is_the_command_that_installs_one(here, monkeypatch, run, cap
     monkeypatch.setattr(
         video.importlib.util, "find_spec", lambda name: None if name == "imageio_ffmpeg" else find_spec(name)
     )
-    assert complaint(capsys, run, *SMALL) == "fg-mujoco: pip install 'fg-mujoco[render]'"
+    assert complaint(capsys, run, *SMALL) == "fg-mujoco: videos need ffmpeg: pip install 'fg-mujoco[render]'"
 
 
 @needs_gl
@@ -223,7 +223,7 @@ def test_without_opengl_the_message_is_the_install_line_and_races_run(here, run)
     bare = bare_machine(here / "bare")
     command = [sys.executable, "-m", "fg_mujoco"]
     drawn = subprocess.run([*command, "render", run, *SMALL], capture_output=True, text=True, env=bare)
-    assert (drawn.returncode, drawn.stderr) == (2, f"fg-mujoco: {INSTALL_COMMAND}\n")
+    assert (drawn.returncode, drawn.stderr) == (2, f"fg-mujoco: 3D pictures need OpenGL: {INSTALL_COMMAND}\n")
     race = [*command, "race", "--time-limit", "0.1", "--laps", "1"]
     driven = subprocess.run(race, capture_output=True, text=True, env=bare)
     assert driven.returncode == 1 and driven.stderr == "" and "time limit" in driven.stdout

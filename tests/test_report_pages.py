@@ -194,12 +194,11 @@ def test_without_bokeh_the_race_is_written_all_the_same(here, monkeypatch, capsy
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     assert main(["race", "--laps", "1", "--time-limit", "0.2", "--out", "run"]) == 1
     assert (
-        "report.html needs bokeh and is left out; to have it: pip install 'fg-mujoco[report]'"
-        in capsys.readouterr().err
+        "report.html is left out; report pages need Bokeh: pip install 'fg-mujoco[report]'" in capsys.readouterr().err
     )
     assert not (here / "run" / "report.html").exists()
     assert main(["report", "run"]) == 2
-    assert complaint(capsys) == "fg-mujoco: pip install 'fg-mujoco[report]'"
+    assert complaint(capsys) == "fg-mujoco: report pages need Bokeh: pip install 'fg-mujoco[report]'"
 
 
 def test_race_leaves_a_report_in_its_folder(here, capsys):

@@ -5,6 +5,8 @@
     planner-mu = "off"
     motion-distortion = true
 
+A planner's file that is no longer where the command is given, or was edited, is the copy that the run folder keeps.
+
 The keys are the long options of `race`, with `-` or `_`, read off its parser; a value has the type that TOML gives it,
 and paths are from the present folder, as on the command line. Options on the command line win over the file's.
 """
@@ -19,7 +21,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..course.files import is_folder, read_bytes
+from ..course.files import is_file, is_folder, read_bytes
 from ..errors import FgMujocoError, RunFolderError, SettingsError, accepted_names
 from ..lidar.effects import LidarEffects
 from ..lidar.lidar import LIDAR_BACKENDS
@@ -28,7 +30,7 @@ from ..racing.planner_choice import ControllerChoice
 from ..racing.planner_loading import find_controller
 from ..racing.planner_trust import recorded_sha256, require_trusted
 from ..racing.race import RaceSettings
-from ..racing.run_folder import SUMMARY, read_summary
+from ..racing.run_folder import SUMMARY, kept_controller, read_summary
 from ..simulation.course_loading import load_track
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .options import number, number_or_off, whole
@@ -138,6 +140,8 @@ def _read_run(folder: Path, command: argparse.ArgumentParser) -> dict[str, Any]:
     for name in given:
         if name in _OF_THE_OUTPUT:
             raise RunFolderError(f"{where}: {name!r} is set; accepted: what is written is said on the command line")
+    if isinstance(given.get("controller"), str):
+        given["controller"] = _controller_of(folder, summary, given["controller"])
     # the planner is not loaded here: `parse` asks first whether it may be
     checks = {name: check for name, check in _CHECKS.items() if name != "controller"}
     values = {name: _checked(name, value, command, where, checks) for name, value in given.items()}
@@ -146,6 +150,19 @@ def _read_run(folder: Path, command: argparse.ArgumentParser) -> dict[str, Any]:
     if of_a_file and vehicle.sha256 != summary.get("vehicle_sha256"):
         raise RunFolderError(f"{where}: vehicle {vehicle.file} is another one now; accepted: the file as it was raced")
     return values
+
+
+def _controller_of(folder: Path, summary: Mapping[str, Any], controller: str) -> str:
+    """Return the controller of a run; for a file that is not there, or was edited, the copy in the run's folder."""
+    source = ControllerChoice.of(controller).source
+    path, colon, name = source.rpartition(":")
+    kept = kept_controller(folder, summary) if colon else None
+    if kept is None:
+        return controller
+    there = Path(path)
+    if is_file(there) and there.read_bytes() == kept.read_bytes():
+        return controller
+    return f"{kept}:{name}{controller.strip()[len(source) :]}"
 
 
 def _line(text: str, key: str) -> int:

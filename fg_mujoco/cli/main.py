@@ -33,6 +33,7 @@ from ..vehicle.tire_slip import SLIDING_SPEED
 from ..viz.plots import write_run
 from .bags import add_bags
 from .compare import add_compare
+from .completion import complete
 from .config import add_config, parse, settings_of
 from .controllers import add_controllers
 from .friction import add_friction
@@ -63,7 +64,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = None
     try:
         with _warnings_in_a_line():
-            options = parse(_parser(), arguments)
+            parser = _parser()
+            complete(parser)
+            options = parse(parser, arguments)
             code: int = options.run(options)
         sys.stdout.flush()
     except FgMujocoError as error:

@@ -185,7 +185,6 @@ def can_draw(what: str, *, several: bool = True) -> bool:
     try:
         require_matplotlib()
     except MissingExtraError as error:
-        need, are, them = ("need", "are", "them") if several else ("needs", "is", "it")
-        print(f"fg-mujoco: {what} {need} matplotlib and {are} left out; to have {them}: {error}", file=sys.stderr)
+        print(f"fg-mujoco: {what} {'are' if several else 'is'} left out; {error}", file=sys.stderr)
         return False
     return True

@@ -38,7 +38,7 @@ def report_race(folder: str | Path) -> None:
     try:
         require_bokeh()
     except MissingExtraError as error:
-        print(f"fg-mujoco: {PAGE} needs bokeh and is left out; to have it: {error}", file=sys.stderr)
+        print(f"fg-mujoco: {PAGE} is left out; {error}", file=sys.stderr)
         return
     write_report(folder, Path(folder) / PAGE, clip_seconds=None)
 

@@ -35,7 +35,7 @@ class ChaseView:
         """Return what is seen at a state whose poses are current. Shape (HEIGHT, WIDTH, 3).
 
         Raises:
-          MissingExtraError: no OpenGL; the message is the command that installs it.
+          MissingExtraError: no OpenGL; the message has the command that installs it.
         """
         if self._renderer is None:
             self._renderer = Renderer(self._world, size=(WIDTH, HEIGHT), quality="draft")

@@ -254,7 +254,7 @@ def _find_class(source: str, said: str) -> Any:
     if source in catalogue:
         module_name, _, class_name = catalogue[source].partition(":")
         return getattr(importlib.import_module(f"fg_mujoco.controllers.{module_name}"), class_name)
-    path, _, class_name = source.rpartition(":") if not Path(source).is_file() else (source, "", "")
+    path, _, class_name = source.rpartition(":") if not is_file(source) else (source, "", "")
     if not path.endswith(".py"):
         return _load(_registered(source, said), said)
     module = _import_file(Path(path), said)

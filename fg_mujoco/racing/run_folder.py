@@ -19,6 +19,7 @@ A folder with a summary is complete: everything is written aside, and the summar
 from __future__ import annotations
 
 import csv
+import hashlib
 import json
 import math
 import platform
@@ -149,6 +150,27 @@ def read_summary(folder: str | Path) -> dict[str, Any]:
         if not isinstance(summary, dict) or summary.get("schema") != SCHEMA:
             raise ValueError(f"no JSON object with schema {SCHEMA}")
     return summary
+
+
+def kept_controller(folder: str | Path, summary: Mapping[str, Any]) -> Path | None:
+    """Return the source of a planner of one's own that a run folder keeps; None: it keeps none.
+
+    Args:
+      folder: of the run.
+      summary: of the run, which has the hash of the source.
+
+    Raises:
+      RunFolderError: the copy is not the source that was raced.
+    """
+    path = Path(folder) / _CONTROLLER
+    if not is_file(path):
+        return None
+    with _blame(path):
+        sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
+        raced = summary["controller_origin"]["sha256"]
+    if sha256 != raced:
+        raise RunFolderError(f"{path}: is another one now; accepted: the source as it was raced")
+    return path
 
 
 def read_run(folder: str | Path) -> Run:

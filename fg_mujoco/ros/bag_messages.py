@@ -46,10 +46,10 @@ def require_ros_extra() -> None:
     """Make sure that bags can be read and written.
 
     Raises:
-      MissingExtraError: a part is not installed; the message is the command that installs it.
+      MissingExtraError: a part is not installed; the message has the command that installs it.
     """
     if any(importlib.util.find_spec(name) is None for name in ("mcap", "rosbags", "scipy")):
-        raise MissingExtraError(INSTALL_COMMAND)
+        raise MissingExtraError(f"ROS bags need mcap, rosbags and SciPy: {INSTALL_COMMAND}")
 
 
 @lru_cache(maxsize=1)

@@ -46,10 +46,10 @@ def require_matplotlib() -> None:
     """Make sure that pictures can be made.
 
     Raises:
-      MissingExtraError: matplotlib is not installed; the message is the command that installs it.
+      MissingExtraError: matplotlib is not installed; the message has the command that installs it.
     """
     if importlib.util.find_spec("matplotlib") is None:
-        raise MissingExtraError(INSTALL_COMMAND)
+        raise MissingExtraError(f"pictures need matplotlib: {INSTALL_COMMAND}")
 
 
 def track_picture(track: Course, path: str | Path | BinaryIO) -> None:

@@ -93,10 +93,10 @@ def require_maps_extra() -> None:
     """Make sure that maps can be read and written.
 
     Raises:
-      MissingExtraError: a part is not installed; the message is the command that installs it.
+      MissingExtraError: a part is not installed; the message has the command that installs it.
     """
     if any(importlib.util.find_spec(name) is None for name in ("PIL", "yaml", "scipy")):
-        raise MissingExtraError(INSTALL_COMMAND)
+        raise MissingExtraError(f"ROS maps need Pillow, PyYAML and SciPy: {INSTALL_COMMAND}")
 
 
 def read_map_file(path: str | Path, *, image: str | Path | None = None, outside_folder: bool = False) -> OccupancyMap:

@@ -136,10 +136,10 @@ def require_ray() -> Any:
     """Return Ray.
 
     Raises:
-      MissingExtraError: it is not installed; the message is the command that installs it.
+      MissingExtraError: it is not installed; the message has the command that installs it.
     """
     if importlib.util.find_spec("ray") is None:
-        raise MissingExtraError(INSTALL_COMMAND)
+        raise MissingExtraError(f"rollouts on a cluster need Ray: {INSTALL_COMMAND}")
     return importlib.import_module("ray")
 
 

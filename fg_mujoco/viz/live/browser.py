@@ -38,10 +38,10 @@ def require_viser() -> None:
     """Make sure that a browser can be served.
 
     Raises:
-      MissingExtraError: viser is not installed; the message is the command that installs it.
+      MissingExtraError: viser is not installed; the message has the command that installs it.
     """
     if importlib.util.find_spec("viser") is None:
-        raise MissingExtraError(INSTALL_COMMAND)
+        raise MissingExtraError(f"the live view in a browser needs viser: {INSTALL_COMMAND}")
 
 
 def check_port(host: str, port: int) -> None:

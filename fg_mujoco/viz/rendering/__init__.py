@@ -87,7 +87,7 @@ def render(
     Raises:
       SettingsError: an unknown camera, quality or output, a size that cannot be drawn, a time outside of the drive.
       RunFolderError: a folder that is none of `race --out`, lacks a file, or is of another version.
-      MissingExtraError: no OpenGL here; the message is the command that installs it.
+      MissingExtraError: no OpenGL here; the message has the command that installs it.
     """
     if output not in OUTPUTS:
         raise SettingsError(f"output is {output!r}; {accepted_names(output, OUTPUTS)}")

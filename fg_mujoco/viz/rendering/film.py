@@ -55,7 +55,7 @@ class Film:
     Raises:
       RunFolderError: no run folder, or a damaged one, or one of another version.
       SettingsError: an unknown camera or quality, or a size that cannot be drawn.
-      MissingExtraError: no OpenGL or no Pillow here; the message is the command that installs it.
+      MissingExtraError: no OpenGL or no Pillow here; the message has the command that installs it.
     """
 
     def __init__(

@@ -48,7 +48,7 @@ def gg_picture(source: Drive | Run | RaceResult | str | Path, path: str | Path |
 
     Raises:
       RunFolderError: a folder that is none of `race --out`.
-      MissingExtraError: matplotlib is not installed; the message is the command that installs it.
+      MissingExtraError: matplotlib is not installed; the message has the command that installs it.
       OSError: the file cannot be written.
     """
     require_matplotlib()

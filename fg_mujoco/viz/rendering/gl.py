@@ -74,7 +74,7 @@ def open_context(width: int, height: int) -> GraphicsContext:
       height: of the greatest picture [px].
 
     Raises:
-      MissingExtraError: none works; the message is the command that installs one.
+      MissingExtraError: none works; the message has the command that installs one.
       SettingsError: MUJOCO_GL is no back end.
     """
     wanted = os.environ.get(_CHOICE, "").strip().lower()
@@ -93,7 +93,7 @@ def open_context(width: int, height: int) -> GraphicsContext:
             return _open(backend, width, height)
     if wanted == "glfw":
         raise SettingsError("MUJOCO_GL is 'glfw', which needs a display, and there is none; accepted: egl, osmesa")
-    raise MissingExtraError(_INSTALL_COMMANDS.get(wanted, INSTALL_COMMAND))
+    raise MissingExtraError(f"3D pictures need OpenGL: {_INSTALL_COMMANDS.get(wanted, INSTALL_COMMAND)}")
 
 
 def _open(backend: str, width: int, height: int) -> GraphicsContext:

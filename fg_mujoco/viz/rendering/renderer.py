@@ -57,7 +57,7 @@ class Renderer:
     Raises:
       SettingsError: an unknown quality, or a size that is not positive or too large.
       ModelError: a text that is not of a world.
-      MissingExtraError: no OpenGL here; the message is the command that installs it.
+      MissingExtraError: no OpenGL here; the message has the command that installs it.
     """
 
     def __init__(

@@ -35,12 +35,12 @@ def require_pillow() -> None:
     """Make sure that pictures can be written on and stored.
 
     Raises:
-      MissingExtraError: Pillow is not installed; the message is the command that installs it.
+      MissingExtraError: Pillow is not installed; the message has the command that installs it.
     """
     import importlib.util
 
     if importlib.util.find_spec("PIL") is None:
-        raise MissingExtraError(INSTALL_COMMAND)
+        raise MissingExtraError(f"3D pictures and videos need Pillow and ffmpeg: {INSTALL_COMMAND}")
 
 
 def strip_height(height: int) -> int:

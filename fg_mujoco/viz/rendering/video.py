@@ -40,16 +40,16 @@ def require_encoder() -> str:
     """Return the path of ffmpeg.
 
     Raises:
-      MissingExtraError: there is none; the message is the command that installs it.
+      MissingExtraError: there is none; the message has the command that installs it.
     """
     if importlib.util.find_spec("imageio_ffmpeg") is None:
-        raise MissingExtraError(INSTALL_COMMAND)
+        raise MissingExtraError(f"videos need ffmpeg: {INSTALL_COMMAND}")
     import imageio_ffmpeg
 
     try:
         return str(imageio_ffmpeg.get_ffmpeg_exe())
     except RuntimeError as error:
-        raise MissingExtraError(INSTALL_COMMAND) from error
+        raise MissingExtraError(f"videos need ffmpeg: {INSTALL_COMMAND}") from error
 
 
 def check_video(path: str | Path, size: tuple[int, int]) -> Path:

@@ -36,10 +36,10 @@ def require_bokeh() -> None:
     """Make sure that reports can be made.
 
     Raises:
-      MissingExtraError: bokeh is not installed; the message is the command that installs it.
+      MissingExtraError: bokeh is not installed; the message has the command that installs it.
     """
     if importlib.util.find_spec("bokeh") is None:
-        raise MissingExtraError(INSTALL_COMMAND)
+        raise MissingExtraError(f"report pages need Bokeh: {INSTALL_COMMAND}")
 
 
 def tick_source(columns: dict[str, FloatArray]) -> ColumnDataSource:
