@@ -162,7 +162,7 @@ def test_a_message_that_no_lidar_sends_is_refused_with_its_bag(tmp_path):
         deliveries(bag)
 
 
-def test_without_the_extra_the_message_is_the_command_that_installs_it(tmp_path, monkeypatch):
+def test_without_the_extra_the_message_has_the_command_that_installs_it(tmp_path, monkeypatch):
     monkeypatch.setattr("fg_mujoco.ros.bag_messages.importlib.util.find_spec", lambda name: None)
-    with pytest.raises(MissingExtraError, match=r"^pip install 'fg-mujoco\[ros\]'$"):
+    with pytest.raises(MissingExtraError, match=r"^ROS bags need .*: pip install 'fg-mujoco\[ros\]'$"):
         ScanBag(tmp_path, CAR)

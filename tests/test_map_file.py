@@ -208,7 +208,7 @@ def test_a_link_that_leads_outside_is_refused_unless_allowed(tmp_path):
     assert read_map_file(path, outside_folder=True).free.any()
 
 
-def test_without_the_extra_the_message_is_the_command_that_installs_it(tmp_path, monkeypatch):
+def test_without_the_extra_the_message_has_the_command_that_installs_it(tmp_path, monkeypatch):
     monkeypatch.setattr(map_file.importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(MissingExtraError, match=r"^pip install 'fg-mujoco\[maps\]'$"):
+    with pytest.raises(MissingExtraError, match=r"^ROS maps need .*: pip install 'fg-mujoco\[maps\]'$"):
         read_map_file(draw_map(tmp_path, box_room()))
