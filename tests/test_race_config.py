@@ -211,7 +211,7 @@ def raced(tmp_path, monkeypatch):
 
 def raced_again(folder, capsys, *arguments):
     capsys.readouterr()
-    main(["race", "--config", str(folder), "--json", *arguments])
+    main(["race", "--config", str(folder), "--trust", "--json", *arguments])
     return json.loads(capsys.readouterr().out)
 
 

@@ -169,7 +169,8 @@ def kept_controller(folder: str | Path, summary: Mapping[str, Any]) -> Path | No
         sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
         raced = summary["controller_origin"]["sha256"]
     if sha256 != raced:
-        raise RunFolderError(f"{path}: is another one now; accepted: the source as it was raced")
+        said = f"{path}: is another one now: its sha256 is {sha256[:12]}, recorded is {str(raced)[:12]}"
+        raise RunFolderError(f"{said}; accepted with --trust: the source as it was raced")
     return path
 
 
