@@ -205,13 +205,13 @@ class Shown:
             import tempfile
 
             with tempfile.NamedTemporaryFile(
-                "w", prefix="fg_mujoco-", suffix=".html", delete=False, encoding="utf-8"
+                "w", prefix="fg_mujoco-", suffix=".html", delete=False, encoding="utf-8", errors="backslashreplace"
             ) as file:
                 file.write(page)
             written = Path(file.name)
         else:
             written = Path(path)
-            written.write_text(page, encoding="utf-8")
+            written.write_text(page, encoding="utf-8", errors="backslashreplace")
         print(f"picture: {written}")
         if path is None and _has_display():
             _open(written)

@@ -72,6 +72,7 @@ def objects(lap, crashed, comparison, worlds, tmp_path_factory):
         fg.RaceProgress(time=1.0, laps_completed=1, laps_requested=2, speed=3.0),
         fg.ComparisonProgress(runs=3, runs_found=1, runs_driven=1, wall_time_s=1.0),
         fg.RolloutProgress(worlds=3, worlds_found=1, worlds_driven=1, world_seconds=2.0, wall_time_s=1.0),
+        fg.World.from_xml(lap.world.xml),
         replace(track, name=HOSTILE), dm_environment.load("oval"), dm_environment.load("oval").physics, F110Env(),
     ]  # fmt: skip
 
@@ -239,6 +240,8 @@ def test_show_writes_a_page_and_says_where(crashed, tmp_path, capsys, monkeypatc
     crashed.world.track.show()
     (place,) = tmp_path.glob("fg_mujoco-*.html")
     assert capsys.readouterr().out == f"picture: {place}\n"
+    replace(crashed.world.track, name="not UTF-8: \udcff").show(tmp_path / "name.html")
+    assert "not UTF-8: \\udcff" in (tmp_path / "name.html").read_text("utf-8")
     with pytest.raises(fg.SettingsError, match=r"path is 'a\.png'; accepted: a file that ends in \.html"):
         crashed.show("a.png")
 
