@@ -46,6 +46,7 @@ from .messages import STOP, CarParameters, Controller, DriveCommand, LaserScan, 
 from .racing.planner_loading import controller_names, make_controller
 from .racing.race import RaceProgress, race
 from .racing.replay import ReplayReport, replay
+from .racing.resimulation import scan_at
 from .racing.result import RaceResult
 from .racing.run_folder import Run, check_run_folder, read_failed_scan, read_run
 from .simulation.course_loading import load_track
@@ -146,6 +147,7 @@ __all__ = [
     "render",
     "replay",
     "rollout",
+    "scan_at",
     "scene_names",
     "trace_picture",
     "track_names",

@@ -86,9 +86,16 @@ def cells_csv(cells: Sequence[Cell]) -> str:
     return _csv([field.name for field in fields(Cell)], (astuple(cell) for cell in cells))
 
 
-def markdown(cells: Sequence[Cell]) -> str:
-    """Return a Markdown table of a row a cell."""
-    rows = [
+HEADER = (
+    "controller", "course", "success", "laps", "best lap [s]", "not finished", "collisions", "sliding",
+    "least clearance [m]", "wrong way [s]",
+)  # fmt: skip
+"""Of the table for people."""
+
+
+def table_rows(cells: Sequence[Cell]) -> list[tuple[str, ...]]:
+    """Return a row a cell, as the table for people has it."""
+    return [
         (
             cell.controller,
             course_title(cell, cells),
@@ -103,12 +110,13 @@ def markdown(cells: Sequence[Cell]) -> str:
         )
         for cell in cells
     ]
-    header = (
-        "controller", "course", "success", "laps", "best lap [s]", "not finished", "collisions", "sliding",
-        "least clearance [m]", "wrong way [s]",
-    )  # fmt: skip
-    rule = ["---" if name in ("controller", "course", "not finished") else "--:" for name in header]
-    lines = ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in (header, rule, *rows)]
+
+
+def markdown(cells: Sequence[Cell]) -> str:
+    """Return a Markdown table of a row a cell."""
+    rule = ["---" if name in ("controller", "course", "not finished") else "--:" for name in HEADER]
+    rows = (HEADER, rule, *table_rows(cells))
+    lines = ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows]
     return "\n".join(lines) + "\n"
 
 

@@ -18,6 +18,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ...display import brief
 from ...errors import SettingsError
 from ...messages import FloatArray
 from ...simulation.world import CAR_PREFIX, World
@@ -96,6 +97,10 @@ class Renderer:
         self._base = element_id(model, mujoco.mjtObj.mjOBJ_BODY, f"{CAR_PREFIX}base_link")
         self._labels = semantic_labels(model, LABELS)
         self._bounds = _course_bounds(model)
+
+    def __repr__(self) -> str:
+        width, height = self.size
+        return brief(self, f"{width} x {height} px", f"drawn by {self.description}")
 
     def _make_buffers(self) -> mujoco.MjrContext:
         try:
