@@ -3,7 +3,7 @@
     for reason in planner.reasons():  # of its last decision
         print(reason.name, reason.steering_angle, reason.speed)
 
-The kernels of `driving` write a row in every step that they take, and read none: no command depends on them. The law
+The kernels of `driving` write a row for every step that they take, and read none: no command depends on them. The law
 that holds the speed is the last step that changed it; so it is with the steering angle.
 """
 
@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fg_mujoco.kernels import kernel
+from fg_mujoco.kernels import inlined
 from fg_mujoco.messages import FloatArray
 
 MAXIMUM, PLANNER, MEAN_RANGE, GUIDANCE, MOVES, NO_REFERENCE, AHEAD, AFTER_RECOVERY = range(8)
@@ -51,14 +51,14 @@ class Reason(NamedTuple):
     on_the_way: bool = False  # it says how fast the car gets to what the steps before it want, and wants nothing itself
 
 
-@kernel
+@inlined
 def forget_reasons(reasons: FloatArray) -> None:
     """Make a table of type REASONS empty, for the next decision."""
     for step in range(len(reasons)):
         reasons[step, 0] = reasons[step, 1] = math.nan
 
 
-@kernel
+@inlined
 def note(reasons: FloatArray, step: int, steering_angle: float, speed: float) -> None:
     """Write what a step made of the reference into a table of type REASONS."""
     reasons[step, 0], reasons[step, 1] = steering_angle, speed
