@@ -62,6 +62,7 @@ from .vehicle.car import Car, car_parameters
 from .vehicle.changes import CarChanges
 from .vehicle.tire_slip import SLIDING_SPEED, TireSlip, TireSlipMeter
 from .vehicle.vehicle import Vehicle, car_spec, vehicle_names
+from .viz.debug import DebuggedRun, Decision, debug
 from .viz.plots import trace_picture, track_picture, write_run
 from .viz.rendering import Film, Renderer, render, write_video
 
@@ -84,6 +85,8 @@ __all__ = [
     "ControllerError",
     "Course",
     "Cylinder",
+    "DebuggedRun",
+    "Decision",
     "DriveCommand",
     "EngineError",
     "FgMujocoError",
@@ -131,6 +134,7 @@ __all__ = [
     "check_run_folder",
     "compare",
     "controller_names",
+    "debug",
     "export_track",
     "generate_tight_track",
     "generate_track",
