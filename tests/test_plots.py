@@ -117,6 +117,12 @@ def test_trace_picture_of_a_race_of_one_tick():
     assert pixels(lambda file: fg.trace_picture(result, file)).shape[1] == 1080
 
 
+def test_trace_picture_of_a_race_of_no_tick(lap):
+    """As of a planner that does not answer its first scan."""
+    result = replace(lap, telemetry=lap.telemetry[:0], lap_times_s=(), sim_time_s=0.0)
+    assert pixels(lambda file: fg.trace_picture(result, file)).shape[1] == 1080
+
+
 def test_pictures_leave_the_users_matplotlib_alone(short_race, tmp_path):
     import matplotlib as mpl
     import matplotlib.pyplot as plt

@@ -166,7 +166,7 @@ def _draw_tires(panels: list[Axes], column: dict[str, FloatArray], track: Course
     if track.closed:
         place = place % track.length
     begins = np.flatnonzero((np.diff(laps) != 0.0) | (np.abs(np.diff(place)) > 0.5 * track.length)) + 1
-    edges = np.linspace(min(place.min(), 0.0), max(place.max(), track.length), _PLACES + 1)
+    edges = np.linspace(place.min(initial=0.0), place.max(initial=track.length), _PLACES + 1)
     cell = np.clip(np.searchsorted(edges, place, side="right") - 1, 0, _PLACES - 1)
     for panel, wheel, colour in zip(panels, WHEELS, _TIRE_COLOURS, strict=True):
         use = column[f"friction_use_{wheel}"]

@@ -29,7 +29,7 @@ _CAR_GROUP = 2  # of the plain shapes of a vehicle
 _LINE_WIDTH, _LINE_FIELD = 0.30, 0.10  # [m]
 _FLOOR_BELOW, _LINE_ABOVE = -0.012, 0.0015  # [m] so that surfaces do not fight for a pixel
 SUN = (-0.42, 0.30, -1.0)  # where its light goes
-_OBSTACLE, _MOVING, _WALL = (0.93, 0.45, 0.10, 1.0), (0.80, 0.16, 0.14, 1.0), (0.90, 0.89, 0.86, 1.0)
+OBSTACLE_COLOUR, MOVING_COLOUR, _WALL = (0.93, 0.45, 0.10, 1.0), (0.80, 0.16, 0.14, 1.0), (0.90, 0.89, 0.86, 1.0)
 
 
 def compile_scenery(xml: str, start: tuple[float, float] | None = None) -> mujoco.MjModel:
@@ -115,7 +115,7 @@ def _dress_course(spec: Any, start: tuple[float, float] | None) -> None:
         _add(spec, "start_line", line, materials["line"], _LINE_ABOVE)
     for geom in spec.geoms:
         if geom.name.startswith(("obstacle_", MOVING_PREFIX)):
-            geom.rgba = _MOVING if geom.name.startswith(MOVING_PREFIX) else _OBSTACLE
+            geom.rgba = MOVING_COLOUR if geom.name.startswith(MOVING_PREFIX) else OBSTACLE_COLOUR
         elif geom.name.startswith("wall_") and geom.rgba[3] > 0.0:
             geom.rgba = _WALL
 
