@@ -3,14 +3,18 @@
 The bounds are wide: the memory of a process goes up and down by some MiB by itself. benchmarks/leaks.py measures more.
 """
 
+import gc
 import json
 import os
 import subprocess
 import sys
+import weakref
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import pytest
+
+import fg_mujoco as fg
 
 SCRIPT = Path(__file__).parent.parent / "benchmarks" / "leaks.py"
 MOST_KIB = 512.0  # per call; renderers once left 576 behind
@@ -54,6 +58,27 @@ def measured(leaks, name, share):
 def test_what_is_done_again_and_again_leaves_nothing_behind(leaks, name, share):
     found = measured(leaks, name, share)
     assert is_flat(found), found
+
+
+def test_a_race_that_failed_is_let_go_with_its_error():
+    class Failing:
+        def reset(self):
+            pass
+
+        def __call__(self, scan, odometry):
+            raise ValueError("no")
+
+    gc.collect()
+    gc.disable()  # nothing but references
+    try:
+        with pytest.raises(fg.PlannerError) as caught:
+            fg.race("oval", Failing(), laps=1)
+        world = weakref.ref(caught.value.result.world)
+        assert world() is not None
+        del caught
+        assert world() is None
+    finally:
+        gc.enable()
 
 
 def test_renderers_that_are_closed_leave_nothing_behind(leaks):

@@ -225,7 +225,10 @@ def race(
     )
     if failed is not None:
         failed.result = result
-        raise failed
+        try:
+            raise failed
+        finally:
+            del failed  # its traceback has this frame, which would hold the error and its world
     return result
 
 
