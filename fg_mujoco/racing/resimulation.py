@@ -75,7 +75,7 @@ def load_world(run: Run) -> World:
       RunFolderError: it does not compile, or is not that of the states.
     """
     try:
-        world = World.from_xml(run.scene.read_text("utf-8"), lidar=str(run.summary.get("lidar", "raycast")))
+        world = World.from_xml(run.xml, lidar=str(run.summary.get("lidar", "raycast")))
     except (OSError, UnicodeDecodeError, ValueError, FgMujocoError) as error:
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         raise RunFolderError(f"{run.scene}: cannot be read: {reason}; accepted: as `race --out` wrote it") from error

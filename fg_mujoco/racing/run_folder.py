@@ -26,7 +26,7 @@ import platform
 import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -47,6 +47,9 @@ SCHEMA = 1
 # in the order they are moved in
 _FILES = ("scene.xml", "states.npz", "telemetry.csv", "trace.png", "controller.py", "failed_scan.npz", "summary.json")
 _SCENE, _STATES, _TELEMETRY, _TRACE, _CONTROLLER, FAILED_SCAN, SUMMARY = _FILES
+SCENE, STATES, TELEMETRY_FILE = _SCENE, _STATES, _TELEMETRY
+NOT_SIMULATED = (_TRACE, _CONTROLLER, FAILED_SCAN)
+"""Files of which no replay says anything."""
 _STAGING = ".partial"  # inside the folder, so that moving out of it never crosses file systems
 
 
@@ -56,6 +59,7 @@ class Run:
 
     folder: Path
     summary: dict[str, Any]
+    xml: str = field(repr=False)  # of its scene
     time: FloatArray = field(repr=False)  # (ticks + 1,) [s]
     states: FloatArray = field(repr=False)  # (ticks + 1, k)
     ctrl: FloatArray = field(repr=False)  # (ticks, 2)
@@ -63,7 +67,7 @@ class Run:
 
     @property
     def scene(self) -> Path:
-        """The MJCF file of the world."""
+        """The MJCF file of the world, whose text is `xml`."""
         return self.folder / _SCENE
 
     def column(self, name: str) -> FloatArray:
@@ -129,11 +133,15 @@ def summary_json(result: RaceResult, settings: Mapping[str, Any] | None = None) 
     found = result.summary()
     if found.get("planner_failure") is not None:
         found["planner_failure"]["scan"] = FAILED_SCAN
-    summary = {
-        name: None if isinstance(value, float) and not math.isfinite(value) else value
-        for name, value in (found | ({"settings": dict(settings)} if settings else {}) | versions).items()
+    return as_json(found | ({"settings": dict(settings)} if settings else {}) | versions)
+
+
+def as_json(values: Mapping[str, Any]) -> str:
+    """Return values by name as the text of a summary has them; NaN and infinity are null."""
+    finite = {
+        name: None if isinstance(value, float) and not math.isfinite(value) else value for name, value in values.items()
     }
-    return json.dumps(summary, indent=2, allow_nan=False)
+    return json.dumps(finite, indent=2, allow_nan=False, default=asdict)
 
 
 def read_summary(folder: str | Path) -> dict[str, Any]:
@@ -185,6 +193,8 @@ def read_run(folder: str | Path) -> Run:
     for path in (folder / _SCENE, folder / _STATES, folder / _TELEMETRY):
         with _blame(path):
             require_regular(path)
+    with _blame(folder / _SCENE):
+        xml = read_text(folder / _SCENE)
     with _blame(folder / _STATES), np.load(folder / _STATES, allow_pickle=False) as arrays:
         time, states, ctrl = (np.array(arrays[name], dtype=np.float64) for name in ("time", "state", "ctrl"))
         if ctrl.shape != (len(ctrl), 2) or states.ndim != 2 or {len(time), len(states)} != {len(ctrl) + 1}:
@@ -195,7 +205,7 @@ def read_run(folder: str | Path) -> Run:
             raise ValueError(f"{len(telemetry)} rows for {len(ctrl)} ticks")
     for array in (time, states, ctrl, telemetry):
         array.flags.writeable = False
-    return Run(folder=folder, summary=summary, time=time, states=states, ctrl=ctrl, telemetry=telemetry)
+    return Run(folder=folder, summary=summary, xml=xml, time=time, states=states, ctrl=ctrl, telemetry=telemetry)
 
 
 def read_failed_scan(folder: str | Path) -> tuple[LaserScan, Odometry]:

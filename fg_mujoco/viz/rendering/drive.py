@@ -97,14 +97,8 @@ def read_drive(source: Drive | Run | RaceResult | str | Path) -> Drive:
             raced_here=True,
         )  # fmt: skip
     run = source if isinstance(source, Run) else read_run(source)
-    try:
-        xml = run.scene.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise RunFolderError(
-            f"{run.scene}: cannot be read: {' '.join(str(error).split())}; accepted: as `race --out` wrote it"
-        ) from error
     return Drive(
-        name=str(run.folder), xml=xml, summary=run.summary, time=run.time, states=run.states, ctrl=run.ctrl,
+        name=str(run.folder), xml=run.xml, summary=run.summary, time=run.time, states=run.states, ctrl=run.ctrl,
         telemetry=run.telemetry, start=_start_of(run.telemetry),
     )  # fmt: skip
 

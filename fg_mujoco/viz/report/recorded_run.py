@@ -154,7 +154,7 @@ def read_recorded(source: RaceResult | Run | str | Path) -> RecordedRun:
         if not accepts(value := run.summary.get(name)):
             raise RunFolderError(f"{run.folder / SUMMARY}: {name} is {short(value)}; accepted: {accepted}")
     try:
-        model = mujoco.MjModel.from_xml_path(str(run.scene))
+        model = mujoco.MjModel.from_xml_string(run.xml)
         recorded = RecordedRun(source=str(run.folder), summary=run.summary, telemetry=run.telemetry, model=model)
         _ = recorded.car
     except (ValueError, OSError, ModelError) as error:
