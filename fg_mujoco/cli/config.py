@@ -160,7 +160,7 @@ def _controller_of(folder: Path, summary: Mapping[str, Any], controller: str) ->
     if kept is None:
         return controller
     there = Path(path)
-    if is_file(there) and there.read_bytes() == kept.read_bytes():
+    if is_file(there) and read_bytes(there) == read_bytes(kept):
         return controller
     return f"{kept}:{name}{controller.strip()[len(source) :]}"
 
@@ -239,7 +239,8 @@ def _kind(action: argparse.Action) -> tuple[str, Callable[[Any], bool]]:
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
+    is_whole = isinstance(value, int) and not isinstance(value, bool) and abs(value) < 1e300  # else beyond floats
+    return is_whole or isinstance(value, float)
 
 
 def _check_backend(name: str) -> None:
