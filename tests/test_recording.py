@@ -226,7 +226,7 @@ def test_a_run_of_no_tick_is_written_and_replayed(short_race, tmp_path):
         (lambda f: edit_states(f, lambda a: a.pop("ctrl")), "states.npz"),
         (lambda f: edit_states(f, lambda a: a.update(ctrl=a["ctrl"][:-1])), "states.npz"),
         (lambda f: edit_states(f, lambda a: a.update(time=a["time"][:-1])), "states.npz"),
-        (lambda f: edit_states(f, lambda a: a.update(time=a["time"][::-1])), "scene.xml"),
+        (lambda f: edit_states(f, lambda a: a.update(time=a["time"][::-1])), "states.npz"),
         (lambda f: edit_states(f, lambda a: a.update(state=a["state"][:, :-1])), "scene.xml"),
         (lambda f: edit_states(f, lambda a: a.update(ctrl=np.array([{}] * 40))), "states.npz"),
         (lambda f: (f / "telemetry.csv").write_text("time_s\n0.0\n"), "telemetry.csv"),

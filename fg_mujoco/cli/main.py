@@ -317,5 +317,5 @@ def _table(result: RaceResult, out: str | None) -> str:
 
 def _replay(options: argparse.Namespace) -> int:
     report = replay(options.folder)
-    print(f"{options.folder}: {report}")
-    return _DONE if report.identical else _NOT_DONE
+    print(f"{options.folder}: {report}", *(f"  {line}" for line in report.lines), sep="\n")
+    return _DONE if report.holds else _NOT_DONE

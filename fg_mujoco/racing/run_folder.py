@@ -24,9 +24,10 @@ import json
 import math
 import platform
 import shutil
+from array import array
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -34,20 +35,33 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from ..course.files import is_file, read_text, require_regular
+from ..course.files import is_file, read_arrays, read_bytes, read_text, require_regular
 from ..display import brief, quoted
 from ..errors import FgMujocoError, RunFolderError
 from ..messages import FloatArray, LaserScan, Odometry
 from ..simulation.planner_failure import PlannerFailure
 from ..simulation.telemetry import TELEMETRY
 from .result import RaceResult
+from .run_checks import check_scene, check_summary
 
 SCHEMA = 1
 """Of the run folder; a reader refuses any other."""
 
+_MOST_SUMMARY = 2**20  # bytes
+_MOST_SCENE = 16 * 2**20  # bytes
+_MOST_TELEMETRY = 512 * 2**20  # bytes, of about ten hours
+_MOST_STATES = 2 * 2**30  # bytes, uncompressed
+_MOST_OF_A_STATE = 20_000  # numbers; those of the rangefinders are 4482
+_MOST_OF_A_ROW = 2000  # bytes
+_MOST_FAILED_SCAN = 2**20  # bytes
+_GREATEST = 1e15  # of all numbers; MuJoCo itself resets a state beyond 1e10
+
 # in the order they are moved in
 _FILES = ("scene.xml", "states.npz", "telemetry.csv", "trace.png", "controller.py", "failed_scan.npz", "summary.json")
 _SCENE, _STATES, _TELEMETRY, _TRACE, _CONTROLLER, FAILED_SCAN, SUMMARY = _FILES
+SCENE, STATES, TELEMETRY_FILE = _SCENE, _STATES, _TELEMETRY
+NOT_SIMULATED = (_TRACE, _CONTROLLER, FAILED_SCAN)
+"""Files of which no replay says anything."""
 _STAGING = ".partial"  # inside the folder, so that moving out of it never crosses file systems
 
 
@@ -57,6 +71,7 @@ class Run:
 
     folder: Path
     summary: dict[str, Any]
+    xml: str = field(repr=False)  # of its scene
     time: FloatArray = field(repr=False)  # (ticks + 1,) [s]
     states: FloatArray = field(repr=False)  # (ticks + 1, k)
     ctrl: FloatArray = field(repr=False)  # (ticks, 2)
@@ -69,7 +84,7 @@ class Run:
 
     @property
     def scene(self) -> Path:
-        """The MJCF file of the world."""
+        """The MJCF file of the world, whose text is `xml`."""
         return self.folder / _SCENE
 
     def column(self, name: str) -> FloatArray:
@@ -135,11 +150,15 @@ def summary_json(result: RaceResult, settings: Mapping[str, Any] | None = None) 
     found = result.summary()
     if found.get("planner_failure") is not None:
         found["planner_failure"]["scan"] = FAILED_SCAN
-    summary = {
-        name: None if isinstance(value, float) and not math.isfinite(value) else value
-        for name, value in (found | ({"settings": dict(settings)} if settings else {}) | versions).items()
+    return as_json(found | ({"settings": dict(settings)} if settings else {}) | versions)
+
+
+def as_json(values: Mapping[str, Any]) -> str:
+    """Return values by name as the text of a summary has them; NaN and infinity are null."""
+    finite = {
+        name: None if isinstance(value, float) and not math.isfinite(value) else value for name, value in values.items()
     }
-    return json.dumps(summary, indent=2, allow_nan=False)
+    return json.dumps(finite, indent=2, allow_nan=False, default=asdict)
 
 
 def read_summary(folder: str | Path) -> dict[str, Any]:
@@ -152,9 +171,13 @@ def read_summary(folder: str | Path) -> dict[str, Any]:
     if not is_file(path):
         raise RunFolderError(f"{folder}: has no {SUMMARY}; accepted: a folder that `race --out` wrote")
     with _blame(path):
-        summary = json.loads(read_text(path))
+        summary = json.loads(read_text(path, _MOST_SUMMARY), parse_constant=_refuse_constant)
         if not isinstance(summary, dict) or summary.get("schema") != SCHEMA:
             raise ValueError(f"no JSON object with schema {SCHEMA}")
+    try:
+        check_summary(summary)
+    except ValueError as error:
+        raise RunFolderError(f"{path}: {error}") from error
     return summary
 
 
@@ -172,7 +195,7 @@ def kept_controller(folder: str | Path, summary: Mapping[str, Any]) -> Path | No
     if not is_file(path):
         return None
     with _blame(path):
-        sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
+        sha256 = hashlib.sha256(read_bytes(path)).hexdigest()
         raced = summary["controller_origin"]["sha256"]
     if sha256 != raced:
         said = f"{path}: is another one now: its sha256 is {sha256[:12]}, recorded is {str(raced)[:12]}"
@@ -191,17 +214,16 @@ def read_run(folder: str | Path) -> Run:
     for path in (folder / _SCENE, folder / _STATES, folder / _TELEMETRY):
         with _blame(path):
             require_regular(path)
-    with _blame(folder / _STATES), np.load(folder / _STATES, allow_pickle=False) as arrays:
-        time, states, ctrl = (np.array(arrays[name], dtype=np.float64) for name in ("time", "state", "ctrl"))
-        if ctrl.shape != (len(ctrl), 2) or states.ndim != 2 or {len(time), len(states)} != {len(ctrl) + 1}:
-            raise ValueError(f"shapes {time.shape}, {states.shape}, {ctrl.shape}")
+    with _blame(folder / _SCENE):
+        xml = read_text(folder / _SCENE, _MOST_SCENE)
+        check_scene(xml)
     with _blame(folder / _TELEMETRY):
         telemetry = _read_telemetry(folder / _TELEMETRY)
-        if len(telemetry) != len(ctrl):
-            raise ValueError(f"{len(telemetry)} rows for {len(ctrl)} ticks")
-    for array in (time, states, ctrl, telemetry):
-        array.flags.writeable = False
-    return Run(folder=folder, summary=summary, time=time, states=states, ctrl=ctrl, telemetry=telemetry)
+    with _blame(folder / _STATES):
+        time, states, ctrl = _read_states(folder / _STATES, len(telemetry))
+    for values in (time, states, ctrl, telemetry):
+        values.flags.writeable = False
+    return Run(folder=folder, summary=summary, xml=xml, time=time, states=states, ctrl=ctrl, telemetry=telemetry)
 
 
 def read_failed_scan(folder: str | Path) -> tuple[LaserScan, Odometry]:
@@ -211,9 +233,11 @@ def read_failed_scan(folder: str | Path) -> tuple[LaserScan, Odometry]:
       RunFolderError: the planner did not fail, or the file is damaged.
     """
     path = Path(folder) / FAILED_SCAN
-    if not path.is_file():
+    if not is_file(path):
         raise RunFolderError(f"{folder}: has no {FAILED_SCAN}; accepted: the folder of a race whose planner failed")
-    with _blame(path), np.load(path, allow_pickle=False) as file:
+    with _blame(path):
+        names = [f.name for f in fields(LaserScan)] + [f"odometry_{f.name}" for f in fields(Odometry)]
+        file = read_arrays(path, names, _MOST_FAILED_SCAN)
         scan = LaserScan(**{f.name: _value(file[f.name]) for f in fields(LaserScan)})
         odometry = Odometry(**{f.name: _value(file[f"odometry_{f.name}"]) for f in fields(Odometry)})
     return scan, odometry
@@ -239,11 +263,47 @@ def _write_telemetry(telemetry: FloatArray, path: Path) -> None:
 
 
 def _read_telemetry(path: Path) -> FloatArray:
-    with path.open(encoding="utf-8", newline="") as file:
-        header, *rows = csv.reader(file)
-    if tuple(header) != TELEMETRY:
-        raise ValueError(f"columns {', '.join(header)[:60]}")
-    return np.array(rows, dtype=np.float64).reshape(-1, len(TELEMETRY))
+    """Read it line by line: no line and no file is longer than a race writes it."""
+    require_regular(path)
+    if path.stat().st_size > _MOST_TELEMETRY:
+        raise ValueError(f"more than {_MOST_TELEMETRY} bytes")
+    values, columns = array("d"), len(TELEMETRY)
+    with path.open("rb") as file:
+        header = file.readline(_MOST_OF_A_ROW).decode("utf-8", "replace").rstrip("\r\n")
+        if header != ",".join(TELEMETRY):
+            raise ValueError(f"columns {header[:60]}")
+        for number, line in enumerate(iter(lambda: file.readline(_MOST_OF_A_ROW), b""), start=2):
+            row = line.split(b",")
+            if len(row) != columns or not line.endswith(b"\n"):
+                raise ValueError(f"line {number} is torn, too long, or has not {columns} columns")
+            values.extend(map(float, row))
+    table = np.array(values, dtype=np.float64).reshape(-1, columns)
+    known = np.isnan(table)
+    known[:, [not name.startswith(("slide_", "friction_use_")) for name in TELEMETRY]] = False
+    if not ((np.abs(table) <= _GREATEST) | known).all():
+        raise ValueError(f"a number that is none, or beyond {_GREATEST:.0e}")
+    return table
+
+
+def _read_states(path: Path, ticks: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return time, states and ctrl of as many ticks as the telemetry has rows."""
+    names = ("time", "state", "ctrl")
+    most = min((ticks + 1) * 8 * (_MOST_OF_A_STATE + 3) + 3 * 128, _MOST_STATES)
+    time, states, ctrl = arrays = tuple(read_arrays(path, names, most).values())
+    if any(values.dtype != np.float64 for values in arrays):
+        raise ValueError(f"numbers of {', '.join(str(values.dtype) for values in arrays)}; accepted: float64")
+    if time.shape != (ticks + 1,) or ctrl.shape != (ticks, 2) or states.ndim != 2 or len(states) != ticks + 1:
+        raise ValueError(f"shapes {time.shape}, {states.shape}, {ctrl.shape} for the {ticks} rows of {_TELEMETRY}")
+    for name, values in zip(names, arrays, strict=True):
+        if not (np.abs(values) <= _GREATEST).all():
+            raise ValueError(f"{name} has a number that is none, or beyond {_GREATEST:.0e}")
+    if not (np.diff(time) > 0.0).all():
+        raise ValueError("time does not grow")
+    return time, states, ctrl
+
+
+def _refuse_constant(name: str) -> None:
+    raise ValueError(f"{name} is no JSON")
 
 
 @contextmanager
