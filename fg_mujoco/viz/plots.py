@@ -7,7 +7,7 @@ trace_picture(race("oval"), "trace.png")
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -191,7 +191,12 @@ def _save(figure: Figure, path: str | Path | BinaryIO) -> None:
 
 
 def write_run(
-    result: RaceResult, folder: str | Path, *, picture: bool = True, settings: Mapping[str, Any] | None = None
+    result: RaceResult,
+    folder: str | Path,
+    *,
+    picture: bool = True,
+    settings: Mapping[str, Any] | None = None,
+    add: Callable[[Path], Any] | None = None,
 ) -> Path:
     """Write a run folder, with its picture, and return its path. A failure leaves nothing behind.
 
@@ -200,6 +205,7 @@ def write_run(
       folder: new or empty.
       picture: with trace.png.
       settings: options of the command line that drive this race again; `race --config DIR` needs them.
+      add: adds files to the run, as its report; called with the path of a folder that has all others.
 
     Raises:
       RunFolderError: the folder is a file, is not empty, or cannot be written.
@@ -207,4 +213,4 @@ def write_run(
     """
     if picture:
         require_matplotlib()
-    return run_folder.write_run(result, folder, draw=trace_picture if picture else None, settings=settings)
+    return run_folder.write_run(result, folder, draw=trace_picture if picture else None, settings=settings, add=add)
