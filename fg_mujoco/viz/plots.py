@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from ..course.course import Course, describe_course
+from ..course.writing import write_file
 from ..errors import MissingExtraError
 from ..messages import FloatArray
 from ..racing import run_folder
@@ -70,7 +71,7 @@ def track_picture(track: Course, path: str | Path | BinaryIO) -> None:
         draw_line(axes, track)
         draw_obstacles(axes, track.obstacles, track.moving)
         axes.set_title(describe_course(track))
-        _save(figure, path)
+        save_figure(figure, path)
 
 
 def trace_picture(result: RaceResult, path: str | Path | BinaryIO) -> None:
@@ -122,7 +123,7 @@ def trace_picture(result: RaceResult, path: str | Path | BinaryIO) -> None:
         end = max(result.sim_time_s, 1e-3)
         panels[-1].set_xlim(-0.005 * end, end)  # what happens at once must not hide behind the axis
         figure.align_ylabels(panels)
-        _save(figure, path)
+        save_figure(figure, path)
 
 
 def _headline(result: RaceResult) -> str:
@@ -186,8 +187,13 @@ def _map_height(track: Course) -> float:
     return float(np.clip(_WIDTH * 0.85 * height / width + 0.6, least, greatest))
 
 
-def _save(figure: Figure, path: str | Path | BinaryIO) -> None:
-    figure.savefig(path, format="png", dpi=_DPI, metadata={"Software": None})  # the same race, the same file
+def save_figure(figure: Figure, path: str | Path | BinaryIO, dpi: float = _DPI) -> None:
+    """Write a figure as PNG: a file in one piece, or to a file that is open. The same figure is the same file."""
+
+    def write(file: Any) -> None:
+        figure.savefig(file, format="png", dpi=dpi, metadata={"Software": None})
+
+    write_file(path, write) if isinstance(path, (str, Path)) else write(path)
 
 
 def write_run(
