@@ -13,7 +13,8 @@
     failed_scan.npz where the planner failed: the scan and the odometry that it was told, see `read_failed_scan`
     trace.png       the line over the track, and the tires' work over time (needs the extra `plot`)
 
-A folder with a summary is complete: everything is written aside, and the summary is moved in last.
+A folder with a summary is complete: everything is written aside, and the summary is moved in last. Its `files` has the
+SHA-256 of each file that is read back, so that a damaged or edited one is named.
 """
 
 from __future__ import annotations
@@ -23,10 +24,10 @@ import hashlib
 import json
 import math
 import platform
-import shutil
+import re
 from array import array
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, fields
 from importlib.metadata import version
 from pathlib import Path
@@ -36,6 +37,7 @@ import mujoco
 import numpy as np
 
 from ..course.files import is_file, read_arrays, read_bytes, read_text, require_regular
+from ..course.writing import claimed_folder, require_writable, staged_folder
 from ..display import brief, quoted
 from ..errors import FgMujocoError, RunFolderError
 from ..messages import FloatArray, LaserScan, Odometry
@@ -62,7 +64,7 @@ _SCENE, _STATES, _TELEMETRY, _TRACE, _CONTROLLER, FAILED_SCAN, SUMMARY = _FILES
 SCENE, STATES, TELEMETRY_FILE = _SCENE, _STATES, _TELEMETRY
 NOT_SIMULATED = (_TRACE, _CONTROLLER, FAILED_SCAN)
 """Files of which no replay says anything."""
-_STAGING = ".partial"  # inside the folder, so that moving out of it never crosses file systems
+_READ_BACK = (_SCENE, _STATES, _TELEMETRY, _CONTROLLER, FAILED_SCAN)  # pictures and pages can be made again
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -98,8 +100,8 @@ def check_run_folder(folder: str | Path) -> None:
     Raises:
       RunFolderError: it is a file, is not empty, or cannot be written.
     """
-    with _reserved(Path(folder), keep=False):
-        pass
+    with _reserved(Path(folder)):
+        require_writable(Path(folder) / SUMMARY)
 
 
 def write_run(
@@ -108,6 +110,7 @@ def write_run(
     *,
     draw: Callable[[RaceResult, Path], None] | None = None,
     settings: Mapping[str, Any] | None = None,
+    add: Callable[[Path], Any] | None = None,
 ) -> Path:
     """Write a run folder and return its path. A failure leaves nothing behind.
 
@@ -116,12 +119,13 @@ def write_run(
       folder: new or empty.
       draw: draws trace.png; None: without a picture. `fg_mujoco.write_run` has one.
       settings: options of the command line that drive this race again; `race --config DIR` needs them.
+      add: adds files to the run, as its report; called with the path of a folder that has all others.
 
     Raises:
       RunFolderError: the folder is a file, is not empty, or cannot be written.
     """
     folder = Path(folder)
-    with _reserved(folder, keep=True) as staging:
+    with _reserved(folder), staged_folder(folder, SUMMARY) as staging:
         (staging / _SCENE).write_text(result.world.xml, encoding="utf-8")
         time = result.states[:, 0]  # mjSTATE_TIME comes first in a state
         np.savez_compressed(staging / _STATES, time=time, state=result.states, ctrl=result.ctrl)
@@ -132,10 +136,14 @@ def write_run(
             _write_failed_scan(result.planner_failure, staging / FAILED_SCAN)
         if draw is not None:
             draw(result, staging / _TRACE)
-        (staging / SUMMARY).write_text(summary_json(result, settings) + "\n", encoding="utf-8")
-        for name in _FILES:
-            if (staging / name).exists():
-                (staging / name).rename(folder / name)
+        sha256s = {name: _sha256(staging / name) for name in _READ_BACK if (staging / name).exists()}
+        summary = json.loads(summary_json(result, settings)) | {"files": sha256s}
+        (staging / SUMMARY).write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+        if add is not None:
+            try:
+                add(staging)
+            except RunFolderError as error:
+                raise RunFolderError(str(error).replace(str(staging), str(folder))) from error
     return folder
 
 
@@ -214,6 +222,7 @@ def read_run(folder: str | Path) -> Run:
     for path in (folder / _SCENE, folder / _STATES, folder / _TELEMETRY):
         with _blame(path):
             require_regular(path)
+        _require_unchanged(path, summary)
     with _blame(folder / _SCENE):
         xml = read_text(folder / _SCENE, _MOST_SCENE)
         check_scene(xml)
@@ -235,6 +244,7 @@ def read_failed_scan(folder: str | Path) -> tuple[LaserScan, Odometry]:
     path = Path(folder) / FAILED_SCAN
     if not is_file(path):
         raise RunFolderError(f"{folder}: has no {FAILED_SCAN}; accepted: the folder of a race whose planner failed")
+    _require_unchanged(path, read_summary(folder))
     with _blame(path):
         names = [f.name for f in fields(LaserScan)] + [f"odometry_{f.name}" for f in fields(Odometry)]
         file = read_arrays(path, names, _MOST_FAILED_SCAN)
@@ -306,38 +316,39 @@ def _refuse_constant(name: str) -> None:
     raise ValueError(f"{name} is no JSON")
 
 
+def _sha256(path: Path) -> str:
+    digest = hashlib.sha256()
+    with path.open("rb") as file:
+        while part := file.read(2**20):
+            digest.update(part)
+    return digest.hexdigest()
+
+
+def _require_unchanged(path: Path, summary: Mapping[str, Any]) -> None:
+    """Make sure that a file is the one that was written; a folder of an older version does not say which it was."""
+    files = summary.get("files", {})
+    if not isinstance(files, dict) or not all(re.fullmatch("[0-9a-f]{64}", str(value)) for value in files.values()):
+        said = f"{path.parent / SUMMARY}: files is {' '.join(str(files).split())[:60]!r}"
+        raise RunFolderError(f"{said}; accepted: the SHA-256 of each file by its name")
+    if path.name in files and (path.stat().st_size > _MOST_STATES or _sha256(path) != files[path.name]):
+        raise RunFolderError(f"{path}: is damaged or edited: its sha256 is another; accepted: as `race --out` wrote it")
+
+
 @contextmanager
-def _reserved(folder: Path, *, keep: bool) -> Iterator[Path]:
-    """Make the folder and in it one to write to; take away the latter in the end, and both unless it went well."""
-    staging = folder / _STAGING
-    created: list[Path] = []
-    ours = kept = False
+def _reserved(folder: Path) -> Iterator[None]:
+    """Make a folder, or claim one that is empty; one that stays empty is removed again."""
     try:
         if folder.exists() and not folder.is_dir():
             raise RunFolderError(f"{folder}: is a file; accepted: a new or empty folder")
-        if folder.exists() and any(folder.iterdir()):
-            raise RunFolderError(f"{folder}: is not empty; accepted: a new or empty folder")
-        created = [path for path in (folder, *folder.parents) if not path.exists()]
-        folder.mkdir(parents=True, exist_ok=True)
-        staging.mkdir()
-        ours = True
-        yield staging
-        kept = keep
+        with claimed_folder(folder):
+            if any(folder.iterdir()):
+                raise RunFolderError(f"{folder}: is not empty; accepted: a new or empty folder")
+            yield
     except FgMujocoError:
         raise
     except OSError as error:
         reason = error.strerror or str(error)
         raise RunFolderError(f"{folder}: cannot be written: {reason}; accepted: a folder that can be") from error
-    finally:
-        if ours:
-            shutil.rmtree(staging, ignore_errors=True)
-        if ours and not kept:
-            for name in _FILES:
-                (folder / name).unlink(missing_ok=True)
-        if not kept:
-            for path in created:
-                with suppress(OSError):
-                    path.rmdir()
 
 
 @contextmanager

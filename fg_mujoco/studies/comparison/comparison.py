@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from ...course.scenes.catalogue import PREFIX
+from ...course.writing import write_file
 from ...display import Shown, brief, paragraph, quoted, table
 from ...errors import SettingsError
 from ...messages import require_whole
@@ -28,13 +29,13 @@ from ...simulation.settings import FASTEST
 from ...vehicle.changes import CarChanges
 from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from ...viz.plots import require_matplotlib
-from ..folders import blame, replace_file
+from ..folders import blame, claimed
 from ..rollout.job import versions
 from ..worker_processes import usable_cores, work_off
 from .ground import check_course, course_ground, course_name, ground_sha256
 from .pictures import table_picture, trace_pictures
 from .run import ComparisonSettings, Run, RunKey, RunRow
-from .store import ComparisonFolder
+from .store import ACCEPTED, ComparisonFolder
 from .tables import HEADER, Cell, cells_csv, make_cells, markdown, runs_csv, table_rows
 
 DEFAULT_SEEDS = range(10)
@@ -155,7 +156,20 @@ def compare(
     )  # fmt: skip
     chosen = [ControllerChoice.of(text) for text in (controller_names() if controllers is None else controllers)]
     runs = plan_runs(chosen, [*tracks, *(f"{PREFIX}{name}" for name in scenes)], max_speeds, seeds, settings)
-    folder = ComparisonFolder(out)
+    with claimed(out, ACCEPTED):
+        return _drive(runs, settings, ComparisonFolder(out), workers, pictures=pictures, watch=watch)
+
+
+def _drive(
+    runs: Sequence[Run],
+    settings: ComparisonSettings,
+    folder: ComparisonFolder,
+    workers: int | None,
+    *,
+    pictures: bool,
+    watch: Callable[[ComparisonProgress], None] | None,
+) -> Comparison:
+    """Drive the runs that a folder has not, and write the report."""
     folder.open(settings.manifest(), versions())
     missing = [run for run in runs if run.key not in folder.rows]
 
@@ -251,9 +265,9 @@ def _write_report(comparison: Comparison, runs: Sequence[Run], folder: Compariso
     with blame(out, "a folder that can be written"):
         for picture in (out / "table.png", *(out / "traces").glob("*.png")):
             picture.unlink(missing_ok=True)
-        replace_file(out / "runs.csv", runs_csv(comparison.rows).encode())
-        replace_file(out / "table.csv", cells_csv(comparison.cells).encode())
-        replace_file(out / "table.md", comparison.markdown().encode())
+        write_file(out / "runs.csv", runs_csv(comparison.rows).encode())
+        write_file(out / "table.csv", cells_csv(comparison.cells).encode())
+        write_file(out / "table.md", comparison.markdown().encode())
         if pictures:
             table_picture(comparison.cells, out / "table.png")
             (out / "traces").mkdir(exist_ok=True)

@@ -28,6 +28,7 @@ from ...simulation.course_loading import load_track
 from ...simulation.settings import FASTEST, DriveSettings, Start
 from ...vehicle.changes import CarChanges
 from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
+from ..folders import claimed
 from ..worker_processes import usable_cores
 from .job import Arrays, RolloutJob, versions
 from .local import drive_in_threads
@@ -35,7 +36,7 @@ from .processes import drive_in_processes
 from .randomization import Randomization, world_seeds
 from .ray_cluster import drive_on_ray, require_ray
 from .result import RolloutResult, gather
-from .store import ChunkStore, FolderStore, MemoryStore, TemporaryFolderStore
+from .store import ACCEPTED, ChunkStore, FolderStore, MemoryStore, TemporaryFolderStore
 
 ENGINES = ("local", "processes", "ray")
 DEFAULT_WORLDS = 1024
@@ -173,10 +174,11 @@ def rollout(
     job = replace(job, chunk=min(chunk, -(-len(job.seeds) // cores), fitting))
     if out is not None:
         folder = FolderStore(out)
-        job = replace(job, chunk=folder.open(job.settings(), versions(), job.chunk, job.tracks))
-        result = _drive(job, folder, engine, workers, watch)
-        if not folder.finished:
-            folder.finish(result.summary(), result.to_csv)
+        with claimed(out, ACCEPTED):
+            job = replace(job, chunk=folder.open(job.settings(), versions(), job.chunk, job.tracks))
+            result = _drive(job, folder, engine, workers, watch)
+            if not folder.finished:
+                folder.finish(result.summary(), result.as_csv())
         return result
     fits = trace * len(job.seeds) <= memory_budget
     return _drive(job, MemoryStore() if fits else TemporaryFolderStore(), engine, workers, watch)
