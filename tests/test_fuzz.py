@@ -8,7 +8,8 @@ import time
 
 import numpy as np
 import pytest
-from fuzzing.doors import DOORS, Door
+from fuzzing.door import Door
+from fuzzing.doors import DOORS
 from fuzzing.harness import Limits, knock
 
 TRIES, SEED = 100, int(os.environ.get("FUZZ_SEED", "0"))
