@@ -72,12 +72,13 @@ docs: $(READY)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict $(ARGS)
 	@echo "the site: build/site/index.html"
 
-## make picture the picture of two laps in the README
+## make picture the picture in motion of the README, and that of two laps
 PICTURE := docs/images/oval_trace.png
 picture: $(READY)
 	folder=$$(mktemp -d) && $(BIN)/fg-mujoco race --laps 2 --out $$folder && $(BIN)/python -c \
 	    "from PIL import Image; Image.open('$$folder/trace.png').convert('RGB').quantize(256).save('$(PICTURE)')" \
 	    && rm -r $$folder
+	$(BIN)/python docs/diagrams/race.py
 
 ## make clean   removes everything that was made, except runs/
 clean:

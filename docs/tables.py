@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parent.parent
-PAGES = ("README.md", "docs/planners.md")
+PAGES = ("README.md", "docs/results.md", "docs/planners.md")
 
 BUNDLED = ("oval", "l_corridor", "hairpins", "chicanes", "fast", "tight")
 REAL = ("Spielberg", "Monza", "Zandvoort")
@@ -36,6 +36,7 @@ SCENES = {  # heads of the columns
     "square_corner": "square corner", "dead_end": "dead end", "u_turn_trap": "U-turn trap",
     "wrong_side_chicane": "wrong side", "crossing_box": "crossing box", "slow_leader": "slow leader",
 }  # fmt: skip
+SUMMARY = ("| oval |", "| tight |", "| Spielberg |", "| ESP |", "| random:")  # rows of the circuits that come first
 WITH_A_MAP = ("pure_pursuit",)
 
 MARKED = re.compile(r"(<!-- table (\w+): made by make figures -->\n).*?(<!-- end of table -->)", re.DOTALL)
@@ -76,6 +77,12 @@ def circuits(figures: dict[str, Any]) -> str:
     head = ("circuit", "laps", "crashes", "lap from a standing start [s]", "best of five laps [s]",
             "greatest slide [m/s]")  # fmt: skip
     return _table(head, rows)
+
+
+def summary(figures: dict[str, Any]) -> str:
+    """Return gap_finder's laps of a few circuits: a bundled one, two real ones, the tightest, and random ones."""
+    head, rule, *rows = circuits(figures).splitlines()
+    return "\n".join((head, rule, *(row for row in rows if row.startswith(SUMMARY))))
 
 
 def published(figures: dict[str, Any]) -> str:
@@ -131,7 +138,17 @@ def thresholds(figures: dict[str, Any]) -> str:
 
 TABLES: dict[str, Callable[[dict[str, Any]], str]] = {
     function.__name__: function
-    for function in (controllers, circuits, published, planners, scenes, trap_speeds, wrong_side_speeds, thresholds)
+    for function in (
+        controllers,
+        circuits,
+        summary,
+        published,
+        planners,
+        scenes,
+        trap_speeds,
+        wrong_side_speeds,
+        thresholds,
+    )
 }
 
 

@@ -46,6 +46,7 @@ from .messages import STOP, CarParameters, Controller, DriveCommand, LaserScan, 
 from .racing.planner_loading import controller_names, make_controller
 from .racing.race import RaceProgress, race
 from .racing.replay import ReplayReport, replay
+from .racing.resimulation import scan_at
 from .racing.result import RaceResult
 from .racing.run_folder import Run, check_run_folder, read_failed_scan, read_run
 from .simulation.course_loading import load_track
@@ -61,6 +62,7 @@ from .vehicle.car import Car, car_parameters
 from .vehicle.changes import CarChanges
 from .vehicle.tire_slip import SLIDING_SPEED, TireSlip, TireSlipMeter
 from .vehicle.vehicle import Vehicle, car_spec, vehicle_names
+from .viz.debug import DebuggedRun, Decision, debug
 from .viz.plots import trace_picture, track_picture, write_run
 from .viz.rendering import Film, Renderer, render, write_video
 
@@ -83,6 +85,8 @@ __all__ = [
     "ControllerError",
     "Course",
     "Cylinder",
+    "DebuggedRun",
+    "Decision",
     "DriveCommand",
     "EngineError",
     "FgMujocoError",
@@ -130,6 +134,7 @@ __all__ = [
     "check_run_folder",
     "compare",
     "controller_names",
+    "debug",
     "export_track",
     "generate_tight_track",
     "generate_track",
@@ -146,6 +151,7 @@ __all__ = [
     "render",
     "replay",
     "rollout",
+    "scan_at",
     "scene_names",
     "trace_picture",
     "track_names",

@@ -33,6 +33,7 @@ from numpy.typing import ArrayLike
 from .course.course import Course
 from .course.maps.map_track import is_map, read_map
 from .course.track import follow
+from .display import brief
 from .errors import SettingsError, accepted_names
 from .lidar.beams import lidar_of
 from .lidar.lidar import Lidar, RaycastLidar
@@ -115,6 +116,9 @@ class F110Env:
         self._vehicle = Vehicle.load(vehicle)
         self._viewer: Any = None
         self._build()
+
+    def __repr__(self) -> str:
+        return brief(self, repr(self.world), f"step {self.timestep:g} s")
 
     @property
     def data(self) -> mujoco.MjData:

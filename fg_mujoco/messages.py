@@ -16,6 +16,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .display import Drawing, Shown, brief, paragraph
 from .errors import MessageError, SettingsError
 
 FloatArray = NDArray[np.float64]
@@ -86,13 +87,16 @@ def require_finite(message: object, *values: object, names: tuple[str, ...]) -> 
         require(message, math.isfinite, "a finite number", names, MessageError)
 
 
+_DOT, _CAR = "#0072b2", "#d55e00"  # colours of a scan's picture
+
+
 @lru_cache(maxsize=32)
 def _bearings(count: int, angle_min: float, angle_increment: float) -> FloatArray:
     return read_only(angle_min + angle_increment * np.arange(count))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class LaserScan:
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class LaserScan(Shown):
     """One sweep of the LiDAR (sensor_msgs/LaserScan).
 
     `ranges` has shape (n,) [m], rightmost beam first, bearings growing to the left. What is not a distance
@@ -125,6 +129,28 @@ class LaserScan:
         if self.no_return not in (math.inf, self.range_max):
             raise MessageError(f"LaserScan.no_return is {self.no_return!r}; accepted: inf or range_max")
 
+    def __repr__(self) -> str:
+        measured = self.ranges[np.isfinite(self.ranges) & (self.ranges < self.range_max)]
+        least, most = math.degrees(self.angle_min), math.degrees(self.angle_max)
+        found = f"ranges {measured.min():.2f} to {measured.max():.2f} m" if len(measured) else "no ranges"
+        others = len(self.ranges) - len(measured)
+        return brief(
+            self, f"stamp {self.stamp:.3f} s", f"{len(self.ranges)} beams from {least:.1f} to {most:.1f} deg", found,
+            *([f"{others} beams without a return"] if others else []),
+        )  # fmt: skip
+
+    def _repr_html_(self) -> str:
+        found = np.isfinite(self.ranges) & (self.ranges < self.range_max)
+        distances, bearings = self.ranges[found], self.bearings[found]
+        points = distances[:, np.newaxis] * np.column_stack((np.cos(bearings), np.sin(bearings)))
+        corners = np.concatenate((points, [[-1.0, -1.0], [1.0, 1.0]]))
+        drawing = Drawing(corners.min(axis=0) - 0.3, corners.max(axis=0) + 0.3)
+        drawing.points(points, _DOT)
+        drawing.arrow((0.0, 0.0), 0.0, _CAR)
+        drawing.scale()
+        said = "Each dot is where a beam ended. The arrow is at the LiDAR and points ahead."
+        return paragraph(repr(self)) + drawing.svg(said) + paragraph(said)
+
     @property
     def bearings(self) -> FloatArray:
         """Bearing of each beam from straight ahead, left positive. Shape (n,) [rad], read-only."""
@@ -139,7 +165,7 @@ _VECTORS = (("angular_velocity", (3,)), ("linear_acceleration", (3,)), ("wheel_s
 _NO_POSE = read_only((math.nan, math.nan, math.nan))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Odometry:
     """What the car's own sensors say between scans: wheel encoders, steering sensor, IMU; and where it is on the map.
 
@@ -165,6 +191,14 @@ class Odometry:
             if vector.shape != shape:
                 raise MessageError(f"Odometry.{name} has shape {vector.shape}; accepted: ({shape[0]},)")
             object.__setattr__(self, name, vector)
+
+    def __repr__(self) -> str:
+        x, y, heading = self.pose.tolist()
+        return brief(
+            self, f"stamp {self.stamp:.3f} s", f"speed {self.speed:.2f} m/s",
+            f"steering angle {self.steering_angle:.3f} rad", f"yaw rate {self.yaw_rate:.3f} rad/s",
+            "no pose" if math.isnan(x) else f"pose ({x:.2f}, {y:.2f}) m, {heading:.3f} rad",
+        )  # fmt: skip
 
     @property
     def yaw_rate(self) -> float:
@@ -195,7 +229,7 @@ class DriveCommand:
 STOP = DriveCommand(steering_angle=0.0, speed=0.0)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class MapLine:
     """The line through the course that a planner with a map is told of.
 
@@ -212,8 +246,11 @@ class MapLine:
             raise MessageError(f"MapLine.points has shape {points.shape}; accepted: (n, 2) finite, n at least 2")
         object.__setattr__(self, "points", points)
 
+    def __repr__(self) -> str:
+        return brief(self, f"{len(self.points)} points", "closed" if self.closed else "open")
 
-@dataclass(frozen=True, kw_only=True)
+
+@dataclass(frozen=True, kw_only=True, repr=False)
 class CarParameters:
     """What a planner is told of its car. Read off the compiled model by `fg_mujoco.vehicle.car`, never typed twice.
 
@@ -247,8 +284,16 @@ class CarParameters:
         positive = tuple(f.name for f in fields(self) if f.name != "min_speed")
         require(self, lambda value: 0.0 < value < math.inf, "a positive number", positive, MessageError)
 
+    def __repr__(self) -> str:
+        return brief(
+            self, f"wheelbase {self.wheelbase:.4g} m", f"{self.length:.3g} x {self.width:.3g} m",
+            f"mass {self.mass:.4g} kg", f"steering angle +-{self.max_steering_angle:.4g} rad",
+            f"speed {self.min_speed:.4g} to {self.max_speed:.4g} m/s",
+            f"acceleration {self.max_acceleration:.4g} m/s^2",
+        )  # fmt: skip
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ScanGeometry:
     """What all scans of one LiDAR have in common: everything of a LaserScan but its stamp and ranges."""
 
@@ -259,6 +304,11 @@ class ScanGeometry:
     range_max: float  # [m]
     scan_time: float  # [s] from one sweep to the next
     bearings: FloatArray  # (beams,) [rad], read-only
+
+    def __repr__(self) -> str:
+        least, most = math.degrees(self.angle_min), math.degrees(self.angle_max)
+        beams = f"{len(self.bearings)} beams from {least:.1f} to {most:.1f} deg"
+        return brief(self, beams, f"{self.range_min:g} to {self.range_max:g} m", f"every {self.scan_time:g} s")
 
 
 ODOMETRY = np.dtype(

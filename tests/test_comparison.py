@@ -13,6 +13,7 @@ from fg_mujoco.course.moving_obstacles import MovingObstacle
 from fg_mujoco.course.scene import Scene
 from fg_mujoco.racing.planner_choice import ControllerChoice
 from fg_mujoco.studies.comparison.ground import Ground, course_ground
+from fg_mujoco.studies.comparison.pictures import table_picture
 from fg_mujoco.studies.comparison.run import (
     ComparisonSettings,
     RunFigures,
@@ -272,28 +273,43 @@ def test_a_worker_that_dies_is_told_of_and_finished_runs_stay(here):
 def row(controller="a", course="oval", speed=8.0, seed=0, **figures):
     none = {
         "success": True, "end_reason": "finished", "message": None, "laps_completed": 1, "laps_requested": 1,
-        "first_lap_s": 9.0, "best_lap_s": 9.0, "mean_lap_s": 9.0, "collisions": 0, "max_slide_m_s": 0.01,
+        "first_lap_s": 9.0, "best_lap_s": 9.0, "mean_lap_s": 9.5, "collisions": 0, "max_slide_m_s": 0.01,
         "slide_time_fraction": 0.0, "least_clearance_m": 0.3, "wrong_way_time_s": 0.0, "distance_m": 50.0,
         "mean_speed_m_s": 5.0, "sim_time_s": 9.0, "trajectory_sha256": "0",
     }  # fmt: skip
     return RunRow(RunKey(controller, None, course, None, speed, seed), RunFigures(**(none | figures)))
 
 
-CRASH = {"success": False, "end_reason": "crash", "best_lap_s": None, "collisions": 1, "laps_completed": 0}
+CRASH = {
+    "success": False,
+    "end_reason": "crash",
+    "best_lap_s": None,
+    "mean_lap_s": None,
+    "collisions": 1,
+    "laps_completed": 0,
+}
 
 
 def test_a_cell_sums_up_the_runs_of_a_controller_on_a_course():
     (cell, other) = make_cells(
         [
-            row(best_lap_s=9.0, least_clearance_m=0.3, wrong_way_time_s=1.0, slide_time_fraction=0.5),
+            row(best_lap_s=9.0, mean_lap_s=12.0, least_clearance_m=0.3, wrong_way_time_s=1.0, slide_time_fraction=0.5),
             row("b", **CRASH),
-            row(seed=1, best_lap_s=11.0, least_clearance_m=0.2, wrong_way_time_s=0.5, max_slide_m_s=0.4),
+            row(
+                seed=1, best_lap_s=11.0, mean_lap_s=12.0, least_clearance_m=0.2, wrong_way_time_s=0.5, max_slide_m_s=0.4
+            ),
             row(
                 seed=2,
                 **CRASH
-                | {"best_lap_s": 2.0, "least_clearance_m": 0.0, "wrong_way_time_s": None, "slide_time_fraction": None},
+                | {
+                    "best_lap_s": 2.0,
+                    "mean_lap_s": 2.0,
+                    "least_clearance_m": 0.0,
+                    "wrong_way_time_s": None,
+                    "slide_time_fraction": None,
+                },
             ),
-            row(seed=3, best_lap_s=14.0),
+            row(seed=3, best_lap_s=14.0, mean_lap_s=15.0),
         ]
     )
     assert (cell.controller, cell.course, cell.runs, cell.successes) == ("a", "oval", 4, 3)
@@ -301,6 +317,7 @@ def test_a_cell_sums_up_the_runs_of_a_controller_on_a_course():
     assert cell.end_reasons == "1 crash, 3 finished"
     assert (cell.laps_completed, cell.laps_requested, cell.collisions) == (3, 4, 1)
     assert cell.best_lap_s == 11.0
+    assert cell.mean_lap_s == 13.0  # of the successes
     assert cell.least_clearance_m == 0.0
     assert cell.wrong_way_time_s == 1.5
     assert cell.max_slide_m_s == 0.4
@@ -312,9 +329,39 @@ def test_the_markdown_table_has_a_row_a_cell_and_says_the_speed_where_there_are_
     cells = make_cells([row("a[x=1|2]"), row("b", course="scene:u_turn", speed=4.0, **CRASH)])
     header, rule, first, second = markdown(cells).splitlines()
     assert header.count(" | ") == rule.count(" | ") == second.count(" | ")
-    assert first.startswith("| a[x=1\\|2] | oval, 8 m/s | 1/1 | 1/1 | 9.00 | - | 0 | 0.0 % | 0.300 | 0.0 |")
-    assert second.startswith("| b | u_turn, 4 m/s | 0/1 | 0/1 | - | 1 crash | 1 |")
-    assert "| oval |" in markdown(cells[:1])
+    assert " ".join(first.split()).startswith(
+        "| a[x=1\\|2] | oval, 8 m/s | 1/1 | 1/1 | 9.00 | 9.50 | - | 0 | 0.0 % | 0.300 | 0.0 |"
+    )
+    assert " ".join(second.split()).startswith("| b | u_turn, 4 m/s | 0/1 | 0/1 | - | - | 1 crash | 1 |")
+    assert "| oval   |" in markdown(cells[:1])
+
+
+def test_the_markdown_table_is_aligned_where_it_is_read_as_text():
+    lines = markdown(make_cells([row(mean_lap_s=10.25), row("longer_name", best_lap_s=109.0)])).splitlines()
+    assert len({len(line) for line in lines}) == 1
+    bars = [[place for place, letter in enumerate(line) if letter == "|"] for line in lines]
+    assert bars[0] == bars[1] == bars[2] == bars[3]
+    end = lines[0].index("best lap [s]") + len("best lap [s]")
+    assert lines[2][:end].endswith(" 9.00") and lines[3][:end].endswith(" 109.00")
+    assert lines[1][end - 1] == ":"  # Markdown aligns it to the right, too
+
+
+@pytest.mark.parametrize("crashed", [False, True])
+def test_the_table_picture_tells_lap_times_where_all_succeed(tmp_path, monkeypatch, crashed):
+    drawn = []
+    monkeypatch.setattr("fg_mujoco.studies.comparison.pictures._save", lambda figure, path: drawn.append(figure))
+    last = CRASH if crashed else {"best_lap_s": 9.9, "mean_lap_s": 12.25}
+    table_picture(make_cells([row(), row("b", **last)]), tmp_path / "table.png")
+    axes, scale = drawn[0].axes
+    texts, (image,) = [text.get_text() for text in axes.texts], axes.images
+    if crashed:
+        assert texts == ["1/1\n9.00 s", "0/1"]
+        assert image.get_array().ravel().tolist() == [1.0, 0.0]
+        assert scale.get_ylabel() == "share of successes"
+    else:
+        assert texts == ["9.00 s\nmean 9.50", "9.90 s\nmean 12.25"]
+        np.testing.assert_allclose(image.get_array().ravel(), [1.0, 1.1])
+        assert "fastest" in scale.get_ylabel()
 
 
 def test_a_row_survives_the_file():

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.cli.main import _parser
+from fg_mujoco.cli.main import _parser, main
 from fg_mujoco.controllers import CONTROLLERS
 
 ROOT = Path(__file__).parent.parent
@@ -93,6 +93,16 @@ def test_python_of_a_page_runs_in_an_empty_folder(page, tmp_path, monkeypatch, c
             (tmp_path / title).write_text(code, "utf-8")
         else:
             exec(compile(code, page, "exec"), names)
+
+
+def test_shortest_planner_drives_a_lap(tmp_path, monkeypatch, capsys):
+    page = "docs/howto/own_planner.md"
+    code = dict(blocks(page, "python"))["shortest.py"]
+    assert len([line for line in code.splitlines() if line.strip()]) <= 20
+    assert "--controller shortest.py:WidestView --laps 1" in (ROOT / page).read_text("utf-8")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "shortest.py").write_text(code, "utf-8")
+    assert main(["race", "--controller", "shortest.py:WidestView", "--laps", "1"]) == 0, capsys.readouterr().out
 
 
 def test_what_is_run_elsewhere_is():

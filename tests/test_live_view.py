@@ -15,6 +15,7 @@ import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import EngineError, SettingsError
 from fg_mujoco.vehicle.car import WHEELS
+from fg_mujoco.viz.live.browser_scene import LEGEND
 from fg_mujoco.viz.live.hand_driver import HandDriver
 from fg_mujoco.viz.live.handshake import is_own
 from fg_mujoco.viz.live.session import LiveSession, LiveSettings
@@ -367,8 +368,16 @@ def test_in_a_browser_the_car_moves_and_pause_and_knobs_and_keys_do_what_they_sa
         wait_until(lambda: math.isclose(session.simulation.speed, 1.5, abs_tol=0.15))
 
         page.mouse.click(200, 400)
-        page.keyboard.press("i")
-        wait_until(lambda: session.by_hand and session.hand.speed == 0.5)
+        for key, reached in (("i", 0.5), ("ArrowUp", 1.0), ("w", 1.5), ("ArrowDown", 1.0), ("s", 0.5), (" ", 0.0)):
+            page.keyboard.press(key)
+            wait_until(lambda reached=reached: session.by_hand and session.hand.speed == reached)
+        for key, turns_left in (("ArrowLeft", True), ("d", False), ("a", True), ("ArrowRight", False)):
+            page.keyboard.press(key)
+            wait_until(lambda left=turns_left: (session.hand.steering > 0.0) == left)
+        for text in (*LEGEND, "pause, go on", "quarter of the steering"):
+            assert page.get_by_text(text).first.is_visible(), text
+        page.keyboard.press("ArrowUp")
+        wait_until(lambda: session.hand.speed == 0.5)
         page.get_by_role("button", name="reset").click()
         wait_until(lambda: session.hand.speed == 0.0)
     own = (f"http://localhost:{free}", f"ws://localhost:{free}", "data:", "blob:")

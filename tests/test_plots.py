@@ -1,5 +1,6 @@
 import importlib.util
 import io
+from dataclasses import replace
 
 import matplotlib.image
 import numpy as np
@@ -52,7 +53,7 @@ def test_trace_picture_draws_what_was_measured(lap, monkeypatch):
     monkeypatch.setattr("fg_mujoco.viz.plots._save", lambda figure, path: drawn.append(figure))
     fg.trace_picture(lap, "not written")
     (figure,) = drawn
-    above, speed, steering, friction, sliding = figure.axes[:5]
+    above, speed, steering, sliding, *tires = figure.axes[:8]
 
     (line,) = above.collections
     starts = np.array([segment[0] for segment in line.get_segments()])
@@ -68,13 +69,44 @@ def test_trace_picture_draws_what_was_measured(lap, monkeypatch):
 
     assert shows(speed, lap.column("speed_m_s")) and shows(speed, lap.column("command_speed_m_s"))
     assert shows(steering, lap.column("steering_angle_rad")) and shows(steering, lap.column("command_steering_rad"))
-    for wheel in ("front_left", "front_right", "rear_left", "rear_right"):
-        assert shows(friction, lap.column(f"friction_use_{wheel}"))
+    for wheel, tire in zip(("front_left", "front_right", "rear_left", "rear_right"), tires, strict=True):
+        assert tire.get_ylabel() == wheel.replace("_", "\n")
+        assert tire.get_ylim() == tires[0].get_ylim()
+        assert shows(tire, lap.column(f"friction_use_{wheel}"))
+        np.testing.assert_array_equal(tire.lines[0].get_xdata(), lap.column("progress_m"))
+        assert shows(tire, [1.0, 1.0])
         assert shows(sliding, lap.column(f"slide_{wheel}_m_s"))
-    assert shows(friction, [1.0, 1.0])
     assert shows(sliding, [0.05, 0.05])
-    for axes in (speed, steering, friction, sliding):  # the end of the lap
+    for axes in (speed, steering, sliding):  # the end of the lap
         assert any(np.array_equal(curve.get_xdata(), [lap.lap_times_s[0]] * 2) for curve in axes.lines)
+
+
+def test_trace_picture_lays_laps_over_each_other_and_marks_where_a_tire_slid(lap, monkeypatch):
+    drawn = []
+    monkeypatch.setattr("fg_mujoco.viz.plots._save", lambda figure, path: drawn.append(figure))
+    ticks, length = 400, lap.world.track.length
+    telemetry = np.tile(lap.telemetry[:1], (ticks, 1))
+    column = {name: telemetry[:, index] for index, name in enumerate(fg.TELEMETRY)}
+    column["time_s"][:] = 0.025 * np.arange(ticks)
+    column["progress_m"][:] = np.linspace(0.0, 2.0 * length, ticks, endpoint=False)
+    column["lap"][:] = 1.0 + np.arange(ticks) // 200
+    column["friction_use_rear_left"][:] = 0.25
+    column["friction_use_rear_left"][300:310] = 0.75  # from the middle of the second lap on
+    column["slide_rear_left_m_s"][:] = 0.01
+    column["slide_rear_left_m_s"][340] = 0.2
+    fg.trace_picture(replace(lap, telemetry=telemetry), "not written")
+    tire = drawn[0].axes[6]
+    assert tire.get_ylabel() == "rear\nleft"
+    place, use = tire.lines[0].get_data()
+    assert np.isnan(place).sum() == 1  # between the laps no line
+    assert np.nanmax(place) < length
+    assert sorted(use[np.isfinite(use)]) == sorted(column["friction_use_rear_left"])
+    slid = tire.lines[1].get_xdata()
+    np.testing.assert_allclose(slid, [column["progress_m"][340] - length])
+    values, edges, _ = tire.patches[0].get_data()
+    above = edges[:-1][values == 0.75]
+    assert 0.48 * length < above.min() < above.max() < 0.56 * length
+    assert set(np.unique(values)) == {0.25, 0.75}
 
 
 def test_trace_picture_of_a_race_of_one_tick():
@@ -82,6 +114,12 @@ def test_trace_picture_of_a_race_of_one_tick():
         raise KeyboardInterrupt
 
     result = fg.race("oval", Straight(), laps=1, watch=interrupt)
+    assert pixels(lambda file: fg.trace_picture(result, file)).shape[1] == 1080
+
+
+def test_trace_picture_of_a_race_of_no_tick(lap):
+    """As of a planner that does not answer its first scan."""
+    result = replace(lap, telemetry=lap.telemetry[:0], lap_times_s=(), sim_time_s=0.0)
     assert pixels(lambda file: fg.trace_picture(result, file)).shape[1] == 1080
 
 

@@ -11,8 +11,11 @@ from rendered import inside, needs_gl, pixel
 import fg_mujoco as fg
 from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.viz.rendering import CAMERAS, LABELS, Film, Overlays, Renderer, find_overlays, render
+from fg_mujoco.viz.rendering.cameras import View
 from fg_mujoco.viz.rendering.drive import read_drive
 from fg_mujoco.viz.rendering.planner_view import PlannerEye
+from fg_mujoco.viz.rendering.ribbons import wall_chains
+from fg_mujoco.viz.rendering.scenery import SUN
 
 pytestmark = needs_gl
 
@@ -283,3 +286,40 @@ def test_a_scene_with_obstacles_that_move_is_drawn():
         first, later = (film.segmentation(time) == LABELS.index("obstacle") for time in (0.0, 0.9))
     assert first.any() and later.any()
     assert (first != later).any()
+
+
+def sunlit_wall_views(world):
+    """Return for places where the sun grazes a wall's face: a view of it, and points just under its upper edge."""
+    spec = mujoco.MjSpec.from_string(world.xml)  # it owns what the mesh shows
+    prisms = np.array(spec.mesh("walls").uservert).reshape(-1, 8, 3)
+    sun = np.array(SUN) / np.linalg.norm(SUN)
+    for prism in (prism for chain in wall_chains(prisms)[:2] for prism in chain[::7]):
+        outwards = prism[[0, 1]].mean(axis=0) - prism[[2, 3]].mean(axis=0)
+        outwards /= np.linalg.norm(outwards)
+        if not 0.03 < -outwards @ sun < 0.3:
+            continue
+        along = (prism[1] - prism[0]) / np.linalg.norm(prism[1] - prism[0])
+        edge = prism[[4, 5]].mean(axis=0)
+        target = edge + np.array([0.0, 0.0, -0.02])
+        eye = edge + 0.8 * outwards + np.array([0.0, 0.0, 0.25])
+        forward = (target - eye) / np.linalg.norm(target - eye)
+        right = np.cross(forward, (0.0, 0.0, 1.0)) / np.linalg.norm(np.cross(forward, (0.0, 0.0, 1.0)))
+        view = View(
+            position=eye, forward=forward, up=np.cross(right, forward), fovy=0.5, focus=target, shadow_radius=5.0
+        )
+        below = -np.array([0.01, 0.02, 0.03])[:, None, None] * np.array([0.0, 0.0, 1.0])
+        yield view, (edge + below + np.linspace(-0.15, 0.15, 200)[:, None] * along).reshape(-1, 3)
+
+
+def test_wall_that_the_sun_shines_on_has_no_specks_of_shadow(lap):
+    """Nothing stands between it and the sun, so with shadows it is as bright as without."""
+    state, brightness, views = lap.states[0], {}, list(sunlit_wall_views(lap.world))
+    assert len(views) >= 4
+    for quality in ("draft", "good"):
+        with Renderer(lap.world, size=SIZE, quality=quality) as renderer:
+            brightness[quality] = []
+            for view, points in views:
+                columns, rows = np.floor(view.project(points, SIZE)[0]).astype(int).T
+                brightness[quality].append(renderer.rgb(state, view).mean(axis=2)[rows, columns])
+    assert np.min(brightness["good"]) > 40.0  # in the light, and not the sky's
+    assert np.var(np.subtract(brightness["good"], brightness["draft"]), axis=1).max() < 0.5  # with specks: 12 to 76

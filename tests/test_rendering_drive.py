@@ -20,7 +20,7 @@ from fg_mujoco.viz.rendering.gg_diagram import accelerations, gg_picture
 from fg_mujoco.viz.rendering.planner_view import PlannerEye, intermediate_scans
 from fg_mujoco.viz.rendering.ribbons import road, wall_chains
 from fg_mujoco.viz.rendering.scenery import compile_scenery
-from fg_mujoco.viz.rendering.telemetry_strip import law_limit
+from fg_mujoco.viz.rendering.telemetry_strip import _Strip, law_limit
 
 
 @pytest.fixture(scope="module")
@@ -289,3 +289,42 @@ def test_time_outside_of_the_drive_is_refused(short_race):
     assert drive.tick_at(0.0749) == 2 and drive.tick_at(0.075) == 3
     with pytest.raises(fg.SettingsError, match=f"0 to {drive.end:.3f} s"):
         drive.tick_at(drive.end + 0.1)
+
+
+class Pen:
+    """Writes down what is drawn with it."""
+
+    def __init__(self):
+        self.texts, self.boxes = [], []
+
+    def text(self, at, text, **how):
+        self.texts.append(text)
+
+    def line(self, at, **how):
+        pass
+
+    def rectangle(self, box, fill=None, outline=None, **how):
+        self.boxes.append((box, fill, outline))
+
+
+@pytest.mark.parametrize(("width", "rows"), [(1280, 76), (1920, 113), (640, 38), (320, 30)])
+def test_strip_has_a_bar_for_each_tire_named_where_there_is_room(lap, width, rows):
+    pytest.importorskip("PIL")
+    row = dict.fromkeys(fg.TELEMETRY, 0.0)
+    shares = dict(zip(WHEELS, (0.25, 0.5, 0.75, 1.0), strict=True))
+    row |= {f"friction_use_{wheel}": share for wheel, share in shares.items()}
+    row |= {f"slide_{wheel}_m_s": 0.01 for wheel in WHEELS} | {"slide_rear_right_m_s": 0.62}
+    pen = Pen()
+    _Strip(pen, width, rows).draw(row, 1.0, 8.0, {"laps_requested": 1}, lap.world.parameters)
+    colours = [tuple(int(255 * part) for part in friction_colour(share)) for share in shares.values()]
+    bars = [next(box for box, fill, _ in pen.boxes if fill == colour) for colour in colours]
+    lengths = np.array([right - left for left, _, right, _ in bars])
+    np.testing.assert_allclose(lengths / lengths[3], list(shares.values()))
+    assert bars[0][0] == bars[2][0] < bars[1][0] == bars[3][0] < width  # left and right
+    assert bars[0][1] == bars[1][1] < bars[2][1] == bars[3][1] < rows  # front and rear
+    framed = [box for box, _, outline in pen.boxes if outline is not None]
+    assert framed == [bars[3]]  # the one that slides
+    assert any("slides" in text for text in pen.texts)
+    if width >= 1280:
+        assert {"front left", "front right", "rear left", "rear right"} <= set(pen.texts)
+        assert {"25 %", "50 %", "75 %", "100 %", "framed: slides, 0.62 m/s"} <= set(pen.texts)

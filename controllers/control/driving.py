@@ -32,10 +32,34 @@ from fg_mujoco.messages import CarParameters, FloatArray, require
 from ..perception.scan_filters import widen_all
 from ..perception.scan_geometry import beams_between, period_of
 from ..safety.braking_trajectories import safe_speed
-from ..safety.friction_limiter import LIMITER, LIMITER_MEMORY, FrictionLimiter, limited
+from ..safety.friction_limiter import LIMITER, LIMITER_MEMORY, FrictionLimiter, held_on_circle, limited
 from ..safety.guidance import GUIDANCE, GuidanceSettings, guide, path_ahead
 from ..safety.recovery import PATH_HISTORY, RecoverySettings, angle_along_history, extend_history, reverses
 from ..safety.safety_filter import SafetyFilterSettings, safe_steering
+from .reasons import (
+    AFTER_RECOVERY,
+    AHEAD,
+    GRIP,
+    LOCK,
+    MAXIMUM,
+    MEAN_RANGE,
+    MOVES,
+    NO_REFERENCE,
+    PLANNER,
+    REASONS,
+    RECOVERY,
+    SAFETY_FILTER,
+    SIGHT,
+    TRANSIENTS,
+    forget_reasons,
+    note,
+)
+from .reasons import (
+    GUIDANCE as GUIDED,
+)
+from .reasons import (
+    SPEEDOMETER as BY_SPEEDOMETER,
+)
 from .settings import (
     CAR,
     FROM_ZERO,
@@ -127,7 +151,13 @@ DRIVER = np.dtype(
 """Type of what the kernels here read of a planner."""
 
 DRIVING_MEMORY = np.dtype(
-    [("limiter", LIMITER_MEMORY), ("history", PATH_HISTORY), ("guidance", GUIDANCE), ("speedometer", SPEEDOMETER)]
+    [
+        ("limiter", LIMITER_MEMORY),
+        ("history", PATH_HISTORY),
+        ("guidance", GUIDANCE),
+        ("speedometer", SPEEDOMETER),
+        ("reasons", *REASONS),  # of the last decision; written, and never read
+    ]
 )
 """Type of what they keep of its car from tick to tick; zero at the beginning."""
 
@@ -137,6 +167,7 @@ REFERENCE = np.dtype(
         ("speed", np.float64),  # [m/s] greatest
         ("bearing", np.float64),  # [rad] of the goal; NaN: there is none
         ("distance", np.float64),  # [m] of the goal from the LiDAR
+        ("own_speed", np.float64),  # [m/s] before any speed law
     ]
 )
 """Type of the reference of a planner for one scan."""
@@ -209,7 +240,7 @@ def refer(
 ) -> None:
     """Write a reference, no faster than by the law of the mean range; arguments as in `refer_to_goal` and REFERENCE."""
     reference.steering_angle, reference.bearing, reference.distance = steering_angle, bearing, distance
-    reference.speed = min(speed, driver.max_speed)
+    reference.speed = reference.own_speed = min(speed, driver.max_speed)
     if math.isnan(bearing):
         reference.steering_angle = math.nan
     elif driver.range_ratio:
@@ -262,12 +293,20 @@ def drive(
       memory: of type DRIVING_MEMORY, written to.
       trajectories: tables of type TRAJECTORIES; `driver.trajectories` is the index of the planner's own.
     """
+    reasons = memory.reasons
+    forget_reasons(reasons)
+    note(reasons, MAXIMUM, math.nan, driver.max_speed)
+    note(reasons, PLANNER, reference.steering_angle, reference.own_speed)
+    if driver.range_ratio:
+        note(reasons, MEAN_RANGE, reference.steering_angle, reference.speed)
     if driver.friction:
         read_speedometer(memory.speedometer, odometry.speed, driver.car, period_of(scan))
     if driver.guidance:
         guide(scan, valid, odometry, driver.limiter, driver.guidance_settings, memory.guidance, reference)
+        note(reasons, GUIDED, reference.steering_angle, reference.speed)
         turning = memory.guidance.turning
         if turning.active:
+            note(reasons, MOVES, turning.steering_angle, turning.speed)
             _extend_history(scan, odometry, driver, memory)
             least = driver.limiter.settings.least_lateral_use
             return _hold(scan, odometry, driver, memory, turning.steering_angle, turning.speed, least)
@@ -276,6 +315,7 @@ def drive(
     speed = reference.speed
     if driver.forward_distance:
         speed = min(speed, _speed_by_what_is_ahead(scan, valid, driver))
+        note(reasons, AHEAD, reference.steering_angle, speed)
     if driver.stopping:
         table = trajectories[driver.trajectories]
         widened = widen_all(valid, scan.angle_increment, table.radius)
@@ -286,8 +326,11 @@ def drive(
         if driver.safety_filter:
             return _drive_filtered(scan, widened, odometry, driver, memory, reference.steering_angle, speed, in_sight)
         speed = min(speed, in_sight)
+        note(reasons, SIGHT, reference.steering_angle, speed)
     if not driver.friction:
-        return saturate(reference.steering_angle, driver.car.max_steering_angle), speed
+        within = saturate(reference.steering_angle, driver.car.max_steering_angle)
+        note(reasons, LOCK, within, speed)
+        return within, speed
     least_use = driver.limiter.settings.least_lateral_use
     return _hold(scan, odometry, driver, memory, reference.steering_angle, speed, least_use)
 
@@ -335,8 +378,11 @@ def _drive_filtered(
     reference = saturate(steering_angle, car.max_steering_angle)
     if history.tried > 0:
         speed = min(speed, driver.recovery_settings.speed)
+        note(memory.reasons, AFTER_RECOVERY, steering_angle, speed)
     guidance = memory.guidance
     reference_speed = speed if guidance.knows_speed else min(speed, max(in_sight, settings.crawl_speed))
+    if not guidance.knows_speed:
+        note(memory.reasons, SIGHT, steering_angle, reference_speed)
     safe, use, found = safe_steering(
         limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference, reference_speed,
         angle, now, period, path_ahead(guidance),
@@ -344,14 +390,19 @@ def _drive_filtered(
     stands = abs(now) < settings.standing_speed
     if driver.recovery and reverses(history, driver.recovery_settings, stands, found and not guidance.stuck, period):
         back = saturate(angle_along_history(history, car.wheelbase), car.max_steering_angle)
+        note(memory.reasons, RECOVERY, back, -driver.recovery_settings.speed)
         return _hold(scan, odometry, driver, memory, back, -driver.recovery_settings.speed, use)
     if not found:
         speed = 0.0 if now > settings.crawl_speed else min(speed, in_sight)
         if guidance.follows:  # it is free, as far as its search could tell
+            note(memory.reasons, SAFETY_FILTER, steering_angle, speed)
             return _hold(scan, odometry, driver, memory, steering_angle, speed, 1.0)
+        note(memory.reasons, SAFETY_FILTER, safe, speed)
         return _hold(scan, odometry, driver, memory, safe, speed, use)
     if safe != reference:
+        note(memory.reasons, SAFETY_FILTER, safe, min(speed, settings.crawl_speed))
         return _hold(scan, odometry, driver, memory, safe, min(speed, settings.crawl_speed), use)
+    note(memory.reasons, SAFETY_FILTER, steering_angle, reference_speed)
     return _hold(scan, odometry, driver, memory, steering_angle, reference_speed, use)
 
 
@@ -362,6 +413,7 @@ def _brake(scan: Record, odometry: Record, driver: Record, memory: Record) -> tu
     Without the friction law, and without odometry, that is 0 and 0.
     """
     _extend_history(scan, odometry, driver, memory)
+    note(memory.reasons, NO_REFERENCE, odometry.steering_angle if driver.friction else 0.0, 0.0)
     if not driver.friction:
         return 0.0, 0.0
     least = driver.limiter.settings.least_lateral_use
@@ -388,6 +440,12 @@ def _hold(
 ) -> tuple[float, float]:
     """Return the command nearest to a reference that the friction limiter allows."""
     angle, now = odometry.steering_angle, odometry.speed
-    limiter, period = driver.limiter, period_of(scan)
+    limiter, period, reasons = driver.limiter, period_of(scan), memory.reasons
+    note(reasons, LOCK, saturate(steering_angle, driver.car.max_steering_angle), speed)
+    target, allowed = held_on_circle(limiter, steering_angle, speed, abs(now), least_use)
+    note(reasons, GRIP, target, allowed)
     steering, speed = limited(limiter, memory.limiter, steering_angle, speed, least_use, angle, now, period)
-    return steering, command_speed(memory.speedometer, speed, driver.car, driver.max_speed, period)
+    note(reasons, TRANSIENTS, steering, speed)
+    command = command_speed(memory.speedometer, speed, driver.car, driver.max_speed, period)
+    note(reasons, BY_SPEEDOMETER, steering, command)
+    return steering, command

@@ -50,6 +50,7 @@ from ..perception.scan_filters import valid_ranges
 from ..perception.scan_geometry import SCAN, scan_values, sees
 from ..safety.braking_trajectories import TRAJECTORIES, BrakingTrajectories
 from ..safety.friction_limiter import FrictionLimiter
+from ..safety.guidance import motion_ahead
 from ..safety.safety_filter import EVASIVE
 from .driving import (
     DRIVEN,
@@ -60,6 +61,7 @@ from .driving import (
     refer,
     refer_to_goal,
 )
+from .reasons import Reason, told
 from .settings import for_car, record_type, record_values
 
 _NO_MEMORY = np.dtype([("unused", np.int8)])
@@ -164,6 +166,17 @@ class Planner:
         "raw" is what was measured, without NaN and inf; the others are those of IntermediateScans that it has.
         """
         return {"raw": valid_ranges(scan.ranges, scan.range_max)}
+
+    def reasons(self) -> list[Reason]:
+        """Return what each step made of the last command, in the order of the work; none before the first command."""
+        return told(self._alone.memory[0]["reasons"])
+
+    def motion(self) -> FloatArray:
+        """Return the motion along which guidance led the car in the last decision; no points where the planner drove.
+
+        Points are in the frame of the rear axle. Shape (m, 2) [m].
+        """
+        return motion_ahead(self._alone.memory[0]["guidance"])
 
 
 class GoalPlanner(Planner):
@@ -280,6 +293,7 @@ class PlannerBatch:
 
     Attributes:
       references: of the last tick, (n,) of type REFERENCE.
+      memory: what driving keeps from tick to tick, (n,) of type DRIVING_MEMORY.
       shown: intermediate scans of the last world that was decided, (4, beams) [m], in the order of IntermediateScans.
 
     Raises:
@@ -312,7 +326,7 @@ class PlannerBatch:
         self._lines = _joined(list(lines.values()), _NO_LINE)
         self._scan, self._geometry = np.zeros(1, SCAN), cast(Any, None)
         self._valid, self.shown = np.empty((count, 0)), np.empty((len(IntermediateScans._fields), 0))
-        self.references = self._driven["reference"]
+        self.references, self.memory = self._driven["reference"], self._driven["memory"]
 
     def reset(self) -> None:
         """Forget everything seen so far, in all worlds."""

@@ -150,11 +150,8 @@ def limited(
       speed_now: present speed [m/s].
       period: until the next command [s].
     """
-    car, mu, now = limiter.car, limiter.mu * limiter.settings.lateral_use, abs(speed_now)
-    allowed = speed
-    if not speed <= 0.0:
-        allowed = min(speed, friction_speed(steering_angle, mu, car.wheelbase, car.gravity))
-    target = saturate(steering_angle, _steering_limit(limiter, allowed, speed, now, least_lateral_use))
+    car, now = limiter.car, abs(speed_now)
+    target, allowed = held_on_circle(limiter, steering_angle, speed, now, least_lateral_use)
     slope = math.tan(angle_now)
     step = _steering_rate(limiter, angle_now, slope, now, target - angle_now) * limiter.settings.steering_response
     command = angle_now + saturate(target - angle_now, step)
@@ -167,6 +164,21 @@ def limited(
         return 0.0, 0.0
     memory.acceleration = acceleration
     return command, reached
+
+
+@kernel
+def held_on_circle(
+    limiter: Record, steering_angle: float, speed: float, now: float, least_lateral_use: float
+) -> tuple[float, float]:
+    """Return the steering angle [rad] and the speed [m/s] that limits 1 and 2 leave of a reference.
+
+    `now` is the present speed without its sign [m/s]; the other arguments are as of `limited`.
+    """
+    car, mu = limiter.car, limiter.mu * limiter.settings.lateral_use
+    allowed = speed
+    if not speed <= 0.0:
+        allowed = min(speed, friction_speed(steering_angle, mu, car.wheelbase, car.gravity))
+    return saturate(steering_angle, _steering_limit(limiter, allowed, speed, now, least_lateral_use)), allowed
 
 
 @kernel

@@ -303,6 +303,27 @@ def path_ahead(memory: Record) -> FloatArray:
     return path
 
 
+def motion_ahead(memory: Record) -> FloatArray:
+    """Return where the car is led, in the frame of its rear axle: what is left of a motion, or of a turn in moves.
+
+    Args:
+      memory: of type GUIDANCE.
+
+    Returns:
+      (m, 2) [m]; no points where the planner drives.
+    """
+    turning, world = memory["turning"], memory["way"]["map"]
+    motion, first = memory["motion"], int(memory["progress"])
+    if turning["active"]:
+        motion, first = turning["motion"], int(turning["place"])
+    elif not memory["follows"]:
+        return np.empty((0, 2))
+    points = motion["points"][first : int(motion["count"]), [X, Y]] - (world["x"], world["y"])
+    cos, sin = math.cos(world["heading"]), math.sin(world["heading"])
+    ahead: FloatArray = points @ np.array([[cos, -sin], [sin, cos]])
+    return ahead
+
+
 @kernel
 def _speed_on(memory: Record, motion: Record, first: int, limiter: Record, settings: Record, speed: float) -> float:
     """Return the speed [m/s] from which the car slows in time for a motion's curves, and stops at its end."""

@@ -21,16 +21,16 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..course.files import is_file, is_folder, read_bytes
+from ..course.files import is_folder, read_bytes
 from ..errors import FgMujocoError, RunFolderError, SettingsError, accepted_names
 from ..lidar.effects import LidarEffects
 from ..lidar.lidar import LIDAR_BACKENDS
 from ..messages import require_whole
 from ..racing.planner_choice import ControllerChoice
 from ..racing.planner_loading import find_controller
-from ..racing.planner_trust import recorded_sha256, require_trusted
+from ..racing.planner_trust import controller_of, recorded_sha256, require_trusted
 from ..racing.race import RaceSettings
-from ..racing.run_folder import SUMMARY, kept_controller, read_summary
+from ..racing.run_folder import SUMMARY, read_summary
 from ..simulation.course_loading import load_track
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .options import number, number_or_off, whole
@@ -141,7 +141,7 @@ def _read_run(folder: Path, command: argparse.ArgumentParser) -> dict[str, Any]:
         if name in _OF_THE_OUTPUT:
             raise RunFolderError(f"{where}: {name!r} is set; accepted: what is written is said on the command line")
     if isinstance(given.get("controller"), str):
-        given["controller"] = _controller_of(folder, summary, given["controller"])
+        given["controller"] = controller_of(folder, summary, given["controller"])
     # the planner is not loaded here: `parse` asks first whether it may be
     checks = {name: check for name, check in _CHECKS.items() if name != "controller"}
     values = {name: _checked(name, value, command, where, checks) for name, value in given.items()}
@@ -150,19 +150,6 @@ def _read_run(folder: Path, command: argparse.ArgumentParser) -> dict[str, Any]:
     if of_a_file and vehicle.sha256 != summary.get("vehicle_sha256"):
         raise RunFolderError(f"{where}: vehicle {vehicle.file} is another one now; accepted: the file as it was raced")
     return values
-
-
-def _controller_of(folder: Path, summary: Mapping[str, Any], controller: str) -> str:
-    """Return the controller of a run; for a file that is not there, or was edited, the copy in the run's folder."""
-    source = ControllerChoice.of(controller).source
-    path, colon, name = source.rpartition(":")
-    kept = kept_controller(folder, summary) if colon else None
-    if kept is None:
-        return controller
-    there = Path(path)
-    if is_file(there) and there.read_bytes() == kept.read_bytes():
-        return controller
-    return f"{kept}:{name}{controller.strip()[len(source) :]}"
 
 
 def _line(text: str, key: str) -> int:

@@ -36,6 +36,7 @@ from .compare import add_compare
 from .completion import complete
 from .config import add_config, parse, settings_of
 from .controllers import add_controllers
+from .debug import add_debug
 from .friction import add_friction
 from .options import (
     ProgressLine,
@@ -137,6 +138,7 @@ def _parser() -> argparse.ArgumentParser:
     add_compare(_add, commands)
     add_render(_add, commands)
     add_report(_add, commands)
+    add_debug(_add, commands)
     add_view(_add, commands)
     add_friction(_add, commands)
     add_bags(_add, commands)

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ..display import brief
 from ..kernels import kernel
 from ..messages import FloatArray
 from .course import Course
@@ -70,6 +71,9 @@ class LapTimer:
     def __init__(self, track: Course) -> None:
         self._track = track
         self.reset()
+
+    def __repr__(self) -> str:
+        return brief(self, f"{self.laps_completed} laps completed", f"progress {self.progress:.2f} m")
 
     def reset(self) -> None:
         """Forget the car; the next update is its start."""

@@ -19,6 +19,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from ..display import brief
 from ..errors import SettingsError
 from ..kernels import kernel
 from ..messages import FloatArray, require
@@ -29,7 +30,7 @@ PREFIX = "moving_"
 """Of the names of the bodies, geoms, meshes and custom numerics of moving obstacles."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class MovingObstacle:
     """An upright box that keeps its heading and moves from one point to another at a constant speed.
 
@@ -59,6 +60,11 @@ class MovingObstacle:
                 raise SettingsError(f"MovingObstacle.{name} is {getattr(self, name)!r}; accepted: x and y [m]")
         if self.way == 0.0:
             raise SettingsError(f"MovingObstacle starts and ends at {self.start!r}; accepted: two different points")
+
+    def __repr__(self) -> str:
+        (x, y), (end_x, end_y) = self.start, self.end
+        way = f"from ({x:.2f}, {y:.2f}) m to ({end_x:.2f}, {end_y:.2f}) m at {self.speed:.2f} m/s"
+        return brief(self, f"{self.length:.2f} x {self.width:.2f} m", way, *["back and forth"] * self.back_and_forth)
 
     @property
     def way(self) -> float:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..display import brief
 from ..errors import SettingsError
 from ..messages import FloatArray, require
 from .track_mesh import WALL_HEIGHT
@@ -65,7 +66,7 @@ class Cylinder:
         return np.column_stack((self.x + self.radius * np.cos(angles), self.y + self.radius * np.sin(angles)))
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Prism:
     """An upright solid of any convex footprint standing on the ground.
 
@@ -83,6 +84,10 @@ class Prism:
             raise SettingsError(
                 f"Prism.footprint is {self.footprint!r}; accepted: three or more (x, y) [m], counterclockwise, convex"
             )
+
+    def __repr__(self) -> str:
+        x, y = self.corners().mean(axis=0)
+        return brief(self, f"{len(self.footprint)} corners round ({x:.2f}, {y:.2f}) m", f"height {self.height:g} m")
 
     def corners(self) -> FloatArray:
         """Footprint, counterclockwise. Shape (n, 2) [m]."""

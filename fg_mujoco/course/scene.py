@@ -17,10 +17,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..display import Shown, brief, quoted
 from ..errors import SettingsError
 from ..messages import CarParameters, FloatArray, MapLine, read_only
 from .moving_obstacles import MovingObstacle
 from .obstacles import Obstacle, solids_numbers
+from .plan import course_html
 from .random_obstacles import ObstacleSites
 from .track import follow
 from .track_mesh import Surface
@@ -30,8 +32,8 @@ STOP_TIME = 2.0  # [s] that the car has to stand still where the goal is to stop
 _HALF_LINE = 0.3  # [m] to either side of the way, of the lines on the ground at the start and the goal
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Scene:
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Scene(Shown):
     """A way to be driven once, among solids. Progress on the way is counted from its first point.
 
     Raises:
@@ -71,6 +73,12 @@ class Scene:
             raise SettingsError(
                 f"scene {self.name!r} has time limit {self.time_limit!r} s; accepted: a positive number"
             )
+
+    def __repr__(self) -> str:
+        return brief(self, quoted(self.name), self.description)
+
+    def _repr_html_(self) -> str:
+        return course_html(self)
 
     @property
     def closed(self) -> bool:

@@ -16,12 +16,14 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..display import Shown, brief, quoted
 from ..errors import SettingsError, TrackError
 from ..kernels import kernel
 from ..messages import CarParameters, FloatArray, MapLine, read_only
 from .course import default_time_limit
 from .moving_obstacles import MovingObstacle
 from .obstacles import Obstacle, Prism
+from .plan import course_html
 from .polyline import cross, self_crossings, step_lengths, steps, turns
 from .random_obstacles import CLEAR_AHEAD, CLEAR_BEHIND, ObstacleSites
 from .track_mesh import Surface, wall_prisms, wall_surface
@@ -43,8 +45,8 @@ _SEARCH = 1.5  # [m] to either side of the previous progress; a car at 20 m/s do
 _CHUNK = 256  # points projected at once against the whole line, to bound the memory
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Track:
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Track(Shown):
     """A circuit, driven in the order of its points.
 
     Raises:
@@ -76,6 +78,12 @@ class Track:
             object.__setattr__(self, side, width)
         _check_line(line)
         _ = self._corridor  # refuses stretches that run over each other
+
+    def __repr__(self) -> str:
+        return brief(self, quoted(self.name), self.description, f"{len(self.centreline)} points")
+
+    def _repr_html_(self) -> str:
+        return course_html(self)
 
     @property
     def corridor_right(self) -> FloatArray:

@@ -25,6 +25,7 @@ from dm_control.rl import control
 from dm_env import specs
 from numpy.typing import ArrayLike, NDArray
 
+from ..display import brief
 from ..errors import SettingsError, accepted_names
 from ..simulation.simulation import Simulation
 from .actions import ACTION
@@ -91,6 +92,9 @@ class Physics(dm_mujoco.Physics):  # type: ignore[misc]
     """
 
     simulation: Simulation
+
+    def __repr__(self) -> str:
+        return brief(self, repr(self.simulation))
 
     @classmethod
     def of(cls, settings: EnvironmentSettings) -> Physics:

@@ -20,6 +20,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ..display import brief
 from ..errors import MissingExtraError, SettingsError, accepted_names
 from ..lidar.beams import LidarModel
 from .actions import ActionBounds
@@ -77,6 +78,9 @@ class F1TenthEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self._data: mujoco.MjData | None = None  # that is drawn
         self._view: ChaseView | None = None
         self._window: Window | None = None
+
+    def __repr__(self) -> str:
+        return brief(self, repr(self._world.world))
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

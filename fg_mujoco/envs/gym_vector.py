@@ -18,6 +18,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ..display import brief
 from ..errors import SettingsError, accepted_names
 from ..simulation.physics import STATE
 from ..studies.worker_processes import usable_cores
@@ -89,6 +90,9 @@ class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
         self._generators: list[np.random.Generator | None] = [None] * num_envs
         self._seeds: list[int | None] = [None] * num_envs
         self._view: ChaseView | None = None
+
+    def __repr__(self) -> str:
+        return brief(self, f"{self.num_envs} environments", repr(self._worlds.world))
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 STARTS = ("random", "line")
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class EnvironmentSettings(CarSettings):
     """Settings of an environment; the same for dm_env, Gymnasium and its vector environment.
 

@@ -12,6 +12,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from ..display import brief
 from ..errors import ModelError, SettingsError, accepted_names
 from ..messages import FloatArray, LaserScan, ScanGeometry, read_only
 
@@ -24,7 +25,7 @@ _BEAMS = "beams"  # the name of the frame that holds the sites of the beams
 _TEXT_ROUNDING = 1e-5  # MJCF text keeps six digits: 2.5e-6 rad of a beam's direction
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Beams:
     """The beams of a LiDAR, rightmost first, in the frame of its body: x ahead, y left, z up. Arrays are read-only."""
 
@@ -42,6 +43,11 @@ class Beams:
     def __post_init__(self) -> None:
         for name in ("directions", "origins", "bearings"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    def __repr__(self) -> str:
+        least, most = math.degrees(self.angle_min), math.degrees(self.angle_max)
+        beams = f"{len(self.bearings)} from {least:.1f} to {most:.1f} deg"
+        return brief(self, beams, f"{self.range_min:g} to {self.range_max:g} m", f"every {self.period:g} s")
 
     def readings(self, distances: FloatArray) -> FloatArray:
         """Return what the LiDAR reads at `distances` (n,) [m]: +inf from `range_max` on, -inf below `range_min`.

@@ -21,6 +21,7 @@ from typing import Any, Protocol
 import mujoco
 import numpy as np
 
+from ..display import brief
 from ..errors import ModelError, SettingsError, accepted_names
 from ..kernels import kernel
 from ..messages import FloatArray
@@ -76,6 +77,9 @@ class RangefinderLidar:
         self._readings = model.sensor_adr[sensors]
         self._last_fired = model.sensor_historyadr[sensors]  # a sensor's history starts with the time it last fired
 
+    def __repr__(self) -> str:
+        return brief(self, repr(self.beams))
+
     def ranges(self, data: Any) -> FloatArray:
         """Return the readings at the present state of `data`, all beams at once. Shape (n,) [m]."""
         last_fired = data.history[self._last_fired]
@@ -120,6 +124,9 @@ class RaycastLidar:
         self.mount = self._poses.mount(0)
         self.draws = is_scanline(self.beams)
         self._arrays, self._scratch = tuple(self.scene.arrays), tuple(self.scene.scratch())
+
+    def __repr__(self) -> str:
+        return brief(self, repr(self.beams))
 
     def ranges(self, data: Any) -> FloatArray:
         """Return the readings at the present state of `data`, all beams at once. Shape (n,) [m]."""

@@ -6,13 +6,20 @@ A bundled planner always may. Any other one may where the user says so, and its 
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from ..course.files import is_file
-from ..errors import ControllerError
-from .planner_loading import bundled_names, origin
+from ..errors import ControllerError, TrackError
+from ..messages import CarParameters, Controller
+from ..simulation.course_loading import load_track
+from ..simulation.planner_adapter import start
+from .planner_choice import ControllerChoice
+from .planner_loading import bundled_names, make_controller, origin
+from .run_folder import kept_controller
 
 
 def recorded_sha256(summary: Mapping[str, Any]) -> str | None:
@@ -54,3 +61,52 @@ def require_trusted(source: str, sha256: str | None, *, trust: bool, where: str)
             f"{said} has sha256 {str(found)[:12]}, recorded is {sha256 and sha256[:12]}; accepted with --trust: the "
             "file as it was raced"
         )
+
+
+def controller_of(folder: Path, summary: Mapping[str, Any], controller: str) -> str:
+    """Return the controller of a run; for a file that is not there, or was edited, the copy in the run's folder.
+
+    Raises:
+      RunFolderError: the copy is not the source that was raced.
+    """
+    source = ControllerChoice.of(controller).source
+    path, colon, name = source.rpartition(":")
+    kept = kept_controller(folder, summary) if colon else None
+    if kept is None:
+        return controller
+    there = Path(path)
+    if is_file(there) and there.read_bytes() == kept.read_bytes():
+        return controller
+    return f"{kept}:{name}{controller.strip()[len(source) :]}"
+
+
+def recorded_planner(
+    summary: Mapping[str, Any], car: CarParameters, *, trust: bool, where: str, folder: Path | None = None
+) -> Controller:
+    """Return the planner of a recorded run, built as it was for the race, and reset.
+
+    Args:
+      summary: of the run.
+      car: parameters of its car.
+      trust: whether to load a planner that is not bundled, which runs its code, if its file is the recorded one.
+      where: the planner was named, for the message.
+      folder: of the run, whose copy of the planner is taken where its file is not there any more; None: there is none.
+
+    Raises:
+      FgMujocoError: it may not be loaded, or cannot be built.
+      KeyError, TypeError, ValueError, OSError: the summary does not say how.
+    """
+    source = str(summary["controller"])
+    if trust and folder is not None:
+        source = controller_of(folder, summary, source)
+    require_trusted(source, recorded_sha256(summary), trust=trust, where=where)
+    mu = summary.get("planner_mu")
+    course = None  # a user's own track or map is not found by its name, and few planners drive by a map
+    with suppress(TrackError):
+        course = load_track(str(summary["track"]))
+    planner = make_controller(
+        source, car=car, mu=math.inf if mu is None else mu, max_speed=summary["speed_limit_m_s"],
+        settings=summary.get("planner_settings") or {}, map_line=None if course is None else course.map_line,
+    )  # fmt: skip
+    start(planner)
+    return planner

@@ -37,7 +37,7 @@ from .planner_loading import make_controller, origin, source_code
 from .result import History, RaceResult, clamped_commands, trajectory_sha256
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class RaceSettings(DriveSettings):
     """What a race is run with.
 

@@ -11,12 +11,13 @@ from pathlib import Path
 
 import numpy as np
 
+from ..display import brief
 from .resimulation import load_world, resimulate
 from .result import trajectory_sha256
 from .run_folder import SUMMARY, read_run
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class ReplayReport:
     """How a replay compares with what was recorded; its text is one line."""
 
@@ -26,6 +27,9 @@ class ReplayReport:
     first_difference: int | None = None  # tick, from 1, that first ends in another state; None: none does
     time: float | None = None  # [s] at its end
     greatest_difference: float | None = None  # there, of any component of the state
+
+    def __repr__(self) -> str:
+        return brief(self, str(self))
 
     def __str__(self) -> str:
         if self.identical:

@@ -3,6 +3,7 @@
     run = read_run("runs/oval")
     for tick in resimulate(run, load_world(run)):
         tick.sensed.scan, tick.command, tick.state
+    scan, odometry = scan_at(run)  # the last that the planner got
 
 A run folder keeps states and controls. The scans, late, noisy and distorted as they were, follow from them: they are
 those that the planner got, bit for bit where `fg-mujoco replay` is bit-identical. Elsewhere, as under another version
@@ -13,18 +14,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Protocol
+from itertools import islice
+from types import SimpleNamespace
+from typing import Any, Protocol, cast
 
 import mujoco
 import numpy as np
 
-from ..errors import FgMujocoError, RunFolderError
+from ..errors import FgMujocoError, RunFolderError, SettingsError
 from ..lidar.effects import LidarEffects
 from ..messages import DriveCommand, FloatArray, LaserScan, Odometry
 from ..simulation.engine import Engine
 from ..simulation.physics import STATE
 from ..simulation.planner_adapter import odometry_message
 from ..simulation.world import World
+from .result import RaceResult
 from .run_folder import Run
 
 
@@ -113,6 +117,33 @@ def resimulate(run: Recording, world: World, *, sense: bool = True, follow: bool
         )
         if follow and not np.array_equal(state, after, equal_nan=True):
             engine.state(0)[:] = after
+
+
+def scan_at(run: RaceResult | Run, time: float | None = None) -> tuple[LaserScan, Odometry]:
+    """Return the scan and the odometry that the planner of a run decided on: to look at, or to call the planner with.
+
+    Args:
+      run: the result of a race, or a run folder that was read.
+      time: of the decision [s]; between two, that of the one before; None: the last.
+
+    Raises:
+      SettingsError: a time outside of the run, or a run without a tick.
+      RunFolderError: a damaged run folder.
+    """
+    count = len(run.ctrl)
+    starts = run.states[:count, 0]  # mjSTATE_TIME comes first in a state
+    if count == 0 or (time is not None and not starts[0] <= time <= run.states[-1, 0]):
+        accepted = f"{starts[0]:g} to {run.states[-1, 0]:g} s" if count else "a run that has a tick"
+        raise SettingsError(f"time is {time!r} s; accepted: {accepted}")
+    place = count - 1 if time is None else int(np.searchsorted(starts, time + 1e-9, side="right")) - 1
+    if isinstance(run, Run):
+        recording, world = cast(Recording, run), load_world(run)
+    else:
+        kept = SimpleNamespace(summary=run.summary(), states=run.states, ctrl=run.ctrl, column=run.column)
+        recording, world = cast(Recording, kept), run.world
+    sensed = next(islice(resimulate(recording, world), place, None)).sensed
+    assert sensed is not None  # it was asked for
+    return sensed.scan, sensed.odometry
 
 
 def _sense(engine: Engine) -> Sensed:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
 
+from ..display import Shown, brief, quoted, table
 from ..lidar.effects import LidarEffects
 from ..messages import CarParameters, FloatArray, read_only
 from ..simulation.planner_failure import PlannerFailure
@@ -16,14 +17,15 @@ from ..simulation.telemetry import COMMAND, TELEMETRY
 from ..simulation.termination import WrongWay
 from .crash import Crash
 from .decisions import DecisionTimes
+from .driven_line import driven_line
 
 if TYPE_CHECKING:
     from ..simulation.engine import Engine
     from ..simulation.world import World
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RaceResult:
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class RaceResult(Shown):
     """How a race went. The summary's fields are named as in its JSON; arrays are read-only.
 
     `end_reason` is one of "finished", "crash", "wrong_way", "no_progress", "time_limit", "unstable" (MuJoCo warned of
@@ -78,6 +80,39 @@ class RaceResult:
     def __post_init__(self) -> None:
         for name in ("telemetry", "states", "ctrl"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    def __repr__(self) -> str:
+        best = f", best {min(self.lap_times_s):.2f} s" if self.lap_times_s else ""
+        laps = f"{self.laps_completed} of {self.laps_requested} laps in {self.sim_time_s:.1f} s{best}"
+        return brief(self, f"{quoted(self.controller)} on {quoted(self.track)}: {laps}, {self._end()}")
+
+    def _end(self) -> str:
+        """Return how the race ended, in words."""
+        if self.planner_failure is not None:
+            return f"the planner failed: {self.planner_failure}"
+        if self.crash is not None or self.wrong_way is not None:
+            return str(self.crash or f"wrong way: {self.wrong_way}")
+        return "no collision" if self.finished else f"ended by {self.end_reason}"
+
+    def _repr_html_(self) -> str:
+        laps = ", ".join(f"{time:.2f}" for time in self.lap_times_s[:10])
+        more = f" and {len(self.lap_times_s) - 10} more" if len(self.lap_times_s) > 10 else ""
+        rows = [
+            ("planner, track, car", f"{self.controller}, {self.track}, {self.vehicle}"),
+            ("end", f"{self.end_reason.replace('_', ' ')}: {self._end()}"),
+            ("laps", f"{self.laps_completed} of {self.laps_requested} in {self.sim_time_s:.2f} s"),
+            ("lap times", f"{laps}{more} s" if laps else "no lap completed"),
+            ("speed", f"mean {self.mean_speed_m_s:.2f} m/s, greatest {self.max_speed_m_s:.2f} m/s"),
+            ("greatest sliding", f"{self.max_slide_m_s:.3f} m/s, {100.0 * self.slide_time_fraction:.2f} % of the time"),
+            ("friction coefficient", f"{self.mu:.4g}; the planner assumes {self.planner_mu:.4g}"),
+        ]
+        ends = (("crashed here", self.crash), ("turned here", self.wrong_way))
+        marks = [(text, (place.x_m, place.y_m)) for text, place in ends if place is not None]
+        line = np.column_stack((self.column("x_m"), self.column("y_m")))
+        picture = driven_line(
+            self.world, line, self.column("speed_m_s"), time=self.sim_time_s, marks=marks, title=repr(self)
+        )
+        return table((), rows) + picture
 
     def column(self, name: str) -> FloatArray:
         """Return one column of the telemetry by its name in TELEMETRY. Shape (ticks,)."""

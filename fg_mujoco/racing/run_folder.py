@@ -35,6 +35,7 @@ import mujoco
 import numpy as np
 
 from ..course.files import is_file, read_text, require_regular
+from ..display import brief, quoted
 from ..errors import FgMujocoError, RunFolderError
 from ..messages import FloatArray, LaserScan, Odometry
 from ..simulation.planner_failure import PlannerFailure
@@ -50,7 +51,7 @@ _SCENE, _STATES, _TELEMETRY, _TRACE, _CONTROLLER, FAILED_SCAN, SUMMARY = _FILES
 _STAGING = ".partial"  # inside the folder, so that moving out of it never crosses file systems
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Run:
     """A run folder, read back. Arrays are as in RaceResult."""
 
@@ -60,6 +61,11 @@ class Run:
     states: FloatArray = field(repr=False)  # (ticks + 1, k)
     ctrl: FloatArray = field(repr=False)  # (ticks, 2)
     telemetry: FloatArray = field(repr=False)  # (ticks, len(TELEMETRY))
+
+    def __repr__(self) -> str:
+        found = {name: self.summary.get(name, "unknown") for name in ("controller", "track", "end_reason")}
+        drive = f"{quoted(found['controller'])} on {quoted(found['track'])}: {found['end_reason']}"
+        return brief(self, quoted(self.folder), drive, f"{len(self.ctrl)} ticks, {self.time[-1]:.2f} s")
 
     @property
     def scene(self) -> Path:

@@ -23,6 +23,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ..display import brief
 from ..errors import ModelError, SettingsError
 from ..lidar.beams import Beams
 from ..lidar.effects import LidarEffects, ScanPipeline
@@ -114,6 +115,9 @@ class Engine:
         self._odometry_drift = np.zeros(cars)
         self._drifts = False
         self._data: dict[int, mujoco.MjData] = {}
+
+    def __repr__(self) -> str:
+        return brief(self, f"{self.count} worlds", f"tick {self.period:g} s of {self.substeps} steps", repr(self.world))
 
     def _batch(self, world: World, worlds: slice) -> WorldBatch:
         """Return the batch of some consecutive worlds.

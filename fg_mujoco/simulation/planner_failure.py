@@ -10,12 +10,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ..display import brief
 from ..messages import LaserScan, Odometry
 
 _COLOURS = re.compile(r"\x1b\[[0-9;]*m")  # of numba's messages in a terminal
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class PlannerFailure:
     """A planner's exception, or an answer that is no command.
 
@@ -29,6 +30,9 @@ class PlannerFailure:
     traceback: str  # from the planner's file on, many lines; empty where nothing was raised
     scan: LaserScan = field(repr=False)  # that the planner was told
     odometry: Odometry = field(repr=False)
+
+    def __repr__(self) -> str:
+        return brief(self, str(self))
 
     def __str__(self) -> str:
         return f"{self.error}{place(self.file, self.line)}, t = {self.time_s:.3f} s"

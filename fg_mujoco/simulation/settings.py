@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from ..course.course import Course
 from ..course.obstacles import Obstacle
+from ..display import brief, changed
 from ..errors import SettingsError, accepted_names
 from ..lidar.effects import LidarEffects
 from ..messages import require, require_whole
@@ -115,7 +116,7 @@ class Start:
         require(self, math.isfinite, "a finite number", ("s", "offset", "heading", "speed"), SettingsError)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class CarSettings:
     """Which car drives.
 
@@ -137,6 +138,10 @@ class CarSettings:
             raise SettingsError(
                 f"mu is {self.mu!r} and CarChanges.mu is {self.changes.mu!r}; accepted: one of them, or the same twice"
             )
+
+    def __repr__(self) -> str:
+        plain = type(self)()  # its vehicle is loaded, too
+        return brief(self, *changed(self, plain))
 
     def _make(self, name: str, kind: type) -> None:
         """Make an object of `kind` of a setting that may be a mapping."""
@@ -189,7 +194,7 @@ class CarSettings:
         return settings
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class DriveSettings(CarSettings):
     """Which car drives, what its planner is told, where it starts, and what its LiDAR and its odometry do.
 
@@ -225,7 +230,7 @@ class DriveSettings(CarSettings):
         return self.car.nominal_mu if self.planner_mu is None else float(self.planner_mu)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Scenario(DriveSettings):
     """Everything that a world's result depends on, but for the controller and when to end.
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from ..display import brief
 from ..lidar.effects import LidarEffects
 from ..lidar.lidar import Lidar
 from ..messages import DriveCommand, FloatArray, LaserScan, Odometry
@@ -64,6 +65,10 @@ class Simulation:
         self._effects, self._seed, self._odometry_drift = effects or LidarEffects(), seed, odometry_drift
         self._all = np.ones(1, np.bool_)
         self.reset()
+
+    def __repr__(self) -> str:
+        x, y, _ = self.pose
+        return brief(self, repr(self.world), f"t = {self.time:.3f} s, ({x:.2f}, {y:.2f}) m, {self.speed:.2f} m/s")
 
     def reset(
         self, *, s: float = 0.0, offset: float = 0.0, heading: float = 0.0, speed: float = 0.0

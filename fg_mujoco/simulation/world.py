@@ -18,6 +18,7 @@ from ..course.course import Course
 from ..course.moving_obstacles import PREFIX as MOVING_PREFIX
 from ..course.moving_obstacles import MovingObstacle, moving_obstacles
 from ..course.obstacles import Obstacle
+from ..display import brief, quoted
 from ..errors import SettingsError, accepted_names
 from ..lidar.lidar import LIDAR_BACKENDS, Lidar, make_lidar
 from ..messages import CarParameters, FloatArray
@@ -85,6 +86,12 @@ class World:
         self.model = mujoco.MjModel.from_xml_string(self.xml)
         self.moving = moving_obstacles(self.model)
         self.car = Car(self.model, CAR_PREFIX)
+
+    def __repr__(self) -> str:
+        course = "of a scene.xml" if self.track is None else f"{quoted(self.track.name)}, {quoted(self.vehicle.name)}"
+        return brief(
+            self, course, f"mu {self.car.mu:.4g}", f"{len(self.obstacles)} obstacles, {len(self.moving)} moving"
+        )
 
     @classmethod
     def from_xml(cls, xml: str, *, lidar: str = "raycast") -> World:

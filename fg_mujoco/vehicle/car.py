@@ -10,6 +10,7 @@ import math
 import mujoco
 import numpy as np
 
+from ..display import brief
 from ..errors import ModelError
 from ..messages import ODOMETRY, CarParameters, DriveCommand, Odometry
 from . import motion as car_motion
@@ -154,6 +155,9 @@ class Car:
         self.constants = constants
         self._row = np.zeros(1, ODOMETRY)
         self._values = self._row.view(np.float64)  # of the row, quicker to read
+
+    def __repr__(self) -> str:
+        return brief(self, f"mu {self.mu:.4g}", repr(self.parameters))
 
     def odometry(self, data: mujoco.MjData) -> Odometry:
         """Read the wheel encoders, the steering sensor and the gyro at the present state, and the accelerometer.

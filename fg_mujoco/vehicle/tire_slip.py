@@ -24,6 +24,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ..display import brief
 from ..errors import ModelError
 from ..kernels import kernel
 from ..messages import FloatArray
@@ -49,7 +50,7 @@ QUANTITIES = 5
 _SLIDING_SPEED, _FRICTION_USE, _NORMAL_FORCE, _FRICTION_FORCE, _LATERAL_SPEED = range(QUANTITIES)  # in this order
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class TireSlip:
     """What the tires did in the recorded steps; columns: front left, front right, rear left, rear right.
 
@@ -57,6 +58,14 @@ class TireSlip:
     """
 
     values: FloatArray  # (QUANTITIES, steps, 4) the quantities below
+
+    def __repr__(self) -> str:
+        steps, touching = self.values.shape[1], np.isfinite(self.sliding_speed)
+        if not touching.any():
+            return brief(self, f"{steps} steps", "no tire on the ground")
+        fastest, most = self.sliding_speed[touching].max(), self.friction_utilisation[touching].max()
+        sliding = f"greatest sliding speed {fastest:.4f} m/s"
+        return brief(self, f"{steps} steps", sliding, f"greatest friction utilisation {most:.2f}")
 
     @property
     def sliding_speed(self) -> FloatArray:
@@ -132,6 +141,9 @@ class TireSlipMeter:
         self.axles = _first_axle(model, prefix)
         self._records = np.empty((8, model.nsensordata))
         self._count = 0
+
+    def __repr__(self) -> str:
+        return brief(self, f"mu {self.mu.min():.4g}", f"{self._count} steps recorded")
 
     def record(self, data: mujoco.MjData) -> None:
         """Copy the sensors; call right after each `mj_step`."""

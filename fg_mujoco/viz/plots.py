@@ -32,9 +32,11 @@ INSTALL_COMMAND = "pip install 'fg-mujoco[plot]'"
 _WIDTH = 7.2  # [in] two columns of a paper
 _MAP_HEIGHT = (2.2, 5.5)  # [in] least and greatest
 _PANEL_HEIGHT = 1.15  # [in] of each panel over time
+_TIRE_HEIGHT = 0.72  # [in] of a tire's panel over the lap
 _LEGEND_EDGE = 0.88  # of the width; right of it are colour bar and legends
 _DPI = 150
 _MAX_LAP_LABELS = 12
+_PLACES = 160  # on a lap, of each of which the greatest utilisation is drawn
 _STYLE: Any = {"font.size": 8.0, "axes.linewidth": 0.6, "lines.linewidth": 0.9, "legend.frameon": False}
 _TIRE_COLOURS = ("#0072b2", "#56b4e9", "#d55e00", "#e69f00")  # Okabe and Ito; front blue, rear orange
 _LIMIT: Any = {"color": "0.2", "linewidth": 0.8, "linestyle": (0, (4, 2))}
@@ -74,7 +76,10 @@ def track_picture(track: Course, path: str | Path | BinaryIO) -> None:
 
 
 def trace_picture(result: RaceResult, path: str | Path | BinaryIO) -> None:
-    """Draw a race: the line coloured by speed; speed, steering, friction utilisation and sliding over time.
+    """Draw a race: the line coloured by speed; speed, steering and sliding over time; the tires' friction over the lap.
+
+    Of the friction utilisation a panel for each tire shows all laps over the place on the lap, the greatest of them,
+    and in red where the tire slid.
 
     Moving obstacles are drawn where they were at the end. A cross marks where a car turned that went the wrong way,
     or where it crashed.
@@ -92,8 +97,9 @@ def trace_picture(result: RaceResult, path: str | Path | BinaryIO) -> None:
     map_height = _map_height(result.world.track)
     with mpl.rc_context(_STYLE):
         layout = ConstrainedLayoutEngine(rect=(0.0, 0.0, _LEGEND_EDGE, 1.0))
-        figure = Figure(figsize=(_WIDTH, map_height + 4.0 * _PANEL_HEIGHT), layout=layout)
-        grid = figure.add_gridspec(5, 1, height_ratios=(map_height, *(4 * [_PANEL_HEIGHT])))
+        heights = (map_height, *(3 * [_PANEL_HEIGHT]), *(len(WHEELS) * [_TIRE_HEIGHT]))
+        figure = Figure(figsize=(_WIDTH, sum(heights)), layout=layout)
+        grid = figure.add_gridspec(len(heights), 1, height_ratios=heights)
         axes = figure.add_subplot(grid[0])
         draw_course(axes, result.world.track)
         draw_obstacles(axes, result.world.obstacles, result.world.moving, result.sim_time_s)
@@ -110,18 +116,20 @@ def trace_picture(result: RaceResult, path: str | Path | BinaryIO) -> None:
         axes.set_title(_headline(result))
 
         panels = [figure.add_subplot(grid[1])]
-        panels += [figure.add_subplot(grid[row], sharex=panels[0]) for row in (2, 3, 4)]
+        panels += [figure.add_subplot(grid[row], sharex=panels[0]) for row in (2, 3)]
         _draw_panels(panels, column)
         _mark_laps(panels, result.lap_times_s)
-        for panel in panels:
-            panel.grid(axis="y", color="0.9", linewidth=0.5)
-            panel.spines[["top", "right"]].set_visible(False)
-        for panel in panels[:-1]:
-            panel.tick_params(labelbottom=False)
         panels[-1].set_xlabel("time [s]")
         end = max(result.sim_time_s, 1e-3)
         panels[-1].set_xlim(-0.005 * end, end)  # what happens at once must not hide behind the axis
-        figure.align_ylabels(panels)
+        tires = [figure.add_subplot(grid[4])]
+        tires += [figure.add_subplot(grid[row], sharex=tires[0]) for row in (5, 6, 7)]
+        _draw_tires(tires, column, result.world.track)
+        for panel in (*panels, *tires):
+            panel.grid(axis="y", color="0.9", linewidth=0.5)
+            panel.spines[["top", "right"]].set_visible(False)
+            panel.tick_params(labelbottom=panel in (panels[-1], tires[-1]))
+        figure.align_ylabels([*panels, *tires])
         _save(figure, path)
 
 
@@ -133,7 +141,7 @@ def _headline(result: RaceResult) -> str:
 
 
 def _draw_panels(panels: list[Axes], column: dict[str, FloatArray]) -> None:
-    speed, steering, friction, sliding = panels
+    speed, steering, sliding = panels
     time = column["time_s"]
     speed.plot(time, column["command_speed_m_s"], **_COMMAND, label="command")
     speed.plot(time, column["speed_m_s"], color="black", label="car")
@@ -143,17 +151,56 @@ def _draw_panels(panels: list[Axes], column: dict[str, FloatArray]) -> None:
     steering.set_ylabel("steering\n[rad]")
     for wheel, colour in zip(WHEELS, _TIRE_COLOURS, strict=True):
         label = wheel.replace("_", " ")
-        friction.plot(time, column[f"friction_use_{wheel}"], color=colour, linewidth=0.6, label=label)
-        sliding.plot(time, column[f"slide_{wheel}_m_s"], color=colour, linewidth=0.6)
-    friction.axhline(1.0, **_LIMIT, label="limit")
-    friction.set_ylabel("friction\nutilisation [-]")
-    friction.set_ylim(0.0, 1.1)
+        sliding.plot(time, column[f"slide_{wheel}_m_s"], color=colour, linewidth=0.6, label=label)
     sliding.axhline(SLIDING_SPEED, **_LIMIT, label="limit")
     sliding.set_ylabel("sliding\n[m/s]")
     sliding.set_ylim(0.0, max(1.2 * SLIDING_SPEED, 1.05 * sliding.dataLim.y1))
-    for panel in (speed, friction, sliding):
+    for panel in (speed, sliding):
         legend = panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7.0, handlelength=1.2)
         legend.set_in_layout(False)
+
+
+def _draw_tires(panels: list[Axes], column: dict[str, FloatArray], track: Course) -> None:
+    """Draw each tire's friction utilisation over the place on the lap: every lap, the greatest, and where it slid."""
+    place, laps = column["progress_m"], column["lap"]
+    if track.closed:
+        place = place % track.length
+    begins = np.flatnonzero((np.diff(laps) != 0.0) | (np.abs(np.diff(place)) > 0.5 * track.length)) + 1
+    edges = np.linspace(place.min(initial=0.0), place.max(initial=track.length), _PLACES + 1)
+    cell = np.clip(np.searchsorted(edges, place, side="right") - 1, 0, _PLACES - 1)
+    for panel, wheel, colour in zip(panels, WHEELS, _TIRE_COLOURS, strict=True):
+        use = column[f"friction_use_{wheel}"]
+        panel.plot(np.insert(place, begins, np.nan), np.insert(use, begins, np.nan), color="0.65", linewidth=0.5)
+        greatest = np.full(_PLACES, -np.inf)
+        np.maximum.at(greatest, cell, np.nan_to_num(use, nan=-np.inf))
+        greatest[np.isneginf(greatest)] = np.nan  # nobody was there, or the tire was off the ground
+        panel.stairs(greatest, edges, color=colour, linewidth=1.0, baseline=None)
+        panel.stairs(greatest, edges, color=colour, alpha=0.15, fill=True)
+        slid = column[f"slide_{wheel}_m_s"] > SLIDING_SPEED
+        panel.plot(place[slid], np.full(slid.sum(), 1.12), "|", color=_ALERT, markersize=5.0, markeredgewidth=1.2)
+        panel.axhline(1.0, **_LIMIT)
+        panel.set_ylim(0.0, 1.2)
+        panel.set_yticks((0.0, 0.5, 1.0))
+        panel.set_ylabel(wheel.replace("_", "\n"))
+    panels[0].set_title("friction utilisation [-] of each tire", fontsize="medium", loc="left")
+    panels[-1].set_xlabel("place on the lap [m]" if track.closed else "place on the course [m]")
+    panels[0].set_xlim(edges[0], edges[-1])
+    _explain_tires(panels[0])
+
+
+def _explain_tires(panel: Axes) -> None:
+    """Put a legend beside the panels of the tires, in no tire's colour."""
+    from matplotlib.lines import Line2D
+
+    shown = [
+        Line2D([], [], color="0.65", linewidth=0.5, label="each lap"),
+        Line2D([], [], color=_TIRE_COLOURS[0], linewidth=1.0, label="greatest of\nall laps"),
+        Line2D([], [], label="limit", **_LIMIT),
+        Line2D([], [], color=_ALERT, marker="|", linestyle="", markeredgewidth=1.2, label="slides,\n"
+               f"> {SLIDING_SPEED:g} m/s"),
+    ]  # fmt: skip
+    legend = panel.legend(handles=shown, loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=7.0, handlelength=1.2)
+    legend.set_in_layout(False)
 
 
 def _draw_line(axes: Axes, x: FloatArray, y: FloatArray, speed: FloatArray) -> Any:

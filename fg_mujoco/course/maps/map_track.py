@@ -49,7 +49,7 @@ _WALL_SPACING = 0.02  # [m] of the points of walls that the line's distance is m
 _SPECIFICATION = re.compile(r"(?P<path>.*\.ya?ml)(\[(?P<settings>.*)\])?", re.IGNORECASE)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class MapTrack(Track):
     """A circuit whose walls are given, and not those of its widths. The widths are the distances to the walls.
 

@@ -10,6 +10,7 @@ needs `if __name__ == "__main__":`, as every script that starts processes does.
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass
@@ -17,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from ...course.scenes.catalogue import PREFIX
+from ...display import Shown, brief, paragraph, quoted, table
 from ...errors import SettingsError
 from ...messages import require_whole
 from ...racing.planner_choice import ControllerChoice
@@ -32,7 +34,7 @@ from .ground import check_course, course_ground, course_name, ground_sha256
 from .pictures import table_picture, trace_pictures
 from .run import ComparisonSettings, Run, RunKey, RunRow
 from .store import ComparisonFolder
-from .tables import Cell, cells_csv, make_cells, markdown, runs_csv
+from .tables import HEADER, Cell, cells_csv, make_cells, markdown, runs_csv, table_rows
 
 DEFAULT_SEEDS = range(10)
 
@@ -54,8 +56,8 @@ class ComparisonProgress:
         return (self.runs - self.runs_found - self.runs_driven) * self.wall_time_s / self.runs_driven
 
 
-@dataclass(frozen=True, kw_only=True)
-class Comparison:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Comparison(Shown):
     """How all runs went."""
 
     rows: tuple[RunRow, ...]  # of each controller, on each course, at each speed, with each seed
@@ -63,6 +65,16 @@ class Comparison:
     folder: Path
     runs_driven: int  # by this call
     wall_time_s: float
+
+    def __repr__(self) -> str:
+        controllers, courses = ({getattr(cell, name) for cell in self.cells} for name in ("controller", "course"))
+        ends = Counter(row.figures.end_reason for row in self.rows)
+        found = ", ".join(f"{count} {reason}" for reason, count in sorted(ends.items()))
+        grid = f"{len(self.rows)} runs, {len(controllers)} controllers on {len(courses)} courses: {found}"
+        return brief(self, grid, f"in {quoted(self.folder)}")
+
+    def _repr_html_(self) -> str:
+        return table(HEADER, table_rows(self.cells)) + paragraph(f"{len(self.rows)} runs in {self.folder}")
 
     def markdown(self) -> str:
         """Return the table."""

@@ -149,8 +149,8 @@ def _find_run(key: RunKey, settings: ComparisonSettings, *, trust: bool) -> Run:
 
 def _index(folder: Path, settings: ComparisonSettings, rows: Sequence[RunRow], pages: Mapping[RunKey, _Page]) -> str:
     cells = make_cells(rows)
-    header = ("controller", "course", "success", "laps", "best lap [s]", "collisions", "sliding", "least clearance [m]",
-              "wrong way [s]", "runs, by seed")  # fmt: skip
+    header = ("controller", "course", "success", "laps", "best lap [s]", "mean lap [s]", "collisions", "sliding",
+              "least clearance [m]", "wrong way [s]", "runs, by seed")  # fmt: skip
     lines = [_row(cell, cells, rows, pages) for cell in cells]
     remarks = [
         f"<li>{escape(row.key.controller)} on {escape(row.key.course)}{escape(_seed(row))}: {escape(page.remark)}</li>"
@@ -177,8 +177,8 @@ def _row(cell: Cell, cells: Sequence[Cell], rows: Sequence[RunRow], pages: Mappi
     ]  # fmt: skip
     values = (
         escape(cell.controller), escape(course_title(cell, cells)), f"{cell.successes}/{cell.runs}",
-        f"{cell.laps_completed}/{cell.laps_requested}", _text(cell.best_lap_s, ".2f"), str(cell.collisions),
-        _text(cell.slide_time_fraction, ".1%"), _text(cell.least_clearance_m, ".3f"),
+        f"{cell.laps_completed}/{cell.laps_requested}", _text(cell.best_lap_s, ".2f"), _text(cell.mean_lap_s, ".2f"),
+        str(cell.collisions), _text(cell.slide_time_fraction, ".1%"), _text(cell.least_clearance_m, ".3f"),
         _text(cell.wrong_way_time_s, ".1f"),
     )  # fmt: skip
     links = " ".join(_link(row, pages.get(row.key, _Page())) for row in own)

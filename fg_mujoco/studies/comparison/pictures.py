@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 _DPI = 150
 _STYLE: Any = {"font.size": 8.0, "axes.linewidth": 0.6, "lines.linewidth": 0.9}
-_CELL = (0.78, 0.42)  # [in] width and height
+_CELL = (0.82, 0.42)  # [in] width and height
 _PANELS_WIDTH = 10.0  # [in]
 _COLUMNS = ((5.0, 1), (2.5, 2), (0.0, 3))  # from this width over height on, so many panels side by side
 _DRIVEN, _CAR, _CRASHED = "#0072b2", "black", "#d00000"
@@ -33,6 +33,8 @@ def table_picture(cells: Sequence[Cell], path: Path) -> None:
     """Draw the table: controllers down, courses across, each cell in the colour of its share of successes.
 
     In a cell are the successes of the runs and the median of their best laps [s], of a scene of the times to its goal.
+    Where all runs succeed, cells have the best and the mean lap [s], and the colour of the best one over that of the
+    course's fastest controller.
 
     Raises:
       MissingExtraError: matplotlib is not installed.
@@ -48,14 +50,25 @@ def table_picture(cells: Sequence[Cell], path: Path) -> None:
         size = (1.8 + len(columns) * _CELL[0] + 0.9, 1.5 + len(rows) * _CELL[1])
         figure = Figure(figsize=size, layout="constrained")
         axes = figure.add_subplot()
-        shares = np.full((len(rows), len(columns)), math.nan)
+        shares, laps = np.full((2, len(rows), len(columns)), math.nan)
+        by_lap = all(cell.successes == cell.runs and cell.best_lap_s is not None for cell in cells)
         for cell in cells:
             row, column = rows.index(cell.controller), columns.index(course_title(cell, cells))
-            shares[row, column] = cell.success_share
-            lap = "" if cell.best_lap_s is None else f"\n{cell.best_lap_s:.1f} s"
-            colour = "white" if abs(cell.success_share - 0.5) > 0.35 else "black"  # both ends of the scale are dark
-            axes.text(column, row, f"{cell.successes}/{cell.runs}{lap}", ha="center", va="center", color=colour)
-        image = axes.imshow(shares, cmap="RdBu", vmin=0.0, vmax=1.0, aspect="auto")
+            shares[row, column], laps[row, column] = cell.success_share, cell.best_lap_s or math.nan
+            lap = "" if cell.best_lap_s is None else f"\n{cell.best_lap_s:.2f} s"
+            text = (
+                f"{cell.best_lap_s:.2f} s\nmean {cell.mean_lap_s:.2f}"
+                if by_lap
+                else f"{cell.successes}/{cell.runs}{lap}"
+            )
+            dark = not by_lap and abs(cell.success_share - 0.5) > 0.35  # both ends of the scale
+            axes.text(column, row, text, ha="center", va="center", color="white" if dark else "black")
+        if by_lap:
+            ratios = laps / np.nanmin(laps, axis=0)
+            slowest = max(float(np.nanmax(ratios)), 1.05)
+            image = axes.imshow(ratios, cmap="YlGnBu", vmin=1.0, vmax=1.0 + 1.6 * (slowest - 1.0), aspect="auto")
+        else:
+            image = axes.imshow(shares, cmap="RdBu", vmin=0.0, vmax=1.0, aspect="auto")
         axes.set_xticks(range(len(columns)), columns, rotation=35.0, ha="left", rotation_mode="anchor")
         axes.set_yticks(range(len(rows)), rows)
         axes.tick_params(top=True, labeltop=True, bottom=False, labelbottom=False, length=0.0)
@@ -64,7 +77,10 @@ def table_picture(cells: Sequence[Cell], path: Path) -> None:
         axes.grid(which="minor", color="white", linewidth=1.5)
         axes.tick_params(which="minor", length=0.0, top=False)
         axes.spines[:].set_visible(False)
-        scale = figure.colorbar(image, ax=axes, label="share of successes", pad=0.01)
+        label = "best lap over the course's fastest" if by_lap else "share of successes"
+        scale = figure.colorbar(image, ax=axes, label=label, pad=0.01)
+        if by_lap:
+            scale.ax.set_ylim(1.0, slowest)
         scale.outline.set_visible(False)
         _save(figure, path)
 

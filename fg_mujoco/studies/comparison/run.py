@@ -32,7 +32,7 @@ WRONG_WAY_SPEED = 0.1  # [m/s] back along the line; slower is the jitter of a ca
 TRACE_STEP = 2  # ticks from one pose of a trace to the next
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class ComparisonSettings(CarSettings):
     """What all runs of a comparison have in common.
 

@@ -34,6 +34,7 @@ class Cell:
     laps_completed: int
     laps_requested: int
     best_lap_s: float | None  # median over the successes of each one's best
+    mean_lap_s: float | None  # mean over the successes of each one's mean
     collisions: int
     slide_time_fraction: float | None  # mean
     max_slide_m_s: float | None  # greatest of any run
@@ -67,6 +68,7 @@ def _cell(controller: str, course: str, max_speed: float, runs: Sequence[RunFigu
         laps_completed=sum(run.laps_completed for run in runs),
         laps_requested=sum(run.laps_requested for run in runs),
         best_lap_s=_of(statistics.median, (run.best_lap_s for run in runs if run.success)),
+        mean_lap_s=_of(statistics.fmean, (run.mean_lap_s for run in runs if run.success)),
         collisions=sum(run.collisions for run in runs),
         slide_time_fraction=_of(statistics.fmean, (run.slide_time_fraction for run in runs)),
         max_slide_m_s=_of(max, (run.max_slide_m_s for run in runs)),
@@ -86,15 +88,23 @@ def cells_csv(cells: Sequence[Cell]) -> str:
     return _csv([field.name for field in fields(Cell)], (astuple(cell) for cell in cells))
 
 
-def markdown(cells: Sequence[Cell]) -> str:
-    """Return a Markdown table of a row a cell."""
-    rows = [
+HEADER = (
+    "controller", "course", "success", "laps", "best lap [s]", "mean lap [s]", "not finished", "collisions", "sliding",
+    "least clearance [m]", "wrong way [s]",
+)  # fmt: skip
+"""Of the table for people."""
+
+
+def table_rows(cells: Sequence[Cell]) -> list[tuple[str, ...]]:
+    """Return a row a cell, as the table for people has it."""
+    return [
         (
             cell.controller,
             course_title(cell, cells),
             f"{cell.successes}/{cell.runs}",
             f"{cell.laps_completed}/{cell.laps_requested}",
             _text(cell.best_lap_s, "{:.2f}"),
+            _text(cell.mean_lap_s, "{:.2f}"),
             _not_finished(cell.end_reasons),
             str(cell.collisions),
             _text(cell.slide_time_fraction, "{:.1%}").replace("%", " %"),
@@ -103,13 +113,23 @@ def markdown(cells: Sequence[Cell]) -> str:
         )
         for cell in cells
     ]
-    header = (
-        "controller", "course", "success", "laps", "best lap [s]", "not finished", "collisions", "sliding",
-        "least clearance [m]", "wrong way [s]",
-    )  # fmt: skip
-    rule = ["---" if name in ("controller", "course", "not finished") else "--:" for name in header]
-    lines = ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in (header, rule, *rows)]
-    return "\n".join(lines) + "\n"
+
+
+def markdown(cells: Sequence[Cell]) -> str:
+    """Return a Markdown table of a row a cell, its columns as wide as they must be for a terminal, too."""
+    rows = (HEADER, *table_rows(cells))
+    lines = [[text.replace("|", "\\|") for text in row] for row in rows]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    words = [name in ("controller", "course", "not finished") for name in HEADER]
+    rule = ["-" * width if word else "-" * (width - 1) + ":" for width, word in zip(widths, words, strict=True)]
+    lines = [
+        [
+            text.ljust(width) if word else text.rjust(width)
+            for text, width, word in zip(line, widths, words, strict=True)
+        ]
+        for line in (lines[0], rule, *lines[1:])
+    ]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
 
 
 def course_title(cell: Cell, cells: Iterable[Cell]) -> str:

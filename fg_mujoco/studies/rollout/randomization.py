@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...course.course import Course, Sites
+from ...display import brief
 from ...errors import SettingsError, accepted_names
 from ...lidar.effects import LidarEffects
 from ...racing.planner_choice import Value, read_value
@@ -84,7 +85,7 @@ class Uniform:
         return f"{_text(self.low)}:{_text(self.high)}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Choice:
     """One of some values, each as likely; where there is one, that one.
 
@@ -108,6 +109,9 @@ class Choice:
     def at(self, share: float) -> Value:
         """Return the value at a share of the list from 0 to 1, which counts as just below."""
         return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
+
+    def __repr__(self) -> str:
+        return brief(self, str(self))
 
     def __str__(self) -> str:
         return "|".join(map(_text, self.values))
@@ -136,7 +140,7 @@ def as_range(value: Any) -> Range:
     return Choice((_plain(value),))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Randomization:
     """The range of each randomised parameter, by its name: one of PARAMETERS, or `planner.` and one of its settings.
 
@@ -160,6 +164,9 @@ class Randomization:
             except SettingsError as error:
                 raise SettingsError(f"randomize {name}: {error}") from error
         return cls(read)
+
+    def __repr__(self) -> str:
+        return brief(self, *(f"{name} {values}" for name, values in self.ranges.items()))
 
     def __post_init__(self) -> None:
         for name in self.ranges:

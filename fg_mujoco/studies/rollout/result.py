@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...course.course import Course
+from ...display import Shown, brief, paragraph, quoted, table
 from ...errors import SettingsError, accepted_names
 from ...messages import FloatArray
 from ...simulation.settings import DriveSettings, Scenario
@@ -21,12 +22,14 @@ from .job import Arrays, RolloutJob
 from .randomization import Randomization
 from .store import ChunkStore, FolderStore
 
+_WORLDS_SHOWN = 10  # in a notebook
+
 QUANTILES = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 """Of lap times and sliding, in a summary."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RolloutResult:
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class RolloutResult(Shown):
     """How a rollout went. Arrays are read-only; `result["mu"]` is the column of `worlds` of that name.
 
     A column is a number `world`, that of its track `track`, a randomised parameter, or a field of
@@ -44,6 +47,34 @@ class RolloutResult:
     worlds_driven: int  # by this call; the others were found in the folder
     world_seconds_driven: float  # [s] simulated by this call
     wall_time_s: float  # of this call
+
+    def __repr__(self) -> str:
+        return brief(self, self._headline())
+
+    def _repr_html_(self) -> str:
+        at = self.names.index("track")
+        rows = [[_shown(v) for v in row] for row in self.worlds[:_WORLDS_SHOWN].tolist()]
+        for row, found in zip(rows, self.worlds["track"].tolist(), strict=False):
+            row[at] = self.tracks[found].name
+        count = f"The first {len(rows)} of {len(self)} worlds:" if len(rows) < len(self) else "All worlds:"
+        figures = [(name, str(value)) for name, value in self._figures()]
+        return table((), figures) + paragraph(count) + table(self.names, rows)
+
+    def _headline(self) -> str:
+        tracks = quoted(self.tracks[0].name) if len(self.tracks) == 1 else f"{len(self.tracks)} tracks"
+        return f"{len(self)} worlds on {tracks}: " + "; ".join(f"{name} {value}" for name, value in self._figures()[1:])
+
+    def _figures(self) -> list[tuple[str, str]]:
+        """Return the figures for people, by name."""
+        ends = Counter(self["end_reason"].tolist()).most_common()
+        laps = self["first_lap_s"][~np.isnan(self["first_lap_s"])]
+        return [
+            ("worlds", str(len(self))),
+            ("ends", ", ".join(f"{count} {reason}" for reason, count in ends)),
+            ("median first lap", f"{np.median(laps):.2f} s" if len(laps) else "none"),
+            ("greatest sliding", f"{np.nanmax(self['max_slide_m_s'], initial=0.0):.3f} m/s"),
+            ("simulated", f"{self['sim_time_s'].sum():.1f} s"),
+        ]
 
     def __len__(self) -> int:
         return len(self.worlds)
@@ -213,6 +244,12 @@ def _quantiles(values: FloatArray) -> dict[str, float] | None:
     if len(known) == 0:
         return None
     return {f"q{100 * q:g}": float(v) for q, v in zip(QUANTILES, np.quantile(known, QUANTILES), strict=True)}
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, float):
+        return "" if math.isnan(value) else f"{value:.4g}"
+    return str(value)
 
 
 def _cell(value: Any) -> str:

@@ -21,8 +21,8 @@ from dataclasses import fields
 from typing import Any
 
 from ...errors import EngineError, MissingExtraError, SettingsError
-from .browser_scene import CAMERAS, LiveScene, camera_view
-from .hand_driver import KEYS
+from .browser_scene import CAMERAS, LEGEND, LiveScene, camera_view
+from .hand_driver import ARROWS, KEYS, WASD
 from .handshake import own_pages_only
 from .session import LiveSession
 
@@ -161,8 +161,10 @@ class LiveView:
             self._slider("planner's mu", "planner_mu", assumed, (0.1, _GREATEST_MU, 0.01))
             rate = gui.add_slider("time rate", 0.1, 4.0, 0.1, 1.0)
             rate.on_update(lambda event: setattr(self, "_rate", float(event.target.value)))
+        with gui.add_folder("colours"):
+            gui.add_html(_legend())
         with gui.add_folder("drive by keys"):
-            gui.add_markdown(", ".join(f"**{key}** {name}" for name, key in KEYS.items()) + "; or:")
+            gui.add_html(_key_help())
             for names in (("left", "faster", "right"), ("slower", "stop")):
                 group = gui.add_button_group("", names)
                 group.on_click(lambda event: self._press(event.target.value))
@@ -173,8 +175,9 @@ class LiveView:
         self._hotkey("pause or go on", "P", self._toggle_pause)
         self._hotkey("reset", "R", session.reset)
         self._hotkey("planner or keys", "M", self._toggle_driver)
-        for name, key in KEYS.items():
-            self._hotkey(name, key, lambda name=name: self._press(name))
+        for keys in (KEYS, ARROWS, WASD):
+            for name, key in keys.items():
+                self._hotkey(f"{name} ({_shown(key)})", key, lambda name=name: self._press(name))
 
     def _planner_knobs(self, defaults: Any) -> None:
         """Add a knob for each of the planner's settings, by its kind."""
@@ -244,3 +247,30 @@ class LiveView:
         view = camera_view(self.session, self._camera.value)
         if view is not None:
             client.camera.position, client.camera.look_at = view
+
+
+def _legend() -> str:
+    """Return what the colours of the scene mean, as HTML."""
+    rows = [
+        f'<div><span style="color:rgb{colour};font-size:1.3em">&#9679;</span> {name}</div>'
+        for name, colour in LEGEND.items()
+    ]
+    return f'<div style="margin:0 1em;font-size:0.875em">{"".join(rows)}</div>'
+
+
+def _key_help() -> str:
+    """Return what the keys do, as HTML."""
+    drive = {name: " ".join(_shown(keys[name]) for keys in (ARROWS, WASD, KEYS) if name in keys) for name in KEYS}
+    others = {"pause, go on": "P", "reset": "R", "planner or keys": "M"}
+    rows = "".join(
+        f'<tr><td style="padding-right:1em"><b>{key}</b></td><td>{name}</td></tr>'
+        for name, key in (drive | others).items()
+    )
+    note = "A press is 0.5 m/s, or a quarter of the steering. Click into the scene first."
+    return f'<div style="margin:0 1em;font-size:0.875em"><table>{rows}</table>{note}</div>'
+
+
+def _shown(key: str) -> str:
+    """Return what is on a key."""
+    signs = {"arrowup": "\u2191", "arrowdown": "\u2193", "arrowleft": "\u2190", "arrowright": "\u2192"}
+    return signs.get(key, key)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ...messages import FloatArray
 from ...simulation.physics import STATE
+from ..rendering.scenery import MOVING_COLOUR, OBSTACLE_COLOUR
 from .session import LiveSession
 from .shapes import world_shapes
 
@@ -18,6 +19,13 @@ CAMERAS = ("chase", "above", "course", "free")
 
 _BEAM_STEP = 2  # every other beam is shown
 _SCAN, _TRACE, _GOAL = (255, 70, 50), (40, 110, 230), (60, 200, 90)
+_OBSTACLE, _MOVING = (tuple(round(255 * part) for part in colour[:3]) for colour in (OBSTACLE_COLOUR, MOVING_COLOUR))
+
+LEGEND = {
+    "where LiDAR beams end": _SCAN, "where the planner steers to": _GOAL, "driven since the reset": _TRACE,
+    "obstacles": _OBSTACLE, "obstacles that move": _MOVING,
+}  # fmt: skip
+"""What is shown -> its colour."""
 
 
 class LiveScene:

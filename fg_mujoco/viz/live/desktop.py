@@ -12,6 +12,7 @@ from ...errors import FgMujocoError, SettingsError
 from .hand_driver import KEYS
 from .session import LiveSession
 
+_ARROWS = {265: "faster", 264: "slower", 263: "left", 262: "right"}  # GLFW's codes of the keys
 _NO_DISPLAY = "no display here; accepted: --web, which serves the view to a browser"
 
 
@@ -36,7 +37,7 @@ def run_desktop(session: LiveSession) -> None:
 
     What happens, such as a lap, a crash or a planner that fails, is printed on stderr.
 
-    Keys: P pause, R reset, M planner or keys, and those of hand_driver.KEYS.
+    Keys: P pause, R reset, M planner or keys, and those of hand_driver.KEYS, or the arrows.
 
     Raises:
       SettingsError: there is no display, or it cannot be used.
@@ -44,7 +45,7 @@ def run_desktop(session: LiveSession) -> None:
     require_display()
     import mujoco.viewer
 
-    actions = {ord(key): name for name, key in KEYS.items()}
+    actions = {ord(key): name for name, key in KEYS.items()} | _ARROWS
 
     def on_key(code: int) -> None:
         if code == ord("P"):

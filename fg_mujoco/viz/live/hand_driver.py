@@ -11,7 +11,11 @@ from ...errors import SettingsError, accepted_names
 from ...messages import CarParameters, DriveCommand
 
 KEYS = {"faster": "I", "slower": "K", "left": "J", "right": "L", "stop": "B"}
-"""What a key does -> the key. The arrows and WASD move the camera."""
+"""What a key does -> the key, in a browser and on the desktop."""
+ARROWS = {"faster": "arrowup", "slower": "arrowdown", "left": "arrowleft", "right": "arrowright", "stop": "space"}
+"""The same by the arrows and the space bar, in a browser."""
+WASD = {"faster": "W", "slower": "S", "left": "A", "right": "D"}
+"""The same by WASD, in a browser: MuJoCo's viewer has other uses for these."""
 
 _SPEED_STEP = 0.5  # [m/s]
 _MOST_BACKWARD = -2.0  # [m/s]

@@ -39,7 +39,7 @@ _TRACE_STEP = 0.2  # [m] from one point of the trace to the next
 _TRACE_LENGTH = 2000  # points
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class LiveSettings(DriveSettings):
     """What a live view begins with; the knobs change it.
 

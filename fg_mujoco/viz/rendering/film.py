@@ -15,6 +15,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ...display import brief
 from ...errors import SettingsError
 from ...lidar.beams import lidar_body
 from ...messages import FloatArray
@@ -80,6 +81,9 @@ class Film:
         self._lidar = lidar_body(self.renderer.model, LIDAR_PREFIX)
         self._eye = PlannerEye(self.drive, trust=trust) if self.overlays.beams else None
         self.note = self._eye.missing if self._eye is not None else ""
+
+    def __repr__(self) -> str:
+        return brief(self, repr(self.renderer))
 
     def __enter__(self) -> Film:
         return self

@@ -9,24 +9,20 @@ from __future__ import annotations
 
 import inspect
 import math
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 import mujoco
 import numpy as np
 
-from ...errors import FgMujocoError, TrackError
+from ...errors import FgMujocoError
 from ...lidar.beams import lidar_body
 from ...lidar.effects import LidarEffects
 from ...lidar.lidar import make_lidar
 from ...messages import FloatArray, LaserScan
-from ...racing.planner_loading import make_controller
-from ...racing.planner_trust import recorded_sha256, require_trusted
+from ...racing.planner_trust import recorded_planner
 from ...racing.resimulation import resimulate
-from ...simulation.course_loading import load_track
 from ...simulation.physics import STATE
-from ...simulation.planner_adapter import start
 from ...simulation.world import CAR_PREFIX, LIDAR_PREFIX, World
 from ...vehicle.car import Car
 from .drive import Drive
@@ -84,19 +80,7 @@ class PlannerEye:
     def _make_planner(self, *, trust: bool) -> Any:
         summary = self._drive.summary
         try:
-            source = str(summary["controller"])
-            require_trusted(source, recorded_sha256(summary), trust=trust, where=self._drive.name)
-            mu = summary.get("planner_mu")
-            course = None  # a user's own track or map is not found by its name, and few planners drive by a map
-            with suppress(TrackError):
-                course = load_track(str(summary["track"]))
-            planner = make_controller(
-                source, car=self._car.parameters, mu=math.inf if mu is None else mu,
-                max_speed=summary["speed_limit_m_s"], settings=summary.get("planner_settings") or {},
-                map_line=None if course is None else course.map_line,
-            )  # fmt: skip
-            start(planner)
-            return planner
+            return recorded_planner(summary, self._car.parameters, trust=trust, where=self._drive.name)
         except (FgMujocoError, KeyError, OSError, TypeError, ValueError) as error:
             self.missing = " ".join(str(error).split())
             return None

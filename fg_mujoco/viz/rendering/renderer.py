@@ -18,6 +18,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ...display import brief
 from ...errors import SettingsError
 from ...messages import FloatArray
 from ...simulation.world import CAR_PREFIX, World
@@ -25,7 +26,7 @@ from ...vehicle.car import element_id
 from .cameras import Camera, Moment, View, find_camera
 from .gl import open_context
 from .presets import find_quality
-from .scenery import LOOK_PREFIX, compile_scenery, semantic_labels
+from .scenery import LOOK_PREFIX, WALL_TOPS, compile_scenery, semantic_labels
 
 LABELS = ("nothing", "ground", "road", "start line", "wall", "obstacle", "car")
 """What the numbers of a segmentation mean."""
@@ -96,6 +97,11 @@ class Renderer:
         self._base = element_id(model, mujoco.mjtObj.mjOBJ_BODY, f"{CAR_PREFIX}base_link")
         self._labels = semantic_labels(model, LABELS)
         self._bounds = _course_bounds(model)
+        self._tops = {geom for geom in range(model.ngeom) if model.geom(geom).name.startswith(WALL_TOPS)}
+
+    def __repr__(self) -> str:
+        width, height = self.size
+        return brief(self, f"{width} x {height} px", f"drawn by {self.description}")
 
     def _make_buffers(self) -> mujoco.MjrContext:
         try:
@@ -213,6 +219,7 @@ class Renderer:
             self.model, data, self._options, None, self._camera, mujoco.mjtCatBit.mjCAT_ALL.value, scene
         )
         self._look(view)
+        self._let_walls_cast()
         if decorate is not None:
             decorate(scene)
         for flag in (mujoco.mjtRndFlag.mjRND_SEGMENT, mujoco.mjtRndFlag.mjRND_IDCOLOR):
@@ -220,6 +227,16 @@ class Renderer:
         self._context.make_current()
         mujoco.mjr_render(self._rect, scene, self._gl)
         return view
+
+    def _let_walls_cast(self) -> None:
+        """Let the faces of walls throw their shadow, and not the tops: together they throw no other.
+
+        A top that throws one throws it on the face below it, too: the shadow map has one depth for the pixel on their
+        common edge, that of the top, and the face under the edge is farther from the sun. So it would be jagged there.
+        """
+        for geom in self._scene.geoms[: self._scene.ngeom]:
+            if geom.objid in self._tops and geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
+                geom.category = mujoco.mjtCatBit.mjCAT_DECOR.value
 
     def _own(self, data: mujoco.MjData | FloatArray) -> mujoco.MjData:
         """Return data of this model: that of the world has other geoms."""

@@ -22,12 +22,14 @@ from .textures import asphalt, chequers, hall_floor, wall_face, wall_top
 
 LOOK_PREFIX = "look/"
 """Of the names of what is added for pictures."""
+WALL_TOPS = f"{LOOK_PREFIX}wall_tops_"
+"""Of the names of the tops of walls."""
 
 _CAR_GROUP = 2  # of the plain shapes of a vehicle
 _LINE_WIDTH, _LINE_FIELD = 0.30, 0.10  # [m]
 _FLOOR_BELOW, _LINE_ABOVE = -0.012, 0.0015  # [m] so that surfaces do not fight for a pixel
-_SUN = (-0.42, 0.30, -1.0)  # where its light goes
-_OBSTACLE, _MOVING, _WALL = (0.93, 0.45, 0.10, 1.0), (0.80, 0.16, 0.14, 1.0), (0.90, 0.89, 0.86, 1.0)
+SUN = (-0.42, 0.30, -1.0)  # where its light goes
+OBSTACLE_COLOUR, MOVING_COLOUR, _WALL = (0.93, 0.45, 0.10, 1.0), (0.80, 0.16, 0.14, 1.0), (0.90, 0.89, 0.86, 1.0)
 
 
 def compile_scenery(xml: str, start: tuple[float, float] | None = None) -> mujoco.MjModel:
@@ -99,7 +101,7 @@ def _dress_course(spec: Any, start: tuple[float, float] | None) -> None:
         spec.delete(spec.geom("walls"))
     for index, chain in enumerate(chains):
         _add(spec, f"wall_faces_{index}", wall_faces(chain), materials["wall_faces"])
-        _add(spec, f"wall_tops_{index}", wall_tops(chain), materials["wall_tops"])
+        _add(spec, f"{WALL_TOPS.removeprefix(LOOK_PREFIX)}{index}", wall_tops(chain), materials["wall_tops"])
     left, right = (chain[:, 0, :2] for chain in chains[:2]) if len(chains) > 1 else (None, None)
     surface = road(left, right) if left is not None and right is not None else None
     if surface is None:  # one floor for all
@@ -113,7 +115,7 @@ def _dress_course(spec: Any, start: tuple[float, float] | None) -> None:
         _add(spec, "start_line", line, materials["line"], _LINE_ABOVE)
     for geom in spec.geoms:
         if geom.name.startswith(("obstacle_", MOVING_PREFIX)):
-            geom.rgba = _MOVING if geom.name.startswith(MOVING_PREFIX) else _OBSTACLE
+            geom.rgba = MOVING_COLOUR if geom.name.startswith(MOVING_PREFIX) else OBSTACLE_COLOUR
         elif geom.name.startswith("wall_") and geom.rgba[3] > 0.0:
             geom.rgba = _WALL
 
@@ -164,7 +166,7 @@ def _light(spec: Any) -> None:
         name=f"{LOOK_PREFIX}sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
         rgb1=(0.33, 0.55, 0.83), rgb2=(0.86, 0.91, 0.95), width=256, height=1536,
     )  # fmt: skip
-    sun = np.array(_SUN)
+    sun = np.array(SUN)
     directional = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
     spec.worldbody.add_light(
         name=f"{LOOK_PREFIX}sun", type=directional, pos=-10.0 * sun, dir=sun, castshadow=True,

@@ -25,6 +25,7 @@ INSTALL_COMMAND = "pip install 'fg-mujoco[render]'"
 
 _BACK = np.array((16.0, 20.0, 27.0))
 _COVER = 0.80  # of the picture under the strip
+_LEAST_TEXT = 9.0  # [px] height of a tire's bar that has room for its name
 _WHITE, _GREY, _DIM = (245, 247, 250), (160, 168, 178), (72, 80, 92)
 _BLUE, _AMBER, _RED, _GREEN = (92, 168, 255), (255, 188, 66), (255, 74, 64), (74, 208, 112)
 
@@ -87,7 +88,7 @@ class _Strip:
         panels.append((2.6, lambda x, w: self._speed(x, w, row["speed_m_s"], limit, summary)))
         if width >= 420:
             panels.append((1.9, lambda x, w: self._steering(x, w, row["steering_angle_rad"], car)))
-        panels.append((1.9, lambda x, w: self._tires(x, w, row)))
+        panels.append((2.6, lambda x, w: self._tires(x, w, row)))
         total = sum(share for share, _ in panels)
         room = width - pad * (len(panels) + 1)
         x = float(pad)
@@ -143,23 +144,47 @@ class _Strip:
         self._tick(middle, _WHITE)
 
     def _tires(self, x: float, width: float, row: dict[str, float]) -> None:
+        """Draw a bar for each tire, where it is on the car from above, named; one that slides has a white frame."""
         use = [row[f"friction_use_{wheel}"] for wheel in WHEELS]
-        slide = max((row[f"slide_{wheel}_m_s"] for wheel in WHEELS), key=lambda v: -1.0 if math.isnan(v) else v)
-        slides = slide > SLIDING_SPEED
-        title, note = "FRICTION USE", f"SLIDES {slide:.2f} m/s" if slides else "holds"
-        if not self._fits(title + note, width):
-            title, note = "GRIP", note[:6]
+        slide = [row[f"slide_{wheel}_m_s"] for wheel in WHEELS]
+        greatest = max(slide, key=lambda v: -1.0 if math.isnan(v) else v)
+        slides = greatest > SLIDING_SPEED
+        note = f"framed: slides, {greatest:.2f} m/s" if slides else "no tire slides"
+        notes = (note, f"slides {greatest:.2f} m/s" if slides else "holds", "slides" if slides else "holds")
+        titles = ("FRICTION UTILISATION", "FRICTION USE", "FRICTION")
+        fitting = [(title, note) for note in notes for title in titles if self._fits(title + note, width)]
+        title, note = fitting[0] if fitting else ("", notes[-1])
         self._title(x, title)
         self._pen.text((x + width, self._pad), note, font=self._small, fill=_RED if slides else _GREEN, anchor="rt")
-        low, high = self._bar_rows()
-        gap = max(round(0.02 * width), 2)
-        each = (width - 3 * gap) / 4
-        for index, share in enumerate(use):
-            left = x + index * (each + gap)
-            self._pen.rectangle((left, low, left + each, high), fill=_DIM)
+        gap = max(round(0.035 * self._rows), 1)
+        low, end = self._pad + 1.25 * self._small.size, self._rows - 0.4 * self._pad
+        each, high = 0.5 * (width - 2 * gap), 0.5 * (end - low - gap)
+        font = _font(max(round(0.86 * high), 8))
+        for index, (wheel, share) in enumerate(zip(WHEELS, use, strict=True)):
+            left, upper = x + (index % 2) * (each + 2 * gap), low + (index // 2) * (high + gap)
+            box = (left, upper, left + each, upper + high - 1)
+            self._pen.rectangle(box, fill=_DIM)
+            value = "-"
             if math.isfinite(share):
                 colour = tuple(int(255 * part) for part in friction_colour(share))
-                self._pen.rectangle((left, low, left + each * min(share, 1.0), high), fill=colour)
+                self._pen.rectangle((left, upper, left + each * min(share, 1.0), upper + high - 1), fill=colour)
+                value = f"{100.0 * share:.0f} %"
+            if slide[index] > SLIDING_SPEED:
+                self._pen.rectangle(box, outline=_WHITE, width=max(round(0.1 * high), 1))
+            if high < _LEAST_TEXT:
+                continue
+            short = "".join(word[0] for word in wheel.split("_")).upper()
+            names = [
+                name for name in (wheel.replace("_", " "), short) if font.getlength(f"{name} {value}") < 0.88 * each
+            ]
+            middle, ink = (
+                upper + 0.5 * high - 0.5,
+                {"font": font, "fill": _WHITE, "stroke_fill": tuple(map(int, _BACK))},
+            )
+            stroke = max(round(0.09 * font.size), 1)
+            self._pen.text((left + 0.05 * each, middle), (names or [short])[0], anchor="lm", stroke_width=stroke, **ink)
+            if names:
+                self._pen.text((left + 0.95 * each, middle), value, anchor="rm", stroke_width=stroke, **ink)
 
     def _bar_rows(self) -> tuple[float, float]:
         return 0.56 * self._rows, self._rows - 1.15 * self._pad

@@ -110,7 +110,9 @@ def library() -> str:
     return "\n".join(Resources(mode="inline", components=["bokeh"], log_level="error").js_raw)
 
 
-def page_frame(title: str, body: str, scripts: Sequence[str] = (), *, data: str = "", beside: str = "") -> str:
+def page_frame(
+    title: str, body: str, scripts: Sequence[str] = (), *, data: str = "", beside: str = "", style: str = ""
+) -> str:
     """Return a page that loads nothing and runs these scripts alone: its policy has their hashes.
 
     Args:
@@ -119,8 +121,9 @@ def page_frame(title: str, body: str, scripts: Sequence[str] = (), *, data: str 
       scripts: JavaScript, in the order in which it runs.
       data: JSON that the scripts find in the element `report-data`.
       beside: name of a file beside the page with JavaScript that runs before the scripts.
+      style: CSS, after that of all pages.
     """
-    style = (files(__package__) / "report.css").read_text(encoding="utf-8")
+    style = (files(__package__) / "report.css").read_text(encoding="utf-8") + style
     scripts = [_as_parsed(script) for script in scripts]
     allowed = [f"'sha256-{b64encode(sha256(script.encode()).digest()).decode()}'" for script in scripts]
     allowed += ["'self'", "file:"] if beside else []

@@ -1,0 +1,75 @@
+"""Why a command is what it is: what each step of driving made of the reference, in the order of the work.
+
+    for reason in planner.reasons():  # of its last decision
+        print(reason.name, reason.steering_angle, reason.speed)
+
+The kernels of `driving` write a row for every step that they take, and read none: no command depends on them. The law
+that holds the speed is the last step that changed it; so it is with the steering angle.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from fg_mujoco.kernels import inlined
+from fg_mujoco.messages import FloatArray
+
+MAXIMUM, PLANNER, MEAN_RANGE, GUIDANCE, MOVES, NO_REFERENCE, AHEAD, AFTER_RECOVERY = range(8)
+SIGHT, SAFETY_FILTER, RECOVERY, LOCK, GRIP, TRANSIENTS, SPEEDOMETER = range(8, 15)
+
+_STEPS = (
+    ("maximum speed", "the fastest that the planner may command"),
+    ("planner", "the planner's own reference"),
+    ("mean range", "speed law range_ratio: slower where the mean range towards the goal is short"),
+    ("guidance", "leads the car along a motion, or slows it, where the planner's goal does not lead on"),
+    ("turning in moves", "guidance turns the car in several moves, forward and in reverse"),
+    ("no reference", "there is no goal, or no odometry: the car brakes and keeps its steering angle"),
+    ("distance ahead", "speed law forward_distance: slower where the distance straight ahead is short"),
+    ("after recovery", "slow, after the car has reversed"),
+    ("sight", "speed law stopping: the car can stop within what it sees"),
+    ("safety filter", "the simulated stop after the reference has to be free; else another direction, or brakes"),
+    ("recovery", "the car stands without a way on, and reverses along its path"),
+    ("steering lock", "the car's greatest steering angle"),
+    ("friction limiter", "speed and steering angle of a circle that the tires hold: v = sqrt(g mu b / tan|d|)"),
+    ("tires, on the way there", "how fast the tires let the car brake, accelerate and turn its wheels"),
+    ("speedometer", "corrects for the error of the speed servo"),
+)  # fmt: skip
+REASONS = (np.float64, (len(_STEPS), 2))
+"""Type of what is kept of a decision: steering angle [rad] and speed [m/s] after each step; NaN: it did not apply."""
+
+
+class Reason(NamedTuple):
+    """What one step made of the reference."""
+
+    name: str
+    steering_angle: float  # [rad] after it; NaN: there is none yet
+    speed: float  # [m/s] after it
+    text: str = ""  # what the step does, in one line
+    on_the_way: bool = False  # it says how fast the car gets to what the steps before it want, and wants nothing itself
+
+
+@inlined
+def forget_reasons(reasons: FloatArray) -> None:
+    """Make a table of type REASONS empty, for the next decision."""
+    for step in range(len(reasons)):
+        reasons[step, 0] = reasons[step, 1] = math.nan
+
+
+@inlined
+def note(reasons: FloatArray, step: int, steering_angle: float, speed: float) -> None:
+    """Write what a step made of the reference into a table of type REASONS."""
+    reasons[step, 0], reasons[step, 1] = steering_angle, speed
+
+
+def told(reasons: FloatArray) -> list[Reason]:
+    """Return the steps of a decision that applied, in their order; none where nothing was decided yet."""
+    if not reasons[MAXIMUM, 1] > 0.0:  # a planner's memory is zero at the beginning
+        return []
+    return [
+        Reason(name, float(reasons[step, 0]), float(reasons[step, 1]), text, step >= TRANSIENTS)
+        for step, (name, text) in enumerate(_STEPS)
+        if not math.isnan(reasons[step, 1])
+    ]

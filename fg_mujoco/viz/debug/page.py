@@ -1,0 +1,163 @@
+"""The page to step through the decisions of a run: one HTML file that loads nothing and needs no network.
+
+Its drawings are made in the browser by `debug.js` on canvases, from the numbers in the page. Texts of the run are
+escaped here, or are set as text there.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from base64 import b64encode
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...messages import FloatArray
+from ...racing.planner_choice import with_settings
+from ..report.page import page_frame, write_page
+from .colours import law_colours, scan_colours
+from .decisions import Decision, Step
+from .window import Window
+
+_MISSING = 65535  # of a range that is not a number
+_MOST_MOTION = 60  # points of a motion
+_BUTTONS = (
+    ("first", "|◀", "first decision (Home)"), ("back", "◀", "one decision back (←)"),
+    ("play", "▶ play", "play or stop (space)"), ("forward", "▶", "one decision forward (→)"),
+    ("last", "▶|", "last decision (End)"),
+)  # fmt: skip
+
+
+def debug_page(seen: Window, path: Path) -> Path:
+    """Write the page and return its path. It appears whole, in the place of one that may be there.
+
+    Raises:
+      RunFolderError: it cannot be written.
+    """
+    code = (files(__package__) / "debug.js").read_text(encoding="utf-8")
+    style = (files(__package__) / "debug.css").read_text(encoding="utf-8")
+    summary = seen.run.summary
+    controller = with_settings(str(summary["controller"]), summary.get("planner_settings") or {})
+    title = f"{summary['track']}, {controller}"
+    data = json.dumps(_data(seen), allow_nan=False, separators=(",", ":"))
+    write_page(path, page_frame(f"{title}: decisions", _body(seen, title), [code], data=data, style=style))
+    return path
+
+
+def _body(seen: Window, title: str) -> str:
+    summary, first, last = seen.run.summary, seen.decisions[0], seen.decisions[-1]
+    good = bool(summary["finished"]) and not summary["collisions"]
+    word = "finished" if good else str(summary["end_reason"]).replace("_", " ")
+    told = [str(seen.run.crash)] if seen.run.crash is not None else []
+    told += [str(seen.run.wrong_way)] if seen.run.wrong_way is not None else []
+    result = f"{'; '.join(told)}. " if told else ""
+    notes = "".join(f'<div class="note warn">{escape(note)}</div>' for note in seen.notes)
+    buttons = "".join(
+        f'<button type="button" id="{name}" title="{escape(text)}" aria-label="{escape(text)}">{sign}</button>'
+        for name, sign, text in _BUTTONS
+    )
+    zooms = "".join(
+        f'<button type="button" data-zoom="{reach}" aria-pressed="{str(reach == 6).lower()}">{reach} m</button>'
+        for reach in (3, 6, 12)
+    )
+    ends = f"decisions from {first.time:.3f} to {last.time:.3f} s of {seen.run.end:.2f} s"
+    cards = "".join(
+        f'<div class="card"><span>{name}</span><b id="{id}"></b><i id="{id}_by"></i><p id="{id}_why"></p></div>'
+        for id, name in (("speed", "speed"), ("steering", "steering angle"))
+    )
+    return f"""<h1>{escape(title)}</h1>
+<p class="result"><span class="badge {"good" if good else "bad"}">{escape(word)}</span>{escape(result)}
+{len(seen.decisions)} {ends}.</p>{notes}
+<div class="readout player"><div class="buttons">{buttons}</div>
+<input type="range" id="slider" min="0" max="{len(seen.decisions) - 1}" value="{seen.at}" aria-label="decision">
+<div id="moment"></div></div>
+<canvas id="strip" aria-label="speed over time, and which step holds it"></canvas>
+<div id="laws" class="legend"></div>
+<pre id="failure" class="failure" hidden></pre>
+<div class="columns">
+<div class="top"><div class="row"><h2>From above</h2><div class="switch" role="group">{zooms}</div></div>
+<canvas id="top" aria-label="the scan from above, in the frame of the car"></canvas>
+<div id="layers" class="legend"></div>
+<h2>Range over bearing</h2><canvas id="ranges" aria-label="range over bearing"></canvas></div>
+<div class="grow"><h2>The command, and why</h2><div class="cards">{cards}</div>
+<div class="scroll"><table><thead><tr><th>step</th><th>steering [°]</th><th>speed [m/s]</th></tr></thead>
+<tbody id="steps"></tbody></table></div>
+<p class="note">From the reference down to the command. A value stands in colour where a step changed it, and the last
+step that did so holds it. Steps below the line do not say where to go, but how fast the car gets there.</p></div></div>
+<p class="note">← and → step one decision, with Shift ten; Home, End, space.</p>"""
+
+
+def _data(seen: Window) -> dict[str, Any]:
+    """Return what the page draws, as JSON has it; lengths in metres, angles in radians."""
+    car, scan = seen.run.car, seen.decisions[0].scan
+    unit = max(scan.range_max / 60000.0, 1e-3)
+    names = list(dict.fromkeys(name for decision in seen.decisions for name in decision.scans))
+    laws = list(dict.fromkeys(seen.laws))
+    colours = law_colours(laws)
+    summary = seen.run.summary
+    return {
+        "at": seen.at,
+        "unit": unit,
+        "missing": _MISSING,
+        "scan": {"min": scan.angle_min, "step": scan.angle_increment, "max": scan.range_max},
+        "car": {
+            "length": car.length, "width": car.width, "rear": car.rear_overhang, "lidar": car.lidar_offset,
+            "wheelbase": car.wheelbase, "lock": car.max_steering_angle,
+        },
+        "period": scan.scan_time,
+        "top_speed": float(summary["speed_limit_m_s"]),
+        "scans": [[name, colour] for name, colour in scan_colours(names).items()],
+        "laws": [[name, colours[name]] for name in laws],
+        "stretches": [[first, end, laws.index(name)] for first, end, name in seen.stretches],
+        "walls": [outline.tolist() for outline in seen.walls],
+        "decisions": [
+            _decision(decision, unit, moving) for decision, moving in zip(seen.decisions, seen.moving, strict=True)
+        ],
+    }  # fmt: skip
+
+
+def _decision(decision: Decision, unit: float, moving: list[FloatArray]) -> dict[str, Any]:
+    command = decision.command
+    held, shaped = decision.speed_step, decision.steering_step
+    skip = max(len(decision.motion) // _MOST_MOTION, 1)
+    return {
+        "tick": decision.tick,
+        "time": round(decision.time, 6),
+        "pose": [_rounded(value, 4) for value in decision.pose],
+        "speed": _rounded(decision.odometry.speed, 4),
+        "angle": _rounded(decision.odometry.steering_angle, 5),
+        # the command to the last digit, for it is the recorded one
+        "command": None if command is None else [command.steering_angle, command.speed],
+        "same": None if decision.answer is None or command is None else decision.answer == command,
+        "why": [decision.why_steering, decision.why_speed],
+        "held": [_place(decision, shaped), _place(decision, held)],
+        "steps": [
+            [step.name, _rounded(step.steering_angle, 6), _rounded(step.speed, 5), step.text, step.on_the_way]
+            for step in decision.steps
+        ],
+        "goal": None if decision.goal is None else [_rounded(value, 3) for value in decision.goal],
+        "motion": np.round(decision.motion[::skip], 3).tolist(),
+        "moving": [np.round(outline, 3).tolist() for outline in moving],
+        "failure": decision.failure,
+        "scans": {name: _packed(ranges, unit) for name, ranges in decision.scans.items()},
+    }  # fmt: skip
+
+
+def _place(decision: Decision, step: Step | None) -> int | None:
+    return None if step is None else decision.steps.index(step)
+
+
+def _packed(ranges: FloatArray, unit: float) -> str:
+    """Return ranges (n,) [m] in whole units as 16-bit numbers, base64."""
+    finite = np.isfinite(ranges)
+    counts = np.clip(np.rint(np.where(finite, ranges, 0.0) / unit), 0, _MISSING - 1)
+    return b64encode(np.where(finite, counts, _MISSING).astype("<u2").tobytes()).decode()
+
+
+def _rounded(value: float, digits: int) -> float | None:
+    """Return a number as the page has it; None for what is none."""
+    return round(float(value), digits) if math.isfinite(value) else None
