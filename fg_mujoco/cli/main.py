@@ -12,7 +12,6 @@ import os
 import signal
 import sys
 import time
-import traceback
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -29,6 +28,7 @@ from ..racing.race import RaceProgress, race
 from ..racing.replay import replay
 from ..racing.result import RaceResult
 from ..racing.run_folder import check_run_folder, summary_json
+from ..simulation.planner_failure import whole_traceback
 from ..vehicle.tire_slip import SLIDING_SPEED
 from ..viz.plots import write_run
 from .bags import add_bags
@@ -220,7 +220,7 @@ def _race(options: argparse.Namespace) -> int:
             )
         except PlannerError as error:  # what was driven is kept
             result = error.result
-            whole = "".join(traceback.format_exception(error)) if options.traceback else error.failure.traceback
+            whole = whole_traceback(error) if options.traceback else error.failure.traceback
             print(whole, end="", file=sys.stderr)
     if options.out is not None:
         write_run(result, options.out, picture=picture, settings=settings)

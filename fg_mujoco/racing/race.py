@@ -25,13 +25,14 @@ from ..simulation.course_loading import load_track
 from ..simulation.engine import Engine
 from ..simulation.planner_adapter import adapt
 from ..simulation.planner_adapter import start as start_planner
+from ..simulation.planner_failure import DecisionLimitReached, without_exit
 from ..simulation.settings import DriveSettings, Start, renamed, require_laps, require_time_limit
 from ..simulation.telemetry import statistics_figures
 from ..simulation.termination import END_REASONS, WrongWay
 from ..vehicle.changes import CarChanges
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .crash import crash_of
-from .decisions import DecisionClock, DecisionLimitReached, DecisionTimes
+from .decisions import DecisionClock, DecisionTimes
 from .planner_choice import split_controller
 from .planner_loading import make_controller, origin, source_code
 from .result import History, RaceResult, clamped_commands, trajectory_sha256
@@ -54,8 +55,17 @@ class RaceSettings(DriveSettings):
         super().__post_init__()
         require_laps(self.laps)
         require_time_limit(self)
-        if self.decision_limit is not None:
-            require(self, lambda value: 0.0 < value < math.inf, "a positive number", ("decision_limit",), SettingsError)
+        require_decision_limit(self)
+
+
+def require_decision_limit(settings: Any) -> None:
+    """Refuse a `decision_limit` among some settings that is neither None nor a positive number of seconds.
+
+    Raises:
+      SettingsError: it is not.
+    """
+    if settings.decision_limit is not None:
+        require(settings, lambda value: 0.0 < value < math.inf, "a positive number", ("decision_limit",), SettingsError)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,6 +79,7 @@ class RaceProgress:
 
 
 @renamed(car="changes", begin="start")
+@without_exit()
 def race(
     track: Course | str,
     controller: str | Controller = "gap_finder",
@@ -214,7 +225,10 @@ def race(
     )
     if failed is not None:
         failed.result = result
-        raise failed
+        try:
+            raise failed
+        finally:
+            del failed  # its traceback has this frame, which would hold the error and its world
     return result
 
 

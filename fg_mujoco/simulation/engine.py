@@ -35,7 +35,7 @@ from ..vehicle.motion import ground_speed
 from .physics import span_of
 from .planner_adapter import Planners
 from .settings import Start
-from .termination import RaceMonitor
+from .termination import END_REASONS, RaceMonitor
 from .world import World
 from .world_batch import CarArrays, Mask, WorldBatch
 
@@ -326,10 +326,12 @@ class Engine:
     def decide(self) -> None:
         """Have the planners command the cars that race; those whose planner fails race no longer."""
         assert self.planners is not None
-        failed = self.planners(self)
-        if failed is not None:
-            self.failed[failed] = True
-            self.monitor.end(failed, "failed")
+        reasons = self.planners(self)
+        if reasons is not None:
+            for reason in set(reasons[reasons > 0].tolist()):
+                ended = reasons == reason
+                self.failed |= ended
+                self.monitor.end(ended, END_REASONS[reason])
 
     def drive(self, *, controls: FloatArray | None = None) -> None:
         """Hold the commands for a tick in the worlds whose cars race.

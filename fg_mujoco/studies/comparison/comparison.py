@@ -10,6 +10,7 @@ needs `if __name__ == "__main__":`, as every script that starts processes does.
 from __future__ import annotations
 
 import time
+import warnings
 from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import closing
@@ -105,6 +106,7 @@ def compare(
     changes: CarChanges | None = None,
     planner_mu: float | None = None,
     time_limit: float | None = None,
+    decision_limit: float | None = None,
     workers: int | None = None,
     out: str | Path,
     pictures: bool = True,
@@ -112,8 +114,9 @@ def compare(
 ) -> Comparison:
     """Drive every controller on every course at every speed with every seed, and write what became of them to a folder.
 
-    A run in which the planner fails is a row that says so; the others go on. Ctrl-C raises KeyboardInterrupt once the
-    workers have stopped; finished runs are then in the folder, and the same call goes on with the others.
+    A run in which the planner fails, or ends its worker process, is a row that says so; the others go on. Ctrl-C
+    raises KeyboardInterrupt once the workers have stopped; finished runs are then in the folder, and the same call goes
+    on with the others.
 
     Args:
       controllers: bundled names or `path/to/file.py:ClassName`, each with settings that differ from its own in brackets
@@ -131,7 +134,8 @@ def compare(
       changes: what else differs from the vehicle's MJCF.
       planner_mu: friction coefficient that planners assume; None: as in the vehicle's MJCF; inf: no friction limits.
       time_limit: of simulated time of each run [s]; None: as `race` has it.
-      workers: processes; None: as many as there are cores; one: no other than this.
+      decision_limit: of wall time that a planner may take for one decision [s]; None: any; as of `race`.
+      workers: processes; None: as many as there are cores; one: no other than this, which a planner can end.
       out: a new or empty folder, or one of a comparison with the same settings, from `laps` to `time_limit`.
       pictures: whether to draw them.
       watch: called several times a second.
@@ -139,7 +143,7 @@ def compare(
     Raises:
       SettingsError, TrackError, ControllerError, RunFolderError: what cannot be driven; nothing has run then.
       MissingExtraError: no matplotlib for the pictures.
-      EngineError: a worker process died.
+      EngineError: a worker process could not be started.
     """
     require_whole("workers", workers, 1, optional=True)
     if pictures:
@@ -147,6 +151,7 @@ def compare(
     settings = ComparisonSettings(
         laps=laps, obstacles=obstacles, lidar_noise=lidar_noise, vehicle=vehicle, mu=mu,
         changes=changes or CarChanges(), planner_mu=planner_mu, time_limit=time_limit,
+        decision_limit=decision_limit,
     )  # fmt: skip
     chosen = [ControllerChoice.of(text) for text in (controller_names() if controllers is None else controllers)]
     runs = plan_runs(chosen, [*tracks, *(f"{PREFIX}{name}" for name in scenes)], max_speeds, seeds, settings)
@@ -161,9 +166,12 @@ def compare(
             found, elapsed = len(runs) - len(missing), time.perf_counter() - started
             watch(ComparisonProgress(runs=len(runs), runs_found=found, runs_driven=driven, wall_time_s=elapsed))
 
-    with closing(work_off(Run.drive, missing, workers=workers or usable_cores(), pulse=pulse)) as finished:
-        for _, (row, trace) in finished:
+    died = None if workers == 1 else Run.died
+    with closing(work_off(Run.drive, missing, workers=workers or usable_cores(), pulse=pulse, died=died)) as finished:
+        for run, (row, trace) in finished:
             folder.add(row, trace)
+            if row.figures.end_reason == "worker_died":
+                warnings.warn(f"{run}: {row.figures.message}", UserWarning, stacklevel=2)
             driven += 1
             pulse()
     rows = tuple(folder.rows[run.key] for run in runs)
