@@ -13,6 +13,10 @@ MOST_BYTES = 64 * 2**20
 """Of a file that is read whole as text."""
 
 
+LONGEST_NAME = 8192
+"""Of a track or a controller with its settings [characters]: a path has 4096 at most."""
+
+
 def require_regular(path: str | Path) -> None:
     """Make sure that a file is one to be read to its end.
 
