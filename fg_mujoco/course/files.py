@@ -22,6 +22,10 @@ _LONGEST_LIST = 2**16  # bytes
 _ZIP_ENDS = 42  # bytes: a locator, which only the large archives have that are refused, and the end record
 
 
+LONGEST_NAME = 8192
+"""Of a track or a controller with its settings [characters]: a path has 4096 at most."""
+
+
 def require_regular(path: str | Path) -> None:
     """Make sure that a file is one to be read to its end.
 
