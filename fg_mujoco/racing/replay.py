@@ -297,4 +297,6 @@ def _why_not(name: str, no_course: str) -> str:
         return no_course
     if name in _WALL_TIMES:
         return "wall times"
+    if name == "files":
+        return "checksums, which tell damage and not who wrote them"
     return "versions" if name in _VERSIONS else _ASKED_FOR

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from dis import opname
 from pathlib import Path
-from types import TracebackType
+from types import FunctionType, TracebackType
 from typing import Any
 
 from ..display import brief
@@ -122,7 +122,8 @@ def told(error: BaseException, file: str | None) -> str:
 def file_of(kind: Any) -> str | None:
     """Return the file that a planner's class is defined in, as its code names it; None where there is none."""
     for member in vars(kind).values() if isinstance(kind, type) else ():
-        code = getattr(inspect.unwrap(_plain(member)), "__code__", None)
+        function = _plain(member)
+        code = None if function is None else getattr(inspect.unwrap(function), "__code__", None)
         if code is not None and code.co_filename != "<string>":  # a dataclass writes such methods
             return str(code.co_filename)
     return getattr(sys.modules.get(getattr(kind, "__module__", "")), "__file__", None)
@@ -216,7 +217,12 @@ def _raising_exit(real: Callable[[int], Any], process: int) -> Callable[[int], A
     return _exit
 
 
-def _plain(member: Any) -> Any:
-    """Return the function that a member of a class was made of: a static or class method, or a kernel."""
-    member = getattr(member, "__func__", member)
-    return getattr(member, "py_func", member)
+def _plain(member: Any) -> FunctionType | None:
+    """Return the function that a member of a class was made of: a static or class method, or a kernel.
+
+    Other members may be anything: nothing of theirs is called.
+    """
+    if issubclass(type(member), (staticmethod, classmethod)):
+        member = member.__func__
+    member = inspect.getattr_static(member, "py_func", member)
+    return member if type(member) is FunctionType else None

@@ -221,8 +221,8 @@ class FolderStore:
             for name in TRACES:
                 if self._path(number, name).exists():
                     arrays[name] = np.load(self._path(number, name), mmap_mode="r", allow_pickle=False)
-            seal = arrays.pop(_SEAL, None)  # chunks of older versions have none
-            if seal is not None and number not in self._checked and seal != _sha256(arrays, *self._belongs, number):
+            seal = arrays.pop(_SEAL, None)
+            if number not in self._checked and seal != _sha256(arrays, *self._belongs, number):
                 raise ValueError("its sha256 is that of other contents, or of another place")
             self._checked.add(number)
             return arrays
