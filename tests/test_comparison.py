@@ -391,7 +391,7 @@ def test_the_markdown_table_is_aligned_where_it_is_read_as_text():
 @pytest.mark.parametrize("crashed", [False, True])
 def test_the_table_picture_tells_lap_times_where_all_succeed(tmp_path, monkeypatch, crashed):
     drawn = []
-    monkeypatch.setattr("fg_mujoco.studies.comparison.pictures._save", lambda figure, path: drawn.append(figure))
+    monkeypatch.setattr("fg_mujoco.studies.comparison.pictures.save_figure", lambda figure, *to: drawn.append(figure))
     last = CRASH if crashed else {"best_lap_s": 9.9, "mean_lap_s": 12.25}
     table_picture(make_cells([row(), row("b", **last)]), tmp_path / "table.png")
     axes, scale = drawn[0].axes

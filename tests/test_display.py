@@ -41,6 +41,7 @@ def worlds():
 def objects(lap, crashed, comparison, worlds, tmp_path_factory):
     """An object of each public class, by the class, and others whose repr could be long."""
     folder = fg.write_run(lap, tmp_path_factory.mktemp("shown") / "run", picture=False)
+    debugged = fg.debug(folder)
     simulation = fg.Simulation(lap.world)
     scan, odometry = simulation.reset()
     simulation.step(fg.STOP)
@@ -61,7 +62,8 @@ def objects(lap, crashed, comparison, worlds, tmp_path_factory):
     return [
         track, map_track, fg.load_track("scene:slow_leader:1"), lap, crashed, lap.world, lap.world.car, comparison,
         worlds, simulation, scan, odometry, simulation.slip, simulation.lidar, simulation.engine, renderer, film,
-        fg.read_run(folder), fg.replay(folder), fg.STOP, lap.world.vehicle, lap.world.parameters, track.map_line,
+        fg.read_run(folder), fg.replay(folder), debugged, debugged.chosen, fg.STOP, lap.world.vehicle,
+        lap.world.parameters, track.map_line,
         simulation.engine.beams, simulation.engine.beams.geometry, fg.LapTimer(track), fg.TireSlipMeter(model, "car/"),
         fg.RangefinderLidar(fg.World(track, lidar="rangefinder").model, "car/lidar/"), lap.decision_times, failure,
         fg.Box(x=1.0, y=2.0, length=0.3, width=0.2), fg.Cylinder(x=1.0, y=2.0, radius=0.2), fg.Prism(footprint=ring),

@@ -170,6 +170,7 @@ def test_reports_of_a_comparison_drive_no_foreign_planner(foreign, monkeypatch, 
     rows = here / "out" / "runs.jsonl"  # whoever sends the folder can leave the hash out
     text = rows.read_text("utf-8")
     (row,) = (json.loads(line) for line in text.splitlines())
+    del row["sha256"]  # rows of older versions have no checksum of their own
     without = row | {"controller_sha256": None}
     rows.write_text(json.dumps(without) + "\n", "utf-8")
     (poses,) = (here / "out").glob("*/*.npy")

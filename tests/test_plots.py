@@ -83,7 +83,7 @@ def test_trace_picture_draws_what_was_measured(lap, monkeypatch):
 
 def test_trace_picture_lays_laps_over_each_other_and_marks_where_a_tire_slid(lap, monkeypatch):
     drawn = []
-    monkeypatch.setattr("fg_mujoco.viz.plots._save", lambda figure, path: drawn.append(figure))
+    monkeypatch.setattr("fg_mujoco.viz.plots.save_figure", lambda figure, path: drawn.append(figure))
     ticks, length = 400, lap.world.track.length
     telemetry = np.tile(lap.telemetry[:1], (ticks, 1))
     column = {name: telemetry[:, index] for index, name in enumerate(fg.TELEMETRY)}

@@ -126,7 +126,7 @@ def test_a_cluster_that_exists_is_used_and_left_as_it_is(ray, two_nodes, planner
     assert ray.is_initialized()
 
     # a worker that dies, once, in the middle of a chunk
-    source = planner(reset="(MARKS / 'dead').exists() or ((MARKS / 'dead').touch(), os._exit(1))")
+    source = planner(reset="(MARKS / 'dead').exists() or ((MARKS / 'dead').touch(), os.kill(os.getpid(), 9))")
     result = fg.rollout("oval", source, engine="ray", **WORLDS)
     assert marks(tmp_path) == ["dead"]
     assert_same(result, fg.rollout("oval", source, **WORLDS))
@@ -139,7 +139,13 @@ def test_a_cluster_that_exists_is_used_and_left_as_it_is(ray, two_nodes, planner
 
     # a chunk that kills its worker every time
     with pytest.raises(EngineError, match="lost more than"):
-        fg.rollout("oval", planner(reset="os._exit(1) if MARKS.exists() else None"), engine="ray", n=1, duration=0.5)
+        fg.rollout(
+            "oval",
+            planner(reset="os.kill(os.getpid(), 9) if MARKS.exists() else None"),
+            engine="ray",
+            n=1,
+            duration=0.5,
+        )
 
 
 def test_other_versions_on_a_node_are_refused(two_nodes, monkeypatch):
@@ -175,5 +181,7 @@ def test_a_cluster_that_does_not_answer_is_named_at_once(ray, monkeypatch):
 
 def test_without_ray_the_command_that_installs_it_is_said(monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    with pytest.raises(MissingExtraError, match=r"^pip install 'fg-mujoco\[cluster\]'$"):
+    with pytest.raises(
+        MissingExtraError, match=r"^rollouts on a cluster need Ray: pip install 'fg-mujoco\[cluster\]'$"
+    ):
         fg.rollout("oval", engine="ray", n=1)

@@ -284,7 +284,7 @@ def copy_over(folder, first, second):
 
 DAMAGE = {
     "cut": ("000003.npz", lambda f, _: (f / "chunks/000003.npz").write_bytes(b"PK")),
-    "flipped": ("000003.npz", lambda f, _: flip(f / "chunks/000003.npz")),
+    "flipped": ("000003.npz", lambda f, _: flip(f / "chunks/000003.npz", 0.3)),
     "flipped trace": ("000003.npz", lambda f, _: flip(f / "chunks/000003.states.npy", 0.9)),
     "lost trace": ("000003.npz", lambda f, _: (f / "chunks/000003.ctrl.npy").unlink()),
     "another chunk": ("000003.npz", lambda f, _: copy_over(f, 1, 3)),

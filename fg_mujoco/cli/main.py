@@ -113,6 +113,11 @@ class _Parser(argparse.ArgumentParser):
             self.error(f"{unknown!r} is no {'option' if unknown.startswith('-') else 'argument'} here{hint}")
         return options, left
 
+    def _get_values(self, action: argparse.Action, arg_strings: list[str]) -> Any:
+        if action.option_strings and action.nargs is None and arg_strings == ["--"]:  # argparse would lose it
+            arg_strings = ["--", "--"]
+        return super()._get_values(action, arg_strings)
+
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
             name = action.metavar if isinstance(action.metavar, str) else "COMMAND"

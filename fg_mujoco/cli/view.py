@@ -50,8 +50,8 @@ def _view(options: argparse.Namespace) -> int:
         run_desktop(session)
         return _DONE
     with LiveView(session, host=host, port=port) as view:
-        print(f"{view.url}; Ctrl-C ends it", flush=True)
         try:
+            print(f"{view.url}; Ctrl-C ends it", flush=True)
             view.run()
         except KeyboardInterrupt:
             print(file=sys.stderr)

@@ -192,7 +192,7 @@ def test_a_file_of_models_that_is_no_vehicle_is_no_name_of_one(name):
 
 
 def test_a_file_that_cannot_be_read_is_refused(tmp_path):
-    for path, reason in ((tmp_path / "none.xml", "No such file"), (tmp_path, "Is a directory")):
+    for path, reason in ((tmp_path / "none.xml", "No such file"), (tmp_path, "is a folder")):
         with pytest.raises(
             fg.SettingsError, match=rf"^vehicle file {re.escape(str(path))}: {reason}.*; accepted: an MJCF"
         ):

@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 
+from ...display import brief
 from ...errors import ControllerError
 from ...messages import CarParameters, Controller, DriveCommand, FloatArray, LaserScan, Odometry
 from ...simulation.planner_adapter import plan, short_text
@@ -43,7 +44,7 @@ class Step:
     on_the_way: bool = False  # it says how fast the car gets to what the steps before it want
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Decision:
     """One decision. Places are in the frame of the rear axle, x ahead and y to the left."""
 
@@ -69,6 +70,9 @@ class Decision:
     def steering_step(self) -> Step | None:
         """The step that shapes the steering angle: the last that changed what is wanted; None: nothing is known."""
         return _held(self.steps, lambda step: step.steering_angle)
+
+    def __repr__(self) -> str:
+        return brief(self, f"t = {self.time:.3f} s", f"speed: {self.why_speed}", f"steering: {self.why_steering}")
 
     @property
     def why_speed(self) -> str:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from itertools import pairwise
 
+from ...display import brief, quoted
 from ...messages import FloatArray
 from ..report.recorded_run import RecordedRun
 from .decisions import Decision
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Window:
     """Some decisions in a row, and what they are shown with."""
 
@@ -20,6 +21,11 @@ class Window:
     notes: tuple[str, ...]  # what is missing or differs, a sentence each
     walls: list[FloatArray] = field(repr=False)  # outlines near the window, each (k, 2) [m], world frame
     moving: list[list[FloatArray]] = field(repr=False)  # outlines of what moves, in each decision
+
+    def __repr__(self) -> str:
+        first, last = self.decisions[0].time, self.decisions[-1].time
+        span = f"{len(self.decisions)} decisions, {first:.3f} to {last:.3f} s"
+        return brief(self, quoted(self.run.source), span, f"at {self.chosen.time:.3f} s")
 
     @property
     def chosen(self) -> Decision:

@@ -158,7 +158,7 @@ class _Strip:
         self._pen.text((x + width, self._pad), note, font=self._small, fill=_RED if slides else _GREEN, anchor="rt")
         gap = max(round(0.035 * self._rows), 1)
         low, end = self._pad + 1.25 * self._small.size, self._rows - 0.4 * self._pad
-        each, high = 0.5 * (width - 2 * gap), 0.5 * (end - low - gap)
+        each, high = max(0.5 * (width - 2 * gap), 1.0), max(0.5 * (end - low - gap), 1.0)
         font = _font(max(round(0.86 * high), 8))
         for index, (wheel, share) in enumerate(zip(WHEELS, use, strict=True)):
             left, upper = x + (index % 2) * (each + 2 * gap), low + (index // 2) * (high + gap)
