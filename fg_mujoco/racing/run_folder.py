@@ -8,7 +8,7 @@
     scene.xml       the MJCF text that the raced model was compiled from; plain MuJoCo loads it
     states.npz      time (n + 1,) [s], state (n + 1, k) mjSTATE_INTEGRATION, ctrl (n, 2) [rad, m/s]: row i of ctrl is
                     held from state i to state i + 1, one tick
-    telemetry.csv   one row a tick, columns named with their units
+    telemetry.csv   one row a tick, columns named with their units; older versions wrote fewer columns
     controller.py   the source of a planner of your own, as it was read; its hash is in the summary
     failed_scan.npz where the planner failed: the scan and the odometry that it was told, see `read_failed_scan`
     trace.png       the line over the track, and the tires' work over time (needs the extra `plot`)
@@ -36,10 +36,10 @@ import numpy as np
 
 from ..course.files import is_file, read_text, require_regular
 from ..display import brief, quoted
-from ..errors import FgMujocoError, RunFolderError
+from ..errors import FgMujocoError, RunFolderError, SettingsError, accepted_names
 from ..messages import FloatArray, LaserScan, Odometry
 from ..simulation.planner_failure import PlannerFailure
-from ..simulation.telemetry import TELEMETRY
+from ..simulation.telemetry import RECORDED_ALWAYS, TELEMETRY
 from .result import RaceResult
 
 SCHEMA = 1
@@ -60,7 +60,8 @@ class Run:
     time: FloatArray = field(repr=False)  # (ticks + 1,) [s]
     states: FloatArray = field(repr=False)  # (ticks + 1, k)
     ctrl: FloatArray = field(repr=False)  # (ticks, 2)
-    telemetry: FloatArray = field(repr=False)  # (ticks, len(TELEMETRY))
+    telemetry: FloatArray = field(repr=False)  # (ticks, len(TELEMETRY)); NaN in columns that are not in `columns`
+    columns: tuple[str, ...] = field(default=TELEMETRY, repr=False)  # of TELEMETRY, those that were recorded
 
     def __repr__(self) -> str:
         found = {name: self.summary.get(name, "unknown") for name in ("controller", "track", "end_reason")}
@@ -73,7 +74,16 @@ class Run:
         return self.folder / _SCENE
 
     def column(self, name: str) -> FloatArray:
-        """Return one column of the telemetry, shape (ticks,)."""
+        """Return one column of the telemetry, shape (ticks,).
+
+        Raises:
+          SettingsError: there is none of that name, or an older version wrote the run without it.
+        """
+        if name not in self.columns:
+            why = " (written by an older version)" if name in TELEMETRY else ""
+            raise SettingsError(
+                f"{self.folder / _TELEMETRY}{why} has no column {name!r}; {accepted_names(name, self.columns)}"
+            )
         return self.telemetry[:, TELEMETRY.index(name)]
 
 
@@ -196,12 +206,14 @@ def read_run(folder: str | Path) -> Run:
         if ctrl.shape != (len(ctrl), 2) or states.ndim != 2 or {len(time), len(states)} != {len(ctrl) + 1}:
             raise ValueError(f"shapes {time.shape}, {states.shape}, {ctrl.shape}")
     with _blame(folder / _TELEMETRY):
-        telemetry = _read_telemetry(folder / _TELEMETRY)
+        telemetry, columns = _read_telemetry(folder / _TELEMETRY)
         if len(telemetry) != len(ctrl):
             raise ValueError(f"{len(telemetry)} rows for {len(ctrl)} ticks")
     for array in (time, states, ctrl, telemetry):
         array.flags.writeable = False
-    return Run(folder=folder, summary=summary, time=time, states=states, ctrl=ctrl, telemetry=telemetry)
+    return Run(
+        folder=folder, summary=summary, time=time, states=states, ctrl=ctrl, telemetry=telemetry, columns=columns
+    )  # fmt: skip
 
 
 def read_failed_scan(folder: str | Path) -> tuple[LaserScan, Odometry]:
@@ -238,12 +250,17 @@ def _write_telemetry(telemetry: FloatArray, path: Path) -> None:
         writer.writerows([repr(value).removesuffix(".0") for value in row] for row in telemetry.tolist())
 
 
-def _read_telemetry(path: Path) -> FloatArray:
+def _read_telemetry(path: Path) -> tuple[FloatArray, tuple[str, ...]]:
+    """Return the telemetry, NaN in the columns that are not there, and the columns that are."""
     with path.open(encoding="utf-8", newline="") as file:
         header, *rows = csv.reader(file)
-    if tuple(header) != TELEMETRY:
+    columns = tuple(name for name in TELEMETRY if name in header)
+    if tuple(header) != columns or not set(RECORDED_ALWAYS) <= set(columns):
         raise ValueError(f"columns {', '.join(header)[:60]}")
-    return np.array(rows, dtype=np.float64).reshape(-1, len(TELEMETRY))
+    telemetry = np.full((len(rows), len(TELEMETRY)), np.nan)
+    found = [TELEMETRY.index(name) for name in columns]
+    telemetry[:, found] = np.array(rows, dtype=np.float64).reshape(-1, len(columns))
+    return telemetry, columns
 
 
 @contextmanager
