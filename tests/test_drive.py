@@ -312,6 +312,22 @@ def test_what_cannot_be_driven_is_refused_in_one_line(tmp_path, capsys, argument
         assert part.removesuffix("?") in line
 
 
+def test_commands_that_are_no_table_are_refused():
+    zeros = [0.0, 0.0]
+    with pytest.raises(fg.SettingsError, match="commands: time is no row of numbers"):
+        fg.Commands(time=["a", "b"], steering_angle=zeros, speed=zeros)
+    with pytest.raises(
+        fg.SettingsError, match=r"columns of shapes \(\(2,\), \(3,\), \(2,\)\); accepted: two rows or more"
+    ):
+        fg.Commands(time=[0.0, 1.0], steering_angle=[0.0, 0.0, 1.0], speed=zeros)
+
+
+def test_a_car_that_hardly_moves_has_no_braking_distance():
+    assert math.isnan(fg.handling(fg.drive("brake[speed=0.001]"))["braking_distance_m"])
+    for name in ("brake[begin=1e-7]", "step_steer[begin=0.51]"):  # before the second tick, and between two
+        assert all(map(math.isfinite, fg.handling(fg.drive(name)).values()))
+
+
 def test_a_file_has_its_own_speed(tmp_path, capsys):
     path = written(tmp_path, HEADER + "0,0,1\n1,0,1\n")
     assert "the commands have their own" in refused(tmp_path, capsys, "drive", str(path), "--speed", "2")

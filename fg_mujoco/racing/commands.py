@@ -42,7 +42,11 @@ class Commands:
 
     def __post_init__(self) -> None:
         for field in ("time", "steering_angle", "speed"):
-            object.__setattr__(self, field, read_only(getattr(self, field)))
+            try:
+                object.__setattr__(self, field, read_only(getattr(self, field)))
+            except (TypeError, ValueError) as error:
+                said = f"{field} is no row of numbers: {error}"
+                raise SettingsError(f"{self.name}: {said}; accepted: a number for each row") from error
         shapes = (self.time.shape, self.steering_angle.shape, self.speed.shape)
         if len(set(shapes)) > 1 or self.time.ndim != 1 or len(self.time) < 2:
             found = f"{len(self.time)} row" if shapes == ((1,),) * 3 else f"columns of shapes {shapes}"

@@ -120,7 +120,7 @@ def _braking(run: RaceResult | Run, manoeuvre: Brake) -> dict[str, float]:
     begun = int(np.argmax(time >= manoeuvre.begin - AT_ONCE))
     stands = np.flatnonzero(speed[begun:] < _STANDING)
     names = ("braking_distance_m", "braking_time_s", "mean_deceleration_m_s2")
-    if not len(stands):
+    if not len(stands) or stands[0] == 0:
         return dict.fromkeys(names, math.nan)
     stopped = begun + int(stands[0])
     distance = math.hypot(x[stopped] - x[begun], y[stopped] - y[begun])
