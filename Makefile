@@ -41,9 +41,10 @@ unit: $(READY)
 quick: $(READY)
 	$(BIN)/python -m pytest -m "not slow" $(ARGS)
 
-## make fuzz    the tests of random input, with other examples than in `make test`, again and again until one fails
+## make fuzz    the tests of random and hostile input, with others than in `make test`, again and again until one fails
 fuzz: $(READY)
-	while HYPOTHESIS_PROFILE=fuzz $(BIN)/python -m pytest -q -m hypothesis -n auto --dist loadfile $(ARGS); do :; done
+	seed=1; while FUZZ_SEED=$$seed HYPOTHESIS_PROFILE=fuzz $(BIN)/python -m pytest -q -m "hypothesis or fuzz" \
+	    -n auto --dist loadfile $(ARGS); do seed=$$((seed + 1)); done
 
 ## make lint    ruff, mypy, and the layers of the rooms
 lint: $(READY)

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from functools import lru_cache
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,6 +29,22 @@ def read_only(values: ArrayLike) -> FloatArray:
     return array
 
 
+def shown(value: object) -> str:
+    """Return how Python writes a value, without the middle of what is long; of a huge number, how long it is."""
+    try:
+        text = repr(value)
+    except ValueError:  # Python does not write out a whole number of more than 4300 digits
+        return "a number of thousands of digits"
+    return text if len(text) <= 200 else f"{text[:100]}...{text[-60:]}"
+
+
+def _as_float(value: Any) -> float:
+    try:
+        return float(value)
+    except OverflowError:  # a whole number that is greater than any float
+        return math.inf if value > 0 else -math.inf
+
+
 def require(
     message: object, holds: Callable[[float], bool], accepted: str, names: tuple[str, ...], error: type[Exception]
 ) -> None:
@@ -36,8 +52,8 @@ def require(
     for name in names:
         value = getattr(message, name)
         number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
-        if not number or not holds(float(value)):
-            raise error(f"{type(message).__name__}.{name} is {value!r}; accepted: {accepted}")
+        if not number or not holds(_as_float(value)):
+            raise error(f"{type(message).__name__}.{name} is {shown(value)}; accepted: {accepted}")
 
 
 def require_whole(
@@ -59,7 +75,7 @@ def require_whole(
     if not isinstance(value, int) or isinstance(value, bool) or value < least or above:
         upwards = "" if most is None else f" to {most}"
         reason = f"; {why}" if above and why else ""
-        raise SettingsError(f"{name} is {value!r}; accepted: a whole number from {least}{upwards}{reason}")
+        raise SettingsError(f"{name} is {shown(value)}; accepted: a whole number from {least}{upwards}{reason}")
 
 
 def require_finite(message: object, *values: object, names: tuple[str, ...]) -> None:

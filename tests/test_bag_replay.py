@@ -14,6 +14,7 @@ import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.lidar.effects import LidarEffects
 from fg_mujoco.racing.planner_loading import controller_names
+from fg_mujoco.ros.bag_reader import ScanBag
 from fg_mujoco.ros.bag_replay import COLUMNS
 from fg_mujoco.ros.bag_writer import export_bag
 from fg_mujoco.simulation.settings import Start
@@ -164,6 +165,42 @@ def test_commands_up_to_a_planners_failure_are_on_disk(tmp_path, monkeypatch, ca
     )
     monkeypatch.chdir(tmp_path)
     robot_bag(tmp_path / "bag", np.full(41, 3.0))
-    assert main(["replay-scans", "bag", "--controller", "mine.py:Mine", "--out", "out.csv"]) == 2
-    assert "answered None" in capsys.readouterr().err
+    assert main(["replay-scans", "bag", "--controller", "mine.py:Mine", "--out", "out.csv"]) == 1
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert "answered None" in said and said.endswith("out.csv has the commands up to there")
     assert len(read_commands(tmp_path / "out.csv")) == 3
+
+
+@pytest.mark.parametrize("name", ["out.csv", "out.mcap"])
+def test_a_bag_that_is_damaged_in_the_middle_leaves_no_file(tmp_path, monkeypatch, capsys, name):
+    monkeypatch.chdir(tmp_path)
+    robot_bag(tmp_path / "bag", np.full(41, 3.0))
+    before = sorted(tmp_path.rglob("*"))
+    deliver = ScanBag.__iter__
+
+    def damaged(self):
+        for count, delivery in enumerate(deliver(self)):
+            if count == 2:
+                raise fg.BagError("bag: is damaged")
+            yield delivery
+
+    monkeypatch.setattr(ScanBag, "__iter__", damaged)
+    assert main(["replay-scans", "bag", "--out", name]) == 2
+    assert "bag: is damaged" in capsys.readouterr().err
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize("name", ["out.csv", "out.mcap"])
+def test_a_disk_that_is_full_leaves_what_was_there(tmp_path, monkeypatch, capsys, name):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.chdir(tmp_path)
+    robot_bag(tmp_path / "bag", np.full(41, 3.0))
+    (tmp_path / name).write_text("before")
+    before = sorted(tmp_path.rglob("*"))
+    monkeypatch.setattr("os.fsync", full)
+    assert main(["replay-scans", "bag", "--out", name, "--force"]) == 2
+    assert f"{name}: cannot be written: No space left on device; accepted" in capsys.readouterr().err
+    assert sorted(tmp_path.rglob("*")) == before
+    assert (tmp_path / name).read_text() == "before"

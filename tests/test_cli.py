@@ -6,6 +6,7 @@ import re
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from refusals import contents, refused
@@ -13,6 +14,7 @@ from terminals import read_to_the_end
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
+from fg_mujoco.errors import SettingsError
 
 SQUARE = "0,0,1,1\n10,0,1,1\n10,10,1,1\n0,10,1,1\n"
 STRAIGHT = """
@@ -172,6 +174,39 @@ def test_an_output_folder_that_cannot_be_used_is_refused_before_the_race(here, c
         assert said in refused(here, capsys, "race", "--controller", "boom.py:P", "--out", folder)
 
 
+@pytest.mark.parametrize("form", ["table", "json"])
+def test_a_race_whose_folder_cannot_be_written_in_the_end_prints_what_it_was_and_exits_2(
+    here, capsys, monkeypatch, form
+):
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("fg_mujoco.racing.run_folder.np.savez_compressed", full)
+    arguments = ["race", "--time-limit", "0.5", "--out", "runs/a"] + ["--json"] * (form == "json")
+    assert main(arguments) == 2
+    shown = capsys.readouterr()
+    assert (
+        shown.err == "fg-mujoco: runs/a: cannot be written: No space left on device; accepted: a folder that can be\n"
+    )
+    if form == "json":
+        assert json.loads(shown.out)["end_reason"] == "time_limit"
+    else:
+        assert "time limit" in shown.out and "written to" not in shown.out
+    assert list(here.iterdir()) == []
+
+
+def test_a_video_that_fails_after_the_race_leaves_the_run_folder_and_exits_1(here, capsys, monkeypatch):
+    def full(*_):
+        raise SettingsError("a.mp4: cannot be written: No space left on device")
+
+    monkeypatch.setattr("fg_mujoco.cli.main.check_film", lambda path: None)
+    monkeypatch.setattr("fg_mujoco.cli.main.film_race", full)
+    assert main(["race", "--time-limit", "0.5", "--out", "run", "--video", "a.mp4"]) == 1
+    shown = capsys.readouterr()
+    assert shown.err == "fg-mujoco: a.mp4: cannot be written: No space left on device\n"
+    assert "written to" in shown.out and (here / "run" / "report.html").exists()
+
+
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
 def test_an_output_folder_without_permission_is_refused(here, capsys):
     (here / "locked").mkdir(mode=0o500)
@@ -269,7 +304,7 @@ def test_the_options_reach_the_race(capsys):
     assert summary["track"] == "random:2"
 
 
-def test_a_tampered_run_exits_1_with_the_tick(here, capsys):
+def test_a_tampered_run_is_refused_and_without_checksums_exits_1_with_the_tick(here, capsys):
     import numpy as np
 
     main(["race", "--time-limit", "0.5", "--out", "run"])
@@ -278,6 +313,9 @@ def test_a_tampered_run_exits_1_with_the_tick(here, capsys):
     arrays["ctrl"][3] += 0.01
     np.savez_compressed("run/states.npz", **arrays)
     capsys.readouterr()
+    assert "states.npz: is damaged or edited" in refused(here, capsys, "replay", "run")
+    summary = json.loads(Path("run/summary.json").read_text())
+    Path("run/summary.json").write_text(json.dumps(summary | {"files": {}}))  # as of an older version
     assert main(["replay", "run"]) == 1
     assert "from tick 4" in capsys.readouterr().out
 

@@ -11,8 +11,10 @@ from comparison_worlds import PLANNERS, files
 import fg_mujoco as fg
 from fg_mujoco.course.moving_obstacles import MovingObstacle
 from fg_mujoco.course.scene import Scene
+from fg_mujoco.course.writing import claimed_folder
 from fg_mujoco.racing.planner_choice import ControllerChoice
 from fg_mujoco.studies.comparison.ground import Ground, course_ground
+from fg_mujoco.studies.comparison.pages import write_comparison_report
 from fg_mujoco.studies.comparison.pictures import table_picture
 from fg_mujoco.studies.comparison.run import (
     ComparisonSettings,
@@ -129,9 +131,9 @@ def test_wrong_way_time_counts_what_goes_back_faster_than_jitter():
 
 def test_a_planner_that_fails_is_a_row_and_the_others_go_on():
     comparison = compare(seeds=[0])
-    assert [row.figures.end_reason for row in comparison.rows] == ["time_limit", "time_limit", "failed"]
+    assert [row.figures.end_reason for row in comparison.rows] == ["time_limit", "time_limit", "planner_failed"]
     failed = comparison.rows[-1].figures
-    assert failed.message == "controller Broken failed at t = 0.200 s: ValueError: no more (planners.py, line 33)"
+    assert failed.message == "controller Broken failed at t = 0.200 s: ValueError: no more (planners.py, line 34)"
     assert failed.sim_time_s is None and not failed.success
 
 
@@ -203,18 +205,57 @@ def test_a_torn_line_is_dropped_and_its_run_driven_again(here):
         assert files(here / "out") == whole
 
 
-def test_a_line_that_is_no_run_is_refused(here):
+def edit(path, old, new):
+    assert old in path.read_text()
+    path.write_text(path.read_text().replace(old, new))
+
+
+def flip(path):
+    content = bytearray(path.read_bytes())
+    content[-1] ^= 1
+    path.write_bytes(content)
+
+
+DAMAGE = {
+    "no run": ("runs.jsonl, line 1: ", lambda f: (f / "runs.jsonl").write_text('{"controller": 3}\n')),
+    "edited": ("runs.jsonl, line [12]: ", lambda f: edit(f / "runs.jsonl", '"seed": 4', '"seed": 5')),
+    "flipped": ("poses/.*npy: ", lambda f: flip(min((f / "poses").iterdir()))),
+    "another's": ("poses/.*npy: ", lambda f: np.save(min((f / "poses").iterdir()), np.zeros((3, 3), np.float32))),
+    "lost": ("poses/.*npy: ", lambda f: min((f / "poses").iterdir()).unlink()),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
+def test_a_damaged_run_is_refused_by_its_name_and_driven_again_by_the_same_comparison(here, damage):
     compare(GRID[:1])
-    path = here / "out/runs.jsonl"
-    path.write_bytes(b'{"controller": 3}\n' + path.read_bytes())
-    with pytest.raises(fg.RunFolderError, match="line 1: TypeError"):
+    whole = files(here / "out")
+    named, spoil = DAMAGE[damage]
+    spoil(here / "out")
+    spoilt = files(here / "out")
+    with pytest.raises(fg.RunFolderError, match=rf"{named}.*; accepted: ") as caught:
+        write_comparison_report("out")
+    assert "\n" not in str(caught.value)
+    assert {name: text for name, text in files(here / "out").items() if "report" not in name} == spoilt
+    with pytest.warns(UserWarning, match=rf"{named}is damaged, and made again"):
+        driven = compare(GRID[:1]).runs_driven
+    assert driven == (2 if damage == "no run" else 1)
+    assert {name: text for name, text in files(here / "out").items() if "report" not in name} == whole
+
+
+def test_a_row_of_a_comparison_of_other_settings_is_noticed(here):
+    compare(GRID[:1])
+    compare(GRID[:1], out="other", lidar_noise=0.01)
+    (here / "other/runs.jsonl").replace(here / "out/runs.jsonl")
+    with pytest.warns(UserWarning, match=r"line [12]: is damaged"):
+        assert compare(GRID[:1]).runs_driven == 2
+
+
+def test_a_second_process_on_the_same_folder_is_refused(here):
+    with (
+        claimed_folder(here / "out"),
+        pytest.raises(fg.RunFolderError, match="out: another process is writing to it; accepted: "),
+    ):
         compare(GRID[:1])
-
-
-def test_a_run_without_its_trace_is_driven_again(here):
-    compare(GRID[:1])
-    next((here / "out/poses").iterdir()).unlink()
-    assert compare(GRID[:1]).runs_driven == 1
 
 
 def test_a_folder_of_other_settings_or_versions_is_refused(here, monkeypatch):
@@ -261,10 +302,11 @@ def test_what_cannot_be_driven_is_refused_before_anything_is(here, options, said
     assert not (here / "out").exists()
 
 
-def test_a_worker_that_dies_is_told_of_and_finished_runs_stay(here):
-    with pytest.raises(fg.EngineError, match=r"Deadly on oval, seed \d: the worker ended with exit code 7"):
-        compare(["planners.py:Gentle", "planners.py:Deadly"], workers=2)
-    assert compare(["planners.py:Gentle"]).runs_driven <= 2
+def test_a_worker_that_dies_is_told_of_and_the_other_runs_are_driven(here):
+    with pytest.warns(UserWarning, match=r"Deadly on oval, seed \d: the worker ended by SIGKILL"):
+        result = compare(["planners.py:Gentle", "planners.py:Deadly"], workers=2)
+    assert [row.figures.end_reason for row in result.rows] == ["time_limit"] * 2 + ["worker_died"] * 2
+    assert compare(["planners.py:Gentle"]).runs_driven == 0
 
 
 # the tables

@@ -12,8 +12,9 @@ from numba.core import event
 
 import fg_mujoco as fg
 from fg_mujoco.kernels import CompileTime, kernel
-from fg_mujoco.racing.decisions import DecisionClock, DecisionLimitReached, DecisionTimes
+from fg_mujoco.racing.decisions import DecisionClock, DecisionTimes
 from fg_mujoco.racing.result import clamped_commands
+from fg_mujoco.simulation.planner_failure import DecisionLimitReached
 
 TICK = 0.025
 

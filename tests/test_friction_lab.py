@@ -16,6 +16,7 @@ import pytest
 from lab_experiments import BAD, COUNT, DIES, FAILS, SLOW
 
 import fg_mujoco as fg
+from fg_mujoco.course.writing import claimed_folder
 from fg_mujoco.studies.friction_lab import lab
 from fg_mujoco.studies.friction_lab.experiment import LabSettings
 from fg_mujoco.studies.friction_lab.lab import EXPERIMENTS, load_experiment, run_lab
@@ -60,11 +61,59 @@ def test_csvs_have_all_columns_and_what_is_no_number_is_empty_with_its_reason(tm
 
 def test_a_finished_folder_is_not_measured_again(tmp_path):
     run_lab(["squares"], out=tmp_path, workers=1, pictures=False)
-    path = tmp_path / "cells/squares.jsonl"
-    path.write_text(path.read_text().replace('"area_m2": 25', '"area_m2": 26'))
+    before = files(tmp_path)
     again = run_lab(["squares"], out=tmp_path, workers=1, pictures=False)
     assert again.cells_measured == 0
-    assert rows(tmp_path / "squares_areas.csv")[5]["area_m2"] == "26"
+    assert files(tmp_path) == before
+
+
+def swap(lines):
+    lines[1], lines[4] = (
+        lines[1].replace(b'"number": 1', b'"number": 4'),
+        lines[4].replace(b'"number": 4', b'"number": 1'),
+    )
+
+
+DAMAGE = {
+    "edited": ([6], lambda lines: lines.__setitem__(5, lines[5].replace(b'"area_m2": 25', b'"area_m2": 26'))),
+    "swapped": ([2, 5], swap),
+    "no row": ([1], lambda lines: lines.__setitem__(0, b'{"cell": 3}')),
+    "no JSON": ([3], lambda lines: lines.__setitem__(2, b"\xff\x00")),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
+def test_a_damaged_line_is_named_and_its_cell_is_measured_again(tmp_path, damage):
+    run_lab(["squares"], out=tmp_path, workers=1, pictures=False)
+    before, path = files(tmp_path), tmp_path / "cells/squares.jsonl"
+    lines = path.read_bytes().splitlines()
+    named, spoil = DAMAGE[damage]
+    spoil(lines)
+    path.write_bytes(b"\n".join(lines) + b"\n")
+    with pytest.warns(UserWarning, match="squares.jsonl, line") as warned:
+        again = run_lab(["squares"], out=tmp_path, workers=1, pictures=False)
+    assert [
+        f"squares.jsonl, line {number}: is damaged" in str(each.message)
+        for each, number in zip(warned, named, strict=True)
+    ] == [True] * len(named)
+    assert again.cells_measured == len(named)
+    assert files(tmp_path) == before
+
+
+def test_a_line_of_another_lab_is_noticed(tmp_path):
+    run_lab(["squares"], out=tmp_path / "a", workers=1, pictures=False)
+    run_lab(["squares"], out=tmp_path / "b", workers=1, pictures=False, settings=LabSettings(mus=(0.5,)))
+    (tmp_path / "b/cells/squares.jsonl").replace(tmp_path / "a/cells/squares.jsonl")
+    with pytest.warns(UserWarning, match="line 1: is damaged"):
+        assert run_lab(["squares"], out=tmp_path / "a", workers=1, pictures=False).cells_measured == COUNT
+
+
+def test_a_second_process_on_the_same_folder_is_refused(tmp_path):
+    with (
+        claimed_folder(tmp_path / "out"),
+        pytest.raises(fg.RunFolderError, match="another process is writing to it; accepted: "),
+    ):
+        run_lab(["squares"], out=tmp_path / "out", workers=1, pictures=False)
 
 
 def test_a_killed_run_resumes_and_ends_as_one_that_was_not(tmp_path):

@@ -231,3 +231,11 @@ def test_a_message_is_one_line_that_a_terminal_shows():
     assert len(in_one_line("word " * 10_000)) < 4500
     assert in_one_line("a\udcff\x1b[2J\0.csv") == "a\\udcff\\x1b[2J\\x00.csv"
     assert in_one_line("μ of 3 m/s²") == "μ of 3 m/s²"
+
+
+@pytest.mark.parametrize("text", ["map.yaml[close=.3]" * 10_000, "a" + " " * 500_000 + "["])
+def test_names_that_are_too_long(text):
+    with pytest.raises(fg.TrackError, match=f"has {len(text)} characters; accepted: 8192 at most"):
+        fg.load_track(text)
+    with pytest.raises(fg.SettingsError, match=f"has {len(text)} characters; accepted: 8192 at most"):
+        fg.race("oval", text)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import resource
 
 import numpy as np
 import pytest
@@ -143,3 +144,35 @@ def test_without_the_extra_a_map_is_not_written(tmp_path, monkeypatch):
     with pytest.raises(MissingExtraError, match=r"pip install 'fg-mujoco\[maps\]'"):
         export_track(fg.load_track("oval"), tmp_path / "oval.yaml")
     assert os.listdir(tmp_path) == []
+
+
+def test_a_full_disk_leaves_no_file_of_those_that_were_asked_for(tmp_path, monkeypatch, capsys):
+    """A limit on the size of files stands for the disk: all but the largest fit."""
+    monkeypatch.chdir(tmp_path)
+    arguments = ["track", "export", "oval", "a.yaml", "b.csv", "c.obj"]
+    assert main(arguments) == 0
+    sizes = [path.stat().st_size for path in tmp_path.iterdir()]
+    for path in tmp_path.iterdir():
+        path.unlink()
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (max(sizes) - 1, before[1]))
+    try:
+        assert main(arguments) == 2
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert "cannot be written: File too large" in capsys.readouterr().err
+    assert len(sizes) == 4 and list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("arguments", [("new", "--seed", "3", "--force", "a.csv"), ("show", "oval", "--out", "a.png")])
+def test_a_full_disk_leaves_the_file_that_was_there(tmp_path, monkeypatch, capsys, arguments):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / next(word for word in arguments if word.startswith("a."))
+    path.write_text("before")
+    monkeypatch.setattr("os.fsync", full)
+    assert main(["track", *arguments]) == 2
+    assert f"{path.name}: cannot be written: No space left on device" in capsys.readouterr().err
+    assert [(file.name, file.read_text()) for file in tmp_path.iterdir()] == [(path.name, "before")]

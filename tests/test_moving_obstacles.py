@@ -1,6 +1,7 @@
 """Boxes that move are where a closed form says, in the physics, in the scan, in a batch and in a replay."""
 
 import dataclasses
+import json
 import math
 import subprocess
 import sys
@@ -181,6 +182,8 @@ def test_a_replay_is_bit_identical(name, tmp_path):
     numbers = row.split('data="')[1].split('"')[0].split()
     changed = row.replace(" ".join(numbers), " ".join([*numbers[:6], "3.3", *numbers[7:]]))
     (tmp_path / "run" / "scene.xml").write_text(text.replace(row, changed))
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    (tmp_path / "run" / "summary.json").write_text(json.dumps(summary | {"files": {}}))  # as of an older version
     assert not fg.replay(tmp_path / "run").identical
 
 

@@ -168,7 +168,7 @@ def test_the_option_traceback_prints_all_of_it(capsys):
 
 def test_a_rollout_counts_it_as_the_failure_of_that_world():
     results = drive_worlds((Scenario(track="oval"),) * 2, "mine.py:Late", laps=1)
-    assert results.rows["end_reason"].tolist() == ["failed"] * 2
+    assert results.rows["end_reason"].tolist() == ["planner_failed"] * 2
 
 
 def test_the_live_view_pauses_and_says_so_until_the_reset():

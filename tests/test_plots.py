@@ -50,7 +50,7 @@ def test_trace_picture_differs_with_the_race(short_race, lap):
 
 def test_trace_picture_draws_what_was_measured(lap, monkeypatch):
     drawn = []
-    monkeypatch.setattr("fg_mujoco.viz.plots._save", lambda figure, path: drawn.append(figure))
+    monkeypatch.setattr("fg_mujoco.viz.plots.save_figure", lambda figure, path: drawn.append(figure))
     fg.trace_picture(lap, "not written")
     (figure,) = drawn
     above, speed, steering, sliding, *tires = figure.axes[:8]

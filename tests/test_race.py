@@ -5,6 +5,7 @@ import hashlib
 import importlib
 import json
 import math
+import signal
 
 import mujoco
 import numpy as np
@@ -143,7 +144,7 @@ def test_interrupted_keeps_the_ticks_that_are_complete(monkeypatch, place):
 
         def call(*_):
             if next(calls, None) is None:
-                raise KeyboardInterrupt
+                signal.raise_signal(signal.SIGINT)  # Ctrl-C
 
         return call
 
@@ -166,7 +167,7 @@ def test_interrupted_keeps_the_ticks_that_are_complete(monkeypatch, place):
 
 def test_an_interrupt_before_the_first_tick_leaves_a_race_of_none():
     def interrupt(time):
-        raise KeyboardInterrupt
+        signal.raise_signal(signal.SIGINT)  # Ctrl-C
 
     result = race(interrupt)
     assert_complete(result)

@@ -2,6 +2,7 @@ import csv
 import hashlib
 import json
 import math
+import os
 import shutil
 from pathlib import Path
 
@@ -27,6 +28,8 @@ def folder(written, tmp_path):
 
 
 def edit_states(folder, change):
+    """Edit a run whose summary does not say which files it had, as those of an older version."""
+    edit_summary(folder, files={})
     with np.load(folder / "states.npz") as file:
         arrays = dict(file)
     change(arrays)
@@ -140,8 +143,11 @@ def test_a_tire_off_the_ground_is_nan_in_the_table(short_race, tmp_path):
 
 
 def _without(written, folder, *names):
-    """Copy a run folder, without some columns of its telemetry."""
+    """Copy a run folder as an older version wrote it: without some columns of its telemetry, and without checksums."""
     shutil.copytree(written, folder)
+    summary = json.loads((folder / "summary.json").read_text())
+    summary.pop("files")
+    (folder / "summary.json").write_text(json.dumps(summary))
     with (folder / "telemetry.csv").open(newline="") as file:
         rows = [{name: value for name, value in row.items() if name not in names} for row in csv.DictReader(file)]
     with (folder / "telemetry.csv").open("w", newline="") as file:
@@ -221,6 +227,7 @@ def test_replay_finds_one_flipped_bit_in_one_state(folder):
 def test_replay_finds_another_friction_in_the_scene(folder):
     text = (folder / "scene.xml").read_text()
     assert "1.0489" in text
+    edit_summary(folder, files={})
     (folder / "scene.xml").write_text(text.replace("1.0489", "0.2"))
     assert fg.replay(folder).first_difference is not None
 
@@ -256,7 +263,7 @@ def test_a_run_of_no_tick_is_written_and_replayed(short_race, tmp_path):
         (lambda f: edit_states(f, lambda a: a.pop("ctrl")), "states.npz"),
         (lambda f: edit_states(f, lambda a: a.update(ctrl=a["ctrl"][:-1])), "states.npz"),
         (lambda f: edit_states(f, lambda a: a.update(time=a["time"][:-1])), "states.npz"),
-        (lambda f: edit_states(f, lambda a: a.update(time=a["time"][::-1])), "scene.xml"),
+        (lambda f: edit_states(f, lambda a: a.update(time=a["time"][::-1])), "states.npz"),
         (lambda f: edit_states(f, lambda a: a.update(state=a["state"][:, :-1])), "scene.xml"),
         (lambda f: edit_states(f, lambda a: a.update(ctrl=np.array([{}] * 40))), "states.npz"),
         (lambda f: (f / "telemetry.csv").write_text("time_s\n0.0\n"), "telemetry.csv"),
@@ -272,6 +279,28 @@ def test_a_damaged_folder_is_refused_in_one_line_that_names_the_file(folder, spo
         fg.replay(folder)
     assert named in str(refusal.value)
     assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("name", ["scene.xml", "states.npz", "telemetry.csv"])
+def test_a_flipped_bit_is_named_whether_or_not_the_file_can_still_be_read(folder, name):
+    content = bytearray((folder / name).read_bytes())
+    content[len(content) // 2] ^= 1
+    (folder / name).write_bytes(content)
+    with pytest.raises(fg.RunFolderError, match=rf"{name}: is damaged or edited: .*; accepted: as `race --out` wrote"):
+        fg.read_run(folder)
+
+
+def test_the_summary_has_the_sha256_of_what_is_read_back(written):
+    files = json.loads((written / "summary.json").read_text())["files"]
+    assert set(files) == FILES - {"summary.json", "trace.png"}
+    assert all(hashlib.sha256((written / name).read_bytes()).hexdigest() == files[name] for name in files)
+
+
+def test_a_folder_of_a_version_without_checksums_is_read(folder):
+    summary = json.loads((folder / "summary.json").read_text())
+    del summary["files"]
+    (folder / "summary.json").write_text(json.dumps(summary))
+    assert fg.replay(folder).identical
 
 
 def test_a_folder_that_cannot_be_used_is_refused_before_and_left_alone(tmp_path):
@@ -308,18 +337,38 @@ def test_a_failure_half_way_leaves_nothing(short_race, tmp_path, monkeypatch):
 
 
 def test_a_failure_while_moving_the_files_in_leaves_nothing(short_race, tmp_path, monkeypatch):
-    rename = Path.rename
+    replace = os.replace
 
-    def fail_on_the_last(self, target):
-        if self.name == "summary.json":
+    def fail_on_the_last(path, target):
+        if Path(path).name == "summary.json":
             raise OSError(5, "Input/output error")
-        return rename(self, target)
+        return replace(path, target)
 
-    monkeypatch.setattr(Path, "rename", fail_on_the_last)
+    monkeypatch.setattr(os, "replace", fail_on_the_last)
     (tmp_path / "run").mkdir()
     with pytest.raises(fg.RunFolderError, match="Input/output error"):
         fg.write_run(short_race, tmp_path / "run", picture=False)
     assert list(tmp_path.rglob("*")) == [tmp_path / "run"]
+
+
+@pytest.mark.parametrize("call", ["write", "fsync", "replace"])
+def test_a_full_disk_leaves_nothing_wherever_it_is_noticed(short_race, tmp_path, monkeypatch, call):
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(f"fg_mujoco.racing.run_folder.Path.{call}_text" if call == "write" else f"os.{call}", full)
+    with pytest.raises(fg.RunFolderError, match=r"deep/run: cannot be written: No space left on device; accepted"):
+        fg.write_run(short_race, tmp_path / "deep" / "run", picture=False)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_adds_to_a_run_is_told_no_name_of_a_temporary_folder(short_race, tmp_path):
+    def add(folder):
+        raise fg.RunFolderError(f"{folder}/report.html: cannot be written")
+
+    with pytest.raises(fg.RunFolderError, match=rf"^{tmp_path}/run/report.html: cannot be written$"):
+        fg.write_run(short_race, tmp_path / "run", picture=False, add=add)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_an_interrupt_half_way_leaves_nothing(short_race, tmp_path, monkeypatch):

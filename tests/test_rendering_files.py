@@ -251,7 +251,7 @@ def test_ctrl_c_while_a_video_is_drawn_leaves_nothing_and_progress_is_shown(here
     )
     os.close(theirs)
     deadline = time.monotonic() + 60.0
-    while not list(here.glob(".a.*.partial.mp4")) and process.poll() is None and time.monotonic() < deadline:
+    while not list(here.glob(".fg_mujoco-*.partial")) and process.poll() is None and time.monotonic() < deadline:
         time.sleep(0.02)
     time.sleep(0.5)
     process.send_signal(signal.SIGINT)

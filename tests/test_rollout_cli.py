@@ -123,7 +123,7 @@ def test_a_finished_folder_is_told_of_again(no_engine, capsys):
         (("--chunk", "0"), "chunk is 0"),
         (("--memory-budget", "-1"), "--memory-budget is -1"),
         (("--memory-budget", "lots"), "'lots'; accepted: a whole number"),
-        (("--engine", "slurm"), "engine is 'slurm'; accepted: local, ray"),
+        (("--engine", "slurm"), "engine is 'slurm'; accepted: local, processes, ray"),
         (("--record", "video", "--out", "run"), "record is 'video'; accepted: summary, telemetry, states"),
         (("--record", "states"), "--record states is kept nowhere; accepted: with --out DIR"),
         (("--track", "nowhere"), "unknown track 'nowhere'"),

@@ -133,7 +133,7 @@ def test_a_cluster_that_exists_is_used_and_left_as_it_is(ray, two_nodes, planner
 
     # a planner that raises ends its worlds, not the rollout; one that cannot be built is refused
     failing = planner(call="raise ValueError('lost')")
-    assert set(fg.rollout("oval", failing, engine="ray", n=2, duration=0.5)["end_reason"]) == {"failed"}
+    assert set(fg.rollout("oval", failing, engine="ray", n=2, duration=0.5)["end_reason"]) == {"planner_failed"}
     with pytest.raises(ControllerError, match="nobody"):
         fg.rollout("oval", "nobody", engine="ray", n=2)
 

@@ -9,6 +9,7 @@ import pytest
 from rollout_worlds import stand_in
 
 import fg_mujoco as fg
+from fg_mujoco.course.writing import claimed_folder
 from fg_mujoco.errors import RunFolderError
 from fg_mujoco.studies.rollout.store import FolderStore, MemoryStore, TemporaryFolderStore
 
@@ -268,13 +269,103 @@ def test_a_damaged_manifest_is_refused(engine, tmp_path, text):
     refusal("manifest.json", out=tmp_path / "out")
 
 
-def test_a_damaged_chunk_is_named_and_driven_again_once_it_is_away(engine, tmp_path):
-    whole = drive(out=tmp_path / "out")
-    chunk = tmp_path / "out/chunks/000003.npz"
-    chunk.write_bytes(chunk.read_bytes()[:-40])
-    refusal("000003.npz", "drives its worlds again", out=tmp_path / "out")
-    chunk.unlink()
-    assert same(drive(out=tmp_path / "out").worlds, whole.worlds)
+def flip(path, place=0.5):
+    content = bytearray(path.read_bytes())
+    content[int(place * len(content))] ^= 1
+    path.write_bytes(content)
+
+
+def copy_over(folder, first, second):
+    for path in list((folder / "chunks").glob(f"{second:06}.*")):
+        path.unlink()
+    for path in list((folder / "chunks").glob(f"{first:06}.*")):
+        shutil.copy(path, path.with_name(path.name.replace(f"{first:06}", f"{second:06}")))
+
+
+DAMAGE = {
+    "cut": ("000003.npz", lambda f, _: (f / "chunks/000003.npz").write_bytes(b"PK")),
+    "flipped": ("000003.npz", lambda f, _: flip(f / "chunks/000003.npz")),
+    "flipped trace": ("000003.npz", lambda f, _: flip(f / "chunks/000003.states.npy", 0.9)),
+    "lost trace": ("000003.npz", lambda f, _: (f / "chunks/000003.ctrl.npy").unlink()),
+    "another chunk": ("000003.npz", lambda f, _: copy_over(f, 1, 3)),
+    "another's chunk": ("000003.npz", lambda f, g: shutil.copy(g / "chunks/000003.npz", f / "chunks/000003.npz")),
+    "tracks": ("tracks.npz", lambda f, _: flip(f / "tracks.npz")),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
+def test_a_damaged_file_is_refused_by_its_name_and_made_again_by_the_same_rollout(engine, tmp_path, damage):
+    out, other = tmp_path / "out", tmp_path / "other"
+    whole = drive(record="states", out=out)
+    drive(record="states", seed=6, out=other)
+    before = contents(out)
+    name, spoil = DAMAGE[damage]
+    spoil(out, other)
+    with pytest.raises(RunFolderError, match=rf"{name}: .*accepted: ") as caught:
+        fg.read_rollout(out)
+    assert "\n" not in str(caught.value)
+    count = engine()
+    with pytest.warns(UserWarning, match=rf"{name}: is damaged, and made again: ") as warned:
+        again = drive(record="states", out=out)
+    assert len(warned) == 1
+    assert count.driven == (name != "tracks.npz")
+    assert same(again.worlds, whole.worlds)
+    assert contents(out) == before
+
+
+@pytest.mark.parametrize("number", range(6))
+def test_a_missing_chunk_is_named_and_driven_again(engine, tmp_path, number):
+    drive(out=tmp_path / "out")
+    before = contents(tmp_path / "out")
+    (tmp_path / f"out/chunks/{number:06}.npz").unlink()
+    with pytest.raises(RunFolderError, match=rf"{number:06}.npz: No such file"):
+        fg.read_rollout(tmp_path / "out")
+    drive(out=tmp_path / "out")
+    assert contents(tmp_path / "out") == before
+
+
+@pytest.mark.parametrize("name", ["worlds.csv", "summary.json"])
+def test_an_edited_table_is_named_and_written_again(engine, tmp_path, name):
+    drive(out=tmp_path / "out")
+    worlds = (tmp_path / "out/worlds.csv").read_bytes()
+    path = tmp_path / "out" / name
+    path.write_text(path.read_text().replace("crash", "touch"))
+    if name == "summary.json":
+        with pytest.raises(RunFolderError, match=r"summary.json: ValueError: its sha256"):
+            fg.read_rollout(tmp_path / "out")
+    with pytest.warns(UserWarning, match=f"{name}: is damaged, and made again"):
+        drive(out=tmp_path / "out")
+    assert (tmp_path / "out/worlds.csv").read_bytes() == worlds
+    assert "touch" not in path.read_text()
+    assert fg.read_rollout(tmp_path / "out").summary()["end_reasons"]["crash"] > 0
+
+
+def test_settings_that_were_edited_in_a_manifest_are_refused(engine, tmp_path):
+    drive(out=tmp_path / "out")
+    path = tmp_path / "out/manifest.json"
+    path.write_text(path.read_text().replace('"seed": 5', '"seed": 6'))
+    with pytest.raises(RunFolderError, match=r"manifest.json: .*sha256"):
+        fg.read_rollout(tmp_path / "out")
+
+
+@pytest.mark.parametrize("left", ["nothing", "manifest", "chunks"])
+def test_a_rollout_that_was_killed_as_it_made_its_folder_is_gone_on_with(engine, tmp_path, left):
+    drive(out=tmp_path / "whole")
+    (tmp_path / "out").mkdir()
+    if left != "nothing":
+        shutil.copy(tmp_path / "whole/manifest.json", tmp_path / "out")
+    if left == "chunks":
+        (tmp_path / "out/chunks").mkdir()
+    drive(out=tmp_path / "out")
+    here, there = contents(tmp_path / "out"), contents(tmp_path / "whole")
+    del here["summary.json"], there["summary.json"]  # which have the wall time
+    assert here == there
+
+
+def test_a_second_process_on_the_same_folder_is_refused(engine, tmp_path):
+    with claimed_folder(tmp_path / "out"):
+        refusal("another process is writing to it", out=tmp_path / "out")
+    drive(out=tmp_path / "out")
 
 
 def test_tracks_are_kept_bit_for_bit(tmp_path):

@@ -244,7 +244,7 @@ def test_a_world_whose_planner_fails_ends_and_the_others_go_on(planner_file):
     source = planner_file("if self.speed < 5.0 and scan.stamp > 0.2: raise ValueError('slow')")
     result = fg.rollout("oval", source, n=12, randomize={"max_speed": [4, 6]}, duration=0.5)
     reasons = set(zip(result["max_speed"].tolist(), result["end_reason"].tolist(), strict=True))
-    assert reasons == {(4, "failed"), (6, "time_limit")}
+    assert reasons == {(4, "planner_failed"), (6, "time_limit")}
 
 
 def test_what_the_engine_raises_is_raised_and_the_other_workers_stop(no_engine, monkeypatch):
@@ -313,7 +313,7 @@ def nothing_runs(monkeypatch):
         ({"chunk": True}, "chunk is True"),
         ({"memory_budget": -1}, "memory_budget is -1"),
         ({"record": "video"}, "record is 'video'; accepted: summary, telemetry, states"),
-        ({"engine": "slurm"}, "engine is 'slurm'; accepted: local, ray"),
+        ({"engine": "slurm"}, "engine is 'slurm'; accepted: local, processes, ray"),
         ({"randomize": {"grip": (0, 1)}}, "randomize grip: no parameter"),
         ({"randomize": {"mass": (0.1, 4)}}, "randomize mass=0.1:4.0"),
         ({"randomize": {"obstacles": "0:900"}}, "randomize obstacles=900 on 'oval'; accepted: at most"),

@@ -212,7 +212,7 @@ def test_a_planner_of_plain_python_drives_as_in_a_race(planners):
 def test_a_planner_that_fails_ends_its_world_and_no_other(planners, name, ticks):
     scenarios = [Scenario(max_speed=speed) for speed in (1.0, 3.0, 2.0)]
     results = drive_worlds(scenarios, f"{planners}:{name}", duration=0.5, record="telemetry")
-    assert results.rows["end_reason"].tolist() == ["time_limit", "failed", "time_limit"]
+    assert results.rows["end_reason"].tolist() == ["time_limit", "planner_failed", "time_limit"]
     assert results.rows["sim_time_s"] == pytest.approx([0.5, ticks * 0.025, 0.5])
     assert [len(telemetry) for telemetry in results.telemetry] == [20, ticks, 20]
     assert results.telemetry[0][:, 1:].tobytes() == results.telemetry[2][:, 1:].tobytes()

@@ -9,13 +9,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from ..errors import SettingsError, accepted_names
+from ..errors import PlannerError, SettingsError, accepted_names
 from ..racing.planner_choice import ControllerChoice
 from ..racing.planner_loading import make_controller
 from ..ros.bag_messages import DRIVE, ODOMETRY, SCAN, require_ros_extra
 from ..simulation.course_loading import load_track
 from ..simulation.settings import DriveSettings
-from .options import ProgressLine, add_controller_option, add_drive_options, drive_options
+from .options import ProgressLine, add_controller_option, add_drive_options, drive_options, in_one_line
 
 FORMATS = ("mcap",)
 
@@ -90,7 +90,11 @@ def _replay_scans(options: argparse.Namespace) -> int:
                 yield delivery
                 watch(count, bag.scans)
 
-        count = write_commands(planned(planner, watched()), out)
+        try:
+            count = write_commands(planned(planner, watched()), out)
+        except PlannerError as error:
+            print("fg-mujoco:", in_one_line(f"{error}; {out} has the commands up to there"), file=sys.stderr)
+            return 1
     print(f"{out}: {count} commands to the scans on {bag.topics[SCAN]}")
     return 0
 

@@ -1,7 +1,8 @@
 """The command `fg-mujoco compare`.
 
-Exit codes: 0 all runs were driven, however they ended; 1 a worker died; 2 input that cannot be used; 130 Ctrl-C. Runs
-that are finished then stay in the folder of `--out`, and the same command goes on with the others.
+Exit codes: 0 all runs were driven, however they ended; 1 the worker of a run died; 2 input that cannot be
+used; 130 Ctrl-C. Runs that are finished then stay in the folder of `--out`, and the same command goes on with the
+others.
 """
 
 from __future__ import annotations
@@ -49,6 +50,10 @@ def add_compare(add_command: Callable[..., argparse.ArgumentParser], commands: A
     add("--lidar-noise", type=number, default=0.0, metavar="M", help="standard deviation of each range")
     add_drive_options(add, *_DRIVE, of="each")
     add("--time-limit", type=number, metavar="S", help="of simulated time; default: as the course has it")
+    add(
+        "--decision-limit", type=number, metavar="S",
+        help="of wall time for each decision; a planner that takes longer, or never answers, ends its run",
+    )  # fmt: skip
     add("--workers", type=whole, metavar="N", help="processes; default: as many as there are cores")
     add(
         "--out", metavar="DIR", required=True,
@@ -77,6 +82,7 @@ def _compare(options: argparse.Namespace) -> int:
                 lidar_noise=options.lidar_noise,
                 **drive_options(options, *_DRIVE),
                 time_limit=options.time_limit,
+                decision_limit=options.decision_limit,
                 workers=options.workers,
                 out=options.out,
                 pictures=can_draw("pictures"),
@@ -89,7 +95,8 @@ def _compare(options: argparse.Namespace) -> int:
             print(f"fg-mujoco: {options.out}: interrupted; the same command goes on", file=sys.stderr)
             raise
     print(as_json(result.summary()) if options.json else _report(result, options.out))
-    return _DONE
+    died = any(row.figures.end_reason == "worker_died" for row in result.rows)
+    return _NOT_DONE if died else _DONE
 
 
 def _names(text: str) -> list[str]:

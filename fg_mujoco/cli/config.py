@@ -226,7 +226,8 @@ def _kind(action: argparse.Action) -> tuple[str, Callable[[Any], bool]]:
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
+    is_whole = isinstance(value, int) and not isinstance(value, bool) and abs(value) < 1e300  # else beyond floats
+    return is_whole or isinstance(value, float)
 
 
 def _check_backend(name: str) -> None:

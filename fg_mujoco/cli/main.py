@@ -1,7 +1,7 @@
 """The command `fg-mujoco`: race, replay, make and show tracks; `rollout` is in rollout_cli.
 
 Exit codes: 0 all went well, 1 a race that was not driven to its end or a replay that differs, 2 input that cannot be
-used (one line on stderr, nothing written).
+used, or a file that cannot be written (one line on stderr, nothing written).
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import os
 import signal
 import sys
 import time
-import traceback
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -20,7 +19,7 @@ from typing import Any, NoReturn
 
 from .. import __version__
 from ..course.course import USUAL_LAPS
-from ..errors import FgMujocoError, PlannerError, accepted_names, nearest
+from ..errors import FgMujocoError, PlannerError, RunFolderError, accepted_names, nearest
 from ..lidar.effects import LidarEffects
 from ..lidar.lidar import LIDAR_BACKENDS
 from ..racing.decisions import decision_limit_text
@@ -29,6 +28,7 @@ from ..racing.race import RaceProgress, race
 from ..racing.replay import replay
 from ..racing.result import RaceResult
 from ..racing.run_folder import check_run_folder, summary_json
+from ..simulation.planner_failure import whole_traceback
 from ..vehicle.tire_slip import SLIDING_SPEED
 from ..viz.plots import write_run
 from .bags import add_bags
@@ -222,16 +222,26 @@ def _race(options: argparse.Namespace) -> int:
             )
         except PlannerError as error:  # what was driven is kept
             result = error.result
-            whole = "".join(traceback.format_exception(error)) if options.traceback else error.failure.traceback
+            whole = whole_traceback(error) if options.traceback else error.failure.traceback
             print(whole, end="", file=sys.stderr)
-    if options.out is not None:
-        write_run(result, options.out, picture=picture, settings=settings)
-        report_race(options.out)
+    try:
+        if options.out is not None:
+            write_run(result, options.out, picture=picture, settings=settings, add=report_race)
+    except RunFolderError:  # of a race that is driven already; `main` says why
+        print(summary_json(result, settings) if options.json else _table(result, None))
+        raise
+    code = _DONE if result.finished else _NOT_DONE
     if options.video is not None:
-        with contextlib.redirect_stdout(sys.stderr):  # stdout is the table's, or the JSON object's
-            film_race(result, options.video)
+        try:
+            with contextlib.redirect_stdout(sys.stderr):  # stdout is the table's, or the JSON object's
+                film_race(result, options.video)
+        except FgMujocoError as error:
+            if options.out is None:
+                raise
+            print("fg-mujoco:", in_one_line(str(error)), file=sys.stderr)  # the run folder is written, and stays
+            code = _NOT_DONE
     print(summary_json(result, settings) if options.json else _table(result, options.out))
-    return _DONE if result.finished else _NOT_DONE
+    return code
 
 
 def _check_out(folder: str) -> bool:
@@ -319,5 +329,5 @@ def _table(result: RaceResult, out: str | None) -> str:
 
 def _replay(options: argparse.Namespace) -> int:
     report = replay(options.folder)
-    print(f"{options.folder}: {report}")
-    return _DONE if report.identical else _NOT_DONE
+    print(f"{options.folder}: {report}", *(f"  {line}" for line in report.lines), sep="\n")
+    return _DONE if report.holds else _NOT_DONE

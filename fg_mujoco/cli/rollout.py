@@ -1,7 +1,8 @@
 """The command `fg-mujoco rollout`.
 
-Exit codes: 0 all worlds were driven, however they ended; 1 a cluster failed; 2 input that cannot be used; 130 Ctrl-C.
-Chunks that are finished then stay in the folder of `--out`, and the same command goes on with the others.
+Exit codes: 0 all worlds were driven, however they ended; 1 a cluster failed, or the worker of a world died; 2 input
+that cannot be used; 130 Ctrl-C. Chunks that are finished then stay in the folder of `--out`, and the same command goes
+on with the others.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from typing import Any
 
 from ..errors import EngineError, SettingsError
 from ..messages import require_whole
+from ..racing.planner_loading import bundled_names
 from ..studies.folders import as_json
 from ..studies.rollout.result import RolloutResult
 from ..studies.rollout.rollouts import (
@@ -50,7 +52,11 @@ def add_rollout(add_command: Callable[..., argparse.ArgumentParser], commands: A
     add_drive_options(add, of="each")
     add("--laps", type=whole, metavar="N", help="default: 1, or as many as fit the duration")
     add("--duration", type=number, metavar="S", help="of simulated time; default: what a car of 0.5 m/s needs")
-    add("--workers", type=whole, metavar="N", help="threads, or with Ray cores; default: as many as there are")
+    add(
+        "--decision-limit", type=number, metavar="S",
+        help="of wall time for each decision; a planner that takes longer, or never answers, ends its world",
+    )  # fmt: skip
+    add("--workers", type=whole, metavar="N", help="threads, processes, or with Ray cores; default: all cores")
     add("--record", default="summary", metavar="WHAT", help=f"{', '.join(RECORDS)}; default: summary")
     add("--out", metavar="DIR", help="keep the results here; the same command goes on with a folder left unfinished")
     add(
@@ -61,7 +67,10 @@ def add_rollout(add_command: Callable[..., argparse.ArgumentParser], commands: A
         "--chunk", type=whole, default=DEFAULT_CHUNK, metavar="N",
         help=f"worlds that a worker drives together; default: {DEFAULT_CHUNK}",
     )  # fmt: skip
-    add("--engine", default="local", metavar="NAME", help=f"{' or '.join(ENGINES)}; default: local")
+    add(
+        "--engine", metavar="NAME",
+        help=f"{', '.join(ENGINES)}; default: local; processes where a planner is not bundled or has a limit",
+    )  # fmt: skip
     add("--json", action="store_true", help="print one JSON object and nothing else")
 
 
@@ -83,12 +92,13 @@ def _rollout(options: argparse.Namespace) -> int:
                 **drive_options(options),
                 laps=options.laps,
                 duration=options.duration,
+                decision_limit=options.decision_limit,
                 workers=options.workers,
                 record=options.record,
                 out=options.out,
                 memory_budget=options.memory_budget * _MIB,
                 chunk=options.chunk,
-                engine=options.engine,
+                engine=options.engine or _engine(options),
                 watch=watch,
             )
         except EngineError as error:
@@ -99,7 +109,13 @@ def _rollout(options: argparse.Namespace) -> int:
                 print(f"fg-mujoco: {options.out}: interrupted; the same command goes on", file=sys.stderr)
             raise
     print(as_json(result.summary()) if options.json else _table(result, options.out))
-    return _DONE
+    return _NOT_DONE if (result["end_reason"] == "worker_died").any() else _DONE
+
+
+def _engine(options: argparse.Namespace) -> str:
+    """Return where worlds are driven unless it is said: a planner of somebody's own may hang, or end its process."""
+    bundled = options.controller.partition("[")[0] in bundled_names()
+    return "local" if bundled and options.decision_limit is None else "processes"
 
 
 def _named_ranges(texts: Sequence[str]) -> dict[str, str]:

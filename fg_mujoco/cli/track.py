@@ -11,9 +11,10 @@ from typing import Any
 from ..course.centreline_csv import write_centreline
 from ..course.course import describe_course
 from ..course.formats import TIGHT, track_names
-from ..course.maps.export import RESOLUTION, SUFFIXES, export_track, exported_files, require_track
+from ..course.maps.export import RESOLUTION, SUFFIXES, export_tracks, exported_files, require_track
 from ..course.maps.map_track import is_map, map_loops
 from ..course.scenes.catalogue import describe_scene, scene_names
+from ..course.writing import write_file
 from ..errors import SettingsError
 from ..simulation.course_loading import load_track
 from ..viz.plots import track_picture
@@ -71,7 +72,7 @@ def _show(options: argparse.Namespace) -> int:
     picture = io.BytesIO()
     track_picture(track, picture)
     try:
-        path.write_bytes(picture.getvalue())
+        write_file(path, picture.getvalue())
     except OSError as error:
         raise SettingsError(f"{path}: cannot be written: {error.strerror or error}") from error
     print(f"{path}: {describe_course(track)}")
@@ -100,6 +101,5 @@ def _export(options: argparse.Namespace) -> int:
         if file.exists() and not options.force:
             raise SettingsError(f"{file}: exists; accepted: a new file, or --force to replace it")
     track = require_track(load_track(options.track))
-    for path in options.files:
-        print(*export_track(track, path, resolution=options.resolution), sep="\n")
+    print(*export_tracks(track, options.files, resolution=options.resolution), sep="\n")
     return _DONE

@@ -35,6 +35,7 @@ from ..messages import FloatArray
 from .files import read_text
 from .polyline import enclosed_area, spline, step_lengths
 from .track import MIN_POINTS, MOST_POINTS, Track, check_size
+from .writing import write_file
 
 COLUMNS = ("x_m", "y_m", "w_tr_right_m", "w_tr_left_m")
 DENSE = 0.5  # [m] longest step of a line that is kept as it is
@@ -63,13 +64,18 @@ def write_centreline(track: Track, path: str | Path, header_lines: Sequence[str]
     Raises:
       TrackError: a path that cannot be written.
     """
+    try:
+        write_file(path, centreline_text(track, header_lines).encode())
+    except OSError as error:
+        raise TrackError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def centreline_text(track: Track, header_lines: Sequence[str] = ()) -> str:
+    """Return the text of the file that `write_centreline` writes."""
     rows = np.column_stack((track.centreline, track.width_right, track.width_left)).tolist()
     lines = [f"# {line}" for line in (*header_lines, ", ".join(COLUMNS))]
     lines += [", ".join(repr(value) for value in row) for row in rows]
-    try:
-        Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
-    except OSError as error:
-        raise TrackError(f"{path}: cannot be written: {error.strerror or error}") from error
+    return "\n".join(lines) + "\n"
 
 
 def read_centreline(path: str | Path, *, width: float | None = None, direction: Direction | None = None) -> Track:

@@ -11,7 +11,7 @@ from ..errors import TrackError, accepted_names, nearest
 from ..messages import CarParameters
 from .centreline_csv import is_centreline, load_centreline, read_centreline
 from .course import Course
-from .files import is_file
+from .files import LONGEST_NAME, is_file
 from .generator import generate_track
 from .maps.map_track import is_map, load_map
 from .scenes.catalogue import PREFIX, load_scene, scene_names
@@ -40,6 +40,8 @@ def load_course(name_or_path: str | Path, car: CarParameters) -> Course:
       TrackError: an unknown name, or a file that cannot be read.
     """
     name = str(name_or_path)
+    if len(name) > LONGEST_NAME:
+        raise TrackError(f"track {name[:60]!r}... has {len(name)} characters; accepted: {LONGEST_NAME} at most")
     if name in track_names():
         return _bundled(name)
     kind, _, rest = name.partition(":")

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import MessageError, SettingsError
-from ..messages import CarParameters, FloatArray
+from ..messages import CarParameters, FloatArray, shown
 from .reward_kernels import read_actions
 
 ACTION = ("steering_angle", "speed")
@@ -63,8 +63,8 @@ class ActionBounds:
         """
         try:
             given = np.asarray(actions, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise MessageError(f"actions are {actions!r}; accepted: numbers, {ACTION} of each car") from error
+        except (TypeError, ValueError, OverflowError) as error:
+            raise MessageError(f"actions are {shown(actions)}; accepted: numbers, {ACTION} of each car") from error
         if given.shape != (len(taken), 2):
             raise MessageError(f"actions have shape {given.shape}; accepted: ({len(taken)}, 2), {ACTION} of each car")
         bad = read_actions(given, taken, self._limits, commands, clipped)

@@ -14,10 +14,9 @@ from ..course.moving_obstacles import make_mover
 from ..messages import FloatArray
 from ..simulation.engine import whole_steps
 from ..simulation.physics import STATE
-from ..simulation.world import CAR_PREFIX, World
+from ..simulation.world import CAR_PREFIX, OBSTACLE_PREFIX, World
 from ..vehicle.motion import ground_speed
 
-_OBSTACLE_PREFIX = "obstacle_"
 _ACROSS = 0.9  # cosine between a wall's normal and an open course: a dead end's wall has no side
 
 
@@ -96,7 +95,7 @@ def _described(geom: str, world: World, point: tuple[float, float], normal: Floa
       normal: x and y of the contact's.
       place: of the car on the course's line then [m].
     """
-    for prefix, kind in ((_OBSTACLE_PREFIX, "obstacle"), (MOVING_PREFIX, "moving obstacle")):
+    for prefix, kind in ((OBSTACLE_PREFIX, "obstacle"), (MOVING_PREFIX, "moving obstacle")):
         if geom.startswith(prefix):
             return f"{kind} {geom.removeprefix(prefix)}"
     course = world.track

@@ -21,17 +21,16 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 
 from ..kernels import CompileTime
+from ..simulation.planner_failure import DecisionLimitReached
+
+_Answer = TypeVar("_Answer")
 
 _AGAIN = 0.05  # [s] after which a planner that went on all the same is interrupted once more
-
-
-class DecisionLimitReached(BaseException):
-    """A decision that took longer than its limit. No Exception: a planner that catches those does not catch it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,8 +110,8 @@ class DecisionClock:
                 signal.setitimer(signal.ITIMER_REAL, max(left - gone, 1e-3), interval)
         self._compile_time.__exit__()
 
-    def time(self, decide: Callable[[], Any]) -> None:
-        """Call what decides, and keep how long it took.
+    def time(self, decide: Callable[[], _Answer]) -> _Answer:
+        """Call what decides, keep how long it took, and return its answer.
 
         Raises:
           DecisionLimitReached: it took longer than the limit.
@@ -124,7 +123,7 @@ class DecisionClock:
             signal.setitimer(signal.ITIMER_REAL, self._limit, _AGAIN)
         try:
             try:
-                decide()
+                answer = decide()
             finally:  # the signal may still come in here, before the assignment
                 self._deciding = False
         finally:
@@ -134,6 +133,7 @@ class DecisionClock:
             self.seconds.append(self._elapsed)
         if self._limit is not None and self.seconds[-1] > self._limit:  # nothing could interrupt it
             raise DecisionLimitReached
+        return answer
 
     @property
     def _elapsed(self) -> float:

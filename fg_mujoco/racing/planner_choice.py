@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..course.course import Course
+from ..course.files import LONGEST_NAME
 from ..errors import SettingsError
 from ..messages import Controller
 from ..simulation.settings import DriveSettings
@@ -41,6 +42,9 @@ class ControllerChoice:
         Raises:
           SettingsError: a text that is neither.
         """
+        if len(text) > LONGEST_NAME:
+            said = f"controller {text[:60]!r}... has {len(text)} characters"
+            raise SettingsError(f"{said}; accepted: {LONGEST_NAME} at most")
         match = _CHOICE.fullmatch(text.strip())
         if match is None:
             raise SettingsError(f"{what} {text!r}; accepted: NAME, or NAME[SETTING=VALUE,SETTING=VALUE]")

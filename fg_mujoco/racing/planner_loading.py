@@ -29,7 +29,7 @@ from ..course.files import is_file
 from ..errors import ControllerError, SettingsError, accepted_names
 from ..messages import CarParameters, Controller, MapLine
 from ..simulation.planner_adapter import short, short_text
-from ..simulation.planner_failure import file_of, one_line, told
+from ..simulation.planner_failure import file_of, is_of_planner, one_line, told, without_exit
 
 GROUP = "fg_mujoco.controllers"
 """Group of the entry points of planners."""
@@ -159,6 +159,7 @@ def make_controller(
     )
 
 
+@without_exit()
 def find_controller(source: str) -> Any:
     """Return the class of a bundled controller, a registered one, or one in a file, which is read afresh.
 
@@ -168,6 +169,7 @@ def find_controller(source: str) -> Any:
     return _find_class(source, f"controller {source!r}")
 
 
+@without_exit()
 def build_controller(
     factory: Any,
     source: str,
@@ -198,7 +200,9 @@ def build_controller(
         raise ControllerError(f"{origin} wants {', '.join(unknown)}; a constructor may name {', '.join(offered)}")
     try:
         controller = factory(**{name: value for name, value in offered.items() if name in wanted})
-    except (Exception, SystemExit) as error:
+    except BaseException as error:
+        if not is_of_planner(error):
+            raise
         raise ControllerError(f"{origin} cannot be built: {told(error, file_of(factory))}") from error
     return _checked(controller, origin)
 
@@ -227,7 +231,9 @@ def _settings(factory: Any, changes: Mapping[str, Any], origin: str, *, taken: b
         of_a_field = str(error).startswith(f"{kind.__name__}.")
         said = f"setting {str(error).removeprefix(f'{kind.__name__}.')}" if of_a_field else str(error)
         raise ControllerError(f"{origin}: {said}") from error
-    except (Exception, SystemExit) as error:
+    except BaseException as error:
+        if not is_of_planner(error):
+            raise
         given = ", ".join(f"{name}={value!r}" for name, value in changes.items())
         raise ControllerError(f"{origin} cannot have settings {short_text(given)}: {one_line(error)}") from error
 
@@ -293,7 +299,9 @@ def _registered(name: str, said: str) -> EntryPoint:
 def _load(point: EntryPoint, said: str) -> Any:
     try:
         found = point.load()
-    except (Exception, SystemExit) as error:
+    except BaseException as error:
+        if not is_of_planner(error):
+            raise
         raise ControllerError(f"{said}, of {_of_package(point)}, does not load: {one_line(error)}") from error
     if not isinstance(found, type):
         raise ControllerError(f"{said}, of {_of_package(point)}, is {short(found)}; accepted: a class")
@@ -342,7 +350,9 @@ def _import_file(path: Path, origin: str) -> ModuleType:
         text = path.read_bytes()
         setattr(module, _READ, text)
         exec(compile(text, str(path), "exec"), module.__dict__)
-    except (Exception, SystemExit) as error:
+    except BaseException as error:
+        if not is_of_planner(error):
+            raise
         raise ControllerError(f"{origin} does not import: {told(error, str(path))}") from error
     return module
 

@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from ..course.files import is_file
+from ..course.files import is_file, read_bytes
 from ..errors import ControllerError, TrackError
 from ..messages import CarParameters, Controller
 from ..simulation.course_loading import load_track
@@ -78,7 +78,7 @@ def controller_of(folder: Path, summary: Mapping[str, Any], controller: str) -> 
     if kept is None:
         return controller
     there = Path(path)
-    if is_file(there) and there.read_bytes() == kept.read_bytes():
+    if is_file(there) and read_bytes(there) == read_bytes(kept):
         return controller
     return f"{kept}:{name}{controller.strip()[len(source) :]}"
 

@@ -25,16 +25,15 @@ from ..simulation.course_loading import load_track
 from ..simulation.engine import Engine
 from ..simulation.planner_adapter import adapt
 from ..simulation.planner_adapter import start as start_planner
+from ..simulation.planner_failure import DecisionLimitReached, without_exit
 from ..simulation.settings import DriveSettings, Start, renamed, require_laps, require_time_limit
-from ..simulation.telemetry import statistics_figures
-from ..simulation.termination import END_REASONS, WrongWay
 from ..vehicle.changes import CarChanges
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
-from .crash import crash_of
-from .decisions import DecisionClock, DecisionLimitReached, DecisionTimes
+from .decisions import DecisionClock, DecisionTimes
+from .figures import course_figures, driven_figures
 from .planner_choice import split_controller
 from .planner_loading import make_controller, origin, source_code
-from .result import History, RaceResult, clamped_commands, trajectory_sha256
+from .result import History, RaceResult
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -54,8 +53,17 @@ class RaceSettings(DriveSettings):
         super().__post_init__()
         require_laps(self.laps)
         require_time_limit(self)
-        if self.decision_limit is not None:
-            require(self, lambda value: 0.0 < value < math.inf, "a positive number", ("decision_limit",), SettingsError)
+        require_decision_limit(self)
+
+
+def require_decision_limit(settings: Any) -> None:
+    """Refuse a `decision_limit` among some settings that is neither None nor a positive number of seconds.
+
+    Raises:
+      SettingsError: it is not.
+    """
+    if settings.decision_limit is not None:
+        require(settings, lambda value: 0.0 < value < math.inf, "a positive number", ("decision_limit",), SettingsError)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,6 +77,7 @@ class RaceProgress:
 
 
 @renamed(car="changes", begin="start")
+@without_exit()
 def race(
     track: Course | str,
     controller: str | Controller = "gap_finder",
@@ -158,6 +167,7 @@ def race(
         with clock:
             _drive(engine, history, clock, laps, watch)
     except KeyboardInterrupt:  # what was driven is kept
+        _end_tick(engine, history)
         engine.interrupt()
     except PlannerError as error:
         failed = error
@@ -167,55 +177,48 @@ def race(
     ended = time.perf_counter()
     later_time = ended - (history.first_end or ended)  # [s] without the first tick
 
-    arrays, monitor = history.arrays(), engine.monitor
-    reason = END_REASONS[monitor.reasons[0]]
-    wrong_way = WrongWay.of(monitor.timers[0], world.track.length, laps) if reason == "wrong_way" else None
-    crash = None
-    if reason == "crash":
-        crash = crash_of(world, arrays["states"], arrays["ctrl"], monitor.timers[0], laps, engine.period)
-    simulated = float(arrays["states"][-1, 0])  # mjSTATE_TIME comes first in a state
-    lap_times = tuple(monitor.lap_times[0, : int(monitor.timers["laps_completed"][0])].tolist())
+    arrays = history.arrays()
+    driven = driven_figures(engine, arrays)
     result = RaceResult(
-        track=world.track.name,
         vehicle=settings.car.name,
         vehicle_sha256=settings.car.sha256,
         controller=controller if isinstance(controller, str) else type(controller).__name__,
         controller_origin=origin(controller, type(planner)),
         controller_source=source_code(type(planner)),
         laps_requested=laps,
-        laps_completed=len(lap_times),
-        finished=reason == "finished",
-        end_reason=reason,
-        wrong_way=wrong_way,
-        crash=crash,
         planner_failure=None if failed is None else failed.failure,
-        lap_times_s=lap_times,
-        collisions=int(engine.crashed[0]),
-        sim_time_s=simulated,
         wall_time_s=ended - started,
         decision_times=DecisionTimes.of(clock.seconds, engine.beams.period),
         decision_limit_s=None if settings.decision_limit is None else float(settings.decision_limit),
-        clamped_commands=clamped_commands(arrays["telemetry"], world.car.parameters),
-        realtime_factor=(simulated - engine.period) / later_time if later_time > 0.0 else 0.0,
-        **statistics_figures(engine.statistics[0]),
+        realtime_factor=(driven["sim_time_s"] - engine.period) / later_time if later_time > 0.0 else 0.0,
+        **driven,
+        **course_figures(engine, arrays),
         seed=seed,
-        mu=world.car.mu,
         planner_mu=settings.assumed_mu,
         speed_limit_m_s=float(max_speed),
         lidar=lidar,
         lidar_effects=settings.effects,
         odometry_drift=float(settings.odometry_drift),
-        obstacles=len(obstacles),
         obstacle_seed=drawn,
         planner_settings=dict(settings.planner_settings),
-        trajectory_sha256=trajectory_sha256(arrays["states"], arrays["ctrl"]),
         world=world,
         **arrays,
     )
     if failed is not None:
         failed.result = result
-        raise failed
+        try:
+            raise failed
+        finally:
+            del failed  # its traceback has this frame, which would hold the error and its world
     return result
+
+
+def _end_tick(engine: Engine, history: History) -> None:
+    """Keep and judge a tick that was driven, and then interrupted."""
+    if int(engine.statistics["ticks"][0]) > history.ticks:
+        history.append()
+    if engine.running[0] and engine.monitor.timers["time"][0] < engine.time(0):
+        engine.judge()
 
 
 def _drive(

@@ -1,29 +1,69 @@
-"""The proof that a run can be driven again, bit for bit.
+"""The proof that a run was driven as its folder says: it is simulated again, and what follows from that is compared.
 
 report = replay("runs/oval")
-assert report.identical
+assert report.holds
+print(report.proved, report.unproved)
+
+The scene, the first state and the controls are taken as given. From these follow every state, the telemetry, and the
+figures of the summary that depend on what was driven. No planner is run, so that nothing is said of its decisions.
 """
 
 from __future__ import annotations
 
+import json
+import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from ..course.course import Course
 from ..display import brief
-from .resimulation import load_world, resimulate
-from .result import trajectory_sha256
-from .run_folder import SUMMARY, read_run
+from ..errors import FgMujocoError
+from ..messages import CarParameters, FloatArray
+from ..simulation.course_loading import load_track
+from ..simulation.engine import Engine
+from ..simulation.telemetry import COMMAND, TELEMETRY
+from ..simulation.termination import END_REASONS
+from ..simulation.world import World, shows
+from ..vehicle.motion import drive
+from ..vehicle.vehicle import Vehicle
+from .figures import CourseFigures, course_figures, driven_figures
+from .resimulation import load_world
+from .result import History, Trajectory, car_row, trajectory_sha256
+from .run_folder import NOT_SIMULATED, SCENE, STATES, SUMMARY, TELEMETRY_FILE, Run, as_json, read_run
+
+_FROM_OUTSIDE = ("interrupted", "failed", "planner_failed", "decision_limit")  # reasons that no simulation tells
+_OF_THE_COURSE = ("lap", "progress_m", "offset_m")  # columns of the telemetry
+_WALL_TIMES = ("wall_time_s", "realtime_factor", "decision_times")
+_VERSIONS = ("schema", "fg_mujoco_version", "mujoco_version", "platform")
+_ASKED_FOR = "no planner is run"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Difference:
+    """Something in a folder that is not what the replay gives; its text is one line."""
+
+    name: str  # of the file and what it is in there
+    recorded: str
+    recomputed: str
+
+    def __str__(self) -> str:
+        return f"{self.name}: recorded {self.recorded}, recomputed {self.recomputed}"
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class ReplayReport:
-    """How a replay compares with what was recorded; its text is one line."""
+    """How a replay compares with what was recorded; its text is one line, and `lines` has all of it."""
 
     identical: bool  # every bit of every state, and the summary's trajectory_sha256
     ticks: int
     trajectory_sha256: str  # of what was replayed
+    proved: Mapping[str, tuple[str, ...]]  # by file: columns of the telemetry, keys of the summary
+    unproved: Mapping[str, str]  # why not, by what is not proved
+    differences: tuple[Difference, ...]
     first_difference: int | None = None  # tick, from 1, that first ends in another state; None: none does
     time: float | None = None  # [s] at its end
     greatest_difference: float | None = None  # there, of any component of the state
@@ -31,37 +71,232 @@ class ReplayReport:
     def __repr__(self) -> str:
         return brief(self, str(self))
 
+    @property
+    def holds(self) -> bool:
+        """Whether nothing in the folder differs from the replay."""
+        return self.identical and not self.differences
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """What is proved, what is not and why, and what differs, for people."""
+        columns = {TELEMETRY_FILE: f"all {len(TELEMETRY)} columns"} if self._all_columns else {}
+        proved = [f"{file}: {columns.get(file, ', '.join(names))}" for file, names in self.proved.items()]
+        reasons: dict[str, list[str]] = {}
+        for name, reason in self.unproved.items():
+            reasons.setdefault(reason, []).append(name)
+        not_proved = [f"{', '.join(names)} ({reason})" for reason, names in reasons.items()]
+        said = (("proved", proved), ("not proved", not_proved), ("DIFFERS", map(str, self.differences)))
+        return tuple(f"{what}: {line}" for what, lines in said for line in lines)
+
+    @property
+    def _all_columns(self) -> bool:
+        return len(self.proved.get(TELEMETRY_FILE, ())) == len(TELEMETRY)
+
     def __str__(self) -> str:
-        if self.identical:
-            return f"bit-identical: {self.ticks} ticks, trajectory_sha256 {self.trajectory_sha256}"
-        if self.first_difference is None:
+        if self.first_difference is not None:
+            return (
+                f"not identical: differs from tick {self.first_difference} of {self.ticks} on, at t = {self.time:.3f} "
+                f"s by up to {self.greatest_difference:.3g} in a component of the state"
+            )
+        if not self.identical:
             return f"not identical: the states are, but {SUMMARY} has not their hash, {self.trajectory_sha256}"
-        return (
-            f"not identical: differs from tick {self.first_difference} of {self.ticks} on, at t = {self.time:.3f} s by "
-            f"up to {self.greatest_difference:.3g} in a component of the state"
-        )
+        told = f"; {len(self.differences)} of its figures differ" if self.differences else ""
+        return f"bit-identical: {self.ticks} ticks, trajectory_sha256 {self.trajectory_sha256}{told}"
 
 
 def replay(folder: str | Path) -> ReplayReport:
-    """Simulate a run again from its first state and recorded controls, and compare every state bit for bit.
+    """Simulate a run again from its first state and recorded controls, and compare all that follows, bit for bit.
 
     Raises:
       RunFolderError: the folder is not a run folder, or is damaged.
     """
     run = read_run(folder)
-    ticks = resimulate(run, load_world(run), sense=False, follow=False)
-    states = np.array([run.states[0], *(tick.state for tick in ticks)])
-    sha256 = trajectory_sha256(states, run.ctrl)
+    world = load_world(run)
+    differences, no_course = [], ""
+    try:
+        course = raced_course(run, world.parameters)
+    except FgMujocoError as error:
+        no_course = f"the course cannot be made again: {error}"
+    else:
+        if shows(run.xml, course):
+            world.track = course
+        else:
+            no_course = f"{course.name} has other walls than {SCENE}"
+            recorded = _text(run.summary.get("track"))
+            differences.append(Difference(name=f"{SUMMARY}, track", recorded=recorded, recomputed=no_course))
+    again = _Again(run, world)
+    states = again.trajectory["states"]
     differs = (states.view(np.uint64) != run.states.view(np.uint64)).any(axis=1)  # as bits: NaN is NaN, -0 is not 0
-    if not differs.any():
-        same_hash = sha256 == run.summary.get("trajectory_sha256")
-        return ReplayReport(identical=same_hash, ticks=len(run.ctrl), trajectory_sha256=sha256)
-    first = int(differs.argmax())
+    if differs.any():
+        first = int(differs.argmax())
+        reason = "the states are not those of the replay"
+        return ReplayReport(
+            identical=False, ticks=len(run.ctrl), trajectory_sha256=trajectory_sha256(states, run.ctrl), proved={},
+            unproved=dict.fromkeys((TELEMETRY_FILE, SUMMARY), reason), differences=tuple(differences),
+            first_difference=first, time=float(run.time[first]),
+            greatest_difference=float(np.abs(states[first] - run.states[first]).max()),
+        )  # fmt: skip
+    return _compared(run, again, differences, no_course)
+
+
+def raced_course(run: Run, car: CarParameters) -> Course:
+    """Return the course that a run says it was raced on, made again from its name or file.
+
+    Args:
+      run: what was recorded.
+      car: that a scene is made for where the vehicle of the summary is not there.
+
+    Raises:
+      TrackError: there is none.
+    """
+    settings = run.summary.get("settings") or {}
+    source, vehicle = (settings.get(name) or run.summary.get(name) for name in ("track", "vehicle"))
+    try:
+        found = Vehicle.load(str(vehicle))
+        if found.sha256 == run.summary.get("vehicle_sha256"):
+            car = found.parameters
+    except FgMujocoError:  # a file that is not here
+        pass
+    return load_track(str(source), car=car)
+
+
+class _Again:
+    """A run that was driven again.
+
+    Args:
+      run: what was recorded.
+      world: of its scene; with its course, the race is judged.
+
+    Attributes:
+      engine: at the end.
+      trajectory: its states, controls and telemetry.
+      over: the tick in which the race was over by its rules, and why; None: it went on to the end of the recording.
+    """
+
+    def __init__(self, run: Run, world: World) -> None:
+        settings = run.summary.get("settings")
+        self.limit_known = isinstance(settings, dict)
+        limit = settings.get("time_limit") if isinstance(settings, dict) else math.inf
+        laps = run.summary.get("laps_requested") or 1
+        self.engine = engine = Engine(world, laps=laps, time_limit=limit)
+        engine.load(run.states[0], timed=True)
+        history = History(engine)
+        constants, commanded = world.car.constants, np.empty(run.ctrl.shape[1])
+        self.over = None if engine.running[0] else (0, self._reason)
+        for controls, command in zip(run.ctrl, run.telemetry[:, COMMAND : COMMAND + 2], strict=True):
+            engine.running[0] = True
+            engine.sense()
+            drive(engine.qvel(0), float(command[0]), float(command[1]), constants, commanded)
+            engine.drive(controls=controls[np.newaxis])
+            same = commanded.tobytes() == controls.tobytes()
+            engine.telemetry[0, COMMAND : COMMAND + 2] = command if same else controls
+            history.append()
+            engine.judge()
+            if self.over is None and not engine.running[0]:
+                self.over = (history.ticks, self._reason)
+        self.trajectory: Trajectory = history.arrays()
+
+    @property
+    def _reason(self) -> str:
+        return END_REASONS[self.engine.monitor.reasons[0]]
+
+    def course_figures(self, recorded: str) -> CourseFigures:
+        """Return the figures of the race.
+
+        Args:
+          recorded: end reason, which is taken as it is where the race goes on and something else could have ended it.
+        """
+        if self.engine.running[0] and self.from_outside(recorded):
+            self.engine.monitor.end(self.engine.running.copy(), recorded)
+        return course_figures(self.engine, self.trajectory)
+
+    def from_outside(self, reason: object) -> bool:
+        """Say whether a race ends for a reason that its states do not tell."""
+        return reason in _FROM_OUTSIDE or (reason == "time_limit" and not self.limit_known)
+
+
+def _compared(run: Run, again: _Again, found: list[Difference], no_course: str) -> ReplayReport:
+    """Return what is proved of a run whose states are those of its replay.
+
+    Args:
+      run: what was recorded.
+      again: the replay.
+      found: what differs already.
+      no_course: why the course is not there; empty: it is.
+    """
+    summary, trajectory = run.summary, again.trajectory
+    recorded_end = summary.get("end_reason")
+    differences = [*found, *_of_the_files(run, again, no_course)]
+    unproved: dict[str, str] = {}
+    figures: dict[str, Any] = {**driven_figures(again.engine, trajectory)}
+    if not no_course:
+        figures |= again.course_figures(str(recorded_end))
+        figures["cars"] = [car_row({"vehicle": None, "controller": None} | summary | figures)]
+    recomputed = json.loads(as_json(figures))
+    for name, value in recomputed.items():
+        if name in summary and _text(summary[name]) != _text(value):
+            differences.append(
+                Difference(name=f"{SUMMARY}, {name}", recorded=_text(summary[name]), recomputed=_text(value))
+            )
+    if not no_course and again.from_outside(recorded_end):
+        unproved["end_reason"] = "nothing else had ended the race; what did is not told by its states"
+    unproved["clamped_commands"] = f"counted in {TELEMETRY_FILE}; the actuators do not show by how much"
+    unproved |= {name: _why_not(name, no_course) for name in summary if name not in recomputed}
+    unproved |= {name: f"not in {SUMMARY}" for name in recomputed if name not in summary}
+    columns = TELEMETRY
+    if no_course:
+        columns = tuple(name for name in TELEMETRY if name not in _OF_THE_COURSE)
+        unproved |= {f"{TELEMETRY_FILE}, {name}": no_course for name in _OF_THE_COURSE}
+    unproved |= {name: "no simulation makes it" for name in NOT_SIMULATED if (run.folder / name).exists()}
+    told = {difference.name for difference in differences}
+    proved = {
+        STATES: tuple(name for name in ("time", "state", "ctrl") if f"{STATES}, {name}" not in told),
+        TELEMETRY_FILE: tuple(name for name in columns if f"{TELEMETRY_FILE}, {name}" not in told),
+        SUMMARY: tuple(
+            name for name in recomputed if name in summary and not {name, f"{SUMMARY}, {name}"} & {*unproved, *told}
+        ),
+    }
     return ReplayReport(
-        identical=False,
-        ticks=len(run.ctrl),
-        trajectory_sha256=sha256,
-        first_difference=first,
-        time=float(run.time[first]),
-        greatest_difference=float(np.abs(states[first] - run.states[first]).max()),
-    )
+        identical=figures["trajectory_sha256"] == summary.get("trajectory_sha256"), ticks=len(run.ctrl),
+        trajectory_sha256=figures["trajectory_sha256"], proved=proved, unproved=unproved,
+        differences=tuple(differences),
+    )  # fmt: skip
+
+
+def _of_the_files(run: Run, again: _Again, no_course: str) -> Iterable[Difference]:
+    """Yield what differs in the arrays of a run: each column where it first does."""
+    telemetry, ticks = again.trajectory["telemetry"], len(run.ctrl)
+    if again.over is not None and again.over[0] < ticks:
+        tick, reason = again.over
+        yield Difference(name=f"{STATES}, ticks", recorded=f"{ticks}", recomputed=f"{tick}, then over: {reason}")
+    columns = [(f"{STATES}, time", run.time, again.trajectory["states"][:, 0])]
+    columns += [
+        (f"{TELEMETRY_FILE}, {name}", run.telemetry[:, k], telemetry[:, k])
+        for k, name in enumerate(TELEMETRY)
+        if not (no_course and name in _OF_THE_COURSE)
+    ]
+    for name, recorded, recomputed in columns:
+        differs = _bits(recorded) != _bits(recomputed)
+        if differs.any():
+            row = int(differs.argmax())
+            place = f" in row {row + 1}, the first of {int(differs.sum())}"
+            yield Difference(name=name, recorded=f"{recorded[row]!r}{place}", recomputed=f"{recomputed[row]!r}")
+
+
+def _bits(values: FloatArray) -> Any:
+    """Return numbers as bits, all NaN alike."""
+    return np.where(np.isnan(values), math.nan, values).view(np.uint64)
+
+
+def _text(value: Any) -> str:
+    return json.dumps(value, sort_keys=True)
+
+
+def _why_not(name: str, no_course: str) -> str:
+    if no_course and name in (*CourseFigures.__annotations__, "cars"):
+        return no_course
+    if name in _WALL_TIMES:
+        return "wall times"
+    if name == "files":
+        return "checksums, which tell damage and not who wrote them"
+    return "versions" if name in _VERSIONS else _ASKED_FOR

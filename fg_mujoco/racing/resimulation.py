@@ -21,10 +21,10 @@ from typing import Any, Protocol, cast
 import mujoco
 import numpy as np
 
-from ..errors import FgMujocoError, RunFolderError, SettingsError
+from ..errors import RunFolderError, SettingsError
 from ..lidar.effects import LidarEffects
 from ..messages import DriveCommand, FloatArray, LaserScan, Odometry
-from ..simulation.engine import Engine
+from ..simulation.engine import Engine, whole_steps
 from ..simulation.physics import STATE
 from ..simulation.planner_adapter import odometry_message
 from ..simulation.world import World
@@ -79,13 +79,15 @@ def load_world(run: Run) -> World:
       RunFolderError: it does not compile, or is not that of the states.
     """
     try:
-        world = World.from_xml(run.scene.read_text("utf-8"), lidar=str(run.summary.get("lidar", "raycast")))
-    except (OSError, UnicodeDecodeError, ValueError, FgMujocoError) as error:
+        world = World.from_xml(run.xml, lidar=str(run.summary.get("lidar", "raycast")))
+        period = world.make_lidar().beams.period
+        whole_steps(period, world.model.opt.timestep)
+    except Exception as error:  # whatever MuJoCo, or reading its model, says of a scene that is none of ours
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         raise RunFolderError(f"{run.scene}: cannot be read: {reason}; accepted: as `race --out` wrote it") from error
-    if mujoco.mj_stateSize(world.model, int(STATE)) != run.states.shape[1]:
+    sizes = mujoco.mj_stateSize(world.model, int(STATE)), world.model.nu
+    if sizes != (run.states.shape[1], run.ctrl.shape[1]):
         raise RunFolderError(f"{run.scene}: its states are not those of states.npz; accepted: as `race --out` wrote it")
-    period = world.make_lidar().beams.period
     if len(run.ctrl) and abs(float(run.time[1] - run.time[0]) - period) > 1e-9:
         raise RunFolderError(f"{run.scene}: its ticks of {period} s are not those of states.npz; accepted: the same")
     return world

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import time
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from typing import TYPE_CHECKING, Any, TypedDict
 
@@ -128,22 +129,7 @@ class RaceResult(Shown):
     @property
     def cars(self) -> tuple[dict[str, Any], ...]:
         """How each car fared, one row a car; the other fields are those of car 0."""
-        return (
-            {
-                "name": "car_0",
-                "vehicle": self.vehicle,
-                "controller": self.controller,
-                "position": 1,
-                "laps_completed": self.laps_completed,
-                "lap_times_s": self.lap_times_s,
-                "finished": self.finished,
-                "end_reason": self.end_reason,
-                "collisions_wall": self.collisions,
-                "collisions_car": 0,
-                "max_slide_m_s": self.max_slide_m_s,
-                "max_lateral_slide_m_s": self.max_lateral_slide_m_s,
-            },
-        )
+        return (car_row(vars(self)),)
 
     def summary(self) -> dict[str, Any]:
         """Return what the JSON summary holds: everything but the arrays, the world and the planner's source."""
@@ -156,6 +142,16 @@ class RaceResult(Shown):
             "wrong_way": wrong_way, "crash": asdict(self.crash) if self.crash is not None else None,
             "lidar_effects": asdict(self.lidar_effects), "cars": list(self.cars),
         }  # fmt: skip
+
+
+def car_row(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the row in `cars` of the only car, of the values of a RaceResult or a summary by name."""
+    same = (
+        "vehicle", "controller", "laps_completed", "lap_times_s", "finished", "end_reason", "max_slide_m_s",
+        "max_lateral_slide_m_s",
+    )  # fmt: skip
+    row = {"name": "car_0", "position": 1, "collisions_wall": values["collisions"], "collisions_car": 0}
+    return row | {name: values[name] for name in same}
 
 
 def clamped_commands(telemetry: FloatArray, car: CarParameters) -> int:

@@ -13,7 +13,8 @@
     failed_scan.npz where the planner failed: the scan and the odometry that it was told, see `read_failed_scan`
     trace.png       the line over the track, and the tires' work over time (needs the extra `plot`)
 
-A folder with a summary is complete: everything is written aside, and the summary is moved in last.
+A folder with a summary is complete: everything is written aside, and the summary is moved in last. Its `files` has the
+SHA-256 of each file that is read back, so that a damaged or edited one is named.
 """
 
 from __future__ import annotations
@@ -23,10 +24,11 @@ import hashlib
 import json
 import math
 import platform
-import shutil
+import re
+from array import array
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field, fields
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field, fields
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -34,21 +36,35 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from ..course.files import is_file, read_text, require_regular
+from ..course.files import is_file, read_arrays, read_bytes, read_text, require_regular
+from ..course.writing import claimed_folder, require_writable, staged_folder
 from ..display import brief, quoted
 from ..errors import FgMujocoError, RunFolderError, SettingsError, accepted_names
 from ..messages import FloatArray, LaserScan, Odometry
 from ..simulation.planner_failure import PlannerFailure
-from ..simulation.telemetry import RECORDED_ALWAYS, TELEMETRY
+from ..simulation.telemetry import ALWAYS_NUMBERS, RECORDED_ALWAYS, TELEMETRY
 from .result import RaceResult
+from .run_checks import check_scene, check_summary
 
 SCHEMA = 1
 """Of the run folder; a reader refuses any other."""
 
+_MOST_SUMMARY = 2**20  # bytes
+_MOST_SCENE = 16 * 2**20  # bytes
+_MOST_TELEMETRY = 512 * 2**20  # bytes, of about ten hours
+_MOST_STATES = 2 * 2**30  # bytes, uncompressed
+_MOST_OF_A_STATE = 20_000  # numbers; those of the rangefinders are 4482
+_MOST_OF_A_ROW = 2000  # bytes
+_MOST_FAILED_SCAN = 2**20  # bytes
+_GREATEST = 1e15  # of all numbers; MuJoCo itself resets a state beyond 1e10
+
 # in the order they are moved in
 _FILES = ("scene.xml", "states.npz", "telemetry.csv", "trace.png", "controller.py", "failed_scan.npz", "summary.json")
 _SCENE, _STATES, _TELEMETRY, _TRACE, _CONTROLLER, FAILED_SCAN, SUMMARY = _FILES
-_STAGING = ".partial"  # inside the folder, so that moving out of it never crosses file systems
+SCENE, STATES, TELEMETRY_FILE = _SCENE, _STATES, _TELEMETRY
+NOT_SIMULATED = (_TRACE, _CONTROLLER, FAILED_SCAN)
+"""Files of which no replay says anything."""
+_READ_BACK = (_SCENE, _STATES, _TELEMETRY, _CONTROLLER, FAILED_SCAN)  # pictures and pages can be made again
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -57,6 +73,7 @@ class Run:
 
     folder: Path
     summary: dict[str, Any]
+    xml: str = field(repr=False)  # of its scene
     time: FloatArray = field(repr=False)  # (ticks + 1,) [s]
     states: FloatArray = field(repr=False)  # (ticks + 1, k)
     ctrl: FloatArray = field(repr=False)  # (ticks, 2)
@@ -70,7 +87,7 @@ class Run:
 
     @property
     def scene(self) -> Path:
-        """The MJCF file of the world."""
+        """The MJCF file of the world, whose text is `xml`."""
         return self.folder / _SCENE
 
     def column(self, name: str) -> FloatArray:
@@ -93,8 +110,8 @@ def check_run_folder(folder: str | Path) -> None:
     Raises:
       RunFolderError: it is a file, is not empty, or cannot be written.
     """
-    with _reserved(Path(folder), keep=False):
-        pass
+    with _reserved(Path(folder)):
+        require_writable(Path(folder) / SUMMARY)
 
 
 def write_run(
@@ -103,6 +120,7 @@ def write_run(
     *,
     draw: Callable[[RaceResult, Path], None] | None = None,
     settings: Mapping[str, Any] | None = None,
+    add: Callable[[Path], Any] | None = None,
 ) -> Path:
     """Write a run folder and return its path. A failure leaves nothing behind.
 
@@ -111,12 +129,13 @@ def write_run(
       folder: new or empty.
       draw: draws trace.png; None: without a picture. `fg_mujoco.write_run` has one.
       settings: options of the command line that drive this race again; `race --config DIR` needs them.
+      add: adds files to the run, as its report; called with the path of a folder that has all others.
 
     Raises:
       RunFolderError: the folder is a file, is not empty, or cannot be written.
     """
     folder = Path(folder)
-    with _reserved(folder, keep=True) as staging:
+    with _reserved(folder), staged_folder(folder, SUMMARY) as staging:
         (staging / _SCENE).write_text(result.world.xml, encoding="utf-8")
         time = result.states[:, 0]  # mjSTATE_TIME comes first in a state
         np.savez_compressed(staging / _STATES, time=time, state=result.states, ctrl=result.ctrl)
@@ -127,10 +146,14 @@ def write_run(
             _write_failed_scan(result.planner_failure, staging / FAILED_SCAN)
         if draw is not None:
             draw(result, staging / _TRACE)
-        (staging / SUMMARY).write_text(summary_json(result, settings) + "\n", encoding="utf-8")
-        for name in _FILES:
-            if (staging / name).exists():
-                (staging / name).rename(folder / name)
+        sha256s = {name: _sha256(staging / name) for name in _READ_BACK if (staging / name).exists()}
+        summary = json.loads(summary_json(result, settings)) | {"files": sha256s}
+        (staging / SUMMARY).write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+        if add is not None:
+            try:
+                add(staging)
+            except RunFolderError as error:
+                raise RunFolderError(str(error).replace(str(staging), str(folder))) from error
     return folder
 
 
@@ -145,11 +168,15 @@ def summary_json(result: RaceResult, settings: Mapping[str, Any] | None = None) 
     found = result.summary()
     if found.get("planner_failure") is not None:
         found["planner_failure"]["scan"] = FAILED_SCAN
-    summary = {
-        name: None if isinstance(value, float) and not math.isfinite(value) else value
-        for name, value in (found | ({"settings": dict(settings)} if settings else {}) | versions).items()
+    return as_json(found | ({"settings": dict(settings)} if settings else {}) | versions)
+
+
+def as_json(values: Mapping[str, Any]) -> str:
+    """Return values by name as the text of a summary has them; NaN and infinity are null."""
+    finite = {
+        name: None if isinstance(value, float) and not math.isfinite(value) else value for name, value in values.items()
     }
-    return json.dumps(summary, indent=2, allow_nan=False)
+    return json.dumps(finite, indent=2, allow_nan=False, default=asdict)
 
 
 def read_summary(folder: str | Path) -> dict[str, Any]:
@@ -162,9 +189,13 @@ def read_summary(folder: str | Path) -> dict[str, Any]:
     if not is_file(path):
         raise RunFolderError(f"{folder}: has no {SUMMARY}; accepted: a folder that `race --out` wrote")
     with _blame(path):
-        summary = json.loads(read_text(path))
+        summary = json.loads(read_text(path, _MOST_SUMMARY), parse_constant=_refuse_constant)
         if not isinstance(summary, dict) or summary.get("schema") != SCHEMA:
             raise ValueError(f"no JSON object with schema {SCHEMA}")
+    try:
+        check_summary(summary)
+    except ValueError as error:
+        raise RunFolderError(f"{path}: {error}") from error
     return summary
 
 
@@ -182,7 +213,7 @@ def kept_controller(folder: str | Path, summary: Mapping[str, Any]) -> Path | No
     if not is_file(path):
         return None
     with _blame(path):
-        sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
+        sha256 = hashlib.sha256(read_bytes(path)).hexdigest()
         raced = summary["controller_origin"]["sha256"]
     if sha256 != raced:
         said = f"{path}: is another one now: its sha256 is {sha256[:12]}, recorded is {str(raced)[:12]}"
@@ -201,18 +232,19 @@ def read_run(folder: str | Path) -> Run:
     for path in (folder / _SCENE, folder / _STATES, folder / _TELEMETRY):
         with _blame(path):
             require_regular(path)
-    with _blame(folder / _STATES), np.load(folder / _STATES, allow_pickle=False) as arrays:
-        time, states, ctrl = (np.array(arrays[name], dtype=np.float64) for name in ("time", "state", "ctrl"))
-        if ctrl.shape != (len(ctrl), 2) or states.ndim != 2 or {len(time), len(states)} != {len(ctrl) + 1}:
-            raise ValueError(f"shapes {time.shape}, {states.shape}, {ctrl.shape}")
+        _require_unchanged(path, summary)
+    with _blame(folder / _SCENE):
+        xml = read_text(folder / _SCENE, _MOST_SCENE)
+        check_scene(xml)
     with _blame(folder / _TELEMETRY):
         telemetry, columns = _read_telemetry(folder / _TELEMETRY)
-        if len(telemetry) != len(ctrl):
-            raise ValueError(f"{len(telemetry)} rows for {len(ctrl)} ticks")
-    for array in (time, states, ctrl, telemetry):
-        array.flags.writeable = False
+    with _blame(folder / _STATES):
+        time, states, ctrl = _read_states(folder / _STATES, len(telemetry))
+    for values in (time, states, ctrl, telemetry):
+        values.flags.writeable = False
     return Run(
-        folder=folder, summary=summary, time=time, states=states, ctrl=ctrl, telemetry=telemetry, columns=columns
+        folder=folder, summary=summary, xml=xml, time=time, states=states, ctrl=ctrl, telemetry=telemetry,
+        columns=columns,
     )  # fmt: skip
 
 
@@ -223,9 +255,12 @@ def read_failed_scan(folder: str | Path) -> tuple[LaserScan, Odometry]:
       RunFolderError: the planner did not fail, or the file is damaged.
     """
     path = Path(folder) / FAILED_SCAN
-    if not path.is_file():
+    if not is_file(path):
         raise RunFolderError(f"{folder}: has no {FAILED_SCAN}; accepted: the folder of a race whose planner failed")
-    with _blame(path), np.load(path, allow_pickle=False) as file:
+    _require_unchanged(path, read_summary(folder))
+    with _blame(path):
+        names = [f.name for f in fields(LaserScan)] + [f"odometry_{f.name}" for f in fields(Odometry)]
+        file = read_arrays(path, names, _MOST_FAILED_SCAN)
         scan = LaserScan(**{f.name: _value(file[f.name]) for f in fields(LaserScan)})
         odometry = Odometry(**{f.name: _value(file[f"odometry_{f.name}"]) for f in fields(Odometry)})
     return scan, odometry
@@ -251,50 +286,89 @@ def _write_telemetry(telemetry: FloatArray, path: Path) -> None:
 
 
 def _read_telemetry(path: Path) -> tuple[FloatArray, tuple[str, ...]]:
-    """Return the telemetry, NaN in the columns that are not there, and the columns that are."""
-    with path.open(encoding="utf-8", newline="") as file:
-        header, *rows = csv.reader(file)
-    columns = tuple(name for name in TELEMETRY if name in header)
-    if tuple(header) != columns or not set(RECORDED_ALWAYS) <= set(columns):
-        raise ValueError(f"columns {', '.join(header)[:60]}")
-    telemetry = np.full((len(rows), len(TELEMETRY)), np.nan)
-    found = [TELEMETRY.index(name) for name in columns]
-    telemetry[:, found] = np.array(rows, dtype=np.float64).reshape(-1, len(columns))
+    """Return the telemetry, NaN in the columns that are not there, and the columns that are.
+
+    It is read line by line: no line and no file is longer than a race writes it.
+    """
+    require_regular(path)
+    if path.stat().st_size > _MOST_TELEMETRY:
+        raise ValueError(f"more than {_MOST_TELEMETRY} bytes")
+    values = array("d")
+    with path.open("rb") as file:
+        header = file.readline(_MOST_OF_A_ROW).decode("utf-8", "replace").rstrip("\r\n")
+        found = header.split(",")
+        columns = tuple(name for name in TELEMETRY if name in found)
+        if header != ",".join(columns) or not set(RECORDED_ALWAYS) <= set(columns):
+            raise ValueError(f"columns {header[:60]}")
+        for number, line in enumerate(iter(lambda: file.readline(_MOST_OF_A_ROW), b""), start=2):
+            row = line.split(b",")
+            if len(row) != len(columns) or not line.endswith(b"\n"):
+                raise ValueError(f"line {number} is torn, too long, or has not {len(columns)} columns")
+            values.extend(map(float, row))
+    table = np.array(values, dtype=np.float64).reshape(-1, len(columns))
+    known = np.isnan(table)
+    known[:, [name in ALWAYS_NUMBERS for name in columns]] = False
+    if not ((np.abs(table) <= _GREATEST) | known).all():
+        raise ValueError(f"a number that is none, or beyond {_GREATEST:.0e}")
+    telemetry = np.full((len(table), len(TELEMETRY)), np.nan)
+    telemetry[:, [TELEMETRY.index(name) for name in columns]] = table
     return telemetry, columns
 
 
+def _read_states(path: Path, ticks: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return time, states and ctrl of as many ticks as the telemetry has rows."""
+    names = ("time", "state", "ctrl")
+    most = min((ticks + 1) * 8 * (_MOST_OF_A_STATE + 3) + 3 * 128, _MOST_STATES)
+    time, states, ctrl = arrays = tuple(read_arrays(path, names, most).values())
+    if any(values.dtype != np.float64 for values in arrays):
+        raise ValueError(f"numbers of {', '.join(str(values.dtype) for values in arrays)}; accepted: float64")
+    if time.shape != (ticks + 1,) or ctrl.shape != (ticks, 2) or states.ndim != 2 or len(states) != ticks + 1:
+        raise ValueError(f"shapes {time.shape}, {states.shape}, {ctrl.shape} for the {ticks} rows of {_TELEMETRY}")
+    for name, values in zip(names, arrays, strict=True):
+        if not (np.abs(values) <= _GREATEST).all():
+            raise ValueError(f"{name} has a number that is none, or beyond {_GREATEST:.0e}")
+    if not (np.diff(time) > 0.0).all():
+        raise ValueError("time does not grow")
+    return time, states, ctrl
+
+
+def _refuse_constant(name: str) -> None:
+    raise ValueError(f"{name} is no JSON")
+
+
+def _sha256(path: Path) -> str:
+    digest = hashlib.sha256()
+    with path.open("rb") as file:
+        while part := file.read(2**20):
+            digest.update(part)
+    return digest.hexdigest()
+
+
+def _require_unchanged(path: Path, summary: Mapping[str, Any]) -> None:
+    """Make sure that a file is the one that was written; a folder of an older version does not say which it was."""
+    files = summary.get("files", {})
+    if not isinstance(files, dict) or not all(re.fullmatch("[0-9a-f]{64}", str(value)) for value in files.values()):
+        said = f"{path.parent / SUMMARY}: files is {' '.join(str(files).split())[:60]!r}"
+        raise RunFolderError(f"{said}; accepted: the SHA-256 of each file by its name")
+    if path.name in files and (path.stat().st_size > _MOST_STATES or _sha256(path) != files[path.name]):
+        raise RunFolderError(f"{path}: is damaged or edited: its sha256 is another; accepted: as `race --out` wrote it")
+
+
 @contextmanager
-def _reserved(folder: Path, *, keep: bool) -> Iterator[Path]:
-    """Make the folder and in it one to write to; take away the latter in the end, and both unless it went well."""
-    staging = folder / _STAGING
-    created: list[Path] = []
-    ours = kept = False
+def _reserved(folder: Path) -> Iterator[None]:
+    """Make a folder, or claim one that is empty; one that stays empty is removed again."""
     try:
         if folder.exists() and not folder.is_dir():
             raise RunFolderError(f"{folder}: is a file; accepted: a new or empty folder")
-        if folder.exists() and any(folder.iterdir()):
-            raise RunFolderError(f"{folder}: is not empty; accepted: a new or empty folder")
-        created = [path for path in (folder, *folder.parents) if not path.exists()]
-        folder.mkdir(parents=True, exist_ok=True)
-        staging.mkdir()
-        ours = True
-        yield staging
-        kept = keep
+        with claimed_folder(folder):
+            if any(folder.iterdir()):
+                raise RunFolderError(f"{folder}: is not empty; accepted: a new or empty folder")
+            yield
     except FgMujocoError:
         raise
     except OSError as error:
         reason = error.strerror or str(error)
         raise RunFolderError(f"{folder}: cannot be written: {reason}; accepted: a folder that can be") from error
-    finally:
-        if ours:
-            shutil.rmtree(staging, ignore_errors=True)
-        if ours and not kept:
-            for name in _FILES:
-                (folder / name).unlink(missing_ok=True)
-        if not kept:
-            for path in created:
-                with suppress(OSError):
-                    path.rmdir()
 
 
 @contextmanager

@@ -13,12 +13,13 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from ..course.writing import staged_file
 from ..errors import BagError, SettingsError
 from ..messages import Controller, DriveCommand
 from ..simulation.planner_adapter import plan, start
 from .bag_messages import drive_message
 from .bag_reader import Delivery
-from .bag_writer import BagWriter
+from .bag_writer import KEPT, BagWriter
 
 COLUMNS = ("received_s", "stamp_s", "steering_angle_rad", "speed_m_s")
 """Of the CSV: when the scan came in, the stamp in its header, and the command."""
@@ -57,7 +58,9 @@ def check_commands_file(path: Path) -> None:
 
 
 def write_commands(commands: Iterable[PlannedCommand], path: str | Path) -> int:
-    """Write commands as CSV, a row each as soon as it is there, or as /drive in an MCAP bag; return how many.
+    """Write commands as CSV, a row each, or as /drive in an MCAP bag; return how many.
+
+    After Ctrl-C, and where the planner fails, the commands up to there are written. Any other error leaves no file.
 
     Raises:
       SettingsError: another suffix.
@@ -78,19 +81,24 @@ def _write_bag(commands: Iterable[PlannedCommand], path: Path) -> int:
 
 
 def _write_csv(commands: Iterable[PlannedCommand], path: Path) -> int:
-    count = 0
+    count, ended = 0, None
     try:
-        with path.open("w", encoding="utf-8", newline="") as file:
+        with staged_file(path) as aside, aside.open("w", encoding="utf-8", newline="") as file:
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(COLUMNS)
-            for answer in commands:
-                times = map(_seconds, (answer.received, answer.measured))
-                writer.writerow((*times, repr(answer.command.steering_angle), repr(answer.command.speed)))
-                count += 1
+            try:
+                for answer in commands:
+                    times = map(_seconds, (answer.received, answer.measured))
+                    writer.writerow((*times, repr(answer.command.steering_angle), repr(answer.command.speed)))
+                    count += 1
+            except KEPT as error:
+                ended = error
     except OSError as error:
         if isinstance(error, BagError):  # of the bag that the commands are read from
             raise
         raise BagError(f"{path}: cannot be written: {error.strerror or error}; accepted: a file that can be") from error
+    if ended is not None:
+        raise ended
     return count
 
 

@@ -20,8 +20,8 @@ Sources: MCAP specification, profile ros2; rosbag2's metadata version 8 (QoS).
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -29,7 +29,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from ..errors import BagError
+from ..course.writing import staged_file
+from ..errors import BagError, PlannerError
 from ..racing.resimulation import load_world, resimulate
 from ..racing.run_folder import read_run
 from ..simulation.world import CAR_PREFIX
@@ -68,6 +69,9 @@ TOPICS = {
 LATCHED = ("/tf_static", "/map")
 """Topics whose last message late subscribers get, too: durability "transient local"."""
 
+KEPT = (KeyboardInterrupt, PlannerError)
+"""Errors that leave what was written up to there."""
+
 _NO_ROTATION = np.array((1.0, 0.0, 0.0, 0.0))
 _QOS = (  # rmw's numbers: keep last, reliable; durability 1 transient local, 2 volatile
     "- history: 1\n  depth: {depth}\n  reliability: 1\n  durability: {durability}\n"
@@ -78,7 +82,7 @@ _QOS = (  # rmw's numbers: keep last, reliable; durability 1 transient local, 2 
 
 
 class BagWriter:
-    """Writes messages into an MCAP file, which gets its name when it is complete, or interrupted by Ctrl-C.
+    """Writes messages into an MCAP file, which gets its name when it is complete, or ended by an error of KEPT.
 
     Args:
       path: of the file; one that exists is replaced.
@@ -94,17 +98,15 @@ class BagWriter:
         from mcap.writer import Writer
 
         self._path = Path(path)
-        self._partial = self._path.with_name(f"{self._path.name}.partial")
-        try:
-            self._file = self._partial.open("wb")
-        except OSError as error:
-            raise BagError(f"{path}: cannot be written: {error.strerror}; accepted: a file that can be") from error
-        self._writer = Writer(self._file)
-        self._writer.start(profile="ros2", library="fg_mujoco")
-        # without texts of its own, rosbag2 reads QoS as before its version 9: as numbers
-        self._writer.add_metadata("rosbag2", {"serialized_metadata": ""})
-        if metadata:
-            self._writer.add_metadata("fg_mujoco", metadata)
+        with self._blame(), ExitStack() as stack:
+            self._file = stack.enter_context(stack.enter_context(staged_file(path)).open("wb"))
+            self._writer = Writer(self._file)
+            self._writer.start(profile="ros2", library="fg_mujoco")
+            # without texts of its own, rosbag2 reads QoS as before its version 9: as numbers
+            self._writer.add_metadata("rosbag2", {"serialized_metadata": ""})
+            if metadata:
+                self._writer.add_metadata("fg_mujoco", metadata)
+            self._staged = stack.pop_all()
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
         self._counts: dict[str, int] = {}
@@ -115,18 +117,13 @@ class BagWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        whole = kind is None or issubclass(kind, KeyboardInterrupt)  # which keeps what there is
-        try:
-            if whole:
+        whole = kind is None or issubclass(kind, KEPT)
+        with self._blame():
+            if not whole:
+                self._staged.__exit__(kind, error, trace)  # leaves nothing
+                return
+            with self._staged:
                 self._writer.finish()  # type: ignore[no-untyped-call]
-            self._file.close()
-            if whole:
-                self._partial.replace(self._path)
-        except OSError as failure:
-            raise BagError(f"{self._path}: cannot be written: {failure.strerror or failure}") from failure
-        finally:
-            with suppress(OSError):
-                self._partial.unlink(missing_ok=True)
 
     def write(self, topic: str, message: Any, time: int) -> None:
         """Add a message, logged at `time` [ns].
@@ -136,10 +133,17 @@ class BagWriter:
         """
         count = self._counts[topic] = self._counts.get(topic, -1) + 1
         channel = self._channel(topic, message.__msgtype__)
-        try:
+        with self._blame():
             self._writer.add_message(channel, time, to_cdr(message), time, count)
+
+    @contextmanager
+    def _blame(self) -> Iterator[None]:
+        """Turn an error of writing into one line that names the file."""
+        try:
+            yield
         except OSError as error:
-            raise BagError(f"{self._path}: cannot be written: {error.strerror or error}") from error
+            reason = error.strerror or error
+            raise BagError(f"{self._path}: cannot be written: {reason}; accepted: a file that can be") from error
 
     def _channel(self, topic: str, kind: str) -> int:
         if topic not in self._channels:

@@ -35,7 +35,7 @@ from ..vehicle.motion import ground_speed
 from .physics import span_of
 from .planner_adapter import Planners
 from .settings import Start
-from .termination import RaceMonitor
+from .termination import END_REASONS, RaceMonitor
 from .world import World
 from .world_batch import CarArrays, Mask, WorldBatch
 
@@ -281,8 +281,9 @@ class Engine:
         effects: LidarEffects | None = None,
         seed: int = 0,
         odometry_drift: float = 0.0,
+        timed: bool = False,
     ) -> None:
-        """Go on in world i from a recorded state (k,); no lap is timed there.
+        """Go on in world i from a recorded state (k,).
 
         Args:
           state: complete, as `state` returns it.
@@ -290,16 +291,17 @@ class Engine:
           effects: what its LiDARs do to a scan; None: nothing.
           seed: of their noise.
           odometry_drift: relative error of the speeds and the yaw rate in their odometry.
+          timed: begin the races of its cars there, with their laps and why they end; else they race without end.
         """
         batch, place = self._place_of(i)
-        batch.load(place, state)
+        batch.load(place, state, timed=timed)
         rows = range(i * self.cars_per_world, (i + 1) * self.cars_per_world)
         self._drift(rows, odometry_drift)
         for row in rows:
             self._pipelines.pop(row, None)
             if effects is not None and effects != LidarEffects():
                 self._pipelines[row] = self._pipeline(row, effects, seed)
-            self.running[row] = True
+            self.running[row] = self.running[row] or not timed
 
     def sense(self, which: Mask | None = None) -> None:
         """Take the scans and odometry of cars, (r,); None: of all that race. Once for each moment: noise is drawn."""
@@ -326,10 +328,12 @@ class Engine:
     def decide(self) -> None:
         """Have the planners command the cars that race; those whose planner fails race no longer."""
         assert self.planners is not None
-        failed = self.planners(self)
-        if failed is not None:
-            self.failed[failed] = True
-            self.monitor.end(failed, "failed")
+        reasons = self.planners(self)
+        if reasons is not None:
+            for reason in set(reasons[reasons > 0].tolist()):
+                ended = reasons == reason
+                self.failed |= ended
+                self.monitor.end(ended, END_REASONS[reason])
 
     def drive(self, *, controls: FloatArray | None = None) -> None:
         """Hold the commands for a tick in the worlds whose cars race.

@@ -6,7 +6,9 @@ for bit, for that is the contract of `batch`, without the messages in between.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -15,10 +17,27 @@ from numpy.typing import NDArray
 from ..errors import ControllerError, PlannerError
 from ..lidar.beams import Beams
 from ..messages import ODOMETRY, Controller, ControllerBatch, DriveCommand, FloatArray, LaserScan, Odometry
-from .planner_failure import failure_of, file_of, place, told, wrong_answer
+from .planner_failure import (
+    DecisionLimitReached,
+    class_name,
+    failure_of,
+    file_of,
+    is_of_planner,
+    place,
+    told,
+    without_exit,
+    wrong_answer,
+)
+from .termination import END_REASONS
 from .tick import not_finite
 
 _ODOMETRY = ODOMETRY.names or ()
+_FAILED, _LATE = END_REASONS.index("planner_failed"), END_REASONS.index("decision_limit")
+
+Reasons = NDArray[np.int64]
+"""Why races end by their planners, (r,): a number in END_REASONS, 0 where the planner has answered."""
+
+Decide = Callable[[], DriveCommand]
 
 
 class Cars(Protocol):
@@ -38,8 +57,8 @@ class Cars(Protocol):
 class Planners(Protocol):
     """The planners of the cars of an cars."""
 
-    def __call__(self, cars: Cars) -> NDArray[np.bool_] | None:
-        """Write the commands of the cars that race; return whose planner failed, (r,), or None: nobody's."""
+    def __call__(self, cars: Cars) -> Reasons | None:
+        """Write the commands of the cars that race; return whose planner failed, or None: nobody's."""
 
 
 class MessagePlanners:
@@ -48,29 +67,37 @@ class MessagePlanners:
     Args:
       planners: in the order of the cars.
       raises: whether what a planner raises is raised, and not noted as a failure of its car.
+      timed: calls what makes one decision, and raises DecisionLimitReached where it takes too long; None: any time.
     """
 
-    def __init__(self, planners: Sequence[Controller], *, raises: bool = False) -> None:
-        self._planners, self._raises = planners, raises
+    def __init__(
+        self, planners: Sequence[Controller], *, raises: bool = False, timed: Callable[[Decide], DriveCommand] | None
+    ) -> None:
+        self._planners, self._raises, self._timed = planners, raises, timed
 
-    def __call__(self, cars: Cars) -> NDArray[np.bool_] | None:
+    def __call__(self, cars: Cars) -> Reasons | None:
         """See Planners.
 
         Raises:
           PlannerError: a planner raises, or answers something else than a DriveCommand.
         """
-        failed = np.zeros_like(cars.running)
+        reasons = np.zeros(len(cars.running), np.int64)
         for row in map(int, np.flatnonzero(cars.running)):
             scan, sensed = _told(cars, row)
+            decide = partial(plan, self._planners[row], scan, sensed)
             try:
-                command = plan(self._planners[row], scan, sensed)
+                command = decide() if self._timed is None else self._timed(decide)
             except ControllerError:
                 if self._raises:
                     raise
-                failed[row] = True
+                reasons[row] = _FAILED
+            except DecisionLimitReached:
+                if self._timed is None:  # it is the caller's
+                    raise
+                reasons[row] = _LATE
             else:
                 cars.commands[row] = command.steering_angle, command.speed
-        return failed
+        return reasons
 
 
 class BatchPlanners:
@@ -85,18 +112,21 @@ class BatchPlanners:
     def __init__(self, planners: ControllerBatch, kind: type, *, raises: bool = False) -> None:
         self._planners, self._kind, self._raises = planners, kind, raises
 
-    def __call__(self, cars: Cars) -> NDArray[np.bool_] | None:
+    def __call__(self, cars: Cars) -> Reasons | None:
         """See Planners.
 
         Raises:
-          PlannerError: the planners raise, or a command is no number.
+          PlannerError: the planners raise, and it is not known whose failure it is; or `raises`, and a command is no
+            number.
         """
         try:
             self._planners(cars.beams.geometry, cars.ranges, cars.odometry, cars.running, cars.commands)
-        except Exception as error:
-            if not self._raises:
+        except BaseException as error:
+            if not is_of_planner(error):
                 raise
-            raise _failed(error, self._kind, *_told(cars, int(cars.running.argmax()))) from error
+            if self._raises or cars.running.sum() > 1:
+                raise _failed(error, self._kind, *_told(cars, int(cars.running.argmax()))) from error
+            return np.where(cars.running, _FAILED, 0)
         if np.isfinite(cars.commands).all():
             return None
         failed = not_finite(cars.running, cars.commands)
@@ -105,10 +135,16 @@ class BatchPlanners:
             steering_angle, speed = cars.commands[row].tolist()
             said = f"commanded {steering_angle} rad, {speed} m/s"
             raise _answered(said, "numbers", self._kind, *_told(cars, row))
-        return failed
+        return np.where(failed, _FAILED, 0)
 
 
-def adapt(planners: Sequence[Controller], *, arrays: bool = True, raises: bool = False) -> Planners:
+def adapt(
+    planners: Sequence[Controller],
+    *,
+    arrays: bool = True,
+    raises: bool = False,
+    timed: Callable[[Decide], DriveCommand] | None = None,
+) -> Planners:
     """Return the adapter for some planners, as new.
 
     Args:
@@ -116,12 +152,22 @@ def adapt(planners: Sequence[Controller], *, arrays: bool = True, raises: bool =
       arrays: whether planners that can decide together are told in arrays; False where a planner is the caller's own
         object, which may have been used before.
       raises: whether the failure of a planner is raised.
+      timed: as MessagePlanners takes it; planners then decide one after the other.
+
+    Raises:
+      ControllerError: their class's `batch` raises.
     """
     kind = type(planners[0])
-    batch = getattr(kind, "batch", None) if arrays else None
+    batch = getattr(kind, "batch", None) if arrays and timed is None else None
     if batch is None or any(type(planner) is not kind for planner in planners):
-        return MessagePlanners(planners, raises=raises)
-    return BatchPlanners(batch(planners), kind, raises=raises)
+        return MessagePlanners(planners, raises=raises, timed=timed)
+    try:
+        together = batch(planners)
+    except BaseException as error:
+        if not is_of_planner(error):
+            raise
+        raise ControllerError(f"controller {kind.__name__} failed in batch(): {told(error, file_of(kind))}") from error
+    return BatchPlanners(together, kind, raises=raises)
 
 
 def odometry_message(row: Any) -> Odometry:
@@ -130,6 +176,7 @@ def odometry_message(row: Any) -> Odometry:
     return Odometry(**values)
 
 
+@without_exit()
 def start(controller: Controller) -> None:
     """Reset the controller for a new race.
 
@@ -138,8 +185,10 @@ def start(controller: Controller) -> None:
     """
     try:
         controller.reset()
-    except (Exception, SystemExit) as error:
-        name = type(controller).__name__
+    except BaseException as error:
+        if not is_of_planner(error):
+            raise
+        name = class_name(controller)
         raise ControllerError(
             f"controller {name} failed in reset(): {told(error, file_of(type(controller)))}"
         ) from error
@@ -151,13 +200,26 @@ def plan(controller: Controller, scan: LaserScan, odometry: Odometry) -> DriveCo
     Raises:
       PlannerError: it raises, or answers something else than a DriveCommand.
     """
+    values: tuple[Any, Any] | None = None
     try:
-        command = controller(scan, odometry)
-    except (Exception, SystemExit) as error:
+        answer = controller(scan, odometry)
+        if issubclass(type(answer), DriveCommand):
+            values = answer.steering_angle, answer.speed  # once: they may be worked out
+    except BaseException as error:
+        if not is_of_planner(error):
+            raise
         raise _failed(error, type(controller), scan, odometry) from error
-    if not isinstance(command, DriveCommand):
-        raise _answered(f"answered {short(command)}", "a DriveCommand", type(controller), scan, odometry)
-    return command
+    if values is None:
+        raise _answered(f"answered {short(answer)}", "a DriveCommand", type(controller), scan, odometry)
+    if type(answer) is DriveCommand and {*map(type, values)} == {float} and math.isfinite(sum(values)):
+        return answer
+    try:
+        return DriveCommand(steering_angle=values[0], speed=values[1])
+    except BaseException as error:
+        if not is_of_planner(error):
+            raise
+        said = f"answered a DriveCommand of {short(values)}"
+        raise _answered(said, "finite numbers", type(controller), scan, odometry) from error
 
 
 def _told(cars: Cars, row: int) -> tuple[LaserScan, Odometry]:
@@ -182,8 +244,11 @@ def _answered(said: str, accepted: str, kind: type, scan: LaserScan, odometry: O
 
 
 def short(value: object) -> str:
-    """Return how Python writes a value, cut to 60 characters."""
-    return short_text(repr(value))
+    """Return how Python writes a value, cut to 60 characters; where it cannot be written, what it is."""
+    try:
+        return short_text(str.__str__(repr(value)))
+    except BaseException as error:
+        return f"an object of {class_name(value)} whose __repr__ raises {class_name(error)}"
 
 
 def short_text(text: str) -> str:

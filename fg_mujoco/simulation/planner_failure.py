@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
+import contextlib
 import inspect
+import os
 import re
 import sys
+import threading
 import traceback
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from dis import opname
 from pathlib import Path
+from types import FunctionType, TracebackType
 from typing import Any
 
 from ..display import brief
 from ..messages import LaserScan, Odometry
 
 _COLOURS = re.compile(r"\x1b\[[0-9;]*m")  # of numba's messages in a terminal
+_LONGEST = 20_000  # characters of a message or traceback; of what is longer the middle is left out
+
+
+class DecisionLimitReached(BaseException):
+    """A decision that took longer than its limit. No Exception: a planner that catches those does not catch it."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -26,7 +37,7 @@ class PlannerFailure:
     error: str  # kind and message, in one line
     time_s: float  # of the scan
     file: str | None  # of the planner; None: it is in none
-    line: int | None  # in it, the innermost that was reached; None: none was
+    line: int | None  # in it, the innermost that was reached, or where `__call__` is defined; None: neither is in it
     traceback: str  # from the planner's file on, many lines; empty where nothing was raised
     scan: LaserScan = field(repr=False)  # that the planner was told
     odometry: Odometry = field(repr=False)
@@ -45,12 +56,57 @@ class PlannerFailure:
 
 def one_line(error: BaseException) -> str:
     """Return the kind and the message of an error in one line; of numba's many lines, the ones that say what it is."""
-    lines = _COLOURS.sub("", str(error)).splitlines()
+    lines = _COLOURS.sub("", _message(error)).splitlines()
     if _of_numba(error):
         saying = [line for line in lines if line.strip() and not line.startswith("Failed in ")]
         ends = (i for i, line in enumerate(saying) if line.startswith(("During: ", "File ")))
         lines = saying[: next(ends, None)] or lines
-    return f"{type(error).__name__}: {' '.join(' '.join(lines).split())}"
+    return f"{class_name(error)}: {' '.join(' '.join(lines).split())}"
+
+
+def is_of_planner(error: BaseException) -> bool:
+    """Say whether what came out of a planner's code is its failure, whatever it is: not Ctrl-C, nor its time limit.
+
+    A planner raises KeyboardInterrupt itself by a `raise` statement. Ctrl-C comes between two other instructions.
+    """
+    if issubclass(type(error), DecisionLimitReached):
+        return False
+    place = _traceback(error)
+    while place is not None and place.tb_next is not None:
+        place = place.tb_next
+    if type(error) is not KeyboardInterrupt or place is None:
+        return True
+    return opname[place.tb_frame.f_code.co_code[place.tb_lasti]] == "RAISE_VARARGS"
+
+
+class without_exit(contextlib.ContextDecorator):  # noqa: N801  # a verb, as in contextlib
+    """Lets `os._exit` raise SystemExit for a while, so that a planner that calls it fails and does not end the process.
+
+    It holds for this process, in all of its threads. Processes that a planner forks end as they would.
+    """
+
+    _lock, _entered = threading.Lock(), 0
+    _exit: Any = os._exit
+
+    def __enter__(self) -> None:
+        kind = without_exit
+        with kind._lock:
+            kind._entered += 1
+            if kind._entered == 1:
+                kind._exit = os._exit
+                vars(os)["_exit"] = _raising_exit(os._exit, os.getpid())
+
+    def __exit__(self, *exception: object) -> None:
+        kind = without_exit
+        with kind._lock:
+            kind._entered -= 1
+            if kind._entered == 0:
+                vars(os)["_exit"] = kind._exit
+
+
+def class_name(value: object) -> str:
+    """Return the name of the class of an object, whatever the class says of itself."""
+    return str(type.__dict__["__name__"].__get__(type(value)))
 
 
 def place(file: str | None, line: int | None) -> str:
@@ -60,13 +116,14 @@ def place(file: str | None, line: int | None) -> str:
 
 def told(error: BaseException, file: str | None) -> str:
     """Return the kind and the message of an error, and the line of a planner's file in which it was raised."""
-    return one_line(error) + ("" if isinstance(error, SyntaxError) else place(file, line_of(error, file)))
+    return one_line(error) + ("" if issubclass(type(error), SyntaxError) else place(file, line_of(error, file)))
 
 
 def file_of(kind: Any) -> str | None:
     """Return the file that a planner's class is defined in, as its code names it; None where there is none."""
     for member in vars(kind).values() if isinstance(kind, type) else ():
-        code = getattr(inspect.unwrap(_plain(member)), "__code__", None)
+        function = _plain(member)
+        code = None if function is None else getattr(inspect.unwrap(function), "__code__", None)
         if code is not None and code.co_filename != "<string>":  # a dataclass writes such methods
             return str(code.co_filename)
     return getattr(sys.modules.get(getattr(kind, "__module__", "")), "__file__", None)
@@ -75,25 +132,37 @@ def file_of(kind: Any) -> str | None:
 def line_of(error: BaseException, file: str | None) -> int | None:
     """Return the innermost line of a file in the traceback of an error, or in numba's message; None: there is none."""
     if file is not None and _of_numba(error):
-        said = re.findall(rf'File "[^"]*{re.escape(Path(file).name)}", line (\d+)', _COLOURS.sub("", str(error)))
+        said = re.findall(rf'File "[^"]*{re.escape(Path(file).name)}", line (\d+)', _COLOURS.sub("", _message(error)))
         return int(said[-1]) if said else None
-    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file]
+    lines = [frame.lineno for frame in traceback.extract_tb(_traceback(error)) if frame.filename == file]
     return lines[-1] if lines else None
 
 
 def own_traceback(error: BaseException, file: str | None) -> str:
     """Return the traceback of an error from the first frame in a planner's file on; where none is in it, all of it."""
-    frames = traceback.extract_tb(error.__traceback__)
+    frames = traceback.extract_tb(_traceback(error))
     first = next((i for i, frame in enumerate(frames) if frame.filename == file), 0)
-    lines = [*traceback.format_list(frames[first:]), *traceback.format_exception_only(error)]
+    try:
+        ends = _bounded("".join(traceback.format_exception_only(error)))
+    except BaseException:  # the error's own attributes raise
+        ends = f"{one_line(error)}\n"
+    lines = [*traceback.format_list(frames[first:]), ends]
     return _COLOURS.sub("", "Traceback of the planner:\n" + "".join(lines))
+
+
+def whole_traceback(error: BaseException) -> str:
+    """Return the traceback of an error and of what caused it, or what there is of it where its attributes raise."""
+    try:
+        return _bounded("".join(traceback.format_exception(error)))
+    except BaseException:
+        return _bounded("".join([*traceback.format_tb(_traceback(error)), one_line(error), "\n"]))
 
 
 def failure_of(error: BaseException, kind: type, scan: LaserScan, odometry: Odometry) -> PlannerFailure:
     """Return the failure of a planner of a class that raised an error."""
     file = file_of(kind)
     return PlannerFailure(
-        error=one_line(error), time_s=scan.stamp, file=file, line=line_of(error, file),
+        error=one_line(error), time_s=scan.stamp, file=file, line=line_of(error, file) or _definition(kind, file),
         traceback=own_traceback(error, file), scan=scan, odometry=odometry,
     )  # fmt: skip
 
@@ -101,19 +170,59 @@ def failure_of(error: BaseException, kind: type, scan: LaserScan, odometry: Odom
 def wrong_answer(text: str, kind: type, scan: LaserScan, odometry: Odometry) -> PlannerFailure:
     """Return the failure of a planner of a class that answered something else than a command; its line is `def`."""
     file = file_of(kind)
-    code = getattr(inspect.unwrap(kind.__call__), "__code__", None)
-    line = code.co_firstlineno if code is not None and code.co_filename == file else None
     return PlannerFailure(
-        error=text, time_s=scan.stamp, file=file, line=line, traceback="", scan=scan, odometry=odometry
+        error=text, time_s=scan.stamp, file=file, line=_definition(kind, file), traceback="", scan=scan,
+        odometry=odometry,
     )  # fmt: skip
+
+
+def _definition(kind: Any, file: str | None) -> int | None:
+    """Return the line of a file in which the `__call__` of a planner's class begins; None: it is in no such file."""
+    code = getattr(inspect.unwrap(kind.__call__), "__code__", None)
+    return code.co_firstlineno if code is not None and code.co_filename == file else None
 
 
 def _of_numba(error: BaseException) -> bool:
     """Say whether numba could not compile something."""
-    return type(error).__module__.startswith("numba.")
+    return str(type.__dict__["__module__"].__get__(type(error))).startswith("numba.")
 
 
-def _plain(member: Any) -> Any:
-    """Return the function that a member of a class was made of: a static or class method, or a kernel."""
-    member = getattr(member, "__func__", member)
-    return getattr(member, "py_func", member)
+def _traceback(error: BaseException) -> TracebackType | None:
+    """Return the traceback of an error, whose class may say otherwise."""
+    found: TracebackType | None = BaseException.__dict__["__traceback__"].__get__(error)
+    return found
+
+
+def _message(error: BaseException) -> str:
+    """Return the message of an error, of bounded length; where it has none because `__str__` raises, that."""
+    try:
+        return _bounded(str.__str__(str(error)))
+    except BaseException as raised:
+        return f"(its message cannot be had: __str__ raised {class_name(raised)})"
+
+
+def _bounded(text: str) -> str:
+    """Return a text without the middle of what is too long."""
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} ... {text[-_LONGEST // 4 :]}"
+
+
+def _raising_exit(real: Callable[[int], Any], process: int) -> Callable[[int], Any]:
+    """Return what stands for `os._exit` in a process."""
+
+    def _exit(status: int) -> Any:
+        if os.getpid() != process:  # a fork's
+            real(status)
+        raise SystemExit(f"os._exit({status!r}) in a planner")
+
+    return _exit
+
+
+def _plain(member: Any) -> FunctionType | None:
+    """Return the function that a member of a class was made of: a static or class method, or a kernel.
+
+    Other members may be anything: nothing of theirs is called.
+    """
+    if issubclass(type(member), (staticmethod, classmethod)):
+        member = member.__func__
+    member = inspect.getattr_static(member, "py_func", member)
+    return member if type(member) is FunctionType else None

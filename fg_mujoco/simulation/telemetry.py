@@ -34,6 +34,9 @@ in the axes of the heading half-way."""
 RECORDED_ALWAYS = TELEMETRY[: TELEMETRY.index("steps") + 1]
 """Columns that each telemetry.csv has, whatever version wrote it."""
 
+ALWAYS_NUMBERS = tuple(name for name in RECORDED_ALWAYS if not name.startswith(("slide_", "friction_use_")))
+"""Columns that are never NaN."""
+
 
 STATISTICS = np.dtype(
     [

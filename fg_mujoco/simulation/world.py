@@ -6,6 +6,7 @@ starts from the same bits.
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -36,6 +37,8 @@ _INVISIBLE = (0.0, 0.0, 0.0, 0.0)  # rays skip it too
 
 CAR_PREFIX = "car/"
 """Of the names of everything that belongs to the car in a world's model."""
+OBSTACLE_PREFIX = "obstacle_"
+"""Of the names of the obstacles that stand, which are numbered."""
 _LIDAR_IN_CAR = "lidar/"
 LIDAR_PREFIX = CAR_PREFIX + _LIDAR_IN_CAR
 """Of the names of everything that belongs to its LiDAR."""
@@ -97,6 +100,8 @@ class World:
     def from_xml(cls, xml: str, *, lidar: str = "raycast") -> World:
         """Return the world of the MJCF text that a run folder keeps: without course and vehicle, which it does not say.
 
+        A course that `shows` finds in the text can be set as `track`.
+
         Raises:
           ValueError: it does not compile.
           ModelError: it does not hold the car.
@@ -142,14 +147,37 @@ def _compose(
     spec.option, spec.memory = car.option, car.memory  # the engine settings that the car was validated with
     spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)  # static geoms are placed once, not every step
     _add_light(spec, track)
+    _add_course(spec, track, obstacles)
+    car.attach(vehicle.lidar.spec(sensors=lidar == "rangefinder"), site=car.site("lidar_mount"), prefix=_LIDAR_IN_CAR)
+    spec.attach(car, frame=spec.worldbody.add_frame(), prefix=CAR_PREFIX)
+    return spec
+
+
+def shows(xml: str, track: Course) -> bool:
+    """Say whether the MJCF text of a world has the walls of a course, its obstacles and its moving obstacles."""
+    spec = mujoco.MjSpec()
+    _add_course(spec, track, track.obstacles)
+    wanted, found = _shapes(spec.to_xml()), _shapes(xml)
+    walls = [sum(name.startswith("wall") for _, name in shapes) for shapes in (wanted, found)]
+    return walls[0] == walls[1] and all(found.get(name) == shape for name, shape in wanted.items())
+
+
+def _shapes(xml: str) -> dict[tuple[str, str], str]:
+    """Return the corners of each mesh of an MJCF text, and its numbers, by kind and name."""
+    return {
+        (kind, element.get("name", "")): element.get(values, "")
+        for kind, values in (("mesh", "vertex"), ("numeric", "data"))
+        for element in ElementTree.fromstring(xml).iter(kind)
+    }
+
+
+def _add_course(spec: Any, track: Course, obstacles: tuple[Obstacle, ...]) -> None:
+    """Add the walls of a course and what moves there, and obstacles."""
     _add_walls(spec, track)
     for index, moving in enumerate(track.moving):
         _add_moving(spec, f"{MOVING_PREFIX}{index}", moving)
     for index, obstacle in enumerate(obstacles):
-        _add_hull(spec, f"obstacle_{index}", _prism(obstacle), _OBSTACLE_COLOUR)
-    car.attach(vehicle.lidar.spec(sensors=lidar == "rangefinder"), site=car.site("lidar_mount"), prefix=_LIDAR_IN_CAR)
-    spec.attach(car, frame=spec.worldbody.add_frame(), prefix=CAR_PREFIX)
-    return spec
+        _add_hull(spec, f"{OBSTACLE_PREFIX}{index}", _prism(obstacle), _OBSTACLE_COLOUR)
 
 
 def _add_light(spec: Any, track: Course) -> None:

@@ -221,11 +221,15 @@ class WorldBatch:
         self.physics.sensors[:] = other.physics.sensors[places]
         self.physics.warnings[:] = other.physics.warnings[places]
 
-    def load(self, i: int, state: FloatArray) -> None:
-        """Put world i of them into a recorded state (k,), its sensors up to date."""
+    def load(self, i: int, state: FloatArray, *, timed: bool) -> None:
+        """Put world i of them into a recorded state (k,), its sensors up to date; begin its races if `timed`."""
         self.physics.states[i] = state
         self.physics.forward(np.array([i], np.int32))
         self.physics.states[i] = state  # a forward pass leaves another start for the solver
+        if timed:
+            which = np.arange(len(self._arrays.crashed)) // self._cars_per_world == i
+            self._arrays.crashed[which] = self.physics.sensors[i, self._chassis_contact] > 0.0
+            self._begin(which)
 
     def sense(self, which: Mask) -> None:
         """Take odometry and, where scans are drawn, the scans of the cars `which` (r,)."""

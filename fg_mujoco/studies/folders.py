@@ -1,16 +1,24 @@
-"""Files in the folders of studies: each is written in one piece, and whatever goes wrong is said in one line."""
+"""Files in the folders of studies: whatever goes wrong is said in one line, and what is damaged is found.
+
+A row has the SHA-256 of its contents and of what it belongs to: the settings of its study, and its place there. So a
+row that was copied from another study, or over another one, is found, too.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
-import os
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
+from ..course.writing import claimed_folder
 from ..errors import RunFolderError
+
+_SEAL = "sha256"
 
 
 @contextmanager
@@ -25,22 +33,54 @@ def blame(path: Path, accepted: str) -> Iterator[None]:
         raise RunFolderError(f"{path}: {reason}; accepted: {accepted}") from error
 
 
-def write_file(path: Path, write: Callable[[IO[bytes]], Any]) -> None:
-    """Write a file aside, wait until it is on the disk, and move it into its place."""
-    aside = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        with aside.open("wb") as file:
-            write(file)
-            file.flush()
-            os.fsync(file.fileno())
-        aside.replace(path)
-    finally:
-        aside.unlink(missing_ok=True)
+@contextmanager
+def claimed(folder: str | Path | None, accepted: str) -> Iterator[None]:
+    """Be the only process that writes to a folder, which is made if it is new; None: to nothing.
+
+    Raises:
+      RunFolderError: it cannot be made, or another process writes to it.
+    """
+    with ExitStack() as stack:
+        if folder is not None:
+            with blame(Path(folder), accepted):
+                stack.enter_context(claimed_folder(folder))
+        yield
 
 
-def replace_file(path: Path, text: bytes) -> None:
-    """Write a file in one piece, in the place of one that may be there."""
-    write_file(path, lambda file: file.write(text))
+def digest(*parts: Any) -> str:
+    """Return the SHA-256 of what JSON can hold."""
+    text = json.dumps(parts, sort_keys=True, default=lambda number: number.item())  # numpy's
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def sealed(row: Mapping[str, Any], *belongs: Any) -> dict[str, Any]:
+    """Return a row with its checksum.
+
+    Args:
+      row: what JSON can hold, by name.
+      belongs: what it belongs to, which is not in the row.
+    """
+    return {**row, _SEAL: digest(row, *belongs)}
+
+
+def unsealed(row: Any, *belongs: Any) -> dict[str, Any]:
+    """Return a row of `sealed` without its checksum; rows of older versions have none.
+
+    Raises:
+      ValueError: it is another than was written, or belongs elsewhere.
+    """
+    if not isinstance(row, dict):
+        raise ValueError("no JSON object")
+    values = {name: value for name, value in row.items() if name != _SEAL}
+    if _SEAL in row and row[_SEAL] != digest(values, *belongs):
+        raise ValueError("its sha256 is that of other contents, or of another place")
+    return values
+
+
+def warn_damaged(path: Path | str, error: Exception) -> None:
+    """Warn of a part of a folder that is taken as not there, so that the study makes it again."""
+    said = " ".join(str(error).removeprefix(f"{path}: ").partition("; accepted: ")[0].split())
+    warnings.warn(f"{path}: is damaged, and made again: {said}", stacklevel=2)
 
 
 def as_json(values: dict[str, Any]) -> str:

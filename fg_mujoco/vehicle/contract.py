@@ -78,6 +78,9 @@ PARTS = tuple(_parts())
 """All that the MJCF of a vehicle must name; docs/howto/own_car.md shows it."""
 
 
+_NOT_FINITE = re.compile(r"[-+]?(?:nan.*|inf|infinity)", re.IGNORECASE)
+
+
 def parsed(text: str, where: str) -> Any:
     """Return the mujoco.MjSpec of an MJCF text.
 
@@ -96,7 +99,7 @@ def parsed(text: str, where: str) -> Any:
                     f"{where}: {called} refers to file {value!r}; accepted: one file that refers to no other (meshes "
                     "belong to the look)"
                 )
-            if any(word.lower() in ("nan", "inf", "-inf", "+inf") for word in value.split()):
+            if any(_NOT_FINITE.fullmatch(word) for word in value.split()):
                 raise ModelError(f"{where}: {attribute} of {called} is {value!r}; accepted: finite numbers")
     try:
         return mujoco.MjSpec.from_string(text)

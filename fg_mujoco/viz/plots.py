@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import importlib.util
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
 from ..course.course import Course, describe_course
+from ..course.writing import write_file
 from ..errors import MissingExtraError
 from ..messages import FloatArray
 from ..racing import run_folder
@@ -73,7 +74,7 @@ def track_picture(track: Course, path: str | Path | BinaryIO) -> None:
         draw_line(axes, track)
         draw_obstacles(axes, track.obstacles, track.moving)
         axes.set_title(describe_course(track))
-        _save(figure, path)
+        save_figure(figure, path)
 
 
 def trace_picture(result: RaceResult, path: str | Path | BinaryIO) -> None:
@@ -132,7 +133,7 @@ def trace_picture(result: RaceResult, path: str | Path | BinaryIO) -> None:
             panel.spines[["top", "right"]].set_visible(False)
             panel.tick_params(labelbottom=panel in (panels[-1], tires[-1]))
         figure.align_ylabels([*panels, *tires])
-        _save(figure, path)
+        save_figure(figure, path)
 
 
 def _headline(result: RaceResult) -> str:
@@ -247,12 +248,22 @@ def _map_height(track: Course, *lines: FloatArray) -> float:
     return float(np.clip(_WIDTH * 0.85 * height / width + 0.6, least, greatest))
 
 
-def _save(figure: Figure, path: str | Path | BinaryIO) -> None:
-    figure.savefig(path, format="png", dpi=_DPI, metadata={"Software": None})  # the same race, the same file
+def save_figure(figure: Figure, path: str | Path | BinaryIO, dpi: float = _DPI) -> None:
+    """Write a figure as PNG: a file in one piece, or to a file that is open. The same figure is the same file."""
+
+    def write(file: Any) -> None:
+        figure.savefig(file, format="png", dpi=dpi, metadata={"Software": None})
+
+    write_file(path, write) if isinstance(path, (str, Path)) else write(path)
 
 
 def write_run(
-    result: RaceResult, folder: str | Path, *, picture: bool = True, settings: Mapping[str, Any] | None = None
+    result: RaceResult,
+    folder: str | Path,
+    *,
+    picture: bool = True,
+    settings: Mapping[str, Any] | None = None,
+    add: Callable[[Path], Any] | None = None,
 ) -> Path:
     """Write a run folder, with its picture, and return its path. A failure leaves nothing behind.
 
@@ -261,6 +272,7 @@ def write_run(
       folder: new or empty.
       picture: with trace.png.
       settings: options of the command line that drive this race again; `race --config DIR` needs them.
+      add: adds files to the run, as its report; called with the path of a folder that has all others.
 
     Raises:
       RunFolderError: the folder is a file, is not empty, or cannot be written.
@@ -268,4 +280,4 @@ def write_run(
     """
     if picture:
         require_matplotlib()
-    return run_folder.write_run(result, folder, draw=trace_picture if picture else None, settings=settings)
+    return run_folder.write_run(result, folder, draw=trace_picture if picture else None, settings=settings, add=add)

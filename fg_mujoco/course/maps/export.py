@@ -7,6 +7,7 @@ export_track(load_track("oval"), "oval.glb")
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
 
@@ -15,11 +16,12 @@ from numpy.typing import NDArray
 
 from ...errors import SettingsError, TrackError
 from ...messages import FloatArray
-from ..centreline_csv import write_centreline
+from ..centreline_csv import centreline_text
 from ..course import Course
 from ..polyline import enclosed_area
 from ..track import Track
 from ..track_mesh import wall_mesh
+from ..writing import write_files
 from .map_server import require_maps_extra
 from .walls import outlines
 
@@ -71,22 +73,38 @@ def export_track(track: Track, path: str | Path, *, resolution: float = RESOLUTI
       SettingsError: another suffix, or a resolution that is not positive.
       TrackError: a file that cannot be written; a resolution at which walls or ways would vanish.
     """
-    files = exported_files(path)
+    return export_tracks(track, [path], resolution=resolution)
+
+
+def export_tracks(track: Track, paths: Sequence[str | Path], *, resolution: float = RESOLUTION) -> tuple[Path, ...]:
+    """Write a track in several formats, as `export_track` does: all files, or none.
+
+    Raises:
+      MissingExtraError, SettingsError, TrackError: as `export_track`.
+    """
+    contents: dict[Path, bytes] = {}
+    for path in paths:
+        contents |= _contents(track, exported_files(path), resolution)
+    try:
+        write_files(contents)
+    except OSError as error:
+        raise TrackError(f"{', '.join(map(str, paths))}: cannot be written: {error.strerror or error}") from error
+    return tuple(contents)
+
+
+def _contents(track: Track, files: tuple[Path, ...], resolution: float) -> dict[Path, bytes]:
     suffix = files[0].suffix.lower()
     if suffix == ".csv":
-        write_centreline(track, files[0], [f"made by: fg-mujoco track export {track.name}"])
-    elif suffix == ".yaml":
+        return {files[0]: centreline_text(track, [f"made by: fg-mujoco track export {track.name}"]).encode()}
+    if suffix == ".yaml":
         require_maps_extra()
         free, origin = occupancy_image(track, resolution)
-        for file, content in zip(files, _map_files(track, files[1].name, free, resolution, origin), strict=True):
-            _write(file, content)
-    else:
-        mesh = wall_mesh(track)
-        if suffix == ".glb":
-            mesh.apply_transform(_Y_UP)
-        exported: Any = mesh.export(file_type=suffix[1:])  # text or bytes, as the format wants
-        _write(files[0], exported.encode() if isinstance(exported, str) else exported)
-    return files
+        return dict(zip(files, _map_files(track, files[1].name, free, resolution, origin), strict=True))
+    mesh = wall_mesh(track)
+    if suffix == ".glb":
+        mesh.apply_transform(_Y_UP)
+    exported: Any = mesh.export(file_type=suffix[1:])  # text or bytes, as the format wants
+    return {files[0]: exported.encode() if isinstance(exported, str) else exported}
 
 
 def occupancy_image(track: Track, resolution: float = RESOLUTION) -> tuple[NDArray[np.bool_], FloatArray]:
@@ -149,10 +167,3 @@ def _map_files(
         "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\nmode: trinary\n"
     )
     return text.encode(), picture.getvalue()
-
-
-def _write(path: Path, content: bytes) -> None:
-    try:
-        path.write_bytes(content)
-    except OSError as error:
-        raise TrackError(f"{path}: cannot be written: {error.strerror or error}") from error

@@ -10,6 +10,7 @@ needs `if __name__ == "__main__":`, as every script that starts processes does.
 from __future__ import annotations
 
 import time
+import warnings
 from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import closing
@@ -18,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from ...course.scenes.catalogue import PREFIX
+from ...course.writing import write_file
 from ...display import Shown, brief, paragraph, quoted, table
 from ...errors import SettingsError
 from ...messages import require_whole
@@ -27,13 +29,13 @@ from ...simulation.settings import FASTEST
 from ...vehicle.changes import CarChanges
 from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from ...viz.plots import require_matplotlib
-from ..folders import blame, replace_file
+from ..folders import blame, claimed
 from ..rollout.job import versions
 from ..worker_processes import usable_cores, work_off
 from .ground import check_course, course_ground, course_name, ground_sha256
 from .pictures import table_picture, trace_pictures
 from .run import ComparisonSettings, Run, RunKey, RunRow
-from .store import ComparisonFolder
+from .store import ACCEPTED, ComparisonFolder
 from .tables import HEADER, Cell, cells_csv, make_cells, markdown, runs_csv, table_rows
 
 DEFAULT_SEEDS = range(10)
@@ -105,6 +107,7 @@ def compare(
     changes: CarChanges | None = None,
     planner_mu: float | None = None,
     time_limit: float | None = None,
+    decision_limit: float | None = None,
     workers: int | None = None,
     out: str | Path,
     pictures: bool = True,
@@ -112,8 +115,9 @@ def compare(
 ) -> Comparison:
     """Drive every controller on every course at every speed with every seed, and write what became of them to a folder.
 
-    A run in which the planner fails is a row that says so; the others go on. Ctrl-C raises KeyboardInterrupt once the
-    workers have stopped; finished runs are then in the folder, and the same call goes on with the others.
+    A run in which the planner fails, or ends its worker process, is a row that says so; the others go on. Ctrl-C
+    raises KeyboardInterrupt once the workers have stopped; finished runs are then in the folder, and the same call goes
+    on with the others.
 
     Args:
       controllers: bundled names or `path/to/file.py:ClassName`, each with settings that differ from its own in brackets
@@ -131,7 +135,8 @@ def compare(
       changes: what else differs from the vehicle's MJCF.
       planner_mu: friction coefficient that planners assume; None: as in the vehicle's MJCF; inf: no friction limits.
       time_limit: of simulated time of each run [s]; None: as `race` has it.
-      workers: processes; None: as many as there are cores; one: no other than this.
+      decision_limit: of wall time that a planner may take for one decision [s]; None: any; as of `race`.
+      workers: processes; None: as many as there are cores; one: no other than this, which a planner can end.
       out: a new or empty folder, or one of a comparison with the same settings, from `laps` to `time_limit`.
       pictures: whether to draw them.
       watch: called several times a second.
@@ -139,7 +144,7 @@ def compare(
     Raises:
       SettingsError, TrackError, ControllerError, RunFolderError: what cannot be driven; nothing has run then.
       MissingExtraError: no matplotlib for the pictures.
-      EngineError: a worker process died.
+      EngineError: a worker process could not be started.
     """
     require_whole("workers", workers, 1, optional=True)
     if pictures:
@@ -147,10 +152,24 @@ def compare(
     settings = ComparisonSettings(
         laps=laps, obstacles=obstacles, lidar_noise=lidar_noise, vehicle=vehicle, mu=mu,
         changes=changes or CarChanges(), planner_mu=planner_mu, time_limit=time_limit,
+        decision_limit=decision_limit,
     )  # fmt: skip
     chosen = [ControllerChoice.of(text) for text in (controller_names() if controllers is None else controllers)]
     runs = plan_runs(chosen, [*tracks, *(f"{PREFIX}{name}" for name in scenes)], max_speeds, seeds, settings)
-    folder = ComparisonFolder(out)
+    with claimed(out, ACCEPTED):
+        return _drive(runs, settings, ComparisonFolder(out), workers, pictures=pictures, watch=watch)
+
+
+def _drive(
+    runs: Sequence[Run],
+    settings: ComparisonSettings,
+    folder: ComparisonFolder,
+    workers: int | None,
+    *,
+    pictures: bool,
+    watch: Callable[[ComparisonProgress], None] | None,
+) -> Comparison:
+    """Drive the runs that a folder has not, and write the report."""
     folder.open(settings.manifest(), versions())
     missing = [run for run in runs if run.key not in folder.rows]
 
@@ -161,9 +180,12 @@ def compare(
             found, elapsed = len(runs) - len(missing), time.perf_counter() - started
             watch(ComparisonProgress(runs=len(runs), runs_found=found, runs_driven=driven, wall_time_s=elapsed))
 
-    with closing(work_off(Run.drive, missing, workers=workers or usable_cores(), pulse=pulse)) as finished:
-        for _, (row, trace) in finished:
+    died = None if workers == 1 else Run.died
+    with closing(work_off(Run.drive, missing, workers=workers or usable_cores(), pulse=pulse, died=died)) as finished:
+        for run, (row, trace) in finished:
             folder.add(row, trace)
+            if row.figures.end_reason == "worker_died":
+                warnings.warn(f"{run}: {row.figures.message}", UserWarning, stacklevel=2)
             driven += 1
             pulse()
     rows = tuple(folder.rows[run.key] for run in runs)
@@ -243,9 +265,9 @@ def _write_report(comparison: Comparison, runs: Sequence[Run], folder: Compariso
     with blame(out, "a folder that can be written"):
         for picture in (out / "table.png", *(out / "traces").glob("*.png")):
             picture.unlink(missing_ok=True)
-        replace_file(out / "runs.csv", runs_csv(comparison.rows).encode())
-        replace_file(out / "table.csv", cells_csv(comparison.cells).encode())
-        replace_file(out / "table.md", comparison.markdown().encode())
+        write_file(out / "runs.csv", runs_csv(comparison.rows).encode())
+        write_file(out / "table.csv", cells_csv(comparison.cells).encode())
+        write_file(out / "table.md", comparison.markdown().encode())
         if pictures:
             table_picture(comparison.cells, out / "table.png")
             (out / "traces").mkdir(exist_ok=True)

@@ -25,6 +25,7 @@ from typing import Any
 
 from ...course.files import is_file
 from ...course.scenes.catalogue import PREFIX
+from ...course.writing import write_file
 from ...errors import ControllerError, FgMujocoError, RunFolderError
 from ...racing.planner_choice import ControllerChoice
 from ...racing.planner_trust import require_trusted
@@ -34,7 +35,7 @@ from ...viz.report.sections import table
 from ..folders import blame
 from .ground import ground_sha256
 from .run import ComparisonSettings, Run, RunKey, RunRow
-from .store import ComparisonFolder
+from .store import SCHEMA, ComparisonFolder
 from .tables import Cell, course_title, make_cells
 
 _FOLDER, _MANIFEST, _RUNS = "report", "manifest.json", "runs.jsonl"
@@ -75,7 +76,7 @@ def write_comparison_report(
     out = Path(folder) / _FOLDER
     with blame(out, "a folder that can be written"):
         out.mkdir(exist_ok=True)
-        (out / LIBRARY).write_text(library(), encoding="utf-8")
+        write_file(out / LIBRARY, library().encode())
     pages: dict[RunKey, _Page] = {}
     try:
         for done, row in enumerate(rows):
@@ -93,11 +94,13 @@ def _read(folder: Path) -> tuple[ComparisonSettings, list[RunRow]]:
         manifest = json.loads(path.read_text(encoding="utf-8"))
         if not isinstance(manifest, dict) or not {"settings", "versions"} <= set(manifest):
             raise ValueError("no JSON object with settings and versions")
+        if manifest.get("schema") != SCHEMA:
+            raise ValueError(f"no JSON object with schema {SCHEMA}")
         if not isinstance(manifest["settings"].get("laps"), int):
             raise ValueError("settings that are not those of a comparison")
         settings = ComparisonSettings.of(manifest["settings"])
     store = ComparisonFolder(folder)
-    store.open(manifest["settings"], manifest["versions"])
+    store.read(manifest["settings"], manifest["versions"])
     if not store.rows:
         raise RunFolderError(f"{folder / _RUNS}: has no finished run; accepted: {_ACCEPTED}")
     return settings, list(store.rows.values())

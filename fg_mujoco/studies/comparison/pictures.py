@@ -11,7 +11,7 @@ import numpy as np
 
 from ...messages import CarParameters, FloatArray
 from ...viz.course_drawing import draw_course, draw_obstacles, extent
-from ...viz.plots import require_matplotlib
+from ...viz.plots import require_matplotlib, save_figure
 from .ground import Ground
 from .run import Run, RunKey, RunRow
 from .store import ComparisonFolder
@@ -19,7 +19,6 @@ from .tables import Cell, course_title
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _DPI = 150
 _STYLE: Any = {"font.size": 8.0, "axes.linewidth": 0.6, "lines.linewidth": 0.9}
@@ -82,7 +81,7 @@ def table_picture(cells: Sequence[Cell], path: Path) -> None:
         if by_lap:
             scale.ax.set_ylim(1.0, slowest)
         scale.outline.set_visible(False)
-        _save(figure, path)
+        save_figure(figure, path, _DPI)
 
 
 def trace_pictures(runs: Sequence[Run], folder: ComparisonFolder, out: Path) -> None:
@@ -136,7 +135,7 @@ def _trace_picture(
             axes.set(xlim=(left, right), ylim=(bottom, top), xticks=[], yticks=[], xlabel="", ylabel="")
             successes = sum(rows[other.key].figures.success for other in runs)
             axes.set_title(f"{run.key.controller}\n{successes}/{len(runs)}; {_ending(rows[run.key])}", fontsize=7.0)
-        _save(figure, path)
+        save_figure(figure, path, _DPI)
 
 
 def _most_telling(runs: Sequence[Run], rows: Mapping[RunKey, RunRow]) -> Run:
@@ -172,7 +171,3 @@ def _footprint(pose: FloatArray, car: CarParameters) -> FloatArray:
     ends = np.array([-car.rear_overhang, -car.rear_overhang, car.length - car.rear_overhang])
     along, across = ends[[0, 1, 2, 2]], 0.5 * car.width * np.array([-1.0, 1.0, 1.0, -1.0])
     return np.array([x, y]) + np.outer(along, ahead) + np.outer(across, aside)
-
-
-def _save(figure: Figure, path: Path) -> None:
-    figure.savefig(path, format="png", dpi=_DPI, metadata={"Software": None})  # the same runs, the same file

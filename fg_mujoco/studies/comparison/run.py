@@ -15,14 +15,15 @@ from typing import Any, TypeVar, get_args, get_type_hints
 import mujoco
 import numpy as np
 
-from ...errors import ControllerError
+from ...errors import ControllerError, PlannerError
 from ...lidar.effects import LidarEffects
 from ...messages import FloatArray, require_whole
 from ...racing.planner_choice import ControllerChoice
-from ...racing.race import race
+from ...racing.race import race, require_decision_limit
 from ...racing.result import RaceResult
 from ...simulation.physics import STATE
 from ...simulation.planner_adapter import short
+from ...simulation.planner_failure import one_line
 from ...simulation.settings import FASTEST, CarSettings, DriveSettings, require_laps, require_time_limit
 from .ground import Ground, course_ground, laps_of
 
@@ -46,12 +47,14 @@ class ComparisonSettings(CarSettings):
     lidar_noise: float = 0.0  # [m] standard deviation of each range, drawn from the seed
     planner_mu: float | None = None  # that planners assume; None: as in the vehicle's MJCF; inf: no friction limits
     time_limit: float | None = None  # [s] of a run; None: as `race` has it
+    decision_limit: float | None = None  # [s] of wall time for a decision; None: any
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_laps(self.laps)
         require_whole("obstacles", self.obstacles, 0)
         require_time_limit(self)
+        require_decision_limit(self)
         self.drive()  # refuses the others
 
     def drive(self, *, max_speed: float = FASTEST, seed: int = 0) -> DriveSettings:
@@ -63,7 +66,7 @@ class ComparisonSettings(CarSettings):
 
     def manifest(self) -> dict[str, Any]:
         """Return them as they can stand in JSON; `of` reads them back."""
-        always = ("laps", "obstacles", "lidar_noise", "mu", "planner_mu", "time_limit")
+        always = ("laps", "obstacles", "lidar_noise", "mu", "planner_mu", "time_limit", "decision_limit")
         return {name: getattr(self, name) for name in always} | self.described()
 
 
@@ -163,14 +166,21 @@ class Run:
         try:
             result = self.race()
         except Exception as error:
-            text = str(error) if isinstance(error, ControllerError) else f"{type(error).__name__}: {error}"
-            laps = laps_of(self.ground().course, self.settings.laps)
-            return RunRow(self.key, _failed(" ".join(text.split()), laps)), np.empty((0, 3))
+            text = " ".join(str(error).split()) if isinstance(error, ControllerError) else one_line(error)
+            return self._failed(text, "planner_failed" if isinstance(error, PlannerError) else "failed")
         if result.end_reason == "interrupted":
             raise KeyboardInterrupt
         poses = driven_poses(result)
         trace = np.concatenate((poses[:-1:TRACE_STEP], poses[-1:]))
         return RunRow(self.key, run_figures(result, poses, self.ground())), trace
+
+    def died(self, how: str) -> tuple[RunRow, FloatArray]:
+        """Return what `drive` would, of a run whose worker process ended, with how it did in words."""
+        return self._failed(how, "worker_died")
+
+    def _failed(self, message: str, reason: str) -> tuple[RunRow, FloatArray]:
+        laps = laps_of(self.ground().course, self.settings.laps)
+        return RunRow(self.key, _failed(message, reason, laps)), np.empty((0, 3))
 
     def ground(self) -> Ground:
         """Return what it is driven on."""
@@ -191,6 +201,7 @@ class Run:
             max_speed=drive.max_speed,
             seed=drive.seed,
             time_limit=shared.time_limit,
+            decision_limit=shared.decision_limit,
             obstacles=ground.boxes,
             effects=drive.effects,
             planner_settings=dict(self.controller.settings),
@@ -241,7 +252,7 @@ def wrong_way_time(time: FloatArray, progress: FloatArray) -> float:
     return float(ticks[np.diff(progress) < -WRONG_WAY_SPEED * ticks].sum())
 
 
-def _failed(message: str, laps: int) -> RunFigures:
+def _failed(message: str, reason: str, laps: int) -> RunFigures:
     none = {field.name: None for field in fields(RunFigures)}
-    given = {"success": False, "end_reason": "failed", "message": message}
+    given = {"success": False, "end_reason": reason, "message": message}
     return RunFigures(**none | given | {"laps_completed": 0, "laps_requested": laps, "collisions": 0})  # type: ignore[arg-type]

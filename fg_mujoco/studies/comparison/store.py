@@ -5,11 +5,14 @@
     poses/RUN.npy     pose of the rear axle in that run, x [m], y [m], heading [rad], (n, 3) float32
     runs.csv          and the rest: see tables; written when all runs asked for are there
 
-A line that was torn by a crash is dropped, and its run is driven again.
+A line that was torn by a crash is dropped, and its run is driven again. So is one whose checksum is not that of its
+contents and of its trace, with a warning.
 """
 
 from __future__ import annotations
 
+import hashlib
+import io
 import json
 import os
 from collections.abc import Mapping, Sequence
@@ -18,13 +21,17 @@ from typing import Any
 
 import numpy as np
 
+from ...course.writing import write_file
 from ...errors import RunFolderError
 from ...messages import FloatArray
-from ..folders import blame, replace_file
+from ..folders import blame, digest, sealed, unsealed, warn_damaged
 from .run import RunKey, RunRow
 
 SCHEMA = 1
 """Of the folder; any other is refused."""
+
+ACCEPTED = "a new or empty folder, or one of the same comparison"
+"""Folders that a comparison writes to."""
 
 _MANIFEST, _RUNS, _POSES = "manifest.json", "runs.jsonl", "poses"
 
@@ -43,25 +50,42 @@ class ComparisonFolder:
     def __init__(self, folder: str | Path) -> None:
         self.folder = Path(folder)
         self.rows: dict[RunKey, RunRow] = {}
+        self._poses_sha256: dict[RunKey, str] = {}
+        self._digest = ""  # of settings and versions
 
     def open(self, settings: Mapping[str, Any], versions: Mapping[str, str]) -> None:
         """Make the folder, or read one that is there and was made with the same settings and versions.
 
+        Lines of runs that are damaged are dropped.
+
         Raises:
           RunFolderError: it holds something else, or cannot be read or written.
         """
-        accepted = "a new or empty folder, or one of the same comparison"
-        with blame(self.folder, accepted):
+        with blame(self.folder, ACCEPTED):
             path = self.folder / _MANIFEST
+            self._digest = digest(dict(settings), dict(versions))
             manifest = {"schema": SCHEMA, "settings": dict(settings), "versions": dict(versions)}
             if path.exists():
                 self._require_same(json.loads(path.read_text(encoding="utf-8")), manifest)
-                self._read()
+                self._read(repair=True)
                 return
             if self.folder.exists() and any(self.folder.iterdir()):
-                raise RunFolderError(f"{self.folder}: is not empty; accepted: {accepted}")
+                raise RunFolderError(f"{self.folder}: is not empty; accepted: {ACCEPTED}")
             self.folder.mkdir(parents=True, exist_ok=True)
-            replace_file(path, (json.dumps(manifest, indent=2) + "\n").encode())
+            write_file(path, (json.dumps(manifest, indent=2) + "\n").encode())
+
+    def read(self, settings: Mapping[str, Any], versions: Mapping[str, str]) -> None:
+        """Read a folder, and leave it as it is.
+
+        Args:
+          settings: as its manifest has them.
+          versions: as its manifest has them.
+
+        Raises:
+          RunFolderError: it cannot be read, or a run in it is damaged.
+        """
+        self._digest = digest(dict(settings), dict(versions))
+        self._read(repair=False)
 
     def add(self, row: RunRow, trace: FloatArray) -> None:
         """Keep a run: its line, which says that it is finished, comes last.
@@ -72,9 +96,12 @@ class ComparisonFolder:
         with blame(self.folder, "a folder that can be written"):
             path = self._poses(row.key)
             path.parent.mkdir(exist_ok=True)
-            np.save(path, trace.astype(np.float32))
+            content = io.BytesIO()
+            np.save(content, trace.astype(np.float32))
+            write_file(path, content.getvalue())
+            self._poses_sha256[row.key] = _sha256(content.getvalue())
             with (self.folder / _RUNS).open("ab") as file:
-                file.write(_line(row))
+                file.write(self._line(row))
                 file.flush()
                 os.fsync(file.fileno())
             self.rows[row.key] = row
@@ -88,7 +115,7 @@ class ComparisonFolder:
         first = {key: place for place, key in enumerate(keys)}
         order = sorted(self.rows, key=lambda key: (first.get(key, len(first)), key.sha256))
         with blame(self.folder, "a folder that can be written"):
-            replace_file(self.folder / _RUNS, b"".join(_line(self.rows[key]) for key in order))
+            write_file(self.folder / _RUNS, b"".join(self._line(self.rows[key]) for key in order))
 
     def trace(self, key: RunKey) -> FloatArray:
         """Return where the rear axle was: x [m], y [m], heading [rad], (n, 3).
@@ -102,18 +129,44 @@ class ComparisonFolder:
     def _poses(self, key: RunKey) -> Path:
         return self.folder / _POSES / f"{key.sha256[:24]}.npy"
 
-    def _read(self) -> None:
+    def _line(self, row: RunRow) -> bytes:
+        belongs = {"poses_sha256": self._poses_sha256[row.key]} if row.key in self._poses_sha256 else {}
+        return (json.dumps(sealed(row.as_dict() | belongs, self._digest)) + "\n").encode()
+
+    def _read(self, *, repair: bool) -> None:
+        """Read the rows; of those that are damaged, raise an error, or warn and drop them."""
         path = self.folder / _RUNS
         if not path.exists():
             return
-        whole, _, torn = path.read_bytes().rpartition(b"\n")
-        for number, line in enumerate(whole.splitlines(), start=1):
-            with blame(Path(f"{path}, line {number}"), "a line that `compare` wrote"):
-                row = RunRow.of(json.loads(line))
-            if self._poses(row.key).exists():
+        content = path.read_bytes()
+        whole, _, _ = content.rpartition(b"\n")
+        kept = []
+        for number, line in enumerate(whole.split(b"\n") if whole else (), start=1):
+            try:
+                with blame(Path(f"{path}, line {number}"), "a line that `compare` wrote"):
+                    values = unsealed(json.loads(line), self._digest)
+                    row = RunRow.of(values)
+                self._read_poses(row.key, values.get("poses_sha256"))
+            except RunFolderError as error:
+                if not repair:
+                    raise
+                warn_damaged(str(error).partition(": ")[0], error)
+            else:
                 self.rows[row.key] = row
-        if torn:
-            os.truncate(path, len(whole) + 1 if whole else 0)
+                kept.append(line + b"\n")
+        if repair and b"".join(kept) != content:
+            write_file(path, b"".join(kept))
+
+    def _read_poses(self, key: RunKey, sha256: str | None) -> None:
+        """Make sure that a trace is there as it was written; None: by a version that had no checksums."""
+        path = self._poses(key)
+        with blame(path, "as `compare` wrote it"):
+            if sha256 is None:
+                path.stat()
+            elif _sha256(path.read_bytes()) != sha256:
+                raise ValueError("its sha256 is another")
+            else:
+                self._poses_sha256[key] = sha256
 
     def _require_same(self, theirs: Any, ours: dict[str, Any]) -> None:
         if not isinstance(theirs, dict) or theirs.get("schema") != SCHEMA:
@@ -128,5 +181,5 @@ class ComparisonFolder:
                     )
 
 
-def _line(row: RunRow) -> bytes:
-    return (json.dumps(row.as_dict()) + "\n").encode()
+def _sha256(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()

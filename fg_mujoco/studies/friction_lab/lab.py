@@ -22,11 +22,12 @@ from typing import NamedTuple
 from ...errors import SettingsError, accepted_names
 from ...messages import require_whole
 from ...viz.plots import require_matplotlib
+from ..folders import claimed
 from ..rollout.job import versions
 from ..worker_processes import usable_cores, work_off
 from .experiment import Cell, Experiment, LabSettings, Section, Tables
 from .lab_report import Chapter, expected_table, write_report
-from .lab_store import LabFolder, as_read, cell_key
+from .lab_store import ACCEPTED, LabFolder, as_read, cell_key
 
 _HERE = "fg_mujoco.studies.friction_lab"
 EXPERIMENTS: dict[str, str] = {
@@ -138,6 +139,21 @@ def run_lab(
     if pictures and out is not None:
         require_matplotlib()
     plan = {name: load_experiment(name).cells(settings) for name in dict.fromkeys(names)}
+    with claimed(out, ACCEPTED):
+        return _run(plan, settings, out, workers, pictures=pictures, redraw=redraw, watch=watch)
+
+
+def _run(
+    plan: dict[str, list[Cell]],
+    settings: LabSettings,
+    out: str | Path | None,
+    workers: int | None,
+    *,
+    pictures: bool,
+    redraw: bool,
+    watch: Callable[[LabProgress], None] | None,
+) -> LabResult:
+    """Measure what is missing of some cells, and write the report."""
     folder = LabFolder(out) if out is not None else None
     found: dict[str, dict[str, Tables]] = {name: {} for name in plan}
     if folder is not None:

@@ -4,7 +4,8 @@
     cells/NAME.jsonl        a line a cell of that experiment, with its rows, added when it is finished
     NAME_TABLE.csv          and the rest: see lab_report; written when all cells asked for are there
 
-A line that was torn by a crash is dropped, and its cell is measured again. NaN is written as Python's json does.
+A line that was torn by a crash is dropped, and its cell is measured again. So is one whose checksum is not that of its
+contents, with a warning. NaN is written as Python's json does.
 """
 
 from __future__ import annotations
@@ -15,15 +16,17 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from ...course.writing import write_file
 from ...errors import RunFolderError
-from ..folders import blame, write_file
+from ..folders import blame, digest, sealed, unsealed, warn_damaged
 from .experiment import Cell, Tables
 
 SCHEMA = 1
 """Of the folder; any other is refused."""
 
 _MANIFEST, _CELLS = "lab.json", "cells"
-_ACCEPTED = "a new or empty folder, or one of the lab with the same settings and sources"
+ACCEPTED = "a new or empty folder, or one of the lab with the same settings and sources"
+"""Folders that the lab writes to."""
 
 
 class LabFolder:
@@ -40,6 +43,7 @@ class LabFolder:
     def __init__(self, folder: str | Path) -> None:
         self.folder = Path(folder)
         self.versions: dict[str, str] = {}
+        self._digest = ""  # of settings and versions
 
     def open(self, settings: Mapping[str, Any], versions: Mapping[str, str], *, any_versions: bool = False) -> None:
         """Make the folder, or make sure that one which is there is of the same lab.
@@ -52,7 +56,7 @@ class LabFolder:
         Raises:
           RunFolderError: it holds something else, or cannot be read or written.
         """
-        with blame(self.folder, _ACCEPTED):
+        with blame(self.folder, ACCEPTED):
             path = self.folder / _MANIFEST
             if path.exists():
                 theirs = json.loads(path.read_text(encoding="utf-8"))
@@ -62,29 +66,41 @@ class LabFolder:
                 if not any_versions:
                     self._require_same(theirs["versions"], versions)
                 self.versions = theirs["versions"]
+                self._digest = digest(theirs["settings"], self.versions)
                 return
             if self.folder.exists() and any(self.folder.iterdir()):
-                raise RunFolderError(f"{self.folder}: is not empty; accepted: {_ACCEPTED}")
-            (self.folder / _CELLS).mkdir(parents=True, exist_ok=True)
+                raise RunFolderError(f"{self.folder}: is not empty; accepted: {ACCEPTED}")
+            self.folder.mkdir(parents=True, exist_ok=True)
             self.versions = dict(versions)
+            self._digest = digest(json.loads(json.dumps(settings)), self.versions)
             manifest = {"schema": SCHEMA, "settings": dict(settings), "versions": self.versions}
             replace_text(path, json.dumps(manifest, indent=2) + "\n")
 
     def read(self, experiment: str) -> dict[str, Tables]:
-        """Return the rows of the finished cells of an experiment, by `cell_key`.
+        """Return the rows of the finished cells of an experiment, by `cell_key`; lines that are damaged are dropped.
 
         Raises:
-          RunFolderError: the file is damaged.
+          RunFolderError: the file cannot be read or written.
         """
         path = self._path(experiment)
         if not path.exists():
             return {}
         with blame(path, "as `friction` wrote it"):
-            whole, _, torn = path.read_bytes().rpartition(b"\n")
-            if torn:
-                os.truncate(path, len(whole) + 1 if whole else 0)
-            lines = [json.loads(line) for line in whole.splitlines()]
-            return {cell_key(line["cell"]): line["tables"] for line in lines}
+            content = path.read_bytes()
+            whole, _, _ = content.rpartition(b"\n")
+            found: dict[str, Tables] = {}
+            kept = []
+            for number, line in enumerate(whole.split(b"\n") if whole else (), start=1):
+                try:
+                    row = unsealed(json.loads(line), experiment, self._digest)
+                    found[cell_key(row["cell"])] = row["tables"]
+                except (ValueError, KeyError) as error:
+                    warn_damaged(f"{path}, line {number}", error)
+                else:
+                    kept.append(line + b"\n")
+            if b"".join(kept) != content:
+                write_file(path, b"".join(kept))
+            return found
 
     def add(self, experiment: str, cell: Cell, tables: Tables) -> None:
         """Keep the rows of a cell.
@@ -93,10 +109,12 @@ class LabFolder:
           RunFolderError: they cannot be written.
         """
         path = self._path(experiment)
-        with blame(path, "a folder that can be written"), path.open("ab") as file:
-            file.write(_line(cell, tables))
-            file.flush()
-            os.fsync(file.fileno())
+        with blame(path, "a folder that can be written"):
+            path.parent.mkdir(exist_ok=True)
+            with path.open("ab") as file:
+                file.write(self._line(experiment, cell, tables))
+                file.flush()
+                os.fsync(file.fileno())
 
     def sort(self, experiment: str, cells: Iterable[tuple[Cell, Tables]]) -> None:
         """Put the lines in the order of the cells, so that equal experiments are equal files.
@@ -106,8 +124,12 @@ class LabFolder:
         """
         path = self._path(experiment)
         with blame(path, "a folder that can be written"):
-            text = b"".join(_line(cell, tables) for cell, tables in cells)
-            write_file(path, lambda file: file.write(text))
+            path.parent.mkdir(exist_ok=True)
+            write_file(path, b"".join(self._line(experiment, cell, tables) for cell, tables in cells))
+
+    def _line(self, experiment: str, cell: Cell, tables: Tables) -> bytes:
+        row = {"cell": cell, "tables": as_read(tables)}
+        return (_text(sealed(row, experiment, self._digest)) + "\n").encode()
 
     def _path(self, experiment: str) -> Path:
         return self.folder / _CELLS / f"{experiment}.jsonl"
@@ -135,11 +157,7 @@ def as_read(tables: Tables) -> Tables:
 
 def replace_text(path: Path, text: str) -> None:
     """Write a text file in one piece, in the place of one that may be there."""
-    write_file(path, lambda file: file.write(text.encode()))
-
-
-def _line(cell: Cell, tables: Tables) -> bytes:
-    return (_text({"cell": cell, "tables": tables}) + "\n").encode()
+    write_file(path, text.encode())
 
 
 def _text(value: Any) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import math
 import platform
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from importlib.metadata import version
@@ -27,12 +27,13 @@ from ...kernels import package_files
 from ...messages import require_whole
 from ...racing.planner_choice import Value
 from ...racing.planner_loading import build_controller, find_controller
+from ...racing.race import require_decision_limit
 from ...simulation.physics import STATE
 from ...simulation.settings import DriveSettings, Scenario, require_laps
 from ...simulation.telemetry import TELEMETRY
 from ...vehicle.changes import CarChanges
 from .randomization import Randomization
-from .world_batch import RECORDS, RESULT, WorldResults, drive_worlds
+from .world_batch import RECORDS, RESULT, WorldResults, drive_worlds, undriven_world
 
 TICK = 0.025  # [s] a period of the LiDAR, for estimates of what a rollout will take and has done
 
@@ -60,6 +61,7 @@ class RolloutJob:
     record: str
     chunk: int  # worlds in one, at most
     base: DriveSettings = field(default_factory=DriveSettings)  # what is the same in all worlds
+    decision_limit: float | None = None  # [s] of wall time for a decision; None: any
 
     def __post_init__(self) -> None:
         require_laps(self.laps, optional=True)
@@ -67,6 +69,7 @@ class RolloutJob:
         number = isinstance(self.duration, (int, float)) and not isinstance(self.duration, bool)
         if self.duration is not None and not (number and 0.0 < self.duration < math.inf):
             raise SettingsError(f"duration is {self.duration!r}; accepted: a positive number")
+        require_decision_limit(self)
         if self.laps is None and self.duration is None:
             raise SettingsError("neither laps nor duration is given; accepted: either or both")
         if self.record not in RECORDS:
@@ -137,6 +140,7 @@ class RolloutJob:
         controller: str | None = None,
         stop: Callable[[], bool] | None = None,
         watch: Callable[[int, int], None] | None = None,
+        worlds: Sequence[int] | None = None,
     ) -> Arrays:
         """Drive a chunk in the calling thread and return what it leaves.
 
@@ -145,20 +149,35 @@ class RolloutJob:
           controller: where it is on this machine; None: where the job says.
           stop: as `drive_worlds` takes it; what an ended chunk leaves is not to be kept.
           watch: as `drive_worlds` takes it.
+          worlds: of the chunk, those that are to be driven; None: all.
         """
-        numbers = self.chunks[number].tolist()
-        drawn = [self.randomization.draw(seed) for seed in self.seeds[self.chunks[number]].tolist()]
+        numbers = self.chunks[number].tolist() if worlds is None else list(worlds)
+        drawn = self._drawn(numbers)
         results = drive_worlds(
             [self.scenario(*world) for world in zip(numbers, drawn, strict=True)],
             controller or self.controller,
             laps=self.laps,
             duration=self.duration,
             record=self.record,
+            decision_limit=self.decision_limit,
             stop=stop,
             watch=watch,
         )
+        return self._arrays(numbers, drawn, results)
+
+    def undriven(self, world: int, reason: str) -> Arrays:
+        """Return what `drive` would, of a world that could not be driven, which ended for a reason of END_REASONS."""
+        return self._arrays(
+            [world], self._drawn([world]), undriven_world(int(self.seeds[world]), reason, self.record)
+        )  # fmt: skip
+
+    def _drawn(self, numbers: Sequence[int]) -> list[dict[str, Value]]:
+        """Return what is drawn for some worlds."""
+        return [self.randomization.draw(int(self.seeds[number])) for number in numbers]
+
+    def _arrays(self, numbers: Sequence[int], drawn: Sequence[dict[str, Value]], results: WorldResults) -> Arrays:
         worlds = np.empty(len(numbers), self.world_dtype)
-        worlds["world"], worlds["track"] = numbers, self.chunks[number] % len(self.tracks)
+        worlds["world"], worlds["track"] = numbers, np.asarray(numbers) % len(self.tracks)
         for name in self.randomization.ranges:
             worlds[name] = [values[name] for values in drawn]
         for name in RESULT.names or ():
@@ -186,6 +205,7 @@ class RolloutJob:
             "randomize": self.randomization.texts(),
             "laps": self.laps,
             "duration": self.duration,
+            "decision_limit": self.decision_limit,
             "record": self.record,
             "drive": self.base.described(),
         }
@@ -227,6 +247,17 @@ def versions() -> dict[str, str]:
         "sources_sha256": sources.hexdigest(),
         "platform": f"{platform.system()}-{platform.machine()}",
     }
+
+
+def joined(parts: Sequence[Arrays]) -> Arrays:
+    """Return what a chunk leaves, of what its worlds leave that were driven in several parts, in their order."""
+    most = max(part["lap_times_s"].shape[1] for part in parts)
+    laps = [
+        np.pad(part["lap_times_s"], ((0, 0), (0, most - part["lap_times_s"].shape[1])), constant_values=math.nan)
+        for part in parts
+    ]
+    whole = {name: np.concatenate([part[name] for part in parts]) for name in parts[0] if name != "lap_times_s"}
+    return whole | {"lap_times_s": np.concatenate(laps)}
 
 
 def _traces(results: WorldResults, record: str) -> Arrays:

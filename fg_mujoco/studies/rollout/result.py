@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
 from collections import Counter
 from dataclasses import dataclass, field
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...course.course import Course
+from ...course.writing import write_file
 from ...display import Shown, brief, paragraph, quoted, table
 from ...errors import SettingsError, accepted_names
 from ...messages import FloatArray
@@ -149,14 +151,20 @@ class RolloutResult(Shown):
         Raises:
           RunFolderError: the file cannot be written.
         """
-        tracks = [track.name for track in self.tracks]
         path = Path(path)
-        with blame(path, "a file that can be written"), path.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(self.names)
-            at = self.names.index("track")
-            for row in self.worlds.tolist():
-                writer.writerow((*map(_cell, row[:at]), tracks[row[at]], *map(_cell, row[at + 1 :])))
+        with blame(path, "a file that can be written"):
+            write_file(path, self.as_csv().encode())
+
+    def as_csv(self) -> str:
+        """Return the table that `to_csv` writes."""
+        tracks = [track.name for track in self.tracks]
+        file = io.StringIO()
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(self.names)
+        at = self.names.index("track")
+        for row in self.worlds.tolist():
+            writer.writerow((*map(_cell, row[:at]), tracks[row[at]], *map(_cell, row[at + 1 :])))
+        return file.getvalue()
 
     def _row(self, world: int) -> Any:
         if not isinstance(world, (int, np.integer)) or not 0 <= world < len(self):
@@ -202,8 +210,11 @@ def read_rollout(folder: str | Path) -> RolloutResult:
       RunFolderError: it is not one, is not finished, or a file in it is missing or damaged.
     """
     store = FolderStore(folder)
-    settings, summary = store.manifest()["settings"], store.summary()
-    kept = {number: store.read(number) for number in store.numbers()}
+    manifest, summary = store.manifest(), store.summary()
+    settings = manifest["settings"]
+    every = len(settings["tracks"])  # as the job has it, each chunk is of one of them
+    worlds = (len(range(first, settings["n"], every)) for first in range(every))
+    kept = {number: store.read(number) for number in range(sum(-(-count // manifest["chunk"]) for count in worlds))}
     table = _table(list(kept.values()))
     places = np.empty((len(table["worlds"]), 2), np.int64)
     for number, arrays in kept.items():

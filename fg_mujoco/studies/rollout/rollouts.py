@@ -28,15 +28,17 @@ from ...simulation.course_loading import load_track
 from ...simulation.settings import FASTEST, DriveSettings, Start
 from ...vehicle.changes import CarChanges
 from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
+from ..folders import claimed
 from ..worker_processes import usable_cores
 from .job import Arrays, RolloutJob, versions
 from .local import drive_in_threads
+from .processes import drive_in_processes
 from .randomization import Randomization, world_seeds
 from .ray_cluster import drive_on_ray, require_ray
 from .result import RolloutResult, gather
-from .store import ChunkStore, FolderStore, MemoryStore, TemporaryFolderStore
+from .store import ACCEPTED, ChunkStore, FolderStore, MemoryStore, TemporaryFolderStore
 
-ENGINES = ("local", "ray")
+ENGINES = ("local", "processes", "ray")
 DEFAULT_WORLDS = 1024
 DEFAULT_CHUNK = 64
 DEFAULT_MEMORY_BUDGET = 2**30  # [bytes]
@@ -84,6 +86,7 @@ def rollout(
     odometry_drift: float = 0.0,
     laps: int | None = None,
     duration: float | None = None,
+    decision_limit: float | None = None,
     workers: int | None = None,
     record: str = "summary",
     out: str | Path | None = None,
@@ -118,13 +121,18 @@ def rollout(
       odometry_drift: relative error of the speeds and the yaw rate that the planners are told.
       laps: to be driven; None: one, or as many as fit the duration.
       duration: of simulated time at most [s]; None: what a car of 0.5 m/s needs for the laps.
-      workers: threads, or with Ray cores; None: as many as there are.
+      decision_limit: of wall time that a planner may take for one decision [s]; None: any. A world whose planner
+        takes longer ends as "decision_limit". Threads look at it when the planner has answered; the engine "processes"
+        interrupts it, as `race` does.
+      workers: threads or processes, or with Ray cores; None: as many as there are.
       record: "summary", "telemetry" (each tick of each world too) or "states" (and its state and controls).
       out: a new or empty folder, or one of the same rollout, which is then finished.
       memory_budget: what telemetry and states may take; what might take more goes to disk: to `out`, else to a
         temporary folder that is gone with the result [bytes].
       chunk: worlds that a worker drives together, at most; a folder that is gone on with keeps its own.
-      engine: "local" or "ray".
+      engine: "local", in threads of this process; "processes", each of which a planner can end with no harm but to its
+        own world, which ends as "worker_died"; or "ray". A script that calls it with "processes" needs
+        `if __name__ == "__main__":`.
       watch: called several times a second, and after each chunk.
 
     Raises:
@@ -154,6 +162,7 @@ def rollout(
         randomization=Randomization.of(randomize),
         laps=1 if laps is None and duration is None else laps,
         duration=duration,
+        decision_limit=decision_limit,
         record=record,
         chunk=chunk,
     )
@@ -165,10 +174,11 @@ def rollout(
     job = replace(job, chunk=min(chunk, -(-len(job.seeds) // cores), fitting))
     if out is not None:
         folder = FolderStore(out)
-        job = replace(job, chunk=folder.open(job.settings(), versions(), job.chunk, job.tracks))
-        result = _drive(job, folder, engine, workers, watch)
-        if not folder.finished:
-            folder.finish(result.summary(), result.to_csv)
+        with claimed(out, ACCEPTED):
+            job = replace(job, chunk=folder.open(job.settings(), versions(), job.chunk, job.tracks))
+            result = _drive(job, folder, engine, workers, watch)
+            if not folder.finished:
+                folder.finish(result.summary(), result.as_csv())
         return result
     fits = trace * len(job.seeds) <= memory_budget
     return _drive(job, MemoryStore() if fits else TemporaryFolderStore(), engine, workers, watch)
@@ -184,7 +194,7 @@ def _drive(
     """Drive the chunks that the store has not, and return how all worlds went."""
     progress = _Progress(job, store.numbers(), watch)
     if progress.missing:
-        drive = drive_on_ray if engine == "ray" else drive_in_threads
+        drive = {"local": drive_in_threads, "processes": drive_in_processes, "ray": drive_on_ray}[engine]
         with closing(drive(job, progress.missing, workers=workers, pulse=progress.pulse)) as finished:
             for number, arrays in finished:
                 store.add(number, arrays)

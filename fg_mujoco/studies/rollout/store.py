@@ -7,16 +7,16 @@
     worlds.csv        one row a world, when all are driven
     summary.json      the figures; a folder that has it is finished
 
-Each file is written aside and moved into its place.
+Each chunk has a checksum of its arrays, its number, and the settings and versions of the rollout. One that is damaged,
+or that was copied over another, is driven again by the same rollout, with a warning. Whoever reads it refuses it.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-import os
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -24,9 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...course.course import Course
+from ...course.writing import write_file
 from ...errors import RunFolderError
+from ...messages import require_whole
 from ...simulation.course_loading import reload_course
-from ..folders import as_json, blame, write_file
+from ..folders import as_json, blame, digest, sealed, unsealed, warn_damaged
 from .job import Arrays
 
 SCHEMA = 1
@@ -35,6 +37,10 @@ SCHEMA = 1
 TRACES = ("telemetry", "states", "ctrl")
 """Arrays of a chunk that are long, and are read only where they are asked for."""
 
+ACCEPTED = "a new or empty folder, or one of the same rollout"
+"""Folders that a rollout writes to."""
+
+_SEAL = "sha256"  # of a chunk, among its arrays
 _MANIFEST, _TRACKS, _CHUNKS, _WORLDS, _SUMMARY = "manifest.json", "tracks.npz", "chunks", "worlds.csv", "summary.json"
 
 
@@ -79,6 +85,8 @@ class FolderStore:
 
     def __init__(self, folder: str | Path) -> None:
         self.folder = Path(folder)
+        self._belongs: tuple[Any, ...] = ()  # what the chunks belong to
+        self._checked: set[int] = set()  # chunks that this process wrote, or has compared with their checksums
 
     def open(self, settings: dict[str, Any], versions: dict[str, str], chunk: int, tracks: Sequence[Course]) -> int:
         """Make the folder, or make sure that one which is there is of the same rollout.
@@ -95,40 +103,68 @@ class FolderStore:
         Raises:
           RunFolderError: it holds something else, or cannot be written.
         """
-        with blame(self.folder, "a new or empty folder, or one of the same rollout"):
-            if (self.folder / _MANIFEST).exists():
-                manifest = self.manifest()
+        with blame(self.folder, ACCEPTED):
+            numbers, path = _numbers(tracks), self.folder / _MANIFEST
+            if path.exists():
+                manifest = self._read_manifest()
                 self._require_same(manifest["settings"], settings)
                 self._require_same(manifest["versions"], versions)
-                return int(manifest["chunk"])
-            if self.folder.exists() and any(self.folder.iterdir()):
-                raise RunFolderError(
-                    f"{self.folder}: is not empty; accepted: a new or empty folder, or one of the same rollout"
-                )
-            (self.folder / _CHUNKS).mkdir(parents=True, exist_ok=True)
-            numbers = {
-                f"{i}_{name}": array for i, track in enumerate(tracks) for name, array in track.definition.items()
-            }
-            _write_arrays(self.folder / _TRACKS, numbers)
-            digest = hashlib.sha256(json.dumps([settings, versions], sort_keys=True).encode()).hexdigest()
-            manifest = {"schema": SCHEMA, "settings": settings, "versions": versions, "chunk": chunk, "sha256": digest}
-            write_file(self.folder / _MANIFEST, lambda file: file.write(_json(manifest)))
-            return chunk
+            elif self.folder.exists() and any(self.folder.iterdir()):
+                raise RunFolderError(f"{self.folder}: is not empty; accepted: {ACCEPTED}")
+            else:
+                self.folder.mkdir(parents=True, exist_ok=True)
+                manifest = {
+                    "schema": SCHEMA, "settings": settings, "versions": versions, "chunk": chunk,
+                    "tracks_sha256": _sha256(numbers), "sha256": digest(settings, versions),
+                }  # fmt: skip
+                write_file(path, _json(manifest))
+            self._belongs = digest(settings, versions), manifest["chunk"]
+            (self.folder / _CHUNKS).mkdir(exist_ok=True)
+            self._keep_tracks(manifest, numbers)
+            return int(manifest["chunk"])
 
     def manifest(self) -> dict[str, Any]:
         """Return what the folder was made with.
 
         Raises:
-          RunFolderError: it was not made by a rollout.
+          RunFolderError: it was not made by a rollout, or is damaged.
         """
-        path = self.folder / _MANIFEST
-        if not path.is_file():
+        if not (self.folder / _MANIFEST).is_file():
             raise RunFolderError(f"{self.folder}: has no {_MANIFEST}; accepted: a folder that `rollout --out` wrote")
+        manifest = self._read_manifest()
+        with blame(self.folder / _MANIFEST, "as `rollout --out` wrote it"):
+            if manifest["sha256"] != self._belongs[0]:
+                raise ValueError("its sha256 is that of other settings or versions")
+        return manifest
+
+    def _read_manifest(self) -> dict[str, Any]:
+        path = self.folder / _MANIFEST
         with blame(path, "as `rollout --out` wrote it"):
             manifest = json.loads(path.read_text(encoding="utf-8"))
             if not isinstance(manifest, dict) or manifest.get("schema") != SCHEMA:
                 raise ValueError(f"no JSON object with schema {SCHEMA}")
+            require_whole("chunk", manifest["chunk"], 1)
+            self._belongs = digest(manifest["settings"], manifest["versions"]), manifest["chunk"]
             return manifest
+
+    def _keep_tracks(self, manifest: dict[str, Any], numbers: Arrays) -> None:
+        """Write the courses, unless they are there; warn where they are damaged."""
+        path = self.folder / _TRACKS
+        if path.exists():
+            try:
+                self._read_tracks(manifest)
+                return
+            except RunFolderError as error:
+                warn_damaged(path, error)
+        _write_arrays(path, numbers)
+
+    def _read_tracks(self, manifest: dict[str, Any]) -> Arrays:
+        path = self.folder / _TRACKS
+        with blame(path, "as `rollout --out` wrote it"), np.load(path, allow_pickle=False) as file:
+            arrays = dict(file)
+            if manifest.get("tracks_sha256", _sha256(arrays)) != _sha256(arrays):  # older versions have none
+                raise ValueError("its sha256 is another")
+            return arrays
 
     def tracks(self) -> tuple[Course, ...]:
         """Return the courses.
@@ -137,18 +173,26 @@ class FolderStore:
           RunFolderError: the file is missing or damaged.
           TrackError: a course of a user's own class is not to be had any more.
         """
-        names = [track["name"] for track in self.manifest()["settings"]["tracks"]]
-        path = self.folder / _TRACKS
-        with blame(path, "as `rollout --out` wrote it"), np.load(path, allow_pickle=False) as arrays:
+        manifest = self.manifest()
+        arrays = self._read_tracks(manifest)
+        with blame(self.folder / _TRACKS, "as `rollout --out` wrote it"):
+            names = [track["name"] for track in manifest["settings"]["tracks"]]
             numbers: list[dict[str, NDArray[Any]]] = [{} for _ in names]
-            for key in arrays.files:
+            for key, array in arrays.items():
                 number, _, name = key.partition("_")
-                numbers[int(number)][name] = arrays[key]
+                numbers[int(number)][name] = array
             return tuple(reload_course(*course) for course in zip(names, numbers, strict=True))
 
     def numbers(self) -> set[int]:
-        """Return the numbers of the chunks that are kept."""
-        return {int(path.stem) for path in (self.folder / _CHUNKS).glob("*.npz") if path.stem.isdigit()}
+        """Return the numbers of the chunks that are kept; one that is damaged is not, and is warned of."""
+        kept = set()
+        for number in sorted(int(path.stem) for path in (self.folder / _CHUNKS).glob("*.npz") if path.stem.isdigit()):
+            try:
+                self.read(number)
+                kept.add(number)
+            except RunFolderError as error:
+                warn_damaged(self._path(number), error)
+        return kept
 
     def add(self, number: int, arrays: Arrays) -> None:
         """Keep a chunk: the file that says that it is complete comes last.
@@ -160,7 +204,9 @@ class FolderStore:
             for name in TRACES:
                 if name in arrays:
                     _write_array(self._path(number, name), arrays[name])
-            _write_arrays(self._path(number), {name: array for name, array in arrays.items() if name not in TRACES})
+            short = {name: array for name, array in arrays.items() if name not in TRACES}
+            _write_arrays(self._path(number), short | {_SEAL: np.array(_sha256(arrays, *self._belongs, number))})
+            self._checked.add(number)
 
     def read(self, number: int) -> Arrays:
         """Return the arrays of a chunk, those of TRACES mapped from disk.
@@ -175,28 +221,42 @@ class FolderStore:
             for name in TRACES:
                 if self._path(number, name).exists():
                     arrays[name] = np.load(self._path(number, name), mmap_mode="r", allow_pickle=False)
+            seal = arrays.pop(_SEAL, None)
+            if number not in self._checked and seal != _sha256(arrays, *self._belongs, number):
+                raise ValueError("its sha256 is that of other contents, or of another place")
+            self._checked.add(number)
             return arrays
 
     @property
     def finished(self) -> bool:
-        """Whether all worlds are driven and the summary is written."""
-        return (self.folder / _SUMMARY).exists()
+        """Whether all worlds are driven, and the summary and the table are there as they were written."""
+        if not (self.folder / _SUMMARY).exists():
+            return False
+        path = self.folder / _WORLDS
+        try:
+            known = self._read_summary().get("worlds_sha256")
+            with blame(path, "as `rollout --out` wrote it"):
+                if known is not None and hashlib.sha256(path.read_bytes()).hexdigest() != known:
+                    raise ValueError("its sha256 is another")
+        except RunFolderError as error:
+            warn_damaged(str(error).partition(": ")[0], error)
+            return False
+        return True
 
-    def finish(self, summary: dict[str, Any], write_worlds: Callable[[Path], None]) -> None:
+    def finish(self, summary: dict[str, Any], worlds: str) -> None:
         """Write the table of all worlds and, last, the summary.
 
         Args:
           summary: the figures.
-          write_worlds: writes the table to a path.
+          worlds: the table.
 
         Raises:
           RunFolderError: it cannot be written.
         """
         with blame(self.folder, "a folder that can be written"):
-            aside = self.folder / f".{_WORLDS}.{os.getpid()}"
-            write_worlds(aside)
-            aside.replace(self.folder / _WORLDS)
-            write_file(self.folder / _SUMMARY, lambda file: file.write(_json(summary)))
+            write_file(self.folder / _WORLDS, worlds.encode())
+            figures = json.loads(_json(summary)) | {"worlds_sha256": hashlib.sha256(worlds.encode()).hexdigest()}
+            write_file(self.folder / _SUMMARY, _json(sealed(figures, *self._belongs)))
 
     def summary(self) -> dict[str, Any]:
         """Return the figures of a finished folder.
@@ -204,9 +264,13 @@ class FolderStore:
         Raises:
           RunFolderError: they are missing or damaged.
         """
-        with blame(self.folder / _SUMMARY, "a finished folder; the same command finishes it"):
-            summary: dict[str, Any] = json.loads((self.folder / _SUMMARY).read_text(encoding="utf-8"))
-            return summary
+        self.manifest()
+        return self._read_summary()
+
+    def _read_summary(self) -> dict[str, Any]:
+        path = self.folder / _SUMMARY
+        with blame(path, "a finished folder; the same command finishes it"):
+            return unsealed(json.loads(path.read_text(encoding="utf-8")), *self._belongs)
 
     def _path(self, number: int, name: str | None = None) -> Path:
         return self.folder / _CHUNKS / (f"{number:06}.npz" if name is None else f"{number:06}.{name}.npy")
@@ -228,6 +292,19 @@ class TemporaryFolderStore(FolderStore):
         self._temporary = tempfile.TemporaryDirectory(prefix="fg_mujoco-rollout-")
         super().__init__(self._temporary.name)
         (self.folder / _CHUNKS).mkdir()
+
+
+def _numbers(tracks: Sequence[Course]) -> Arrays:
+    return {f"{i}_{name}": array for i, track in enumerate(tracks) for name, array in track.definition.items()}
+
+
+def _sha256(arrays: Arrays, *belongs: Any) -> str:
+    """Return the SHA-256 of arrays, their names and kinds, and of what they belong to."""
+    found = hashlib.sha256(json.dumps(belongs).encode())
+    for name, array in sorted(arrays.items()):
+        found.update(f"\n{name} {np.lib.format.dtype_to_descr(array.dtype)} {array.shape}\n".encode())
+        found.update(np.ascontiguousarray(array).reshape(-1).view(np.uint8).data)
+    return found.hexdigest()
 
 
 def _json(values: dict[str, Any]) -> bytes:

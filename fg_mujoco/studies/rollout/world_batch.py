@@ -11,7 +11,9 @@ several threads that drive worlds each use several cores.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import lru_cache
 from threading import Lock
@@ -21,11 +23,13 @@ from numpy.typing import NDArray
 
 from ...course.course import Course, laps_to_drive
 from ...course.obstacles import Obstacle
-from ...errors import SettingsError, accepted_names
-from ...messages import FloatArray
+from ...errors import ControllerError, SettingsError, accepted_names
+from ...messages import DriveCommand, FloatArray
+from ...racing.decisions import DecisionClock
 from ...racing.planner_loading import build_controller, find_controller
 from ...simulation.engine import Engine
-from ...simulation.planner_adapter import adapt, start
+from ...simulation.planner_adapter import Decide, adapt, start
+from ...simulation.planner_failure import without_exit
 from ...simulation.settings import Scenario
 from ...simulation.telemetry import statistics_figures
 from ...simulation.termination import END_REASONS
@@ -38,7 +42,7 @@ RECORDS = ("summary", "telemetry", "states")
 RESULT = np.dtype(
     [
         ("seed", np.int64),
-        ("end_reason", "U12"),
+        ("end_reason", "U14"),
         ("laps_completed", np.int64),
         ("sim_time_s", np.float64),
         ("distance_m", np.float64),
@@ -68,6 +72,7 @@ class WorldResults:
     ctrl: tuple[FloatArray, ...] = ()  # (ticks, 2), if states are
 
 
+@without_exit()
 def drive_worlds(
     scenarios: Sequence[Scenario],
     controller: str,
@@ -75,10 +80,14 @@ def drive_worlds(
     laps: int | None = None,
     duration: float | None = None,
     record: str = "summary",
+    decision_limit: float | None = None,
     stop: Callable[[], bool] | None = None,
     watch: Callable[[int, int], None] | None = None,
 ) -> WorldResults:
     """Drive each scenario to its end, in the calling thread.
+
+    A world whose planner fails ends as "planner_failed". Where planners that decide together raise, or one cannot be
+    built, each of their worlds is driven alone, which changes no bit of the others.
 
     Args:
       scenarios: the worlds.
@@ -86,6 +95,7 @@ def drive_worlds(
       laps: to be driven, of a scene 1; None: as many as fit the duration.
       duration: of simulated time at most [s]; None: what a car of 0.5 m/s needs for the laps, or the scene's own limit.
       record: "summary", "telemetry" (every tick's row too) or "states" (and its state and controls).
+      decision_limit: of wall time that a planner may take for one decision [s], as of `race`; None: any.
       stop: asked every tick; once it says True, all worlds that still run end as "interrupted".
       watch: told every tick how many ticks were done in this call and how many worlds run.
 
@@ -108,15 +118,17 @@ def drive_worlds(
     for i, scenario in enumerate(scenarios):
         key = (scenario.track, scenario.car, scenario.obstacles, scenario.changes.command_delay is not None)
         groups.setdefault(key, []).append(i)
+    find_controller(controller)  # refuses what is none
     ticks = 0
-    for key, members in groups.items():
-        with _BUILDING:
-            world = _shared_world(*key)
-        laps_to_drive(world.track, laps)  # refuses more than a scene has
-        course = world.track
-        limit = duration if duration is not None else course.longest_race(laps or 1)
-        room = course.most_laps or laps or int(limit * _FASTEST / course.length) + 2
-        engine = make_engine(world, [scenarios[i] for i in members], controller, laps=room, time_limit=limit)
+
+    def drive(world: World, members: Sequence[int]) -> None:
+        nonlocal ticks
+        limit = duration if duration is not None else world.track.longest_race(laps or 1)
+        room = world.track.most_laps or laps or int(limit * _FASTEST / world.track.length) + 2
+        engine = make_engine(
+            world, [scenarios[i] for i in members], controller, laps=room, time_limit=limit,
+            timed=None if clock is None else clock.time,
+        )  # fmt: skip
         results.begin(members, engine)
         while engine.running.any():
             if stop is not None and stop():
@@ -126,14 +138,51 @@ def drive_worlds(
             engine.tick()
             results.add(members, engine, ran)
             ticks += 1
+            if clock is not None:
+                clock.seconds.clear()
             if watch is not None:
                 watch(ticks, int(engine.running.sum()))
         results.end(members, engine, scenarios)
+
+    clock = None if decision_limit is None else DecisionClock(decision_limit)
+    with clock or nullcontext():
+        todo = deque(groups.items())
+        while todo:
+            key, members = todo.popleft()
+            with _BUILDING:
+                world = _shared_world(*key)
+            laps_to_drive(world.track, laps)  # refuses more than a scene has
+            try:
+                drive(world, members)
+            except ControllerError:
+                if len(members) > 1:
+                    todo.extendleft((key, [i]) for i in reversed(members))
+                else:
+                    results.fail(members[0], scenarios[members[0]].seed, "planner_failed")
+    return results.gathered()
+
+
+def undriven_world(seed: int, reason: str, record: str) -> WorldResults:
+    """Return the results of one world that was not driven: its figures are NaN, and nothing is recorded of it.
+
+    Args:
+      seed: of the world.
+      reason: why, one of END_REASONS.
+      record: as `drive_worlds` takes it.
+    """
+    results = _Results(1, record)
+    results.fail(0, seed, reason)
     return results.gathered()
 
 
 def make_engine(
-    world: World, scenarios: Sequence[Scenario], controller: str, *, laps: int, time_limit: float
+    world: World,
+    scenarios: Sequence[Scenario],
+    controller: str,
+    *,
+    laps: int,
+    time_limit: float,
+    timed: Callable[[Decide], DriveCommand] | None = None,
 ) -> Engine:
     """Return an engine of worlds that share a compiled model, their cars at the start, each with a planner of its own.
 
@@ -143,6 +192,7 @@ def make_engine(
       controller: as `race` takes it by name.
       laps: to be driven.
       time_limit: of simulated time [s].
+      timed: as `adapt` takes it.
     """
     changes = [scenario.all_changes for scenario in scenarios]
     engine = Engine(world, len(scenarios), changes=changes, laps=laps, time_limit=time_limit)
@@ -155,7 +205,7 @@ def make_engine(
         )  # fmt: skip
         start(planner)
         planners.append(planner)
-    engine.planners = adapt(planners)
+    engine.planners = adapt(planners, timed=timed)
     engine.place(
         [scenario.start for scenario in scenarios], effects=[scenario.effects for scenario in scenarios],
         seeds=[scenario.seed for scenario in scenarios],
@@ -185,6 +235,8 @@ class _Results:
         self._ctrl: list[list[FloatArray]] = [[] for _ in range(count)]
 
     def begin(self, members: Sequence[int], engine: Engine) -> None:
+        for i in members:
+            self._telemetry[i], self._states[i], self._ctrl[i] = [], [], []
         if self._record == "states":
             for place, i in enumerate(members):
                 self._states[i].append(engine.state(place).copy())
@@ -217,9 +269,18 @@ class _Results:
             for name, value in statistics_figures(statistics).items():
                 row[name] = value
 
+    def fail(self, i: int, seed: int, reason: str) -> None:
+        """Note a world that was not driven."""
+        self._telemetry[i], self._states[i], self._ctrl[i] = [], [], []
+        row = self._rows[i]
+        for name in RESULT.names or ():
+            row[name] = math.nan if RESULT[name] == np.float64 else 0
+        row["seed"], row["end_reason"], row["sim_time_s"], row["distance_m"] = seed, reason, 0.0, 0.0
+
     def gathered(self) -> WorldResults:
         def stacked(rows: list[list[FloatArray]], *wanted: str) -> tuple[FloatArray, ...]:
-            return tuple(np.array(ticks) for ticks in rows) if self._record in wanted else ()
+            arrays = (np.array(ticks) if ticks else np.empty((0, 0)) for ticks in rows)
+            return tuple(arrays) if self._record in wanted else ()
 
         lap_times = np.full((len(self._rows), max(map(len, self._lap_times), default=1) or 1), np.nan)
         for row, driven in zip(lap_times, self._lap_times, strict=True):

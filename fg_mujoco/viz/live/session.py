@@ -29,7 +29,7 @@ from ...racing.planner_choice import split_controller
 from ...racing.planner_loading import make_controller
 from ...simulation.course_loading import load_track
 from ...simulation.planner_adapter import plan, start
-from ...simulation.planner_failure import PlannerFailure
+from ...simulation.planner_failure import PlannerFailure, is_of_planner, without_exit
 from ...simulation.settings import DriveSettings
 from ...simulation.simulation import Simulation
 from ...simulation.world import LIDAR_PREFIX, World
@@ -133,6 +133,7 @@ class LiveSession:
         self.by_hand = True
         self.hand.press(name, self.simulation.time)
 
+    @without_exit()
     def tick(self) -> bool:
         """Do what was asked for, and drive on for one tick unless paused; answer whether it did."""
         self._obey()
@@ -188,16 +189,22 @@ class LiveSession:
         points: FloatArray = position + ends @ rotation.T
         return points
 
+    @without_exit()
     def goal(self) -> FloatArray | None:
         """Return where the planner is heading, (3,) [m] in the world; None: nowhere, or it does not say."""
+        try:
+            return self._goal()
+        except BaseException as error:
+            if not is_of_planner(error):
+                raise
+            return None  # as `tick` tells: here it would end the view
+
+    def _goal(self) -> FloatArray | None:
         find = getattr(self._planner, "find_goal", None)
         wanted = tuple(inspect.signature(find).parameters) if find is not None else ()
         position, rotation = self._lidar_pose()
         if find is not None and wanted == ("scan",):
-            try:
-                found = find(self.scan)
-            except Exception:  # as `tick` tells: here it would end the view
-                return None
+            found = find(self.scan)
             if found is not None:
                 bearing, distance = found
                 return np.asarray(

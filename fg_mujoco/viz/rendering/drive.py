@@ -18,6 +18,7 @@ import numpy as np
 from ...course.moving_obstacles import make_mover
 from ...errors import RunFolderError, SettingsError
 from ...messages import FloatArray
+from ...racing.resimulation import load_world
 from ...racing.result import RaceResult
 from ...racing.run_folder import Run, read_run
 from ...simulation.physics import STATE
@@ -97,14 +98,9 @@ def read_drive(source: Drive | Run | RaceResult | str | Path) -> Drive:
             raced_here=True,
         )  # fmt: skip
     run = source if isinstance(source, Run) else read_run(source)
-    try:
-        xml = run.scene.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise RunFolderError(
-            f"{run.scene}: cannot be read: {' '.join(str(error).split())}; accepted: as `race --out` wrote it"
-        ) from error
+    load_world(run)  # refuses a scene that does not compile, or is not that of the states
     return Drive(
-        name=str(run.folder), xml=xml, summary=run.summary, time=run.time, states=run.states, ctrl=run.ctrl,
+        name=str(run.folder), xml=run.xml, summary=run.summary, time=run.time, states=run.states, ctrl=run.ctrl,
         telemetry=run.telemetry, start=_start_of(run.telemetry),
     )  # fmt: skip
 

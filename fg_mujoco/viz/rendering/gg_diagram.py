@@ -19,7 +19,7 @@ from ...simulation.physics import STATE
 from ...simulation.world import CAR_PREFIX
 from ...vehicle.car import Car
 from ...vehicle.tire_slip import SLIDING_SPEED
-from ..plots import require_matplotlib
+from ..plots import require_matplotlib, save_figure
 from .drive import Drive, read_drive
 
 _STYLE: Any = {"font.size": 8.0, "axes.linewidth": 0.6, "legend.frameon": False}
@@ -93,4 +93,4 @@ def gg_picture(source: Drive | Run | RaceResult | str | Path, path: str | Path |
         axes.set_title(
             f"{summary.get('track', '')}, {summary.get('controller', '')}: sliding in {share:.1f} % of the ticks"
         )
-        figure.savefig(path, format="png", dpi=200, metadata={"Software": None})
+        save_figure(figure, path, 200)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import importlib.util
 import io
-import os
 import subprocess
 import tempfile
 from collections.abc import Iterable
@@ -19,7 +18,8 @@ from typing import IO
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import MissingExtraError, SettingsError
+from ...course.writing import require_writable, staged_file, write_file
+from ...errors import FgMujocoError, MissingExtraError, SettingsError
 from .telemetry_strip import INSTALL_COMMAND, require_pillow
 
 VIDEO_ENDINGS = (".mp4", ".gif")
@@ -76,10 +76,7 @@ def check_place(path: Path) -> None:
       SettingsError: so it is.
     """
     try:
-        if path.is_dir():
-            raise IsADirectoryError(None, "is a folder")
-        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=".", suffix=".partial"):
-            pass
+        require_writable(path)
     except OSError as error:
         raise _unwritable(path, error.strerror or str(error)) from error
 
@@ -106,13 +103,13 @@ def write_video(
       MissingExtraError: no encoder here.
     """
     path = check_video(path, size)
-    partial = _partial(path)
     try:
-        _encode(_command(require_encoder(), partial, path.suffix.lower(), size, fps, quality), frames, path)
-        os.replace(partial, path)
-    finally:
-        with suppress(FileNotFoundError):
-            partial.unlink()
+        with staged_file(path) as aside:
+            _encode(_command(require_encoder(), aside, path.suffix.lower(), size, fps, quality), frames, path)
+    except OSError as error:
+        if isinstance(error, FgMujocoError):  # of what the frames are drawn from
+            raise
+        raise _unwritable(path, error.strerror or str(error)) from error
     return path
 
 
@@ -131,20 +128,11 @@ def write_picture(path: str | Path, picture: NDArray[np.uint8]) -> Path:
 
     text = io.BytesIO()
     Image.fromarray(picture).save(text, format="png", optimize=True)
-    partial = _partial(path)
     try:
-        partial.write_bytes(text.getvalue())
-        os.replace(partial, path)
+        write_file(path, text.getvalue())
     except OSError as error:
         raise _unwritable(path, error.strerror or str(error)) from error
-    finally:
-        with suppress(OSError):
-            partial.unlink()
     return path
-
-
-def _partial(path: Path) -> Path:
-    return path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
 
 
 def _command(ffmpeg: str, target: Path, ending: str, size: tuple[int, int], fps: float, quality: str) -> list[str]:

@@ -8,15 +8,14 @@ Its plots are bokeh's, whose JavaScript is in the page too, or beside it where m
 from __future__ import annotations
 
 import json
-import os
 from base64 import b64encode
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from hashlib import sha256
 from html import escape
 from importlib.resources import files
 from pathlib import Path
 
+from ...course.writing import write_file
 from ...errors import RunFolderError
 from ...racing.planner_choice import with_settings
 from ...racing.result import RaceResult
@@ -90,13 +89,9 @@ def write_page(path: Path, page: str) -> None:
     Raises:
       RunFolderError: it cannot be written.
     """
-    partial = path.with_name(f".{path.name}.partial")
     try:
-        partial.write_text(page, encoding="utf-8")
-        os.replace(partial, path)
+        write_file(path, page.encode())
     except OSError as error:
-        with suppress(OSError):
-            partial.unlink()
         reason = error.strerror or str(error)
         raise RunFolderError(
             f"{path}: cannot be written: {reason}; accepted: a file in a folder that can be"

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import mujoco
 
-from ...errors import ModelError, RunFolderError
+from ...errors import RunFolderError
 from ...messages import CarParameters, FloatArray
 from ...racing.crash import Crash
+from ...racing.resimulation import load_world
 from ...racing.result import RaceResult
 from ...racing.run_folder import SUMMARY, Run, read_run, summary_json
-from ...simulation.planner_adapter import short
 from ...simulation.telemetry import TELEMETRY
 from ...simulation.termination import WrongWay
 from ...simulation.world import CAR_PREFIX
@@ -75,53 +74,12 @@ class RecordedRun:
         return car_parameters(self.model, CAR_PREFIX)
 
 
-def _is_finite(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and -_GREATEST <= value <= _GREATEST
-
-
-def _is_place(value: Any) -> bool:
-    return isinstance(value, dict) and set(value) == set(_WRONG_WAY) and all(map(_is_finite, value.values()))
-
-
-def _is_figures(value: Any) -> bool:
-    return isinstance(value, dict) and all(each is None or _is_finite(each) for each in value.values())
-
-
-def _is_crash(value: Any) -> bool:
-    texts = ("into", "geom")
-    return (
-        isinstance(value, dict)
-        and set(value) == set(_CRASH)
-        and all(isinstance(value[name], str) if name in texts else _is_finite(value[name]) for name in value)
-    )
-
-
-def _is_failure(value: Any) -> bool:
-    return (
-        isinstance(value, dict)
-        and {"error", "time_s", "file", "line", "traceback"} <= set(value)
-        and _is_finite(value["time_s"])
-        and (value["line"] is None or _is_finite(value["line"]))
-        and all(isinstance(each, str) or each is None for name, each in value.items() if name not in ("time_s", "line"))
-    )
-
-
-_GREATEST = 1e9
-_WRONG_WAY = tuple(field.name for field in fields(WrongWay))
-_CRASH = tuple(field.name for field in fields(Crash))
-_TEXT = ("a text", lambda value: isinstance(value, str))
-_TRUTH = ("true or false", lambda value: isinstance(value, bool))
-_COUNT = ("a whole number from 0", lambda value: _is_finite(value) and isinstance(value, int) and value >= 0)
-_NUMBER = (f"a number within {_GREATEST:.0e}", _is_finite)
-_NUMBERS = ("a list of numbers", lambda value: isinstance(value, list) and all(map(_is_finite, value)))
-
-_NEEDED: dict[str, tuple[str, Callable[[Any], bool]]] = {
-    "track": _TEXT, "controller": _TEXT, "laps_requested": _COUNT, "laps_completed": _COUNT, "finished": _TRUTH,
-    "end_reason": _TEXT, "lap_times_s": _NUMBERS, "collisions": _COUNT, "max_slide_m_s": _NUMBER,
-    "slide_time_fraction": _NUMBER, "mean_speed_m_s": _NUMBER, "max_speed_m_s": _NUMBER, "sim_time_s": _NUMBER,
-    "mu": _NUMBER, "speed_limit_m_s": _NUMBER, "trajectory_sha256": _TEXT,
-}  # fmt: skip
-"""What a report is made of, by name: what is accepted, and what says whether a value is."""
+_NEEDED = (
+    "track", "controller", "laps_requested", "laps_completed", "finished", "end_reason", "lap_times_s", "collisions",
+    "max_slide_m_s", "slide_time_fraction", "mean_speed_m_s", "max_speed_m_s", "sim_time_s", "mu", "speed_limit_m_s",
+    "trajectory_sha256",
+)  # fmt: skip
+"""What a report is made of."""
 
 
 def read_recorded(source: RaceResult | Run | str | Path) -> RecordedRun:
@@ -141,23 +99,5 @@ def read_recorded(source: RaceResult | Run | str | Path) -> RecordedRun:
         raise RunFolderError(
             f"{run.folder / SUMMARY}: has no {', '.join(missing)}; accepted: as this version's `race --out` wrote it"
         )
-    wrong = (f"wrong_way, of {', '.join(_WRONG_WAY)}", lambda value: value is None or _is_place(value))
-    crash = (f"crash, of {', '.join(_CRASH)}", lambda value: value is None or _is_crash(value))
-    failure = ("planner_failure, as a race wrote it", lambda value: value is None or _is_failure(value))
-    figure = ("a number", lambda value: value is None or _is_finite(value))
-    times = ("numbers by name", lambda value: value is None or _is_figures(value))
-    optional = {
-        "wrong_way": wrong, "crash": crash, "planner_failure": failure, "decision_times": times,
-        "clamped_commands": figure, "decision_limit_s": figure, "max_lateral_slide_m_s": figure,
-    }  # fmt: skip
-    for name, (accepted, accepts) in (_NEEDED | optional).items():
-        if not accepts(value := run.summary.get(name)):
-            raise RunFolderError(f"{run.folder / SUMMARY}: {name} is {short(value)}; accepted: {accepted}")
-    try:
-        model = mujoco.MjModel.from_xml_path(str(run.scene))
-        recorded = RecordedRun(source=str(run.folder), summary=run.summary, telemetry=run.telemetry, model=model)
-        _ = recorded.car
-    except (ValueError, OSError, ModelError) as error:
-        reason = " ".join(str(error).split())
-        raise RunFolderError(f"{run.scene}: cannot be read: {reason}; accepted: as `race --out` wrote it") from error
-    return recorded
+    model = load_world(run).model
+    return RecordedRun(source=str(run.folder), summary=run.summary, telemetry=run.telemetry, model=model)

@@ -1,0 +1,76 @@
+"""The figures of a race that follow from what was driven: a race takes them, and a replay takes them again.
+
+    trajectory = history.arrays()
+    figures = {**driven_figures(engine, trajectory), **course_figures(engine, trajectory)}
+
+Names are those of RaceResult and of the summary.
+"""
+
+from __future__ import annotations
+
+from typing import TypedDict
+
+from ..simulation.engine import Engine
+from ..simulation.telemetry import StatisticsFigures, statistics_figures
+from ..simulation.termination import END_REASONS, WrongWay
+from ..simulation.world import OBSTACLE_PREFIX
+from .crash import Crash, crash_of
+from .result import Trajectory, clamped_commands, trajectory_sha256
+
+
+class DrivenFigures(StatisticsFigures):
+    """What follows from the trajectory and the world's model alone."""
+
+    collisions: int
+    sim_time_s: float
+    clamped_commands: int
+    mu: float
+    trajectory_sha256: str
+
+
+class CourseFigures(TypedDict):
+    """What follows from the trajectory, the course and the rules of the race."""
+
+    track: str
+    obstacles: int
+    laps_completed: int
+    lap_times_s: tuple[float, ...]
+    finished: bool
+    end_reason: str
+    wrong_way: WrongWay | None
+    crash: Crash | None
+
+
+def driven_figures(engine: Engine, trajectory: Trajectory) -> DrivenFigures:
+    """Return the figures of the car of world 0 that need no course."""
+    car = engine.world.car
+    return {
+        **statistics_figures(engine.statistics[0]),
+        "collisions": int(engine.crashed[0]),
+        "sim_time_s": float(trajectory["states"][-1, 0]),  # mjSTATE_TIME comes first in a state
+        "clamped_commands": clamped_commands(trajectory["telemetry"], car.parameters),
+        "mu": car.mu,
+        "trajectory_sha256": trajectory_sha256(trajectory["states"], trajectory["ctrl"]),
+    }
+
+
+def course_figures(engine: Engine, trajectory: Trajectory) -> CourseFigures:
+    """Return the figures of the race of world 0 on its course, as its monitor has judged it."""
+    world, monitor = engine.world, engine.monitor
+    course, timer, laps = world.track, monitor.timers[0], monitor.laps
+    reason = END_REASONS[monitor.reasons[0]]
+    crash = None
+    if reason == "crash":
+        crash = crash_of(world, trajectory["states"], trajectory["ctrl"], timer, laps, engine.period)
+    geoms = (world.model.geom(i).name for i in range(world.model.ngeom))
+    lap_times = tuple(monitor.lap_times[0, : int(timer["laps_completed"])].tolist())
+    return {
+        "track": course.name,
+        "obstacles": sum(name.startswith(OBSTACLE_PREFIX) for name in geoms) - len(course.obstacles),
+        "laps_completed": len(lap_times),
+        "lap_times_s": lap_times,
+        "finished": reason == "finished",
+        "end_reason": reason,
+        "wrong_way": WrongWay.of(timer, course.length, laps) if reason == "wrong_way" else None,
+        "crash": crash,
+    }

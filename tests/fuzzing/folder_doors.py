@@ -1,0 +1,163 @@
+"""Doors of folders: of a race, a rollout and a comparison, as others send them or disks damage them."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import shutil
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from forging import without_checksums
+from numpy.random import Generator
+
+import fg_mujoco as fg
+from fg_mujoco.cli.main import main
+from fg_mujoco.racing.run_folder import write_run
+
+from .door import SHORT, Attempt, Door, command
+from .mutations import WORDS, mutated, mutated_binary, one_of
+
+QUICK = ("--n", "3", "--duration", "0.05", "--chunk", "1", "--workers", "1")
+COMPARED = ("--controllers", "gap_finder", "--tracks", "oval", "--seeds", "0:2", "--laps", "1", "--time-limit", "0.05")
+
+
+def run(samples: Path) -> None:
+    result = fg.race("oval", laps=1, time_limit=0.2)
+    settings = {"track": "oval", "controller": "gap_finder", "laps": 1, "time_limit": 0.2}
+    without_checksums(write_run(result, samples / "run", settings=settings))  # what is read is checked for itself
+
+
+def _read(here: Path, rng: Generator) -> Attempt:
+    readers = (
+        ("replay", "run"), ("export", "run", "--out", "run.mcap"), ("race", "--config", "run", *SHORT),
+        ("report", "run", "--no-clip"),
+    )  # fmt: skip
+    return command(*one_of(rng, (*readers[:3], readers[0], *readers)))
+
+
+def _run_file(name: str) -> Callable[[Path, Path, Generator], Attempt]:
+    def attempt(samples: Path, here: Path, rng: Generator) -> Attempt:
+        shutil.copytree(samples / "run", here / "run")
+        path = here / "run" / name
+        path.write_bytes(mutated(path.read_bytes(), rng))
+        return _read(here, rng)
+
+    return attempt
+
+
+def _any_json(value: Any, rng: Generator) -> Any:
+    """Return a JSON value with one of its leaves or branches replaced."""
+    if isinstance(value, dict) and value and rng.random() < 0.85:
+        key = one_of(rng, list(value))
+        return {**value, key: _any_json(value[key], rng)}
+    if isinstance(value, list) and value and rng.random() < 0.7:
+        place = int(rng.integers(len(value)))
+        return [*value[:place], _any_json(value[place], rng), *value[place + 1 :]]
+    deep: Any = 1
+    for _ in range(200):
+        deep = [deep]
+    return one_of(
+        rng,
+        (None, True, 0, -1, 10**30, 1e308, "", *WORDS[:12], [], {}, [1], {"a": 1}, deep, [[]] * 9999, "x" * 9999, 0.5),
+    )
+
+
+def _summary(samples: Path, here: Path, rng: Generator) -> Attempt:
+    shutil.copytree(samples / "run", here / "run")
+    path = here / "run" / "summary.json"
+    if rng.random() < 0.3:
+        path.write_bytes(mutated(path.read_bytes(), rng))
+    else:
+        path.write_text(json.dumps(_any_json(json.loads(path.read_text()), rng)), encoding="utf-8")
+    return _read(here, rng)
+
+
+def _arrays(path: Path, rng: Generator) -> None:
+    """Change a file of arrays: its bytes, or one of its arrays."""
+    if rng.random() < 0.3:
+        path.write_bytes(mutated_binary(path.read_bytes(), rng))
+        return
+    with np.load(path) as file:
+        arrays = dict(file)
+    name = one_of(rng, list(arrays))
+    array = np.atleast_1d(arrays[name])
+    first, second = (array.flat[int(rng.integers(max(1, array.size)))] if array.size else 0 for _ in range(2))
+    changes: tuple[Callable[[], Any], ...] = (
+        lambda: array[:-1], lambda: array[:0], lambda: array.T, lambda: array.reshape(-1), lambda: np.zeros(()),
+        lambda: array.astype(str),
+        lambda: array.astype(np.complex64), lambda: array.astype(np.float16),
+        lambda: np.where(array == first, np.nan, array),
+        lambda: np.where(array == first, 1e300, array), lambda: np.where(array == first, second, array),
+        lambda: array[::-1],
+        lambda: np.zeros((0, *array.shape)), lambda: np.tile(array, (2,) * max(1, array.ndim)),
+        lambda: np.zeros(3_000_000),
+    )  # fmt: skip
+    with np.errstate(all="ignore"), contextlib.suppress(TypeError, ValueError):
+        arrays[name] = one_of(rng, changes)()
+    if rng.random() < 0.1:
+        del arrays[name]
+    if rng.random() < 0.05:
+        arrays["more"] = np.zeros(3)
+    np.savez_compressed(path, **arrays)
+    if rng.random() < 0.1:  # a member that says of itself what is not so
+        header = io.BytesIO()
+        np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": (10**12,)})
+        with zipfile.ZipFile(path, "a") as file:
+            file.writestr(f"{name}.npy", header.getvalue())
+
+
+def _states(samples: Path, here: Path, rng: Generator) -> Attempt:
+    shutil.copytree(samples / "run", here / "run")
+    _arrays(here / "run" / "states.npz", rng)
+    return _read(here, rng)
+
+
+def _study(samples: Path, here: Path, rng: Generator, again: tuple[str, ...]) -> Attempt:
+    """Change one file of a study's folder, or lose it, or put another in its place; then do the study again."""
+    shutil.copytree(samples / "study", here / "study")
+    parts = sorted(path for path in (here / "study").rglob("*") if path.is_file() and path.suffix != ".png")
+    path = one_of(rng, parts)
+    change = rng.random()
+    if change < 0.1:
+        path.unlink()
+    elif change < 0.25:
+        shutil.copy(one_of(rng, parts), path.parent / "copied")
+        (path.parent / "copied").replace(path)
+    elif path.suffix in (".npz",):
+        _arrays(path, rng)
+    elif path.suffix in (".npy",):
+        path.write_bytes(mutated_binary(path.read_bytes(), rng))
+    else:
+        path.write_bytes(mutated(path.read_bytes(), rng))
+    return command(*again, "--out", "study")
+
+
+def _rollout(samples: Path) -> None:
+    main(["rollout", *QUICK, "--record", "states", "--out", str(samples / "study"), "--json"])
+
+
+def _rollout_folder(samples: Path, here: Path, rng: Generator) -> Attempt:
+    return _study(samples, here, rng, ("rollout", *QUICK, "--record", "states"))
+
+
+def _comparison(samples: Path) -> None:
+    main(["compare", *COMPARED, "--workers", "1", "--out", str(samples / "study")])
+
+
+def _comparison_folder(samples: Path, here: Path, rng: Generator) -> Attempt:
+    return _study(samples, here, rng, ("compare", *COMPARED, "--workers", "1"))
+
+
+DOORS = {
+    "run_summary": Door(attempt=_summary, prepare=run),
+    "run_states": Door(attempt=_states, prepare=run),
+    "run_telemetry": Door(attempt=_run_file("telemetry.csv"), prepare=run),
+    "run_scene": Door(attempt=_run_file("scene.xml"), prepare=run),
+    "rollout_folder": Door(attempt=_rollout_folder, prepare=_rollout),
+    "comparison_folder": Door(attempt=_comparison_folder, prepare=_comparison),
+}

@@ -1,0 +1,196 @@
+"""Doors of vehicles, settings files, the command line, bags, environments and the live view."""
+
+from __future__ import annotations
+
+import shutil
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from bag_worlds import SECOND, robot_odometry, robot_scan, write_bag
+from numpy.random import Generator
+
+from fg_mujoco.envs.gym_environment import F1TenthEnv
+from fg_mujoco.viz.live.handshake import is_own
+
+from .door import SHORT, Attempt, Door, as_text, command, ignore_refusal
+from .folder_doors import run
+from .mutations import NUMBERS, WORDS, mutated, mutated_binary, one_of
+
+
+def _vehicle(samples: Path, here: Path, rng: Generator) -> Attempt:
+    text = files("fg_mujoco.models").joinpath(one_of(rng, ("f1tenth.xml", "nuc2.xml"))).read_bytes()
+    (here / "car.xml").write_bytes(mutated(text, rng))
+    return command(*one_of(rng, (("vehicles", "car.xml"), ("race", "--vehicle", "car.xml", *SHORT))))
+
+
+SETTINGS = """track = "oval"
+controller = "gap_finder[lookahead=6]"
+laps = 2
+mu = 0.8
+planner-mu = "off"
+max-speed = 3.5
+lidar-noise = 0.01
+motion-distortion = true
+obstacles = 2
+seed = 3
+"""
+
+
+def _settings_file(samples: Path, here: Path, rng: Generator) -> Attempt:
+    (here / "race.toml").write_bytes(mutated(SETTINGS.encode(), rng))
+    return command("race", "--config", "race.toml", *SHORT)
+
+
+def _command_line(samples: Path, here: Path, rng: Generator) -> Attempt:
+    shutil.copytree(samples / "run", here / "run")
+    name = one_of(rng, list(COMMANDS))
+    arguments = [name, *COMMANDS[name]]
+    options = OPTIONS[name]
+    for _ in range(int(rng.integers(1, 4))):
+        option = one_of(rng, options)
+        value = one_of(rng, (*NUMBERS, *WORDS))
+        arguments += (
+            [option] if rng.random() < 0.1 else [f"{option}={value}"] if rng.random() < 0.8 else [option, value]
+        )
+    if rng.random() < 0.2:
+        arguments[int(rng.integers(len(arguments)))] = one_of(rng, WORDS)
+    return command(*arguments)
+
+
+COMMANDS = {
+    "race": SHORT,
+    "replay": ("run",),
+    "vehicles": (),
+    "controllers": (),
+    "rollout": ("--n", "2", "--duration", "0.05", "--workers", "1"),
+    "export": ("run",),
+    "replay-scans": ("run",),
+    "report": ("run", "--no-clip"),
+    "track": ("list",),
+}
+OPTIONS = {
+    "race": (
+        "--track", "--controller", "--laps", "--obstacles", "--obstacle-seed", "--vehicle", "--mu", "--planner-mu",
+        "--max-speed",
+        "--lidar", "--lidar-noise", "--lidar-dropout", "--lidar-latency", "--odometry-drift", "--seed", "--config",
+        "--decision-limit",
+    ),
+    "replay": ("--json", "--trust", "--x"),
+    "vehicles": ("--json", "--x"),
+    "controllers": ("--json", "--x"),
+    "rollout": ("--track", "--controller", "--seed", "--randomize", "--vehicle", "--mu", "--max-speed", "--record",
+    "--engine", "--chunk"),
+    "export": ("--format", "--out"),
+    "replay-scans": ("--controller", "--out", "--scan-topic", "--vehicle", "--planner-mu", "--track"),
+    "report": ("--out", "--clip", "--x"),
+    "track": ("--json", "--x"),
+}  # fmt: skip
+
+
+# -- bags
+
+
+def _bags(samples: Path) -> None:
+    entries = []
+    for i in range(5):
+        time = SECOND + i * SECOND // 10
+        entries.append(("/scan", time, robot_scan([1.0 + 0.1 * i] * 41, time=time)))
+        entries.append(("/odom", time + 1, robot_odometry(time, x=0.1 * i, speed=1.0)))
+    for storage in ("MCAP", "SQLITE3"):
+        write_bag(samples / storage.lower(), entries, storage=storage)
+
+
+def _bag(samples: Path, here: Path, rng: Generator) -> Attempt:
+    name = one_of(rng, ("mcap", "sqlite3"))
+    shutil.copytree(samples / name, here / "bag")
+    path = one_of(rng, sorted((here / "bag").iterdir()))
+    content = path.read_bytes()
+    path.write_bytes(mutated(content, rng) if path.suffix == ".yaml" else mutated_binary(content, rng))
+    return command("replay-scans", "bag" if rng.random() < 0.7 else path, "--out", "commands.csv")
+
+
+def _messages(samples: Path, here: Path, rng: Generator) -> Attempt:
+    odd = (0.0, -1.0, np.nan, np.inf, -np.inf, 1e30, 1e-30, 0.1, 6.3)
+    entries = []
+    for i in range(4):
+        usual = SECOND * (i + 1)
+        time = usual if rng.random() < 0.8 else int(one_of(rng, (0, i, SECOND - i, 2**31 * SECOND - 1)))
+        ranges = rng.uniform(0.0, 12.0, int(41 if rng.random() < 0.9 else one_of(rng, (0, 1, 2, 40, 1081))))
+        ranges[rng.random(len(ranges)) < 0.3] = one_of(rng, odd)
+        names = ("angle_min", "angle_max", "angle_increment", "time_increment", "scan_time", "range_min", "range_max")
+        values = {name: float(one_of(rng, odd)) for name in names if rng.random() < 0.02}
+        entries.append(("/scan", usual, robot_scan(ranges, time=time, **values)))
+        pose = {name: float(one_of(rng, odd)) for name in ("x", "y", "yaw", "speed") if rng.random() < 0.1}
+        if not np.isfinite(pose.get("yaw", 0.0)):
+            del pose["yaw"]
+        entries.append(("/odom", usual + 1, robot_odometry(time, **pose)))
+    write_bag(here / "bag", entries)
+    return command("replay-scans", "bag", "--out", "commands.csv")
+
+
+# -- Python's doors
+
+
+def _environment(samples: Path, here: Path, rng: Generator) -> Attempt:
+    values: tuple[Any, ...] = (
+        None, 0, 1, [], [0.0, 1.0], [np.nan, 1.0], [1e308, -1e308], [np.inf, 0], "ab", b"", {}, [[0.0, 1.0]],
+        [1j, 0], np.zeros(2),
+        np.zeros(3), object(), ["a", "b"], [None, None], np.array([0.1, 2.0], np.float32), True, 10**400,
+        (0, 10**400), slice(0, 2),
+    )  # fmt: skip
+    keys = (
+        "track",
+        "mu",
+        "max_steps",
+        "vehicle",
+        "reward",
+        "action",
+        "controller",
+        "seed",
+        "max_speed",
+        "start",
+        "time_limit",
+    )
+    settings = {one_of(rng, keys): one_of(rng, values)} if rng.random() < 0.4 else {}
+
+    def steps() -> None:
+        env = F1TenthEnv(**settings)
+        try:
+            env.reset(seed=int(rng.integers(100)))
+            for _ in range(3):
+                env.step(one_of(rng, values))  # type: ignore[arg-type]
+        finally:
+            env.close()
+
+    return ignore_refusal(steps)
+
+
+def _live_view(samples: Path, here: Path, rng: Generator) -> Attempt:
+    own = ("localhost:8080", "127.0.0.1:8080", "[::1]:8080")
+    host = one_of(rng, own)
+    hosts = [as_text(mutated(one_of(rng, own).encode(), rng)) for _ in range(int(rng.integers(0, 3)))]
+    origins = [as_text(mutated(f"http://{host}".encode(), rng)) for _ in range(int(rng.integers(0, 3)))]
+
+    def check() -> int:
+        if is_own(hosts, origins, frozenset({"0.0.0.0", "robot"})) and origins:
+            assert (len(hosts) == 1 and origins == [f"http://{hosts[0]}"]) or origins[
+                0
+            ].lower() == f"http://{hosts[0].lower()}"
+        assert not is_own([host], ["http://evil.example"], frozenset())
+        assert is_own([host], [f"http://{host}"], frozenset())
+        return 0
+
+    return check
+
+
+DOORS = {
+    "vehicle": Door(attempt=_vehicle),
+    "settings_file": Door(attempt=_settings_file),
+    "command_line": Door(attempt=_command_line, prepare=run),
+    "bag": Door(attempt=_bag, prepare=_bags),
+    "bag_messages": Door(attempt=_messages),
+    "environment": Door(attempt=_environment),
+    "live_view": Door(attempt=_live_view),
+}

@@ -1,0 +1,114 @@
+"""Hostile input at every door: no traceback, no hang, no memory without bound, and nothing written where it is refused.
+
+The same tries in every run; `make fuzz` draws others, and `python -m fuzzing` in this folder has the long form.
+"""
+
+import os
+import time
+
+import numpy as np
+import pytest
+from fuzzing.door import Door
+from fuzzing.doors import DOORS
+from fuzzing.harness import Limits, knock
+
+TRIES, SEED = 100, int(os.environ.get("FUZZ_SEED", "0"))
+
+
+@pytest.mark.fuzz
+@pytest.mark.parametrize("door", DOORS)
+def test_hostile_input_is_refused_in_a_line_or_used(door):
+    tally = knock(door, TRIES, seed=SEED)
+    assert tally.tries == TRIES
+    assert not tally.findings, "\n".join(map(str, tally.findings))
+
+
+# -- the harness finds what it is there for: each of these doors has one fault in its third try
+
+
+def _raises(samples, here, rng):
+    raise_it = {}
+    return lambda: raise_it["nothing"]
+
+
+def _prints_a_traceback(samples, here, rng):
+    return lambda: print("Traceback (most recent call last):\n  ...")
+
+
+def _dies(samples, here, rng):
+    return lambda: os.abort()
+
+
+def _leaves_quietly(samples, here, rng):
+    return lambda: os._exit(0)
+
+
+def _hangs(samples, here, rng):
+    return lambda: time.sleep(3600)
+
+
+def _takes_memory(samples, here, rng):
+    return lambda: (np.ones(60_000_000), time.sleep(3600))
+
+
+def _refuses_in_two_lines(samples, here, rng):
+    return lambda: print("fg-mujoco: no\nfg-mujoco: no, no") or 2
+
+
+def _refuses_and_writes(samples, here, rng):
+    return lambda: ((here / "left.csv").write_text("x") and print("fg-mujoco: no")) or 2
+
+
+def _ends_oddly(samples, here, rng):
+    return lambda: 139
+
+
+def _is_right(samples, here, rng):
+    return lambda: 0
+
+
+LIMITS = Limits(time=5.0, memory=400_000)
+
+FAULTS = {
+    "raises": (_raises, "KeyError: 'nothing'"),
+    "prints a traceback": (_prints_a_traceback, "a traceback"),
+    "dies": (_dies, "the process ended with -6"),
+    "leaves quietly": (_leaves_quietly, "the process ended with 0 before it was through"),
+    "hangs": (_hangs, "more than 5 s"),
+    "takes memory": (_takes_memory, "kB of memory"),
+    "refuses in two lines": (_refuses_in_two_lines, "2 lines for a refusal"),
+    "refuses and writes": (_refuses_and_writes, "refused, but wrote left.csv"),
+    "ends oddly": (_ends_oddly, "exit code 139"),
+}
+
+
+def _third(attempt):
+    """The harness numbers the folders of its tries."""
+    return Door(
+        attempt=lambda samples, here, rng: (attempt if here.name.endswith("-2") else _is_right)(samples, here, rng)
+    )
+
+
+faulty = {name: _third(attempt) for name, (attempt, _) in FAULTS.items()}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_the_harness_finds(fault):
+    tally = knock(fault, 5, seed=0, doors="test_fuzz:faulty", limits=LIMITS)
+    (finding,) = tally.findings
+    assert finding.number == 2 and FAULTS[fault][1] in finding.wrong
+
+
+def test_a_try_is_drawn_from_its_number_alone(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # the harness leaves its folder for the one above
+    from fuzzing.harness import _generator, tried
+
+    drawn = []
+
+    def attempt(samples, here, rng):
+        drawn.append(rng.random())
+        return lambda: 0
+
+    for number in (3, 1, 3):
+        tried(Door(attempt=attempt), tmp_path, tmp_path / "here", _generator("x", 0, number), lambda: "")
+    assert drawn[0] == drawn[2] != drawn[1]

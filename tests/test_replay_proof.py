@@ -1,0 +1,324 @@
+"""A replay says which part of a folder it proves, which it cannot, and what is forged."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+from forging import without_checksums
+from map_oracles import draw_map, ring
+from vehicle_worlds import made_file
+
+import fg_mujoco as fg
+from fg_mujoco.cli.main import main
+from fg_mujoco.course.centreline_csv import write_centreline
+from fg_mujoco.racing.run_folder import read_summary
+from fg_mujoco.simulation.telemetry import TELEMETRY
+
+TELLTALE = (
+    "max_slide_m_s", "max_lateral_slide_m_s", "slide_time_fraction", "mean_speed_m_s", "max_speed_m_s", "collisions",
+    "sim_time_s", "mu", "trajectory_sha256", "track", "obstacles", "laps_completed", "lap_times_s", "finished",
+    "end_reason", "wrong_way", "crash", "cars",
+)  # fmt: skip
+"""The figures that a replay is to prove."""
+
+PLANNER = """
+import os
+import signal
+
+from fg_mujoco.messages import DriveCommand
+
+
+class Mine:
+    def reset(self):
+        pass
+
+    def __call__(self, scan, odometry):
+        return self.answer(odometry.stamp)
+
+
+class Crasher(Mine):
+    def answer(self, time):
+        return DriveCommand(steering_angle=0.3, speed=6.0)
+
+
+class Reverser(Mine):
+    def answer(self, time):
+        return DriveCommand(steering_angle=0.0, speed=1.5 if time < 1.5 else -2.5)
+
+
+class Beyond(Mine):
+    def answer(self, time):
+        return DriveCommand(steering_angle=0.9 if time < 0.1 else 0.0, speed=1.0)
+
+
+class Failing(Mine):
+    def answer(self, time):
+        return DriveCommand(steering_angle=0.0, speed=1.0 / (time < 0.2))
+
+
+class Interrupted(Mine):
+    def answer(self, time):
+        if time > 0.2:
+            os.kill(os.getpid(), signal.SIGINT)
+        return DriveCommand(steering_angle=0.0, speed=1.0)
+
+
+class Standing(Mine):
+    def answer(self, time):
+        return DriveCommand(steering_angle=0.0, speed=0.0)
+"""
+
+
+@pytest.fixture(scope="module")
+def raced(tmp_path_factory):
+    """One lap of the oval, as `race --out` writes it."""
+    folder = tmp_path_factory.mktemp("raced") / "lap"
+    main(["race", "--laps", "1", "--out", str(folder)])
+    return folder
+
+
+@pytest.fixture
+def folder(raced, tmp_path):
+    """A copy to forge."""
+    return without_checksums(shutil.copytree(raced, tmp_path / "run"))
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text(PLANNER, "utf-8")
+    return tmp_path
+
+
+def forge(folder, **changes):
+    path = folder / "summary.json"
+    path.write_text(json.dumps(json.loads(path.read_text("utf-8")) | changes), "utf-8")
+
+
+def forge_telemetry(folder, row, name, value):
+    """Write another value into a row of the telemetry, from 0."""
+    lines = (folder / "telemetry.csv").read_text("utf-8").splitlines()
+    values = lines[row + 1].split(",")
+    values[TELEMETRY.index(name)] = value
+    lines[row + 1] = ",".join(values)
+    (folder / "telemetry.csv").write_text("\n".join(lines) + "\n", "utf-8")
+
+
+def forge_states(folder, **changes):
+    with np.load(folder / "states.npz") as file:
+        arrays = dict(file)
+    np.savez_compressed(folder / "states.npz", **(arrays | {name: f(arrays[name]) for name, f in changes.items()}))
+
+
+def told(folder):
+    """Return the names of what differs in a folder that is forged."""
+    report = fg.replay(folder)
+    assert not report.holds
+    return [difference.name for difference in report.differences]
+
+
+def test_a_lap_is_proved_but_for_what_no_simulation_tells(raced):
+    report = fg.replay(raced)
+    assert report.holds and report.identical and report.differences == ()
+    assert report.proved["states.npz"] == ("time", "state", "ctrl")
+    assert report.proved["telemetry.csv"] == TELEMETRY
+    assert set(report.proved["summary.json"]) == set(TELLTALE)
+    summary = read_summary(raced)
+    keys = set(report.unproved) & set(summary)
+    assert keys | set(TELLTALE) == set(summary) and not keys & set(TELLTALE)
+    assert {"wall_time_s", "mujoco_version", "controller", "settings", "clamped_commands"} <= keys
+
+
+def test_the_command_prints_what_is_proved_and_exits_0(raced, capsys):
+    assert main(["replay", str(raced)]) == 0
+    first, *lines = capsys.readouterr().out.splitlines()
+    assert "bit-identical: " in first
+    assert "  proved: telemetry.csv: all 22 columns" in lines
+    assert any(line.startswith("  proved: summary.json: ") and "lap_times_s" in line for line in lines)
+    assert any(line.startswith("  not proved: ") and "wall_time_s" in line for line in lines)
+
+
+PLACE = {"time_s": 1.0, "x_m": 0.0, "y_m": 0.0, "lap": 1, "s_m": 0.5}
+RECORDS = {"wrong_way": PLACE, "crash": PLACE | {"into": "obstacle 0", "geom": "obstacle_0", "speed_m_s": 1.0}}
+
+
+def other(value):
+    """Return another value of the same kind."""
+    if isinstance(value, bool):
+        return not value
+    if isinstance(value, str):
+        return {"oval": "hairpins", "finished": "time_limit"}.get(value, "0" * 64)
+    if isinstance(value, list):
+        return [other(value[0])]
+    if isinstance(value, dict):
+        return value | {"lap_times_s": [1.0]}
+    return value + 1 if isinstance(value, int) else float(np.nextafter(value, 9.0))
+
+
+@pytest.mark.parametrize("name", TELLTALE)
+def test_a_forged_figure_is_told_with_both_values_and_exit_1(folder, name, capsys):
+    recorded = read_summary(folder)[name]
+    forged = RECORDS[name] if name in RECORDS else other(recorded)
+    forge(folder, **{name: forged})
+    assert main(["replay", str(folder)]) == 1
+    lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("  DIFFERS: ")]
+    values = (json.dumps(value, sort_keys=True) for value in (forged, recorded))
+    recorded_and_recomputed = "recorded {}, recomputed {}".format(*values)
+    assert f"  DIFFERS: summary.json, {name}: {recorded_and_recomputed}" in lines
+    assert {line.split(": ")[1] for line in lines} <= {f"summary.json, {name}", "summary.json, cars"}
+    assert name not in fg.replay(folder).proved["summary.json"]
+
+
+def test_a_figure_that_is_left_out_is_not_proved(folder):
+    summary = read_summary(folder)
+    del summary["lap_times_s"]
+    (folder / "summary.json").write_text(json.dumps(summary), "utf-8")
+    assert fg.replay(folder).unproved["lap_times_s"] == "not in summary.json"
+
+
+@pytest.mark.parametrize("name", TELEMETRY)
+def test_a_forged_column_is_told_by_its_row(folder, name):
+    forge_telemetry(folder, 30, name, "0.123")
+    (difference,) = fg.replay(folder).differences
+    assert difference.name == f"telemetry.csv, {name}"
+    assert "row 31, the first of 1" in difference.recorded and "0.123" in difference.recorded
+    assert main(["replay", str(folder)]) == 1
+
+
+def test_a_forged_time_is_told(folder):
+    forge_states(folder, time=lambda time: time * 1.0000000001)
+    assert told(folder) == ["states.npz, time"]
+
+
+def test_more_laps_were_asked_for_than_the_race_had(folder):
+    forge(folder, laps_requested=2)
+    assert told(folder) == [f"summary.json, {name}" for name in ("finished", "end_reason", "cars")]
+
+
+def test_ticks_behind_the_end_of_the_race_are_told(folder):
+    settings = read_summary(folder)["settings"]
+    forge(folder, settings=settings | {"time_limit": 2.0})
+    assert "states.npz, ticks" in told(folder)
+    assert "80, then over: time_limit" in fg.replay(folder).differences[0].recomputed
+
+
+def test_a_race_on_another_course_than_it_says_is_told(folder):
+    settings = read_summary(folder)["settings"]
+    forge(folder, track="hairpins", settings=settings | {"track": "hairpins"})
+    report = fg.replay(folder)
+    assert not report.holds
+    (difference,) = report.differences
+    assert difference.name == "summary.json, track" and "other walls than scene.xml" in difference.recomputed
+    assert "other walls than scene.xml" in report.unproved["lap_times_s"]
+
+
+def test_lap_times_are_not_proved_without_their_course(folder, capsys):
+    settings = read_summary(folder)["settings"]
+    forge(folder, track="mine", settings=settings | {"track": "mine.csv"}, lap_times_s=[1.0])
+    report = fg.replay(folder)
+    for name in ("track", "lap_times_s", "end_reason", "cars", "telemetry.csv, lap"):
+        assert "the course cannot be made again: " in report.unproved[name]
+    assert set(report.proved["telemetry.csv"]) == set(TELEMETRY) - {"lap", "progress_m", "offset_m"}
+    assert "max_slide_m_s" in report.proved["summary.json"] and "lap_times_s" not in report.proved["summary.json"]
+    assert main(["replay", str(folder)]) == 0
+    assert "lap_times_s" in next(s for s in capsys.readouterr().out.splitlines() if "mine.csv" in s)
+
+
+RACES = {
+    "crash": ("--controller", "mine.py:Crasher"),
+    "wrong way": ("--controller", "mine.py:Reverser"),
+    "planner failed": ("--controller", "mine.py:Failing"),
+    "interrupted": ("--controller", "mine.py:Interrupted"),
+    "no progress": ("--controller", "mine.py:Standing"),
+    "beyond the limits": ("--controller", "mine.py:Beyond", "--time-limit", "0.5"),
+    "moving obstacles": ("--track", "scene:crossing_box:3", "--time-limit", "3"),
+    "a scene to its goal": ("--track", "scene:narrow_gap_150"),
+    "random obstacles": ("--obstacles", "3", "--time-limit", "3"),
+    "noise, latency, distortion": (
+        "--lidar-noise", "0.02", "--lidar-latency", "0.05", "--motion-distortion", "--time-limit", "2",
+    ),
+    "drift and other friction": ("--odometry-drift", "0.05", "--mu", "0.4", "--planner-mu", "off", "--time-limit", "3"),
+    "rangefinders": ("--lidar", "rangefinder", "--time-limit", "0.3"),
+    "a random track": ("--track", "random:7", "--time-limit", "1"),
+    "a vehicle's file": ("--vehicle", "VEHICLE", "--track", "scene:narrow_gap_150", "--time-limit", "2"),
+    "a track's file": ("--track", "mine.csv", "--time-limit", "1"),
+    "a map": ("--track", "map.yaml", "--time-limit", "1"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", RACES)
+def test_every_kind_of_race_is_proved(name, here, capsys):
+    arguments = [made_file() if argument == "VEHICLE" else argument for argument in RACES[name]]
+    if name == "a map":
+        pytest.importorskip("yaml", reason="no yaml here: pip install 'fg-mujoco[maps]'")
+        draw_map(here, ring(), name="map")
+    write_centreline(fg.load_track("hairpins"), here / "mine.csv")
+    main(["race", *arguments, "--out", "run"])
+    report = fg.replay("run")
+    assert report.holds, report.lines
+    by_hand = {"end_reason"} if name in ("planner failed", "interrupted") else set()
+    assert set(report.proved["summary.json"]) == set(TELLTALE) - by_hand
+    assert report.proved["telemetry.csv"] == TELEMETRY
+    assert ("failed_scan.npz" in report.unproved) == (name == "planner failed")
+    expected = {"crash": "crash", "wrong way": "wrong_way", "no progress": "no_progress", "interrupted": "interrupted"}
+    assert read_summary("run")["end_reason"] == expected.get(name, read_summary("run")["end_reason"])
+
+
+@pytest.mark.parametrize(
+    ("planner", "name", "change"),
+    [
+        ("Crasher", "crash", {"speed_m_s": 0.1}),
+        ("Crasher", "crash", {"into": "obstacle 0"}),
+        ("Crasher", "crash", None),
+        ("Crasher", "end_reason", "interrupted"),
+        ("Crasher", "collisions", 0),
+        ("Reverser", "wrong_way", {"s_m": 9.0}),
+        ("Reverser", "end_reason", "no_progress"),
+        ("Interrupted", "end_reason", "finished"),
+        ("Interrupted", "finished", True),
+        ("Interrupted", "end_reason", "time_limit"),
+        ("Beyond", "clamped_commands", 0),
+    ],
+)
+def test_what_ended_a_race_cannot_be_forged(planner, name, change, here):
+    main(["race", "--controller", f"mine.py:{planner}", "--time-limit", "15", "--out", "run"])
+    recorded = read_summary("run")[name]
+    forge(here / "run", **{name: recorded | change if isinstance(change, dict) else change})
+    assert f"summary.json, {name}" in told("run")
+
+
+def test_commands_that_the_actuators_did_not_get_are_told(here):
+    main(["race", "--controller", "mine.py:Beyond", "--time-limit", "0.3", "--out", "run"])
+    forge_telemetry(without_checksums(here / "run"), 0, "command_steering_rad", "0.1")
+    assert "telemetry.csv, command_steering_rad" in told("run")
+
+
+def test_a_race_of_python_is_proved_but_for_a_limit_that_nobody_wrote_down(short_race, tmp_path):
+    report = fg.replay(fg.write_run(short_race, tmp_path / "run", picture=False))
+    assert report.holds
+    assert set(report.proved["summary.json"]) == set(TELLTALE) - {"end_reason"}
+
+
+@pytest.mark.parametrize("ended", ["History.append", "judge"])
+def test_ctrl_c_between_two_parts_of_a_tick_leaves_whole_ticks(ended, tmp_path, monkeypatch):
+    """As a second Ctrl-C can, which ends a race at any place."""
+    from fg_mujoco.racing import race
+    from fg_mujoco.racing.result import History
+    from fg_mujoco.simulation.engine import Engine
+
+    owner, name = (History, "append") if ended == "History.append" else (Engine, "judge")
+    whole, calls = getattr(owner, name), []
+
+    def interrupted(self):
+        calls.append(None)
+        if len(calls) == 10:
+            raise KeyboardInterrupt
+        whole(self)
+
+    monkeypatch.setattr(owner, name, interrupted)
+    result = race.race("oval", laps=1)
+    monkeypatch.undo()
+    assert result.end_reason == "interrupted" and len(result.ctrl) == 10
+    report = fg.replay(fg.write_run(result, tmp_path / "run", picture=False))
+    assert report.holds, report.lines
