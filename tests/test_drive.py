@@ -229,6 +229,7 @@ def test_a_run_folder_is_replayed_bit_for_bit_and_gives_the_same_figures(tmp_pat
     if (folder / "report.html").exists():
         page = (folder / "report.html").read_text()
         assert "Open ground has no laps" in page and "decisions over" not in page
+        assert "<span>greatest lateral acceleration</span>" in page and "<span>best lap</span>" not in page
 
 
 def test_json_has_the_figures(capsys):

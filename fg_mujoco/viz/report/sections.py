@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from html import escape
 from typing import Any
 
+import numpy as np
+
 from ...racing.decisions import decision_limit_text
 from ...racing.manoeuvres import is_driven_by_commands
 from ...simulation.planner_failure import place
@@ -37,7 +39,7 @@ def head(run: RecordedRun, title: str, notes: Sequence[str]) -> str:
     verdict = "no tire slid" if slides <= SLIDING_SPEED else f"a tire slid {share} of the time"
     decisions, clamped = summary.get("decision_times"), summary.get("clamped_commands")
     boxes = [
-        *_lap_boxes(summary, lap_times, run.end),
+        *_lap_boxes(run),
         (f"{summary['collisions']}", "collisions"),
         (f"{slides:.3f} m/s", "greatest sliding"),
         *([] if lateral is None else [(f"{lateral:.3f} m/s", "greatest sideways")]),
@@ -71,12 +73,24 @@ def head(run: RecordedRun, title: str, notes: Sequence[str]) -> str:
     )
 
 
-def _lap_boxes(summary: dict[str, Any], lap_times: Sequence[float], end: float) -> list[tuple[str, str]]:
-    """Return the figures of the laps; of a drive without laps how long it took."""
+def _lap_boxes(run: RecordedRun) -> list[tuple[str, str]]:
+    """Return the figures of the laps; of a drive without laps how long it took, and the greatest of its motion."""
+    summary, lap_times = run.summary, run.lap_times
     if not summary["laps_requested"]:
-        return [(f"{end:.2f} s", "simulated")]
+        boxes = [(f"{run.end:.2f} s", "simulated")]
+        for name, unit, what in _MOTION:
+            greatest = np.abs(run.column(name)[np.isfinite(run.column(name))]).max(initial=0.0)
+            boxes.append((f"{greatest:.3g} {unit}", what))
+        return boxes
     laps = f"{summary['laps_completed']} of {summary['laps_requested']}"
     return [(laps, "laps"), (f"{min(lap_times):.3f} s" if lap_times else "-", "best lap")]
+
+
+_MOTION = (
+    ("ay_m_s2", "m/s²", "greatest lateral acceleration"), ("sideslip_rad", "rad", "greatest sideslip"),
+    ("yaw_rate_rad_s", "rad/s", "greatest yaw rate"),
+)  # fmt: skip
+"""Columns whose greatest size the page of a drive has."""
 
 
 def _failure(told: dict[str, Any]) -> str:
