@@ -22,6 +22,7 @@ from .course.maps.export import export_track
 from .course.maps.map_track import MapTrack, read_map
 from .course.moving_obstacles import MovingObstacle
 from .course.obstacles import Box, Cylinder, Prism
+from .course.open_ground import OpenGround
 from .course.scene import Scene
 from .course.scenes.catalogue import scene_names
 from .course.tight import TightSettings, generate_tight_track
@@ -43,6 +44,10 @@ from .lidar.beams import Beams
 from .lidar.effects import LidarEffects
 from .lidar.lidar import Lidar, RangefinderLidar, RaycastLidar, lidar_spec, make_lidar
 from .messages import STOP, CarParameters, Controller, DriveCommand, LaserScan, Odometry
+from .racing.commands import Commands
+from .racing.drive import drive
+from .racing.handling import handling
+from .racing.manoeuvres import find_manoeuvre
 from .racing.planner_loading import controller_names, make_controller
 from .racing.race import RaceProgress, race
 from .racing.replay import ReplayReport, replay
@@ -79,6 +84,7 @@ __all__ = [
     "CarChanges",
     "CarParameters",
     "Choice",
+    "Commands",
     "Comparison",
     "ComparisonProgress",
     "Controller",
@@ -102,6 +108,7 @@ __all__ = [
     "ModelError",
     "MovingObstacle",
     "Odometry",
+    "OpenGround",
     "PlannerError",
     "Prism",
     "RaceProgress",
@@ -135,9 +142,12 @@ __all__ = [
     "compare",
     "controller_names",
     "debug",
+    "drive",
     "export_track",
+    "find_manoeuvre",
     "generate_tight_track",
     "generate_track",
+    "handling",
     "lidar_spec",
     "load_track",
     "make_controller",

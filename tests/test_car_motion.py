@@ -168,7 +168,7 @@ def test_constants_are_the_cars_and_cannot_be_written():
     assert constants["free_qpos"] == model.joint("car/base_link").qposadr[0]
     assert constants["wheel_dofs"].tolist() == [model.joint(f"car/{wheel}_wheel").dofadr[0] for wheel in WHEELS]
     shared = set(car_motion.CAR.names) & set(vars(car.parameters))
-    assert len(shared) == 7
+    assert len(shared) == 8
     for name in shared:
         assert constants[name] == getattr(car.parameters, name), name
     with pytest.raises(ValueError, match="read-only"):

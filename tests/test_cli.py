@@ -216,7 +216,7 @@ def test_an_output_folder_without_permission_is_refused(here, capsys):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ((), "race,replay,track,controllers"),
+        ((), "race,replay,drive,track,controllers"),
         (("fly",), "race"),
         (("track",), "new,show,list"),
         (("race", "--lap", "3"), "--lap"),

@@ -74,7 +74,8 @@ def objects(lap, crashed, comparison, worlds, tmp_path_factory):
         fg.RaceProgress(time=1.0, laps_completed=1, laps_requested=2, speed=3.0),
         fg.ComparisonProgress(runs=3, runs_found=1, runs_driven=1, wall_time_s=1.0),
         fg.RolloutProgress(worlds=3, worlds_found=1, worlds_driven=1, world_seconds=2.0, wall_time_s=1.0),
-        fg.World.from_xml(lap.world.xml),
+        fg.World.from_xml(lap.world.xml), fg.OpenGround(seconds=1 / 3),
+        fg.find_manoeuvre("circle").commands(lap.world.parameters, 1.0),
         replace(track, name=HOSTILE), dm_environment.load("oval"), dm_environment.load("oval").physics, F110Env(),
     ]  # fmt: skip
 

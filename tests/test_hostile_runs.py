@@ -178,7 +178,7 @@ SUMMARIES = {
     "digits": (text_of_summary('{"schema": ' + "9" * 5000 + "}"), "digits"),
     "NaN": (text_of_summary('{"schema": 1, "mu": NaN}'), "NaN is no JSON"),
     "a large file": (text_of_summary(" " * 2**20 + "{}"), "has more than 1048576 bytes"),
-    "laps": (summary(laps_requested=10**9), "accepted: a whole number from 1 to 1000"),
+    "laps": (summary(laps_requested=10**9), "accepted: a whole number from 0 to 1000"),
 }  # fmt: skip
 
 

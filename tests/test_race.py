@@ -7,6 +7,7 @@ import json
 import math
 import signal
 
+import mujoco
 import numpy as np
 import pytest
 from conftest import Straight
@@ -437,14 +438,15 @@ def test_a_tire_in_the_air_leaves_nan_and_never_zero(short_race):
     engine.drive()
     so_far = engine.statistics[0]
     assert so_far["max_slide"] == 0.0 == so_far["sliding_steps"]
-    first = fg.TELEMETRY.index("slide_front_left_m_s")
-    assert np.isnan(engine.telemetry[0, first:-2]).all() and engine.telemetry[0, -2:].tolist() == [0.0, 5.0]
+    first, behind = fg.TELEMETRY.index("slide_front_left_m_s"), fg.TELEMETRY.index("steps") + 1
+    assert np.isnan(engine.telemetry[0, first : behind - 2]).all()
+    assert engine.telemetry[0, behind - 2 : behind].tolist() == [0.0, 5.0]
 
     half = np.array([[math.nan, 0.3, 0.1, math.nan], [math.nan, math.nan, 0.2, 0.01]])
     row = engine.telemetry[0]
     end_row(engine.statistics, 0, row, np.stack((half, 2 * half, half, half, 0.5 * half)))
     expected = [math.nan, 0.3, 0.2, 0.01, math.nan, 0.6, 0.4, 0.02, 2.0, 2.0]
-    assert row[first:] == pytest.approx(expected, nan_ok=True)
+    assert row[first:behind] == pytest.approx(expected, nan_ok=True)
     so_far = engine.statistics[0]
     assert (so_far["max_slide"], so_far["sliding_steps"], so_far["steps"]) == (0.3, 2, 7)
     assert so_far["max_lateral_slide"] == 0.15
@@ -467,6 +469,47 @@ def test_a_column_is_found_by_its_name(short_race):
         assert np.array_equal(short_race.column(name), short_race.telemetry[:, index], equal_nan=True)
     with pytest.raises(ValueError, match="not in tuple"):
         short_race.column("speed")
+
+
+def test_the_motion_columns_are_those_of_the_recorded_states(lap):
+    """The states' velocities, turned into the car's axes here; the acceleration is their difference."""
+    data, model = mujoco.MjData(lap.world.model), lap.world.model
+    base = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, "car/base_link")
+    velocities, axes = [], []
+    lever = lap.world.parameters.rear_axle_distance
+    for state in lap.states:
+        mujoco.mj_setState(model, data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
+        mujoco.mj_forward(model, data)
+        ahead = data.xmat[base].reshape(3, 3)[:2, 0] / np.linalg.norm(data.xmat[base].reshape(3, 3)[:2, 0])
+        found = np.zeros(6)
+        mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_XBODY, base, found, 0)
+        left = np.array([-ahead[1], ahead[0]])
+        velocities.append((found[3:5], found[3:5] + lever * yaw_rate(data, base) * left))
+        axes.append((ahead, left))
+    velocities, axes = np.array(velocities), np.array(axes)
+    rear, gravity_centre = np.einsum("tad,tpd->pta", axes, velocities)
+    assert lap.column("vx_m_s") == pytest.approx(rear[:-1, 0], abs=1e-9)
+    assert lap.column("vy_m_s") == pytest.approx(rear[:-1, 1], abs=1e-9)
+    assert np.array_equal(lap.column("vx_m_s"), lap.column("speed_m_s"))
+    moves = np.hypot(*gravity_centre[:-1].T) >= 0.1
+    assert moves.sum() > 300 and not moves[0]
+    sideslip = np.arctan2(gravity_centre[:-1, 1], gravity_centre[:-1, 0])
+    assert lap.column("sideslip_rad")[moves] == pytest.approx(sideslip[moves], abs=1e-9)
+    assert np.isnan(lap.column("sideslip_rad")[~moves]).all() and np.abs(sideslip[moves]).max() > 0.02
+
+    change = np.diff(velocities[:, 1], axis=0) / np.diff(lap.states[:, 0])[:, None]
+    half_way = axes[1:, 0] + axes[:-1, 0]
+    half_way /= np.linalg.norm(half_way, axis=1)[:, None]
+    assert lap.column("ax_m_s2") == pytest.approx(np.sum(change * half_way, axis=1), abs=1e-6)
+    left = np.column_stack((-half_way[:, 1], half_way[:, 0]))
+    assert lap.column("ay_m_s2") == pytest.approx(np.sum(change * left, axis=1), abs=1e-6)
+
+
+def yaw_rate(data, base):
+    """Return the rate of turn about the car's own z axis [rad/s], as its gyro has it."""
+    found = np.zeros(6)
+    mujoco.mj_objectVelocity(data.model, data, mujoco.mjtObj.mjOBJ_XBODY, base, found, 1)
+    return found[2]
 
 
 def test_the_summary_is_json_with_the_keys_of_the_command(lap):

@@ -133,11 +133,44 @@ def test_a_tire_off_the_ground_is_nan_in_the_table(short_race, tmp_path):
     from fg_mujoco.racing.run_folder import _read_telemetry, _write_telemetry
 
     telemetry = short_race.telemetry.copy()
-    telemetry[3, -3] = math.nan
-    telemetry[4, -3] = -0.0
+    use = fg.TELEMETRY.index("friction_use_rear_right")
+    telemetry[3, use] = math.nan
+    telemetry[4, use] = -0.0
     _write_telemetry(telemetry, tmp_path / "telemetry.csv")
     assert "nan" in (tmp_path / "telemetry.csv").read_text().splitlines()[4].split(",")
-    assert _read_telemetry(tmp_path / "telemetry.csv").tobytes() == telemetry.tobytes()
+    read, columns = _read_telemetry(tmp_path / "telemetry.csv")
+    assert read.tobytes() == telemetry.tobytes() and columns == fg.TELEMETRY
+
+
+def _without(written, folder, *names):
+    """Copy a run folder as an older version wrote it: without some columns of its telemetry, and without checksums."""
+    shutil.copytree(written, folder)
+    summary = json.loads((folder / "summary.json").read_text())
+    summary.pop("files")
+    (folder / "summary.json").write_text(json.dumps(summary))
+    with (folder / "telemetry.csv").open(newline="") as file:
+        rows = [{name: value for name, value in row.items() if name not in names} for row in csv.DictReader(file)]
+    with (folder / "telemetry.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, rows[0])
+        writer.writeheader()
+        writer.writerows(rows)
+    return folder
+
+
+def test_a_run_of_an_older_version_is_read_and_says_which_columns_it_lacks(written, short_race, tmp_path):
+    motion = fg.TELEMETRY[fg.TELEMETRY.index("steps") + 1 :]
+    run = fg.read_run(_without(written, tmp_path / "old", *motion))
+    assert run.columns == fg.TELEMETRY[: fg.TELEMETRY.index("steps") + 1] and "vy_m_s" in motion
+    assert np.array_equal(run.column("speed_m_s"), short_race.column("speed_m_s"))
+    with pytest.raises(
+        fg.SettingsError, match=r"older version\) has no column 'vy_m_s'; accepted: time_s, lap, .*steps"
+    ):
+        run.column("vy_m_s")
+    with pytest.raises(fg.SettingsError, match=r"telemetry.csv has no column 'speed'; .* did you mean 'speed_m_s'"):
+        run.column("speed")
+    assert fg.replay(run.folder).identical
+    with pytest.raises(fg.RunFolderError, match=r"telemetry.csv: cannot be read: .*columns time_s"):
+        fg.read_run(_without(written, tmp_path / "damaged", "speed_m_s"))
 
 
 def test_replay_is_bit_identical(written, short_race):

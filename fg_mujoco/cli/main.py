@@ -37,6 +37,7 @@ from .completion import complete
 from .config import add_config, parse, settings_of
 from .controllers import add_controllers
 from .debug import add_debug
+from .drive import add_drive
 from .friction import add_friction
 from .options import (
     ProgressLine,
@@ -136,6 +137,7 @@ def _parser() -> argparse.ArgumentParser:
     command = _add(commands, "replay", _replay, "simulate a run folder again and compare it bit for bit")
     command.add_argument("folder", metavar="DIR", help="written by race --out")
 
+    add_drive(_add, commands)
     add_track(_add, commands)
     add_controllers(_add, commands)
     add_vehicles(_add, commands)

@@ -61,7 +61,7 @@ class Course(Protocol):
 
     @property
     def length(self) -> float:
-        """Length of a lap; of an open line from the start to the goal [m]."""
+        """Length of a lap; of an open line from the start to the goal [m]; inf: no goal, the race lasts its time."""
 
     @property
     def modulus(self) -> float:
@@ -96,7 +96,7 @@ class Course(Protocol):
 
     @property
     def most_laps(self) -> int | None:
-        """How many laps a race may have; None: any number."""
+        """How many laps a race may have; None: any number; 0: there are none."""
 
     @property
     def stop_time(self) -> float:
@@ -199,5 +199,6 @@ def laps_to_drive(course: Course, laps: int | None) -> int:
     if laps is None:
         return USUAL_LAPS if most is None else min(USUAL_LAPS, most)
     if most is not None and laps > most:
-        raise SettingsError(f"laps is {laps!r} on {course.name!r}, which goes from a start to a goal; accepted: {most}")
+        why = "goes from a start to a goal" if most else "has no laps"
+        raise SettingsError(f"laps is {laps!r} on {course.name!r}, which {why}; accepted: {most or None}")
     return laps

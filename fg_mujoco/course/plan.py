@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 
 import numpy as np
 
 from ..display import Drawing, paragraph
+from ..messages import FloatArray
 from .course import Course, describe_course, wall_outlines
 from .moving_obstacles import MovingObstacle
 from .obstacles import Obstacle
@@ -22,6 +24,7 @@ def plan(
     moving: Iterable[MovingObstacle] | None = None,
     time: float = 0.0,
     line: bool = True,
+    around: FloatArray | None = None,
 ) -> Drawing:
     """Return a drawing of a course: walls, line, start with its direction, goal, obstacles, and a scale in metres.
 
@@ -31,16 +34,17 @@ def plan(
       moving: obstacles that move; None: the course's own.
       time: at which these are drawn [s].
       line: whether the line of the course is drawn.
+      around: points (n, 2) that the drawing has room for, besides the course [m]; None: the course alone.
     """
     outlines = wall_outlines(course)
-    points = np.concatenate((course.bounds, *outlines))
+    points = np.concatenate((course.bounds, *outlines, *([] if around is None else [around])))
     drawing = Drawing(points.min(axis=0) - _MARGIN, points.max(axis=0) + _MARGIN)
     if course.edges:
         drawing.area(course.edges[:2], _FLOOR, _EDGE)
     solid = course.edges[2:] if course.edges else outlines
     for outline in solid:
         drawing.area([outline], _WALL, _EDGE)
-    if line:
+    if line and math.isfinite(course.length):
         drawing.line(course.map_line.points, _LINE, width=0.8, closed=course.closed, dashes="6 4")
     for obstacle in course.obstacles if obstacles is None else obstacles:
         drawing.area([obstacle.corners()], _OBSTACLE, _OBSTACLE)

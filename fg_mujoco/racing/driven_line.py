@@ -34,7 +34,7 @@ def driven_line(
       marks: a text, and the place that it is written at [m].
       title: for screen readers.
     """
-    drawing = plan(world.track, obstacles=world.obstacles, moving=world.moving, time=time, line=False)
+    drawing = plan(world.track, obstacles=world.obstacles, moving=world.moving, time=time, line=False, around=line)
     line, speed = line[-_MOST_TICKS:], speed[-_MOST_TICKS:]
     speed = np.where(np.isfinite(speed), speed, 0.0)
     fastest = max(float(speed.max(initial=0.0)), 1.0)

@@ -34,8 +34,10 @@ class ControllerChoice:
     settings: tuple[tuple[str, Value], ...] = ()
 
     @classmethod
-    def of(cls, text: str) -> ControllerChoice:
+    def of(cls, text: str, what: str = "controller") -> ControllerChoice:
         """Read `name` or `name[setting=value,...]`; a value is a number, true, false or a word.
+
+        `what` it is that has the name is for messages.
 
         Raises:
           SettingsError: a text that is neither.
@@ -45,13 +47,13 @@ class ControllerChoice:
             raise SettingsError(f"{said}; accepted: {LONGEST_NAME} at most")
         match = _CHOICE.fullmatch(text.strip())
         if match is None:
-            raise SettingsError(f"controller {text!r}; accepted: NAME, or NAME[SETTING=VALUE,SETTING=VALUE]")
+            raise SettingsError(f"{what} {text!r}; accepted: NAME, or NAME[SETTING=VALUE,SETTING=VALUE]")
         source, inside = match.groups()
         settings: dict[str, Value] = {}
         for part in inside.split(",") if inside is not None else ():
             name, equals, value = (piece.strip() for piece in part.partition("="))
             if not (name and equals and value) or name in settings or set(value) & set("|:"):
-                raise SettingsError(f"controller {text!r}: {part!r}; accepted: SETTING=VALUE, each setting once")
+                raise SettingsError(f"{what} {text!r}: {part!r}; accepted: SETTING=VALUE, each setting once")
             settings[name] = read_value(value)
         return cls(source, tuple(settings.items()))
 

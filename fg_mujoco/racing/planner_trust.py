@@ -17,6 +17,7 @@ from ..errors import ControllerError, TrackError
 from ..messages import CarParameters, Controller
 from ..simulation.course_loading import load_track
 from ..simulation.planner_adapter import start
+from .manoeuvres import is_driven_by_commands
 from .planner_choice import ControllerChoice
 from .planner_loading import bundled_names, make_controller, origin
 from .run_folder import kept_controller
@@ -43,6 +44,8 @@ def require_trusted(source: str, sha256: str | None, *, trust: bool, where: str)
     """
     if source in bundled_names():
         return
+    if is_driven_by_commands(source):
+        raise ControllerError(f"{where}: {source!r} has no planner; its commands were made beforehand")
     said = f"{where}: planner {source!r}"
     if not trust:
         raise ControllerError(

@@ -84,7 +84,8 @@ class RaceResult(Shown):
 
     def __repr__(self) -> str:
         best = f", best {min(self.lap_times_s):.2f} s" if self.lap_times_s else ""
-        laps = f"{self.laps_completed} of {self.laps_requested} laps in {self.sim_time_s:.1f} s{best}"
+        laps = f"{self.laps_completed} of {self.laps_requested} laps in " if self.laps_requested else ""
+        laps += f"{self.sim_time_s:.1f} s{best}"
         return brief(self, f"{quoted(self.controller)} on {quoted(self.track)}: {laps}, {self._end()}")
 
     def _end(self) -> str:
@@ -96,13 +97,10 @@ class RaceResult(Shown):
         return "no collision" if self.finished else f"ended by {self.end_reason}"
 
     def _repr_html_(self) -> str:
-        laps = ", ".join(f"{time:.2f}" for time in self.lap_times_s[:10])
-        more = f" and {len(self.lap_times_s) - 10} more" if len(self.lap_times_s) > 10 else ""
         rows = [
             ("planner, track, car", f"{self.controller}, {self.track}, {self.vehicle}"),
             ("end", f"{self.end_reason.replace('_', ' ')}: {self._end()}"),
-            ("laps", f"{self.laps_completed} of {self.laps_requested} in {self.sim_time_s:.2f} s"),
-            ("lap times", f"{laps}{more} s" if laps else "no lap completed"),
+            *(self._lap_rows() if self.laps_requested else [("time", f"{self.sim_time_s:.2f} s")]),
             ("speed", f"mean {self.mean_speed_m_s:.2f} m/s, greatest {self.max_speed_m_s:.2f} m/s"),
             ("greatest sliding", f"{self.max_slide_m_s:.3f} m/s, {100.0 * self.slide_time_fraction:.2f} % of the time"),
             ("friction coefficient", f"{self.mu:.4g}; the planner assumes {self.planner_mu:.4g}"),
@@ -114,6 +112,15 @@ class RaceResult(Shown):
             self.world, line, self.column("speed_m_s"), time=self.sim_time_s, marks=marks, title=repr(self)
         )
         return table((), rows) + picture
+
+    def _lap_rows(self) -> list[tuple[str, str]]:
+        """Return what a notebook shows of the laps."""
+        laps = ", ".join(f"{time:.2f}" for time in self.lap_times_s[:10])
+        more = f" and {len(self.lap_times_s) - 10} more" if len(self.lap_times_s) > 10 else ""
+        return [
+            ("laps", f"{self.laps_completed} of {self.laps_requested} in {self.sim_time_s:.2f} s"),
+            ("lap times", f"{laps}{more} s" if laps else "no lap completed"),
+        ]
 
     def column(self, name: str) -> FloatArray:
         """Return one column of the telemetry by its name in TELEMETRY. Shape (ticks,)."""

@@ -105,7 +105,7 @@ _SUMMARY: dict[str, tuple[str, Accepts]] = {
     ),
     "lidar": (" or ".join(LIDAR_BACKENDS), lambda value: value in LIDAR_BACKENDS),
     "laps_requested": (
-        f"a whole number from 1 to {GREATEST_LAPS}", lambda value: _is_count(value) and 1 <= value <= GREATEST_LAPS
+        f"a whole number from 0 to {GREATEST_LAPS}", lambda value: _is_count(value) and value <= GREATEST_LAPS
     ),
     "controller_origin": (
         "texts by name",

@@ -8,7 +8,7 @@
     scene.xml       the MJCF text that the raced model was compiled from; plain MuJoCo loads it
     states.npz      time (n + 1,) [s], state (n + 1, k) mjSTATE_INTEGRATION, ctrl (n, 2) [rad, m/s]: row i of ctrl is
                     held from state i to state i + 1, one tick
-    telemetry.csv   one row a tick, columns named with their units
+    telemetry.csv   one row a tick, columns named with their units; older versions wrote fewer columns
     controller.py   the source of a planner of your own, as it was read; its hash is in the summary
     failed_scan.npz where the planner failed: the scan and the odometry that it was told, see `read_failed_scan`
     trace.png       the line over the track, and the tires' work over time (needs the extra `plot`)
@@ -39,10 +39,10 @@ import numpy as np
 from ..course.files import is_file, read_arrays, read_bytes, read_text, require_regular
 from ..course.writing import claimed_folder, require_writable, staged_folder
 from ..display import brief, quoted
-from ..errors import FgMujocoError, RunFolderError
+from ..errors import FgMujocoError, RunFolderError, SettingsError, accepted_names
 from ..messages import FloatArray, LaserScan, Odometry
 from ..simulation.planner_failure import PlannerFailure
-from ..simulation.telemetry import TELEMETRY
+from ..simulation.telemetry import ALWAYS_NUMBERS, RECORDED_ALWAYS, TELEMETRY
 from .result import RaceResult
 from .run_checks import check_scene, check_summary
 
@@ -77,7 +77,8 @@ class Run:
     time: FloatArray = field(repr=False)  # (ticks + 1,) [s]
     states: FloatArray = field(repr=False)  # (ticks + 1, k)
     ctrl: FloatArray = field(repr=False)  # (ticks, 2)
-    telemetry: FloatArray = field(repr=False)  # (ticks, len(TELEMETRY))
+    telemetry: FloatArray = field(repr=False)  # (ticks, len(TELEMETRY)); NaN in columns that are not in `columns`
+    columns: tuple[str, ...] = field(default=TELEMETRY, repr=False)  # of TELEMETRY, those that were recorded
 
     def __repr__(self) -> str:
         found = {name: self.summary.get(name, "unknown") for name in ("controller", "track", "end_reason")}
@@ -90,7 +91,16 @@ class Run:
         return self.folder / _SCENE
 
     def column(self, name: str) -> FloatArray:
-        """Return one column of the telemetry, shape (ticks,)."""
+        """Return one column of the telemetry, shape (ticks,).
+
+        Raises:
+          SettingsError: there is none of that name, or an older version wrote the run without it.
+        """
+        if name not in self.columns:
+            why = " (written by an older version)" if name in TELEMETRY else ""
+            raise SettingsError(
+                f"{self.folder / _TELEMETRY}{why} has no column {name!r}; {accepted_names(name, self.columns)}"
+            )
         return self.telemetry[:, TELEMETRY.index(name)]
 
 
@@ -227,12 +237,15 @@ def read_run(folder: str | Path) -> Run:
         xml = read_text(folder / _SCENE, _MOST_SCENE)
         check_scene(xml)
     with _blame(folder / _TELEMETRY):
-        telemetry = _read_telemetry(folder / _TELEMETRY)
+        telemetry, columns = _read_telemetry(folder / _TELEMETRY)
     with _blame(folder / _STATES):
         time, states, ctrl = _read_states(folder / _STATES, len(telemetry))
     for values in (time, states, ctrl, telemetry):
         values.flags.writeable = False
-    return Run(folder=folder, summary=summary, xml=xml, time=time, states=states, ctrl=ctrl, telemetry=telemetry)
+    return Run(
+        folder=folder, summary=summary, xml=xml, time=time, states=states, ctrl=ctrl, telemetry=telemetry,
+        columns=columns,
+    )  # fmt: skip
 
 
 def read_failed_scan(folder: str | Path) -> tuple[LaserScan, Odometry]:
@@ -272,27 +285,34 @@ def _write_telemetry(telemetry: FloatArray, path: Path) -> None:
         writer.writerows([repr(value).removesuffix(".0") for value in row] for row in telemetry.tolist())
 
 
-def _read_telemetry(path: Path) -> FloatArray:
-    """Read it line by line: no line and no file is longer than a race writes it."""
+def _read_telemetry(path: Path) -> tuple[FloatArray, tuple[str, ...]]:
+    """Return the telemetry, NaN in the columns that are not there, and the columns that are.
+
+    It is read line by line: no line and no file is longer than a race writes it.
+    """
     require_regular(path)
     if path.stat().st_size > _MOST_TELEMETRY:
         raise ValueError(f"more than {_MOST_TELEMETRY} bytes")
-    values, columns = array("d"), len(TELEMETRY)
+    values = array("d")
     with path.open("rb") as file:
         header = file.readline(_MOST_OF_A_ROW).decode("utf-8", "replace").rstrip("\r\n")
-        if header != ",".join(TELEMETRY):
+        found = header.split(",")
+        columns = tuple(name for name in TELEMETRY if name in found)
+        if header != ",".join(columns) or not set(RECORDED_ALWAYS) <= set(columns):
             raise ValueError(f"columns {header[:60]}")
         for number, line in enumerate(iter(lambda: file.readline(_MOST_OF_A_ROW), b""), start=2):
             row = line.split(b",")
-            if len(row) != columns or not line.endswith(b"\n"):
-                raise ValueError(f"line {number} is torn, too long, or has not {columns} columns")
+            if len(row) != len(columns) or not line.endswith(b"\n"):
+                raise ValueError(f"line {number} is torn, too long, or has not {len(columns)} columns")
             values.extend(map(float, row))
-    table = np.array(values, dtype=np.float64).reshape(-1, columns)
+    table = np.array(values, dtype=np.float64).reshape(-1, len(columns))
     known = np.isnan(table)
-    known[:, [not name.startswith(("slide_", "friction_use_")) for name in TELEMETRY]] = False
+    known[:, [name in ALWAYS_NUMBERS for name in columns]] = False
     if not ((np.abs(table) <= _GREATEST) | known).all():
         raise ValueError(f"a number that is none, or beyond {_GREATEST:.0e}")
-    return table
+    telemetry = np.full((len(table), len(TELEMETRY)), np.nan)
+    telemetry[:, [TELEMETRY.index(name) for name in columns]] = table
+    return telemetry, columns
 
 
 def _read_states(path: Path, ticks: int) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -20,6 +20,7 @@ RESOLUTION = 0.05
 """[m] of a cell: that of most maps of F1TENTH courses."""
 
 _MARGIN = 5  # [cells] round the walls
+_OPEN = 10.0  # [m] round the start that is mapped as free where there are no walls
 _MOST_CELLS = 25_000_000
 _FLAT = 1e-12  # [m^2] a triangle seen from its edge
 
@@ -44,7 +45,8 @@ def grid_of(model: mujoco.MjModel, start: FloatArray, resolution: float = RESOLU
     from scipy import ndimage  # heavy, and only a map needs it
 
     footprints = _footprints(model)
-    corners = np.concatenate([triangles.reshape(-1, 2) for triangles in footprints])
+    open_ground = np.asarray(start) + np.array([[-_OPEN, -_OPEN], [_OPEN, _OPEN]])
+    corners = np.concatenate([triangles.reshape(-1, 2) for triangles in footprints] or [open_ground])
     low, high = corners.min(axis=0), corners.max(axis=0)
     while np.prod(np.ceil((high - low) / resolution) + 2 * _MARGIN) > _MOST_CELLS:
         resolution *= 2.0

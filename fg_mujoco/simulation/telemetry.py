@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, TypedDict
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from ..kernels import kernel
 from ..messages import FloatArray
 from ..vehicle.car import WHEELS
-from ..vehicle.motion import CarArray, ground_speed, planar_pose
+from ..vehicle.motion import CarArray, body_velocity, ground_speed, planar_pose, sideslip_angle
 from ..vehicle.tire_slip import greatest_lateral_speed, greatest_slip
 
 TELEMETRY = (
@@ -19,10 +20,22 @@ TELEMETRY = (
     *(f"slide_{wheel}_m_s" for wheel in WHEELS),
     *(f"friction_use_{wheel}" for wheel in WHEELS),
     "sliding_steps", "steps",
+    "vx_m_s", "vy_m_s", "sideslip_rad", "ax_m_s2", "ay_m_s2",
 )  # fmt: skip
 """Columns of the telemetry. A row is one tick: the state at its start and the planner's command; then, while it was
 held, each tire's greatest slip speed and friction utilisation (NaN: off the ground all the while), and in how many of
-the physics steps any tire slid."""
+the physics steps any tire slid; then the car's motion, x forward and y to the left of its heading, level.
+
+`vx_m_s` and `vy_m_s` are the velocity of base_link, at the rear axle, at the start of the tick. `sideslip_rad` is the
+angle from the heading to the velocity of the centre of gravity then, left positive, NaN below 0.1 m/s. `ax_m_s2` and
+`ay_m_s2` are the mean acceleration of the centre of gravity over the tick, without gravity: the change of its velocity,
+in the axes of the heading half-way."""
+
+RECORDED_ALWAYS = TELEMETRY[: TELEMETRY.index("steps") + 1]
+"""Columns that each telemetry.csv has, whatever version wrote it."""
+
+ALWAYS_NUMBERS = tuple(name for name in RECORDED_ALWAYS if not name.startswith(("slide_", "friction_use_")))
+"""Columns that are never NaN."""
 
 
 STATISTICS = np.dtype(
@@ -63,6 +76,9 @@ def statistics_figures(row: Any) -> StatisticsFigures:
 
 _SLIDE = TELEMETRY.index(f"slide_{WHEELS[0]}_m_s")
 _SPEED = TELEMETRY.index("speed_m_s")
+_SLIDING_STEPS = TELEMETRY.index("sliding_steps")
+_HEADING, _YAW_RATE = TELEMETRY.index("heading_rad"), TELEMETRY.index("yaw_rate_rad_s")
+_VX, _AX = TELEMETRY.index("vx_m_s"), TELEMETRY.index("ax_m_s2")
 COMMAND = TELEMETRY.index("command_steering_rad")
 """Column of the commanded steering angle; the commanded speed is the one behind it."""
 
@@ -71,7 +87,7 @@ COMMAND = TELEMETRY.index("command_steering_rad")
 def begin_row(
     time: float, qpos: FloatArray, qvel: FloatArray, car: CarArray, timers: NDArray[np.void], i: int, row: FloatArray
 ) -> None:
-    """Write the first columns of a tick's row of telemetry: the state at its start.
+    """Write the columns of a tick's row of telemetry that are the state at its start.
 
     Args:
       time: [s].
@@ -87,6 +103,35 @@ def begin_row(
     row[4], row[5], row[6] = planar_pose(qpos, car)
     row[7] = ground_speed(qpos, qvel, car)
     row[8], row[9] = qvel[car[0].free_dof + 5], qpos[car[0].steering_qpos]
+    vx, vy = body_velocity(qpos, qvel, car)
+    row[_VX], row[_VX + 1], row[_VX + 2] = vx, vy, sideslip_angle(vx, vy, row[8], car)
+
+
+@kernel
+def end_motion(time: float, qpos: FloatArray, qvel: FloatArray, car: CarArray, row: FloatArray) -> None:
+    """Write the mean acceleration over a tick to its row of telemetry.
+
+    Args:
+      time: at the end of the tick [s].
+      qpos: of the model then.
+      qvel: of the model then.
+      car: (1,) of CAR.
+      row: (len(TELEMETRY),) with the state at the start of the tick, written to.
+    """
+    lever, before = car[0].rear_axle_distance, row[_HEADING]
+    vx, vy = body_velocity(qpos, qvel, car)
+    _, _, heading = planar_pose(qpos, car)
+    half = 0.5 * ((heading - before + math.pi) % (2.0 * math.pi) - math.pi)  # of the turn in the tick
+    ahead, left = math.cos(half), math.sin(half)
+    # both velocities of the centre of gravity in the axes half-way: the one turns back by half, the other on
+    x0, y0 = row[_VX], row[_VX + 1] + row[_YAW_RATE] * lever
+    x1, y1 = vx, vy + qvel[car[0].free_dof + 5] * lever
+    lasted = time - row[0]
+    if not lasted > 0.0:  # MuJoCo has reset an unstable state by itself
+        row[_AX] = row[_AX + 1] = math.nan
+        return
+    row[_AX] = ((x1 - x0) * ahead - (y1 + y0) * left) / lasted
+    row[_AX + 1] = ((y1 - y0) * ahead + (x1 + x0) * left) / lasted
 
 
 @kernel
@@ -96,15 +141,15 @@ def end_row(statistics: NDArray[np.void], i: int, row: FloatArray, slip: FloatAr
     Args:
       statistics: (n,) of STATISTICS, written to.
       i: which of them.
-      row: (len(TELEMETRY),), its last ten columns written to.
+      row: (len(TELEMETRY),), its ten columns of the tires and the steps written to.
       slip: (QUANTITIES, steps, 4) of `measure_slip`.
     """
     so_far = statistics[i]
-    row[-2] = greatest_slip(slip, row[_SLIDE : _SLIDE + 8])
-    row[-1] = slip.shape[1]
+    row[_SLIDING_STEPS] = greatest_slip(slip, row[_SLIDE : _SLIDE + 8])
+    row[_SLIDING_STEPS + 1] = slip.shape[1]
     so_far.ticks += 1
     so_far.steps += slip.shape[1]
-    so_far.sliding_steps += int(row[-2])
+    so_far.sliding_steps += int(row[_SLIDING_STEPS])
     for tire in range(4):
         if row[_SLIDE + tire] > so_far.max_slide:
             so_far.max_slide = row[_SLIDE + tire]

@@ -148,7 +148,11 @@ def judge_cars(
         for kind in range(_FIRST_BAD, _END_OF_BAD, 2):
             unstable = unstable or warnings[world, kind] > 0
         back = timers[row].furthest - timers[row].progress
-        reason = end_reason(unstable, crashed[row], done, laps, back, time, timers[row].last_progress_time, last_time)
+        since = timers[row].last_progress_time
+        if length < math.inf:
+            reason = end_reason(unstable, crashed[row], done, laps, back, time, since, last_time)
+        else:
+            reason = end_of_endless(unstable, crashed[row], time, last_time)
         reasons[row] = reason
         running[row] = reason == 0
 
@@ -182,3 +186,16 @@ def end_reason(
     if time >= last_time:
         return _TIME_LIMIT
     return 0
+
+
+@kernel
+def end_of_endless(unstable: bool, crashed: bool, time: float, last_time: float) -> int:
+    """Return the number in END_REASONS of why a race on a course without end is over, as `end_reason` does.
+
+    The car may stand or turn round there, and the race is finished when its time is over.
+    """
+    if unstable:
+        return _UNSTABLE
+    if crashed:
+        return _CRASH
+    return _FINISHED if time >= last_time else 0

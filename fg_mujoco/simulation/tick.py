@@ -19,7 +19,7 @@ from ..messages import FloatArray
 from ..vehicle.motion import drive, read_odometry
 from ..vehicle.tire_slip import measure_slip
 from .physics import CTRL, CTRL_AND_MOCAP, StateLayout, step_states
-from .telemetry import COMMAND, begin_row, end_row
+from .telemetry import COMMAND, begin_row, end_motion, end_row
 
 Mask = NDArray[np.bool_]
 Rows = NDArray[np.void]
@@ -186,8 +186,8 @@ def drive_cars(
         if len(motions) > 0:
             _place_obstacles(motions, states[world, layout.time], states[world, layout.mocap_pos[0] :])
     book_cars(
-        ids, count, cars_per_world, records, status, failed, tires, axles, chassis_contact, mu, slip, crashed,
-        telemetry, statistics,
+        ids, count, cars_per_world, states, layout, cars, records, status, failed, tires, axles, chassis_contact, mu,
+        slip, crashed, telemetry, statistics,
     )  # fmt: skip
 
 
@@ -217,6 +217,9 @@ def book_cars(
     ids: NDArray[np.int32],
     count: int,
     cars_per_world: int,
+    states: FloatArray,
+    layout: StateLayout,
+    cars: Rows,
     records: FloatArray,
     status: NDArray[np.int32],
     failed: Mask,
@@ -232,7 +235,11 @@ def book_cars(
     """Read what the physics steps of a tick recorded in `count` worlds `ids`; arguments as in `drive_cars`."""
     for place in range(count):
         world = ids[place]
+        state = states[world]
+        time = state[layout.time]
+        qpos, qvel = state[layout.qpos[0] : layout.qpos[1]], state[layout.qvel[0] : layout.qvel[1]]
         for row in range(world * cars_per_world, (world + 1) * cars_per_world):
+            end_motion(time, qpos, qvel, cars[row : row + 1], telemetry[row])
             failed[row] = failed[row] or status[world] != 0
             crashed[row] = crashed[row] or any_touch(records[place], chassis_contact)
             measure_slip(records[place], tires, axles, mu[row], slip)

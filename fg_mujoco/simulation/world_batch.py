@@ -275,7 +275,7 @@ class WorldBatch:
         """End a tick of single steps in the worlds `ids`: write what tires and chassis did."""
         arrays = self._arrays
         book_cars(
-            self._ids, len(ids), self._cars_per_world, self.physics.records, self.physics.status, arrays.failed,
-            self._tires, self._axles, self._chassis_contact, arrays.mu, self.slip, arrays.crashed, arrays.telemetry,
-            arrays.statistics,
+            self._ids, len(ids), self._cars_per_world, self.physics.states, self.layout, arrays.constants,
+            self.physics.records, self.physics.status, arrays.failed, self._tires, self._axles, self._chassis_contact,
+            arrays.mu, self.slip, arrays.crashed, arrays.telemetry, arrays.statistics,
         )  # fmt: skip

@@ -149,7 +149,7 @@ class Car:
         constants["accelerometer"] = sensor_slice(model, f"{prefix}accelerometer").start
         constants["steering_ctrl"], constants["speed_ctrl"] = self._steering_ctrl, self._speed_ctrl
         for name in ("wheel_radius", "max_steering_angle", "min_speed", "max_speed", "max_acceleration",
-                     "power_limit_speed", "speed_time_constant"):  # fmt: skip
+                     "power_limit_speed", "speed_time_constant", "rear_axle_distance"):  # fmt: skip
             constants[name] = getattr(self.parameters, name)
         constants.flags.writeable = False
         self.constants = constants

@@ -26,11 +26,16 @@ CAR = np.dtype(
         ("max_acceleration", np.float64),
         ("power_limit_speed", np.float64),
         ("speed_time_constant", np.float64),
+        ("rear_axle_distance", np.float64),
     ]
 )
 """Where a car is in its model, and its limits. Kernels take an array (1,) of it."""
 
 CarArray = NDArray[np.void]
+
+SIDESLIP_SPEED = 0.1
+"""[m/s] Below this speed of the centre of gravity there is no sideslip angle: a car that stands sways on its springs by
+some mm/s, in any direction."""
 
 
 @kernel
@@ -78,6 +83,28 @@ def read_odometry(
     for wheel in range(4):
         row.wheel_speeds[wheel] = qvel[constants.wheel_dofs[wheel]] * constants.wheel_radius
     row.pose[0], row.pose[1], row.pose[2] = planar_pose(qpos, car)
+
+
+@kernel
+def body_velocity(qpos: FloatArray, qvel: FloatArray, car: CarArray) -> tuple[float, float]:
+    """Return the velocity of base_link over the ground, forward and to the left of its heading [m/s]."""
+    _, _, heading = planar_pose(qpos, car)
+    i = car[0].free_dof
+    ahead, left = math.cos(heading), math.sin(heading)
+    return qvel[i] * ahead + qvel[i + 1] * left, qvel[i + 1] * ahead - qvel[i] * left
+
+
+@kernel
+def sideslip_angle(vx: float, vy: float, yaw_rate: float, car: CarArray) -> float:
+    """Return the sideslip angle at the centre of gravity [rad], NaN below SIDESLIP_SPEED.
+
+    It is the angle from the car's heading to the velocity, left positive, as in ISO 8855: pi where a car goes straight
+    back. `vx` and `vy` [m/s] are of `body_velocity`.
+    """
+    left = vy + yaw_rate * car[0].rear_axle_distance
+    if math.hypot(vx, left) < SIDESLIP_SPEED:
+        return math.nan
+    return math.atan2(left, vx)
 
 
 @kernel

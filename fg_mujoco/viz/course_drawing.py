@@ -24,15 +24,18 @@ _LINE: dict[str, Any] = {"color": "0.55", "linewidth": 0.6, "linestyle": (0, (6,
 _START_LINE: dict[str, Any] = {"color": "black", "linewidth": 1.6, "solid_capstyle": "butt"}
 
 
-def extent(course: Course) -> FloatArray:
-    """Return the least and greatest x and y of the picture of a course. Shape (2, 2) [m]."""
-    points = np.concatenate((course.bounds, *wall_outlines(course)))
+def extent(course: Course, *lines: FloatArray) -> FloatArray:
+    """Return the least and greatest x and y of the picture of a course and lines (n, 2). Shape (2, 2) [m]."""
+    points = np.concatenate((course.bounds, *wall_outlines(course), *lines))
     return np.stack((points.min(axis=0) - _MARGIN, points.max(axis=0) + _MARGIN))
 
 
-def draw_course(axes: Axes, course: Course) -> None:
-    """Draw the walls, the start line, an arrow in the direction of driving, and the goal line of an open course."""
-    (left, bottom), (right, top) = extent(course)
+def draw_course(axes: Axes, course: Course, *lines: FloatArray) -> None:
+    """Draw the walls, the start line, an arrow in the direction of driving, and the goal line of an open course.
+
+    There is room for `lines` (n, 2) [m], which are not drawn.
+    """
+    (left, bottom), (right, top) = extent(course, *lines)
     axes.set(xlim=(left, right), ylim=(bottom, top), aspect="equal", xlabel="x [m]", ylabel="y [m]")
     if course.edges:
         _draw_floor(axes, course.edges)
@@ -45,6 +48,8 @@ def draw_course(axes: Axes, course: Course) -> None:
 
 def draw_line(axes: Axes, course: Course) -> None:
     """Draw the line of a course."""
+    if not math.isfinite(course.length):
+        return
     points = course.map_line.points
     axes.plot(*(closed(points) if course.closed else points).T, **_LINE)
 

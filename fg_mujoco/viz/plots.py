@@ -7,6 +7,7 @@ trace_picture(race("oval"), "trace.png")
 from __future__ import annotations
 
 import importlib.util
+import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -95,14 +96,15 @@ def trace_picture(result: RaceResult, path: str | Path | BinaryIO) -> None:
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     column = {name: result.telemetry[:, index] for index, name in enumerate(TELEMETRY)}
-    map_height = _map_height(result.world.track)
+    driven = np.column_stack((column["x_m"], column["y_m"]))
+    map_height = _map_height(result.world.track, driven)
     with mpl.rc_context(_STYLE):
         layout = ConstrainedLayoutEngine(rect=(0.0, 0.0, _LEGEND_EDGE, 1.0))
         heights = (map_height, *(3 * [_PANEL_HEIGHT]), *(len(WHEELS) * [_TIRE_HEIGHT]))
         figure = Figure(figsize=(_WIDTH, sum(heights)), layout=layout)
         grid = figure.add_gridspec(len(heights), 1, height_ratios=heights)
         axes = figure.add_subplot(grid[0])
-        draw_course(axes, result.world.track)
+        draw_course(axes, result.world.track, driven)
         draw_obstacles(axes, result.world.obstacles, result.world.moving, result.sim_time_s)
         line = _draw_line(axes, column["x_m"], column["y_m"], column["speed_m_s"])
         scale = axes.inset_axes((1.015, 0.05, 0.02, 0.9))
@@ -136,6 +138,8 @@ def trace_picture(result: RaceResult, path: str | Path | BinaryIO) -> None:
 
 def _headline(result: RaceResult) -> str:
     laps = f"{result.laps_completed} of {result.laps_requested} laps"
+    if not result.laps_requested:
+        laps = f"{result.sim_time_s:.1f} s"
     best = f", best {min(result.lap_times_s):.2f} s" if result.lap_times_s else ""
     end = "" if result.finished else f", ended by {result.end_reason}"
     return f"{result.track}, {result.controller}: {laps}{best}{end}; greatest sliding {result.max_slide_m_s:.3f} m/s"
@@ -147,6 +151,9 @@ def _draw_panels(panels: list[Axes], column: dict[str, FloatArray]) -> None:
     speed.plot(time, column["command_speed_m_s"], **_COMMAND, label="command")
     speed.plot(time, column["speed_m_s"], color="black", label="car")
     speed.set_ylabel("speed\n[m/s]")
+    low, high = speed.get_ylim()
+    if low > 0.0:  # a drive at one speed: not its millimetres per second
+        speed.set_ylim(0.0, 1.05 * high)
     steering.plot(time, column["command_steering_rad"], **_COMMAND)
     steering.plot(time, column["steering_angle_rad"], color="black")
     steering.set_ylabel("steering\n[rad]")
@@ -162,17 +169,23 @@ def _draw_panels(panels: list[Axes], column: dict[str, FloatArray]) -> None:
 
 
 def _draw_tires(panels: list[Axes], column: dict[str, FloatArray], track: Course) -> None:
-    """Draw each tire's friction utilisation over the place on the lap: every lap, the greatest, and where it slid."""
-    place, laps = column["progress_m"], column["lap"]
+    """Draw each tire's friction utilisation over the place on the lap: every lap, the greatest, and where it slid.
+
+    On a course without end it is drawn over time.
+    """
+    endless = not math.isfinite(track.length)
+    place, laps = column["time_s" if endless else "progress_m"], column["lap"]
+    length = float(place.max(initial=1e-3)) if endless else track.length
     if track.closed:
-        place = place % track.length
-    begins = np.flatnonzero((np.diff(laps) != 0.0) | (np.abs(np.diff(place)) > 0.5 * track.length)) + 1
-    edges = np.linspace(place.min(initial=0.0), place.max(initial=track.length), _PLACES + 1)
-    cell = np.clip(np.searchsorted(edges, place, side="right") - 1, 0, _PLACES - 1)
+        place = place % length
+    begins = np.flatnonzero((np.diff(laps) != 0.0) | (np.abs(np.diff(place)) > 0.5 * length)) + 1
+    cells = max(min(_PLACES, len(place) // 2), 1) if endless else _PLACES  # none is without a tick
+    edges = np.linspace(place.min(initial=0.0), place.max(initial=length), cells + 1)
+    cell = np.clip(np.searchsorted(edges, place, side="right") - 1, 0, cells - 1)
     for panel, wheel, colour in zip(panels, WHEELS, _TIRE_COLOURS, strict=True):
         use = column[f"friction_use_{wheel}"]
         panel.plot(np.insert(place, begins, np.nan), np.insert(use, begins, np.nan), color="0.65", linewidth=0.5)
-        greatest = np.full(_PLACES, -np.inf)
+        greatest = np.full(cells, -np.inf)
         np.maximum.at(greatest, cell, np.nan_to_num(use, nan=-np.inf))
         greatest[np.isneginf(greatest)] = np.nan  # nobody was there, or the tire was off the ground
         panel.stairs(greatest, edges, color=colour, linewidth=1.0, baseline=None)
@@ -184,18 +197,19 @@ def _draw_tires(panels: list[Axes], column: dict[str, FloatArray], track: Course
         panel.set_yticks((0.0, 0.5, 1.0))
         panel.set_ylabel(wheel.replace("_", "\n"))
     panels[0].set_title("friction utilisation [-] of each tire", fontsize="medium", loc="left")
-    panels[-1].set_xlabel("place on the lap [m]" if track.closed else "place on the course [m]")
+    where = "time [s]" if endless else "place on the lap [m]" if track.closed else "place on the course [m]"
+    panels[-1].set_xlabel(where)
     panels[0].set_xlim(edges[0], edges[-1])
-    _explain_tires(panels[0])
+    _explain_tires(panels[0], laps=not endless)
 
 
-def _explain_tires(panel: Axes) -> None:
+def _explain_tires(panel: Axes, *, laps: bool) -> None:
     """Put a legend beside the panels of the tires, in no tire's colour."""
     from matplotlib.lines import Line2D
 
     shown = [
-        Line2D([], [], color="0.65", linewidth=0.5, label="each lap"),
-        Line2D([], [], color=_TIRE_COLOURS[0], linewidth=1.0, label="greatest of\nall laps"),
+        Line2D([], [], color="0.65", linewidth=0.5, label="each lap" if laps else "each tick"),
+        Line2D([], [], color=_TIRE_COLOURS[0], linewidth=1.0, label="greatest of\nall laps" if laps else "greatest"),
         Line2D([], [], label="limit", **_LIMIT),
         Line2D([], [], color=_ALERT, marker="|", linestyle="", markeredgewidth=1.2, label="slides,\n"
                f"> {SLIDING_SPEED:g} m/s"),
@@ -227,9 +241,9 @@ def _mark_laps(panels: list[Axes], lap_times: tuple[float, ...]) -> None:
             panels[0].text(end - 0.5 * time, 1.02, f"lap {lap}", transform=above, ha="center", va="bottom")
 
 
-def _map_height(track: Course) -> float:
-    """Return the height of the map [in] for which it fills the width."""
-    width, height = np.ptp(extent(track), axis=0)
+def _map_height(track: Course, *lines: FloatArray) -> float:
+    """Return the height of the map of a track and lines (n, 2) on it [in] for which it fills the width."""
+    width, height = np.ptp(extent(track, *lines), axis=0)
     least, greatest = _MAP_HEIGHT
     return float(np.clip(_WIDTH * 0.85 * height / width + 0.6, least, greatest))
 

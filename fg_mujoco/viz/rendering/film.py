@@ -74,7 +74,8 @@ class Film:
         self.drive = read_drive(source)
         if self.overlays != Overlays():
             require_pillow()
-        self.renderer = Renderer(self.drive.xml, size=size, quality=quality, start=self.drive.start)
+        line = np.column_stack((self.drive.column("x_m"), self.drive.column("y_m")))
+        self.renderer = Renderer(self.drive.xml, size=size, quality=quality, start=self.drive.start, around=line)
         self._player = Player(self.drive, self.renderer)
         self._car = car_parameters(self.renderer.model, CAR_PREFIX)
         self._forces = TireForceMeter(self.renderer.model)

@@ -48,6 +48,7 @@ class Renderer:
       size: width and height [px].
       quality: a name in QUALITIES.
       start: a point on the start line, x and y [m]; None: that of the world's track, if it has one.
+      around: points (n, 2) [m] that the camera `track` shows where there are no walls; None: 4 m round the origin.
 
     Attributes:
       model: the compiled model for pictures; it takes the states of the world.
@@ -68,6 +69,7 @@ class Renderer:
         size: tuple[int, int] = (640, 480),
         quality: str = "good",
         start: tuple[float, float] | None = None,
+        around: FloatArray | None = None,
     ) -> None:
         preset = find_quality(quality)
         self.size = check_size(size)
@@ -96,7 +98,7 @@ class Renderer:
         self._rect = mujoco.MjrRect(0, 0, self._width, self._height)
         self._base = element_id(model, mujoco.mjtObj.mjOBJ_BODY, f"{CAR_PREFIX}base_link")
         self._labels = semantic_labels(model, LABELS)
-        self._bounds = _course_bounds(model)
+        self._bounds = _course_bounds(model, around)
         self._tops = {geom for geom in range(model.ngeom) if model.geom(geom).name.startswith(WALL_TOPS)}
 
     def __repr__(self) -> str:
@@ -290,8 +292,11 @@ def track_start(world: World) -> tuple[float, float]:
     return float(x), float(y)
 
 
-def _course_bounds(model: mujoco.MjModel) -> FloatArray:
-    """Return least and greatest x and y of walls and obstacles (2, 2) [m]; without any, of 4 m round the origin."""
+def _course_bounds(model: mujoco.MjModel, around: FloatArray | None) -> FloatArray:
+    """Return least and greatest x and y of walls and obstacles (2, 2) [m].
+
+    Without any these are those of `around` (n, 2) [m], and at least of 4 m round the origin.
+    """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     points = []
@@ -306,7 +311,9 @@ def _course_bounds(model: mujoco.MjModel) -> FloatArray:
         first = model.mesh_vertadr[mesh]
         vertices = model.mesh_vert[first : first + model.mesh_vertnum[mesh]]
         points.append((vertices @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom])[:, :2])
-    every = np.concatenate(points) if points else np.array([[-4.0, -4.0], [4.0, 4.0]])
+    if not points:
+        points = [np.array([[-4.0, -4.0], [4.0, 4.0]]), *([] if around is None else [around])]
+    every = np.concatenate(points)
     return np.array([every.min(axis=0), every.max(axis=0)])
 
 

@@ -111,11 +111,14 @@ class _Strip:
 
     def _lap(self, x: float, width: float, row: dict[str, float], time: float, summary: dict[str, Any]) -> None:
         laps = int(summary.get("laps_requested", 0))
-        self._title(x, "LAP")
+        endless = "laps_requested" in summary and not laps
+        self._title(x, "TIME" if endless else "LAP")
         text = f"{min(int(row['lap']), laps or 10**9)}/{laps}" if laps else f"{int(row['lap'])}"
+        if endless:
+            text = f"{time:.1f} s"
         below = self._rows - self._pad
         self._pen.text((x, below), text, font=self._large, fill=_WHITE, anchor="ls")
-        if width > 3.2 * self._large.size:
+        if width > 3.2 * self._large.size and not endless:
             self._pen.text((x + width, below), f"{time:.1f} s", font=self._small, fill=_WHITE, anchor="rs")
 
     def _speed(self, x: float, width: float, speed: float, limit: float, summary: dict[str, Any]) -> None:

@@ -7,7 +7,10 @@ from collections.abc import Sequence
 from html import escape
 from typing import Any
 
+import numpy as np
+
 from ...racing.decisions import decision_limit_text
+from ...racing.manoeuvres import is_driven_by_commands
 from ...simulation.planner_failure import place
 from ...vehicle.tire_slip import SLIDING_SPEED
 from .clip import Clip
@@ -36,8 +39,7 @@ def head(run: RecordedRun, title: str, notes: Sequence[str]) -> str:
     verdict = "no tire slid" if slides <= SLIDING_SPEED else f"a tire slid {share} of the time"
     decisions, clamped = summary.get("decision_times"), summary.get("clamped_commands")
     boxes = [
-        (f"{summary['laps_completed']} of {summary['laps_requested']}", "laps"),
-        (f"{min(lap_times):.3f} s" if lap_times else "-", "best lap"),
+        *_lap_boxes(run),
         (f"{summary['collisions']}", "collisions"),
         (f"{slides:.3f} m/s", "greatest sliding"),
         *([] if lateral is None else [(f"{lateral:.3f} m/s", "greatest sideways")]),
@@ -48,7 +50,8 @@ def head(run: RecordedRun, title: str, notes: Sequence[str]) -> str:
     ]
     if clamped is not None:
         boxes.append((f"{clamped}", "commands clamped"))
-    if decisions is not None and decisions["decisions"]:
+    planned = not is_driven_by_commands(str(summary["controller"]))
+    if planned and decisions is not None and decisions["decisions"]:
         times = (decisions[name] for name in ("median_s", "percentile_99_s", "worst_s"))
         boxes.append((" / ".join(f"{1e3 * time:.2f}" for time in times) + " ms", "decisions: median / 99 % / worst"))
         over = f"decisions over {1e3 * decisions['period_s']:g} ms"
@@ -65,9 +68,29 @@ def head(run: RecordedRun, title: str, notes: Sequence[str]) -> str:
     return (
         f"<h1>{escape(title)}</h1>"
         f'<p class="result"><span class="badge {"good" if good else "bad"}">{escape(word)}</span>'
-        f"{escape(boxes[0][0])} laps{best}; {verdict}.</p>{said}"
+        f"{escape(' '.join(boxes[0]))}{best}; {verdict}.</p>{said}"
         f'<div class="figures">{figures}</div>'
     )
+
+
+def _lap_boxes(run: RecordedRun) -> list[tuple[str, str]]:
+    """Return the figures of the laps; of a drive without laps how long it took, and the greatest of its motion."""
+    summary, lap_times = run.summary, run.lap_times
+    if not summary["laps_requested"]:
+        boxes = [(f"{run.end:.2f} s", "simulated")]
+        for name, unit, what in _MOTION:
+            greatest = np.abs(run.column(name)[np.isfinite(run.column(name))]).max(initial=0.0)
+            boxes.append((f"{greatest:.3g} {unit}", what))
+        return boxes
+    laps = f"{summary['laps_completed']} of {summary['laps_requested']}"
+    return [(laps, "laps"), (f"{min(lap_times):.3f} s" if lap_times else "-", "best lap")]
+
+
+_MOTION = (
+    ("ay_m_s2", "m/s²", "greatest lateral acceleration"), ("sideslip_rad", "rad", "greatest sideslip"),
+    ("yaw_rate_rad_s", "rad/s", "greatest yaw rate"),
+)  # fmt: skip
+"""Columns whose greatest size the page of a drive has."""
 
 
 def _failure(told: dict[str, Any]) -> str:
@@ -90,6 +113,8 @@ def switch(name: str, choices: Sequence[tuple[str, str]]) -> str:
 
 def laps(laps: Sequence[Lap], summary: dict[str, Any]) -> str:
     """Return the table of the laps; a click on one puts the cursor on its start."""
+    if not summary["laps_requested"]:
+        return '<p class="note">Open ground has no laps.</p>'
     if not laps:
         return '<p class="note">No tick was driven.</p>'
     header = ("lap", "time [s]", *(f"sector {i + 1}" for i in range(SECTORS)), "top [m/s]", "mean [m/s]",

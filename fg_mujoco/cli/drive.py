@@ -1,0 +1,113 @@
+"""The command `fg-mujoco drive`: a manoeuvre, or a CSV file of commands, on open ground, without a planner."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import math
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import SettingsError
+from ..racing.commands import COLUMNS
+from ..racing.drive import drive
+from ..racing.handling import handling
+from ..racing.manoeuvres import MANOEUVRES
+from ..racing.run_folder import check_run_folder, summary_json
+from ..simulation.settings import Start
+from ..viz.plots import write_run
+from .options import add_drive_options, can_draw, drive_options, number
+from .report import PAGE, report_race
+
+if TYPE_CHECKING:
+    from ..racing.result import RaceResult
+
+_DONE, _NOT_DONE = 0, 1
+_SETTINGS = ("vehicle", "mu")
+
+_FIGURES: dict[str, tuple[str, Callable[[float], str]]] = {
+    "max_lateral_acceleration_m_s2": ("lateral acceleration", lambda value: f"{value:.2f} m/s^2 at most"),
+    "max_sideslip_rad": ("sideslip", lambda value: f"{value:.3f} rad at most, {math.degrees(value):.1f} deg"),
+    "max_yaw_rate_rad_s": ("yaw rate", lambda value: f"{value:.2f} rad/s at most"),
+    "understeer_gradient_rad_s2_m": ("understeer gradient", lambda value: f"{value:.5f} rad s^2/m"),
+    "yaw_rate_response_time_s": ("yaw response time", lambda value: f"{1e3 * value:.0f} ms"),
+    "braking_distance_m": ("braking distance", lambda value: f"{value:.3f} m"),
+    "braking_time_s": ("braking time", lambda value: f"{value:.3f} s"),
+    "mean_deceleration_m_s2": ("mean deceleration", lambda value: f"{value:.2f} m/s^2"),
+}
+"""Rows of the table, by the names of `handling`."""
+
+
+def add_drive(add_command: Callable[..., argparse.ArgumentParser], commands: Any) -> None:
+    """Add the command; `add_command` is the one that adds the others."""
+    command = add_command(commands, "drive", _drive, "drive a manoeuvre, or a CSV of commands, on open ground")
+    add = command.add_argument
+    add(
+        "commands", metavar="NAME|COMMANDS.csv", nargs="?",
+        help=f"{', '.join(MANOEUVRES)}, with settings NAME[SETTING=VALUE,...]; or a CSV with {', '.join(COLUMNS)}",
+    )  # fmt: skip
+    add("--list", action="store_true", help="list the manoeuvres and their settings")
+    add("--speed", type=number, metavar="V", help="of a manoeuvre [m/s]; default: its own")
+    add("--start-speed", type=number, metavar="V", help="at which the car rolls; default: the first commanded speed")
+    add_drive_options(add, *_SETTINGS)
+    add("--out", metavar="DIR", help="write a run folder here; it must be new or empty")
+    add("--json", action="store_true", help="print one JSON object and nothing else")
+
+
+def _drive(options: argparse.Namespace) -> int:
+    if options.list:
+        print(_manoeuvres())
+        return _DONE
+    if options.commands is None:
+        raise SettingsError(f"drive has no commands; accepted: {', '.join(MANOEUVRES)}, or the path of a CSV file")
+    picture = False
+    if options.out is not None:
+        check_run_folder(options.out)
+        picture = can_draw("trace.png", several=False)
+    start = None if options.start_speed is None else Start(speed=options.start_speed)
+    with contextlib.redirect_stdout(sys.stderr):
+        result = drive(options.commands, speed=options.speed, start=start, **drive_options(options, *_SETTINGS))
+    if options.out is not None:
+        write_run(result, options.out, picture=picture)
+        report_race(options.out)
+    print(_json(result) if options.json else _table(result, options.out))
+    return _DONE if result.finished else _NOT_DONE
+
+
+def _manoeuvres() -> str:
+    """Return the manoeuvres, one a line, with their settings."""
+    rows = []
+    for name, kind in MANOEUVRES.items():
+        text = " ".join((kind.__doc__ or "").split("\n\n")[0].split())
+        standard = f" {kind.standard}." if kind.standard else ""
+        settings = ",".join(f"{setting}={value:g}" for setting, value in vars(kind()).items())
+        rows.append(f"{name:<12}{text}{standard}\n{'':12}{name}[{settings}]")
+    return "\n".join(rows)
+
+
+def _json(result: RaceResult) -> str:
+    """Return the summary with the figures of handling as one JSON object; NaN is null."""
+    figures = {name: value if math.isfinite(value) else None for name, value in handling(result).items()}
+    return json.dumps(json.loads(summary_json(result)) | {"handling": figures}, indent=2)
+
+
+def _table(result: RaceResult, out: str | None) -> str:
+    figures = handling(result)
+    rows = [("duration", f"{result.sim_time_s:.2f} s, {result.end_reason.replace('_', ' ')}")]
+    for name, (title, text) in _FIGURES.items():
+        if name in figures:
+            rows.append((title, "-" if math.isnan(figures[name]) else text(figures[name])))
+    rows += [
+        ("greatest sliding", f"{result.max_slide_m_s:.4f} m/s, {100.0 * result.slide_time_fraction:.2f} % of the time"),
+        ("top speed", f"{result.max_speed_m_s:.2f} m/s"),
+        ("clamped commands", f"{result.clamped_commands} of {len(result.telemetry)}"),
+    ]
+    if out is not None:
+        rows.append(("written to", out))
+        if (Path(out) / PAGE).is_file():
+            rows.append(("report", str(Path(out) / PAGE)))
+    heading = f"{result.controller}, {result.vehicle}, mu {result.mu:.4g}"
+    return "\n".join([heading, *(f"  {name:<22}{value}" for name, value in rows)])
