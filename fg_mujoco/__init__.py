@@ -61,6 +61,7 @@ from .studies.rollout.rollouts import RolloutProgress, rollout
 from .vehicle.car import Car, car_parameters
 from .vehicle.changes import CarChanges
 from .vehicle.tire_slip import SLIDING_SPEED, TireSlip, TireSlipMeter
+from .vehicle.tires import Tires, tire_names
 from .vehicle.vehicle import Vehicle, car_spec, vehicle_names
 from .viz.debug import DebuggedRun, Decision, debug
 from .viz.plots import trace_picture, track_picture, write_run
@@ -123,6 +124,7 @@ __all__ = [
     "TightSettings",
     "TireSlip",
     "TireSlipMeter",
+    "Tires",
     "Track",
     "TrackError",
     "Uniform",
@@ -153,6 +155,7 @@ __all__ = [
     "rollout",
     "scan_at",
     "scene_names",
+    "tire_names",
     "trace_picture",
     "track_names",
     "track_picture",
