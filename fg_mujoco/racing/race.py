@@ -29,6 +29,7 @@ from ..simulation.settings import DriveSettings, Start, renamed, require_laps, r
 from ..simulation.telemetry import statistics_figures
 from ..simulation.termination import END_REASONS, WrongWay
 from ..vehicle.changes import CarChanges
+from ..vehicle.tires import Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .crash import crash_of
 from .decisions import DecisionClock, DecisionLimitReached, DecisionTimes
@@ -75,6 +76,7 @@ def race(
     *,
     laps: int | None = None,
     vehicle: Vehicle | str | Path = DEFAULT_VEHICLE,
+    tires: Tires | str | Path | None = None,
     mu: float | None = None,
     changes: CarChanges | None = None,
     planner_mu: float | None = None,
@@ -101,9 +103,10 @@ def race(
         `gap_finder[lookahead=8]`; or a controller object.
       laps: to be driven; None: 5, and of a scene 1, which is all it has.
       vehicle: a bundled name, the path of a vehicle's MJCF file, or a Vehicle.
-      mu: friction coefficient of the tires; None: as in the vehicle's MJCF.
+      tires: a bundled set, the path of a TOML file, or Tires; None: the vehicle's.
+      mu: friction coefficient of the tires, or the greatest peak of those with a curve; None: as in their file.
       changes: what else differs from the vehicle's MJCF.
-      planner_mu: friction coefficient that the planner assumes; None: as in the vehicle's MJCF; inf: no limits.
+      planner_mu: friction coefficient that the planner assumes; None: the least peak of the tires; inf: no limits.
       max_speed: fastest that the planner may command [m/s].
       lidar: back end, "raycast" or "rangefinder".
       seed: of the LiDAR's noise and dropouts.
@@ -128,10 +131,10 @@ def race(
     """
     controller, own = split_controller(controller, planner_settings)
     settings = RaceSettings(
-        laps=USUAL_LAPS if laps is None else laps, vehicle=vehicle, mu=mu, changes=changes or CarChanges(),
-        planner_mu=planner_mu, max_speed=max_speed, planner_settings=own, start=start or Start(),
-        effects=effects or LidarEffects(), odometry_drift=odometry_drift, seed=seed, lidar=lidar, time_limit=time_limit,
-        decision_limit=decision_limit,
+        laps=USUAL_LAPS if laps is None else laps, vehicle=vehicle, tires=tires, mu=mu,
+        changes=changes or CarChanges(), planner_mu=planner_mu, max_speed=max_speed, planner_settings=own,
+        start=start or Start(), effects=effects or LidarEffects(), odometry_drift=odometry_drift, seed=seed,
+        lidar=lidar, time_limit=time_limit, decision_limit=decision_limit,
     )  # fmt: skip
     course = load_track(track, car=settings.car.parameters)
     laps = laps_to_drive(course, laps)
@@ -179,6 +182,8 @@ def race(
         track=world.track.name,
         vehicle=settings.car.name,
         vehicle_sha256=settings.car.sha256,
+        tires=settings.tire_set.name,
+        tires_sha256=settings.tire_set.sha256,
         controller=controller if isinstance(controller, str) else type(controller).__name__,
         controller_origin=origin(controller, type(planner)),
         controller_source=source_code(type(planner)),

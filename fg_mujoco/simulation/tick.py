@@ -17,6 +17,7 @@ from ..lidar.scanline import scan
 from ..lidar.scene import SceneArrays, Scratch
 from ..messages import FloatArray
 from ..vehicle.motion import drive, read_odometry
+from ..vehicle.tire_forces import USERDATA, apply_forces, note_loads
 from ..vehicle.tire_slip import measure_slip
 from .physics import CTRL, CTRL_AND_MOCAP, StateLayout, step_states
 from .telemetry import COMMAND, begin_row, end_row
@@ -110,10 +111,13 @@ def drive_cars(
     layout: StateLayout,
     commands: FloatArray,
     cars: Rows,
+    tire_rows: Rows,
+    tire_states: FloatArray,
     motions: FloatArray,
     timestep: float,
     batch: int,
     record: int,
+    sensors: FloatArray,
     records: FloatArray,
     ids: NDArray[np.int32],
     controls: FloatArray,
@@ -139,10 +143,13 @@ def drive_cars(
       layout: of a state.
       commands: (r, 2) [rad, m/s].
       cars: (r,) of CAR.
+      tire_rows: (4 cars_per_world,) of TIRE; none where MuJoCo's contacts are the tires.
+      tire_states: (n, steps, k) room for the tires' user data after each step.
       motions: (obstacles, 8) of `motion_table`.
       timestep: of the physics [s].
       batch: `Batch.address`.
       record: `Batch.record`.
+      sensors: (n, nsensordata) `Batch.sensors`.
       records: (n, steps, nsensordata) `Batch.records`.
       ids: (n,) room for the worlds that are stepped.
       controls: (n, steps, controls and positions of obstacles) room, where obstacles move.
@@ -167,7 +174,17 @@ def drive_cars(
             count += 1
     hold_commands(ids, count, cars_per_world, states, layout, commands, cars, telemetry)
     steps = records.shape[1]
-    if count > 0:
+    if len(tire_rows) > 0:
+        for step in range(steps):
+            push_tires(ids, count, cars_per_world, states, layout, tire_rows, mu, timestep)
+            step_states(batch, ids, count, 1, 0, CTRL, 0)
+            note_tires(ids, count, states, layout, sensors, tires, tire_rows, tire_states, step)
+            for place in range(count):
+                world = ids[place]
+                records[place, step] = sensors[world]
+                if len(motions) > 0:
+                    _place_obstacles(motions, states[world, layout.time], states[world, layout.mocap_pos[0] :])
+    elif count > 0:
         if len(motions) > 0:
             first, end = layout.ctrl
             for place in range(count):
@@ -186,9 +203,51 @@ def drive_cars(
         if len(motions) > 0:
             _place_obstacles(motions, states[world, layout.time], states[world, layout.mocap_pos[0] :])
     book_cars(
-        ids, count, cars_per_world, records, status, failed, tires, axles, chassis_contact, mu, slip, crashed,
-        telemetry, statistics,
+        ids, count, cars_per_world, tire_rows, tire_states, records, status, failed, tires, axles, chassis_contact, mu,
+        slip, crashed, telemetry, statistics,
     )  # fmt: skip
+
+
+@kernel
+def push_tires(
+    ids: NDArray[np.int32],
+    count: int,
+    cars_per_world: int,
+    states: FloatArray,
+    layout: StateLayout,
+    tire_rows: Rows,
+    mu: FloatArray,
+    timestep: float,
+) -> None:
+    """Write the tires' forces in `count` worlds `ids` for their next physics step; arguments as in `drive_cars`."""
+    size = 4 * USERDATA
+    for place in range(count):
+        world = ids[place]
+        state = states[world]
+        qpos, qvel = state[layout.qpos[0] : layout.qpos[1]], state[layout.qvel[0] : layout.qvel[1]]
+        userdata, applied = state[layout.userdata[0] :], state[layout.xfrc_applied[0] : layout.xfrc_applied[1]]
+        for car in range(cars_per_world):
+            own, rows = userdata[car * size : (car + 1) * size], tire_rows[4 * car : 4 * (car + 1)]
+            apply_forces(qpos, qvel, own, applied, rows, mu[world * cars_per_world + car], timestep)
+
+
+@kernel
+def note_tires(
+    ids: NDArray[np.int32],
+    count: int,
+    states: FloatArray,
+    layout: StateLayout,
+    sensors: FloatArray,
+    tires: int,
+    tire_rows: Rows,
+    tire_states: FloatArray,
+    step: int,
+) -> None:
+    """Take the tires' loads of the physics step `step` of a tick, and keep their user data in `tire_states`."""
+    for place in range(count):
+        userdata = states[ids[place], layout.userdata[0] : layout.userdata[1]]
+        note_loads(sensors[ids[place]], tires, userdata, len(tire_rows))
+        tire_states[place, step] = userdata
 
 
 @kernel
@@ -217,6 +276,8 @@ def book_cars(
     ids: NDArray[np.int32],
     count: int,
     cars_per_world: int,
+    tire_rows: Rows,
+    tire_states: FloatArray,
     records: FloatArray,
     status: NDArray[np.int32],
     failed: Mask,
@@ -235,7 +296,9 @@ def book_cars(
         for row in range(world * cars_per_world, (world + 1) * cars_per_world):
             failed[row] = failed[row] or status[world] != 0
             crashed[row] = crashed[row] or any_touch(records[place], chassis_contact)
-            measure_slip(records[place], tires, axles, mu[row], slip)
+            car = row - world * cars_per_world
+            rows = tire_rows[4 * car : 4 * (car + 1)]
+            measure_slip(records[place], tires, axles, mu[row], rows, tire_states[place], 4 * USERDATA * car, slip)
             end_row(statistics, row, telemetry[row], slip)
 
 

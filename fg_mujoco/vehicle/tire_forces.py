@@ -49,6 +49,10 @@ _GRAVITY = 9.81  # [m/s^2] from a load to the mass that swings on a tire, for it
 _STIFFEST = 1.0  # [-] of timestep^2 * stiffness / mass: a stiffer tire is slowed down, because beyond 4 it would ring
 _YAWING = 2.5  # [-] a car yields to a side force on one tire as a mass smaller by this would, because it yaws and rolls
 
+READINGS = 19
+"""Sensor readings of a tire: found, force in the contact's frame (normal first), point, normal; centre, velocity and
+angular velocity of the wheel."""
+
 USERDATA = 6
 """Numbers of each tire in `userdata`."""
 
@@ -257,6 +261,14 @@ class TireForces:
             data.userdata[USERDATA * tire + LOAD] = max(data.sensordata[place + 1], 0.0)
 
 
+@kernel
+def note_loads(sensors: FloatArray, start: int, userdata: FloatArray, count: int) -> None:
+    """Write the loads of `count` tires to their user data, from sensors whose tires' readings begin at `start`."""
+    for tire in range(count):
+        place = start + tire * READINGS
+        userdata[USERDATA * tire + LOAD] = max(sensors[place + 1], 0.0) if sensors[place] > 0.0 else 0.0
+
+
 def peaks(model: mujoco.MjModel, prefix: str = "") -> FloatArray:
     """Return the friction coefficient of each tire, or its lateral peak [-]. Shape (4,), a copy."""
     pairs = [element_id(model, mujoco.mjtObj.mjOBJ_PAIR, f"{prefix}{wheel}_tire") for wheel in WHEELS]
@@ -306,6 +318,13 @@ def grip_of(tire: Any, load: float, mu: float) -> float:
     if tire.load_sensitivity > 0.0 and load > 0.0:
         grip *= (load / tire.nominal_load) ** -tire.load_sensitivity
     return grip
+
+
+@kernel
+def curve_peaks(tire: Any, load: float, mu: float) -> tuple[float, float]:
+    """Return the greatest force of a tire along its heading and across [N]; arguments as in `grip_of`."""
+    grip = grip_of(tire, load, mu)
+    return grip * tire.peak[0], grip * tire.peak[1]
 
 
 @kernel

@@ -27,6 +27,7 @@ from ...racing.planner_choice import split_controller
 from ...simulation.course_loading import load_track
 from ...simulation.settings import FASTEST, DriveSettings, Start
 from ...vehicle.changes import CarChanges
+from ...vehicle.tires import Tires
 from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from ..worker_processes import usable_cores
 from .job import Arrays, RolloutJob, versions
@@ -74,6 +75,7 @@ def rollout(
     seeds: Sequence[int] | NDArray[np.integer] | None = None,
     randomize: Mapping[str, Any] | None = None,
     vehicle: Vehicle | str | Path = DEFAULT_VEHICLE,
+    tires: Tires | str | Path | None = None,
     mu: float | None = None,
     changes: CarChanges | None = None,
     planner_mu: float | None = None,
@@ -107,8 +109,9 @@ def rollout(
       seeds: the seeds of the worlds themselves, instead.
       randomize: parameters that differ from world to world: names of `randomization.PARAMETERS`, or `planner.SETTING`,
         and for each `(low, high)`, a list of values, one value for all, or any of these as text: "0.6:1.2", "1|2|3".
-      vehicle: of all worlds, and so the next eight, as in `race`; none of them may be randomised as well.
-      mu: friction coefficient of the tires.
+      vehicle: of all worlds, and so the next nine, as in `race`; none of them may be randomised as well.
+      tires: a bundled set, the path of a TOML file, or Tires; None: the vehicle's.
+      mu: friction coefficient of the tires, or the greatest peak of those with a curve.
       changes: what else differs from the vehicle's MJCF.
       planner_mu: friction coefficient that the planners assume.
       max_speed: fastest that a planner may command [m/s].
@@ -140,8 +143,8 @@ def rollout(
     several = isinstance(tracks, Sequence) and not isinstance(tracks, str)
     source, own = split_controller(controller, planner_settings)
     base = DriveSettings(
-        vehicle=vehicle, mu=mu, changes=changes or CarChanges(), planner_mu=planner_mu, max_speed=max_speed,
-        planner_settings=own, start=start or Start(), effects=effects or LidarEffects(),
+        vehicle=vehicle, tires=tires, mu=mu, changes=changes or CarChanges(), planner_mu=planner_mu,
+        max_speed=max_speed, planner_settings=own, start=start or Start(), effects=effects or LidarEffects(),
         odometry_drift=odometry_drift,
     )  # fmt: skip
     car = base.car.parameters
