@@ -162,3 +162,29 @@ def test_the_command_line(tmp_path, capsys, monkeypatch):
     assert "tires 'forzaeth_nuc3' are not known" in line and "did you mean 'forzaeth_nuc" in line
     (tmp_path / "bad.toml").write_text('model = "magic_formula"\n[front]\nB = 1.0\n')
     assert "[front]: has no C" in refused(tmp_path, capsys, "race", "--tires", "bad.toml")
+
+
+@pytest.mark.parametrize("tires", ["contact", NUC2])
+def test_telemetry_has_load_force_and_slip_of_each_tire_at_the_state_of_the_row(tires, lap):
+    lap = fg.race("oval", laps=1) if tires == "contact" else lap
+    wheels = fg.vehicle.car.WHEELS
+    load, fx, fy, angle, ratio = (
+        np.array([lap.column(name.format(wheel)) for wheel in wheels])
+        for name in ("load_{}_N", "fx_{}_N", "fy_{}_N", "slip_angle_{}_rad", "slip_ratio_{}")
+    )
+    car = lap.world.parameters
+    assert np.median(load.sum(axis=0)) == pytest.approx(car.mass * 9.81, rel=0.01)
+    rolling = np.abs(lap.column("speed_m_s")) > 1.0
+    assert np.isfinite(angle[:, rolling]).all() and np.isfinite(ratio[:, rolling]).all()
+    # Newton: the car's mass times its lateral acceleration v r, by the tires' forces turned by the steering
+    steering = lap.column("steering_angle_rad")
+    side = fy[2:].sum(axis=0) + fy[:2].sum(axis=0) * np.cos(steering) + fx[:2].sum(axis=0) * np.sin(steering)
+    needed = car.mass * lap.column("speed_m_s") * lap.column("yaw_rate_rad_s")
+    assert np.corrcoef(side[rolling], needed[rolling])[0, 1] > 0.98
+    assert (np.sign(angle) == np.sign(fy))[:, np.abs(fy).min(axis=0) > 2.0].mean() > 0.99
+    engine = Engine(lap.world)
+    engine.load(lap.states[150])
+    engine.drive(controls=lap.ctrl[150:151])
+    slip = engine.slip()
+    again = [engine.telemetry[0][fg.TELEMETRY.index(f"load_{wheel}_N")] for wheel in wheels]
+    assert again == slip[2, 0].tolist() == load[:, 150].tolist()

@@ -11,7 +11,15 @@ from ..kernels import kernel
 from ..messages import FloatArray
 from ..vehicle.car import WHEELS
 from ..vehicle.motion import CarArray, ground_speed, planar_pose
-from ..vehicle.tire_slip import greatest_lateral_speed, greatest_slip
+from ..vehicle.tire_slip import (
+    FORCE_X,
+    FORCE_Y,
+    NORMAL_FORCE,
+    SLIP_ANGLE,
+    SLIP_RATIO,
+    greatest_lateral_speed,
+    greatest_slip,
+)
 
 TELEMETRY = (
     "time_s", "lap", "progress_m", "offset_m", "x_m", "y_m", "heading_rad",
@@ -19,10 +27,16 @@ TELEMETRY = (
     *(f"slide_{wheel}_m_s" for wheel in WHEELS),
     *(f"friction_use_{wheel}" for wheel in WHEELS),
     "sliding_steps", "steps",
+    *(f"load_{wheel}_N" for wheel in WHEELS),
+    *(f"fx_{wheel}_N" for wheel in WHEELS),
+    *(f"fy_{wheel}_N" for wheel in WHEELS),
+    *(f"slip_angle_{wheel}_rad" for wheel in WHEELS),
+    *(f"slip_ratio_{wheel}" for wheel in WHEELS),
 )  # fmt: skip
 """Columns of the telemetry. A row is one tick: the state at its start and the planner's command; then, while it was
 held, each tire's greatest slip speed and friction utilisation (NaN: off the ground all the while), and in how many of
-the physics steps any tire slid."""
+the physics steps any tire slid. The last columns are of the first of these steps, at the state of the row: each tire's
+load, its force along its wheel's heading and to the left of it, its slip angle and its slip ratio, as in TireSlip."""
 
 
 STATISTICS = np.dtype(
@@ -62,6 +76,8 @@ def statistics_figures(row: Any) -> StatisticsFigures:
 
 
 _SLIDE = TELEMETRY.index(f"slide_{WHEELS[0]}_m_s")
+_SLIDING_STEPS = TELEMETRY.index("sliding_steps")
+_LOAD = TELEMETRY.index(f"load_{WHEELS[0]}_N")
 _SPEED = TELEMETRY.index("speed_m_s")
 COMMAND = TELEMETRY.index("command_steering_rad")
 """Column of the commanded steering angle; the commanded speed is the one behind it."""
@@ -96,15 +112,19 @@ def end_row(statistics: NDArray[np.void], i: int, row: FloatArray, slip: FloatAr
     Args:
       statistics: (n,) of STATISTICS, written to.
       i: which of them.
-      row: (len(TELEMETRY),), its last ten columns written to.
+      row: (len(TELEMETRY),), its columns from the slides on written to.
       slip: (QUANTITIES, steps, 4) of `measure_slip`.
     """
     so_far = statistics[i]
-    row[-2] = greatest_slip(slip, row[_SLIDE : _SLIDE + 8])
-    row[-1] = slip.shape[1]
+    row[_SLIDING_STEPS] = greatest_slip(slip, row[_SLIDE : _SLIDE + 8])
+    row[_SLIDING_STEPS + 1] = slip.shape[1]
+    for tire in range(4):
+        row[_LOAD + tire] = slip[NORMAL_FORCE, 0, tire]
+        row[_LOAD + 4 + tire], row[_LOAD + 8 + tire] = slip[FORCE_X, 0, tire], slip[FORCE_Y, 0, tire]
+        row[_LOAD + 12 + tire], row[_LOAD + 16 + tire] = slip[SLIP_ANGLE, 0, tire], slip[SLIP_RATIO, 0, tire]
     so_far.ticks += 1
     so_far.steps += slip.shape[1]
-    so_far.sliding_steps += int(row[-2])
+    so_far.sliding_steps += int(row[_SLIDING_STEPS])
     for tire in range(4):
         if row[_SLIDE + tire] > so_far.max_slide:
             so_far.max_slide = row[_SLIDE + tire]

@@ -25,6 +25,7 @@ holds all that the next step depends on.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
@@ -107,13 +108,14 @@ def put_on(spec: Any, tires: Tires) -> None:
     """Put tires on a vehicle's spec, in place: its pairs, and the numbers that `tires_of` reads."""
     if tires.is_contact:
         return
-    spec.nuserdata = USERDATA * len(WHEELS)
+    found = [wheel for wheel in WHEELS if spec.pair(f"{wheel}_tire") is not None]
+    spec.nuserdata = USERDATA * len(found)
     for name, axle in zip(("front", "rear"), tires.axles, strict=True):
         curves = (axle.lateral, axle.longitudinal)
         values = [getattr(curve, key) or 0.0 for curve in curves for key in _CURVE]
         values += [getattr(axle, key) for key in _OF_AXLE]
         spec.add_numeric(name=_NUMERIC.format(name), data=[six_digits(value) for value in values])
-        for wheel in WHEELS:
+        for wheel in found:
             if wheel.startswith(name):
                 pair = spec.pair(f"{wheel}_tire")
                 mu = six_digits(axle.lateral.peak)
@@ -147,8 +149,8 @@ def _curve_of(values: list[float]) -> TireCurve:
     return TireCurve(**found)
 
 
-def tire_rows(model: mujoco.MjModel, prefix: str = "") -> TireRows:
-    """Return the rows of TIRE of a car in a compiled model, in the order of WHEELS; none for the model `contact`.
+def tire_rows(model: mujoco.MjModel, prefix: str = "", wheels: Sequence[str] = WHEELS) -> TireRows:
+    """Return the rows of TIRE of a car in a compiled model, in the order of its wheels; none for the model `contact`.
 
     Raises:
       ModelError: the model does not hold the car under this prefix, or a wheel hangs on something else than hinges and
@@ -157,8 +159,8 @@ def tire_rows(model: mujoco.MjModel, prefix: str = "") -> TireRows:
     tires = tires_of(model, prefix)
     if tires.is_contact:
         return np.zeros(0, TIRE)
-    rows = np.zeros(len(WHEELS), TIRE)
-    for row, wheel in zip(rows, WHEELS, strict=True):
+    rows = np.zeros(len(wheels), TIRE)
+    for row, wheel in zip(rows, wheels, strict=True):
         axle = tires.axles[0 if wheel.startswith("front") else 1]
         row["linear"] = tires.model == LINEAR
         for k, curve in enumerate((axle.longitudinal, axle.lateral)):
@@ -228,16 +230,17 @@ class TireForces:
     Args:
       model: compiled.
       prefix: of the car's names.
+      wheels: that it has.
 
     Attributes:
-      rows: of the tires, (4,) of TIRE; none for the model `contact`.
-      mu: lateral peak of each tire [-], (4,). Live.
+      rows: of the tires, (wheels,) of TIRE; none for the model `contact`.
+      mu: lateral peak of each tire [-], (wheels,). Live.
     """
 
-    def __init__(self, model: mujoco.MjModel, prefix: str = "") -> None:
-        self.rows = tire_rows(model, prefix)
-        self.mu: FloatArray = peaks(model, prefix).copy()
-        self._sensors = [sensor_slice(model, f"{prefix}{wheel}_tire_contact").start for wheel in WHEELS]
+    def __init__(self, model: mujoco.MjModel, prefix: str = "", wheels: Sequence[str] = WHEELS) -> None:
+        self.rows = tire_rows(model, prefix, wheels)
+        self.mu: FloatArray = peaks(model, prefix, wheels)
+        self._sensors = [sensor_slice(model, f"{prefix}{wheel}_tire_contact").start for wheel in wheels]
         self._timestep = model.opt
 
     def begin(self, data: mujoco.MjData) -> None:
@@ -269,9 +272,9 @@ def note_loads(sensors: FloatArray, start: int, userdata: FloatArray, count: int
         userdata[USERDATA * tire + LOAD] = max(sensors[place + 1], 0.0) if sensors[place] > 0.0 else 0.0
 
 
-def peaks(model: mujoco.MjModel, prefix: str = "") -> FloatArray:
-    """Return the friction coefficient of each tire, or its lateral peak [-]. Shape (4,), a copy."""
-    pairs = [element_id(model, mujoco.mjtObj.mjOBJ_PAIR, f"{prefix}{wheel}_tire") for wheel in WHEELS]
+def peaks(model: mujoco.MjModel, prefix: str = "", wheels: Sequence[str] = WHEELS) -> FloatArray:
+    """Return the friction coefficient of each tire, or its lateral peak [-]. Shape (wheels,), a copy."""
+    pairs = [element_id(model, mujoco.mjtObj.mjOBJ_PAIR, f"{prefix}{wheel}_tire") for wheel in wheels]
     found: FloatArray = model.pair_friction[pairs, 0]
     return found
 
