@@ -60,6 +60,7 @@ from .studies.rollout.result import RolloutResult, read_rollout
 from .studies.rollout.rollouts import RolloutProgress, rollout
 from .vehicle.car import Car, car_parameters
 from .vehicle.changes import CarChanges
+from .vehicle.friction_patches import Patch
 from .vehicle.tire_slip import SLIDING_SPEED, TireSlip, TireSlipMeter
 from .vehicle.tires import Tires, tire_names
 from .vehicle.vehicle import Vehicle, car_spec, vehicle_names
@@ -103,6 +104,7 @@ __all__ = [
     "ModelError",
     "MovingObstacle",
     "Odometry",
+    "Patch",
     "PlannerError",
     "Prism",
     "RaceProgress",

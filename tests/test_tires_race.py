@@ -21,6 +21,7 @@ from fg_mujoco.vehicle.changes import CarChanges
 from fg_mujoco.vehicle.tire_forces import TireForces
 from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.viz.live.session import LiveSession, LiveSettings
+from fg_mujoco.viz.rendering.force_arrows import TireForceMeter
 
 NUC2 = "forzaeth_nuc2"
 
@@ -188,3 +189,52 @@ def test_telemetry_has_load_force_and_slip_of_each_tire_at_the_state_of_the_row(
     slip = engine.slip()
     again = [engine.telemetry[0][fg.TELEMETRY.index(f"load_{wheel}_N")] for wheel in wheels]
     assert again == slip[2, 0].tolist() == load[:, 150].tolist()
+
+
+ICE = fg.Patch(x=6.0, y=0.0, length=3.0, width=2.0, mu=0.3)
+
+
+@pytest.mark.parametrize("tires", ["contact", NUC2])
+def test_patches_are_part_of_any_world(tires, tmp_path):
+    """Raced, replayed, and in a batch beside another friction; a tire on a patch has that of the patch."""
+    raced = fg.race("oval", laps=100, time_limit=4.0, tires=tires, patches=(ICE,), planner_mu=0.9)
+    assert (
+        raced.trajectory_sha256
+        != fg.race("oval", laps=100, time_limit=4.0, tires=tires, planner_mu=0.9).trajectory_sha256
+    )
+    assert raced.max_slide_m_s > 0.05
+    fg.write_run(raced, tmp_path / "run")
+    assert replay(tmp_path / "run").identical
+    scenarios = [Scenario(tires=tires, patches=(ICE,), planner_mu=0.9, mu=mu) for mu in (None, 0.5)]
+    together = drive_worlds(scenarios, "gap_finder", duration=4.0, record="states")
+    assert same_bits(together.states[0], raced.states) and same_bits(together.telemetry[0], raced.telemetry)
+    alone = fg.race("oval", laps=100, time_limit=4.0, tires=tires, patches=(ICE,), planner_mu=0.9, mu=0.5)
+    assert same_bits(together.states[1], alone.states) and same_bits(together.telemetry[1], alone.telemetry)
+    # by hand, on a model of its own: the same
+    simulation = fg.Simulation(fg.World("oval", tires=tires, patches=(ICE,)))
+    simulation.reset(s=5.0, speed=3.0)
+    simulation.drive(0.0, 3.0)
+    own = simulation.engine.floor_friction()
+    under = [0.3, 0.3, 0.3, 0.3] if tires == "contact" else [0.3, 0.3, *2 * [0.3 * 0.96465 / 1.2307]]
+    np.testing.assert_allclose(own[-1], under, rtol=1e-4)
+    if tires == "contact":
+        pairs = [simulation.world.model.pair(f"{CAR_PREFIX}{wheel}_tire").id for wheel in fg.vehicle.car.WHEELS]
+        assert simulation.world.model.pair_friction[pairs, 0].tolist() == own[-1].tolist()
+
+
+def test_settings_with_patches_are_described_and_read_back():
+    settings = DriveSettings(patches=(ICE,))
+    assert DriveSettings.of(json.loads(json.dumps(settings.described()))) == settings
+    with pytest.raises(fg.SettingsError, match=r"Patch\.mu is 0; accepted"):
+        DriveSettings(patches=({"x": 0.0, "y": 0.0, "length": 1.0, "width": 1.0, "mu": 0},))
+
+
+def test_pictures_read_the_forces_of_such_tires(lap):
+    model, data = lap.world.model, mujoco.MjData(lap.world.model)
+    tick = 1 + int(np.abs(lap.column("fy_front_left_N")[:-1]).argmax())
+    mujoco.mj_setState(model, data, lap.states[tick], STATE)
+    mujoco.mj_forward(model, data)
+    forces = TireForceMeter(model).read(data)
+    recorded = np.array([lap.column(f"friction_use_{wheel}")[tick] for wheel in fg.vehicle.car.WHEELS])
+    np.testing.assert_allclose(forces.use, recorded, atol=0.05)
+    assert forces.use.max() > 0.3

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ from ..simulation.settings import DriveSettings, Start, renamed, require_laps, r
 from ..simulation.telemetry import statistics_figures
 from ..simulation.termination import END_REASONS, WrongWay
 from ..vehicle.changes import CarChanges
+from ..vehicle.friction_patches import Patch
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .crash import crash_of
@@ -87,6 +88,7 @@ def race(
     decision_limit: float | None = None,
     obstacles: tuple[Obstacle, ...] | int = (),
     obstacle_seed: int = 0,
+    patches: Sequence[Patch] = (),
     effects: LidarEffects | None = None,
     odometry_drift: float = 0.0,
     start: Start | None = None,
@@ -117,6 +119,7 @@ def race(
       obstacles: what stands on the track, besides what a scene has; or of how many boxes, at random places of a track
         that leave a way past each (`random_obstacles`).
       obstacle_seed: of the random places.
+      patches: of the floor, on which the tires have another friction.
       effects: what the LiDAR does to a scan; nothing by default.
       odometry_drift: relative error of the speeds and the yaw rate that the planner is told: 0.05 is 5 % too much. What
         the car does is the same, and the pose is the true one.
@@ -133,8 +136,8 @@ def race(
     settings = RaceSettings(
         laps=USUAL_LAPS if laps is None else laps, vehicle=vehicle, tires=tires, mu=mu,
         changes=changes or CarChanges(), planner_mu=planner_mu, max_speed=max_speed, planner_settings=own,
-        start=start or Start(), effects=effects or LidarEffects(), odometry_drift=odometry_drift, seed=seed,
-        lidar=lidar, time_limit=time_limit, decision_limit=decision_limit,
+        patches=tuple(patches), start=start or Start(), effects=effects or LidarEffects(),
+        odometry_drift=odometry_drift, seed=seed, lidar=lidar, time_limit=time_limit, decision_limit=decision_limit,
     )  # fmt: skip
     course = load_track(track, car=settings.car.parameters)
     laps = laps_to_drive(course, laps)

@@ -30,13 +30,14 @@ from .array_table import (
 )
 from .physics import Batch, StateLayout
 from .termination import judge_cars
-from .tick import drive_cars, read_cars, scan_cars
+from .tick import Floor, drive_cars, read_cars, scan_cars
 
 NAMES = (
     "places", "running", "states", "sensors", "cars", "timers", "odometry", "telemetry", "offset_position",
     "offset_rotation", "motions", *SceneArrays._fields, *Scratch._fields, "ranges", "commands", "times", "records",
     "ids", "controls", "status", "failed", "mu", "slip", "crashed", "statistics", "reasons", "warnings", "lap_times",
     "standing_since", "table", "tires", "tire_states",
+    "patches", "wheels", "floor_mu", "friction", "pairs",
 )  # fmt: skip
 """Of the arrays in a table, in the order of its rows."""
 
@@ -45,6 +46,7 @@ NAMES = (
     _OFFSET_ROTATION, _MOTIONS, _BEAMS, _LIMITS, _EDGES, _TRIANGLES, _BOXES, _SPANS, _PLANES, _FRAMES, _CUTS, _COLUMNS,
     _NEAREST, _VIEWS, _BINS, _POSES, _RANGES, _COMMANDS, _TIMES, _RECORDS, _IDS, _CONTROLS, _STATUS, _FAILED, _MU,
     _SLIP, _CRASHED, _STATISTICS, _REASONS, _WARNINGS, _LAP_TIMES, _STANDING_SINCE, _TABLE, _TIRE_ROWS, _TIRE_STATES,
+    _PATCHES, _WHEELS, _FLOOR_MU, _FRICTION, _PAIRS,
 ) = range(len(NAMES))  # fmt: skip
 
 _CARS_PER_WORLD, _TIRES, _AXLES, _CHASSIS_CONTACT, _BATCH, _RECORD, _LAPS, _MOUNT, _FIRST_OF_LAYOUT = range(9)
@@ -124,6 +126,10 @@ def drive(table: Table) -> None:
     drive_cars(
         flags(table[_RUNNING]), places[_CARS_PER_WORLD], matrix(table[_STATES]), _layout(places),
         matrix(table[_COMMANDS]), car_rows(table[_CARS]), tire_rows(table[_TIRE_ROWS]), cube(table[_TIRE_STATES]),
+        Floor(
+            matrix(table[_PATCHES]), matrix(table[_WHEELS]), cube(table[_FLOOR_MU]), cube(table[_FRICTION]),
+            short_numbers(table[_PAIRS]),
+        ),
         matrix(table[_MOTIONS]), times[_TIMESTEP], places[_BATCH], places[_RECORD], matrix(table[_SENSORS]),
         cube(table[_RECORDS]), short_numbers(table[_IDS]), cube(table[_CONTROLS]),
         short_numbers(table[_STATUS]), flags(table[_FAILED]), places[_TIRES], places[_AXLES],

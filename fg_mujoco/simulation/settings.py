@@ -19,6 +19,7 @@ from ..errors import SettingsError, accepted_names
 from ..lidar.effects import LidarEffects
 from ..messages import require, require_whole
 from ..vehicle.changes import ACCEPTED_MU, GREATEST_MU, CarChanges
+from ..vehicle.friction_patches import Patch
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .world import World
@@ -130,10 +131,12 @@ class CarSettings:
     mu: float | None = None  # friction coefficient of the tires, or their greatest peak; None: as in their file
     changes: CarChanges = field(default_factory=CarChanges)  # what else differs from the vehicle's MJCF
     tires: Tires | str | Path | None = None  # a bundled set, the path of a TOML file, or Tires; None: the vehicle's
+    patches: tuple[Patch, ...] = ()  # of the floor, on which the tires have another friction
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "vehicle", Vehicle.load(self.vehicle))
         self._make("changes", CarChanges)
+        object.__setattr__(self, "patches", tuple(as_part(patch, Patch, "patches") for patch in self.patches))
         if self.tires is not None:
             object.__setattr__(self, "tires", Tires.load(self.tires))
         if self.mu is not None:
@@ -169,7 +172,8 @@ class CarSettings:
     def world(self, course: Course | str, *, lidar: str = "raycast", obstacles: tuple[Obstacle, ...] = ()) -> World:
         """Return a compiled world with this car; arguments and errors as in World."""
         return World(
-            course, self.car, mu=self.mu, lidar=lidar, obstacles=obstacles, changes=self.changes, tires=self.tire_set
+            course, self.car, mu=self.mu, lidar=lidar, obstacles=obstacles, changes=self.changes, tires=self.tire_set,
+            patches=self.patches,
         )  # fmt: skip
 
     def described(self) -> dict[str, Any]:
@@ -184,6 +188,8 @@ class CarSettings:
                 found |= {name: value.source, "vehicle_sha256": value.sha256}
             elif isinstance(value, Tires):
                 found[name] = value.described()
+            elif name == "patches":
+                found[name] = [asdict(patch) for patch in value]
             elif is_dataclass(value) and not isinstance(value, type):
                 found[name] = asdict(value)
             else:

@@ -6,6 +6,7 @@ starts from the same bits.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -24,6 +25,7 @@ from ..lidar.lidar import LIDAR_BACKENDS, Lidar, make_lidar
 from ..messages import CarParameters, FloatArray
 from ..vehicle.car import Car
 from ..vehicle.changes import CarChanges
+from ..vehicle.friction_patches import Patch, add_patches
 from ..vehicle.tire_forces import tires_of
 from ..vehicle.tire_slip import add_axle_sensors
 from ..vehicle.tires import Tires
@@ -54,6 +56,7 @@ class World:
       obstacles: what stands there besides the course's own obstacles.
       changes: what else differs from the vehicle's MJCF.
       tires: a bundled set, the path of a TOML file, or Tires; None: the vehicle's.
+      patches: of the floor, on which the tires have another friction.
 
     Attributes:
       track: the course.
@@ -81,6 +84,7 @@ class World:
         obstacles: tuple[Obstacle, ...] = (),
         changes: CarChanges | None = None,
         tires: Tires | str | Path | None = None,
+        patches: Sequence[Patch] = (),
     ) -> None:
         self.vehicle = Vehicle.load(vehicle)
         self.tires = self.vehicle.tires if tires is None else Tires.load(tires)
@@ -88,7 +92,9 @@ class World:
         self.track.check_car(self.vehicle.parameters)
         self.lidar_backend = lidar
         self.obstacles = (*self.track.obstacles, *obstacles)
-        self.xml = _compose(self.track, self.vehicle, self.tires, mu, changes, lidar, self.obstacles).to_xml()
+        spec = _compose(self.track, self.vehicle, self.tires, mu, changes, lidar, self.obstacles)
+        add_patches(spec, patches)
+        self.xml = spec.to_xml()
         self.model = mujoco.MjModel.from_xml_string(self.xml)
         self.moving = moving_obstacles(self.model)
         self.car = Car(self.model, CAR_PREFIX)

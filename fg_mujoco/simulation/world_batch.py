@@ -22,6 +22,7 @@ from ..lidar.lidar import Lidar, RaycastLidar
 from ..messages import ODOMETRY, FloatArray
 from ..vehicle.car import WHEELS, Car
 from ..vehicle.changes import CarChanges, change_worlds
+from ..vehicle.friction_patches import patch_table, wheel_positions
 from ..vehicle.motion import CAR
 from ..vehicle.tire_forces import USERDATA
 from ..vehicle.tire_slip import QUANTITIES, TireSlipMeter
@@ -31,7 +32,7 @@ from .physics import STATE, Batch, StateLayout
 from .settings import Start
 from .telemetry import STATISTICS, TELEMETRY
 from .termination import RaceMonitor
-from .tick import book_cars, hold_commands, note_tires, place_obstacles, push_tires
+from .tick import Floor, book_cars, hold_commands, note_tires, place_obstacles, push_tires
 from .world import CAR_PREFIX, World
 
 Mask = NDArray[np.bool_]
@@ -125,9 +126,24 @@ class WorldBatch:
         self._pairs = meter.pairs
         self._tire_rows = np.tile(meter.rows, cars_per_world)
         self._tire_states = np.zeros((count, substeps, USERDATA * len(self._tire_rows)))
-        self._motions, self._mover = motion_table(world.moving), make_mover(model)
         self._ids = np.empty(count, np.int32)
+        self.floor = self._make_floor(substeps, own_model)
+        self._motions, self._mover = motion_table(world.moving), make_mover(model)
         self._table = self._make_table(period, time_limit)
+
+    def _make_floor(self, substeps: int, own_model: bool) -> Floor:
+        """Return the patches of the worlds, and room for what the tires have on them."""
+        model, count = self.world.model, len(self._ids)
+        patches = patch_table(model)
+        room = len(self.cars) if len(patches) else 0
+        friction = np.zeros((0, 0, 0))
+        if room:
+            friction = model.pair_friction[np.newaxis] if own_model else self.physics.expand("pair_friction")
+            assert len(friction) == count
+        return Floor(
+            patches, wheel_positions(model, CAR_PREFIX), np.zeros((room, substeps, len(WHEELS))), friction,
+            np.tile(np.array(self._pairs, np.int32), self._cars_per_world),
+        )  # fmt: skip
 
     def _make_table(self, period: float, time_limit: float | None) -> ArrayTable:
         """Return all arrays as the one argument of the compiled tick."""
@@ -145,7 +161,9 @@ class WorldBatch:
             ),
             "states": physics.states, "sensors": physics.sensors, "records": physics.records,
             "status": physics.status, "warnings": physics.warnings, "slip": self.slip, "ids": self._ids,
-            "tires": self._tire_rows, "tire_states": self._tire_states,
+            "tires": self._tire_rows, "tire_states": self._tire_states, "patches": self.floor.patches,
+            "wheels": self.floor.wheels, "floor_mu": self.floor.mu, "friction": self.floor.friction,
+            "pairs": self.floor.pairs,
             "controls": controls, "motions": self._motions, "cars": self._arrays.constants, **vars(self._arrays),
             "running": self._monitor.running, "reasons": self._monitor.reasons, "timers": self._monitor.timers,
             "lap_times": self._monitor.lap_times, "standing_since": self._monitor.standing_since,
@@ -269,10 +287,10 @@ class WorldBatch:
 
     def step(self, ids: NDArray[np.int32], step: int) -> None:
         """Do one physics step of a tick in the worlds `ids`."""
-        if len(self._tire_rows):
+        if len(self._tire_rows) or len(self.floor.patches):
             push_tires(
-                self._ids, len(ids), self._cars_per_world, self.physics.states, self.layout, self._tire_rows,
-                self._arrays.mu, float(self.world.model.opt.timestep),
+                self._ids, len(ids), self._cars_per_world, self.physics.states, self.layout, self._arrays.constants,
+                self._tire_rows, self.floor, self._arrays.mu, float(self.world.model.opt.timestep), step,
             )  # fmt: skip
         self.physics.step(ids, step)
         self._note_tires(ids, step)
@@ -291,7 +309,7 @@ class WorldBatch:
         """End a tick of single steps in the worlds `ids`: write what tires and chassis did."""
         arrays = self._arrays
         book_cars(
-            self._ids, len(ids), self._cars_per_world, self._tire_rows, self._tire_states, self.physics.records,
-            self.physics.status, arrays.failed, self._tires, self._axles, self._chassis_contact, arrays.mu, self.slip,
-            arrays.crashed, arrays.telemetry, arrays.statistics,
+            self._ids, len(ids), self._cars_per_world, self._tire_rows, self._tire_states, self.floor,
+            self.physics.records, self.physics.status, arrays.failed, self._tires, self._axles, self._chassis_contact,
+            arrays.mu, self.slip, arrays.crashed, arrays.telemetry, arrays.statistics,
         )  # fmt: skip

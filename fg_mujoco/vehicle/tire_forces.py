@@ -64,6 +64,7 @@ the load that the last force was of [N]; and that force [N], forward and to the 
 TIRE = np.dtype(
     [
         ("linear", np.int64),
+        ("alike", np.int64),  # whether both curves are the same
         # along the heading and across; see TireCurve
         ("B", np.float64, (2,)),
         ("C", np.float64, (2,)),
@@ -92,6 +93,7 @@ TIRE = np.dtype(
         ("dof", np.int64, (_LINKS,)),
         ("qpos0", np.float64, (_LINKS,)),
         ("place", np.float64, (_LINKS, 3)),  # of its frame in that of the link before
+        ("turned", np.int64, (_LINKS,)),  # whether `turn` is more than none
         ("turn", np.float64, (_LINKS, 9)),
         ("axis", np.float64, (_LINKS, 3)),
         ("anchor", np.float64, (_LINKS, 3)),
@@ -162,7 +164,7 @@ def tire_rows(model: mujoco.MjModel, prefix: str = "", wheels: Sequence[str] = W
     rows = np.zeros(len(wheels), TIRE)
     for row, wheel in zip(rows, wheels, strict=True):
         axle = tires.axles[0 if wheel.startswith("front") else 1]
-        row["linear"] = tires.model == LINEAR
+        row["linear"], row["alike"] = tires.model == LINEAR, axle.lateral == axle.longitudinal
         for k, curve in enumerate((axle.longitudinal, axle.lateral)):
             for name in ("B", "C", "D", "E", "slope", "peak", "hold_slip"):
                 row[name][k] = getattr(curve, name)
@@ -210,7 +212,7 @@ def _find_wheel(model: mujoco.MjModel, prefix: str, wheel: str, row: Any) -> Non
             moved = k == 0
             row["place"][links] = model.body_pos[at] if moved else 0.0
             mujoco.mju_quat2Mat(turn, model.body_quat[at] if moved else np.array([1.0, 0.0, 0.0, 0.0]))
-            row["turn"][links] = turn
+            row["turn"][links], row["turned"][links] = turn, (turn.reshape(3, 3) != np.eye(3)).any()
             if joint is not None:
                 kinds = {mujoco.mjtJoint.mjJNT_SLIDE: _SLIDE, mujoco.mjtJoint.mjJNT_HINGE: _HINGE}
                 kind = kinds.get(mujoco.mjtJoint(int(model.jnt_type[joint])))
@@ -309,9 +311,10 @@ def patch_force(tire: Any, along: float, across: float, grip: float) -> tuple[fl
     ratio, angle, size = slips(tire, along, across)
     if size == 0.0:
         return 0.0, 0.0
-    force_along = -grip * curve_force(tire, 0, size * tire.peak_slip[0]) * (ratio / tire.peak_slip[0]) / size
-    force_across = -grip * curve_force(tire, 1, size * tire.peak_slip[1]) * (angle / tire.peak_slip[1]) / size
-    return force_along, force_across
+    share_along, share_across = ratio / tire.peak_slip[0] / size, angle / tire.peak_slip[1] / size
+    across_force = curve_force(tire, 1, size * tire.peak_slip[1])
+    along_force = across_force if tire.alike else curve_force(tire, 0, size * tire.peak_slip[0])
+    return -grip * along_force * share_along, -grip * across_force * share_across
 
 
 @kernel
@@ -353,8 +356,7 @@ def deflect(
     """
     over_x, over_y, forward = velocity
     sigma, slope = tire.relaxation_length, max(tire.slope[0], tire.slope[1])
-    _, _, size = slips(tire, along, across)
-    if size > 1.0 and not tire.linear and along * over_x + across * over_y < 0.0:
+    if not tire.linear and along * over_x + across * over_y < 0.0 and slips(tire, along, across)[2] > 1.0:
         # A tire that slid, and now moves back, springs back by what gives its force, and no more.
         force_x, force_y = patch_force(tire, along, across, grip)
         along, across = -force_x * sigma / (grip * tire.slope[0]), -force_y * sigma / (grip * tire.slope[1])
@@ -366,8 +368,10 @@ def deflect(
     stiffness, fade = slope * grip / sigma, max(1.0 - abs(forward) / _DAMPED_BELOW, 0.0)
     mass_x, mass_y = 1.0 / (1.0 / tire.wheel_mass + _GRAVITY / load), load / _GRAVITY / _YAWING
     stiff_x, stiff_y = timestep * timestep * stiffness / mass_x, timestep * timestep * stiffness / mass_y
-    damping = 2.0 * _DAMPING_RATIO * fade
-    damped_x, damped_y = damping * math.sqrt(stiff_x), damping * math.sqrt(stiff_y)
+    damped_x = damped_y = 0.0
+    if fade > 0.0:
+        damping = 2.0 * _DAMPING_RATIO * fade
+        damped_x, damped_y = damping * math.sqrt(stiff_x), damping * math.sqrt(stiff_y)
     step_x = (over_x * reach - along * share) / (1.0 + max(stiff_x - _STIFFEST, 0.0) + damped_x)
     step_y = (over_y * reach - across * share) / (1.0 + max(stiff_y - _STIFFEST, 0.0) + damped_y)
     along, across = along + step_x, across + step_y
@@ -469,15 +473,15 @@ def _wheel_motion(qpos: FloatArray, qvel: FloatArray, tire: Any, timestep: float
     half = 0.5 * timestep * wz  # MuJoCo's velocities are half a step older than its positions
     vx, vy = vx - half * vy, vy + half * vx
     for k in range(tire.links):
-        place = tire.place[k]
-        dx, dy, dz = _turned(m, place[0], place[1], place[2])
+        dx, dy, dz = _turned(m, tire.place[k, 0], tire.place[k, 1], tire.place[k, 2])
         x, y, z = x + dx, y + dy, z + dz
         vx, vy, vz = vx + wy * dz - wz * dy, vy + wz * dx - wx * dz, vz + wx * dy - wy * dx
-        m = _product(m, tire.turn[k])
+        if tire.turned[k]:
+            m = _product(m, tire.turn[k])
         if tire.kind[k] == 0:
             continue
-        axis, anchor = tire.axis[k], tire.anchor[k]
-        ax, ay, az = _turned(m, axis[0], axis[1], axis[2])
+        axis_x, axis_y, axis_z = tire.axis[k, 0], tire.axis[k, 1], tire.axis[k, 2]
+        ax, ay, az = _turned(m, axis_x, axis_y, axis_z)
         by, rate = qpos[tire.qpos[k]] - tire.qpos0[k], qvel[tire.dof[k]]
         if tire.kind[k] == 1:
             dx, dy, dz = ax * by, ay * by, az * by
@@ -485,10 +489,11 @@ def _wheel_motion(qpos: FloatArray, qvel: FloatArray, tire: Any, timestep: float
             vx, vy, vz = vx + wy * dz - wz * dy, vy + wz * dx - wx * dz, vz + wx * dy - wy * dx
             vx, vy, vz = vx + ax * rate, vy + ay * rate, vz + az * rate
             continue
-        tx, ty, tz = _turned(m, anchor[0], anchor[1], anchor[2])
+        anchor_x, anchor_y, anchor_z = tire.anchor[k, 0], tire.anchor[k, 1], tire.anchor[k, 2]
+        tx, ty, tz = _turned(m, anchor_x, anchor_y, anchor_z)
         half = math.sin(0.5 * by)
-        m = _product(m, _quaternion(math.cos(0.5 * by), half * axis[0], half * axis[1], half * axis[2]))
-        ux, uy, uz = _turned(m, anchor[0], anchor[1], anchor[2])
+        m = _product(m, _quaternion(math.cos(0.5 * by), half * axis_x, half * axis_y, half * axis_z))
+        ux, uy, uz = _turned(m, anchor_x, anchor_y, anchor_z)
         # the joint's anchor moves as the link before; the rest turns about it
         vx, vy, vz = vx + wy * tz - wz * ty, vy + wz * tx - wx * tz, vz + wx * ty - wy * tx
         wx, wy, wz = wx + ax * rate, wy + ay * rate, wz + az * rate

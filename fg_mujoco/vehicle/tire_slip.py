@@ -218,7 +218,7 @@ class TireSlipMeter:
         """
         slip = np.empty((QUANTITIES, len(records), len(WHEELS)))
         states = np.empty((len(records), 0)) if states is None else states
-        measure_slip(records, self.readings.start, self.axles, self.mu, self.rows, states, 0, slip)
+        measure_slip(records, self.readings.start, self.axles, self.mu[np.newaxis], self.rows, states, 0, slip)
         return TireSlip(values=slip)
 
 
@@ -250,7 +250,7 @@ def measure_slip(
       records: (at least steps, m) sensor readings, one row a step.
       start: where in a row the tires' are.
       axles: where in a row the axles' are; -1: nowhere.
-      mu: (4,).
+      mu: (steps, 4), or (1, 4) where all steps have the same.
       tires: (4,) of TIRE; none for the model `contact`.
       states: (at least steps, k) user data, one row a step; of tires with a curve.
       place: where in a row the tires' are.
@@ -259,7 +259,9 @@ def measure_slip(
         by step, tire.
     """
     for step in range(slip.shape[1]):
+        grip = mu[step if len(mu) > 1 else 0]
         for tire in range(4):
+            own = states[step, place + USERDATA * tire :]
             row = records[step, start + tire * READINGS : start + (tire + 1) * READINGS]
             if row[0] == 0.0:
                 for quantity in range(len(slip)):
@@ -274,7 +276,7 @@ def measure_slip(
             x, y, z = x - into_ground * normal[0], y - into_ground * normal[1], z - into_ground * normal[2]
             friction = math.hypot(row[2], row[3])
             slip[_SLIDING_SPEED, step, tire] = math.sqrt(x * x + y * y + z * z)
-            slip[_FRICTION_USE, step, tire] = friction / (mu[tire] * row[1])
+            slip[_FRICTION_USE, step, tire] = friction / (grip[tire] * row[1])
             slip[NORMAL_FORCE, step, tire] = row[1]
             slip[_FRICTION_FORCE, step, tire] = friction
             slip[_SLIDES, step, tire] = slip[_SLIDING_SPEED, step, tire] > SLIDING_SPEED
@@ -282,14 +284,16 @@ def measure_slip(
                 for quantity in (_LATERAL_SPEED, FORCE_X, FORCE_Y, SLIP_ANGLE, SLIP_RATIO):
                     slip[quantity, step, tire] = math.nan
                 if len(tires) > 0:
-                    _measure_curve(tires[tire], states[step, place + USERDATA * tire :], mu[tire], slip[:, step, tire])
+                    _measure_curve(
+                        tires[tire], states[step, place + USERDATA * tire :], grip[tire], slip[:, step, tire]
+                    )
                 continue
             axle = records[step, axles + 3 * tire : axles + 3 * (tire + 1)]
             lean = axle[0] * normal[0] + axle[1] * normal[1] + axle[2] * normal[2]
             along_axle = x * axle[0] + y * axle[1] + z * axle[2]  # of a velocity along the ground
             slip[_LATERAL_SPEED, step, tire] = abs(along_axle) / math.sqrt(max(1.0 - lean * lean, 1e-12))
             if len(tires) > 0:
-                _measure_curve(tires[tire], states[step, place + USERDATA * tire :], mu[tire], slip[:, step, tire])
+                _measure_curve(tires[tire], own, grip[tire], slip[:, step, tire])
                 continue
             # on level ground a contact's frame is z, y, -x, and the sensor turns the tire's force by that
             level = math.hypot(axle[0], axle[1])
