@@ -65,7 +65,9 @@ from .studies.rollout.result import RolloutResult, read_rollout
 from .studies.rollout.rollouts import RolloutProgress, rollout
 from .vehicle.car import Car, car_parameters
 from .vehicle.changes import CarChanges
+from .vehicle.friction_patches import Patch
 from .vehicle.tire_slip import SLIDING_SPEED, TireSlip, TireSlipMeter
+from .vehicle.tires import Tires, tire_names
 from .vehicle.vehicle import Vehicle, car_spec, vehicle_names
 from .viz.debug import DebuggedRun, Decision, debug
 from .viz.plots import trace_picture, track_picture, write_run
@@ -109,6 +111,7 @@ __all__ = [
     "MovingObstacle",
     "Odometry",
     "OpenGround",
+    "Patch",
     "PlannerError",
     "Prism",
     "RaceProgress",
@@ -130,6 +133,7 @@ __all__ = [
     "TightSettings",
     "TireSlip",
     "TireSlipMeter",
+    "Tires",
     "Track",
     "TrackError",
     "Uniform",
@@ -163,6 +167,7 @@ __all__ = [
     "rollout",
     "scan_at",
     "scene_names",
+    "tire_names",
     "trace_picture",
     "track_names",
     "track_picture",

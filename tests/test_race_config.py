@@ -15,6 +15,7 @@ FULL = """\
 # every option of the command line
 track = "l_corridor"
 vehicle = "nuc2"
+tires = "forzaeth_nuc2"
 controller = "follow_the_gap[point=deepest]"
 laps = 2
 obstacles = 3

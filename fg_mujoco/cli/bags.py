@@ -39,7 +39,7 @@ def add_bags(add: Any, commands: Any) -> None:
     )  # fmt: skip
     command.add_argument("--scan-topic", metavar="TOPIC", help="default: /scan, or the only one with scans")
     command.add_argument("--odom-topic", metavar="TOPIC", help="default: /odom, or the only one with odometry")
-    add_drive_options(command.add_argument, "vehicle", "planner_mu", "max_speed")
+    add_drive_options(command.add_argument, "vehicle", "tires", "planner_mu", "max_speed")
     command.add_argument("--track", help="whose line a planner with a map follows, as race takes it")
     command.add_argument("--force", action="store_true", help="replace the file if it exists")
 
@@ -68,7 +68,7 @@ def _replay_scans(options: argparse.Namespace) -> int:
     check_commands_file(out)
     _check_new(out, force=options.force)
     choice = ControllerChoice.of(options.controller)
-    drive = DriveSettings(**drive_options(options, "vehicle", "planner_mu", "max_speed"))
+    drive = DriveSettings(**drive_options(options, "vehicle", "tires", "planner_mu", "max_speed"))
     course = load_track(options.track or _ANY_TRACK, car=drive.car.parameters)
     car = drive.world(course).parameters
     planner = make_controller(

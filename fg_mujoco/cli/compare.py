@@ -22,7 +22,7 @@ from ..studies.folders import as_json
 from .options import add_drive_options, can_draw, drive_options, number, shown_as, to_go, whole
 
 _DONE, _NOT_DONE = 0, 1
-_DRIVE = ("vehicle", "mu", "planner_mu")  # of each run; the speeds are a list
+_DRIVE = ("vehicle", "tires", "mu", "planner_mu")  # of each run; the speeds are a list
 _COMMA = re.compile(r",(?![^\[]*\])")  # outside brackets
 
 

@@ -18,6 +18,7 @@ from ..racing.planner_loading import controller_names
 from ..studies.rollout.randomization import PARAMETERS
 from ..studies.rollout.rollouts import ENGINES
 from ..studies.rollout.world_batch import RECORDS
+from ..vehicle.tires import tire_names
 from ..vehicle.vehicle import vehicle_names
 
 
@@ -75,6 +76,7 @@ _NAMES: dict[str, Callable[[], Iterable[str]]] = {
     "controller": controller_names,
     "controllers": controller_names,
     "vehicle": vehicle_names,
+    "tires": tire_names,
     "lidar": lambda: LIDAR_BACKENDS,
     "randomize": lambda: [f"{name}=" for name in PARAMETERS],
     "record": lambda: RECORDS,

@@ -32,6 +32,7 @@ from ..racing.planner_trust import controller_of, recorded_sha256, require_trust
 from ..racing.race import RaceSettings
 from ..racing.run_folder import SUMMARY, read_summary
 from ..simulation.course_loading import load_track
+from ..vehicle.tires import Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .options import number, number_or_off, whole
 
@@ -149,6 +150,8 @@ def _read_run(folder: Path, command: argparse.ArgumentParser) -> dict[str, Any]:
     of_a_file = vehicle.source == vehicle.file  # bundled ones are those of the version
     if of_a_file and vehicle.sha256 != summary.get("vehicle_sha256"):
         raise RunFolderError(f"{where}: vehicle {vehicle.file} is another one now; accepted: the file as it was raced")
+    if "tires" in values and Tires.load(values["tires"]).sha256 != summary.get("tires_sha256"):
+        raise RunFolderError(f"{where}: tires {values['tires']} are others now; accepted: the set as it was raced")
     return values
 
 
@@ -247,6 +250,7 @@ def _no_check(value: Any) -> None:
 _CHECKS: dict[str, Check] = {
     "track": load_track,
     "vehicle": Vehicle.load,
+    "tires": Tires.load,
     "controller": lambda text: find_controller(ControllerChoice.of(text).source),
     "obstacles": _check_count,
     "obstacle_seed": _check_count,

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ..racing.result import RaceResult
 
 _DONE, _NOT_DONE = 0, 1
-_SETTINGS = ("vehicle", "mu")
+_SETTINGS = ("vehicle", "tires", "mu")
 
 _FIGURES: dict[str, tuple[str, Callable[[float], str]]] = {
     "max_lateral_acceleration_m_s2": ("lateral acceleration", lambda value: f"{value:.2f} m/s^2 at most"),

@@ -13,12 +13,13 @@ from typing import Any, TypeVar
 
 from ..errors import MissingExtraError
 from ..simulation.settings import FASTEST
+from ..vehicle.tires import tire_names
 from ..vehicle.vehicle import DEFAULT_VEHICLE, vehicle_names
 from ..viz.plots import require_matplotlib
 
 _Progress = TypeVar("_Progress")
 
-DRIVE = ("vehicle", "mu", "planner_mu", "max_speed")
+DRIVE = ("vehicle", "tires", "mu", "planner_mu", "max_speed")
 """Settings that are spelt alike at every door."""
 
 _LONGEST_WORD, _LONGEST_LINE = 400, 4000  # characters of a message
@@ -111,13 +112,17 @@ def add_drive_options(add: Callable[..., Any], *names: str, of: str = "the") -> 
             "default": DEFAULT_VEHICLE, "metavar": "NAME|FILE.xml",
             "help": f"{', '.join(vehicle_names())}, or the MJCF file of one; default: {DEFAULT_VEHICLE}",
         },
+        "tires": {
+            "metavar": "NAME|FILE.toml",
+            "help": f"{', '.join(tire_names())}, or the file of a set; default: the vehicle's, contact",
+        },
         "mu": {
             "type": number, "metavar": "MU",
-            "help": f"friction coefficient of {of} car's tires; default: the vehicle's",
+            "help": f"friction coefficient of {of} car's tires, or their greatest peak; default: the tires'",
         },
         "planner_mu": {
             "type": number_or_off, "metavar": "MU",
-            "help": "friction coefficient that the planner assumes; off: no friction limits; default: the vehicle's",
+            "help": "friction coefficient that the planner assumes; off: no friction limits; default: the tires'",
         },
         "max_speed": {
             "type": number, "default": FASTEST, "metavar": "V",

@@ -20,6 +20,7 @@ from ..course.open_ground import OpenGround
 from ..errors import SettingsError
 from ..simulation.settings import GREATEST_SPEED, CarSettings, Start
 from ..vehicle.changes import CarChanges
+from ..vehicle.tires import Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .commands import SUFFIX, CommandPlayer, Commands
 from .manoeuvres import Manoeuvre, find_manoeuvre
@@ -34,6 +35,7 @@ def drive(
     *,
     speed: float | None = None,
     vehicle: Vehicle | str | Path = DEFAULT_VEHICLE,
+    tires: Tires | str | Path | None = None,
     mu: float | None = None,
     changes: CarChanges | None = None,
     start: Start | None = None,
@@ -46,7 +48,8 @@ def drive(
         CSV file with the columns time_s, steering_angle_rad and speed_m_s; Commands, or a Manoeuvre.
       speed: at which a manoeuvre is driven [m/s]; None: its own.
       vehicle: a bundled name, the path of a vehicle's MJCF file, or a Vehicle.
-      mu: friction coefficient of the tires; None: as in the vehicle's MJCF.
+      tires: a bundled set, the path of a TOML file, or Tires; None: the vehicle's.
+      mu: friction coefficient of the tires, or the greatest peak of those with a curve; None: as in their file.
       changes: what else differs from the vehicle's MJCF.
       start: x (`s`), y (`offset`), heading and speed at which it starts; None: at the origin along x, wheels rolling at
         the first commanded speed.
@@ -60,13 +63,13 @@ def drive(
       SettingsError: commands that cannot be read or driven.
       ModelError: a file that is not that of a vehicle.
     """
-    settings = CarSettings(vehicle=vehicle, mu=mu, changes=changes or CarChanges())
+    settings = CarSettings(vehicle=vehicle, tires=tires, mu=mu, changes=changes or CarChanges())
     table = find_commands(commands, settings, speed)
     fastest = min(max(float(np.abs(table.speed).max()), _LEAST_LIMIT), GREATEST_SPEED)
     ground = OpenGround(seconds=table.seconds)
     result = race(
-        ground, CommandPlayer(table), vehicle=settings.car, mu=mu, changes=changes, planner_mu=math.inf,
-        max_speed=fastest, start=start or Start(speed=float(table.speed[0])), watch=watch,
+        ground, CommandPlayer(table), vehicle=settings.car, tires=tires, mu=mu, changes=changes,
+        planner_mu=math.inf, max_speed=fastest, start=start or Start(speed=float(table.speed[0])), watch=watch,
     )  # fmt: skip
     nobody = dict.fromkeys(result.controller_origin)
     return replace(result, controller=table.name, controller_origin=nobody, controller_source=None)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,8 @@ from ..simulation.planner_adapter import start as start_planner
 from ..simulation.planner_failure import DecisionLimitReached, without_exit
 from ..simulation.settings import DriveSettings, Start, renamed, require_laps, require_time_limit
 from ..vehicle.changes import CarChanges
+from ..vehicle.friction_patches import Patch
+from ..vehicle.tires import Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .decisions import DecisionClock, DecisionTimes
 from .figures import course_figures, driven_figures
@@ -84,6 +86,7 @@ def race(
     *,
     laps: int | None = None,
     vehicle: Vehicle | str | Path = DEFAULT_VEHICLE,
+    tires: Tires | str | Path | None = None,
     mu: float | None = None,
     changes: CarChanges | None = None,
     planner_mu: float | None = None,
@@ -94,6 +97,7 @@ def race(
     decision_limit: float | None = None,
     obstacles: tuple[Obstacle, ...] | int = (),
     obstacle_seed: int = 0,
+    patches: Sequence[Patch] = (),
     effects: LidarEffects | None = None,
     odometry_drift: float = 0.0,
     start: Start | None = None,
@@ -110,9 +114,10 @@ def race(
         `gap_finder[lookahead=8]`; or a controller object.
       laps: to be driven; None: 5, and of a scene 1, which is all it has.
       vehicle: a bundled name, the path of a vehicle's MJCF file, or a Vehicle.
-      mu: friction coefficient of the tires; None: as in the vehicle's MJCF.
+      tires: a bundled set, the path of a TOML file, or Tires; None: the vehicle's.
+      mu: friction coefficient of the tires, or the greatest peak of those with a curve; None: as in their file.
       changes: what else differs from the vehicle's MJCF.
-      planner_mu: friction coefficient that the planner assumes; None: as in the vehicle's MJCF; inf: no limits.
+      planner_mu: friction coefficient that the planner assumes; None: the least peak of the tires; inf: no limits.
       max_speed: fastest that the planner may command [m/s].
       lidar: back end, "raycast" or "rangefinder".
       seed: of the LiDAR's noise and dropouts.
@@ -123,6 +128,7 @@ def race(
       obstacles: what stands on the track, besides what a scene has; or of how many boxes, at random places of a track
         that leave a way past each (`random_obstacles`).
       obstacle_seed: of the random places.
+      patches: of the floor, on which the tires have another friction.
       effects: what the LiDAR does to a scan; nothing by default.
       odometry_drift: relative error of the speeds and the yaw rate that the planner is told: 0.05 is 5 % too much. What
         the car does is the same, and the pose is the true one.
@@ -137,10 +143,10 @@ def race(
     """
     controller, own = split_controller(controller, planner_settings)
     settings = RaceSettings(
-        laps=USUAL_LAPS if laps is None else laps, vehicle=vehicle, mu=mu, changes=changes or CarChanges(),
-        planner_mu=planner_mu, max_speed=max_speed, planner_settings=own, start=start or Start(),
-        effects=effects or LidarEffects(), odometry_drift=odometry_drift, seed=seed, lidar=lidar, time_limit=time_limit,
-        decision_limit=decision_limit,
+        laps=USUAL_LAPS if laps is None else laps, vehicle=vehicle, tires=tires, mu=mu,
+        changes=changes or CarChanges(), planner_mu=planner_mu, max_speed=max_speed, planner_settings=own,
+        patches=tuple(patches), start=start or Start(), effects=effects or LidarEffects(),
+        odometry_drift=odometry_drift, seed=seed, lidar=lidar, time_limit=time_limit, decision_limit=decision_limit,
     )  # fmt: skip
     course = load_track(track, car=settings.car.parameters)
     laps = laps_to_drive(course, laps)
@@ -182,6 +188,8 @@ def race(
     result = RaceResult(
         vehicle=settings.car.name,
         vehicle_sha256=settings.car.sha256,
+        tires=settings.tire_set.name,
+        tires_sha256=settings.tire_set.sha256,
         controller=controller if isinstance(controller, str) else type(controller).__name__,
         controller_origin=origin(controller, type(planner)),
         controller_source=source_code(type(planner)),

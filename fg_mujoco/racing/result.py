@@ -37,6 +37,8 @@ class RaceResult(Shown):
     track: str
     vehicle: str
     vehicle_sha256: str  # of its MJCF and its LiDAR's
+    tires: str  # their name, `contact` for MuJoCo's contacts
+    tires_sha256: str  # of their numbers
     controller: str
     controller_origin: dict[str, str | None]  # distribution and version, or file, of the planner; hash of its source
     laps_requested: int

@@ -23,6 +23,7 @@ from ..course.lap_timer import LAP_TIMER
 from ..kernels import kernel
 from ..messages import ODOMETRY
 from ..vehicle.motion import CAR
+from ..vehicle.tire_forces import TIRE
 from .telemetry import STATISTICS
 
 Row = NDArray[np.int64]
@@ -122,6 +123,12 @@ def corner_numbers(row: Row) -> Any:
 def car_rows(row: Row) -> Any:
     """Return the array of a row: of type CAR."""
     return carray(_pointer(row[0]), (row[1],), CAR)
+
+
+@kernel
+def tire_rows(row: Row) -> Any:
+    """Return the array of a row: of type TIRE."""
+    return carray(_pointer(row[0]), (row[1],), TIRE)
 
 
 @kernel

@@ -25,17 +25,19 @@ from .array_table import (
     short_numbers,
     statistics_rows,
     timer_rows,
+    tire_rows,
     whole_numbers,
 )
 from .physics import Batch, StateLayout
 from .termination import judge_cars
-from .tick import drive_cars, read_cars, scan_cars
+from .tick import Floor, drive_cars, read_cars, scan_cars
 
 NAMES = (
     "places", "running", "states", "sensors", "cars", "timers", "odometry", "telemetry", "offset_position",
     "offset_rotation", "motions", *SceneArrays._fields, *Scratch._fields, "ranges", "commands", "times", "records",
     "ids", "controls", "status", "failed", "mu", "slip", "crashed", "statistics", "reasons", "warnings", "lap_times",
-    "standing_since", "table",
+    "standing_since", "table", "tires", "tire_states",
+    "patches", "wheels", "floor_mu", "friction", "pairs",
 )  # fmt: skip
 """Of the arrays in a table, in the order of its rows."""
 
@@ -43,7 +45,8 @@ NAMES = (
     _PLACES, _RUNNING, _STATES, _SENSORS, _CARS, _TIMERS, _ODOMETRY, _TELEMETRY, _OFFSET_POSITION,
     _OFFSET_ROTATION, _MOTIONS, _BEAMS, _LIMITS, _EDGES, _TRIANGLES, _BOXES, _SPANS, _PLANES, _FRAMES, _CUTS, _COLUMNS,
     _NEAREST, _VIEWS, _BINS, _POSES, _RANGES, _COMMANDS, _TIMES, _RECORDS, _IDS, _CONTROLS, _STATUS, _FAILED, _MU,
-    _SLIP, _CRASHED, _STATISTICS, _REASONS, _WARNINGS, _LAP_TIMES, _STANDING_SINCE, _TABLE,
+    _SLIP, _CRASHED, _STATISTICS, _REASONS, _WARNINGS, _LAP_TIMES, _STANDING_SINCE, _TABLE, _TIRE_ROWS, _TIRE_STATES,
+    _PATCHES, _WHEELS, _FLOOR_MU, _FRICTION, _PAIRS,
 ) = range(len(NAMES))  # fmt: skip
 
 _CARS_PER_WORLD, _TIRES, _AXLES, _CHASSIS_CONTACT, _BATCH, _RECORD, _LAPS, _MOUNT, _FIRST_OF_LAYOUT = range(9)
@@ -56,7 +59,9 @@ def whole_places(
 ) -> NDArray[np.int64]:  # fmt: skip
     """Return the array `places` of a table."""
     address = 0 if mount is None else mount.qpos_address
-    spans = (*layout.qpos, *layout.qvel, *layout.ctrl, *layout.mocap_pos)
+    spans = (
+        *layout.qpos, *layout.qvel, *layout.ctrl, *layout.mocap_pos, *layout.xfrc_applied, *layout.userdata
+    )  # fmt: skip
     sensors = (tires, axles, chassis_contact)
     values = (cars_per_world, *sensors, batch.address, batch.record, laps, address, layout.time, *spans)
     return np.array(values, np.int64)
@@ -78,7 +83,7 @@ def _layout(places: Any) -> StateLayout:
     k = _FIRST_OF_LAYOUT
     return StateLayout(
         places[k], (places[k + 1], places[k + 2]), (places[k + 3], places[k + 4]), (places[k + 5], places[k + 6]),
-        (places[k + 7], places[k + 8]),
+        (places[k + 7], places[k + 8]), (places[k + 9], places[k + 10]), (places[k + 11], places[k + 12]),
     )  # fmt: skip
 
 
@@ -120,8 +125,13 @@ def drive(table: Table) -> None:
     places, times = whole_numbers(table[_PLACES]), numbers(table[_TIMES])
     drive_cars(
         flags(table[_RUNNING]), places[_CARS_PER_WORLD], matrix(table[_STATES]), _layout(places),
-        matrix(table[_COMMANDS]), car_rows(table[_CARS]), matrix(table[_MOTIONS]), times[_TIMESTEP], places[_BATCH],
-        places[_RECORD], cube(table[_RECORDS]), short_numbers(table[_IDS]), cube(table[_CONTROLS]),
+        matrix(table[_COMMANDS]), car_rows(table[_CARS]), tire_rows(table[_TIRE_ROWS]), cube(table[_TIRE_STATES]),
+        Floor(
+            matrix(table[_PATCHES]), matrix(table[_WHEELS]), cube(table[_FLOOR_MU]), cube(table[_FRICTION]),
+            short_numbers(table[_PAIRS]),
+        ),
+        matrix(table[_MOTIONS]), times[_TIMESTEP], places[_BATCH], places[_RECORD], matrix(table[_SENSORS]),
+        cube(table[_RECORDS]), short_numbers(table[_IDS]), cube(table[_CONTROLS]),
         short_numbers(table[_STATUS]), flags(table[_FAILED]), places[_TIRES], places[_AXLES],
         places[_CHASSIS_CONTACT], matrix(table[_MU]), cube(table[_SLIP]), flags(table[_CRASHED]),
         matrix(table[_TELEMETRY]), statistics_rows(table[_STATISTICS]),

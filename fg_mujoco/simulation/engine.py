@@ -216,6 +216,14 @@ class Engine:
         """
         return self._place_of(i)[0].slip
 
+    def floor_friction(self) -> FloatArray:
+        """Return the friction of each tire of world 0 in each step of the last tick, on the floor under it [-].
+
+        It is a copy of shape (substeps, 4); without patches (1, 4).
+        """
+        floor = self._batches[0].floor
+        return floor.mu[0].copy() if len(floor.mu) else self._arrays.mu[:1].copy()
+
     def read(self, i: int, data: mujoco.MjData) -> None:
         """Write world i into a mujoco.MjData of its model, poses current."""
         batch, place = self._place_of(i)

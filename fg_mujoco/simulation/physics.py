@@ -43,6 +43,8 @@ _PARTS = {
     "qvel": mujoco.mjtState.mjSTATE_QVEL,
     "ctrl": mujoco.mjtState.mjSTATE_CTRL,
     "mocap_pos": mujoco.mjtState.mjSTATE_MOCAP_POS,
+    "xfrc_applied": mujoco.mjtState.mjSTATE_XFRC_APPLIED,
+    "userdata": mujoco.mjtState.mjSTATE_USERDATA,
 }
 
 
@@ -115,9 +117,9 @@ def step_states(
       steps: physics steps.
       control: address of (count, steps, k) values set before each step; 0: there are none.
       parts: of the state that `control` sets, CTRL or CTRL_AND_MOCAP.
-      record: `Batch.record`.
+      record: `Batch.record`; 0: sensors are not recorded.
     """
-    failed: int = _rollout(batch, ids.ctypes.data, count, steps, control, parts, record, 1)
+    failed: int = _rollout(batch, ids.ctypes.data, count, steps, control, parts, record, 1 if record else 0)
     return failed
 
 
@@ -136,6 +138,8 @@ class StateLayout(NamedTuple):
     qvel: tuple[int, int]
     ctrl: tuple[int, int]
     mocap_pos: tuple[int, int]
+    xfrc_applied: tuple[int, int]
+    userdata: tuple[int, int]
 
     @classmethod
     def of(cls, model: mujoco.MjModel) -> StateLayout:

@@ -19,6 +19,8 @@ from ..errors import SettingsError, accepted_names
 from ..lidar.effects import LidarEffects
 from ..messages import require, require_whole
 from ..vehicle.changes import ACCEPTED_MU, GREATEST_MU, CarChanges
+from ..vehicle.friction_patches import Patch
+from ..vehicle.tires import Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .world import World
 
@@ -126,12 +128,17 @@ class CarSettings:
     """
 
     vehicle: Vehicle | str | Path = DEFAULT_VEHICLE  # a bundled name, the path of an MJCF file, or a Vehicle
-    mu: float | None = None  # friction coefficient of the tires; None: as in the vehicle's MJCF
+    mu: float | None = None  # friction coefficient of the tires, or their greatest peak; None: as in their file
     changes: CarChanges = field(default_factory=CarChanges)  # what else differs from the vehicle's MJCF
+    tires: Tires | str | Path | None = None  # a bundled set, the path of a TOML file, or Tires; None: the vehicle's
+    patches: tuple[Patch, ...] = ()  # of the floor, on which the tires have another friction
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "vehicle", Vehicle.load(self.vehicle))
         self._make("changes", CarChanges)
+        object.__setattr__(self, "patches", tuple(as_part(patch, Patch, "patches") for patch in self.patches))
+        if self.tires is not None:
+            object.__setattr__(self, "tires", Tires.load(self.tires))
         if self.mu is not None:
             require(self, lambda value: 0.0 < value <= GREATEST_MU, ACCEPTED_MU, ("mu",), SettingsError)
         if self.mu is not None and self.changes.mu not in (None, self.mu):
@@ -153,6 +160,11 @@ class CarSettings:
         return cast(Vehicle, self.vehicle)
 
     @property
+    def tire_set(self) -> Tires:
+        """The tires that the car stands on, loaded."""
+        return self.car.tires if self.tires is None else cast(Tires, self.tires)
+
+    @property
     def all_changes(self) -> CarChanges:
         """What differs from the vehicle's MJCF, the friction included."""
         return self.changes if self.mu is None else replace(self.changes, mu=self.mu)
@@ -160,7 +172,8 @@ class CarSettings:
     def world(self, course: Course | str, *, lidar: str = "raycast", obstacles: tuple[Obstacle, ...] = ()) -> World:
         """Return a compiled world with this car; arguments and errors as in World."""
         return World(
-            course, self.car, mu=self.mu, lidar=lidar, obstacles=obstacles, changes=self.changes
+            course, self.car, mu=self.mu, lidar=lidar, obstacles=obstacles, changes=self.changes, tires=self.tire_set,
+            patches=self.patches,
         )  # fmt: skip
 
     def described(self) -> dict[str, Any]:
@@ -173,6 +186,10 @@ class CarSettings:
                 continue
             if isinstance(value, Vehicle):
                 found |= {name: value.source, "vehicle_sha256": value.sha256}
+            elif isinstance(value, Tires):
+                found[name] = value.described()
+            elif name == "patches":
+                found[name] = [asdict(patch) for patch in value]
             elif is_dataclass(value) and not isinstance(value, type):
                 found[name] = asdict(value)
             else:
@@ -203,7 +220,7 @@ class DriveSettings(CarSettings):
       ModelError: a file that is not that of a vehicle.
     """
 
-    planner_mu: float | None = None  # that the planner assumes; None: as in the vehicle's MJCF; inf: no friction limits
+    planner_mu: float | None = None  # that the planner assumes; None: the tires' least peak; inf: no friction limits
     max_speed: float = FASTEST  # [m/s] fastest that the planner may command
     planner_settings: Mapping[str, Any] = field(default_factory=dict)  # that differ from the planner's own
     start: Start = field(default_factory=Start)
@@ -227,7 +244,7 @@ class DriveSettings(CarSettings):
     @property
     def assumed_mu(self) -> float:
         """Friction coefficient that the planner assumes."""
-        return self.car.nominal_mu if self.planner_mu is None else float(self.planner_mu)
+        return self.car.reliable_mu(self.tire_set) if self.planner_mu is None else float(self.planner_mu)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

@@ -12,7 +12,15 @@ from ..kernels import kernel
 from ..messages import FloatArray
 from ..vehicle.car import WHEELS
 from ..vehicle.motion import CarArray, body_velocity, ground_speed, planar_pose, sideslip_angle
-from ..vehicle.tire_slip import greatest_lateral_speed, greatest_slip
+from ..vehicle.tire_slip import (
+    FORCE_X,
+    FORCE_Y,
+    NORMAL_FORCE,
+    SLIP_ANGLE,
+    SLIP_RATIO,
+    greatest_lateral_speed,
+    greatest_slip,
+)
 
 TELEMETRY = (
     "time_s", "lap", "progress_m", "offset_m", "x_m", "y_m", "heading_rad",
@@ -21,6 +29,11 @@ TELEMETRY = (
     *(f"friction_use_{wheel}" for wheel in WHEELS),
     "sliding_steps", "steps",
     "vx_m_s", "vy_m_s", "sideslip_rad", "ax_m_s2", "ay_m_s2",
+    *(f"load_{wheel}_N" for wheel in WHEELS),
+    *(f"fx_{wheel}_N" for wheel in WHEELS),
+    *(f"fy_{wheel}_N" for wheel in WHEELS),
+    *(f"slip_angle_{wheel}_rad" for wheel in WHEELS),
+    *(f"slip_ratio_{wheel}" for wheel in WHEELS),
 )  # fmt: skip
 """Columns of the telemetry. A row is one tick: the state at its start and the planner's command; then, while it was
 held, each tire's greatest slip speed and friction utilisation (NaN: off the ground all the while), and in how many of
@@ -29,7 +42,10 @@ the physics steps any tire slid; then the car's motion, x forward and y to the l
 `vx_m_s` and `vy_m_s` are the velocity of base_link, at the rear axle, at the start of the tick. `sideslip_rad` is the
 angle from the heading to the velocity of the centre of gravity then, left positive, NaN below 0.1 m/s. `ax_m_s2` and
 `ay_m_s2` are the mean acceleration of the centre of gravity over the tick, without gravity: the change of its velocity,
-in the axes of the heading half-way."""
+in the axes of the heading half-way.
+
+The last columns are of the first physics step, at the state of the row: each tire's load, its force along its wheel's
+heading and to the left of it, its slip angle and its slip ratio, as in TireSlip."""
 
 RECORDED_ALWAYS = TELEMETRY[: TELEMETRY.index("steps") + 1]
 """Columns that each telemetry.csv has, whatever version wrote it."""
@@ -75,8 +91,9 @@ def statistics_figures(row: Any) -> StatisticsFigures:
 
 
 _SLIDE = TELEMETRY.index(f"slide_{WHEELS[0]}_m_s")
-_SPEED = TELEMETRY.index("speed_m_s")
 _SLIDING_STEPS = TELEMETRY.index("sliding_steps")
+_LOAD = TELEMETRY.index(f"load_{WHEELS[0]}_N")
+_SPEED = TELEMETRY.index("speed_m_s")
 _HEADING, _YAW_RATE = TELEMETRY.index("heading_rad"), TELEMETRY.index("yaw_rate_rad_s")
 _VX, _AX = TELEMETRY.index("vx_m_s"), TELEMETRY.index("ax_m_s2")
 COMMAND = TELEMETRY.index("command_steering_rad")
@@ -141,12 +158,16 @@ def end_row(statistics: NDArray[np.void], i: int, row: FloatArray, slip: FloatAr
     Args:
       statistics: (n,) of STATISTICS, written to.
       i: which of them.
-      row: (len(TELEMETRY),), its ten columns of the tires and the steps written to.
+      row: (len(TELEMETRY),), its columns of the tires and the steps written to.
       slip: (QUANTITIES, steps, 4) of `measure_slip`.
     """
     so_far = statistics[i]
     row[_SLIDING_STEPS] = greatest_slip(slip, row[_SLIDE : _SLIDE + 8])
     row[_SLIDING_STEPS + 1] = slip.shape[1]
+    for tire in range(4):
+        row[_LOAD + tire] = slip[NORMAL_FORCE, 0, tire]
+        row[_LOAD + 4 + tire], row[_LOAD + 8 + tire] = slip[FORCE_X, 0, tire], slip[FORCE_Y, 0, tire]
+        row[_LOAD + 12 + tire], row[_LOAD + 16 + tire] = slip[SLIP_ANGLE, 0, tire], slip[SLIP_RATIO, 0, tire]
     so_far.ticks += 1
     so_far.steps += slip.shape[1]
     so_far.sliding_steps += int(row[_SLIDING_STEPS])

@@ -6,6 +6,7 @@ Arrays have one row a car: the cars of world 0, then those of world 1, and so on
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +17,25 @@ from ..lidar.body_poses import Mount, mounted_pose
 from ..lidar.scanline import scan
 from ..lidar.scene import SceneArrays, Scratch
 from ..messages import FloatArray
-from ..vehicle.motion import drive, read_odometry
+from ..vehicle.friction_patches import look_at_floor
+from ..vehicle.motion import drive, planar_pose, read_odometry
+from ..vehicle.tire_forces import USERDATA, apply_forces, note_loads
 from ..vehicle.tire_slip import measure_slip
 from .physics import CTRL, CTRL_AND_MOCAP, StateLayout, step_states
 from .telemetry import COMMAND, begin_row, end_motion, end_row
 
 Mask = NDArray[np.bool_]
 Rows = NDArray[np.void]
+
+
+class Floor(NamedTuple):
+    """The patches of the worlds, and what the tires have on them; all empty where there are none."""
+
+    patches: FloatArray  # (k, 7) of `patch_table`
+    wheels: FloatArray  # (4, 2) of `wheel_positions`
+    mu: FloatArray  # (r, steps, 4) room: what each tire had in each step of a tick; by place among the driven worlds
+    friction: FloatArray  # (n, pairs, 5) `pair_friction` of the worlds, written to
+    pairs: NDArray[np.int32]  # (4 cars_per_world,) of the tires
 
 
 @kernel
@@ -110,10 +123,14 @@ def drive_cars(
     layout: StateLayout,
     commands: FloatArray,
     cars: Rows,
+    tire_rows: Rows,
+    tire_states: FloatArray,
+    floor: Floor,
     motions: FloatArray,
     timestep: float,
     batch: int,
     record: int,
+    sensors: FloatArray,
     records: FloatArray,
     ids: NDArray[np.int32],
     controls: FloatArray,
@@ -139,10 +156,14 @@ def drive_cars(
       layout: of a state.
       commands: (r, 2) [rad, m/s].
       cars: (r,) of CAR.
+      tire_rows: (4 cars_per_world,) of TIRE; none where MuJoCo's contacts are the tires.
+      tire_states: (n, steps, k) room for the tires' user data after each step.
+      floor: of the worlds.
       motions: (obstacles, 8) of `motion_table`.
       timestep: of the physics [s].
       batch: `Batch.address`.
       record: `Batch.record`.
+      sensors: (n, nsensordata) `Batch.sensors`.
       records: (n, steps, nsensordata) `Batch.records`.
       ids: (n,) room for the worlds that are stepped.
       controls: (n, steps, controls and positions of obstacles) room, where obstacles move.
@@ -167,7 +188,17 @@ def drive_cars(
             count += 1
     hold_commands(ids, count, cars_per_world, states, layout, commands, cars, telemetry)
     steps = records.shape[1]
-    if count > 0:
+    if len(tire_rows) > 0 or len(floor.patches) > 0:
+        for step in range(steps):
+            push_tires(ids, count, cars_per_world, states, layout, cars, tire_rows, floor, mu, timestep, step)
+            step_states(batch, ids, count, 1, 0, CTRL, 0)
+            note_tires(ids, count, states, layout, sensors, tires, tire_rows, tire_states, step)
+            for place in range(count):
+                world = ids[place]
+                records[place, step] = sensors[world]
+                if len(motions) > 0:
+                    _place_obstacles(motions, states[world, layout.time], states[world, layout.mocap_pos[0] :])
+    elif count > 0:
         if len(motions) > 0:
             first, end = layout.ctrl
             for place in range(count):
@@ -186,9 +217,67 @@ def drive_cars(
         if len(motions) > 0:
             _place_obstacles(motions, states[world, layout.time], states[world, layout.mocap_pos[0] :])
     book_cars(
-        ids, count, cars_per_world, states, layout, cars, records, status, failed, tires, axles, chassis_contact, mu,
-        slip, crashed, telemetry, statistics,
+        ids, count, cars_per_world, states, layout, cars, tire_rows, tire_states, floor, records, status, failed, tires,
+        axles, chassis_contact, mu, slip, crashed, telemetry, statistics,
     )  # fmt: skip
+
+
+@kernel
+def push_tires(
+    ids: NDArray[np.int32],
+    count: int,
+    cars_per_world: int,
+    states: FloatArray,
+    layout: StateLayout,
+    cars: Rows,
+    tire_rows: Rows,
+    floor: Floor,
+    mu: FloatArray,
+    timestep: float,
+    step: int,
+) -> None:
+    """Write the tires' friction and forces in `count` worlds `ids` for the physics step `step` of a tick.
+
+    Arguments are as in `drive_cars`.
+    """
+    size = 4 * USERDATA
+    patched = len(floor.patches) > 0
+    for place in range(count):
+        world = ids[place]
+        state = states[world]
+        qpos, qvel = state[layout.qpos[0] : layout.qpos[1]], state[layout.qvel[0] : layout.qvel[1]]
+        userdata, applied = state[layout.userdata[0] :], state[layout.xfrc_applied[0] : layout.xfrc_applied[1]]
+        for car in range(cars_per_world):
+            row, rows = world * cars_per_world + car, tire_rows[4 * car : 4 * (car + 1)]
+            own_mu = mu[row]
+            if patched:
+                own_mu = floor.mu[place * cars_per_world + car, step]
+                x, y, heading = planar_pose(qpos, cars[row : row + 1])
+                look_at_floor(x, y, heading, floor.wheels, floor.patches, mu[row], own_mu)
+                for tire in range(4):
+                    pair = floor.pairs[4 * car + tire]
+                    floor.friction[world, pair, 0] = floor.friction[world, pair, 1] = own_mu[tire]
+            if len(rows) > 0:
+                apply_forces(qpos, qvel, userdata[car * size : (car + 1) * size], applied, rows, own_mu, timestep)
+
+
+@kernel
+def note_tires(
+    ids: NDArray[np.int32],
+    count: int,
+    states: FloatArray,
+    layout: StateLayout,
+    sensors: FloatArray,
+    tires: int,
+    tire_rows: Rows,
+    tire_states: FloatArray,
+    step: int,
+) -> None:
+    """Take the tires' loads of the physics step `step` of a tick, and keep their user data in `tire_states`."""
+    for place in range(count):
+        userdata = states[ids[place], layout.userdata[0] : layout.userdata[1]]
+        note_loads(sensors[ids[place]], tires, userdata, len(tire_rows))
+        tire_states[place, step] = userdata
 
 
 @kernel
@@ -220,6 +309,9 @@ def book_cars(
     states: FloatArray,
     layout: StateLayout,
     cars: Rows,
+    tire_rows: Rows,
+    tire_states: FloatArray,
+    floor: Floor,
     records: FloatArray,
     status: NDArray[np.int32],
     failed: Mask,
@@ -242,7 +334,10 @@ def book_cars(
             end_motion(time, qpos, qvel, cars[row : row + 1], telemetry[row])
             failed[row] = failed[row] or status[world] != 0
             crashed[row] = crashed[row] or any_touch(records[place], chassis_contact)
-            measure_slip(records[place], tires, axles, mu[row], slip)
+            car = row - world * cars_per_world
+            rows = tire_rows[4 * car : 4 * (car + 1)]
+            mus = floor.mu[place * cars_per_world + car] if len(floor.patches) > 0 else mu[row : row + 1]
+            measure_slip(records[place], tires, axles, mus, rows, tire_states[place], 4 * USERDATA * car, slip)
             end_row(statistics, row, telemetry[row], slip)
 
 

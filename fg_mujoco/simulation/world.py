@@ -7,6 +7,7 @@ starts from the same bits.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -25,7 +26,10 @@ from ..lidar.lidar import LIDAR_BACKENDS, Lidar, make_lidar
 from ..messages import CarParameters, FloatArray
 from ..vehicle.car import Car
 from ..vehicle.changes import CarChanges
+from ..vehicle.friction_patches import Patch, add_patches
+from ..vehicle.tire_forces import tires_of
 from ..vehicle.tire_slip import add_axle_sensors
+from ..vehicle.tires import Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .course_loading import load_track
 
@@ -50,14 +54,17 @@ class World:
     Args:
       track: a course, or what `load_track` makes one of.
       vehicle: a bundled name, the path of a vehicle's MJCF, or a Vehicle.
-      mu: friction coefficient of the tires; None: as in the vehicle's MJCF.
+      mu: friction coefficient of the tires, or the greatest peak of those with a curve; None: as in their file.
       lidar: back end of the LiDAR, "raycast" or "rangefinder".
       obstacles: what stands there besides the course's own obstacles.
       changes: what else differs from the vehicle's MJCF.
+      tires: a bundled set, the path of a TOML file, or Tires; None: the vehicle's.
+      patches: of the floor, on which the tires have another friction.
 
     Attributes:
       track: the course.
       vehicle: the Vehicle, without the changes.
+      tires: that the car stands on.
       obstacles: all that stands there and the chassis can hit, besides the walls.
       moving: the moving obstacles, as they are in `model`.
       xml: the MJCF text that `model` was compiled from.
@@ -79,13 +86,18 @@ class World:
         lidar: str = "raycast",
         obstacles: tuple[Obstacle, ...] = (),
         changes: CarChanges | None = None,
+        tires: Tires | str | Path | None = None,
+        patches: Sequence[Patch] = (),
     ) -> None:
         self.vehicle = Vehicle.load(vehicle)
+        self.tires = self.vehicle.tires if tires is None else Tires.load(tires)
         self.track = load_track(track, car=self.vehicle.parameters)
         self.track.check_car(self.vehicle.parameters)
         self.lidar_backend = lidar
         self.obstacles = (*self.track.obstacles, *obstacles)
-        self.xml = _compose(self.track, self.vehicle, mu, changes, lidar, self.obstacles).to_xml()
+        spec = _compose(self.track, self.vehicle, self.tires, mu, changes, lidar, self.obstacles)
+        add_patches(spec, patches)
+        self.xml = spec.to_xml()
         self.model = mujoco.MjModel.from_xml_string(self.xml)
         self.moving = moving_obstacles(self.model)
         self.car = Car(self.model, CAR_PREFIX)
@@ -110,6 +122,7 @@ class World:
         world.track = world.vehicle = None  # type: ignore[assignment]  # nobody asks for them
         world.lidar_backend, world.obstacles, world.xml = lidar, (), xml
         world.model = mujoco.MjModel.from_xml_string(xml)
+        world.tires = tires_of(world.model, CAR_PREFIX)
         world.moving = moving_obstacles(world.model)
         world.car = Car(world.model, CAR_PREFIX)
         return world
@@ -132,6 +145,7 @@ class World:
 def _compose(
     track: Course,
     vehicle: Vehicle,
+    tires: Tires,
     mu: float | None,
     changes: CarChanges | None,
     lidar: str,
@@ -140,11 +154,12 @@ def _compose(
     """Return the spec of the whole world: walls, obstacles, and the car with its ground and its LiDAR."""
     if lidar not in LIDAR_BACKENDS:
         raise SettingsError(f"lidar is {lidar!r}; {accepted_names(lidar, LIDAR_BACKENDS)}")
-    car = vehicle.spec(mu, changes)
+    car = vehicle.spec(mu, changes, tires)
     add_axle_sensors(car)
     spec = mujoco.MjSpec()
     spec.modelname = f"fg_mujoco {track.name}"
     spec.option, spec.memory = car.option, car.memory  # the engine settings that the car was validated with
+    spec.nuserdata = car.nuserdata
     spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)  # static geoms are placed once, not every step
     _add_light(spec, track)
     _add_course(spec, track, obstacles)

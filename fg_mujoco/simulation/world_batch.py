@@ -21,8 +21,10 @@ from ..course.moving_obstacles import make_mover, motion_table
 from ..lidar.lidar import Lidar, RaycastLidar
 from ..messages import ODOMETRY, FloatArray
 from ..vehicle.car import WHEELS, Car
-from ..vehicle.changes import CarChanges, change_worlds, six_digits
+from ..vehicle.changes import CarChanges, change_worlds
+from ..vehicle.friction_patches import patch_table, wheel_positions
 from ..vehicle.motion import CAR
+from ..vehicle.tire_forces import USERDATA
 from ..vehicle.tire_slip import QUANTITIES, TireSlipMeter
 from . import compiled_tick
 from .array_table import ArrayTable
@@ -30,7 +32,7 @@ from .physics import STATE, Batch, StateLayout
 from .settings import Start
 from .telemetry import STATISTICS, TELEMETRY
 from .termination import RaceMonitor
-from .tick import book_cars, hold_commands, place_obstacles
+from .tick import Floor, book_cars, hold_commands, note_tires, place_obstacles, push_tires
 from .world import CAR_PREFIX, World
 
 Mask = NDArray[np.bool_]
@@ -121,9 +123,27 @@ class WorldBatch:
         self._tires, self._axles = meter.readings.start, meter.axles
         self._chassis_contact = world.car.chassis_contact
         self._arrays.mu[:], self._arrays.constants[:] = meter.mu, world.car.constants[0]
-        self._motions, self._mover = motion_table(world.moving), make_mover(model)
+        self._pairs = meter.pairs
+        self._tire_rows = np.tile(meter.rows, cars_per_world)
+        self._tire_states = np.zeros((count, substeps, USERDATA * len(self._tire_rows)))
         self._ids = np.empty(count, np.int32)
+        self.floor = self._make_floor(substeps, own_model)
+        self._motions, self._mover = motion_table(world.moving), make_mover(model)
         self._table = self._make_table(period, time_limit)
+
+    def _make_floor(self, substeps: int, own_model: bool) -> Floor:
+        """Return the patches of the worlds, and room for what the tires have on them."""
+        model, count = self.world.model, len(self._ids)
+        patches = patch_table(model)
+        room = len(self.cars) if len(patches) else 0
+        friction = np.zeros((0, 0, 0))
+        if room:
+            friction = model.pair_friction[np.newaxis] if own_model else self.physics.expand("pair_friction")
+            assert len(friction) == count
+        return Floor(
+            patches, wheel_positions(model, CAR_PREFIX), np.zeros((room, substeps, len(WHEELS))), friction,
+            np.tile(np.array(self._pairs, np.int32), self._cars_per_world),
+        )  # fmt: skip
 
     def _make_table(self, period: float, time_limit: float | None) -> ArrayTable:
         """Return all arrays as the one argument of the compiled tick."""
@@ -141,6 +161,9 @@ class WorldBatch:
             ),
             "states": physics.states, "sensors": physics.sensors, "records": physics.records,
             "status": physics.status, "warnings": physics.warnings, "slip": self.slip, "ids": self._ids,
+            "tires": self._tire_rows, "tire_states": self._tire_states, "patches": self.floor.patches,
+            "wheels": self.floor.wheels, "floor_mu": self.floor.mu, "friction": self.floor.friction,
+            "pairs": self.floor.pairs,
             "controls": controls, "motions": self._motions, "cars": self._arrays.constants, **vars(self._arrays),
             "running": self._monitor.running, "reasons": self._monitor.reasons, "timers": self._monitor.timers,
             "lap_times": self._monitor.lap_times, "standing_since": self._monitor.standing_since,
@@ -170,7 +193,7 @@ class WorldBatch:
         change_worlds(self.physics, changes, self.world.vehicle.compile(), CAR_PREFIX)
         for i, change in enumerate(changes):
             if change.mu is not None:
-                self._arrays.mu[i] = six_digits(change.mu)
+                self._arrays.mu[i] = self.physics.expand("pair_friction")[i, self._pairs, 0]
             if replace(change, mu=None, command_delay=None) != CarChanges():
                 self.cars[i] = Car(self.physics.model_of(i, scratch), CAR_PREFIX)
                 self._arrays.constants[i] = self.cars[i].constants[0]
@@ -192,6 +215,7 @@ class WorldBatch:
             self.world.car.write_pose(data, x, y, along + start.heading, start.speed)
             mujoco.mj_getState(model, data, physics.states[i], int(STATE))
         physics.forward(ids)
+        self._note_tires(ids, 0)
         touched = np.repeat(physics.sensors[:, self._chassis_contact] > 0.0, self._cars_per_world)
         arrays.crashed[which] = touched[which]
         arrays.failed[which] = False
@@ -267,15 +291,30 @@ class WorldBatch:
 
     def step(self, ids: NDArray[np.int32], step: int) -> None:
         """Do one physics step of a tick in the worlds `ids`."""
+        if len(self._tire_rows) or len(self.floor.patches):
+            push_tires(
+                self._ids, len(ids), self._cars_per_world, self.physics.states, self.layout, self._arrays.constants,
+                self._tire_rows, self.floor, self._arrays.mu, float(self.world.model.opt.timestep), step,
+            )  # fmt: skip
         self.physics.step(ids, step)
+        self._note_tires(ids, step)
         for i in ids.tolist():
             place_obstacles(self._motions, self.physics.states[i], self.layout)
+
+    def _note_tires(self, ids: NDArray[np.int32], step: int) -> None:
+        """Take the loads of the tires of the worlds `ids` after a physics step, or a forward pass."""
+        if len(self._tire_rows):
+            note_tires(
+                ids, len(ids), self.physics.states, self.layout, self.physics.sensors, self._tires, self._tire_rows,
+                self._tire_states, step,
+            )  # fmt: skip
 
     def book(self, ids: NDArray[np.int32]) -> None:
         """End a tick of single steps in the worlds `ids`: write what tires and chassis did."""
         arrays = self._arrays
         book_cars(
             self._ids, len(ids), self._cars_per_world, self.physics.states, self.layout, arrays.constants,
+            self._tire_rows, self._tire_states, self.floor,
             self.physics.records, self.physics.status, arrays.failed, self._tires, self._axles, self._chassis_contact,
             arrays.mu, self.slip, arrays.crashed, arrays.telemetry, arrays.statistics,
         )  # fmt: skip

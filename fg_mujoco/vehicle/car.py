@@ -114,7 +114,7 @@ class Car:
 
     Attributes:
       parameters: what a planner is told of it.
-      mu: friction coefficient of the tires [-].
+      mu: friction coefficient of the tires, or the greatest lateral peak of those with a curve [-].
       chassis_contact: where in sensordata the chassis' contact is.
       constants: where it is in the model and its limits, for kernels, (1,) of car_motion.CAR.
 
@@ -125,8 +125,8 @@ class Car:
     def __init__(self, model: mujoco.MjModel, prefix: str = "") -> None:
         self.parameters = car_parameters(model, prefix)
         self.prefix = prefix
-        pair = element_id(model, mujoco.mjtObj.mjOBJ_PAIR, f"{prefix}{WHEELS[0]}_tire")
-        self.mu = float(model.pair_friction[pair, 0])  # [-] of the tires
+        pairs = [element_id(model, mujoco.mjtObj.mjOBJ_PAIR, f"{prefix}{wheel}_tire") for wheel in WHEELS]
+        self.mu = float(model.pair_friction[pairs, 0].max())  # [-] of the tires
         self._model = model
         joints = mujoco.mjtObj.mjOBJ_JOINT
         base = element_id(model, joints, f"{prefix}base_link")

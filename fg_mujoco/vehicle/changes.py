@@ -55,10 +55,16 @@ class CarChanges:
 
 
 def set_mu(spec: Any, mu: float) -> None:
-    """Give all tires of a vehicle's spec a friction coefficient [-], in place."""
-    for wheel in WHEELS:
-        pair = spec.pair(f"{wheel}_tire")
-        pair.friction = [mu, mu, *pair.friction[2:]]
+    """Set the greatest friction coefficient of the tires of a vehicle's spec [-], in place; their ratios stay."""
+    pairs = [spec.pair(f"{wheel}_tire") for wheel in WHEELS]
+    for pair, own in zip(pairs, scaled_mu([pair.friction[0] for pair in pairs], mu), strict=True):
+        pair.friction = [own, own, *pair.friction[2:]]
+
+
+def scaled_mu(present: Sequence[float], mu: float) -> list[float]:
+    """Return friction coefficients with the ratios of the present ones, `mu` the greatest [-]."""
+    greatest = max(present)
+    return [mu if own == greatest else six_digits(mu * float(own) / float(greatest)) for own in present]
 
 
 def change_spec(spec: Any, changes: CarChanges, plain: Any) -> None:
@@ -100,7 +106,8 @@ def change_worlds(batch: Any, changes: Sequence[CarChanges], plain: Any, prefix:
     chassis = model.body(prefix + _CHASSIS).id
     servos = [model.actuator(prefix + servo).id for servo in _SERVOS]
     for world, change in _where(changes, "mu"):
-        batch.expand("pair_friction")[world, pairs, :2] = six_digits(change.mu)
+        own = scaled_mu(model.pair_friction[pairs, 0].tolist(), six_digits(change.mu))
+        batch.expand("pair_friction")[world, pairs, :2] = np.array(own)[:, np.newaxis]
     heavier = dict((*_where(changes, "mass"), *_where(changes, "center_of_gravity_height")))
     for world, change in heavier.items():
         mass, inertia, position = _chassis(change, plain)

@@ -18,12 +18,13 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from ..errors import FgMujocoError, ModelError, nearest
+from ..errors import FgMujocoError, ModelError, SettingsError, nearest
 from ..lidar.beams import DEFAULT_LIDAR, LidarModel
 from ..messages import CarParameters, FloatArray
 from .car import WHEELS, Car, car_parameters, element_id, sensor_slice
 from .fitting import ackermann_angle
 from .tire_slip import TireSlipMeter
+from .tires import Tires
 
 _FREE, _HINGE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
 _PLANE, _BOX = mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_BOX
@@ -178,6 +179,22 @@ def find_look(spec: Any, folder: Path | None, where: str) -> str | None:
       ModelError: a file that is neither beside the vehicle's nor bundled.
     """
     return _named_file(spec, "look", folder, where)
+
+
+def find_tires(spec: Any, folder: Path | None, where: str) -> Tires:
+    """Return the tires that a vehicle's text `tires` names, or MuJoCo's contacts.
+
+    Raises:
+      ModelError: neither a file beside the vehicle's nor a bundled set, or not that of tires.
+    """
+    element = spec.text("tires")
+    if element is None:
+        return Tires()
+    name = str(element.data)
+    try:
+        return Tires.load(folder / name if folder is not None and (folder / name).is_file() else name)
+    except SettingsError as error:
+        raise ModelError(f"{where}: text 'tires': {error}") from error
 
 
 def _named_file(spec: Any, text: str, folder: Path | None, where: str, default: str | None = None) -> str | None:

@@ -11,7 +11,11 @@ geoms that touch, MuJoCo takes the greater friction; a `pair` of the tire with a
 second contact, and the ground's still acts; and a patch that is high enough to lift the tire off the
 ground is a bump. So a patch is a site, which touches nothing and which rays skip, and before each physics step each
 tire's own pair with the ground gets the friction of what lies under the middle of the wheel. A tire touches the ground
-in one point, so that it is on a patch or not; where patches overlap, the last counts.
+in one point, so that it is on a patch or not; where patches overlap, the last counts. Tires with a curve have their
+peaks scaled: that of the set's greatest is the patch's, and the ratio of front to rear stays.
+
+An engine does this for every world with patches, by `look_at_floor`. PatchedFloor does it for a model that is stepped
+by hand.
 """
 
 from __future__ import annotations
@@ -28,6 +32,7 @@ from numpy.typing import NDArray
 from ..course.obstacles import Box
 from ..course.track import Track
 from ..errors import SettingsError
+from ..kernels import kernel
 from ..messages import FloatArray, require
 from .car import WHEELS, Car, element_id
 from .motion import planar_pose
@@ -86,7 +91,7 @@ def add_patches(spec: Any, patches: Sequence[Patch]) -> None:
 
 
 class PatchedFloor:
-    """Gives each tire of a car the friction of the floor that it is on.
+    """Gives each tire of a car the friction of the floor that it is on; of the model `contact`.
 
     Args:
       model: compiled from a spec that `add_patches` was called with, or from its XML. `apply` writes to it: it must not
@@ -108,7 +113,7 @@ class PatchedFloor:
         self._ground_mu: FloatArray = model.pair_friction[self._pairs, 0].copy()
         self.mu = self._ground_mu
         self._car = Car(model, prefix).constants
-        self._wheels = _wheel_positions(model, prefix)
+        self._wheels = wheel_positions(model, prefix)
         reach = float(np.hypot(*self._wheels.T).max())
         self._patches = [
             (p.x, p.y, (0.5 * math.hypot(p.length, p.width) + reach) ** 2, p) for p in self.patches
@@ -145,6 +150,44 @@ def read_patches(model: mujoco.MjModel) -> tuple[Patch, ...]:
     return tuple(patches)
 
 
+def patch_table(model: mujoco.MjModel) -> FloatArray:
+    """Return the patches of a compiled model for `look_at_floor`, one row each. Shape (patches, 7)."""
+    rows = [
+        (p.x, p.y, 0.5 * p.length, 0.5 * p.width, math.cos(p.heading), math.sin(p.heading), p.mu)
+        for p in read_patches(model)
+    ]
+    return np.array(rows, np.float64).reshape(-1, 7)
+
+
+@kernel
+def look_at_floor(
+    x: float, y: float, heading: float, wheels: FloatArray, patches: FloatArray, mu: FloatArray, under: FloatArray
+) -> None:
+    """Write the friction that each tire has on the floor under it.
+
+    Args:
+      x: of base_link [m], world frame.
+      y: [m].
+      heading: [rad].
+      wheels: (4, 2) of `wheel_positions`.
+      patches: (n, 7) of `patch_table`.
+      mu: (4,) of the tires on the ground [-].
+      under: (4,) [-], written to.
+    """
+    cos, sin = math.cos(heading), math.sin(heading)
+    greatest = max(mu[0], mu[1], mu[2], mu[3])
+    for tire in range(4):
+        at_x = cos * wheels[tire, 0] - sin * wheels[tire, 1] + x
+        at_y = sin * wheels[tire, 0] + cos * wheels[tire, 1] + y
+        under[tire] = mu[tire]
+        for k in range(len(patches)):
+            away_x, away_y = at_x - patches[k, 0], at_y - patches[k, 1]
+            along = patches[k, 4] * away_x + patches[k, 5] * away_y
+            across = patches[k, 4] * away_y - patches[k, 5] * away_x
+            if abs(along) <= patches[k, 2] and abs(across) <= patches[k, 3]:
+                under[tire] = patches[k, 6] if mu[tire] == greatest else patches[k, 6] * (mu[tire] / greatest)
+
+
 def random_patches(
     track: Track, count: int, rng: np.random.Generator, *, mu: float, length: float = 1.5, width: float = 1.4
 ) -> tuple[Patch, ...]:
@@ -174,11 +217,11 @@ def random_patches(
     return tuple(patches)
 
 
-def _wheel_positions(model: mujoco.MjModel, prefix: str) -> FloatArray:
+def wheel_positions(model: mujoco.MjModel, prefix: str) -> FloatArray:
     """Return where the middles of the wheels are in the car's frame, at rest. Shape (4, 2) [m]."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     base = element_id(model, mujoco.mjtObj.mjOBJ_BODY, f"{prefix}base_link")
     wheels = [element_id(model, mujoco.mjtObj.mjOBJ_BODY, f"{prefix}{wheel}_wheel") for wheel in WHEELS]
     places = (data.xpos[wheels] - data.xpos[base]) @ data.xmat[base].reshape(3, 3)
-    return np.asarray(places[:, :2])
+    return np.ascontiguousarray(places[:, :2])

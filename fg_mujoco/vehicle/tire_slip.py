@@ -10,7 +10,11 @@
 for all steps at once. A tire off the ground has no contact point: it reads NaN, never zero.
 
 The part of sliding across the wheel's heading takes sensors of the wheels' axles, which `add_axle_sensors` adds to a
-vehicle's spec. World does so; in a model without these sensors that part is NaN.
+vehicle's spec. World does so; in a model without these sensors that part is NaN, and so is what is along or across.
+
+Whether a tire slides is said here, and nowhere else. A contact point of the model `contact` slides when it is faster
+than SLIDING_SPEED over the ground. A tire with a curve slides when it is past its peak (`tire_forces`), and its sliding
+speed is that part of its slip speed by which it is past it: v (1 - 1 / r), where its slip is r times that of the peak.
 """
 
 from __future__ import annotations
@@ -29,6 +33,19 @@ from ..errors import ModelError
 from ..kernels import kernel
 from ..messages import FloatArray
 from .car import WHEELS, element_id, sensor_slice
+from .tire_forces import (
+    ACROSS,
+    ALONG,
+    FORCE_ACROSS,
+    FORCE_ALONG,
+    LOAD_USED,
+    READINGS,
+    USERDATA,
+    TireRows,
+    curve_peaks,
+    slips,
+    tire_rows,
+)
 
 SLIDING_SPEED = 0.05
 """[m/s] A tire slides when its contact point moves faster than this over the ground.
@@ -37,17 +54,18 @@ A tire that holds still creeps by 4 mm/s for each m/s^2 (see the tires' `solreff
 at the limit of dry ground, measured on steady circles; past the limit the speed soon exceeds 100 mm/s.
 """
 
-_SENSORS = ("tire_contact", "wheel_position", "wheel_velocity", "wheel_angular_velocity")
-_READINGS = 19
-"""Of a tire: found, force in the contact's frame (normal first), point, normal; centre, velocity and angular velocity
-of the wheel."""
-
+_SENSORS = ("tire_contact", "wheel_position", "wheel_velocity", "wheel_angular_velocity")  # READINGS of them
 _AXLE = "wheel_axle"  # sensor of a wheel: where its axle points, (3,) in the world
 
-QUANTITIES = 5
+_LEAST_ROLLING = 0.05  # [m/s] of a wheel of the model `contact`; a slower one has no slip angle and no slip ratio
+
+QUANTITIES = 10
 """How many quantities of each tire and step the slip meter writes."""
 
-_SLIDING_SPEED, _FRICTION_USE, _NORMAL_FORCE, _FRICTION_FORCE, _LATERAL_SPEED = range(QUANTITIES)  # in this order
+(
+    _SLIDING_SPEED, _FRICTION_USE, NORMAL_FORCE, _FRICTION_FORCE, _LATERAL_SPEED, FORCE_X, FORCE_Y, SLIP_ANGLE,
+    SLIP_RATIO, _SLIDES,
+) = range(QUANTITIES)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -69,20 +87,20 @@ class TireSlip:
 
     @property
     def sliding_speed(self) -> FloatArray:
-        """Of the contact point over the ground [m/s]."""
+        """Of the contact point over the ground; of a tire with a curve, as far as it is past its peak [m/s]."""
         values: FloatArray = self.values[_SLIDING_SPEED]
         return values
 
     @property
     def friction_utilisation(self) -> FloatArray:
-        """|Ft| / (mu Fn), 1 at the limit [-]."""
+        """|Ft| over the greatest force at this load, 1 at the limit [-]."""
         values: FloatArray = self.values[_FRICTION_USE]
         return values
 
     @property
     def normal_force(self) -> FloatArray:
         """Fn [N]."""
-        values: FloatArray = self.values[_NORMAL_FORCE]
+        values: FloatArray = self.values[NORMAL_FORCE]
         return values
 
     @property
@@ -98,9 +116,37 @@ class TireSlip:
         return values
 
     @property
+    def longitudinal_force(self) -> FloatArray:
+        """Force on the tire along the wheel's heading, forward positive [N]."""
+        values: FloatArray = self.values[FORCE_X]
+        return values
+
+    @property
+    def lateral_force(self) -> FloatArray:
+        """Force on the tire across the wheel's heading, left positive [N]."""
+        values: FloatArray = self.values[FORCE_Y]
+        return values
+
+    @property
+    def slip_angle(self) -> FloatArray:
+        """From where the contact moves to the wheel's heading [rad]; positive where the force is to the left.
+
+        NaN where a wheel of the model `contact` hardly rolls.
+        """
+        values: FloatArray = self.values[SLIP_ANGLE]
+        return values
+
+    @property
+    def slip_ratio(self) -> FloatArray:
+        """By how much the tire's surface is faster than the wheel, over the wheel's speed [-]; NaN as `slip_angle`."""
+        values: FloatArray = self.values[SLIP_RATIO]
+        return values
+
+    @property
     def slides(self) -> NDArray[np.bool_]:
-        """Whether each tire slides, faster than SLIDING_SPEED. Shape (steps, 4); False off the ground."""
-        return self.sliding_speed > SLIDING_SPEED
+        """Whether each tire slides. Shape (steps, 4); False off the ground."""
+        slides: NDArray[np.bool_] = self.values[_SLIDES] > 0.0
+        return slides
 
 
 def add_axle_sensors(spec: Any) -> None:
@@ -123,7 +169,9 @@ class TireSlipMeter:
     mu is that of the tire's `pair` with the ground, and the ground is taken to be at rest.
 
     Attributes:
-      mu: friction coefficient of each tire, (4,).
+      mu: friction coefficient of each tire, or its lateral peak, (4,).
+      rows: of the tires, (4,) of TIRE; none for the model `contact`.
+      pairs: of the tires in the model.
       readings: where the tires' sensors are in `data.sensordata`.
       axles: where the axles' sensors begin in it; -1: the model has none.
 
@@ -132,14 +180,16 @@ class TireSlipMeter:
     """
 
     def __init__(self, model: mujoco.MjModel, prefix: str = "") -> None:
-        pairs = [element_id(model, mujoco.mjtObj.mjOBJ_PAIR, f"{prefix}{wheel}_tire") for wheel in WHEELS]
-        self.mu: FloatArray = model.pair_friction[pairs, 0]
+        self.pairs = [element_id(model, mujoco.mjtObj.mjOBJ_PAIR, f"{prefix}{wheel}_tire") for wheel in WHEELS]
+        self.mu: FloatArray = model.pair_friction[self.pairs, 0]
+        self.rows: TireRows = tire_rows(model, prefix)
         slices = [sensor_slice(model, f"{prefix}{wheel}_{sensor}") for wheel in WHEELS for sensor in _SENSORS]
         if any(before.stop != after.start for before, after in pairwise(slices)):
             raise ModelError(f"the tires' sensors are apart; accepted: for each of {WHEELS}, {_SENSORS} side by side")
         self.readings = slice(slices[0].start, slices[-1].stop)
         self.axles = _first_axle(model, prefix)
         self._records = np.empty((8, model.nsensordata))
+        self._states = np.empty((8, USERDATA * len(self.rows)))
         self._count = 0
 
     def __repr__(self) -> str:
@@ -149,19 +199,26 @@ class TireSlipMeter:
         """Copy the sensors; call right after each `mj_step`."""
         if self._count == len(self._records):
             self._records = np.concatenate((self._records, np.empty_like(self._records)))
+            self._states = np.concatenate((self._states, np.empty_like(self._states)))
         self._records[self._count] = data.sensordata
+        if len(self.rows):
+            self._states[self._count] = data.userdata
         self._count += 1
 
     def read(self) -> TireSlip:
         """Return the slip of all steps recorded since the last reading, shape (steps, 4), and forget them."""
-        slip = self.measure(self._records[: self._count])
+        slip = self.measure(self._records[: self._count], self._states[: self._count])
         self._count = 0
         return slip
 
-    def measure(self, records: FloatArray) -> TireSlip:
-        """Return the slip of steps whose `sensordata` are the rows of `records` (steps, nsensordata)."""
+    def measure(self, records: FloatArray, states: FloatArray | None = None) -> TireSlip:
+        """Return the slip of steps whose `sensordata` are the rows of `records` (steps, nsensordata).
+
+        Tires with a curve need the steps' `userdata`, too, the rows of `states`.
+        """
         slip = np.empty((QUANTITIES, len(records), len(WHEELS)))
-        measure_slip(records, self.readings.start, self.axles, self.mu, slip)
+        states = np.empty((len(records), 0)) if states is None else states
+        measure_slip(records, self.readings.start, self.axles, self.mu[np.newaxis], self.rows, states, 0, slip)
         return TireSlip(values=slip)
 
 
@@ -177,20 +234,35 @@ def _first_axle(model: mujoco.MjModel, prefix: str) -> int:
 
 
 @kernel
-def measure_slip(records: FloatArray, start: int, axles: int, mu: FloatArray, slip: FloatArray) -> None:
+def measure_slip(
+    records: FloatArray,
+    start: int,
+    axles: int,
+    mu: FloatArray,
+    tires: TireRows,
+    states: FloatArray,
+    place: int,
+    slip: FloatArray,
+) -> None:
     """Work out the slip of the tires in each of some steps.
 
     Args:
       records: (at least steps, m) sensor readings, one row a step.
       start: where in a row the tires' are.
       axles: where in a row the axles' are; -1: nowhere.
-      mu: (4,).
-      slip: (QUANTITIES, steps, 4), written to: slip speed, friction utilisation, normal force, friction force, slip
-        speed across the wheel's heading; by step, tire.
+      mu: (steps, 4), or (1, 4) where all steps have the same.
+      tires: (4,) of TIRE; none for the model `contact`.
+      states: (at least steps, k) user data, one row a step; of tires with a curve.
+      place: where in a row the tires' are.
+      slip: (QUANTITIES, steps, 4), written to: sliding speed, friction utilisation, normal force, friction force,
+        sliding speed across the wheel's heading, force along it and across, slip angle, slip ratio, whether it slides;
+        by step, tire.
     """
     for step in range(slip.shape[1]):
+        grip = mu[step if len(mu) > 1 else 0]
         for tire in range(4):
-            row = records[step, start + tire * _READINGS : start + (tire + 1) * _READINGS]
+            own = states[step, place + USERDATA * tire :]
+            row = records[step, start + tire * READINGS : start + (tire + 1) * READINGS]
             if row[0] == 0.0:
                 for quantity in range(len(slip)):
                     slip[quantity, step, tire] = math.nan
@@ -204,16 +276,53 @@ def measure_slip(records: FloatArray, start: int, axles: int, mu: FloatArray, sl
             x, y, z = x - into_ground * normal[0], y - into_ground * normal[1], z - into_ground * normal[2]
             friction = math.hypot(row[2], row[3])
             slip[_SLIDING_SPEED, step, tire] = math.sqrt(x * x + y * y + z * z)
-            slip[_FRICTION_USE, step, tire] = friction / (mu[tire] * row[1])
-            slip[_NORMAL_FORCE, step, tire] = row[1]
+            slip[_FRICTION_USE, step, tire] = friction / (grip[tire] * row[1])
+            slip[NORMAL_FORCE, step, tire] = row[1]
             slip[_FRICTION_FORCE, step, tire] = friction
+            slip[_SLIDES, step, tire] = slip[_SLIDING_SPEED, step, tire] > SLIDING_SPEED
             if axles < 0:
-                slip[_LATERAL_SPEED, step, tire] = math.nan
+                for quantity in (_LATERAL_SPEED, FORCE_X, FORCE_Y, SLIP_ANGLE, SLIP_RATIO):
+                    slip[quantity, step, tire] = math.nan
+                if len(tires) > 0:
+                    _measure_curve(
+                        tires[tire], states[step, place + USERDATA * tire :], grip[tire], slip[:, step, tire]
+                    )
                 continue
             axle = records[step, axles + 3 * tire : axles + 3 * (tire + 1)]
             lean = axle[0] * normal[0] + axle[1] * normal[1] + axle[2] * normal[2]
             along_axle = x * axle[0] + y * axle[1] + z * axle[2]  # of a velocity along the ground
             slip[_LATERAL_SPEED, step, tire] = abs(along_axle) / math.sqrt(max(1.0 - lean * lean, 1e-12))
+            if len(tires) > 0:
+                _measure_curve(tires[tire], own, grip[tire], slip[:, step, tire])
+                continue
+            # on level ground a contact's frame is z, y, -x, and the sensor turns the tire's force by that
+            level = math.hypot(axle[0], axle[1])
+            ahead_x, ahead_y = axle[1] / level, -axle[0] / level
+            slip[FORCE_X, step, tire] = ahead_x * row[3] + ahead_y * row[2]
+            slip[FORCE_Y, step, tire] = ahead_x * row[2] - ahead_y * row[3]
+            forward = ahead_x * row[13] + ahead_y * row[14]
+            if abs(forward) > _LEAST_ROLLING:
+                slip[SLIP_ANGLE, step, tire] = -math.atan2(ahead_x * y - ahead_y * x, abs(forward))
+                slip[SLIP_RATIO, step, tire] = -(ahead_x * x + ahead_y * y) / abs(forward)
+            else:
+                slip[SLIP_ANGLE, step, tire] = slip[SLIP_RATIO, step, tire] = math.nan
+
+
+@kernel
+def _measure_curve(tire: Any, state: FloatArray, mu: float, slip: FloatArray) -> None:
+    """Write what a tire with a curve did into `slip` (QUANTITIES,) of a step, which has its contact point's motion."""
+    force_x, force_y, load = state[FORCE_ALONG], state[FORCE_ACROSS], state[LOAD_USED]
+    ratio, angle, size = slips(tire, state[ALONG], state[ACROSS])
+    most_x, most_y = curve_peaks(tire, load, mu)
+    slip[_FRICTION_USE] = math.hypot(force_x / most_x, force_y / most_y) if load > 0.0 else 0.0
+    slip[_FRICTION_FORCE] = math.hypot(force_x, force_y)
+    slip[FORCE_X], slip[FORCE_Y] = force_x, force_y
+    slip[SLIP_ANGLE], slip[SLIP_RATIO] = -angle, -ratio
+    past = size > 1.0 and not tire.linear
+    slip[_SLIDES] = 1.0 if past else 0.0
+    share = 1.0 - 1.0 / size if past else 0.0
+    slip[_SLIDING_SPEED] *= share
+    slip[_LATERAL_SPEED] *= share
 
 
 @kernel
@@ -231,7 +340,7 @@ def greatest_slip(slip: FloatArray, greatest: FloatArray) -> int:
         slides = False
         for tire in range(4):
             speed, use = slip[_SLIDING_SPEED, step, tire], slip[_FRICTION_USE, step, tire]
-            slides = slides or speed > SLIDING_SPEED
+            slides = slides or slip[_SLIDES, step, tire] > 0.0
             if not speed <= greatest[tire] and not math.isnan(speed):
                 greatest[tire] = speed
             if not use <= greatest[4 + tire] and not math.isnan(use):

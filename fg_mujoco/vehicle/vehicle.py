@@ -25,7 +25,9 @@ from ..lidar.beams import LidarModel
 from ..messages import CarParameters
 from .car import WHEELS, car_parameters
 from .changes import ACCEPTED_MU, GREATEST_MU, CarChanges, change_spec, set_mu
-from .contract import check_model, check_names, compiled, find_lidar, find_look, parsed
+from .contract import check_model, check_names, compiled, find_lidar, find_look, find_tires, parsed
+from .tire_forces import put_on
+from .tires import Tires
 
 DEFAULT_VEHICLE = "f1tenth"
 
@@ -50,6 +52,7 @@ class Vehicle:
       text: the MJCF.
       lidar: the LiDAR that stands on its site `lidar_mount`.
       look: the MJCF of its meshes for pictures, a file of models/ or an absolute path; None: its plain shapes.
+      tires: that it stands on.
     """
 
     name: str
@@ -57,6 +60,7 @@ class Vehicle:
     text: str = field(repr=False)
     lidar: LidarModel
     look: str | None
+    tires: Tires = field(default_factory=Tires)
 
     @classmethod
     def load(cls, source: str | Path | Vehicle = DEFAULT_VEHICLE) -> Vehicle:
@@ -91,8 +95,9 @@ class Vehicle:
 
     @cached_property
     def sha256(self) -> str:
-        """Hash of its MJCF and of its LiDAR's."""
-        return hashlib.sha256(self.text.encode() + self.lidar.text.encode()).hexdigest()
+        """Hash of its MJCF, of its LiDAR's, and of its tires where they have a curve."""
+        tires = "" if self.tires.is_contact else self.tires.sha256
+        return hashlib.sha256(self.text.encode() + self.lidar.text.encode() + tires.encode()).hexdigest()
 
     @cached_property
     def parameters(self) -> CarParameters:
@@ -101,17 +106,31 @@ class Vehicle:
 
     @cached_property
     def nominal_mu(self) -> float:
-        """Friction coefficient of its tires, as its MJCF has it [-]."""
-        return float(self.spec().pair(f"{WHEELS[0]}_tire").friction[0])
+        """Friction coefficient of its tires, as its MJCF has it [-]; of tires with a curve the least peak."""
+        return self.reliable_mu()
 
-    def spec(self, mu: float | None = None, changes: CarChanges | None = None) -> mujoco.MjSpec:
+    def reliable_mu(self, tires: Tires | None = None) -> float:
+        """Return the friction that the car can rely on, on tires as published [-]: what its planners are told.
+
+        Args:
+          tires: that it stands on; None: its own.
+        """
+        tires = tires or self.tires
+        if tires.least_peak is not None:
+            return tires.least_peak
+        return float(self.spec(tires=tires).pair(f"{WHEELS[0]}_tire").friction[0])
+
+    def spec(
+        self, mu: float | None = None, changes: CarChanges | None = None, tires: Tires | None = None
+    ) -> mujoco.MjSpec:
         """Return its MJCF as a new MjSpec, without the LiDAR.
 
         A world that attaches it has its own `option` block; the car is made for this spec's.
 
         Args:
-          mu: friction coefficient of the tires [-]; None: as in the MJCF.
+          mu: friction coefficient of the tires, or the greatest peak of those with a curve [-]; None: as in the MJCF.
           changes: what else differs from the MJCF.
+          tires: that it stands on; None: its own.
 
         Raises:
           SettingsError: a friction that is not positive, another one in `changes`, or changes that it cannot have.
@@ -124,6 +143,7 @@ class Vehicle:
                 f"mu is {mu!r} and CarChanges.mu is {changes.mu!r}; accepted: one of them, or the same in both"
             )
         spec = mujoco.MjSpec.from_string(self.text)
+        put_on(spec, tires or self.tires)
         if mu is not None:
             set_mu(spec, mu)
         if self.look is not None:
@@ -147,7 +167,7 @@ class Vehicle:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle without the caches."""
-        return _as_it_was, (self.name, self.file, self.text, self.lidar, self.look)
+        return _as_it_was, (self.name, self.file, self.text, self.lidar, self.look, self.tires)
 
 
 def car_spec(mu: float | None = None, vehicle: str | Path | Vehicle = DEFAULT_VEHICLE) -> mujoco.MjSpec:
@@ -155,8 +175,8 @@ def car_spec(mu: float | None = None, vehicle: str | Path | Vehicle = DEFAULT_VE
     return Vehicle.load(vehicle).spec(mu)
 
 
-def _as_it_was(name: str, file: str, text: str, lidar: LidarModel, look: str | None) -> Vehicle:
-    return Vehicle(name=name, file=file, text=text, lidar=lidar, look=look)
+def _as_it_was(name: str, file: str, text: str, lidar: LidarModel, look: str | None, tires: Tires) -> Vehicle:
+    return Vehicle(name=name, file=file, text=text, lidar=lidar, look=look, tires=tires)
 
 
 @lru_cache(maxsize=32)
@@ -175,7 +195,8 @@ def _checked(name: str, file: str, text: str, folder: Path | None) -> Vehicle:
     spec = parsed(text, where)
     check_names(spec, where)
     vehicle = Vehicle(
-        name=name, file=file, text=text, lidar=find_lidar(spec, folder, where), look=find_look(spec, folder, where)
-    )
+        name=name, file=file, text=text, lidar=find_lidar(spec, folder, where), look=find_look(spec, folder, where),
+        tires=find_tires(spec, folder, where),
+    )  # fmt: skip
     check_model(compiled(spec, where), where)
     return vehicle

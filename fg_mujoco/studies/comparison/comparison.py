@@ -27,6 +27,8 @@ from ...racing.planner_choice import ControllerChoice
 from ...racing.planner_loading import controller_names
 from ...simulation.settings import FASTEST
 from ...vehicle.changes import CarChanges
+from ...vehicle.friction_patches import Patch
+from ...vehicle.tires import Tires
 from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from ...viz.plots import require_matplotlib
 from ..folders import blame, claimed
@@ -103,9 +105,11 @@ def compare(
     obstacles: int = 0,
     lidar_noise: float = 0.0,
     vehicle: Vehicle | str | Path = DEFAULT_VEHICLE,
+    tires: Tires | str | Path | None = None,
     mu: float | None = None,
     changes: CarChanges | None = None,
     planner_mu: float | None = None,
+    patches: Sequence[Patch] = (),
     time_limit: float | None = None,
     decision_limit: float | None = None,
     workers: int | None = None,
@@ -131,9 +135,11 @@ def compare(
       obstacles: boxes on each track, with a way past each.
       lidar_noise: standard deviation of each range [m].
       vehicle: a bundled name, the path of a vehicle's MJCF file, or a Vehicle.
-      mu: friction coefficient of the tires; None: as in the vehicle's MJCF.
+      tires: a bundled set, the path of a TOML file, or Tires; None: the vehicle's.
+      mu: friction coefficient of the tires, or the greatest peak of those with a curve; None: as in their file.
       changes: what else differs from the vehicle's MJCF.
-      planner_mu: friction coefficient that planners assume; None: as in the vehicle's MJCF; inf: no friction limits.
+      planner_mu: friction coefficient that planners assume; None: the least peak of the tires; inf: no friction limits.
+      patches: of the floor, on which the tires have another friction.
       time_limit: of simulated time of each run [s]; None: as `race` has it.
       decision_limit: of wall time that a planner may take for one decision [s]; None: any; as of `race`.
       workers: processes; None: as many as there are cores; one: no other than this, which a planner can end.
@@ -150,8 +156,8 @@ def compare(
     if pictures:
         require_matplotlib()
     settings = ComparisonSettings(
-        laps=laps, obstacles=obstacles, lidar_noise=lidar_noise, vehicle=vehicle, mu=mu,
-        changes=changes or CarChanges(), planner_mu=planner_mu, time_limit=time_limit,
+        laps=laps, obstacles=obstacles, lidar_noise=lidar_noise, vehicle=vehicle, tires=tires, mu=mu,
+        changes=changes or CarChanges(), planner_mu=planner_mu, patches=tuple(patches), time_limit=time_limit,
         decision_limit=decision_limit,
     )  # fmt: skip
     chosen = [ControllerChoice.of(text) for text in (controller_names() if controllers is None else controllers)]

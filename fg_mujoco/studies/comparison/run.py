@@ -45,7 +45,7 @@ class ComparisonSettings(CarSettings):
     laps: int = 5  # on tracks; a scene is driven once
     obstacles: int = 0  # boxes on each track, at places drawn from the seed
     lidar_noise: float = 0.0  # [m] standard deviation of each range, drawn from the seed
-    planner_mu: float | None = None  # that planners assume; None: as in the vehicle's MJCF; inf: no friction limits
+    planner_mu: float | None = None  # that planners assume; None: the tires' least peak; inf: no friction limits
     time_limit: float | None = None  # [s] of a run; None: as `race` has it
     decision_limit: float | None = None  # [s] of wall time for a decision; None: any
 
@@ -60,8 +60,9 @@ class ComparisonSettings(CarSettings):
     def drive(self, *, max_speed: float = FASTEST, seed: int = 0) -> DriveSettings:
         """Return the settings of a run, without those of its planner."""
         return DriveSettings(
-            vehicle=self.vehicle, mu=self.mu, changes=self.changes, planner_mu=self.planner_mu, max_speed=max_speed,
-            effects=LidarEffects(range_noise_std=self.lidar_noise), seed=seed,
+            vehicle=self.vehicle, tires=self.tires, patches=self.patches, mu=self.mu, changes=self.changes,
+            planner_mu=self.planner_mu, max_speed=max_speed, seed=seed,
+            effects=LidarEffects(range_noise_std=self.lidar_noise),
         )  # fmt: skip
 
     def manifest(self) -> dict[str, Any]:
@@ -195,6 +196,8 @@ class Run:
             self.controller.source,
             laps=laps_of(ground.course, shared.laps),
             vehicle=drive.car,
+            tires=drive.tires,
+            patches=drive.patches,
             mu=drive.mu,
             changes=drive.changes,
             planner_mu=drive.planner_mu,

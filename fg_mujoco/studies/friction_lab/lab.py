@@ -39,6 +39,7 @@ EXPERIMENTS: dict[str, str] = {
     "laps": f"{_HERE}.laps",
     "convergence": f"{_HERE}.convergence",
     "models": f"{_HERE}.single_track",
+    "tire_bench": f"{_HERE}.tire_bench",
 }
 """The modules of the experiments by their names, in the order of the report; each has an `EXPERIMENT`."""
 

@@ -29,13 +29,11 @@ from ...simulation.simulation import Simulation
 from ...simulation.telemetry import TELEMETRY, statistics_figures
 from ...simulation.termination import END_REASONS
 from ...simulation.world import CAR_PREFIX, World
-from ...vehicle.car import WHEELS, Car
-from ...vehicle.friction_patches import Patch, PatchedFloor, add_patches
-from ...vehicle.tire_slip import greatest_slip
+from ...vehicle.car import Car
+from ...vehicle.friction_patches import Patch
+from ...vehicle.tires import Tires
 
 MAX_SPEED = 8.0  # [m/s] as `race` has it
-_SLIDE = TELEMETRY.index(f"slide_{WHEELS[0]}_m_s")
-_USE = 1  # which of TireSlip's quantities the friction utilisation is
 
 
 class LabWorld(World):
@@ -46,6 +44,7 @@ class LabWorld(World):
       mu: as of a World.
       timestep: of the physics [s]; None: as in the car's MJCF.
       patches: of the floor.
+      tires: as of a World.
 
     Raises:
       TrackError, SettingsError: as a World.
@@ -58,21 +57,20 @@ class LabWorld(World):
         mu: float | None = None,
         timestep: float | None = None,
         patches: Sequence[Patch] = (),
+        tires: Tires | str | None = None,
     ) -> None:
-        super().__init__(track, mu=mu)
-        if timestep is None and not patches:
+        super().__init__(track, mu=mu, patches=patches, tires=tires)
+        if timestep is None:
             return
         spec = mujoco.MjSpec.from_string(self.xml)
-        if timestep is not None:
-            spec.option.timestep = timestep
-        add_patches(spec, patches)
+        spec.option.timestep = timestep
         self.xml = spec.to_xml()
         self.model = mujoco.MjModel.from_xml_string(self.xml)
         self.car = Car(self.model, CAR_PREFIX)
 
 
 class LabEngine(Engine):
-    """An engine in which each tire has the friction of the floor under it, at every physics step.
+    """An engine that says which friction each tire has on the floor under it.
 
     Attributes:
       floor_mu: friction coefficient under each tire in the steps of the last tick, (substeps, 4); without patches
@@ -81,25 +79,12 @@ class LabEngine(Engine):
 
     def __init__(self, world: World, **settings: Any) -> None:
         super().__init__(world, **(settings | {"own_model": True}))
-        self._floor = PatchedFloor(world.model, CAR_PREFIX)
-        self._tire_mu = self._floor.mu
-        self.floor_mu = self._tire_mu[np.newaxis]
-        self._under: list[FloatArray] = []
-        if self._floor.patches:
-            self.before_substep.append(self._look_at_floor)
+        self.floor_mu = self.floor_friction()[:1]
 
     def drive(self, **settings: Any) -> None:
-        """Hold the commands for a tick; the friction utilisation is of what each tire had."""
+        """Hold the commands for a tick."""
         super().drive(**settings)
-        if self._floor.patches and self._under:
-            self.floor_mu, self._under = np.array(self._under), []
-            slip = self.slip()
-            slip[_USE] *= self._tire_mu / self.floor_mu
-            greatest_slip(slip, self.telemetry[0, _SLIDE : _SLIDE + 8])
-
-    def _look_at_floor(self, engine: Engine, worlds: Any) -> None:
-        self._floor.apply(engine.qpos(0))
-        self._under.append(self._floor.mu)
+        self.floor_mu = self.floor_friction()
 
 
 class LabSimulation(Simulation):
@@ -169,8 +154,9 @@ def drive_laps(
     Raises:
       ControllerError: a controller that cannot be built, or fails.
     """
+    assumed = world.vehicle.reliable_mu(world.tires) if planner_mu is None else planner_mu
     planner = make_controller(
-        controller, car=world.car.parameters, mu=world.vehicle.nominal_mu if planner_mu is None else planner_mu,
+        controller, car=world.car.parameters, mu=assumed,
         max_speed=MAX_SPEED, settings=planner_settings or {}, map_line=world.track.map_line,
     )  # fmt: skip
     start(planner)

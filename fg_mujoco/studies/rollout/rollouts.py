@@ -27,6 +27,8 @@ from ...racing.planner_choice import split_controller
 from ...simulation.course_loading import load_track
 from ...simulation.settings import FASTEST, DriveSettings, Start
 from ...vehicle.changes import CarChanges
+from ...vehicle.friction_patches import Patch
+from ...vehicle.tires import Tires
 from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from ..folders import claimed
 from ..worker_processes import usable_cores
@@ -76,12 +78,14 @@ def rollout(
     seeds: Sequence[int] | NDArray[np.integer] | None = None,
     randomize: Mapping[str, Any] | None = None,
     vehicle: Vehicle | str | Path = DEFAULT_VEHICLE,
+    tires: Tires | str | Path | None = None,
     mu: float | None = None,
     changes: CarChanges | None = None,
     planner_mu: float | None = None,
     max_speed: float = FASTEST,
     planner_settings: Mapping[str, Any] | None = None,
     start: Start | None = None,
+    patches: Sequence[Patch] = (),
     effects: LidarEffects | None = None,
     odometry_drift: float = 0.0,
     laps: int | None = None,
@@ -110,13 +114,15 @@ def rollout(
       seeds: the seeds of the worlds themselves, instead.
       randomize: parameters that differ from world to world: names of `randomization.PARAMETERS`, or `planner.SETTING`,
         and for each `(low, high)`, a list of values, one value for all, or any of these as text: "0.6:1.2", "1|2|3".
-      vehicle: of all worlds, and so the next eight, as in `race`; none of them may be randomised as well.
-      mu: friction coefficient of the tires.
+      vehicle: of all worlds, and so the next ten, as in `race`; none of them may be randomised as well.
+      tires: a bundled set, the path of a TOML file, or Tires; None: the vehicle's.
+      mu: friction coefficient of the tires, or the greatest peak of those with a curve.
       changes: what else differs from the vehicle's MJCF.
       planner_mu: friction coefficient that the planners assume.
       max_speed: fastest that a planner may command [m/s].
       planner_settings: settings of the planners that differ from their own.
       start: where and how the cars start.
+      patches: of the floor, on which the tires have another friction.
       effects: what the LiDAR does to a scan.
       odometry_drift: relative error of the speeds and the yaw rate that the planners are told.
       laps: to be driven; None: one, or as many as fit the duration.
@@ -148,9 +154,9 @@ def rollout(
     several = isinstance(tracks, Sequence) and not isinstance(tracks, str)
     source, own = split_controller(controller, planner_settings)
     base = DriveSettings(
-        vehicle=vehicle, mu=mu, changes=changes or CarChanges(), planner_mu=planner_mu, max_speed=max_speed,
-        planner_settings=own, start=start or Start(), effects=effects or LidarEffects(),
-        odometry_drift=odometry_drift,
+        vehicle=vehicle, tires=tires, mu=mu, changes=changes or CarChanges(), planner_mu=planner_mu,
+        patches=tuple(patches), max_speed=max_speed, planner_settings=own, start=start or Start(),
+        effects=effects or LidarEffects(), odometry_drift=odometry_drift,
     )  # fmt: skip
     car = base.car.parameters
     job = RolloutJob(

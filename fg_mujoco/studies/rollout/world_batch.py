@@ -35,6 +35,8 @@ from ...simulation.telemetry import statistics_figures
 from ...simulation.termination import END_REASONS
 from ...simulation.world import World
 from ...vehicle.changes import CarChanges
+from ...vehicle.friction_patches import Patch
+from ...vehicle.tires import Tires
 from ...vehicle.vehicle import Vehicle
 
 RECORDS = ("summary", "telemetry", "states")
@@ -114,9 +116,10 @@ def drive_worlds(
         if scenario.effects.motion_distortion:
             raise SettingsError("motion distortion of the LiDAR, in a batch; accepted: in `race` only")
     results = _Results(len(scenarios), record)
-    groups: dict[tuple[Course | str, Vehicle, tuple[Obstacle, ...], bool], list[int]] = {}
+    groups: dict[tuple[Course | str, Vehicle, Tires, tuple[Patch, ...], tuple[Obstacle, ...], bool], list[int]] = {}
     for i, scenario in enumerate(scenarios):
-        key = (scenario.track, scenario.car, scenario.obstacles, scenario.changes.command_delay is not None)
+        delayed = scenario.changes.command_delay is not None
+        key = (scenario.track, scenario.car, scenario.tire_set, scenario.patches, scenario.obstacles, delayed)
         groups.setdefault(key, []).append(i)
     find_controller(controller)  # refuses what is none
     ticks = 0
@@ -218,9 +221,17 @@ _BUILDING = Lock()  # threads that want the same world build it once
 
 
 @lru_cache(maxsize=8)
-def _shared_world(track: Course | str, car: Vehicle, obstacles: tuple[Obstacle, ...], delayed: bool) -> World:
+def _shared_world(
+    track: Course | str,
+    car: Vehicle,
+    tires: Tires,
+    patches: tuple[Patch, ...],
+    obstacles: tuple[Obstacle, ...],
+    delayed: bool,
+) -> World:
     """Return a world to be read by any thread; a delay is one of 0 s, for each world's own to be put in its place."""
-    return World(track, car, obstacles=obstacles, changes=CarChanges(command_delay=0.0) if delayed else None)
+    changes = CarChanges(command_delay=0.0) if delayed else None
+    return World(track, car, tires=tires, patches=patches, obstacles=obstacles, changes=changes)
 
 
 class _Results:

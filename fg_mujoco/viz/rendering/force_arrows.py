@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ...messages import FloatArray
 from ...simulation.world import CAR_PREFIX
 from ...vehicle.car import WHEELS, element_id
+from ...vehicle.tire_forces import curve_peaks, peaks, tire_rows
 from .cameras import View
 from .colours import friction_colour
 from .decor import disc, ring
@@ -28,7 +29,7 @@ class TireForces:
 
     points: FloatArray  # (4, 3) [m] of contact
     friction: FloatArray  # (4, 3) [N] along the ground, world frame
-    limit: FloatArray  # (4,) [N] mu times the normal force
+    limit: FloatArray  # (4,) [N] mu times the normal force; the lateral peak of a tire with a curve
 
     @property
     def use(self) -> FloatArray:
@@ -38,7 +39,7 @@ class TireForces:
 
 
 class TireForceMeter:
-    """Reads the tires' forces off contacts.
+    """Reads the tires' forces off contacts; those of tires with a curve are in `xfrc_applied`.
 
     Args:
       model: holds the car.
@@ -49,6 +50,7 @@ class TireForceMeter:
         self._model = model
         geoms = [element_id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{prefix}{wheel}_tire") for wheel in WHEELS]
         self._tires = {geom: index for index, geom in enumerate(geoms)}
+        self._rows, self._mu = tire_rows(model, prefix), peaks(model, prefix)
         self._ground = element_id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{prefix}ground")
 
     def read(self, data: mujoco.MjData) -> TireForces:
@@ -67,6 +69,9 @@ class TireForceMeter:
             points[tire] = contact.pos
             friction[tire] = on_second if second in self._tires else -on_second
             limit[tire] = contact.friction[0] * force[0]
+            if len(self._rows):
+                friction[tire] = data.xfrc_applied[self._rows[tire]["body"], :3]
+                limit[tire] = curve_peaks(self._rows[tire], force[0], self._mu[tire])[1]
         return TireForces(points=points, friction=friction, limit=limit)
 
 

@@ -1,0 +1,159 @@
+"""Sets of tires: their curves against closed forms, their files, and what is refused."""
+
+import json
+import math
+import re
+from importlib.resources import files
+
+import numpy as np
+import pytest
+
+import fg_mujoco as fg
+from fg_mujoco.vehicle.tires import AxleTires, TireCurve, Tires, tire_names
+
+FOLDER = files("fg_mujoco.models") / "tires"
+NAMES = [name for name in tire_names() if name != "contact"]
+PLAIN = """
+model = "magic_formula"
+[front]
+B = 10.0
+C = 1.5
+D = 1.0
+E = 0.5
+relaxation_length = 0.05
+[rear]
+B = 10.0
+C = 1.5
+D = 0.9
+E = 0.5
+relaxation_length = 0.05
+"""
+
+
+def test_the_published_sets_are_there():
+    assert set(NAMES) == {
+        "coulomb", "f1tenth_gym", "forzaeth_nuc2", "forzaeth_nuc5", "forzaeth_nuc6", "forzaeth_nuc7", "forzaeth_sim",
+        "slipx_reference",
+    }  # fmt: skip
+    nuc2 = Tires.load("forzaeth_nuc2")
+    front, rear = nuc2.axles
+    assert [getattr(front.lateral, name) for name in "BCDE"] == [7.6671, 1.2628, 1.2307, 0.3821]
+    assert [getattr(rear.lateral, name) for name in "BCDE"] == [7.1036, 1.7356, 1.0252, 1.2875]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_each_number_of_a_set_says_its_unit_and_source(name):
+    lines = (FOLDER / f"{name}.toml").read_text("utf-8").splitlines()
+    numbers = [line for line in lines if re.match(r"\w+ = [-\d.]", line)]
+    assert len(numbers) >= 8
+    for line in numbers:
+        assert re.search(r"  # \[\S+\] .{8,}", line), line
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_set_is_read_back_from_what_it_says_of_itself(name):
+    tires = fg.Tires.load(name)
+    again = Tires.load(json.loads(json.dumps(tires.described())))
+    assert again == tires and again.name == name and again.sha256 == tires.sha256
+    assert len({Tires.load(other).sha256 for other in NAMES}) == len(NAMES)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_curves_are_the_formula_up_to_their_peak_and_never_fall_below_the_share_that_slides(name):
+    for axle in Tires.load(name).axles:
+        for curve in (axle.lateral, axle.longitudinal):
+            slips = np.linspace(0.0, 1.0, 1001)
+            forces = np.array([curve.force(slip) for slip in slips])
+            assert [curve.force(-slip) for slip in slips[1:]] == (-forces[1:]).tolist()
+            if curve.stiffness is not None:
+                np.testing.assert_allclose(forces, curve.D * curve.stiffness * slips, rtol=1e-14)
+                continue
+            x = curve.B * slips
+            formula = curve.D * np.sin(curve.C * np.arctan(x - curve.E * (x - np.arctan(x))))
+            held = slips <= curve.hold_slip
+            np.testing.assert_allclose(forces[held], formula[held], rtol=1e-12)
+            np.testing.assert_allclose(forces[~held], curve.sliding_share * curve.peak, rtol=1e-9)
+            assert curve.peak == pytest.approx(forces.max(), rel=1e-4)
+            assert (forces[slips > curve.peak_slip] >= curve.sliding_share * curve.peak * (1.0 - 1e-9)).all()
+            assert curve.force(1e-6) == pytest.approx(1e-6 * curve.B * curve.C * curve.D, rel=1e-4)
+
+
+def test_the_peak_is_that_of_the_closed_form():
+    """D where C atan(Phi) is a quarter turn: without E at B s = tan(pi / 2 C)."""
+    curve = TireCurve(B=10.0, C=1.6, D=1.1)
+    assert curve.peak_slip == pytest.approx(math.tan(math.pi / 3.2) / 10.0, abs=1e-6) and curve.falls
+    assert curve.peak == pytest.approx(1.1, rel=1e-9)
+    # with E above 1 Phi itself turns back, where B s = sqrt(1 / (E - 1)), before the quarter turn
+    nuc2 = Tires.load("forzaeth_nuc2").axles[1].lateral
+    assert nuc2.peak_slip == pytest.approx(math.sqrt(1.0 / 0.2875) / 7.1036, abs=1e-6)
+    assert nuc2.peak < 0.95 * nuc2.D
+
+
+def test_a_curve_that_does_not_fall_has_its_peak_near_its_greatest_force():
+    coulomb = Tires.load("coulomb").axles[0].lateral
+    assert not coulomb.falls and coulomb.hold_slip == 1.0
+    assert coulomb.force(coulomb.peak_slip) == pytest.approx(0.99 * coulomb.force(1.0), rel=1e-9)
+    assert coulomb.peak == coulomb.force(1.0) == pytest.approx(1.0489, rel=1e-4)
+
+
+def test_peaks_and_load_sensitivity():
+    nuc2, slipx = Tires.load("forzaeth_nuc2"), Tires.load("slipx_reference")
+    assert nuc2.peak == pytest.approx(1.2307, rel=1e-6) and nuc2.least_peak == nuc2.axles[1].lateral.peak
+    assert slipx.peak == pytest.approx(1.10) and slipx.least_peak == pytest.approx(1.05)  # along the heading
+    axle = slipx.axles[0]
+    assert 8.58 * axle.load_factor(8.58) * slipx.peak == pytest.approx(9.44, abs=0.005)  # SlipX's worked example
+    assert 17.17 * axle.load_factor(17.17) * slipx.peak == pytest.approx(17.02, abs=0.01)
+    assert Tires.load("contact").is_contact and Tires.load("contact").peak is None
+    assert Tires.load("f1tenth_gym").peak == 1.0489
+
+
+def test_a_file_of_ones_own_is_read(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(PLAIN)
+    tires = fg.Tires.load(path)
+    assert tires == Tires.load(str(path)) and tires.name == "mine" and tires.peak == pytest.approx(1.0)
+    assert tires.axles[0].longitudinal == tires.axles[0].lateral and tires.axles[0].load_sensitivity == 0.0
+    path.write_text(PLAIN + "[rear.longitudinal]\nB = 12.0\nC = 1.5\nD = 0.8\nE = 0.0\n")
+    assert fg.Tires.load(path).axles[1].longitudinal == TireCurve(B=12.0, C=1.5, D=0.8, E=0.0)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("D = 1.0\n", "D = 0.0\n", r"\[front\]: D is 0.0; accepted: above 0, up to 3"),
+        ("D = 1.0\n", "", r"\[front\]: has no D; accepted: B, C, D, E of 'magic_formula'"),
+        ("D = 1.0\n", "D = true\n", r"\[front\]: D is True; accepted"),
+        ("B = 10.0\n", "B = nan\n", r"\[front\]: B is nan; accepted"),
+        ("B = 10.0\n", "B = 0.2\n", r"\[front\]: TireCurve has no peak: B 0.2, C 1.5, E 0.5 reach 0.\d+ of D"),
+        ("B = 10.0\n", "B = 10.0\nG = 1.0\n", r"\[front\]: has 'G'; accepted: B, C, D, E"),
+        ("length = 0.05", "length = -0.05", r"\[front\]: relaxation_length is -0.05; accepted: 0.001 to 1 m"),
+        ("relaxation_length = 0.05", "", r"\[front\]: has no relaxation_length"),
+        ("[rear]", "[raer]", r"mine.toml: has 'raer'; accepted: .*did you mean 'rear'"),
+        ("magic_formula", "magic", r"mine.toml: model is 'magic'; accepted: contact, magic_formula, linear"),
+        ('"magic_formula"', '"linear"', r"\[front\]: has 'B'; accepted: stiffness, D"),
+        ('"magic_formula"', '"contact"', r"mine.toml: has a table \[front\]"),
+        ("[front]", "[front", r"mine.toml: is no TOML: .*; accepted"),
+        ("[rear]", "load_sensitivity = 2.0\n[rear]", r"\[front\]: load_sensitivity is 2.0; accepted: 0 to 0.5"),
+    ],
+)
+def test_a_bad_file_is_refused_in_one_line_that_names_it(tmp_path, old, new, said):
+    path = tmp_path / "mine.toml"
+    path.write_text(PLAIN.replace(old, new, 1))
+    with pytest.raises(fg.SettingsError, match=rf"^tire file .*{said}") as error:
+        Tires.load(path)
+    assert "\n" not in str(error.value) and "accepted: " in str(error.value)
+
+
+def test_what_is_no_set_is_refused():
+    with pytest.raises(fg.SettingsError, match=r"tires 'forzaeth_nuc' are not known; .*did you mean 'forzaeth_nuc"):
+        Tires.load("forzaeth_nuc")
+    with pytest.raises(fg.SettingsError, match=r"tire file nowhere.toml: .*; accepted: a TOML file"):
+        Tires.load("nowhere.toml")
+    with pytest.raises(fg.SettingsError, match=r"tires is 3; accepted"):
+        Tires.load(3)
+    with pytest.raises(fg.SettingsError, match=r"Tires\.front is None with model 'linear'"):
+        Tires(model="linear")
+    curve = TireCurve(D=1.0, stiffness=5.0)
+    axle = AxleTires(lateral=curve, longitudinal=curve, relaxation_length=0.05)
+    with pytest.raises(fg.SettingsError, match=r"has stiffness 5.0 with model 'magic_formula'"):
+        Tires(model="magic_formula", front=axle, rear=axle)
