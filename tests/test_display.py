@@ -67,7 +67,7 @@ def objects(lap, crashed, comparison, worlds, tmp_path_factory):
         fg.Box(x=1.0, y=2.0, length=0.3, width=0.2), fg.Cylinder(x=1.0, y=2.0, radius=0.2), fg.Prism(footprint=ring),
         fg.MovingObstacle(length=1 / 3, width=1 / 3, start=(1 / 3, 2 / 3), end=(4 / 3, 5 / 3), speed=1 / 3),
         fg.CarChanges(mu=1 / 3, mass=10 / 3), fg.GeneratorSettings(), fg.TightSettings(), fg.LidarEffects(),
-        fg.Tires.load("forzaeth_nuc2"),
+        fg.Tires.load("forzaeth_nuc2"), fg.Patch(x=1 / 3, y=0.0, length=1.0, width=1.0, mu=0.3),
         fg.Start(s=1.0), fg.Uniform(0.1, 0.2), fg.Choice(tuple(range(900))), worlds.randomization, worlds.scenario(3),
         fg.Scenario(track=track, obstacles=track.walls), worlds.base, replace(lap, track=HOSTILE, controller=HOSTILE),
         fg.RaceProgress(time=1.0, laps_completed=1, laps_requested=2, speed=3.0),

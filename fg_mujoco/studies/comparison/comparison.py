@@ -25,6 +25,7 @@ from ...racing.planner_choice import ControllerChoice
 from ...racing.planner_loading import controller_names
 from ...simulation.settings import FASTEST
 from ...vehicle.changes import CarChanges
+from ...vehicle.friction_patches import Patch
 from ...vehicle.tires import Tires
 from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from ...viz.plots import require_matplotlib
@@ -106,6 +107,7 @@ def compare(
     mu: float | None = None,
     changes: CarChanges | None = None,
     planner_mu: float | None = None,
+    patches: Sequence[Patch] = (),
     time_limit: float | None = None,
     workers: int | None = None,
     out: str | Path,
@@ -133,6 +135,7 @@ def compare(
       mu: friction coefficient of the tires, or the greatest peak of those with a curve; None: as in their file.
       changes: what else differs from the vehicle's MJCF.
       planner_mu: friction coefficient that planners assume; None: the least peak of the tires; inf: no friction limits.
+      patches: of the floor, on which the tires have another friction.
       time_limit: of simulated time of each run [s]; None: as `race` has it.
       workers: processes; None: as many as there are cores; one: no other than this.
       out: a new or empty folder, or one of a comparison with the same settings, from `laps` to `time_limit`.
@@ -149,7 +152,8 @@ def compare(
         require_matplotlib()
     settings = ComparisonSettings(
         laps=laps, obstacles=obstacles, lidar_noise=lidar_noise, vehicle=vehicle, tires=tires, mu=mu,
-        changes=changes or CarChanges(), planner_mu=planner_mu, time_limit=time_limit,
+        changes=changes or CarChanges(), planner_mu=planner_mu, patches=tuple(patches),
+        time_limit=time_limit,
     )  # fmt: skip
     chosen = [ControllerChoice.of(text) for text in (controller_names() if controllers is None else controllers)]
     runs = plan_runs(chosen, [*tracks, *(f"{PREFIX}{name}" for name in scenes)], max_speeds, seeds, settings)

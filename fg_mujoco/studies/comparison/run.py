@@ -57,8 +57,9 @@ class ComparisonSettings(CarSettings):
     def drive(self, *, max_speed: float = FASTEST, seed: int = 0) -> DriveSettings:
         """Return the settings of a run, without those of its planner."""
         return DriveSettings(
-            vehicle=self.vehicle, tires=self.tires, mu=self.mu, changes=self.changes, planner_mu=self.planner_mu,
-            max_speed=max_speed, effects=LidarEffects(range_noise_std=self.lidar_noise), seed=seed,
+            vehicle=self.vehicle, tires=self.tires, patches=self.patches, mu=self.mu, changes=self.changes,
+            planner_mu=self.planner_mu, max_speed=max_speed, seed=seed,
+            effects=LidarEffects(range_noise_std=self.lidar_noise),
         )  # fmt: skip
 
     def manifest(self) -> dict[str, Any]:
@@ -186,6 +187,7 @@ class Run:
             laps=laps_of(ground.course, shared.laps),
             vehicle=drive.car,
             tires=drive.tires,
+            patches=drive.patches,
             mu=drive.mu,
             changes=drive.changes,
             planner_mu=drive.planner_mu,
