@@ -49,6 +49,7 @@ from .racing.replay import ReplayReport, replay
 from .racing.resimulation import scan_at
 from .racing.result import RaceResult
 from .racing.run_folder import Run, check_run_folder, read_failed_scan, read_run
+from .ros.bag_drive import identify
 from .simulation.course_loading import load_track
 from .simulation.settings import Scenario, Start
 from .simulation.simulation import Simulation
@@ -138,6 +139,7 @@ __all__ = [
     "export_track",
     "generate_tight_track",
     "generate_track",
+    "identify",
     "lidar_spec",
     "load_track",
     "make_controller",

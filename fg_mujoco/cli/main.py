@@ -38,6 +38,7 @@ from .config import add_config, parse, settings_of
 from .controllers import add_controllers
 from .debug import add_debug
 from .friction import add_friction
+from .identify import add_identify
 from .options import (
     ProgressLine,
     add_controller_option,
@@ -141,6 +142,7 @@ def _parser() -> argparse.ArgumentParser:
     add_debug(_add, commands)
     add_view(_add, commands)
     add_friction(_add, commands)
+    add_identify(_add, commands)
     add_bags(_add, commands)
     return parser
 
