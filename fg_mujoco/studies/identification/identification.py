@@ -22,7 +22,8 @@ _NORMAL = 1.96  # standard deviations of a 95 % interval
 _LEAST_SURE = 0.1  # of the peak: half of its interval, at most, for a peak that was seen
 _SLIP_OF_PEAK = 1.9  # times peak over stiffness: where a curve with C 1.5, E .5 has 95 % of its peak
 _USUAL_PEAK = 1.0  # [-] assumed where the drive does not say
-_LEAST_SLIP = 0.005  # [rad] that even a stiffness needs
+_LEAST_SLIP = 0.01  # [rad] that even a stiffness needs
+_LEAST_SURE_STIFFNESS = 0.3  # of a stiffness: half of its interval, at most
 _GREATEST_SLIP = 0.6  # [rad] to which a peak is looked for, and points are shown
 _FEWEST = 4  # segments that a fit needs
 _MOST_RESIDUAL = 1.0  # of the yaw rate: a simulation that errs by all of it explains nothing
@@ -158,6 +159,7 @@ def identify_drives(drives: Sequence[Drive], *, linear: bool = False, front_driv
         inverse = inverse_dynamics(problems)
         fit = output_error(problems, inverse)
     reached = _reached(problems, fit.parameters)
+    _refuse_unseen_stiffness(names, fit, reached)
     if not linear:
         _refuse_unseen_peaks(names, fit, reached)
     found = fit.parameters
@@ -248,6 +250,16 @@ def _reached(problems: Sequence[DriveProblem], parameters: FloatArray) -> NDArra
 def _needs(reached: float, stiffness: float) -> str:
     needed = _SLIP_OF_PEAK * _USUAL_PEAK / stiffness
     return f"slip angles reach {reached:.2g} rad; the peak needs about {needed:.2g}"
+
+
+def _refuse_unseen_stiffness(names: str, fit: Fit, reached: FloatArray) -> None:
+    for axle, name in enumerate(AXLES):
+        stiffness = _estimate(fit, 4 * axle)
+        if not stiffness.half <= _LEAST_SURE_STIFFNESS * stiffness.value:
+            raise SettingsError(
+                f"{names}: {name}: slip angles reach {reached[axle]:.2g} rad, and the stiffness is {stiffness} per "
+                "rad; accepted: a drive with more slip, to both sides, at several speeds"
+            )
 
 
 def _refuse_unseen_peaks(names: str, fit: Fit, reached: FloatArray) -> None:
