@@ -151,7 +151,7 @@ def identify_drives(drives: Sequence[Drive], *, linear: bool = False, front_driv
     expected = inverse_dynamics(problems, linear=True)
     for axle, reached in enumerate(_reached(problems, expected)):
         if not reached >= _LEAST_SLIP:
-            raise SettingsError(f"{names}: {AXLES[axle]}: {_needs(reached, 12.0)}; accepted: a drive with curves")
+            raise SettingsError(f"{names}: {AXLES[axle]}: {_needs(reached, 12.0)}; accepted: a drive with more slip")
     if linear:
         inverse = expected
         fit = output_error(problems, inverse, linear=True)
