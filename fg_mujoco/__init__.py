@@ -54,6 +54,7 @@ from .racing.replay import ReplayReport, replay
 from .racing.resimulation import scan_at
 from .racing.result import RaceResult
 from .racing.run_folder import Run, check_run_folder, read_failed_scan, read_run
+from .ros.bag_drive import identify
 from .simulation.course_loading import load_track
 from .simulation.settings import Scenario, Start
 from .simulation.simulation import Simulation
@@ -152,6 +153,7 @@ __all__ = [
     "generate_tight_track",
     "generate_track",
     "handling",
+    "identify",
     "lidar_spec",
     "load_track",
     "make_controller",

@@ -9,6 +9,7 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco.course.maps.map_server import require_maps_extra
 from fg_mujoco.ros.bag_messages import require_ros_extra
+from fg_mujoco.studies.identification.fit import require_scipy
 from fg_mujoco.studies.rollout.ray_cluster import require_ray
 from fg_mujoco.viz.live.browser import require_viser
 from fg_mujoco.viz.plots import require_matplotlib
@@ -35,6 +36,7 @@ def bare(monkeypatch):
         (require_viser, "live", "the live view in a browser needs viser"),
         (require_maps_extra, "maps", "ROS maps need Pillow, PyYAML and SciPy"),
         (require_ros_extra, "ros", "ROS bags need mcap, rosbags and SciPy"),
+        (require_scipy, "ros", "identification needs SciPy"),
         (require_ray, "cluster", "rollouts on a cluster need Ray"),
     ],
 )

@@ -46,6 +46,7 @@ VIEW = {name: RACE[name] for name in ("--mu", "--planner-mu", "--max-speed", "--
 }
 FRICTION = {"--mu": ("0", "50"), "--steering": ("0", "9"), "--seed": ("-1",), "--workers": ("0",)}
 RENDER = {"--camera": ("drone",), "--quality": ("ultra",), "--size": ("big",)}
+IDENTIFY = {"--front-drive": ("-0.1", "1.5", "nan", "all")}
 EXPORT = {"--resolution": ("0", "-1", "1e-9")}
 DOORS = {
     ("race", "--out", "run"): RACE,
@@ -55,6 +56,7 @@ DOORS = {
     ("friction", "skidpad"): FRICTION,
     ("render", "run"): RENDER,
     ("track", "export", "oval", "oval.yaml"): EXPORT,
+    ("identify", "run", "--out", "tires.toml"): IDENTIFY,
 }
 CASES = [(door, name, value) for door, names in DOORS.items() for name, values in names.items() for value in values]
 

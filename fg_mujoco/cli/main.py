@@ -39,6 +39,7 @@ from .controllers import add_controllers
 from .debug import add_debug
 from .drive import add_drive
 from .friction import add_friction
+from .identify import add_identify
 from .options import (
     ProgressLine,
     add_controller_option,
@@ -148,6 +149,7 @@ def _parser() -> argparse.ArgumentParser:
     add_debug(_add, commands)
     add_view(_add, commands)
     add_friction(_add, commands)
+    add_identify(_add, commands)
     add_bags(_add, commands)
     return parser
 

@@ -1,0 +1,63 @@
+"""The command `fg-mujoco identify`: the tires and the steering of a car, from drives that it recorded."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ..errors import SettingsError
+from .options import number
+
+_DONE = 0
+
+
+def add_identify(add_command: Callable[..., argparse.ArgumentParser], commands: Any) -> None:
+    """Add the command; `add_command` is the one that adds the others."""
+    text = "find the tires and the steering of a car from its drives, and write the tires as a file"
+    add = add_command(commands, "identify", _identify, text).add_argument
+    add("sources", metavar="RUN|BAG", nargs="+", help="run folders; .mcap, .db3 or .bag files, or folders of bags")
+    add("--out", type=Path, required=True, metavar="FILE.toml", help="the tires, as --tires reads them")
+    add("--report", type=Path, metavar="FILE.html", help="a page of data and fit; default: none")
+    add(
+        "--vehicle", metavar="NAME|FILE.xml",
+        help="whose mass, inertia and lengths are assumed; default: the run's own car, or f1tenth with bags",
+    )  # fmt: skip
+    add("--linear", action="store_true", help="find the stiffness of each axle alone, which a gentle drive determines")
+    add(
+        "--front-drive", type=number, default=0.5, metavar="SHARE",
+        help="of the drive at the front axle: 0.5, the default, with four driven wheels, 0 with driven rear wheels",
+    )  # fmt: skip
+    add("--pose-topic", metavar="TOPIC", help="of the poses in a bag; default: the only one there is, or /odom")
+    add("--force", action="store_true", help="replace files that exist")
+
+
+def _identify(options: argparse.Namespace) -> int:
+    from ..ros.bag_drive import identify
+    from ..studies.identification.fit import require_scipy
+    from ..studies.identification.page import write_identification_report
+    from ..studies.identification.tire_file import check_tire_file, write_tires
+    from ..viz.report.plot_style import require_bokeh
+
+    require_scipy()
+    check_tire_file(options.out, force=options.force)
+    if options.report is not None:
+        require_bokeh()
+        if options.report.suffix.lower() not in (".html", ".htm"):
+            raise SettingsError(f"{options.report}: is no name for a page; accepted: one that ends in .html")
+        if options.report.exists() and not options.force:
+            raise SettingsError(f"{options.report}: exists; accepted: a new file, or --force to replace it")
+    found = identify(
+        *options.sources,
+        vehicle=options.vehicle,
+        linear=options.linear,
+        front_drive=options.front_drive,
+        pose_topic=options.pose_topic,
+    )
+    write_tires(found, options.out, force=options.force)
+    print(found.summary())
+    print(f"written to {options.out}")
+    if options.report is not None:
+        print(f"report: {write_identification_report(found, options.report)}")
+    return _DONE

@@ -1,0 +1,214 @@
+"""What a car recorded of a drive, from its bag: for the identification of its tires.
+
+    drive = read_drive("drive.mcap", vehicle="nuc2")
+
+| what | type of message | topic, where there are several |
+| --- | --- | --- |
+| steering | ackermann_msgs/AckermannDriveStamped; else JointState of the joint "steering" | /drive |
+| wheel speed | JointState of the rear wheels' joints; else the twist of an Odometry | /odom |
+| yaw rate | sensor_msgs/Imu; else the twist of an Odometry | /imu |
+| acceleration | sensor_msgs/Imu, taken to be in the centre of gravity | /imu |
+| pose | geometry_msgs/PoseStamped or PoseWithCovarianceStamped; else the pose of an Odometry | /odom |
+
+Times are those of the messages' headers, or of the recorder where a header has none.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import BagError, FgMujocoError, SettingsError
+from ..messages import CarParameters
+from ..racing.run_folder import SUMMARY, read_run
+from ..studies.identification.drive import Channel, Drive
+from ..studies.identification.fit import require_scipy
+from ..studies.identification.identification import Identification, check_front_drive, identify_drives
+from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
+from .bag_messages import (
+    DRIVE,
+    IMU,
+    JOINTS,
+    ODOMETRY,
+    STEERING_JOINT,
+    WHEEL_JOINTS,
+    heading_of,
+    require_ros_extra,
+    stamp_of,
+    type_store,
+)
+
+POSE, POSE_WITH_COVARIANCE = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped"
+ACCEPTED = (
+    f"steering by {DRIVE} or {JOINTS}, wheel speed by {JOINTS} or {ODOMETRY}, yaw rate by {IMU} or {ODOMETRY}, and "
+    f"accelerations by {IMU} or poses by {POSE}, {POSE_WITH_COVARIANCE} or {ODOMETRY}"
+)
+_USUAL = {DRIVE: "/drive", JOINTS: "/joint_states", IMU: "/imu", ODOMETRY: "/odom"}
+_REAR = WHEEL_JOINTS[2:]
+
+
+def identify(
+    *sources: str | Path,
+    vehicle: str | Path | Vehicle | None = None,
+    linear: bool = False,
+    front_drive: float = 0.5,
+    pose_topic: str | None = None,
+) -> Identification:
+    """Return the tires and the steering of a car, identified from drives that it recorded.
+
+    Args:
+      sources: run folders, or ROS bags: .mcap, .db3 or .bag files, or the folder of one.
+      vehicle: whose mass, inertia and lengths are assumed; None: those of the runs' own car, or `f1tenth` with bags.
+      linear: find of each axle the stiffness alone, which a gentle drive determines.
+      front_drive: share of the drive at the front axle, 0 to 1.
+      pose_topic: of the poses in a bag; None: the only one there is, or /odom.
+
+    Raises:
+      MissingExtraError: the extra `ros` is not installed.
+      RunFolderError, BagError: a source that cannot be read, or a bag that lacks a channel.
+      SettingsError: a drive that is too short, drives of several cars, or ones that do not excite what is to be found.
+    """
+    require_scipy()
+    check_front_drive(front_drive)
+    drives = [read_drive(source, vehicle=vehicle, pose_topic=pose_topic) for source in sources]
+    return identify_drives(drives, linear=linear, front_drive=front_drive)
+
+
+def read_drive(
+    source: str | Path, *, vehicle: str | Path | Vehicle | None = None, pose_topic: str | None = None
+) -> Drive:
+    """Return the drive of a run folder or a bag; arguments and errors as in `identify`."""
+    path = Path(source)
+    car = None if vehicle is None else Vehicle.load(vehicle).parameters
+    if (path / SUMMARY).is_file() or (path.is_dir() and not _has_bag(path)):
+        if pose_topic is not None:
+            raise SettingsError(f"pose_topic is {pose_topic!r}, and {path} is a run; accepted: with bags")
+        return Drive.of_run(read_run(path), car)
+    return _bag_drive(path, Vehicle.load(vehicle or DEFAULT_VEHICLE), pose_topic)
+
+
+def _has_bag(folder: Path) -> bool:
+    return any((folder / name).is_file() for name in ("metadata.yaml",)) or any(folder.glob("*.mcap"))
+
+
+def _bag_drive(path: Path, vehicle: Vehicle, pose_topic: str | None) -> Drive:
+    require_ros_extra()
+    from rosbags.highlevel import AnyReader
+
+    try:
+        with AnyReader([path], default_typestore=type_store()) as reader:
+            channels = _channels(reader, path, vehicle.parameters, pose_topic)
+        return Drive(
+            name=str(path), sha256=_sha256(path), vehicle=vehicle.name, car=vehicle.parameters, **channels
+        )  # fmt: skip
+    except FgMujocoError:
+        raise
+    except Exception as error:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        raise BagError(
+            f"{path}: cannot be read: {reason}; accepted: a run folder, an .mcap, .db3 or .bag file, or a bag's folder"
+        ) from error
+
+
+def _channels(reader: Any, path: Path, car: CarParameters, pose_topic: str | None) -> dict[str, Any]:
+    """Return the channels of a bag by the names that Drive has."""
+    held = sorted({f"{c.topic} ({c.msgtype})" for c in reader.connections if c.msgcount})
+    topics = {kind: _topic(reader, kind, usual, path) for kind, usual in _USUAL.items()}
+    poses = _pose_topic(reader, pose_topic, topics[ODOMETRY], path)
+    rows: dict[str, list[tuple[Any, ...]]] = {
+        name: [] for name in ("drive", "angle", "wheels", "speed", "gyro", "turn", "acceleration", "pose")
+    }
+    wanted = {(kind, topic) for kind, topic in topics.items() if topic} | ({poses} if poses else set())
+    for connection, received, data in reader.messages(
+        [c for c in reader.connections if (c.msgtype, c.topic) in wanted]
+    ):
+        kind = connection.msgtype
+        message = reader.deserialize(data, kind)
+        time = stamp_of(message) or received  # [ns] a float of the seconds since 1970 would be too coarse
+        if (kind, connection.topic) == poses:
+            pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
+            rows["pose"].append((time, pose.position.x, pose.position.y, heading_of(pose.orientation)))
+        if connection.topic != topics.get(kind):
+            continue
+        if kind == DRIVE:
+            rows["drive"].append((time, message.drive.steering_angle))
+        elif kind == IMU:
+            rows["gyro"].append((time, message.angular_velocity.z))
+            rows["acceleration"].append((time, message.linear_acceleration.x, message.linear_acceleration.y))
+        elif kind == ODOMETRY:
+            rows["speed"].append((time, message.twist.twist.linear.x))
+            rows["turn"].append((time, message.twist.twist.angular.z))
+        elif kind == JOINTS:
+            angle = _joints(message, (STEERING_JOINT,), message.position)
+            rows["angle"] += [] if angle is None else [(time, *angle)]
+            turning = _joints(message, _REAR, message.velocity)
+            rows["wheels"] += [] if turning is None else [(time, car.wheel_radius * sum(turning) / len(turning))]
+    needed = {
+        "steering": ("drive", "angle"), "wheel speed": ("wheels", "speed"), "yaw rate": ("gyro", "turn"),
+        "acceleration or pose": ("acceleration", "pose"),
+    }  # fmt: skip
+    for what, names in needed.items():
+        if not any(len(rows[name]) > 1 for name in names):
+            raise BagError(f"{path}: has no {what}: it has {', '.join(held) or 'no messages'}; accepted: {ACCEPTED}")
+    first = min(values[0][0] for values in rows.values() if values)
+
+    def channel(name: str, *names: str) -> Channel | None:
+        found = next((rows[each] for each in names if len(rows[each]) > 1), None)
+        if found is None:
+            return None
+        stamps, order = np.unique([row[0] - first for row in found], return_index=True)  # sorted, each once
+        values = np.array([found[index][1:] for index in order], np.float64)
+        return Channel(name=f"{path}: {name}", time=stamps / 1e9, values=values)
+
+    return {
+        "steering": channel("steering", "drive", "angle"),
+        "commanded": len(rows["drive"]) > 1,
+        "speed": channel("wheel speed", "wheels", "speed"),
+        "yaw_rate": channel("yaw rate", "gyro", "turn"),
+        "acceleration": channel("acceleration", "acceleration"),
+        "pose": channel("pose", "pose"),
+    }
+
+
+def _topic(reader: Any, kind: str, usual: str, path: Path) -> str | None:
+    there = sorted({c.topic for c in reader.connections if c.msgtype == kind and c.msgcount})
+    if usual in there or len(there) < 2:
+        return usual if usual in there else next(iter(there), None)
+    raise BagError(f"{path}: has {kind} on {', '.join(there)}; accepted: one, or one of them on {usual}")
+
+
+def _pose_topic(reader: Any, wanted: str | None, odometry: str | None, path: Path) -> tuple[str, str] | None:
+    """Return the type and the topic of the poses, where there are any."""
+    kinds = (POSE, POSE_WITH_COVARIANCE, ODOMETRY)
+    there = sorted({(c.topic, c.msgtype) for c in reader.connections if c.msgtype in kinds and c.msgcount})
+    if wanted is not None:
+        found = next(((kind, topic) for topic, kind in there if topic == wanted), None)
+        if found is None:
+            topics = ", ".join(topic for topic, _ in there) or "none of these types: " + ", ".join(kinds)
+            raise BagError(f"{path}: has no poses on {wanted}; accepted: {topics}")
+        return found
+    own = [(kind, topic) for topic, kind in there if kind != ODOMETRY]
+    if len(own) > 1:
+        raise BagError(f"{path}: has poses on {', '.join(topic for _, topic in own)}; accepted: one, by --pose-topic")
+    return own[0] if own else (ODOMETRY, odometry) if odometry else None
+
+
+def _joints(message: Any, names: Iterable[str], values: Any) -> list[float] | None:
+    there = list(message.name)
+    if any(name not in there or there.index(name) >= len(values) for name in names):
+        return None
+    return [float(values[there.index(name)]) for name in names]
+
+
+def _sha256(path: Path) -> str:
+    """Return the hash of a bag: of its file, or of the files of its folder in the order of their names."""
+    digest = hashlib.sha256()
+    for file in sorted(path.iterdir()) if path.is_dir() else [path]:
+        with file.open("rb") as opened:
+            while block := opened.read(1 << 20):
+                digest.update(block)
+    return digest.hexdigest()

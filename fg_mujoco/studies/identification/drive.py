@@ -1,0 +1,128 @@
+"""What a car records of a drive, as identification reads it: steering, speed, yaw rate, acceleration and pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...display import brief
+from ...errors import SettingsError
+from ...messages import CarParameters, FloatArray
+from ...racing.resimulation import load_world, resimulate
+from ...racing.result import trajectory_sha256
+from ...racing.run_folder import Run
+
+SHORTEST = 5.0
+"""[s] A drive that moved for less is refused."""
+
+SLOWEST = 1.0
+"""[m/s] Below it nothing is identified: a slip angle is a ratio of two speeds."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Channel:
+    """What one sensor measured.
+
+    Raises:
+      SettingsError: on making it, times that do not increase, or values that are not finite.
+    """
+
+    name: str
+    time: FloatArray  # (n,) [s]
+    values: FloatArray  # (n, k)
+
+    def __post_init__(self) -> None:
+        if len(self.time) != len(self.values) or self.values.ndim != 2:
+            raise SettingsError(f"{self.name}: {len(self.time)} times of {self.values.shape}; accepted: a row each")
+        if not (np.isfinite(self.time).all() and np.isfinite(self.values).all()):
+            raise SettingsError(f"{self.name}: a time or value is not finite; accepted: finite numbers")
+        if not (np.diff(self.time) > 0.0).all():
+            raise SettingsError(f"{self.name}: its times do not increase; accepted: measurements in their order")
+
+    def __repr__(self) -> str:
+        return brief(self, self.name, f"{len(self.time)} measurements")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Drive:
+    """A drive as the car's own sensors recorded it. The frame is base_link's: rear axle, x forward, y left.
+
+    Raises:
+      SettingsError: on making it, a drive that is too short, or of a car that stands.
+    """
+
+    name: str  # of the run folder or bag
+    sha256: str  # of what it was read from
+    vehicle: str  # its name
+    car: CarParameters
+    steering: Channel  # [rad] commanded, or measured
+    commanded: bool  # whether the steering is commands
+    speed: Channel  # [m/s] surface speed of the rear wheels
+    yaw_rate: Channel  # [rad/s] gyro
+    acceleration: Channel | None  # [m/s^2] ahead and to the left, in the centre of gravity; None: no accelerometer
+    pose: Channel | None  # x [m], y [m], heading [rad] of base_link; None: no odometry of a LiDAR
+
+    def __post_init__(self) -> None:
+        lasts = self.end - self.start
+        if not lasts >= SHORTEST:
+            raise SettingsError(f"{self.name}: lasts {max(lasts, 0.0):.3g} s; accepted: {SHORTEST:g} s or more")
+        speeds = self.speed.values[:, 0]
+        moving = float(np.mean(speeds > SLOWEST)) * lasts
+        if not moving >= SHORTEST:
+            what = "the car stands" if not np.abs(speeds).max() > 0.05 else f"it is faster for {moving:.3g} s"
+            raise SettingsError(f"{self.name}: {what}; accepted: {SHORTEST:g} s or more above {SLOWEST:g} m/s")
+        if self.acceleration is None and self.pose is None:
+            raise SettingsError(f"{self.name}: neither accelerations nor poses; accepted: an IMU, odometry, or both")
+
+    def __repr__(self) -> str:
+        return brief(self, self.name, self.vehicle, f"{self.end - self.start:.3g} s")
+
+    @property
+    def start(self) -> float:
+        """When all of its sensors measure [s]."""
+        return max(float(channel.time[0]) for channel in self._needed)
+
+    @property
+    def end(self) -> float:
+        """Until when all of its sensors measure [s]."""
+        return min(float(channel.time[-1]) for channel in self._needed)
+
+    @property
+    def _needed(self) -> list[Channel]:
+        """Channels that a drive is cut to. Commands hold until the next one, and may be sparse."""
+        always = [self.speed, self.yaw_rate]
+        return always + [channel for channel in (self.acceleration, self.pose) if channel is not None]
+
+    @classmethod
+    def of_run(cls, run: Run, car: CarParameters | None = None) -> Drive:
+        """Return what the sensors of a run's car measured, by simulating the run again.
+
+        Args:
+          run: a run folder that was read.
+          car: whose constants are assumed; None: those of the run's own car.
+
+        Raises:
+          RunFolderError: a damaged run folder.
+          SettingsError: a run that is too short, or stands.
+        """
+        world = load_world(run)
+        commands = np.column_stack((run.column("time_s"), run.column("command_steering_rad")))
+        told = [tick.sensed.odometry for tick in resimulate(run, world) if tick.sensed is not None]
+        time = np.array([odometry.stamp for odometry in told])
+        return cls(
+            name=str(run.folder),
+            sha256=trajectory_sha256(run.states, run.ctrl),
+            vehicle=str(run.summary.get("vehicle", "unknown")),
+            car=car or world.parameters,
+            steering=Channel(name="commands", time=commands[:, 0], values=commands[:, 1:]),
+            commanded=True,
+            speed=_channel("wheel speed", time, [o.wheel_speeds[2:].mean() for o in told]),
+            yaw_rate=_channel("gyro", time, [o.yaw_rate for o in told]),
+            acceleration=_channel("accelerometer", time, [o.linear_acceleration[:2] for o in told]),
+            pose=_channel("pose", time, [o.pose for o in told]),
+        )
+
+
+def _channel(name: str, time: FloatArray, values: list[FloatArray] | list[float]) -> Channel:
+    return Channel(name=name, time=time, values=np.asarray(values, np.float64).reshape(len(time), -1))

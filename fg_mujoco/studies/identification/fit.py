@@ -1,0 +1,312 @@
+"""Finds the parameters of a drive: first by inverse dynamics, then by output error, with confidence intervals.
+
+Inverse dynamics: the smoothed lateral and yaw acceleration give the force of each axle, F_yf = (m a_y l_r + I_z r') / L
+and F_yr = (m a_y l_f - I_z r') / L, the smoothed velocity its slip angle, and a robust fit through them a curve.
+Output error: the model is simulated forward from the commands, and its parameters are those at which yaw rate, lateral
+acceleration, heading and position come closest to what was measured; Huber's cost, bounds, steps of Gauss and Newton.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import MissingExtraError
+from ...messages import FloatArray
+from .problem import PARAMETERS, DriveProblem, assumed_noise, huber, measured_noise
+from .single_track import STATES, axle_loads, friction_curve
+
+INSTALL_COMMAND = "pip install 'fg-mujoco[ros]'"
+
+_LEAST = np.array((1.0, 1.0, 0.1, -4.0) * 2 + (0.5, -0.2, 0.0, 0.0, -0.2, -2.0, 0.7, -0.1, -0.1))
+_GREATEST = np.array((150.0, 5.0, 3.0, 1.5) * 2 + (1.5, 0.2, 0.6, 0.4, 0.2, 2.0, 1.3, 0.1, 0.1))
+_EXPECTED = np.array((12.0, 1.5, 1.0, 0.5) * 2 + (1.0, 0.0, 0.05, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0))
+# How far from that (a standard deviation). Of the tires no more is assumed than that their curves are of a usual shape.
+# The steering's gain is known to a tenth: at one speed, gain and front stiffness look the same.
+_SPREAD = np.array((100.0, 0.7, 10.0, 0.7) * 2 + (0.1, 0.5, 1.0, 1.0, 0.02, 0.5, 0.05, 0.01, 0.02))
+_LINEAR = np.array((1.0, 1e4, 0.0))  # C, D, E with which the formula is a straight line
+_SHARES = (1.0, 0.3, 0.0)  # of a segment's step of its start, of which the best is taken
+_SETTLING = 5  # steps of Gauss and Newton to find the starts alone
+_STEPS = 60  # of Gauss and Newton, at most
+_CONVERGED = 0.02  # of the cost, a sum of squares over their noise: a seventh of a standard deviation
+
+
+def require_scipy() -> None:
+    """Make sure that parameters can be found.
+
+    Raises:
+      MissingExtraError: SciPy is not installed; the message has the command that installs it.
+    """
+    if importlib.util.find_spec("scipy") is None:
+        raise MissingExtraError(f"identification needs SciPy: {INSTALL_COMMAND}")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fit:
+    """What was found."""
+
+    parameters: FloatArray  # (len(PARAMETERS),)
+    covariance: FloatArray  # of them; 0 for those at a bound or held fixed
+    at_bound: NDArray[np.bool_]  # which of them are
+    noise: FloatArray  # (4,) of the residuals: gyro, accelerometer, position, heading
+
+
+def force_points(problem: DriveProblem, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return slip angles [rad] and F_y / F_z [-] of both axles by inverse dynamics, each (2, n), of moving nodes."""
+    mass, inertia, front, rear, _, _, share = problem.car
+    motion = problem.motion
+    nodes = np.concatenate([np.arange(*segment) for segment in problem.segments])
+    angle = problem.steering.angles(*parameters[8:12])[nodes]
+    vx, vy, r = motion.forward_speed[nodes], motion.lateral_speed[nodes], motion.yaw_rate[nodes]
+    ay, ax, turn = (
+        array[nodes] for array in (motion.lateral_acceleration, motion.forward_acceleration, motion.yaw_acceleration)
+    )
+    across_front = (mass * ay * rear + inertia * turn) / (front + rear)
+    force_rear = (mass * ay * front - inertia * turn) / (front + rear)
+    # of what is across the car, the drive of the front wheels is a part
+    cos, sin = np.cos(angle), np.sin(angle)
+    whole = share * cos + 1.0 - share
+    force_front = (across_front - share * mass * ax * sin / whole) / (cos + share * sin**2 / whole)
+    slips = np.array((angle - np.arctan2(vy + front * r, vx), -np.arctan2(vy - rear * r, vx)))
+    return slips, np.array((force_front, force_rear)) / axle_loads(np.ascontiguousarray(ax), problem.car)
+
+
+def inverse_dynamics(problems: Sequence[DriveProblem], *, linear: bool = False) -> FloatArray:
+    """Return parameters by inverse dynamics: the curves of both axles, and the lag at which the front's fits best."""
+    from scipy.optimize import least_squares, minimize_scalar
+
+    thin = 4
+    found = _EXPECTED.copy()
+    if linear:
+        found[1:4] = found[5:8] = _LINEAR
+
+    def curve(axle: int, slips: FloatArray, used: FloatArray) -> tuple[float, FloatArray]:
+        free = slice(4 * axle, 4 * axle + (1 if linear else 4))
+
+        def residuals(values: FloatArray) -> FloatArray:
+            tire = np.concatenate((values, _LINEAR)) if linear else values
+            return np.asarray(friction_curve(slips, tire)) - used
+
+        answer = least_squares(
+            residuals, found[free], bounds=(_LEAST[free], _GREATEST[free]), loss="soft_l1", f_scale=0.05,
+            x_scale=np.array((10.0, 1.0, 0.5, 1.0))[: 1 if linear else 4],
+        )  # fmt: skip
+        return float(answer.cost), answer.x
+
+    def points(lag: float) -> tuple[FloatArray, FloatArray]:
+        at = found.copy()
+        at[10] = lag
+        both = [force_points(problem, at) for problem in problems]
+        slips = np.concatenate([part[0] for part in both], axis=1)[:, ::thin]
+        used = np.concatenate([part[1] for part in both], axis=1)[:, ::thin]
+        return np.ascontiguousarray(slips), np.ascontiguousarray(used)
+
+    def front_cost(lag: float) -> float:
+        slips, used = points(lag)
+        return curve(0, slips[0], used[0])[0]
+
+    lags = np.linspace(0.0, 0.3, 13)
+    best = lags[int(np.argmin([front_cost(lag) for lag in lags]))]
+    bounds = (max(best - 0.025, 0.0), best + 0.025)
+    found[10] = minimize_scalar(front_cost, bounds=bounds, method="bounded", options={"xatol": 5e-4}).x
+    slips, used = points(found[10])
+    for axle in (0, 1):
+        values = curve(axle, slips[axle], used[axle])[1]
+        found[4 * axle : 4 * axle + len(values)] = values
+    return found
+
+
+def output_error(problems: Sequence[DriveProblem], parameters: FloatArray, *, linear: bool = False) -> Fit:
+    """Return the parameters at which the simulated drives come closest to the measured ones.
+
+    Args:
+      problems: of the drives.
+      parameters: to start from, such as those of `inverse_dynamics`.
+      linear: find of each axle the stiffness alone.
+    """
+    free = np.ones(len(PARAMETERS), bool)
+    if linear:
+        free[1:4] = free[5:8] = False
+    commanded = problems[0].drive.commanded
+    if not commanded:  # an angle that was measured is late by what the sensor is
+        free[10] = False
+        parameters = parameters.copy()
+        parameters[10] = 0.0
+    noise = assumed_noise()
+    starts = [fitted_starts(problem, parameters, noise) for problem in problems]
+    for _ in range(2):
+        parameters, starts = _minimise(problems, parameters, starts, noise, free)
+        noise = measured_noise(problems, parameters, starts)
+    parameters, starts = _minimise(problems, parameters, starts, noise, free)
+    covariance, at_bound = _covariance(problems, parameters, starts, noise, free)
+    return Fit(parameters=parameters, covariance=covariance, at_bound=at_bound, noise=noise)
+
+
+def fitted_starts(problem: DriveProblem, parameters: FloatArray, noise: FloatArray) -> FloatArray:
+    """Return the states (m, STATES) at the starts of all segments that fit best at some parameters, which stay."""
+    starts, none = problem.smoothed, np.zeros(len(PARAMETERS), bool)
+    costs = problem.costs(parameters, starts, noise)
+    for _ in range(_SETTLING):
+        lines = problem.linearise(parameters, starts, noise, none)
+        steps = []
+        for residual, by_start in zip(lines.residuals, lines.starts, strict=True):
+            weights = huber(residual)[1]
+            steps.append(np.linalg.lstsq(by_start * weights[:, np.newaxis], -residual * weights, rcond=None)[0])
+        tried = starts + np.array(steps).reshape(-1, STATES)
+        found = problem.costs(parameters, tried, noise)
+        better = found < costs
+        starts = np.where(better[:, np.newaxis], tried, starts)
+        costs = np.where(better, found, costs)
+        if not better.any():
+            break
+    return starts
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Reduced:
+    """A linearised problem whose starts are eliminated."""
+
+    cost: float
+    rows: FloatArray  # (m, free)
+    wanted: FloatArray  # (m,)
+    scores: FloatArray  # (segments, free): gradient of each segment
+    eliminated: list[list[tuple[FloatArray, FloatArray]]]  # of each segment: step of its start, and by the parameters'
+
+
+def _reduce(
+    problems: Sequence[DriveProblem],
+    parameters: FloatArray,
+    starts: Sequence[FloatArray],
+    noise: FloatArray,
+    free: NDArray[np.bool_],
+) -> _Reduced:
+    prior = (parameters - _EXPECTED)[free] / _SPREAD[free]
+    cost = float(prior @ prior)
+    rows, wanted = [np.diag(1.0 / _SPREAD[free])], [prior]
+    scores, eliminated = [], []
+    for problem, begun in zip(problems, starts, strict=True):
+        lines = problem.linearise(parameters, begun, noise, free)
+        kept = []
+        for segment, (residual, by_parameter, by_start) in enumerate(
+            zip(lines.residuals, lines.parameters, lines.starts, strict=True)
+        ):
+            if problem.held_back[segment]:
+                kept.append((np.zeros(STATES), np.zeros((STATES, int(free.sum())))))
+                continue
+            values, weights = huber(residual)
+            cost += float(values.sum())
+            residual = residual * weights
+            by_parameter = by_parameter[:, free] * weights[:, np.newaxis]
+            basis, triangle = np.linalg.qr(by_start * weights[:, np.newaxis])
+            along, along_residual = basis.T @ by_parameter, basis.T @ residual
+            across, left = by_parameter - basis @ along, residual - basis @ along_residual
+            rows.append(across)
+            wanted.append(left)
+            scores.append(across.T @ left)
+            inverse = np.linalg.inv(triangle)
+            kept.append((inverse @ along_residual, inverse @ along))
+        eliminated.append(kept)
+    return _Reduced(
+        cost=cost, rows=np.vstack(rows), wanted=np.concatenate(wanted), scores=np.array(scores), eliminated=eliminated
+    )
+
+
+def _stepped(
+    problems: Sequence[DriveProblem],
+    reduced: _Reduced,
+    parameters: FloatArray,
+    step: FloatArray,
+    starts: Sequence[FloatArray],
+    noise: FloatArray,
+    free: NDArray[np.bool_],
+) -> tuple[float, list[FloatArray]]:
+    """Return the cost and the starts after a step of the parameters.
+
+    Each segment takes the share of its own step at which it fits best: past the peak, a whole one may lead far away.
+    """
+    prior = (parameters - _EXPECTED)[free] / _SPREAD[free]
+    cost, stepped = float(prior @ prior), []
+    for problem, begun, kept in zip(problems, starts, reduced.eliminated, strict=True):
+        own, along = np.array([here for here, _ in kept]), np.array([by @ step for _, by in kept])
+        best, least = begun, np.full(len(begun), np.inf)
+        for share in _SHARES:
+            tried = begun - share * own - along
+            costs = problem.costs(parameters, tried, noise)
+            better = costs < least
+            best, least = np.where(better[:, np.newaxis], tried, best), np.where(better, costs, least)
+        cost += float(least[~problem.held_back].sum())
+        stepped.append(best)
+    return cost, stepped
+
+
+def _minimise(
+    problems: Sequence[DriveProblem],
+    parameters: FloatArray,
+    starts: list[FloatArray],
+    noise: FloatArray,
+    free: NDArray[np.bool_],
+) -> tuple[FloatArray, list[FloatArray]]:
+    """Return parameters and starts of the least cost: damped steps of Gauss and Newton within the bounds."""
+    from scipy.optimize import lsq_linear
+
+    damping = 1e-3
+    reduced = _reduce(problems, parameters, starts, noise, free)
+    for _ in range(_STEPS):
+        triangle = np.asarray(np.linalg.qr(np.column_stack((reduced.rows, reduced.wanted)), mode="r"))
+        square, wanted = triangle[:-1, :-1], triangle[:-1, -1]
+        size = np.linalg.norm(square, axis=0)
+        accepted = False
+        while not accepted and damping < 1e8:
+            stacked = np.vstack((square / size, np.sqrt(damping) * np.eye(len(size))))
+            low, high = ((bound[free] - parameters[free]) * size for bound in (_LEAST, _GREATEST))
+            solved = lsq_linear(
+                stacked, -np.concatenate((wanted, np.zeros(len(size)))),
+                (np.minimum(low, -1e-12), np.maximum(high, 1e-12)), method="bvls",
+            )  # fmt: skip
+            step = solved.x / size
+            tried = parameters.copy()
+            tried[free] = np.clip(parameters[free] + step, _LEAST[free], _GREATEST[free])
+            cost, begun = _stepped(problems, reduced, tried, step, starts, noise, free)
+            accepted = cost < reduced.cost
+            damping = damping / 5.0 if accepted else damping * 5.0
+        if not accepted:
+            break
+        fell = reduced.cost - cost
+        parameters, starts = tried, begun
+        damping = max(damping, 1e-9)
+        reduced = _reduce(problems, parameters, starts, noise, free)
+        if fell < _CONVERGED:
+            break
+    return parameters, starts
+
+
+def _covariance(
+    problems: Sequence[DriveProblem],
+    parameters: FloatArray,
+    starts: Sequence[FloatArray],
+    noise: FloatArray,
+    free: NDArray[np.bool_],
+) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Return the covariance of the parameters, and which of them are at a bound.
+
+    The spread between segments counts (a sandwich clustered by segment), because residuals of a model that errs are
+    not independent within one; it is never taken to be less than what the noise alone gives.
+    """
+    reduced = _reduce(problems, parameters, starts, noise, free)
+    margin = 1e-4 * (_GREATEST - _LEAST)
+    at_bound = free & ((parameters <= _LEAST + margin) | (parameters >= _GREATEST - margin))
+    at_bound[[10, 11]] &= parameters[[10, 11]] > 0.3  # of the lag and the delay, 0 is a value like others
+    inner = ~at_bound[free]
+    inverse = np.linalg.pinv(reduced.rows[:, inner].T @ reduced.rows[:, inner], hermitian=True)
+    scores = reduced.scores[:, inner]
+    few = len(scores) / max(len(scores) - inner.sum(), 1.0)
+    sandwich = few * inverse @ (scores.T @ scores) @ inverse
+    scale = np.sqrt(np.maximum(np.diag(sandwich), np.diag(inverse)) / np.maximum(np.diag(inverse), 1e-300))
+    whole = np.zeros((len(PARAMETERS), len(PARAMETERS)))
+    places = np.flatnonzero(free)[inner]
+    whole[np.ix_(places, places)] = inverse * np.outer(scale, scale)
+    return whole, at_bound

@@ -1,0 +1,297 @@
+"""Identifies the tires and the steering of a car from what it recorded, and measures the result on a part held back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...display import brief
+from ...errors import SettingsError
+from ...messages import FloatArray
+from .drive import Drive
+from .fit import Fit, fitted_starts, force_points, inverse_dynamics, output_error, require_scipy
+from .problem import PARAMETERS, DriveProblem
+from .single_track import TIRE, friction_curve
+
+AXLES = ("front", "rear")
+
+_NORMAL = 1.96  # standard deviations of a 95 % interval
+_LEAST_SURE = 0.1  # of the peak: half of its interval, at most, for a peak that was seen
+_SLIP_OF_PEAK = 1.9  # times peak over stiffness: where a curve with C 1.5, E .5 has 95 % of its peak
+_USUAL_PEAK = 1.0  # [-] assumed where the drive does not say
+_LEAST_SLIP = 0.01  # [rad] that even a stiffness needs
+_LEAST_SURE_STIFFNESS = 0.3  # of a stiffness: half of its interval, at most
+_GREATEST_SLIP = 0.6  # [rad] to which a peak is looked for, and points are shown
+_FEWEST = 4  # segments that a fit needs
+_MOST_RESIDUAL = 1.0  # of the yaw rate: a simulation that errs by all of it explains nothing
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """A value that was found, and half of its 95 % interval; infinite: the value is at the bound of the search."""
+
+    value: float
+    half: float
+
+    def __str__(self) -> str:
+        return f"{self.value:.4g} +- {self.half:.2g}" if np.isfinite(self.half) else f"{self.value:.4g}, at its bound"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Axle:
+    """The tires of an axle."""
+
+    B: Estimate  # [1/rad]; of linear tires only the stiffness was found, and B, C, D, E are NaN
+    C: Estimate  # [-]
+    D: Estimate  # [-]
+    E: Estimate  # [-]
+    stiffness: Estimate  # [1/rad] B C D: lateral force over load, for each rad of a small slip angle
+    peak: Estimate  # [-] greatest lateral force over load, at slip angles up to 0.6 rad
+    peak_slip: float  # [rad] slip angle of it
+    reached: float  # [rad] slip angle that the drive exceeds for 1 % of its time
+
+
+@dataclass(frozen=True, kw_only=True)
+class Validation:
+    """How far the simulation of the segments that were held back is from what was measured."""
+
+    yaw_rate_rms: float  # [rad/s] of the difference
+    yaw_rate_relative: float  # [-] of it over the rms of the measured yaw rate
+    seconds: float  # [s] that were held back
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Identification:
+    """What was identified: by output error, and how it validates beside inverse dynamics."""
+
+    drives: tuple[Drive, ...]
+    linear: bool
+    front_drive: float  # share of the drive at the front axle
+    front: Axle
+    rear: Axle
+    steering_gain: Estimate  # [-]
+    steering_offset: Estimate  # [rad]
+    steering_lag: Estimate  # [s] time constant of a first-order lag
+    steering_delay: Estimate  # [s] before it
+    gyro_bias: Estimate  # [rad/s]
+    lateral_gain: Estimate  # [-] of the accelerometer: a car that rolls measures a part of gravity
+    pose_delay: Estimate  # [s] of the pose after the gyro
+    validation: Validation  # of output error
+    inverse_validation: Validation  # of inverse dynamics alone
+    fit: Fit = field(repr=False)
+    inverse: FloatArray = field(repr=False)  # parameters of inverse dynamics
+    problems: tuple[DriveProblem, ...] = field(repr=False)
+
+    def __repr__(self) -> str:
+        axles = (f"{name} {axle.stiffness.value:.3g}/rad, peak {axle.peak.value:.3g}" for name, axle in self.axles)
+        return brief(self, *axles, f"yaw rate within {100.0 * self.validation.yaw_rate_relative:.2g} %")
+
+    @property
+    def axles(self) -> tuple[tuple[str, Axle], tuple[str, Axle]]:
+        """Both, with their names."""
+        return ("front", self.front), ("rear", self.rear)
+
+    def curve(self, axle: int, slips: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return F_y / F_z [-] of an axle (0 front, 1 rear) at slip angles [rad], and half of its 95 % band."""
+        return _curve(self.fit, axle, slips)
+
+    def summary(self) -> str:
+        """Return what was found as lines of text."""
+        lines = [f"{', '.join(drive.name for drive in self.drives)}: {self.drives[0].vehicle}"]
+        for name, axle in self.axles:
+            lines.append(f"  {name + ' stiffness':<20}{axle.stiffness} per rad, slip angles to {axle.reached:.2g} rad")
+            if not self.linear:
+                lines += [f"  {f'{name} {letter}':<20}{getattr(axle, letter)}" for letter in "BCDE"]
+                lines.append(f"  {name + ' peak':<20}{axle.peak} at {axle.peak_slip:.3g} rad")
+        for name, estimate, unit in (
+            ("steering gain", self.steering_gain, ""), ("steering offset", self.steering_offset, " rad"),
+            ("steering lag", self.steering_lag, " s"), ("steering delay", self.steering_delay, " s"),
+        ):  # fmt: skip
+            lines.append(f"  {name:<20}{estimate}{unit}")
+        for name, found in (("held back", self.validation), ("inverse dynamics", self.inverse_validation)):
+            lines.append(f"  {name:<20}{_said(found)}")
+        return "\n".join(lines)
+
+
+def _said(found: Validation) -> str:
+    return (
+        f"yaw rate within {found.yaw_rate_rms:.3g} rad/s rms, {100.0 * found.yaw_rate_relative:.3g} % of its own, "
+        f"over {found.seconds:.3g} s"
+    )
+
+
+def identify_drives(drives: Sequence[Drive], *, linear: bool = False, front_drive: float = 0.5) -> Identification:
+    """Return the tires and the steering of the car of some drives.
+
+    Args:
+      drives: of one car.
+      linear: find of each axle the stiffness alone, which a gentle drive determines.
+      front_drive: share of the drive at the front axle, 0 to 1: 0.5 with four driven wheels.
+
+    Raises:
+      MissingExtraError: SciPy is not installed.
+      SettingsError: no drive, drives of several cars, or drives that do not excite what is to be found.
+    """
+    require_scipy()
+    drives = tuple(drives)
+    if not drives:
+        raise SettingsError("no drive; accepted: one or more of the same car")
+    check_front_drive(front_drive)
+    for drive in drives[1:]:
+        if drive.car != drives[0].car or drive.commanded != drives[0].commanded:
+            what = "is of another car" if drive.car != drives[0].car else "has another kind of steering"
+            raise SettingsError(f"{drive.name}: {what} than {drives[0].name}; accepted: drives of one car")
+    problems = tuple(DriveProblem(drive, front_drive=front_drive) for drive in drives)
+    names = ", ".join(drive.name for drive in drives)
+    if sum(len(problem.segments) for problem in problems) < _FEWEST:
+        raise SettingsError(f"{names}: too short; accepted: {_FEWEST} stretches of 1 s above 1 m/s, or more")
+    expected = inverse_dynamics(problems, linear=True)
+    for axle, reached in enumerate(_reached(problems, expected)):
+        if not reached >= _LEAST_SLIP:
+            raise SettingsError(f"{names}: {AXLES[axle]}: {_needs(reached, 12.0)}; accepted: a drive with more slip")
+    if linear:
+        inverse = expected
+        fit = output_error(problems, inverse, linear=True)
+    else:
+        inverse = inverse_dynamics(problems)
+        fit = output_error(problems, inverse)
+    reached = _reached(problems, fit.parameters)
+    _refuse_unseen_stiffness(names, fit, reached)
+    if not linear:
+        _refuse_unseen_peaks(names, fit, reached)
+    found = fit.parameters
+    validation = _validate(problems, found, fit.noise)
+    if not validation.yaw_rate_relative < _MOST_RESIDUAL:
+        raise SettingsError(
+            f"{names}: the model explains nothing of the yaw rate ({_said(validation)}); accepted: a drive whose "
+            "steering and yaw rate belong together"
+        )
+
+    def of(name: str) -> Estimate:
+        return _estimate(fit, PARAMETERS.index(name))
+
+    return Identification(
+        drives=drives, linear=linear, front_drive=front_drive,
+        front=_axle(fit, 0, reached[0], linear), rear=_axle(fit, 1, reached[1], linear),
+        steering_gain=of("steering_gain"), steering_offset=of("steering_offset"), steering_lag=of("steering_lag"),
+        steering_delay=of("steering_delay"), gyro_bias=of("gyro_bias"), lateral_gain=of("lateral_gain"),
+        pose_delay=of("pose_delay"), validation=validation, inverse_validation=_validate(problems, inverse, fit.noise),
+        fit=fit, inverse=inverse, problems=problems,
+    )  # fmt: skip
+
+
+def _curve(fit: Fit, axle: int, slips: FloatArray) -> tuple[FloatArray, FloatArray]:
+    places = slice(4 * axle, 4 * axle + 4)
+    tire, covariance = fit.parameters[places].copy(), fit.covariance[places, places]
+    here = np.asarray(friction_curve(slips, tire))
+    slopes = np.empty((len(slips), len(TIRE)))
+    for index in range(len(TIRE)):
+        moved = tire.copy()
+        step = 1e-5 * max(1.0, abs(tire[index]))
+        moved[index] += step
+        slopes[:, index] = (friction_curve(slips, moved) - here) / step
+    variance = np.einsum("ni,ij,nj->n", slopes, covariance, slopes)
+    return here, _NORMAL * np.sqrt(np.maximum(variance, 0.0))
+
+
+def _peak(fit: Fit, axle: int) -> tuple[Estimate, float]:
+    """Return the greatest force over load of an axle, and its slip angle [rad]."""
+    slips = np.linspace(0.0, _GREATEST_SLIP, 1201)
+    used, half = _curve(fit, axle, slips)
+    top = int(np.argmax(used))
+    at_bound = bool(fit.at_bound[4 * axle + TIRE.index("D")])
+    return Estimate(value=float(used[top]), half=np.inf if at_bound else float(half[top])), float(slips[top])
+
+
+def check_front_drive(front_drive: float) -> None:
+    """Refuse a share of the drive that is none.
+
+    Raises:
+      SettingsError: less than 0, or more than 1.
+    """
+    if not 0.0 <= front_drive <= 1.0:
+        raise SettingsError(f"front_drive is {front_drive!r}; accepted: 0 to 1, the front axle's share of the drive")
+
+
+def held_back(
+    problem: DriveProblem, parameters: FloatArray, noise: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return times [s], simulated and measured yaw rates [rad/s] of what was held back, a row each measurement.
+
+    Each segment is simulated from the state at its start that fits best; the parameters are given.
+    """
+    rows = problem.gyro
+    inside = problem.held_back[rows.segment]
+    nodes = problem.run(parameters, fitted_starts(problem, parameters, noise))[:, 1]
+    simulated = nodes[rows.node] * (1.0 - rows.part) + nodes[rows.node + 1] * rows.part
+    bias = parameters[PARAMETERS.index("gyro_bias")]
+    return rows.time[inside], simulated[inside] + bias, rows.values[inside, 0]
+
+
+def _validate(problems: Sequence[DriveProblem], parameters: FloatArray, noise: FloatArray) -> Validation:
+    parts = [held_back(problem, parameters, noise) for problem in problems]
+    simulated, measured = (np.concatenate([part[index] for part in parts]) for index in (1, 2))
+    if not len(measured):
+        return Validation(yaw_rate_rms=np.nan, yaw_rate_relative=np.nan, seconds=0.0)
+    error, own = (float(np.sqrt(np.mean(values**2))) for values in (simulated - measured, measured))
+    spans = (problem.segments[problem.held_back] for problem in problems)
+    seconds = sum(float((span[:, 1] - span[:, 0]).sum()) for span in spans) * problems[0].step
+    return Validation(yaw_rate_rms=error, yaw_rate_relative=error / max(own, 1e-12), seconds=seconds)
+
+
+def _reached(problems: Sequence[DriveProblem], parameters: FloatArray) -> NDArray[np.float64]:
+    slips = np.concatenate([force_points(problem, parameters)[0] for problem in problems], axis=1)
+    return np.asarray(np.percentile(np.abs(slips), 99.0, axis=1))
+
+
+def _needs(reached: float, stiffness: float) -> str:
+    needed = _SLIP_OF_PEAK * _USUAL_PEAK / stiffness
+    return f"slip angles reach {reached:.2g} rad; the peak needs about {needed:.2g}"
+
+
+def _refuse_unseen_stiffness(names: str, fit: Fit, reached: FloatArray) -> None:
+    for axle, name in enumerate(AXLES):
+        stiffness = _estimate(fit, 4 * axle)
+        if not stiffness.half <= _LEAST_SURE_STIFFNESS * stiffness.value:
+            raise SettingsError(
+                f"{names}: {name}: slip angles reach {reached[axle]:.2g} rad, and the stiffness is {stiffness} per "
+                "rad; accepted: a drive with more slip, to both sides, at several speeds"
+            )
+
+
+def _refuse_unseen_peaks(names: str, fit: Fit, reached: FloatArray) -> None:
+    for axle, name in enumerate(AXLES):
+        peak, _ = _peak(fit, axle)
+        if not peak.half <= _LEAST_SURE * peak.value:
+            unsure = f"the peak is {peak}" if np.isfinite(peak.half) else "no peak is seen"
+            raise SettingsError(
+                f"{names}: {name}: {_needs(float(reached[axle]), fit.parameters[4 * axle])} ({unsure}); accepted: a "
+                "drive up to the limit of both axles, or --linear for the stiffness alone"
+            )
+
+
+def _estimate(fit: Fit, index: int) -> Estimate:
+    half = np.inf if fit.at_bound[index] else _NORMAL * np.sqrt(fit.covariance[index, index])
+    return Estimate(value=float(fit.parameters[index]), half=float(half))
+
+
+def _axle(fit: Fit, axle: int, reached: float, linear: bool) -> Axle:
+    stiffness, c, d, e = (_estimate(fit, 4 * axle + index) for index in range(4))
+    if linear:
+        unknown = Estimate(value=np.nan, half=np.nan)
+        return Axle(
+            B=unknown, C=unknown, D=unknown, E=unknown, stiffness=stiffness, peak=unknown, peak_slip=np.nan,
+            reached=float(reached),
+        )  # fmt: skip
+    places = slice(4 * axle, 4 * axle + 3)
+    b = stiffness.value / (c.value * d.value)
+    slopes = b / fit.parameters[places] * np.array((1.0, -1.0, -1.0))
+    half = _NORMAL * float(np.sqrt(slopes @ fit.covariance[places, places] @ slopes))
+    peak, peak_slip = _peak(fit, axle)
+    return Axle(
+        B=Estimate(value=b, half=half), C=c, D=d, E=e, stiffness=stiffness, peak=peak, peak_slip=peak_slip,
+        reached=float(reached),
+    )  # fmt: skip

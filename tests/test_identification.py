@@ -1,0 +1,368 @@
+"""What identification finds in the drives of an independent single-track car, and what it refuses."""
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from refusals import refused
+
+import fg_mujoco as fg
+
+pytest.importorskip("scipy")
+
+import single_track_drives as car
+from bag_worlds import SECOND, header, make, robot_odometry, vector, write_bag
+from browsers import page_of  # noqa: F401
+
+from fg_mujoco.cli.main import main
+from fg_mujoco.racing.run_folder import write_run
+from fg_mujoco.studies.identification.drive import Channel, Drive
+from fg_mujoco.studies.identification.identification import identify_drives
+from fg_mujoco.studies.identification.motion import smooth
+from fg_mujoco.studies.identification.problem import STEP, DriveProblem
+from fg_mujoco.studies.identification.single_track import Steering, friction_curve
+from fg_mujoco.studies.identification.tire_file import tire_text
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+TIRES = car.random_set(1)
+STEERING = {"lag": 0.12, "gain": 1.03, "offset": -0.01}
+SLIPS = np.linspace(0.0, 0.6, 601)
+
+
+@pytest.fixture(scope="module")
+def exciting_drive():
+    return car.recorded(car.exciting(1, TIRES, 40.0), TIRES, seed=1, **STEERING)
+
+
+@pytest.fixture(scope="module")
+def gentle_drive():
+    time = np.arange(0.0, 40.0, 0.025)
+    fast = (time // 5.0) % 2 > 0  # at one speed, the steering's gain and the front stiffness would look the same
+    steering = (0.021 * np.sin(2.5 * time) + 0.018 * np.sin(0.7 * time)) * np.where(fast, 1.0, 2.0)
+    commands = time, steering, np.where(fast, 4.5, 2.2)
+    return car.recorded(commands, TIRES, seed=2, **STEERING)
+
+
+@pytest.fixture(scope="module")
+def found(exciting_drive):
+    return identify_drives([exciting_drive], front_drive=0.0)
+
+
+def stiffness(tire):
+    return tire[0] * tire[1] * tire[2]
+
+
+def test_the_axles_of_an_exciting_drive_are_found(found):
+    for axle, tire in ((found.front, TIRES[0]), (found.rear, TIRES[1])):
+        assert axle.stiffness.value == pytest.approx(stiffness(tire), rel=0.05)
+        assert axle.peak.value == pytest.approx(car.magic_formula(SLIPS, tire).max(), rel=0.03)
+        assert axle.D.value == pytest.approx(tire[2], rel=0.03)
+        assert axle.B.value * axle.C.value * axle.D.value == pytest.approx(axle.stiffness.value)
+
+
+def test_the_steering_of_an_exciting_drive_is_found(found):
+    assert found.steering_lag.value + found.steering_delay.value == pytest.approx(STEERING["lag"], abs=0.01)
+    assert found.steering_gain.value == pytest.approx(STEERING["gain"], abs=0.02)
+    assert found.steering_offset.value == pytest.approx(STEERING["offset"], abs=0.002)
+
+
+def test_the_intervals_cover_the_truth_and_are_no_wider_than_useful(found):
+    truth = [
+        (found.front.stiffness, stiffness(TIRES[0])), (found.rear.stiffness, stiffness(TIRES[1])),
+        (found.front.D, TIRES[0][2]), (found.rear.D, TIRES[1][2]), (found.steering_gain, STEERING["gain"]),
+    ]  # fmt: skip
+    for estimate, value in truth:
+        assert abs(estimate.value - value) <= 1.6 * estimate.half
+        assert estimate.half <= 0.1 * value
+
+
+def test_output_error_validates_better_than_inverse_dynamics(found):
+    assert found.validation.yaw_rate_relative < 0.05
+    assert found.validation.yaw_rate_relative < 0.7 * found.inverse_validation.yaw_rate_relative
+    assert found.validation.seconds > 8.0
+
+
+def lap_error(found, tires, steering):
+    """Relative rms of the yaw rate of a lap that no drive had, simulated from its commands in one piece."""
+    commands = car.lap()
+    drive = car.recorded(commands, tires, noise=0.0, **steering)
+    problem = DriveProblem(drive, front_drive=0.0)
+    problem.segments = np.array([[0, len(problem.motion.time)]])
+    yaw_rate = problem.run(found.fit.parameters, problem.smoothed[:1])[:, 1]
+    _, states, _ = car.solve(commands, tires, **steering)
+    truth = np.interp(problem.motion.time, car.FINE * np.arange(states.shape[1]), states[5])
+    return np.sqrt(np.mean((yaw_rate - truth) ** 2) / np.mean(truth**2))
+
+
+def test_a_lap_that_was_not_driven_is_predicted(found):
+    assert lap_error(found, TIRES, STEERING) < 0.03
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "bound"), [("nuc2", 0.10), ("nuc6", 0.05)])  # nuc2 spins through half of a drive
+def test_the_tires_of_real_cars_are_found(name, bound):
+    tires = car.SETS[name]
+    drives = [car.recorded(car.exciting(seed, tires), tires, seed=seed, **STEERING) for seed in (100, 101)]
+    found = identify_drives(drives, front_drive=0.0)
+    for axle, tire in ((found.front, tires[0]), (found.rear, tires[1])):
+        assert axle.stiffness.value == pytest.approx(stiffness(tire), rel=bound)
+        assert axle.peak.value == pytest.approx(car.magic_formula(SLIPS, tire).max(), rel=0.03)
+    assert found.steering_lag.value + found.steering_delay.value == pytest.approx(STEERING["lag"], abs=0.01)
+    assert lap_error(found, tires, STEERING) < 0.03
+
+
+def test_the_lateral_velocity_is_smoothed_from_poses_and_accelerations(exciting_drive):
+    motion = smooth(exciting_drive)
+    _, states, _ = car.solve(car.exciting(1, TIRES, 40.0), TIRES, **STEERING)
+    time = car.FINE * np.arange(states.shape[1])
+    inside = motion.forward_speed > 1.0
+    for smoothed, state, bound in (
+        (motion.lateral_speed, states[4], 0.03), (motion.forward_speed, states[3], 0.03),
+        (motion.yaw_rate, states[5], 0.03), (motion.heading, states[2], 0.01),
+    ):  # fmt: skip
+        error = (smoothed - np.interp(motion.time, time, state))[inside]
+        assert np.sqrt(np.mean(error**2)) < bound
+
+
+def test_the_model_drives_like_the_independent_one():
+    commands = car.lap(10.0)
+    drive = car.recorded(commands, TIRES, noise=0.0, lag=0.1)
+    problem = DriveProblem(drive, front_drive=0.0)
+    problem.segments = np.array([[0, len(problem.motion.time)]])
+    _, states, _ = car.solve(commands, TIRES, lag=0.1)
+    time = car.FINE * np.arange(states.shape[1])
+    motion = problem.motion
+    problem.motion = replace(motion, forward_speed=np.interp(motion.time, time, states[3]))
+    start = np.array([[*(np.interp(motion.time[0], time, states[row]) for row in (4, 5, 0, 1, 2))]])
+    parameters = np.array([*(v for t in TIRES[:2] for v in (stiffness(t), *t[1:])), 1.0, 0.0, 0.1, 0, 0, 0, 1.0, 0, 0])
+    nodes = problem.run(parameters, start)
+    yaw_rate, lateral = (np.interp(motion.time, time, states[row]) for row in (5, 4))
+    assert np.abs(nodes[:, 1] - yaw_rate).max() < 0.01 * np.abs(yaw_rate).max()
+    assert np.abs(nodes[:, 0] - lateral).max() < 0.01 * np.abs(lateral).max() + 0.002
+
+
+def test_the_formula_is_the_published_one():
+    b, c, d, e = tire = TIRES[0]
+    curve = friction_curve(SLIPS, np.array((b * c * d, c, d, e)))
+    assert curve == pytest.approx(car.magic_formula(SLIPS, tire), abs=1e-12)
+
+
+def test_the_steering_follows_a_step_late_by_lag_and_delay():
+    time = np.arange(0.0, 2.0, STEP)
+    commands = Channel(name="commands", time=np.array((0.0, 0.5)), values=np.array(((0.0,), (0.1,))))
+    steering = Steering(commands, time, limit=0.4, rate=100.0, held=True)
+    angles = steering.angles(1.2, 0.02, 0.1, 0.05)
+    expected = 0.02 + np.where(time < 0.55, 0.0, 0.12 * (1.0 - np.exp(-np.maximum(time - 0.55, 0.0) / 0.1)))
+    assert angles == pytest.approx(expected, abs=1e-3)
+    slow = Steering(commands, time, limit=0.4, rate=0.2, held=True).angles(1.0, 0.0, 0.0, 0.0)
+    assert slow == pytest.approx(np.clip(0.2 * (time - 0.5), 0.0, 0.1), abs=1e-3 + 1e-9)
+
+
+def test_a_gentle_drive_is_refused_and_gives_the_stiffness_alone(gentle_drive):
+    with pytest.raises(fg.SettingsError) as refusal:
+        identify_drives([gentle_drive], front_drive=0.0)
+    said = str(refusal.value)
+    assert "front: slip angles reach 0.0" in said
+    assert "the peak needs about 0." in said
+    assert "--linear" in said
+    found = identify_drives([gentle_drive], linear=True, front_drive=0.0)
+    for axle, tire in ((found.front, TIRES[0]), (found.rear, TIRES[1])):
+        assert axle.stiffness.value == pytest.approx(stiffness(tire), rel=0.05)
+    table = tomllib.loads(tire_text(found))
+    assert table["model"] == "linear"
+    assert table["rear"]["stiffness"] == pytest.approx(found.rear.stiffness.value, rel=1e-5)
+    assert table["rear"]["D"] == 1.0
+
+
+def test_drives_that_say_nothing_are_refused(exciting_drive):
+    def cut(end):
+        return {
+            name: Channel(name=name, time=channel.time[channel.time < end], values=channel.values[channel.time < end])
+            for name, channel in (
+                (n, getattr(exciting_drive, n)) for n in ("speed", "yaw_rate", "acceleration", "pose")
+            )
+        }
+
+    with pytest.raises(fg.SettingsError, match=r"drive 1: lasts 3\.\d+ s; accepted: 5 s or more"):
+        replace(exciting_drive, **cut(4.0))
+    speed = exciting_drive.speed
+    standing = Channel(name="speed", time=speed.time, values=np.zeros_like(speed.values))
+    with pytest.raises(fg.SettingsError, match="drive 1: the car stands; accepted: 5 s or more above 1 m/s"):
+        replace(exciting_drive, speed=standing)
+    with pytest.raises(fg.SettingsError, match="neither accelerations nor poses"):
+        replace(exciting_drive, acceleration=None, pose=None)
+    other = replace(exciting_drive, name="drive 2", car=replace(exciting_drive.car, mass=9.0))
+    with pytest.raises(fg.SettingsError, match="drive 2: is of another car than drive 1"):
+        identify_drives([exciting_drive, other])
+    with pytest.raises(fg.SettingsError, match="no drive"):
+        identify_drives([])
+    with pytest.raises(fg.SettingsError, match=r"front_drive is 1\.5; accepted: 0 to 1"):
+        identify_drives([exciting_drive], front_drive=1.5)
+    with pytest.raises(fg.SettingsError, match="its times do not increase"):
+        Channel(name="gyro", time=np.zeros(2), values=np.zeros((2, 1)))
+
+
+def test_a_straight_drive_is_refused():
+    time = np.arange(0.0, 8.0, 0.025)
+    drive = car.recorded((time, np.zeros(len(time)), np.full(len(time), 3.0)), TIRES, seed=3, noise=0.1)
+    with pytest.raises(fg.SettingsError, match=r"slip angles reach 0\.00\d+ rad; the peak needs about 0\.16"):
+        identify_drives([drive])
+
+
+def test_the_tire_file_has_each_value_with_its_interval_and_source(found):
+    text = tire_text(found)
+    table = tomllib.loads(text)
+    assert table["model"] == "magic_formula"
+    for name, axle in (("front", found.front), ("rear", found.rear)):
+        assert set(table[name]) == {"B", "C", "D", "E", "relaxation_length", "load_sensitivity", "nominal_load"}
+        for letter in "BCDE":
+            estimate = getattr(axle, letter)
+            assert table[name][letter] == pytest.approx(estimate.value, rel=1e-5)
+            assert f"+- {estimate.half:.2g}; drive 1 (sha256 000000000000)" in text
+
+
+@pytest.fixture(scope="module")
+def bag(exciting_drive, tmp_path_factory):
+    """The exciting drive as a robot records it: with the stamps of 2026, and a scan matcher's odometry."""
+    pytest.importorskip("rosbags")
+    return write_bag(tmp_path_factory.mktemp("bags") / "drive", entries_of(exciting_drive))
+
+
+def entries_of(drive, *, kinds=("drive", "imu", "odom")):
+    begin = 1_790_000_000 * SECOND
+    entries = []
+
+    def stamped(channel):
+        return [(begin + round(t * 1e9), row) for t, row in zip(channel.time, channel.values.tolist(), strict=True)]
+
+    if "drive" in kinds:
+        for time, (angle,) in stamped(drive.steering):
+            command = make(
+                "ackermann_msgs/msg/AckermannDrive", steering_angle=angle, steering_angle_velocity=0.0, speed=0.0,
+                acceleration=0.0, jerk=0.0,
+            )  # fmt: skip
+            command = make("ackermann_msgs/msg/AckermannDriveStamped", header=header(time, "base_link"), drive=command)
+            entries.append(("/drive", time, command))
+    if "imu" in kinds:
+        for (time, (turn,)), (ahead, left) in zip(stamped(drive.yaw_rate), drive.acceleration.values, strict=True):
+            message = make(
+                "sensor_msgs/msg/Imu", header=header(time, "imu"), orientation_covariance=np.zeros(9),
+                orientation=make("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0),
+                angular_velocity=vector(z=turn), angular_velocity_covariance=np.zeros(9),
+                linear_acceleration=vector(ahead, left, 9.81), linear_acceleration_covariance=np.zeros(9),
+            )  # fmt: skip
+            entries.append(("/imu", time, message))
+    if "odom" in kinds:
+        for (time, (x, y, yaw)), (speed,) in zip(stamped(drive.pose), drive.speed.values.tolist(), strict=True):
+            entries.append(("/odom", time, robot_odometry(time, x=x, y=y, yaw=yaw, speed=speed)))
+    return sorted(entries, key=lambda entry: entry[1])
+
+
+def test_a_bag_has_the_channels_that_were_recorded(bag, exciting_drive):
+    from fg_mujoco.ros.bag_drive import read_drive
+
+    drive = read_drive(bag, vehicle="nuc2")
+    assert drive.vehicle == "nuc2"
+    assert drive.commanded
+    for name in ("steering", "speed", "yaw_rate", "acceleration", "pose"):
+        read, told = getattr(drive, name), getattr(exciting_drive, name)
+        assert read.time == pytest.approx(told.time, abs=2e-7)
+        wrapped = np.remainder(read.values - told.values + np.pi, 2.0 * np.pi) - np.pi if name == "pose" else None
+        assert (wrapped if name == "pose" else read.values - told.values) == pytest.approx(0.0, abs=1e-6)
+    assert len(drive.sha256) == 64
+
+
+def test_the_command_writes_tires_and_a_page_of_a_bag(bag, tmp_path, capsys, page_of):  # noqa: F811
+    pytest.importorskip("bokeh")
+    out, report = tmp_path / "tires.toml", tmp_path / "page.html"
+    words = [
+        "identify",
+        str(bag),
+        "--out",
+        str(out),
+        "--report",
+        str(report),
+        "--vehicle",
+        "nuc2",
+        "--front-drive",
+        "0",
+    ]
+    assert main(words) == 0
+    said = capsys.readouterr().out
+    assert "front stiffness" in said
+    assert tomllib.loads(out.read_text())["front"]["D"] == pytest.approx(TIRES[0][2], rel=0.3)
+    errors, asked = [], []
+    with page_of() as page:
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.on("request", lambda request: asked.append(request.url))
+        page.goto(report.as_uri())
+        page.wait_for_selector("html[data-ready=yes]")
+        assert page.locator(".bk-Figure, .bk-Canvas").count() >= 3 or page.locator("canvas").count() >= 3
+        assert page.locator("td", has_text="front stiffness B C D").count() == 1
+    assert errors == []
+    assert asked == [report.as_uri()]
+
+
+def test_a_page_escapes_what_a_name_says(found, tmp_path):
+    pytest.importorskip("bokeh")
+    from fg_mujoco.studies.identification.page import write_identification_report
+
+    named = replace(found, drives=(replace(found.drives[0], name="<script>alert(1)</script>"),))
+    page = write_identification_report(named, tmp_path / "page.html").read_text()
+    assert "<script>alert(1)" not in page
+    assert "&lt;script&gt;alert(1)&lt;/script&gt;" in page
+    assert "default-src 'none'" in page
+
+
+@pytest.mark.parametrize(
+    ("kinds", "lacks"),
+    [(("imu", "odom"), "steering"), (("drive", "imu"), "wheel speed")],
+)
+def test_a_bag_without_a_channel_is_refused_with_what_it_has(tmp_path, capsys, gentle_drive, kinds, lacks):
+    pytest.importorskip("rosbags")
+    bag = write_bag(tmp_path / "bag", entries_of(gentle_drive, kinds=kinds)[:200])
+    said = refused(tmp_path, capsys, "identify", str(bag), "--out", str(tmp_path / "tires.toml"))
+    assert f"bag: has no {lacks}: it has /" in said
+    assert "accepted: steering by ackermann_msgs/msg/AckermannDriveStamped or sensor_msgs/msg/JointState" in said
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("nothing", "--out", "tires.toml"), "nothing: cannot be read"),
+        ((".", "--out", "tires.toml"), "has no summary.json"),
+        (("run", "--out", "tires.txt"), "tires.txt: is no name for a file of tires; accepted: one that ends in .toml"),
+        (("run", "--out", "there.toml"), "there.toml: exists; accepted: a new file, or --force"),
+        (("run", "--out", "tires.toml", "--report", "page.pdf"), "page.pdf: is no name for a page"),
+        (("run", "--out", "tires.toml", "--vehicle", "nuc"), "did you mean 'nuc2'?"),
+        (("run",), "--out"),
+    ],
+)
+def test_the_command_refuses_in_one_line(tmp_path, monkeypatch, capsys, words, said):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "there.toml").write_text("")
+    assert said in refused(tmp_path, capsys, "identify", *words)
+
+
+def test_a_run_has_the_sensors_that_its_car_had(tmp_path):
+    result = fg.race("oval", laps=1, time_limit=7.0)
+    run = fg.read_run(write_run(result, tmp_path / "run"))
+    drive = Drive.of_run(run)
+    assert drive.vehicle == "f1tenth"
+    assert drive.car == result.world.parameters
+    assert drive.sha256 == run.summary["trajectory_sha256"]
+    for channel, column, place in (
+        (drive.yaw_rate, "yaw_rate_rad_s", 0), (drive.pose, "x_m", 0), (drive.pose, "y_m", 1),
+        (drive.pose, "heading_rad", 2), (drive.steering, "command_steering_rad", 0),
+    ):  # fmt: skip
+        assert channel.time == pytest.approx(run.column("time_s"))
+        assert channel.values[:, place] == pytest.approx(run.column(column), abs=1e-9)
+    forward = run.column("speed_m_s") > 1.0
+    assert drive.speed.values[forward, 0] == pytest.approx(run.column("speed_m_s")[forward], abs=0.2)
+    turning = (run.column("yaw_rate_rad_s") * run.column("speed_m_s"))[20:]
+    assert np.corrcoef(drive.acceleration.values[20:, 1], turning)[0, 1] > 0.9
