@@ -239,3 +239,11 @@ def test_names_that_are_too_long(text):
         fg.load_track(text)
     with pytest.raises(fg.SettingsError, match=f"has {len(text)} characters; accepted: 8192 at most"):
         fg.race("oval", text)
+
+
+def test_a_line_that_goes_to_and_fro_is_refused_before_any_work_on_it():
+    angle = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
+    ring = 3.0 * np.column_stack((np.cos(angle), np.sin(angle)))
+    line = np.concatenate((ring[:9], np.tile(ring[7:9], (10_000, 1)), ring[9:]))
+    with pytest.raises(fg.TrackError, match=r"has 62\d\d m in the square metre at \(2, 2\); accepted: 20 m at most"):
+        fg.Track(name="x", centreline=line, width_right=np.ones(len(line)), width_left=np.ones(len(line)))

@@ -38,6 +38,7 @@ _TRIES = 1000  # random starts that are drawn before there is said to be none
 MIN_POINTS = 4  # three make a triangle, which tells nothing of a circuit
 MOST_POINTS = 200_000  # work on a line grows with its points
 LONGEST = 30e3  # [m] of a line: the longest circuits there are, at their full size
+MOST_OF_A_SQUARE = 20.0  # [m] of a line in a square metre: lanes beside each other have 2 or 3
 FURTHEST = 1e6  # [m] from the world's origin: numbers there are still true to 1e-9 m
 WIDEST = 1e3  # [m] to either wall
 
@@ -393,7 +394,8 @@ def check_size(line: FloatArray) -> None:
     """Refuse a line (n, 2) of finite numbers [m] that is too much to work on, or too far away.
 
     Raises:
-      TrackError: more than MOST_POINTS points, a coordinate beyond FURTHEST, or a line longer than LONGEST.
+      TrackError: more than MOST_POINTS points, a coordinate beyond FURTHEST, a line longer than LONGEST, or one that
+        goes to and fro in one place.
     """
     if len(line) > MOST_POINTS:
         raise TrackError(f"the centreline has {len(line)} points; accepted: {MOST_POINTS} at most")
@@ -407,6 +409,26 @@ def check_size(line: FloatArray) -> None:
     length = float(step_lengths(line).sum())
     if length > LONGEST:
         raise TrackError(f"the centreline is {length:g} m long; accepted: {LONGEST:g} m at most")
+    (x, y), most = _densest_square(line)
+    if most > MOST_OF_A_SQUARE:
+        raise TrackError(
+            f"the centreline has {most:.0f} m in the square metre at ({x:g}, {y:g}); accepted: {MOST_OF_A_SQUARE:g} m "
+            "at most, a line that does not go to and fro"
+        )
+
+
+def _densest_square(line: FloatArray) -> tuple[tuple[float, float], float]:
+    """Return the corner of the square metre that holds most of a closed line (n, 2), and how much [m]."""
+    lengths = step_lengths(line)
+    pieces = np.maximum(np.ceil(lengths / 0.5), 1.0).astype(int)  # none is longer than half a square's side
+    segment = np.repeat(np.arange(len(line)), pieces)
+    place = np.arange(len(segment)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    share = (place + 0.5) / pieces[segment]
+    middles = line[segment] + share[:, None] * (np.roll(line, -1, axis=0) - line)[segment]
+    squares, found = np.unique(np.floor(middles), axis=0, return_inverse=True)
+    held = np.bincount(found.ravel(), weights=(lengths / pieces)[segment])
+    densest = int(held.argmax())
+    return (float(squares[densest, 0]), float(squares[densest, 1])), float(held[densest])
 
 
 def _check_line(line: FloatArray) -> None:
