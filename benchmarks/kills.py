@@ -96,7 +96,10 @@ def make_place(folder: Path, run: Path) -> Path:
 
 def changes(folder: Path, before: set[Path]) -> bool:
     """Say whether anything is written there."""
-    return set(folder.rglob("*")) != before
+    try:
+        return set(folder.rglob("*")) != before
+    except FileNotFoundError:  # a folder that went while it was listed
+        return True
 
 
 def kill_once(command: str, folder: Path, chance: random.Random, span: tuple[float, float]) -> str:

@@ -67,14 +67,14 @@ def _is_right(samples, here, rng):
     return lambda: 0
 
 
-LIMITS = Limits(time=5.0, memory=400_000)
+LIMITS = Limits(time=3.0, memory=400_000)
 
 FAULTS = {
     "raises": (_raises, "KeyError: 'nothing'"),
     "prints a traceback": (_prints_a_traceback, "a traceback"),
     "dies": (_dies, "the process ended with -6"),
     "leaves quietly": (_leaves_quietly, "the process ended with 0 before it was through"),
-    "hangs": (_hangs, "more than 5 s"),
+    "hangs": (_hangs, "more than 3 s"),
     "takes memory": (_takes_memory, "kB of memory"),
     "refuses in two lines": (_refuses_in_two_lines, "2 lines for a refusal"),
     "refuses and writes": (_refuses_and_writes, "refused, but wrote left.csv"),

@@ -295,7 +295,7 @@ def test_no_value_of_a_summary_ends_in_a_traceback(door, here, capsys, monkeypat
     path = here / "run/summary.json"
     plain = json.loads(path.read_text("utf-8"))
     for place, name in enumerate([*plain, *(f"settings.{name}" for name in plain["settings"])]):
-        for value in (WRONG[place % len(WRONG)], WRONG[(place + 4) % len(WRONG)]):  # tests/fuzzing tries the others
+        for value in (WRONG[place % len(WRONG)],):  # tests/fuzzing tries the others
             if name.startswith("settings."):
                 changed = plain | {"settings": plain["settings"] | {name.partition(".")[2]: value}}
             else:

@@ -104,13 +104,12 @@ def test_a_lap_that_was_not_driven_is_predicted(found):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "bound"), [("nuc2", 0.10), ("nuc6", 0.05)])  # nuc2 spins through half of a drive
-def test_the_tires_of_real_cars_are_found(name, bound):
-    tires = car.SETS[name]
+def test_the_tires_of_a_real_car_are_found():
+    tires = car.SETS["nuc6"]  # docs/identification.md has what comes of others
     drives = [car.recorded(car.exciting(seed, tires), tires, seed=seed, **STEERING) for seed in (100, 101)]
     found = identify_drives(drives, front_drive=0.0)
     for axle, tire in ((found.front, tires[0]), (found.rear, tires[1])):
-        assert axle.stiffness.value == pytest.approx(stiffness(tire), rel=bound)
+        assert axle.stiffness.value == pytest.approx(stiffness(tire), rel=0.05)
         assert axle.peak.value == pytest.approx(car.magic_formula(SLIPS, tire).max(), rel=0.03)
     assert found.steering_lag.value + found.steering_delay.value == pytest.approx(STEERING["lag"], abs=0.01)
     assert lap_error(found, tires, STEERING) < 0.03

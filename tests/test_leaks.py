@@ -82,7 +82,7 @@ def test_a_race_that_failed_is_let_go_with_its_error():
 
 
 def test_renderers_that_are_closed_leave_nothing_behind(leaks):
-    found = measured(leaks, "renderers", 0.2)
+    found = measured(leaks, "renderers", 0.1)
     assert is_flat(found), found
 
 
