@@ -121,14 +121,19 @@ STATES = {
 }  # fmt: skip
 
 
-def table(change):
-    """Return what changes the text of telemetry.csv."""
+def text_of(name, change):
+    """Return what changes the text of a file of the run."""
 
     def spoil(here):
-        path = here / "run/telemetry.csv"
+        path = here / "run" / name
         path.write_text(change(path.read_text("utf-8")), "utf-8")
 
     return spoil
+
+
+def table(change):
+    """Return what changes the text of telemetry.csv."""
+    return text_of("telemetry.csv", change)
 
 
 def cell(value, column=3):
@@ -184,12 +189,7 @@ SUMMARIES = {
 
 def scene(change):
     """Return what changes the text of scene.xml."""
-
-    def spoil(here):
-        path = here / "run/scene.xml"
-        path.write_text(change(path.read_text("utf-8")), "utf-8")
-
-    return spoil
+    return text_of("scene.xml", change)
 
 
 def added(text):

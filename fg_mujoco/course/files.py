@@ -5,6 +5,7 @@ A FIFO or a device would be read for ever, and a name can be too long for the sy
 
 from __future__ import annotations
 
+import hashlib
 import math
 import os
 import stat
@@ -107,6 +108,20 @@ def _read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Any:
             raise ValueError(f"{member.filename} has {values} bytes of an array {shape} of {dtype}"[:200])
         content = np.frombuffer(file.read(size), dtype)
         return content.reshape(shape, order="F" if fortran_order else "C")
+
+
+def file_sha256(*paths: str | Path) -> str:
+    """Return the hash of a file, or of several one after the other, without holding them in memory.
+
+    Raises:
+      OSError: one cannot be read.
+    """
+    digest = hashlib.sha256()
+    for path in paths:
+        with open(path, "rb") as file:
+            while part := file.read(2**20):
+                digest.update(part)
+    return digest.hexdigest()
 
 
 def is_file(path: str | Path) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import re
 from collections.abc import Mapping
@@ -11,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..course.course import Course
-from ..course.files import LONGEST_NAME
+from ..course.files import LONGEST_NAME, file_sha256
 from ..errors import SettingsError
 from ..messages import Controller
 from ..simulation.settings import DriveSettings
@@ -66,7 +65,7 @@ class ControllerChoice:
     def sha256(self) -> str | None:
         """Of the file of a user's controller; None for a bundled one."""
         path, colon, _ = self.source.rpartition(":")
-        return hashlib.sha256(Path(path).read_bytes()).hexdigest() if colon else None
+        return file_sha256(path) if colon else None
 
     def settings_with(self, others: Mapping[str, Any]) -> dict[str, Any]:
         """Return the settings in its brackets and `others`, those that are given beside it.

@@ -5,14 +5,13 @@ A bundled planner always may. Any other one may where the user says so, and its 
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from ..course.files import is_file, read_bytes
+from ..course.files import file_sha256, is_file, read_bytes
 from ..errors import ControllerError, TrackError
 from ..messages import CarParameters, Controller
 from ..simulation.course_loading import load_track
@@ -56,7 +55,7 @@ def require_trusted(source: str, sha256: str | None, *, trust: bool, where: str)
     if not colon:  # of an installed package, whose code the user has chosen
         found = origin(source)["sha256"] if sha256 is not None else None
     elif is_file(path):
-        found = hashlib.sha256(Path(path).read_bytes()).hexdigest()
+        found = file_sha256(path)
     else:
         raise ControllerError(f"{said}: there is no file {path}; accepted with --trust: the file as it was raced")
     if found != sha256 or (colon and sha256 is None):

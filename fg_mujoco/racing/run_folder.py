@@ -36,7 +36,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from ..course.files import is_file, read_arrays, read_bytes, read_text, require_regular
+from ..course.files import file_sha256, is_file, read_arrays, read_bytes, read_text, require_regular
 from ..course.writing import claimed_folder, require_writable, staged_folder
 from ..display import brief, quoted
 from ..errors import FgMujocoError, RunFolderError, SettingsError, accepted_names
@@ -146,7 +146,7 @@ def write_run(
             _write_failed_scan(result.planner_failure, staging / FAILED_SCAN)
         if draw is not None:
             draw(result, staging / _TRACE)
-        sha256s = {name: _sha256(staging / name) for name in _READ_BACK if (staging / name).exists()}
+        sha256s = {name: file_sha256(staging / name) for name in _READ_BACK if (staging / name).exists()}
         summary = json.loads(summary_json(result, settings)) | {"files": sha256s}
         (staging / SUMMARY).write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
         if add is not None:
@@ -336,21 +336,13 @@ def _refuse_constant(name: str) -> None:
     raise ValueError(f"{name} is no JSON")
 
 
-def _sha256(path: Path) -> str:
-    digest = hashlib.sha256()
-    with path.open("rb") as file:
-        while part := file.read(2**20):
-            digest.update(part)
-    return digest.hexdigest()
-
-
 def _require_unchanged(path: Path, summary: Mapping[str, Any]) -> None:
     """Make sure that a file is the one that was written; a folder of an older version does not say which it was."""
     files = summary.get("files", {})
     if not isinstance(files, dict) or not all(re.fullmatch("[0-9a-f]{64}", str(value)) for value in files.values()):
         said = f"{path.parent / SUMMARY}: files is {' '.join(str(files).split())[:60]!r}"
         raise RunFolderError(f"{said}; accepted: the SHA-256 of each file by its name")
-    if path.name in files and (path.stat().st_size > _MOST_STATES or _sha256(path) != files[path.name]):
+    if path.name in files and (path.stat().st_size > _MOST_STATES or file_sha256(path) != files[path.name]):
         raise RunFolderError(f"{path}: is damaged or edited: its sha256 is another; accepted: as `race --out` wrote it")
 
 

@@ -15,13 +15,13 @@ Times are those of the messages' headers, or of the recorder where a header has 
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ..course.files import file_sha256
 from ..errors import BagError, FgMujocoError, SettingsError
 from ..messages import CarParameters
 from ..racing.run_folder import SUMMARY, read_run
@@ -206,9 +206,4 @@ def _joints(message: Any, names: Iterable[str], values: Any) -> list[float] | No
 
 def _sha256(path: Path) -> str:
     """Return the hash of a bag: of its file, or of the files of its folder in the order of their names."""
-    digest = hashlib.sha256()
-    for file in sorted(path.iterdir()) if path.is_dir() else [path]:
-        with file.open("rb") as opened:
-            while block := opened.read(1 << 20):
-                digest.update(block)
-    return digest.hexdigest()
+    return file_sha256(*(sorted(path.iterdir()) if path.is_dir() else [path]))

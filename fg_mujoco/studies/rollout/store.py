@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...course.course import Course
+from ...course.files import file_sha256
 from ...course.writing import write_file
 from ...errors import RunFolderError
 from ...messages import require_whole
@@ -236,7 +237,7 @@ class FolderStore:
         try:
             known = self._read_summary().get("worlds_sha256")
             with blame(path, "as `rollout --out` wrote it"):
-                if known is not None and hashlib.sha256(path.read_bytes()).hexdigest() != known:
+                if known is not None and file_sha256(path) != known:
                     raise ValueError("its sha256 is another")
         except RunFolderError as error:
             warn_damaged(str(error).partition(": ")[0], error)
