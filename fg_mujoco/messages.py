@@ -269,6 +269,7 @@ class CarParameters:
     center_of_gravity_height: float  # [m] over the ground
     yaw_inertia: float  # [kg m^2] about the centre of gravity
     wheel_radius: float  # [m]
+    wheel_inertia: float  # [kg m^2] of a wheel about its axle, in the mean
     max_steering_angle: float  # [rad]
     max_steering_rate: float  # [rad/s]
     min_speed: float  # [m/s] fastest in reverse, negative

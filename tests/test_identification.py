@@ -50,7 +50,7 @@ def gentle_drive():
 
 @pytest.fixture(scope="module")
 def found(exciting_drive):
-    return identify_drives([exciting_drive], front_drive=0.0)
+    return identify_drives([exciting_drive], front_drive=0.0, single_track=True)
 
 
 def stiffness(tire):
@@ -91,7 +91,7 @@ def lap_error(found, tires, steering):
     """Relative rms of the yaw rate of a lap that no drive had, simulated from its commands in one piece."""
     commands = car.lap()
     drive = car.recorded(commands, tires, noise=0.0, **steering)
-    problem = DriveProblem(drive, front_drive=0.0)
+    problem = DriveProblem(drive, front_drive=0.0, single_track=True)
     problem.segments = np.array([[0, len(problem.motion.time)]])
     yaw_rate = problem.run(found.fit.parameters, problem.smoothed[:1])[:, 1]
     _, states, _ = car.solve(commands, tires, **steering)
@@ -107,7 +107,7 @@ def test_a_lap_that_was_not_driven_is_predicted(found):
 def test_the_tires_of_a_real_car_are_found():
     tires = car.SETS["nuc6"]  # docs/identification.md has what comes of others
     drives = [car.recorded(car.exciting(seed, tires), tires, seed=seed, **STEERING) for seed in (100, 101)]
-    found = identify_drives(drives, front_drive=0.0)
+    found = identify_drives(drives, front_drive=0.0, single_track=True)
     for axle, tire in ((found.front, tires[0]), (found.rear, tires[1])):
         assert axle.stiffness.value == pytest.approx(stiffness(tire), rel=0.05)
         assert axle.peak.value == pytest.approx(car.magic_formula(SLIPS, tire).max(), rel=0.03)
@@ -131,14 +131,15 @@ def test_the_lateral_velocity_is_smoothed_from_poses_and_accelerations(exciting_
 def test_the_model_drives_like_the_independent_one():
     commands = car.lap(10.0)
     drive = car.recorded(commands, TIRES, noise=0.0, lag=0.1)
-    problem = DriveProblem(drive, front_drive=0.0)
+    problem = DriveProblem(drive, front_drive=0.0, single_track=True)
     problem.segments = np.array([[0, len(problem.motion.time)]])
     _, states, _ = car.solve(commands, TIRES, lag=0.1)
     time = car.FINE * np.arange(states.shape[1])
     motion = problem.motion
     problem.motion = replace(motion, forward_speed=np.interp(motion.time, time, states[3]))
     start = np.array([[*(np.interp(motion.time[0], time, states[row]) for row in (4, 5, 0, 1, 2))]])
-    parameters = np.array([*(v for t in TIRES[:2] for v in (stiffness(t), *t[1:])), 1.0, 0.0, 0.1, 0, 0, 0, 1.0, 0, 0])
+    axles = [v for t in TIRES[:2] for v in (stiffness(t), *t[1:])]
+    parameters = np.array([*axles, 1.0, 0.0, 0.1, 0, 0, 0, 0, 1.0, 0, 0])
     nodes = problem.run(parameters, start)
     yaw_rate, lateral = (np.interp(motion.time, time, states[row]) for row in (5, 4))
     assert np.abs(nodes[:, 1] - yaw_rate).max() < 0.01 * np.abs(yaw_rate).max()
@@ -164,12 +165,12 @@ def test_the_steering_follows_a_step_late_by_lag_and_delay():
 
 def test_a_gentle_drive_is_refused_and_gives_the_stiffness_alone(gentle_drive):
     with pytest.raises(fg.SettingsError) as refusal:
-        identify_drives([gentle_drive], front_drive=0.0)
+        identify_drives([gentle_drive], front_drive=0.0, single_track=True)
     said = str(refusal.value)
     assert "front: slip angles reach 0.0" in said
     assert "the peak needs about 0." in said
     assert "--linear" in said
-    found = identify_drives([gentle_drive], linear=True, front_drive=0.0)
+    found = identify_drives([gentle_drive], linear=True, front_drive=0.0, single_track=True)
     for axle, tire in ((found.front, TIRES[0]), (found.rear, TIRES[1])):
         assert axle.stiffness.value == pytest.approx(stiffness(tire), rel=0.05)
     table = tomllib.loads(tire_text(found))
@@ -300,6 +301,7 @@ def test_the_command_writes_tires_and_a_page_of_a_bag(bag, tmp_path, capsys, pag
         "nuc2",
         "--front-drive",
         "0",
+        "--single-track",
     ]
     assert main(words) == 0
     said = capsys.readouterr().out

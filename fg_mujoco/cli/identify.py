@@ -29,6 +29,10 @@ def add_identify(add_command: Callable[..., argparse.ArgumentParser], commands: 
         "--front-drive", type=number, default=0.5, metavar="SHARE",
         help="of the drive at the front axle: 0.5, the default, with four driven wheels, 0 with driven rear wheels",
     )  # fmt: skip
+    add(
+        "--single-track", action="store_true",
+        help="fit the single-track model: no load on outer tires, and driving takes nothing of the grip",
+    )  # fmt: skip
     add("--pose-topic", metavar="TOPIC", help="of the poses in a bag; default: the only one there is, or /odom")
     add("--force", action="store_true", help="replace files that exist")
 
@@ -53,6 +57,7 @@ def _identify(options: argparse.Namespace) -> int:
         vehicle=options.vehicle,
         linear=options.linear,
         front_drive=options.front_drive,
+        single_track=options.single_track,
         pose_topic=options.pose_topic,
     )
     write_tires(found, options.out, force=options.force)

@@ -56,6 +56,7 @@ def identify(
     vehicle: str | Path | Vehicle | None = None,
     linear: bool = False,
     front_drive: float = 0.5,
+    single_track: bool = False,
     pose_topic: str | None = None,
 ) -> Identification:
     """Return the tires and the steering of a car, identified from drives that it recorded.
@@ -65,6 +66,7 @@ def identify(
       vehicle: whose mass, inertia and lengths are assumed; None: those of the runs' own car, or `f1tenth` with bags.
       linear: find of each axle the stiffness alone, which a gentle drive determines.
       front_drive: share of the drive at the front axle, 0 to 1.
+      single_track: leave out the load on the outer tires, what driving takes of the grip, and the relaxation length.
       pose_topic: of the poses in a bag; None: the only one there is, or /odom.
 
     Raises:
@@ -75,7 +77,7 @@ def identify(
     require_scipy()
     check_front_drive(front_drive)
     drives = [read_drive(source, vehicle=vehicle, pose_topic=pose_topic) for source in sources]
-    return identify_drives(drives, linear=linear, front_drive=front_drive)
+    return identify_drives(drives, linear=linear, front_drive=front_drive, single_track=single_track)
 
 
 def read_drive(

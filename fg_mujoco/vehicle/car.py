@@ -76,7 +76,8 @@ def car_parameters(model: mujoco.MjModel, prefix: str = "") -> CarParameters:
     half_length, half_width = (float(half) for half in model.geom_size[chassis, :2])
 
     spins = [element_id(model, mujoco.mjtObj.mjOBJ_JOINT, f"{prefix}{wheel}_wheel") for wheel in WHEELS]
-    effective_mass = mass + float(model.dof_M0[model.jnt_dofadr[spins]].sum()) / wheel_radius**2
+    wheel_inertias = model.dof_M0[model.jnt_dofadr[spins]]
+    effective_mass = mass + float(wheel_inertias.sum()) / wheel_radius**2
     steering = element_id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, f"{prefix}steering")
     steered = ("steering", "front_left_kingpin", "front_right_kingpin")  # turn together, one to one in the middle
     steered_joints = [element_id(model, mujoco.mjtObj.mjOBJ_JOINT, f"{prefix}{joint}") for joint in steered]
@@ -97,6 +98,7 @@ def car_parameters(model: mujoco.MjModel, prefix: str = "") -> CarParameters:
         center_of_gravity_height=float(center_of_gravity[2]) + over_ground,
         yaw_inertia=yaw_inertia,
         wheel_radius=wheel_radius,
+        wheel_inertia=float(wheel_inertias.mean()),
         max_steering_angle=float(model.actuator_ctrlrange[steering, 1]),
         max_steering_rate=float(model.actuator_forcerange[steering, 1]) / steering_damping,
         min_speed=float(model.actuator_ctrlrange[drive, 0]),

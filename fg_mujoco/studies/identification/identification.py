@@ -123,13 +123,16 @@ def _said(found: Validation) -> str:
     )
 
 
-def identify_drives(drives: Sequence[Drive], *, linear: bool = False, front_drive: float = 0.5) -> Identification:
+def identify_drives(
+    drives: Sequence[Drive], *, linear: bool = False, front_drive: float = 0.5, single_track: bool = False
+) -> Identification:
     """Return the tires and the steering of the car of some drives.
 
     Args:
       drives: of one car.
       linear: find of each axle the stiffness alone, which a gentle drive determines.
       front_drive: share of the drive at the front axle, 0 to 1: 0.5 with four driven wheels.
+      single_track: leave out the load on the outer tires, what driving takes of the grip, and the relaxation length.
 
     Raises:
       MissingExtraError: SciPy is not installed.
@@ -144,7 +147,7 @@ def identify_drives(drives: Sequence[Drive], *, linear: bool = False, front_driv
         if drive.car != drives[0].car or drive.commanded != drives[0].commanded:
             what = "is of another car" if drive.car != drives[0].car else "has another kind of steering"
             raise SettingsError(f"{drive.name}: {what} than {drives[0].name}; accepted: drives of one car")
-    problems = tuple(DriveProblem(drive, front_drive=front_drive) for drive in drives)
+    problems = tuple(DriveProblem(drive, front_drive=front_drive, single_track=single_track) for drive in drives)
     names = ", ".join(drive.name for drive in drives)
     if sum(len(problem.segments) for problem in problems) < _FEWEST:
         raise SettingsError(f"{names}: too short; accepted: {_FEWEST} stretches of 1 s above 1 m/s, or more")

@@ -23,18 +23,20 @@ SEGMENT = 1.0
 
 PARAMETERS = (
     *(f"front_{name}" for name in TIRE), *(f"rear_{name}" for name in TIRE),
-    "steering_gain", "steering_offset", "steering_lag", "steering_delay",
+    "steering_gain", "steering_offset", "steering_lag", "steering_delay", "relaxation_length",
     "gyro_bias", "lateral_bias", "lateral_gain", "heading_offset", "pose_delay",
 )  # fmt: skip
 """What is found: stiffness [1/rad], C, D, E [-] of both axles; gain [-], offset [rad], lag [s] and delay [s] of the
-steering; and of the sensors the gyro's bias [rad/s], the accelerometer's bias [m/s^2] and gain [-] (a car that rolls
-measures a part of gravity), the angle between the pose's heading and the car's [rad], and the delay of the pose [s]."""
+steering; the relaxation length of the tires [m]; and of the sensors the gyro's bias [rad/s], the accelerometer's bias
+[m/s^2] and gain [-] (a car that rolls measures a part of gravity), the angle between the pose's heading and the car's
+[rad], and the delay of the pose [s]."""
 
-SIMULATED = 12
+SIMULATED = 13
 """The first of PARAMETERS, which change the motion; the others change what the sensors say of it."""
 
 _SHORTEST_SEGMENT = 0.5  # [s]
-_SPIN = 0.8  # [rad] of sideslip, beyond which a car spins: far behind the peak, where tires are not what a formula says
+_SPIN = 0.5  # [rad] of sideslip, beyond which a car spins: far behind the peak, where tires are not what a formula says
+_AROUND_SPIN = 0.2  # [s] before and after it that are left out, too: wheels spin and lock there
 _START_NOISE = np.array((0.3, 0.1, 0.05, 0.05, 0.03))  # of the smoothed states that segments start at, as STATES
 _DIFFERENCE = 1e-6
 _CHANNELS = ("gyro", "accelerometer", "position", "heading")
@@ -73,10 +75,11 @@ class DriveProblem:
       step: of the grid [s].
     """
 
-    def __init__(self, drive: Drive, *, front_drive: float) -> None:
+    def __init__(self, drive: Drive, *, front_drive: float, single_track: bool = False) -> None:
         self.drive = drive
         self.motion = smooth(drive)
-        self.car = car_array(drive.car, front_drive)
+        self.car = car_array(drive.car, front_drive, single_track=single_track)
+        self.single_track = single_track
         self.segments = _cut(self.motion)
         self.held_back = np.arange(len(self.segments)) % 3 == 2
         motion = self.motion
@@ -115,8 +118,8 @@ class DriveProblem:
         out = np.full((len(motion.time), STATES + 1), np.nan)
         angles = self.steering.angles(*parameters[8:12])
         simulate(
-            np.ascontiguousarray(parameters[:8]), self.car, angles, motion.forward_speed, motion.forward_acceleration,
-            STEP, self.segments, np.ascontiguousarray(starts), out,
+            np.ascontiguousarray(parameters[:8]), self.car, parameters[12], angles, motion.forward_speed,
+            motion.forward_acceleration, STEP, self.segments, np.ascontiguousarray(starts), out,
         )  # fmt: skip
         return out
 
@@ -238,6 +241,8 @@ def measured_noise(
 def _cut(motion: Motion) -> NDArray[np.int64]:
     """Return the segments of a drive in which the car moves forward and does not spin, (m, 2)."""
     spins = np.abs(np.arctan2(motion.lateral_speed, motion.forward_speed)) > _SPIN
+    around = np.ones(2 * round(_AROUND_SPIN / STEP) + 1)
+    spins = np.convolve(spins, around, "same") > 0.5 if spins.any() else spins
     moving = np.concatenate(([False], (motion.forward_speed > SLOWEST) & ~spins, [False]))
     edges = np.flatnonzero(np.diff(moving.astype(int)))
     length, least = round(SEGMENT / STEP), round(_SHORTEST_SEGMENT / STEP)

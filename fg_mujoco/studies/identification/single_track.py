@@ -23,16 +23,27 @@ from .drive import Channel
 TIRE = ("stiffness", "C", "D", "E")
 """Parameters of an axle in the fit: the stiffness B C D takes the place of B, because a drive determines it better."""
 
+SLIDING_SHARE = 0.7
+"""[-] Of its peak, below which the force of a tire does not fall, as in files of tires that say nothing else."""
+
+_HARDLY = 0.2  # [-] of the load: a drive so small takes a fiftieth of the lateral force at most, and one step to find
+
 STATES = 5
 """v_y [m/s], r [rad/s], x [m], y [m], heading [rad] of the centre of gravity."""
 
 
-def car_array(car: CarParameters, front_drive: float) -> FloatArray:
-    """Return the constants of a car as kernels take them; `front_drive` is the share of the front axle's drive."""
+def car_array(car: CarParameters, front_drive: float, *, single_track: bool = False) -> FloatArray:
+    """Return the constants of a car as kernels take them; `front_drive` is the share of the front axle's drive.
+
+    With `single_track` half of the track width is 0, which turns off all that the tires of an axle differ in. Otherwise
+    the yaw inertia contains the wheels' spin: in a turn the outer wheels roll faster, and have to be sped up for it.
+    """
+    half = 0.0 if single_track else 0.5 * car.track_width
+    inertia = car.yaw_inertia + 4.0 * car.wheel_inertia * (half / car.wheel_radius) ** 2
     return np.array(
         (
-            car.mass, car.yaw_inertia, car.front_axle_distance, car.rear_axle_distance,
-            car.center_of_gravity_height, car.gravity, front_drive,
+            car.mass, inertia, car.front_axle_distance, car.rear_axle_distance, car.center_of_gravity_height,
+            car.gravity, front_drive, half,
         )
     )  # fmt: skip
 
@@ -42,6 +53,15 @@ def friction_used(slip: float, stiffness: float, c: float, d: float, e: float) -
     """Return F_y / F_z of an axle [-] at a slip angle [rad]."""
     x = stiffness / (c * d) * slip
     return d * math.sin(c * math.atan(x - e * (x - math.atan(x))))
+
+
+@inlined
+def _held(slip: float, stiffness: float, c: float, d: float, e: float) -> float:
+    """Return F_y / F_z of a tire [-] at a slip of its own sign, never below its share of the peak behind it."""
+    x = stiffness / (c * d) * slip
+    turn = c * math.atan(x - e * (x - math.atan(x)))
+    used = d * math.sin(turn)
+    return max(used, SLIDING_SHARE * d) if turn > 0.5 * math.pi else used
 
 
 @kernel
@@ -56,7 +76,7 @@ def friction_curve(slip: FloatArray, tire: FloatArray) -> FloatArray:
 @kernel
 def axle_loads(forward_acceleration: FloatArray, car: FloatArray) -> FloatArray:
     """Return the loads of the front and the rear axle [N], (2, n)."""
-    mass, _, front, rear, height, gravity, _ = car
+    mass, _, front, rear, height, gravity = car[:6]
     out = np.empty((2, len(forward_acceleration)))
     out[0] = mass * (gravity * rear - forward_acceleration * height) / (front + rear)
     out[1] = mass * (gravity * front + forward_acceleration * height) / (front + rear)
@@ -64,28 +84,83 @@ def axle_loads(forward_acceleration: FloatArray, car: FloatArray) -> FloatArray:
 
 
 @inlined
+def _across(slip: float, load: float, drive: float, stiffness: float, c: float, d: float, e: float) -> float:
+    """Return the lateral force of a tire [N] at a slip angle [rad], while it drives by a force along its heading [N].
+
+    By similarity: the curve gives the force at the size of the vector of slip ratio and slip angle. The slip ratio is
+    the one with that drive; where there is none, the tire spins, at a slip ratio of 1.
+    """
+    size = max(abs(slip), 1e-6)
+    used = _held(size, stiffness, c, d, e) / size
+    for _ in range(1 if abs(drive) < _HARDLY * load else 3):
+        ratio = min(abs(drive) / max(load * used, 1e-6), 1.0)
+        size = math.sqrt(slip * slip + ratio * ratio + 1e-12)
+        used = _held(size, stiffness, c, d, e) / size
+    return load * used * slip
+
+
+@inlined
+def _slips(vy: float, r: float, steering: float, vx: float, car: FloatArray) -> tuple[float, float]:
+    """Return the slip angles of both axles [rad]."""
+    return steering - math.atan2(vy + car[2] * r, vx), -math.atan2(vy - car[3] * r, vx)
+
+
+@inlined
 def _accelerations(
-    vy: float, r: float, steering: float, vx: float, ax: float, car: FloatArray, tires: FloatArray
+    slip_front: float,
+    slip_rear: float,
+    vy: float,
+    r: float,
+    steering: float,
+    vx: float,
+    ax: float,
+    leaning: float,
+    car: FloatArray,
+    tires: FloatArray,
 ) -> tuple[float, float]:
-    """Return the lateral [m/s^2] and the yaw acceleration [rad/s^2]."""
-    mass, inertia, front, rear, height, gravity, share = car
+    """Return the lateral [m/s^2] and the yaw acceleration [rad/s^2]; `leaning` is the lateral one of the loads."""
+    mass, inertia, front, rear, height, gravity, share, half = car
     length = front + rear
-    slip_front = steering - math.atan2(vy + front * r, vx)
-    slip_rear = -math.atan2(vy - rear * r, vx)
     load_front = mass * (gravity * rear - ax * height) / length
     load_rear = mass * (gravity * front + ax * height) / length
-    force_front = load_front * friction_used(slip_front, tires[0], tires[1], tires[2], tires[3])
-    force_rear = load_rear * friction_used(slip_rear, tires[4], tires[5], tires[6], tires[7])
     cos, sin = math.cos(steering), math.sin(steering)
-    drive = share * (mass * ax + force_front * sin) / (share * cos + 1.0 - share)
-    across_front = force_front * cos + drive * sin
-    return (across_front + force_rear) / mass, (front * across_front - rear * force_rear) / inertia
+    if half == 0.0:
+        force_front = load_front * friction_used(slip_front, tires[0], tires[1], tires[2], tires[3])
+        force_rear = load_rear * friction_used(slip_rear, tires[4], tires[5], tires[6], tires[7])
+        drive = share * (mass * ax + force_front * sin) / (share * cos + 1.0 - share)
+        across_front = force_front * cos + drive * sin
+        return (across_front + force_rear) / mass, (front * across_front - rear * force_rear) / inertia
+    # what drives the car overcomes the drag of the steered wheels, as at the force that turns the car
+    drag = mass * leaning * rear / length * math.tan(steering)
+    drive = (mass * ax + drag) / (share * cos + 1.0 - share)
+    moved = 0.25 * mass * leaning * height / half  # load that goes to the outer tire of each axle [N]
+    across = turning = 0.0
+    for side in (-1.0, 1.0):  # right, left
+        along = vx - side * half * r
+        # Ackermann's angle of this wheel, and how its slip angle differs from its axle's
+        angle = math.atan2(length * sin, length * cos - side * half * sin)
+        apart = (angle - math.atan2(vy + front * r, along)) - (steering - math.atan2(vy + front * r, vx))
+        load = max(0.5 * load_front - side * moved, 0.0)
+        pull = 0.5 * share * drive
+        force = _across(slip_front + apart, load, pull, tires[0], tires[1], tires[2], tires[3])
+        cos_wheel, sin_wheel = math.cos(angle), math.sin(angle)
+        to_left = force * cos_wheel + pull * sin_wheel
+        across += to_left
+        turning += front * to_left - side * half * (pull * cos_wheel - force * sin_wheel)
+        apart = math.atan2(vy - rear * r, vx) - math.atan2(vy - rear * r, along)
+        load = max(0.5 * load_rear - side * moved, 0.0)
+        pull = 0.5 * (1.0 - share) * drive
+        force = _across(slip_rear + apart, load, pull, tires[4], tires[5], tires[6], tires[7])
+        across += force
+        turning += -rear * force - side * half * pull
+    return across / mass, turning / inertia
 
 
 @kernel
 def simulate(
     tires: FloatArray,
     car: FloatArray,
+    relaxation_length: float,
     steering: FloatArray,
     forward_speed: FloatArray,
     forward_acceleration: FloatArray,
@@ -94,11 +169,12 @@ def simulate(
     starts: FloatArray,
     out: FloatArray,
 ) -> None:
-    """Simulate segments of a drive on its grid, each from its own state, by Runge and Kutta's fourth-order method.
+    """Simulate segments of a drive on its grid, each from its own state, by Heun's method in two parts of each step.
 
     Args:
       tires: (8,) of TIRE, front and rear.
-      car: (7,) of `car_array`.
+      car: of `car_array`.
+      relaxation_length: over which the slip angles follow [m]; 0: they follow at once.
       steering: (n,) [rad] of the front wheels.
       forward_speed: (n,) [m/s] as measured.
       forward_acceleration: (n,) [m/s^2] as measured.
@@ -107,34 +183,52 @@ def simulate(
       starts: (m, STATES).
       out: (n, STATES + 1), written to: the states and the lateral acceleration [m/s^2].
     """
+    # slip angles that follow at once make the stiffest motion of all
+    parts = 2 if relaxation_length == 0.0 else 1
+    part = step / parts
     for segment in range(len(segments)):
         first, end = segments[segment]
         vy, r, x, y, heading = starts[segment]
+        slip_front, slip_rear = _slips(vy, r, steering[first], forward_speed[first], car)
+        leaning = forward_speed[first] * r
         for node in range(first, end):
             now, vx, ax = steering[node], forward_speed[node], forward_acceleration[node]
-            ay, turn = _accelerations(vy, r, now, vx, ax, car, tires)
             out[node, 0], out[node, 1], out[node, 2], out[node, 3], out[node, 4] = vy, r, x, y, heading
-            out[node, 5] = ay
             if node == end - 1:
+                out[node, 5] = _accelerations(slip_front, slip_rear, vy, r, now, vx, ax, leaning, car, tires)[0]
                 break
-            vx_end, ax_end = forward_speed[node + 1], forward_acceleration[node + 1]
-            vx_mid, ax_mid = 0.5 * (vx + vx_end), 0.5 * (ax + ax_end)
-            mid = 0.5 * (now + steering[node + 1])
-            half = 0.5 * step
-            vy1, r1 = ay - vx * r, turn
-            ay, turn = _accelerations(vy + half * vy1, r + half * r1, mid, vx_mid, ax_mid, car, tires)
-            vy2, r2 = ay - vx_mid * (r + half * r1), turn
-            ay, turn = _accelerations(vy + half * vy2, r + half * r2, mid, vx_mid, ax_mid, car, tires)
-            vy3, r3 = ay - vx_mid * (r + half * r2), turn
-            ay, turn = _accelerations(vy + step * vy3, r + step * r3, steering[node + 1], vx_end, ax_end, car, tires)
-            vy4, r4 = ay - vx_end * (r + step * r3), turn
-            new_vy = vy + step / 6.0 * (vy1 + 2.0 * vy2 + 2.0 * vy3 + vy4)
-            new_r = r + step / 6.0 * (r1 + 2.0 * r2 + 2.0 * r3 + r4)
-            turned = heading + step / 6.0 * (r + 4.0 * (r + half * r2) + new_r)
-            halfway, across = 0.5 * (heading + turned), 0.5 * (vy + new_vy)
-            x += step * (vx_mid * math.cos(halfway) - across * math.sin(halfway))
-            y += step * (vx_mid * math.sin(halfway) + across * math.cos(halfway))
-            vy, r, heading = new_vy, new_r, turned
+            turn_speed = (forward_speed[node + 1] - vx) / parts
+            turn_acceleration = (forward_acceleration[node + 1] - ax) / parts
+            turn_angle = (steering[node + 1] - now) / parts
+            for k in range(parts):
+                ay, turn = _accelerations(slip_front, slip_rear, vy, r, now, vx, ax, leaning, car, tires)
+                if k == 0:
+                    out[node, 5] = ay
+                steady_front, steady_rear = _slips(vy, r, now, vx, car)
+                new_vx, new_ax, new_now = vx + turn_speed, ax + turn_acceleration, now + turn_angle
+                new_vy, new_r = vy + part * (ay - vx * r), r + part * turn
+                new_front, new_rear = _slips(new_vy, new_r, new_now, new_vx, car)
+                if relaxation_length > 0.0:
+                    # exact where the slip angle that they follow changes evenly
+                    way = part * 0.5 * (vx + new_vx) / relaxation_length
+                    kept = math.exp(-way)
+                    mean = (1.0 - kept) / way
+                    new_front = kept * slip_front + (mean - kept) * steady_front + (1.0 - mean) * new_front
+                    new_rear = kept * slip_rear + (mean - kept) * steady_rear + (1.0 - mean) * new_rear
+                new_ay, new_turn = _accelerations(
+                    new_front, new_rear, new_vy, new_r, new_now, new_vx, new_ax, ay, car, tires
+                )
+                old_vy, old_r, old_heading = vy, r, heading
+                vy += 0.5 * part * (ay - vx * r + new_ay - new_vx * new_r)
+                r += 0.5 * part * (turn + new_turn)
+                heading += 0.5 * part * (old_r + r)
+                halfway, across, ahead = 0.5 * (old_heading + heading), 0.5 * (old_vy + vy), 0.5 * (vx + new_vx)
+                x += part * (ahead * math.cos(halfway) - across * math.sin(halfway))
+                y += part * (ahead * math.sin(halfway) + across * math.cos(halfway))
+                vx, ax, now, leaning = new_vx, new_ax, new_now, new_ay
+                slip_front, slip_rear = new_front, new_rear
+                if relaxation_length == 0.0:
+                    slip_front, slip_rear = _slips(vy, r, now, vx, car)
 
 
 class Steering:
