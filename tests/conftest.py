@@ -1,4 +1,3 @@
-import gc
 import os
 
 import pytest
@@ -32,10 +31,6 @@ def pytest_configure(config):
 def pytest_collection_modifyitems(items):
     place = {name: number for number, name in enumerate(SLOWEST)}
     items.sort(key=lambda item: place.get(item.path.name, len(SLOWEST)))
-
-
-def pytest_collection_finish():
-    gc.freeze()  # thousands of tests, which the collector would look through again and again
 
 
 class Straight:
