@@ -188,7 +188,7 @@ def _circle_row(cell: Cell) -> Row:
     }
     numbers = ("k_peak", "k_closed_form", "k_reached", "grip", "curvature_ratio", "slip_angle_front_rad",
                "slip_angle_rear_rad", "curvature_at_law", "lightest_load_N")  # fmt: skip
-    nothing: Row = {**dict.fromkeys(numbers, math.nan), "first_tire": "", "spins": False}
+    nothing: Row = {**dict.fromkeys(numbers, math.nan), "first_tire": ""}
     if tires.model == LINEAR:
         return {**row, **nothing, "reason": _NO_PEAK}
     circle = SteadyCircle(mu, steering, _CAR_TIMESTEP, tires, cell["vehicle"])
@@ -209,7 +209,6 @@ def _circle_row(cell: Cell) -> Row:
         "k_peak": before.k,
         "k_reached": before.k,
         "first_tire": _place(after.first_tire, steering),
-        "spins": after.lost,
         "grip": before.acceleration / (mu * circle.car.gravity),
         "curvature_ratio": before.curvature,
         "slip_angle_front_rad": float(angles[:2].mean()),
@@ -365,7 +364,7 @@ def _sentences(tables: Tables) -> tuple[str, ...]:
         text.append(
             f"On steady circles the first tire passes its peak at {_span(passed, 'k_peak')} of the law's speed, the "
             f"first at {worst['tires']} and {worst['steering_rad']:g} rad; on {len(never)} of {len(own)} circles none "
-            "does, because the car runs wide of them."
+            f"does up to k {HIGH:g}, or the greatest speed, because the car runs wide."
         )
         text.append(
             f"The grip that the car uses then is {_span(passed, 'grip')} of mu, and the curvature that it drives "
@@ -375,7 +374,7 @@ def _sentences(tables: Tables) -> tuple[str, ...]:
         )
         places = [str(row["first_tire"]) for row in passed]
         counts = ", ".join(f"{place} {places.count(place)}" for place in sorted(set(places)))
-        text.append(f"The first tire: {counts}; {sum(bool(row['spins']) for row in passed)} of these cars spin.")
+        text.append(f"The first tire: {counts}.")
     for name in _names(own):
         least = {
             "circles": _least(_of(own, name)),
@@ -384,9 +383,8 @@ def _sentences(tables: Tables) -> tuple[str, ...]:
         }
         said = "; ".join(f"{what} {'none' if math.isinf(k) else f'{k:.3f}'}" for what, k in least.items())
         share = _least(_of(transients, name), "limited_mu_share")
-        limited = (
-            "" if math.isinf(share) else f" The friction limiter keeps every manoeuvre clean when told {share:g} mu."
-        )
+        told = "" if share == 1.0 else f", told {share:g} mu,"
+        limited = "" if math.isinf(share) else f" The friction limiter{told} keeps all tires below it in manoeuvres."
         text.append(f"Least k of {name}: {said}.{limited}")
     linear = [row for row in tables["circles"] if row not in circles]
     text += [f"{name} is linear: it has no peak, and never slides." for name in _names(linear)]
@@ -459,12 +457,16 @@ def _draw_margin(figure: matplotlib.figure.Figure, tables: Tables) -> None:
         ):
             k = column(rows, "k_peak")
             style.measured(axes, k, np.full(len(k), -place + shift), "" if place else label, colour=colour)
+        if not np.isfinite([_least(_of(rows, name)) for rows in (circles, transients)]).any():
+            axes.text(
+                1.05, -place, f"none: up to k {HIGH:g} in circles, {_MANOEUVRE_HIGH:g} in manoeuvres", va="center"
+            )
     limit = math.sqrt(FrictionLimiterSettings().lateral_use)
     axes.axvspan(0.0, limit, color="0.94", zorder=0.2)
     axes.axvline(1.0, color="0.6", linewidth=0.8, zorder=0.5)
     axes.set_xscale("log")
-    axes.set_xlim(0.38, HIGH)
-    ticks = (0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.2, 1.5, 2.0, 3.0)
+    axes.set_xlim(0.65, HIGH)
+    ticks = (0.7, 0.8, 0.9, 1.0, 1.2, 1.5, 2.0, 3.0)
     axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
     axes.minorticks_off()
     axes.set_yticks([-place for place in range(len(names))], names)
