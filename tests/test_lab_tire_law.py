@@ -3,18 +3,21 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from refusals import refused
 
 from fg_mujoco.errors import SettingsError
+from fg_mujoco.messages import DriveCommand
 from fg_mujoco.studies.friction_lab.curve_onset import axle_factor, curve_onset
 from fg_mujoco.studies.friction_lab.experiment import LabSettings
 from fg_mujoco.studies.friction_lab.lab import run_lab
 from fg_mujoco.studies.friction_lab.lab_figures import render
-from fg_mujoco.studies.friction_lab.open_ground import Engine
+from fg_mujoco.studies.friction_lab.open_ground import Engine, OpenGround
 from fg_mujoco.studies.friction_lab.steady_circle import SteadyCircle, UnreachableError
 from fg_mujoco.studies.friction_lab.tire_law import EXPERIMENT, passes_peak
 from fg_mujoco.vehicle.changes import CarChanges
+from fg_mujoco.vehicle.tire_slip import slides_above, sliding_rule
 from fg_mujoco.vehicle.tires import AxleTires, TireCurve, Tires, tire_names
 from fg_mujoco.vehicle.vehicle import Vehicle
 
@@ -189,3 +192,15 @@ def test_the_onset_is_the_same_at_a_fifth_of_the_timestep():
         circle = SteadyCircle(tires.least_peak, 0.4, Engine(timestep=timestep), tires)
         ks.append(circle.bisect(passes_peak, low=0.9, high=1.2, width=0.0005)[0].k)
     assert ks[0] == pytest.approx(ks[1], rel=2e-3)
+
+
+@pytest.mark.parametrize("name", ["contact", "forzaeth_nuc2", "f1tenth_gym"])
+def test_a_sliding_speed_says_whether_a_tire_slides(name):
+    """One rule for the lab, races and reports, which have the speed only."""
+    tires = Tires.load(name)
+    ground = OpenGround(tires.peak, OWN_TIMESTEP, tires)
+    ground.place(6.0)
+    slip = ground.run([DriveCommand(steering_angle=0.3, speed=6.0)] * 40).slip
+    assert (slip.slides == (np.nan_to_num(slip.sliding_speed) > slides_above(name))).all()
+    assert slip.slides.any() == (name != "f1tenth_gym")
+    assert sliding_rule(name) == ("above 0.05 m/s" if name == "contact" else "past its peak")
