@@ -22,7 +22,7 @@ from fg_mujoco.studies.identification.identification import identify_drives
 from fg_mujoco.studies.identification.motion import smooth
 from fg_mujoco.studies.identification.problem import STEP, DriveProblem
 from fg_mujoco.studies.identification.single_track import Steering, friction_curve
-from fg_mujoco.studies.identification.tire_file import tire_text
+from fg_mujoco.studies.identification.tire_file import tire_text, write_tires
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -223,6 +223,16 @@ def test_the_tire_file_has_each_value_with_its_interval_and_source(found):
             estimate = getattr(axle, letter)
             assert table[name][letter] == pytest.approx(estimate.value, rel=1e-5)
             assert f"+- {estimate.half:.2g}; drive 1 (sha256 000000000000)" in text
+
+
+def test_the_tire_file_is_one_that_cars_drive_on(found, tmp_path):
+    tires = fg.Tires.load(write_tires(found, tmp_path / "tires.toml"))
+    for loaded, axle in zip(tires.axles, (found.front, found.rear), strict=True):
+        assert loaded.lateral.slope == pytest.approx(axle.stiffness.value, rel=1e-4)
+        assert loaded.lateral.peak == pytest.approx(axle.peak.value, rel=1e-3)
+    result = fg.race("oval", "pure_pursuit", laps=1, max_speed=3.0, tires=tmp_path / "tires.toml")
+    assert result.finished
+    assert result.max_slide_m_s == 0.0
 
 
 @pytest.fixture(scope="module")
