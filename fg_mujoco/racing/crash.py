@@ -12,9 +12,10 @@ import numpy as np
 from ..course.moving_obstacles import PREFIX as MOVING_PREFIX
 from ..course.moving_obstacles import make_mover
 from ..messages import FloatArray
+from ..simulation.cars import CAR_PREFIX
 from ..simulation.engine import whole_steps
 from ..simulation.physics import STATE
-from ..simulation.world import CAR_PREFIX, OBSTACLE_PREFIX, World
+from ..simulation.world import OBSTACLE_PREFIX, World
 from ..vehicle.motion import ground_speed
 
 _ACROSS = 0.9  # cosine between a wall's normal and an open course: a dead end's wall has no side

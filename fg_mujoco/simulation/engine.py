@@ -42,17 +42,18 @@ from .world_batch import CarArrays, Mask, WorldBatch
 Hook = Callable[["Engine", NDArray[np.int64]], None]
 """Called with the engine and the worlds that are being stepped."""
 
+_FINISHED = END_REASONS.index("finished")
 _WORLDS_A_THREAD = 4  # fewer are driven sooner than a thread is woken
 
 
 class Engine:
-    """n worlds of m cars. m is 1 for now.
+    """n worlds of m cars.
 
     Args:
       world: that all share, or one for each world, with the same LiDAR. Worlds that are the same object and stand next
         to each other are driven together.
       count: how many worlds, n; as many as there are, where each has its own.
-      changes: what differs in the car of each world, (n,); None: nothing.
+      changes: what differs in each car, (r,); None: nothing.
       laps: to be driven.
       time_limit: of simulated time [s]; None: that of the course.
       period: of a tick [s]; None: the LiDAR's.
@@ -90,13 +91,16 @@ class Engine:
         own_model: bool = False,
     ) -> None:
         worlds = [world] * count if isinstance(world, World) else list(world)
-        self.count, self.cars_per_world = len(worlds), 1
+        self.count, self.cars_per_world = len(worlds), len(worlds[0].cars)
         self.beams: Beams = worlds[0].lidar.beams
         self.period = self.beams.period if period is None else period
         self.substeps = whole_steps(self.period, worlds[0].model.opt.timestep)
         self._time_limit, self._own_model = time_limit, own_model
         cars = self.count * self.cars_per_world
-        self._arrays, self.monitor = CarArrays.of(cars, len(self.beams.bearings)), RaceMonitor(cars, laps)
+        self._arrays, self.monitor = (
+            CarArrays.of(cars, len(self.beams.bearings), self.cars_per_world),
+            RaceMonitor(cars, laps),
+        )
         self._batches = [self._batch(worlds[part.start], part) for part in _parts(worlds, threads)]
         self._changes = None if changes is None else list(changes)
         for batch in self._batches:
@@ -112,6 +116,7 @@ class Engine:
         self.before_substep: list[Hook] = []
         self.after_substep: list[Hook] = []
         self._pipelines: dict[int, ScanPipeline] = {}
+        self._stopped = np.zeros(cars, np.bool_)  # because their planner failed
         self._odometry_drift = np.zeros(cars)
         self._drifts = False
         self._data: dict[int, mujoco.MjData] = {}
@@ -127,6 +132,9 @@ class Engine:
         """
         if world.lidar.beams.geometry != self.beams.geometry and world.lidar.beams is not self.beams:
             raise SettingsError("the worlds of an engine have different LiDARs; accepted: the same beams in all")
+        if len(world.cars) != self.cars_per_world:
+            numbers = f"{self.cars_per_world} and {len(world.cars)}"
+            raise SettingsError(f"the worlds of an engine have {numbers} cars; accepted: the same number in all")
         if whole_steps(self.period, world.model.opt.timestep) != self.substeps:
             raise ModelError(f"timestep is {world.model.opt.timestep} s; accepted: the same in all worlds of an engine")
         return WorldBatch(
@@ -136,7 +144,17 @@ class Engine:
 
     def _change(self, batch: WorldBatch) -> None:
         if self._changes is not None:
-            batch.change(self._changes[batch.worlds])
+            batch.change(self._changes[batch.rows])
+
+    @property
+    def driving(self) -> Mask:
+        """Which cars their planners drive, (r,): those that race, and those that have finished while another races."""
+        running, m = self.running, self.cars_per_world
+        if m == 1:
+            return running
+        races = np.repeat(running.reshape(-1, m).any(axis=1), m)
+        drives: Mask = running | (races & (self.monitor.reasons == _FINISHED) & ~self._stopped)
+        return drives
 
     @property
     def world(self) -> World:
@@ -277,6 +295,7 @@ class Engine:
             if effects is not None and effects[place] != LidarEffects():
                 assert seeds is not None
                 self._pipelines[row] = self._pipeline(row, effects[place], seeds[place])
+        self._stopped[chosen] = False
         self._drift(chosen, 0.0 if odometry_drifts is None else odometry_drifts)
         for batch in self._batches:
             batch.place(chosen[batch.rows], start_of[batch.rows])
@@ -313,7 +332,7 @@ class Engine:
 
     def sense(self, which: Mask | None = None) -> None:
         """Take the scans and odometry of cars, (r,); None: of all that race. Once for each moment: noise is drawn."""
-        chosen = self.running if which is None else which
+        chosen = self.driving if which is None else which
         self._share(lambda batch: batch.sense(chosen[batch.rows]))
         if self._drifts:
             factors = 1.0 + self._odometry_drift[chosen]
@@ -334,14 +353,20 @@ class Engine:
                 self.ranges[row] = scan.ranges
 
     def decide(self) -> None:
-        """Have the planners command the cars that race; those whose planner fails race no longer."""
+        """Have the planners command the cars that they drive; those whose planner fails race no longer.
+
+        In a world that goes on such a car brakes and stands there, as one that has crashed does.
+        """
         assert self.planners is not None
         reasons = self.planners(self)
         if reasons is not None:
             for reason in set(reasons[reasons > 0].tolist()):
                 ended = reasons == reason
                 self.failed |= ended
-                self.monitor.end(ended, END_REASONS[reason])
+                self._stopped |= ended
+                self.monitor.end(ended & self.running, END_REASONS[reason])
+        if self.cars_per_world > 1:  # a car that nobody drives brakes, wheels as they are
+            self.commands[~self.driving, 1] = 0.0
 
     def drive(self, *, controls: FloatArray | None = None) -> None:
         """Hold the commands for a tick in the worlds whose cars race.

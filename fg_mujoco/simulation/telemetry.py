@@ -63,6 +63,7 @@ STATISTICS = np.dtype(
         ("max_lateral_slide", np.float64),  # [m/s]
         ("speed_sum", np.float64),  # [m/s] of all ticks, without sign
         ("max_speed", np.float64),  # [m/s]
+        ("touches", np.int64),  # of other cars, each at least half a second after the last of the same car
     ]
 )
 """Running statistics of a drive, one row a car."""
