@@ -234,6 +234,20 @@ class Engine:
         """
         return self._place_of(i)[0].slip
 
+    def records(self, i: int = 0) -> FloatArray:
+        """Return the sensors of world i in each physics step of its last tick, (substeps, nsensordata). Live."""
+        batch, place = self._place_of(i)
+        found: FloatArray = batch.physics.records[int(np.flatnonzero(batch.driven_last == place)[0])]
+        return found
+
+    def put(self, row: int, start: Start) -> None:
+        """Put one car at a start, standing or rolling, while its world goes on.
+
+        Its progress goes back or on by as much, and what it has driven stays counted.
+        """
+        batch, place = self._place_of(row // self.cars_per_world)
+        batch.put(place, row % self.cars_per_world, start)
+
     def floor_friction(self) -> FloatArray:
         """Return the friction of each tire of world 0 in each step of the last tick, on the floor under it [-].
 
@@ -333,6 +347,10 @@ class Engine:
     def sense(self, which: Mask | None = None) -> None:
         """Take the scans and odometry of cars, (r,); None: of all that race. Once for each moment: noise is drawn."""
         chosen = self.driving if which is None else which
+        if which is None and self.cars_per_world > 1:  # whoever stands there has telemetry, too
+            beside = np.repeat(self.running.reshape(self.count, -1).any(axis=1), self.cars_per_world) & ~chosen
+            if beside.any():
+                self._share(lambda batch: batch.read(beside[batch.rows]))
         self._share(lambda batch: batch.sense(chosen[batch.rows]))
         if self._drifts:
             factors = 1.0 + self._odometry_drift[chosen]

@@ -55,13 +55,11 @@ class Cars(Protocol):
 
 
 class Planners(Protocol):
-    """The planners of some cars.
+    """The planners of some cars."""
 
-    Attributes:
-      failures: what was wrong with the planners that failed, by row.
-    """
-
-    failures: dict[int, PlannerError]
+    @property
+    def failures(self) -> dict[int, PlannerError]:
+        """What was wrong with the planners that failed, by row."""
 
     def __call__(self, cars: Cars) -> Reasons | None:
         """Write the commands of the cars that they drive; return whose planner failed, or None: nobody's."""

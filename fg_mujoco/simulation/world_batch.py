@@ -266,6 +266,30 @@ class WorldBatch:
         arrays.statistics[which], arrays.telemetry[which] = np.zeros(1, STATISTICS), np.nan
         self._begin(which)
 
+    def put(self, i: int, car: int, start: Start) -> None:
+        """Put one car of world i of them at a start, and leave the others as they are."""
+        model, state = self.world.model, self.physics.states[i]
+        data = mujoco.MjData(model)
+        mujoco.mj_setState(model, data, state, int(STATE))
+        x, y, along = self.world.track.start_pose(start.s, start.offset)
+        self.world.cars[car].write_pose(data, x, y, along + start.heading, start.speed)
+        data.xfrc_applied[model.body_rootid == tree_of(model, self.world.cars[car].prefix)] = 0.0
+        first = int(self._car_places[car, FIRST_TIRE])
+        if first >= 0:
+            data.userdata[USERDATA * first : USERDATA * (first + len(WHEELS))] = 0.0
+        mujoco.mj_getState(model, data, state, int(STATE))
+        kept = state.copy()
+        self.physics.forward(np.array([i], np.int32))
+        state[:] = kept  # a forward pass leaves another start for the solver
+        row = i * self._cars_per_world + car
+        timer, (place, _) = self._monitor.timers[row], self.world.track.project(np.array([[x, y]]))
+        modulus = self.world.track.modulus
+        timer["progress"] += (float(place[0]) - timer["place"] + 0.5 * modulus) % modulus - 0.5 * modulus
+        timer["place"] = float(place[0])
+        timer["furthest"] = timer["mark"] = timer["progress"]
+        timer["last_progress_time"] = state[self.layout.time]
+        self._arrays.touched_at[row] = -np.inf
+
     def _touch_walls(self) -> Mask:
         """Say which cars touch anything but a car now. Shape (r,)."""
         sensors = self.physics.sensors
@@ -287,10 +311,21 @@ class WorldBatch:
             timers = fresh_timers(len(rows))
             at = np.arange(len(rows))
             first_seen(timers, course, np.column_stack((states[at, first], states[at, first + 1])))
+            self._line_up(timers, rows)
             monitor.timers[rows] = timers
             monitor.lap_times[rows] = monitor.standing_since[rows] = np.nan
             self.judge()
         monitor.running |= others
+
+    def _line_up(self, timers: NDArray[np.void], rows: NDArray[np.int64]) -> None:
+        """Count the progress of the cars of each world from where its car 0 starts, as from the start line."""
+        course, m = self.world.track, self._cars_per_world
+        if m == 1 or course.origin is not None:
+            return
+        modulus = course.modulus
+        pole = timers["place"][np.searchsorted(rows, rows // m * m)]
+        timers["progress"] = (timers["place"] - pole + 0.5 * modulus) % modulus - 0.5 * modulus
+        timers["mark"] = timers["progress"]
 
     def go_on_from(self, other: WorldBatch, places: slice) -> None:
         """Take over the states of worlds of another batch."""
@@ -309,6 +344,10 @@ class WorldBatch:
             self._arrays.touched_at[which] = -np.inf
             self._begin(which)
 
+    def read(self, which: Mask) -> None:
+        """Take the odometry of the cars `which` (r,), and what begins their rows of telemetry."""
+        compiled_tick.read(self._table.rows, which)
+
     def sense(self, which: Mask) -> None:
         """Take odometry and, where scans are drawn, the scans of the cars `which` (r,)."""
         if self.drawn is None:
@@ -324,6 +363,11 @@ class WorldBatch:
         """Time the laps of the cars that race and end what is over."""
         if self.world.track is not None:
             compiled_tick.judge(self._table.rows)
+
+    @property
+    def driven_last(self) -> NDArray[np.int32]:
+        """Which of the worlds were driven in the last tick, in the order of the records; those that still race."""
+        return self._ids
 
     @property
     def driven(self) -> NDArray[np.int32]:
