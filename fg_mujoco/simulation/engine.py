@@ -167,7 +167,7 @@ class Engine:
     @property
     def lidar(self) -> Lidar:
         """The LiDAR of world 0, which measures without effects, in data of its model."""
-        return self._batches[0].lidar
+        return self._batches[0].lidar(0)
 
     @property
     def times(self) -> FloatArray:
@@ -353,7 +353,8 @@ class Engine:
         for batch in self._batches:
             if batch.drawn is None:
                 for row in (np.flatnonzero(chosen[batch.rows]) + batch.rows.start).tolist():
-                    self.ranges[row] = batch.lidar.ranges(self._data_of(row // self.cars_per_world))
+                    lidar = batch.lidar(row % self.cars_per_world)
+                    self.ranges[row] = lidar.ranges(self._data_of(row // self.cars_per_world))
         if self._pipelines:
             self.scans = {
                 row: pipeline.scan(self._data_of(row // self.cars_per_world, pipeline))
@@ -435,7 +436,8 @@ class Engine:
         return batch, i - batch.worlds.start
 
     def _pipeline(self, row: int, effects: LidarEffects, seed: int) -> ScanPipeline:
-        distorted = self._place_of(row // self.cars_per_world)[0].lidar if effects.motion_distortion else None
+        i, car = divmod(row, self.cars_per_world)
+        distorted = self._place_of(i)[0].lidar(car) if effects.motion_distortion else None
         return ScanPipeline(
             distorted or RangesRow(self.beams, self.ranges[row]), effects, np.random.default_rng(seed)
         )  # fmt: skip

@@ -136,6 +136,7 @@ class WorldBatch:
         self.cars = list(world.cars) * count
         self.slip = np.full((QUANTITIES, substeps, len(WHEELS)), np.nan)
         self._cars_per_world = cars_per_world
+        self._lidars: dict[int, Lidar] = {}
         self._arrays, self._monitor = arrays.part(self.rows), monitor.part(self.rows)
         meters = [TireSlipMeter(model, car.prefix) for car in world.cars]
         self._chassis_contacts = np.array([car.chassis_contact for car in world.cars])
@@ -221,10 +222,11 @@ class WorldBatch:
         draws = isinstance(lidar, RaycastLidar) and lidar.draws and lidar.mount is not None
         return lidar if draws and isinstance(lidar, RaycastLidar) else None
 
-    @cached_property
-    def lidar(self) -> Lidar:
-        """Measures without effects, in data of the world's model."""
-        return self.world.make_lidar()
+    def lidar(self, car: int) -> Lidar:
+        """Return what measures for a car of these worlds, without effects, in data of the world's model."""
+        if car not in self._lidars:
+            self._lidars[car] = self.world.make_lidar(car)
+        return self._lidars[car]
 
     def change(self, changes: Sequence[CarChanges]) -> None:
         """Change each car, (r,); one whose parameters no planner can tell from the plain one's is that one."""
