@@ -15,8 +15,8 @@ import numpy as np
 from ...messages import FloatArray
 from ...racing.result import RaceResult
 from ...racing.run_folder import Run
+from ...simulation.cars import CAR_PREFIX
 from ...simulation.physics import STATE
-from ...simulation.world import CAR_PREFIX
 from ...vehicle.car import Car
 from ...vehicle.tire_slip import slides_above
 from ...vehicle.tires import CONTACT

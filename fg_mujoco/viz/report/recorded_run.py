@@ -16,9 +16,9 @@ from ...racing.crash import Crash
 from ...racing.resimulation import load_world
 from ...racing.result import RaceResult
 from ...racing.run_folder import SUMMARY, Run, read_run, summary_json
+from ...simulation.cars import CAR_PREFIX
 from ...simulation.telemetry import TELEMETRY
 from ...simulation.termination import WrongWay
-from ...simulation.world import CAR_PREFIX
 from ...vehicle.car import car_parameters
 from ...vehicle.tires import CONTACT
 
