@@ -38,11 +38,12 @@ from .errors import SettingsError, accepted_names
 from .lidar.beams import lidar_of
 from .lidar.lidar import Lidar, RaycastLidar
 from .messages import CarParameters, FloatArray
+from .simulation.cars import lidar_prefix
 from .simulation.course_loading import load_track
 from .simulation.engine import Engine
 from .simulation.settings import Start
 from .simulation.simulation import complete_state
-from .simulation.world import LIDAR_PREFIX, World
+from .simulation.world import World
 from .vehicle import motion as car_motion
 from .vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 
@@ -276,9 +277,9 @@ class F110Env:
 class _GymWorld(World):
     """A world whose LiDAR measures along the 2D gym's beams, in the range of its own."""
 
-    def make_lidar(self) -> Lidar:
+    def make_lidar(self, car: int = 0) -> Lidar:
         """Return the LiDAR, where the car has its own."""
-        own = lidar_of(self.model, LIDAR_PREFIX).beams
+        own = lidar_of(self.model, lidar_prefix(car)).beams
         bearings = np.linspace(-0.5 * FIELD_OF_VIEW, 0.5 * FIELD_OF_VIEW, BEAMS)
         increment = FIELD_OF_VIEW / (BEAMS - 1)
         beams = replace(
@@ -287,7 +288,7 @@ class _GymWorld(World):
             angle_max=0.5 * FIELD_OF_VIEW, angle_increment=increment,
             time_increment=own.period * increment / math.tau,
         )  # fmt: skip
-        return RaycastLidar(self.model, LIDAR_PREFIX, beams=beams)
+        return RaycastLidar(self.model, lidar_prefix(car), beams=beams)
 
 
 def _load(name: str, extension: str | None, car: CarParameters) -> Course:

@@ -7,10 +7,10 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco.course.moving_obstacles import MovingObstacle, motion_table, obstacle_position
 from fg_mujoco.errors import ModelError, SettingsError
+from fg_mujoco.simulation.cars import CAR_PREFIX
 from fg_mujoco.simulation.engine import Engine, whole_steps
 from fg_mujoco.simulation.physics import STATE, Batch, StateLayout, span_of
 from fg_mujoco.simulation.settings import Start
-from fg_mujoco.simulation.world import CAR_PREFIX
 from fg_mujoco.vehicle.tire_slip import TireSlipMeter
 
 OVAL = fg.World("oval")

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 import fg_mujoco as fg
 from fg_mujoco.errors import SettingsError
+from fg_mujoco.simulation.cars import CAR_PREFIX
 from fg_mujoco.simulation.physics import STATE
 from fg_mujoco.simulation.simulation import complete_state
-from fg_mujoco.simulation.world import CAR_PREFIX
 from fg_mujoco.studies.friction_lab.experiment import LabSettings
 from fg_mujoco.studies.friction_lab.lab_figures import render
 from fg_mujoco.studies.friction_lab.lab_laps import LabSimulation, LabWorld, drive_laps

@@ -368,8 +368,9 @@ def test_other_beams_than_those_of_the_model_are_refused() -> None:
 
 def test_raycast_refuses_shapes_it_cannot_see() -> None:
     spec = rig_spec()
-    spec.worldbody.add_geom(name="ball", type=GEOM.mjGEOM_SPHERE, size=(0.1, 0, 0))
-    with pytest.raises(ModelError, match=r"ball .* sphere.*mesh, box, plane.*rangefinder"):
+    spec.add_hfield(name="hill", nrow=2, ncol=2, size=(1, 1, 1, 0.1), userdata=[0.0, 1.0, 0.5, 0.2])
+    spec.worldbody.add_geom(name="hill", type=GEOM.mjGEOM_HFIELD, hfieldname="hill")
+    with pytest.raises(ModelError, match=r"hill .* hfield.*mesh, box, plane.*rangefinder"):
         make_lidar("raycast", spec.compile(), PREFIX)
 
 

@@ -12,10 +12,10 @@ from fg_mujoco.cli.main import main
 from fg_mujoco.envs.settings import EnvironmentSettings
 from fg_mujoco.racing.replay import replay
 from fg_mujoco.racing.result import trajectory_sha256
+from fg_mujoco.simulation.cars import CAR_PREFIX
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.physics import STATE
 from fg_mujoco.simulation.settings import CarSettings, DriveSettings, Scenario, Start
-from fg_mujoco.simulation.world import CAR_PREFIX
 from fg_mujoco.studies.rollout.world_batch import drive_worlds
 from fg_mujoco.vehicle.changes import CarChanges
 from fg_mujoco.vehicle.tire_forces import TireForces

@@ -6,7 +6,7 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.course.track_mesh import WALL_HEIGHT
-from fg_mujoco.simulation.world import CAR_PREFIX
+from fg_mujoco.simulation.cars import CAR_PREFIX
 from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.vehicle.vehicle import Vehicle
 

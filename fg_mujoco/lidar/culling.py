@@ -68,10 +68,18 @@ def survey(scene: SceneArrays, pose: Pose, first: int, behind: int, scratch: Scr
 
 
 @kernel
+def skip(first: int, behind: int, scratch: Scratch) -> None:
+    """Leave some clusters out of a scan."""
+    for cluster in range(first, behind):
+        scratch.nearest[cluster] = _FAR
+        scratch.views[0, cluster] = scratch.views[1, cluster] = 0
+
+
+@kernel
 def sort_by_distance(scene: SceneArrays, scratch: Scratch) -> int:
     """Write the clusters in range and in view, near ones first, to views[2]; return how many they are."""
     nearest, views, bins = scratch.nearest, scratch.views, scratch.bins
-    beams, turn, range_max = scene.beams.shape[1], _whole_turn(scene), scene.limits[3]
+    beams, turn, range_max = scene.beams.shape[1], whole_turn(scene), scene.limits[3]
     for bin_ in range(len(bins)):
         bins[bin_] = 0
     for cluster in range(len(nearest)):
@@ -93,7 +101,7 @@ def sort_by_distance(scene: SceneArrays, scratch: Scratch) -> int:
 
 
 @kernel
-def _whole_turn(scene: SceneArrays) -> int:
+def whole_turn(scene: SceneArrays) -> int:
     """Return how many beams, at most, a full turn has."""
     return int(math.tau / scene.limits[1])
 
@@ -101,7 +109,7 @@ def _whole_turn(scene: SceneArrays) -> int:
 @kernel
 def is_hidden(scene: SceneArrays, cluster: int, scratch: Scratch, out: FloatArray) -> bool:
     """Say whether all that is drawn where the cluster may be seen is nearer than its nearest point."""
-    beams, turn = len(out), _whole_turn(scene)
+    beams, turn = len(out), whole_turn(scene)
     right, left = scratch.views[0, cluster], scratch.views[1, cluster]
     inverse = (1.0 + 1e-9) / (scratch.nearest[cluster] + TINY)
     return (

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..messages import FloatArray
 from .body_poses import BodyPoses
+from .shapes import bring_nearer
 from .surfaces import Plane, Surfaces, visible_surfaces
 
 _PARALLEL = 1e-15  # mjMINVAL: MuJoCo's rays miss a plane that they approach more slowly
@@ -29,7 +30,7 @@ class RayScene:
       reach: how far surfaces are to be seen [m]; those beyond it may read inf.
 
     Raises:
-      ModelError: a visible geom that is neither mesh, box nor plane.
+      ModelError: a visible geom of a kind that cannot be seen, as a height field.
     """
 
     def __init__(self, model: Any, *, carrier: int, reach: float) -> None:
@@ -58,7 +59,7 @@ class _Part:
     """The surfaces of one body; rays in its frame."""
 
     def __init__(self, surfaces: Surfaces, reach: float) -> None:
-        self._planes = surfaces.planes
+        self._planes, self._shapes = surfaces.planes, surfaces.shapes
         self._triangles = _Triangles(surfaces, reach) if len(surfaces.triangles) else None
 
     def bring_nearer(self, nearest: FloatArray, origins: FloatArray, directions: FloatArray) -> None:
@@ -70,6 +71,8 @@ class _Part:
                 nearest[towards] = np.minimum(nearest[towards], found)
         for plane in self._planes:
             np.minimum(nearest, _plane_distances(plane, origins, directions), out=nearest)
+        if len(self._shapes):
+            bring_nearer(self._shapes, np.ascontiguousarray(origins), np.ascontiguousarray(directions), nearest)
 
 
 class _Triangles:

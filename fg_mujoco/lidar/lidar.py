@@ -26,7 +26,7 @@ from ..errors import ModelError, SettingsError, accepted_names
 from ..kernels import kernel
 from ..messages import FloatArray
 from .beams import DEFAULT_LIDAR, Beams, LidarModel, lidar_body, lidar_of
-from .body_poses import BodyPoses, PoseArrays, StateArrays, read_poses, state_arrays
+from .body_poses import BodyPoses, Mount, PoseArrays, StateArrays, read_poses, state_arrays
 from .embree_rays import RayScene
 from .scanline import scan
 from .scene import ScanlineScene, SceneArrays, Scratch, is_scanline
@@ -112,7 +112,7 @@ class RaycastLidar:
       draws: whether its scan is drawn, because its beams leave one point in one plane.
 
     Raises:
-      ModelError: no LiDAR under this prefix, or a visible geom that is neither mesh, box nor plane.
+      ModelError: no LiDAR under this prefix, or a visible geom of a kind that cannot be seen, as a height field.
     """
 
     def __init__(self, model: Any, prefix: str = "", *, beams: Beams | None = None) -> None:
@@ -161,6 +161,11 @@ def _scan_state(
     read_poses(poses, state)
     positions, rotations = poses[3], poses[4]
     scan(SceneArrays(*scene), positions[0], rotations[0], positions[1:], rotations[1:], Scratch(*scratch), out)
+
+
+def lidar_mount(model: Any, prefix: str = "") -> Mount | None:
+    """Return how the LiDAR that a compiled model holds under a prefix is fixed to the body of a free joint, if so."""
+    return BodyPoses(model, (lidar_body(model, prefix),)).mount(0)
 
 
 def make_lidar(backend: str, model: Any, prefix: str = "") -> Lidar:

@@ -25,8 +25,9 @@ import numpy as np
 
 from ..kernels import inlined, kernel
 from ..messages import FloatArray
-from .culling import TINY, Pose, bearing, is_hidden, sort_by_distance, survey
+from .culling import TINY, Pose, bearing, is_hidden, skip, sort_by_distance, survey, whole_turn
 from .scene import NO_END, SceneArrays, Scratch
+from .shapes import into_shape, ray_distance
 
 _EDGE_ON = 1e-11  # [rad] that a surface spans, under which its two ends are in one direction
 _PARALLEL = 1e-15  # mjMINVAL: MuJoCo's rays miss a plane that they approach more slowly
@@ -42,6 +43,7 @@ def scan(
     moving_rotations: FloatArray,
     scratch: Scratch,
     out: FloatArray,
+    own_tree: int = -1,
 ) -> None:
     """Write the readings of one scan: distances [m], +inf from `range_max` on, -inf below `range_min` (REP 117).
 
@@ -53,21 +55,26 @@ def scan(
       moving_rotations: (m, 3, 3).
       scratch: ScanlineScene.scratch(), of this thread alone.
       out: (beams,) [m], written to.
+      own_tree: of the car that carries the LiDAR, of which it sees nothing, as in SceneArrays.frames; -1: none.
     """
     range_min, range_max = scene.limits[2], scene.limits[3]
     for beam in range(len(out)):  # until the end `out` holds 1 / distance; what is farther is not drawn
         out[beam] = (1.0 - 1e-12) / range_max
     for frame in range(len(scene.frames)):
+        first_cluster, behind_cluster, first_plane, behind_plane, first_shape, behind_shape, tree = scene.frames[frame]
         if frame == 0:
             _look_from(position, rotation, scratch.poses[0])
         else:
             body = frame - 1
-            _look_from_moving(
-                position, rotation, moving_positions[body], moving_rotations[body], scratch.poses[frame]
-            )  # fmt: skip
-        first_cluster, behind_cluster, first_plane, behind_plane = scene.frames[frame]
+            at, turn = moving_positions[body], moving_rotations[body]
+            if tree == own_tree or _is_off_plane(scene.spheres[frame], position, rotation, at, turn):
+                skip(first_cluster, behind_cluster, scratch)
+                continue
+            _look_from_moving(position, rotation, at, turn, scratch.poses[frame])
         for plane in range(first_plane, behind_plane):
             _draw_plane(scene.planes[plane], _pose(scratch.poses, frame), scene.beams, out)
+        for shape in range(first_shape, behind_shape):
+            _draw_shape(scene, scene.shapes[shape], _pose(scratch.poses, frame), out)
         survey(scene, _pose(scratch.poses, frame), first_cluster, behind_cluster, scratch)
     for place in range(sort_by_distance(scene, scratch)):
         cluster = scratch.views[2, place]
@@ -77,6 +84,20 @@ def scan(
         distance = 1.0 / out[beam]
         distance = distance if distance < range_max else math.inf
         out[beam] = distance if distance >= range_min else -math.inf
+
+
+@kernel
+def _is_off_plane(
+    sphere: FloatArray, position: FloatArray, rotation: FloatArray, body_position: FloatArray, body_rotation: FloatArray
+) -> bool:
+    """Say whether the scan plane misses the sphere around what a body carries."""
+    height = 0.0
+    for i in range(3):
+        away = body_position[i] - position[i]
+        for j in range(3):
+            away += body_rotation[i, j] * sphere[j]
+        height += rotation[i, 2] * away
+    return bool(abs(height) > sphere[3])
 
 
 @kernel
@@ -237,3 +258,41 @@ def _draw_plane(plane: FloatArray, pose: Pose, beams: FloatArray, out: FloatArra
         )
         if seen and inverse > out[i]:
             out[i] = inverse
+
+
+@kernel
+def _draw_shape(scene: SceneArrays, shape: FloatArray, pose: Pose, out: FloatArray) -> None:
+    """Draw a round shape into the beams that may meet it, each of which is asked."""
+    ox, oy, oz, xx, xy, xz, yx, yy, yz, zx, zy, zz = pose
+    cx, cy, cz, radius = shape[4] - ox, shape[5] - oy, shape[6] - oz, shape[16]
+    if abs(zx * cx + zy * cy + zz * cz) > radius + 1e-9:
+        return
+    x, y = xx * cx + xy * cy + xz * cz, yx * cx + yy * cy + yz * cz
+    ratio = radius / (math.sqrt(x * x + y * y) + TINY)
+    spread = ratio + 0.5708 * ratio * ratio * ratio if ratio < 1.0 else 1e6 * scene.limits[1]  # as in culling.survey
+    middle, spread = (bearing(x, y) - scene.limits[0]) / scene.limits[1], spread / scene.limits[1]
+    beams, turn = len(out), whole_turn(scene)
+    right, left = int(middle - spread - 2.0), int(middle + spread + 3.0)
+    _draw_shape_into(scene, shape, pose, max(right, 0), min(left, beams), out)
+    if right + turn < beams:  # what goes on beyond straight behind
+        _draw_shape_into(scene, shape, pose, max(right + turn, 0), beams, out)
+    if left - turn > 0:
+        _draw_shape_into(scene, shape, pose, 0, min(left - turn, beams), out)
+
+
+@kernel
+def _draw_shape_into(
+    scene: SceneArrays, shape: FloatArray, pose: Pose, first: int, behind: int, out: FloatArray
+) -> None:
+    ox, oy, oz, xx, xy, xz, yx, yy, yz, _, _, _ = pose
+    px, py, pz = into_shape(shape, ox - shape[4], oy - shape[5], oz - shape[6])
+    ax, ay, az = into_shape(shape, xx, xy, xz)
+    bx, by, bz = into_shape(shape, yx, yy, yz)
+    for beam in range(first, behind):
+        cosine, sine = scene.beams[0, beam], scene.beams[1, beam]
+        distance = ray_distance(
+            shape[0], shape[1], shape[2], shape[3], px, py, pz,
+            cosine * ax + sine * bx, cosine * ay + sine * by, cosine * az + sine * bz,
+        )  # fmt: skip
+        if distance >= 0.0 and distance * out[beam] < 1.0:
+            out[beam] = 1.0 / max(distance, TINY)

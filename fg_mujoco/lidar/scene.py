@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..messages import FloatArray
 from .beams import Beams
 from .clusters import make_clusters
-from .surfaces import Plane, visible_surfaces
+from .surfaces import Plane, Surfaces, visible_surfaces
 
 BINS = 64  # of distance, into which a scan sorts the clusters
 NO_END = 1e300  # [m] half-size of a plane without end
@@ -22,7 +22,8 @@ _IN_PLANE = 1e-12  # of directions [-] and origins [m]
 class SceneArrays(NamedTuple):
     """What a scan reads: one LiDAR's beams and the surfaces of one model. Read-only; all worlds of a model share it.
 
-    Frame 0 is the world's, the others are those of ScanlineScene.moving. Clusters and planes lie frame after frame.
+    Frame 0 is the world's, the others are those of ScanlineScene.moving. Clusters, planes and shapes lie frame after
+    frame. The tree of a frame is the id of the body at the root of its kinematic tree.
     """
 
     beams: FloatArray  # (2, n) cosine and sine of each beam's bearing
@@ -32,7 +33,9 @@ class SceneArrays(NamedTuple):
     boxes: FloatArray  # (7, b) [m]
     spans: NDArray[np.int32]  # (b, 5) the fifth is the frame
     planes: FloatArray  # (p, 14) position, rotation row by row, half-sizes [m]
-    frames: NDArray[np.int32]  # (f, 4) first cluster, behind the last cluster, first plane, behind the last plane
+    frames: NDArray[np.int32]  # (f, 7) first cluster, behind the last; first plane, behind; first shape, behind; tree
+    shapes: FloatArray  # (k, SHAPE) see shapes.py
+    spheres: FloatArray  # (f, 4) centre and radius of a sphere around what moves [m]; a radius without end for planes
 
 
 class Scratch(NamedTuple):
@@ -54,28 +57,31 @@ class ScanlineScene:
     Args:
       model: the compiled mujoco.MjModel.
       beams: must be a scanline, as `is_scanline` says.
-      carrier: id of the body that the beams start from; no geom of its kinematic tree is seen.
+      carrier: id of the body that the beams start from; no geom of its kinematic tree is seen. None: all are in the
+        scene, and each scan says whose tree it leaves out.
 
     Attributes:
       arrays: what `scanline.scan` reads.
       moving: ids of the bodies whose poses it wants, in this order.
 
     Raises:
-      ModelError: a visible geom that is neither mesh, box nor plane.
+      ModelError: a visible geom of a kind that cannot be seen, as a height field.
     """
 
-    def __init__(self, model: Any, beams: Beams, carrier: int) -> None:
+    def __init__(self, model: Any, beams: Beams, carrier: int | None) -> None:
         surfaces = visible_surfaces(model, carrier)
         self.moving = tuple(part.body for part in surfaces[1:])
         clusters = [make_clusters(part.vertices, part.triangles) for part in surfaces]
         planes = [_plane_row(plane) for part in surfaces for plane in part.planes]
         spans, frames = [], []
-        edge = triangle = cluster = plane = 0
+        edge = triangle = cluster = plane = shape = 0
         for frame, (part, own) in enumerate(zip(surfaces, clusters, strict=True)):
             spans.append(np.insert(own.spans + np.array((edge, edge, triangle, triangle)), 4, frame, axis=1))
-            frames.append((cluster, cluster + len(own.spans), plane, plane + len(part.planes)))
+            behind = (cluster + len(own.spans), plane + len(part.planes), shape + len(part.shapes))
+            tree = int(model.body_rootid[part.body])
+            frames.append((cluster, behind[0], plane, behind[1], shape, behind[2], tree))
             edge, triangle = edge + own.edges.shape[1], triangle + len(own.triangles)
-            cluster, plane = cluster + len(own.spans), plane + len(part.planes)
+            cluster, plane, shape = behind
         self.arrays = SceneArrays(
             beams=_fixed(beams.directions[:, :2].T),
             limits=_fixed([beams.angle_min, beams.angle_increment, beams.range_min, beams.range_max]),
@@ -85,6 +91,8 @@ class ScanlineScene:
             spans=_fixed(np.concatenate(spans), np.int32),
             planes=_fixed(np.reshape(planes, (-1, 14))),
             frames=_fixed(frames, np.int32),
+            shapes=_fixed(np.concatenate([part.shapes for part in surfaces])),
+            spheres=_fixed([_sphere_around(part) for part in surfaces]),
         )
 
     def scratch(self) -> Scratch:
@@ -111,6 +119,17 @@ def is_scanline(beams: Beams) -> bool:
         and _LEAST_STEP < beams.angle_increment < 1.0
         and np.abs(beams.bearings - even).max() < 1e-3 * beams.angle_increment
     )
+
+
+def _sphere_around(part: Surfaces) -> FloatArray:
+    """Return centre and radius of a sphere around the surfaces of a body [m]. Shape (4,)."""
+    if part.body == 0 or part.planes:
+        return np.array((0.0, 0.0, 0.0, NO_END))
+    centres = np.concatenate((part.vertices, part.shapes[:, 4:7]))
+    radii = np.concatenate((np.zeros(len(part.vertices)), part.shapes[:, -1]))
+    centre = 0.5 * ((centres - radii[:, None]).min(axis=0) + (centres + radii[:, None]).max(axis=0))
+    radius = float((np.linalg.norm(centres - centre, axis=1) + radii).max())
+    return np.append(centre, radius * (1.0 + 1e-9) + 1e-9)
 
 
 def _plane_row(plane: Plane) -> FloatArray:

@@ -1,4 +1,6 @@
-"""What a LiDAR's rays can meet in a compiled model: triangles and planes, for each body that moves by itself.
+"""What a LiDAR's rays can meet in a compiled model: triangles, planes and round shapes, for each body that moves.
+
+The round ones among them are kept as they are (shapes.py).
 
 The geoms are those that MuJoCo's rays see: not the transparent ones (alpha 0 of the material, or of the geom where it
 has no material), any group, both sides of a mesh or box, the front of a plane. Nothing of the kinematic tree that
@@ -16,6 +18,7 @@ from numpy.typing import NDArray
 
 from ..errors import ModelError
 from ..messages import FloatArray
+from .shapes import SHAPE, is_shape, shape_row
 
 # Corners of the box of half-sizes 1, and its sides as triangles.
 _BOX_CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
@@ -40,24 +43,26 @@ class Surfaces:
     vertices: FloatArray  # (v, 3) [m]
     triangles: NDArray[np.int32]  # (t, 3) indices of vertices
     planes: tuple[Plane, ...]
+    shapes: FloatArray  # (k, SHAPE)
 
 
-def visible_surfaces(model: Any, carrier: int) -> tuple[Surfaces, ...]:
+def visible_surfaces(model: Any, carrier: int | None) -> tuple[Surfaces, ...]:
     """Return the surfaces that rays meet, by body: the world's first, then each body's that moves, mocap included.
 
     Static geoms are taken where the model has them now.
 
     Args:
       model: the compiled mujoco.MjModel.
-      carrier: id of the body that the rays start from; no geom of its kinematic tree is seen.
+      carrier: id of the body that the rays start from; no geom of its kinematic tree is seen. None: all are.
 
     Raises:
-      ModelError: a visible geom that is neither mesh, box nor plane.
+      ModelError: a visible geom of a kind that cannot be seen, as a height field.
     """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     parts: dict[int, list[tuple[FloatArray, NDArray[np.int32]]]] = {0: []}
     planes: dict[int, list[Plane]] = {0: []}
+    shapes: dict[int, list[FloatArray]] = {0: []}
     for geom in _visible_geoms(model, carrier):
         body = int(model.body_weldid[model.geom_bodyid[geom]])  # 0 for all that never moves
         to_body = data.xmat[body].reshape(3, 3).T
@@ -66,15 +71,21 @@ def visible_surfaces(model: Any, carrier: int) -> tuple[Surfaces, ...]:
         if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE:
             half_sizes = np.maximum(model.geom_size[geom, :2], 0.0)
             planes.setdefault(body, []).append(Plane(position=position, rotation=rotation, half_sizes=half_sizes))
+        elif is_shape(int(model.geom_type[geom])):
+            row = shape_row(int(model.geom_type[geom]), model.geom_size[geom], position, rotation)
+            shapes.setdefault(body, []).append(row)
         else:
             vertices, triangles = _geom_triangles(model, geom)
             parts.setdefault(body, []).append((position + vertices @ rotation.T, triangles))
     return tuple(
-        _gathered(body, parts.get(body, []), planes.get(body, [])) for body in sorted(parts.keys() | planes.keys())
+        _gathered(body, parts.get(body, []), planes.get(body, []), shapes.get(body, []))
+        for body in sorted(parts.keys() | planes.keys() | shapes.keys())
     )
 
 
-def _gathered(body: int, parts: list[tuple[FloatArray, NDArray[np.int32]]], planes: list[Plane]) -> Surfaces:
+def _gathered(
+    body: int, parts: list[tuple[FloatArray, NDArray[np.int32]]], planes: list[Plane], shapes: list[FloatArray]
+) -> Surfaces:
     first = np.cumsum([0] + [len(vertices) for vertices, _ in parts])
     triangles = [triangles + start for (_, triangles), start in zip(parts, first, strict=False)]
     return Surfaces(
@@ -82,16 +93,18 @@ def _gathered(body: int, parts: list[tuple[FloatArray, NDArray[np.int32]]], plan
         vertices=np.concatenate([np.empty((0, 3)), *(vertices for vertices, _ in parts)]),
         triangles=np.concatenate([np.empty((0, 3), np.int32), *triangles]).astype(np.int32),
         planes=tuple(planes),
+        shapes=np.concatenate(shapes).reshape(-1, SHAPE) if shapes else np.empty((0, SHAPE)),
     )
 
 
-def _visible_geoms(model: Any, carrier: int) -> list[int]:
+def _visible_geoms(model: Any, carrier: int | None) -> list[int]:
     if model.nflex:
         raise ModelError(
             f"the model has {model.nflex} flex objects, which the LiDAR back end 'raycast' cannot see; accepted: none, "
             "or the back end 'rangefinder'"
         )
-    own = model.body_rootid[model.geom_bodyid] == model.body_rootid[carrier]
+    roots = model.body_rootid[model.geom_bodyid]
+    own = np.zeros(len(roots), np.bool_) if carrier is None else roots == model.body_rootid[carrier]
     alpha = model.geom_rgba[:, 3].copy()
     with_material = model.geom_matid >= 0
     alpha[with_material] = model.mat_rgba[model.geom_matid[with_material], 3]
@@ -112,5 +125,6 @@ def _geom_triangles(model: Any, geom: int) -> tuple[FloatArray, NDArray[np.int32
     body = model.body(int(model.geom_bodyid[geom])).name
     raise ModelError(
         f"geom {name or geom} of body {body!r} is a {kind.name.removeprefix('mjGEOM_').lower()}, which the LiDAR back "
-        "end 'raycast' cannot see; accepted: mesh, box, plane, alpha 0, or the back end 'rangefinder'"
+        "end 'raycast' cannot see; accepted: mesh, box, plane, sphere, capsule, ellipsoid, cylinder, alpha 0, or the "
+        "back end 'rangefinder'"
     )

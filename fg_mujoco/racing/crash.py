@@ -14,7 +14,7 @@ from ..course.moving_obstacles import make_mover
 from ..messages import FloatArray
 from ..simulation.engine import whole_steps
 from ..simulation.physics import STATE
-from ..simulation.world import CAR_PREFIX, OBSTACLE_PREFIX, World
+from ..simulation.world import OBSTACLE_PREFIX, World
 from ..vehicle.motion import ground_speed
 
 _ACROSS = 0.9  # cosine between a wall's normal and an open course: a dead end's wall has no side
@@ -47,31 +47,39 @@ class Crash:
         )
 
 
-def crash_of(world: World, states: FloatArray, ctrl: FloatArray, timer: Any, laps: int, period: float) -> Crash | None:
+def crash_of(
+    world: World, states: FloatArray, ctrl: FloatArray, timer: Any, laps: int, period: float, row: int = 0
+) -> Crash | None:
     """Return the crash in which a race ended; None where the chassis touches nothing in the last tick.
+
+    Touching another car is no crash.
 
     The last tick is simulated again, step by step, until the chassis touches something.
 
     Args:
       world: that was raced.
       states: as in RaceResult, (ticks + 1, n).
-      ctrl: as in RaceResult, (ticks, 2).
+      ctrl: as in RaceResult, (ticks, controls).
       timer: row of LAP_TIMER at the end.
       laps: of the race.
       period: of a tick [s].
+      row: of the car.
     """
     model = world.model
     data, mover = mujoco.MjData(model), make_mover(model)
     mujoco.mj_setState(model, data, states[-2] if len(ctrl) else states[0], int(STATE))
     if len(ctrl):
         data.ctrl[:] = ctrl[-1]
-    chassis = model.geom(f"{CAR_PREFIX}chassis").id
+    prefix, constants = world.cars[row].prefix, world.cars[row].constants
+    chassis = model.geom(f"{prefix}chassis").id
+    others = {model.geom(f"{car.prefix}chassis").id for car in world.cars if car.prefix != prefix}
     for _ in range(whole_steps(period, model.opt.timestep)):
         if mover is not None:
             mover.place(data)
-        time, speed = data.time, ground_speed(data.qpos, data.qvel, world.car.constants)
+        time, speed = data.time, ground_speed(data.qpos, data.qvel, constants)
         mujoco.mj_step(model, data)  # its contacts are those at the beginning of the step
-        touching = [contact for contact in data.contact if chassis in contact.geom]
+        own = [contact for contact in data.contact if chassis in contact.geom]
+        touching = [contact for contact in own if not others & set(contact.geom.tolist())]
         if touching:
             deepest = min(touching, key=lambda contact: float(contact.dist))
             other = int(deepest.geom[1] if deepest.geom[0] == chassis else deepest.geom[0])

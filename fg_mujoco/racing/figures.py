@@ -41,12 +41,12 @@ class CourseFigures(TypedDict):
     crash: Crash | None
 
 
-def driven_figures(engine: Engine, trajectory: Trajectory) -> DrivenFigures:
-    """Return the figures of the car of world 0 that need no course."""
-    car = engine.world.car
+def driven_figures(engine: Engine, trajectory: Trajectory, row: int = 0) -> DrivenFigures:
+    """Return the figures of a car of world 0 that need no course; the trajectory has its telemetry."""
+    car = engine.world.cars[row]
     return {
-        **statistics_figures(engine.statistics[0]),
-        "collisions": int(engine.crashed[0]),
+        **statistics_figures(engine.statistics[row]),
+        "collisions": int(engine.crashed[row]),
         "sim_time_s": float(trajectory["states"][-1, 0]),  # mjSTATE_TIME comes first in a state
         "clamped_commands": clamped_commands(trajectory["telemetry"], car.parameters),
         "mu": car.mu,
@@ -54,16 +54,19 @@ def driven_figures(engine: Engine, trajectory: Trajectory) -> DrivenFigures:
     }
 
 
-def course_figures(engine: Engine, trajectory: Trajectory) -> CourseFigures:
-    """Return the figures of the race of world 0 on its course, as its monitor has judged it."""
+def course_figures(engine: Engine, trajectory: Trajectory, row: int = 0) -> CourseFigures:
+    """Return the figures of the race of a car of world 0 on its course, as its monitor has judged it.
+
+    The trajectory ends with the tick in which that car's race was over.
+    """
     world, monitor = engine.world, engine.monitor
-    course, timer, laps = world.track, monitor.timers[0], monitor.laps
-    reason = END_REASONS[monitor.reasons[0]]
+    course, timer, laps = world.track, monitor.timers[row], monitor.laps
+    reason = END_REASONS[monitor.reasons[row]]
     crash = None
     if reason == "crash":
-        crash = crash_of(world, trajectory["states"], trajectory["ctrl"], timer, laps, engine.period)
+        crash = crash_of(world, trajectory["states"], trajectory["ctrl"], timer, laps, engine.period, row)
     geoms = (world.model.geom(i).name for i in range(world.model.ngeom))
-    lap_times = tuple(monitor.lap_times[0, : int(timer["laps_completed"])].tolist())
+    lap_times = tuple(monitor.lap_times[row, : int(timer["laps_completed"])].tolist())
     return {
         "track": course.name,
         "obstacles": sum(name.startswith(OBSTACLE_PREFIX) for name in geoms) - len(course.obstacles),

@@ -8,6 +8,7 @@ A scene is raced once, to its goal, which counts as its one lap.
 
 from __future__ import annotations
 
+import inspect
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -32,6 +33,8 @@ from ..vehicle.friction_patches import Patch
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .decisions import DecisionClock, DecisionTimes
+from .entries import Entry, require_entries
+from .field import race_field
 from .figures import course_figures, driven_figures
 from .planner_choice import split_controller
 from .planner_loading import make_controller, origin, source_code
@@ -102,7 +105,10 @@ def race(
     odometry_drift: float = 0.0,
     start: Start | None = None,
     planner_settings: Mapping[str, Any] | None = None,
-    watch: Callable[[RaceProgress], None] | None = None,
+    entries: Sequence[Entry] | None = None,
+    grid: str = "staggered",
+    rules: str = "none",
+    watch: Callable[[Any], None] | None = None,
 ) -> RaceResult:
     """Race a controller round a track, or through a scene, and return how it went.
 
@@ -134,13 +140,28 @@ def race(
         the car does is the same, and the pose is the true one.
       start: where and how the race starts; None: standing on the start of the centreline.
       planner_settings: settings of the controller that differ from its own.
-      watch: called once a tick.
+      entries: the cars of a race of several, in the order of the grid. The settings of one car, from `controller` to
+        `planner_settings`, are then theirs: of each Entry. A planner that fails ends its own car's race only.
+      grid: "staggered" or "side_by_side": where entries without a start stand, see `entries.grid_starts`.
+      rules: of race control, "none" or "roboracer_2026", see `race_control.RULES`.
+      watch: called once a tick, with a RaceProgress, or a FieldProgress of several cars.
 
     Raises:
       TrackError, ControllerError, SettingsError: input that cannot be raced with.
       PlannerError: the controller raises while it drives, or answers something else than a command. Its `result` is
         that of the race up to there, which can be written as a run folder; its `failure` has the line and the scan.
     """
+    if entries is not None:
+        given = {
+            "controller": controller, "vehicle": vehicle, "tires": tires, "mu": mu, "changes": changes,
+            "planner_mu": planner_mu, "max_speed": max_speed, "seed": seed, "effects": effects,
+            "odometry_drift": odometry_drift, "start": start, "planner_settings": planner_settings,
+        }  # fmt: skip
+        return _race_of_entries(
+            track, require_entries(entries), given, laps=laps, lidar=lidar, time_limit=time_limit,
+            decision_limit=decision_limit, obstacles=obstacles, obstacle_seed=obstacle_seed, patches=tuple(patches),
+            grid=grid, rules=rules, watch=watch,
+        )  # fmt: skip
     controller, own = split_controller(controller, planner_settings)
     settings = RaceSettings(
         laps=USUAL_LAPS if laps is None else laps, vehicle=vehicle, tires=tires, mu=mu,
@@ -219,6 +240,51 @@ def race(
         finally:
             del failed  # its traceback has this frame, which would hold the error and its world
     return result
+
+
+def _race_of_entries(
+    track: Course | str,
+    entries: tuple[Entry, ...],
+    given: Mapping[str, Any],
+    *,
+    laps: int | None,
+    lidar: str,
+    time_limit: float | None,
+    decision_limit: float | None,
+    obstacles: tuple[Obstacle, ...] | int,
+    obstacle_seed: int,
+    patches: tuple[Patch, ...],
+    grid: str,
+    rules: str,
+    watch: Callable[[Any], None] | None,
+) -> RaceResult:
+    """Race several cars, see `race`; `given` are the settings of one car, which must be the defaults.
+
+    Raises:
+      SettingsError: one is not.
+    """
+    usual = inspect.signature(race).parameters
+    for name, value in given.items():
+        if value != usual[name].default:
+            raise SettingsError(f"{name} is {value!r} beside entries; accepted: {name} of each Entry")
+    checked = RaceSettings(
+        laps=USUAL_LAPS if laps is None else laps,
+        lidar=lidar,
+        time_limit=time_limit,
+        decision_limit=decision_limit,
+        patches=patches,
+    )
+    first = entries[0].car.parameters
+    course = load_track(track, car=first)
+    drawn = None
+    if isinstance(obstacles, int):
+        drawn = obstacle_seed if obstacles else None
+        obstacles = random_boxes(course, obstacles, obstacle_seed, car=first, start=0.0)
+    return race_field(
+        course, entries, laps=laps_to_drive(course, laps), grid=grid, rules=rules, lidar=lidar,
+        time_limit=checked.time_limit, decision_limit=checked.decision_limit, obstacles=obstacles,
+        obstacle_seed=drawn, patches=checked.patches, watch=watch,
+    )  # fmt: skip
 
 
 def _end_tick(engine: Engine, history: History) -> None:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -31,9 +31,10 @@ from ..simulation.world import World, shows
 from ..vehicle.motion import drive
 from ..vehicle.vehicle import Vehicle
 from .figures import CourseFigures, course_figures, driven_figures
+from .race_control import RaceControl, find_rules
 from .resimulation import load_world
 from .result import History, Trajectory, car_row, trajectory_sha256
-from .run_folder import NOT_SIMULATED, SCENE, STATES, SUMMARY, TELEMETRY_FILE, Run, as_json, read_run
+from .run_folder import NOT_SIMULATED, SCENE, STATES, SUMMARY, TELEMETRY_FILE, Run, as_json, of_car, read_run
 
 _FROM_OUTSIDE = ("interrupted", "failed", "planner_failed", "decision_limit")  # reasons that no simulation tells
 _OF_THE_COURSE = ("lap", "progress_m", "offset_m")  # columns of the telemetry
@@ -181,6 +182,14 @@ class _Again:
         self.engine = engine = Engine(world, laps=laps, time_limit=limit)
         engine.load(run.states[0], timed=True)
         history = History(engine)
+        self.ends = [len(run.ctrl)] * engine.cars_per_world  # the tick in which the race of each car was over
+        self.control: RaceControl | None = None
+        self.over: tuple[int, str] | None
+        if engine.cars_per_world > 1:
+            self._drive_again(run, history)
+            self.trajectory: Trajectory = history.arrays()
+            self.telemetries = [history.arrays(row)["telemetry"] for row in range(engine.cars_per_world)]
+            return
         constants, commanded = world.car.constants, np.empty(run.ctrl.shape[1])
         self.over = None if engine.running[0] else (0, self._reason)
         for controls, command in zip(run.ctrl, run.telemetry[:, COMMAND : COMMAND + 2], strict=True):
@@ -194,7 +203,43 @@ class _Again:
             engine.judge()
             if self.over is None and not engine.running[0]:
                 self.over = (history.ticks, self._reason)
-        self.trajectory: Trajectory = history.arrays()
+        self.trajectory = history.arrays()
+        self.telemetries = [self.trajectory["telemetry"]]
+
+    def _drive_again(self, run: Run, history: History) -> None:
+        """Drive several cars as they were; what ended a race from outside ends it when it did."""
+        engine, rows = self.engine, run.summary["cars"]
+        names, commanded = [str(row["name"]) for row in rows], np.empty(run.ctrl.shape[1])
+        if engine.world.track is not None:
+            self.control = RaceControl(engine, names=names, rules=find_rules(run.summary.get("rules") or "none"))
+        ends = np.searchsorted(run.time, [float(row["end_time_s"]) - 1e-9 for row in rows])
+        columns = slice(COMMAND, COMMAND + 2)
+        commands = np.stack([run.telemetry[:, columns], *(other[:, columns] for other in run.others)], axis=1)
+        outside = [row["end_reason"] in _FROM_OUTSIDE for row in rows]
+        self.over, over = None, np.zeros(len(rows), np.bool_)
+        for tick, controls in enumerate(run.ctrl):
+            engine.sense()
+            for car in map(
+                int, np.flatnonzero([out and end == tick + 1 for out, end in zip(outside, ends, strict=True)])
+            ):
+                engine.monitor.end(np.arange(len(rows)) == car, str(rows[car]["end_reason"]))
+            if engine.world.track is None or not engine.running.any():
+                engine.running[0] = True
+            for car, (steering_angle, speed) in enumerate(commands[tick].tolist()):
+                drive(engine.qvel(0), steering_angle, speed, engine.world.cars[car].constants, commanded)
+            engine.drive(controls=controls[np.newaxis])
+            same = commanded.tobytes() == controls.tobytes()
+            engine.telemetry[:, columns] = commands[tick] if same else controls.reshape(-1, 2)
+            engine.judge()
+            if self.control is not None:
+                self.control.after_tick()
+            history.append()
+            for car in map(int, np.flatnonzero(~engine.running & ~over)):
+                self.ends[car], over[car] = history.ticks, True
+            if self.over is None and over.all() and engine.world.track is not None:
+                self.over = (history.ticks, self._reason)
+        if self.control is not None:
+            self.control.finish()
 
     @property
     def _reason(self) -> str:
@@ -208,7 +253,31 @@ class _Again:
         """
         if self.engine.running[0] and self.from_outside(recorded):
             self.engine.monitor.end(self.engine.running.copy(), recorded)
-        return course_figures(self.engine, self.trajectory)
+        return course_figures(self.engine, self._to_the_end_of(0))
+
+    def _to_the_end_of(self, car: int) -> Trajectory:
+        """Return the trajectory up to where the race of a car was over."""
+        ticks, own = self.ends[car], self.trajectory
+        return {"telemetry": own["telemetry"], "states": own["states"][: ticks + 1], "ctrl": own["ctrl"][:ticks]}
+
+    def several(self, recorded: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+        """Return the figures of a race of several cars, whose rows in `cars` were recorded."""
+        assert self.control is not None
+        rows = []
+        for car, row in enumerate(recorded):
+            trajectory: Trajectory = {**self.trajectory, "telemetry": self.telemetries[car]}
+            figures: dict[str, Any] = {
+                **driven_figures(self.engine, trajectory, car),
+                **course_figures(self.engine, self._to_the_end_of(car), car),
+            }
+            figures["collisions_wall"] = int(self.engine.crashed[car])
+            figures["collisions_car"] = sum(row["name"] in contact.cars for contact in self.control.contacts)
+            rows.append({name: figures.get(name, value) for name, value in row.items()})
+        control = self.control
+        return {
+            "cars": rows, "overtakes": control.overtakes, "contacts": control.contacts, "warnings": control.warnings,
+            "restarts": control.restarts,
+        }  # fmt: skip
 
     def from_outside(self, reason: object) -> bool:
         """Say whether a race ends for a reason that its states do not tell."""
@@ -231,7 +300,10 @@ def _compared(run: Run, again: _Again, found: list[Difference], no_course: str) 
     figures: dict[str, Any] = {**driven_figures(again.engine, trajectory)}
     if not no_course:
         figures |= again.course_figures(str(recorded_end))
-        figures["cars"] = [car_row({"vehicle": None, "controller": None} | summary | figures)]
+        if again.control is not None:
+            figures |= again.several(summary["cars"])
+        else:
+            figures["cars"] = [car_row({"vehicle": None, "controller": None} | summary | figures)]
     recomputed = json.loads(as_json(figures))
     for name, value in recomputed.items():
         if name in summary and _text(summary[name]) != _text(value):
@@ -275,6 +347,13 @@ def _of_the_files(run: Run, again: _Again, no_course: str) -> Iterable[Differenc
         for k, name in enumerate(TELEMETRY)
         if not (no_course and name in _OF_THE_COURSE)
     ]
+    for car, (other, own) in enumerate(zip(run.others, again.telemetries[1:], strict=True), start=1):
+        file = of_car(TELEMETRY_FILE, car)
+        columns += [
+            (f"{file}, {name}", other[:, k], own[:, k])
+            for k, name in enumerate(TELEMETRY)
+            if not (no_course and name in _OF_THE_COURSE)
+        ]
     for name, recorded, recomputed in columns:
         differs = _bits(recorded) != _bits(recomputed)
         if differs.any():

@@ -22,7 +22,68 @@ from .driven_line import driven_line
 
 if TYPE_CHECKING:
     from ..simulation.engine import Engine
+    from ..simulation.settings import Start
     from ..simulation.world import World
+    from .race_control import Contact, Overtake, Restart, Warned
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CarResult:
+    """How one of several cars fared. Fields are as in RaceResult; arrays are read-only."""
+
+    name: str
+    position: int  # from 1: by when they finished, then by how far they came
+    vehicle: str
+    vehicle_sha256: str
+    tires: str
+    tires_sha256: str
+    controller: str
+    controller_origin: dict[str, str | None]
+    laps_completed: int
+    lap_times_s: tuple[float, ...]
+    finished: bool
+    end_reason: str  # "disqualified", too: by race control
+    end_time_s: float  # when its race was over; the others' may have gone on
+    wrong_way: WrongWay | None
+    crash: Crash | None  # into a wall or an obstacle
+    planner_failure: PlannerFailure | None
+    collisions_wall: int
+    collisions_car: int  # contacts with other cars
+    max_slide_m_s: float
+    max_lateral_slide_m_s: float
+    slide_time_fraction: float
+    mean_speed_m_s: float
+    max_speed_m_s: float
+    decision_times: DecisionTimes
+    clamped_commands: int
+    seed: int
+    mu: float
+    planner_mu: float
+    speed_limit_m_s: float
+    lidar_effects: LidarEffects
+    odometry_drift: float
+    planner_settings: dict[str, Any]
+    start: Start
+    controller_source: bytes | None = field(repr=False)
+    telemetry: FloatArray = field(repr=False)  # (ticks, len(TELEMETRY)) to the end of the last car's race
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "telemetry", read_only(self.telemetry))
+
+    def column(self, name: str) -> FloatArray:
+        """Return one column of the telemetry by its name in TELEMETRY. Shape (ticks,)."""
+        return self.telemetry[:, TELEMETRY.index(name)]
+
+    def row(self) -> dict[str, Any]:
+        """Return the row in `cars` of the JSON summary."""
+        values = {
+            f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("controller_source", "telemetry")
+        }
+        parts = ("wrong_way", "crash", "decision_times", "lidar_effects", "start")
+        for name in parts:
+            values[name] = None if values[name] is None else asdict(values[name])
+        failure = self.planner_failure
+        return values | {"planner_failure": None if failure is None else failure.summary()}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -52,7 +113,7 @@ class RaceResult(Shown):
     collisions: int
     max_slide_m_s: float  # fastest that any tire's contact point moved over the ground
     max_lateral_slide_m_s: float  # the same, across the wheel's heading: sideways, and not by spinning or locked wheels
-    slide_time_fraction: float  # share of the physics steps in which a tire slid, faster than SLIDING_SPEED
+    slide_time_fraction: float  # share of the physics steps in which a tire slid (`TireSlip.slides`)
     mean_speed_m_s: float
     max_speed_m_s: float
     sim_time_s: float
@@ -78,7 +139,16 @@ class RaceResult(Shown):
     world: World = field(repr=False)
     telemetry: FloatArray = field(repr=False)  # (ticks, len(TELEMETRY))
     states: FloatArray = field(repr=False)  # (ticks + 1, n) mjSTATE_INTEGRATION at the start of each tick; the last
-    ctrl: FloatArray = field(repr=False)  # (ticks, 2) what the actuators got: steering [rad], speed [m/s]
+    ctrl: FloatArray = field(repr=False)  # (ticks, 2) what the actuators got: steering [rad], speed [m/s], of each car
+    # of several cars; all else is of car 0
+    car_results: tuple[CarResult, ...] = ()  # how each car fared; none where car 0 was alone
+    grid: str | None = None
+    rules: str | None = None
+    winner: str | None = None  # name of the car that finished first
+    overtakes: tuple[Overtake, ...] = ()
+    contacts: tuple[Contact, ...] = ()
+    warnings: tuple[Warned, ...] = ()
+    restarts: tuple[Restart, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("telemetry", "states", "ctrl"):
@@ -131,11 +201,12 @@ class RaceResult(Shown):
     @property
     def cars(self) -> tuple[dict[str, Any], ...]:
         """How each car fared, one row a car; the other fields are those of car 0."""
-        return (car_row(vars(self)),)
+        return tuple(result.row() for result in self.car_results) or (car_row(vars(self)),)
 
     def summary(self) -> dict[str, Any]:
         """Return what the JSON summary holds: everything but the arrays, the world and the planner's source."""
-        left_out = ("world", "telemetry", "states", "ctrl", "controller_source")
+        left_out = ["world", "telemetry", "states", "ctrl", "controller_source", "car_results"]
+        left_out += [] if self.car_results else ["grid", "rules", "winner", *_OF_SEVERAL]
         values = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in left_out}
         wrong_way = asdict(self.wrong_way) if self.wrong_way is not None else None
         failure = self.planner_failure.summary() if self.planner_failure is not None else None
@@ -143,7 +214,11 @@ class RaceResult(Shown):
             "planner_failure": failure, "decision_times": asdict(self.decision_times),
             "wrong_way": wrong_way, "crash": asdict(self.crash) if self.crash is not None else None,
             "lidar_effects": asdict(self.lidar_effects), "cars": list(self.cars),
+            **{name: [asdict(part) for part in values[name]] for name in _OF_SEVERAL if name in values},
         }  # fmt: skip
+
+
+_OF_SEVERAL = ("overtakes", "contacts", "warnings", "restarts")
 
 
 def car_row(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -183,7 +258,7 @@ class History:
         self.first_end: float | None = None  # when the first tick was over, on time.perf_counter's clock [s]
         state, ctrl = engine.state(0), engine.ctrl(0)
         self._now = (engine.telemetry, state, ctrl)  # live
-        self._telemetry = np.empty((512, *engine.telemetry.shape))
+        self._telemetry = np.empty((512, *engine.telemetry.shape))  # of all cars
         self._states = np.empty((513, len(state)))
         self._ctrl = np.empty((512, len(ctrl)))
         self._states[0] = state
@@ -201,10 +276,10 @@ class History:
             self.first_end = time.perf_counter()
         self.ticks = tick + 1  # last: an interrupted tick leaves no row
 
-    def arrays(self) -> Trajectory:
-        """Return telemetry, states and ctrl as in RaceResult, of the ticks that are complete."""
+    def arrays(self, row: int = 0) -> Trajectory:
+        """Return telemetry of a car, states and ctrl as in RaceResult, of the ticks that are complete."""
         return {
-            "telemetry": self._telemetry[: self.ticks, 0],
+            "telemetry": self._telemetry[: self.ticks, row],
             "states": self._states[: self.ticks + 1],
             "ctrl": self._ctrl[: self.ticks],
         }

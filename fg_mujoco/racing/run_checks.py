@@ -20,11 +20,14 @@ from xml.parsers import expat
 from ..errors import SettingsError
 from ..lidar.effects import LidarEffects
 from ..lidar.lidar import LIDAR_BACKENDS
+from ..simulation.cars import GREATEST_CARS
 from ..simulation.planner_adapter import short, short_text
 from ..simulation.settings import GREATEST_LAPS
 from ..simulation.termination import WrongWay
 from .crash import Crash
 from .decisions import DecisionTimes
+from .entries import GRIDS
+from .race_control import RULES, Contact, Overtake, Restart, Warned
 
 GREATEST = 1e9
 """Of the numbers in a summary."""
@@ -58,6 +61,37 @@ def _is_failure(value: Any) -> bool:
         and is_figure(value["time_s"])
         and (value["line"] is None or is_figure(value["line"]))
         and all(each is None or isinstance(each, str) for name, each in value.items() if name not in numbers)
+    )
+
+
+def _are(kind: type) -> Accepts:
+    """Return what says whether a value is a list of the fields of a dataclass, numbers, texts or pairs of texts."""
+    names = {field.name for field in fields(kind)}
+
+    def accepts(value: Any) -> bool:
+        return isinstance(value, list) and all(
+            isinstance(row, dict)
+            and set(row) == names
+            and all(is_figure(each) or isinstance(each, str) or _are_texts(each) for each in row.values())
+            for row in value
+        )
+
+    return accepts
+
+
+def _are_texts(value: Any) -> bool:
+    return isinstance(value, list) and len(value) <= 2 and all(isinstance(each, str) for each in value)
+
+
+def _are_cars(value: Any) -> bool:
+    """Say whether a value is rows of cars; of several, with what a replay of them needs."""
+    if not isinstance(value, list) or len(value) > GREATEST_CARS or not all(isinstance(row, dict) for row in value):
+        return False
+    names = [row.get("name") for row in value]
+    return len(value) < 2 or (
+        all(isinstance(name, str) for name in names)
+        and len(set(names)) == len(names)
+        and all(isinstance(row.get("end_reason"), str) and is_figure(row.get("end_time_s")) for row in value)
     )
 
 
@@ -121,7 +155,13 @@ _SUMMARY: dict[str, tuple[str, Accepts]] = {
         "settings by name, time_limit above 0",
         _is_settings,
     ),
-    "cars": ("a row of values for each car", lambda value: isinstance(value, list)),
+    "cars": (f"a row of values for each of up to {GREATEST_CARS} cars", _are_cars),
+    "grid": (" or ".join(GRIDS), lambda value: value in GRIDS),
+    "rules": (" or ".join(RULES), lambda value: value in RULES), "winner": _TEXT,
+    **{
+        name: (f"a list of {kind.__name__}, as a race wrote it", _are(kind))
+        for name, kind in (("overtakes", Overtake), ("contacts", Contact), ("warnings", Warned), ("restarts", Restart))
+    },
     "wrong_way": (f"wrong_way, of {', '.join(sorted(_WRONG_WAY))}", lambda value: _is_mapping(value, _WRONG_WAY)),
     "crash": (f"crash, of {', '.join(sorted(_CRASH))}", lambda value: _is_mapping(value, _CRASH, ("into", "geom"))),
     "planner_failure": ("planner_failure, as a race wrote it", _is_failure),

@@ -9,6 +9,7 @@
     states.npz      time (n + 1,) [s], state (n + 1, k) mjSTATE_INTEGRATION, ctrl (n, 2) [rad, m/s]: row i of ctrl is
                     held from state i to state i + 1, one tick
     telemetry.csv   one row a tick, columns named with their units; older versions wrote fewer columns
+    telemetry_car_1.csv, controller_car_1.py and so on, the same of the other cars of a race of several
     controller.py   the source of a planner of your own, as it was read; its hash is in the summary
     failed_scan.npz where the planner failed: the scan and the odometry that it was told, see `read_failed_scan`
     trace.png       the line over the track, and the tires' work over time (needs the extra `plot`)
@@ -76,9 +77,10 @@ class Run:
     xml: str = field(repr=False)  # of its scene
     time: FloatArray = field(repr=False)  # (ticks + 1,) [s]
     states: FloatArray = field(repr=False)  # (ticks + 1, k)
-    ctrl: FloatArray = field(repr=False)  # (ticks, 2)
+    ctrl: FloatArray = field(repr=False)  # (ticks, 2 cars)
     telemetry: FloatArray = field(repr=False)  # (ticks, len(TELEMETRY)); NaN in columns that are not in `columns`
     columns: tuple[str, ...] = field(default=TELEMETRY, repr=False)  # of TELEMETRY, those that were recorded
+    others: tuple[FloatArray, ...] = field(default=(), repr=False)  # telemetry of car 1, car 2 and so on
 
     def __repr__(self) -> str:
         found = {name: self.summary.get(name, "unknown") for name in ("controller", "track", "end_reason")}
@@ -142,11 +144,16 @@ def write_run(
         _write_telemetry(result.telemetry, staging / _TELEMETRY)
         if result.controller_source is not None and result.controller_origin["distribution"] is None:
             (staging / _CONTROLLER).write_bytes(result.controller_source)
+        for index, car in enumerate(result.car_results[1:], start=1):
+            _write_telemetry(car.telemetry, staging / of_car(_TELEMETRY, index))
+            if car.controller_source is not None and car.controller_origin["distribution"] is None:
+                (staging / of_car(_CONTROLLER, index)).write_bytes(car.controller_source)
         if result.planner_failure is not None:
             _write_failed_scan(result.planner_failure, staging / FAILED_SCAN)
         if draw is not None:
             draw(result, staging / _TRACE)
-        sha256s = {name: file_sha256(staging / name) for name in _READ_BACK if (staging / name).exists()}
+        read_back = [of_car(name, car) for car in range(max(len(result.car_results), 1)) for name in _READ_BACK]
+        sha256s = {name: file_sha256(staging / name) for name in read_back if (staging / name).exists()}
         summary = json.loads(summary_json(result, settings)) | {"files": sha256s}
         (staging / SUMMARY).write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
         if add is not None:
@@ -155,6 +162,12 @@ def write_run(
             except RunFolderError as error:
                 raise RunFolderError(str(error).replace(str(staging), str(folder))) from error
     return folder
+
+
+def of_car(file: str, index: int) -> str:
+    """Return what a file of a run folder is called for a car; car 0's are called as if it were alone."""
+    name, dot, ending = file.partition(".")
+    return f"{name}_car_{index}{dot}{ending}" if index else file
 
 
 def summary_json(result: RaceResult, settings: Mapping[str, Any] | None = None) -> str:
@@ -229,7 +242,9 @@ def read_run(folder: str | Path) -> Run:
     """
     folder = Path(folder)
     summary = read_summary(folder)
-    for path in (folder / _SCENE, folder / _STATES, folder / _TELEMETRY):
+    cars = car_count(summary)
+    telemetries = [folder / of_car(_TELEMETRY, index) for index in range(cars)]
+    for path in (folder / _SCENE, folder / _STATES, *telemetries):
         with _blame(path):
             require_regular(path)
         _require_unchanged(path, summary)
@@ -238,14 +253,26 @@ def read_run(folder: str | Path) -> Run:
         check_scene(xml)
     with _blame(folder / _TELEMETRY):
         telemetry, columns = _read_telemetry(folder / _TELEMETRY)
+    others = []
+    for path in telemetries[1:]:
+        with _blame(path):
+            found, own_columns = _read_telemetry(path)
+            if len(found) != len(telemetry) or own_columns != columns:
+                raise ValueError(f"{len(found)} rows of {len(own_columns)} columns; {_TELEMETRY} has {len(telemetry)}")
+            others.append(found)
     with _blame(folder / _STATES):
-        time, states, ctrl = _read_states(folder / _STATES, len(telemetry))
-    for values in (time, states, ctrl, telemetry):
+        time, states, ctrl = _read_states(folder / _STATES, len(telemetry), cars)
+    for values in (time, states, ctrl, telemetry, *others):
         values.flags.writeable = False
     return Run(
         folder=folder, summary=summary, xml=xml, time=time, states=states, ctrl=ctrl, telemetry=telemetry,
-        columns=columns,
+        columns=columns, others=tuple(others),
     )  # fmt: skip
+
+
+def car_count(summary: Mapping[str, Any]) -> int:
+    """Return how many cars a run's summary tells of."""
+    return max(len(summary.get("cars") or ()), 1)
 
 
 def read_failed_scan(folder: str | Path) -> tuple[LaserScan, Odometry]:
@@ -315,14 +342,14 @@ def _read_telemetry(path: Path) -> tuple[FloatArray, tuple[str, ...]]:
     return telemetry, columns
 
 
-def _read_states(path: Path, ticks: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return time, states and ctrl of as many ticks as the telemetry has rows."""
+def _read_states(path: Path, ticks: int, cars: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return time, states and ctrl of as many ticks as the telemetry has rows, of so many cars."""
     names = ("time", "state", "ctrl")
-    most = min((ticks + 1) * 8 * (_MOST_OF_A_STATE + 3) + 3 * 128, _MOST_STATES)
+    most = min((ticks + 1) * 8 * (_MOST_OF_A_STATE + 3) * cars + 3 * 128, _MOST_STATES)
     time, states, ctrl = arrays = tuple(read_arrays(path, names, most).values())
     if any(values.dtype != np.float64 for values in arrays):
         raise ValueError(f"numbers of {', '.join(str(values.dtype) for values in arrays)}; accepted: float64")
-    if time.shape != (ticks + 1,) or ctrl.shape != (ticks, 2) or states.ndim != 2 or len(states) != ticks + 1:
+    if time.shape != (ticks + 1,) or ctrl.shape != (ticks, 2 * cars) or states.ndim != 2 or len(states) != ticks + 1:
         raise ValueError(f"shapes {time.shape}, {states.shape}, {ctrl.shape} for the {ticks} rows of {_TELEMETRY}")
     for name, values in zip(names, arrays, strict=True):
         if not (np.abs(values) <= _GREATEST).all():

@@ -33,7 +33,7 @@ from ..course.writing import staged_file
 from ..errors import BagError, PlannerError
 from ..racing.resimulation import load_world, resimulate
 from ..racing.run_folder import read_run
-from ..simulation.world import CAR_PREFIX
+from ..simulation.cars import CAR_PREFIX
 from ..vehicle.car import element_id
 from .bag_messages import (
     BASE_FRAME,

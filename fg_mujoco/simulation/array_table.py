@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from ..course.lap_timer import LAP_TIMER
 from ..kernels import kernel
+from ..lidar.links import LINK
 from ..messages import ODOMETRY
 from ..vehicle.motion import CAR
 from ..vehicle.tire_forces import TIRE
@@ -102,6 +103,12 @@ def whole_numbers(row: Row) -> Any:
 
 
 @kernel
+def whole_matrix(row: Row) -> Any:
+    """Return the array of a row: whole numbers along two axes."""
+    return carray(_pointer(row[0]), (row[1], row[2]), np.int64)
+
+
+@kernel
 def short_numbers(row: Row) -> Any:
     """Return the array of a row: 32-bit whole numbers."""
     return carray(_pointer(row[0]), (row[1],), np.int32)
@@ -123,6 +130,12 @@ def corner_numbers(row: Row) -> Any:
 def car_rows(row: Row) -> Any:
     """Return the array of a row: of type CAR."""
     return carray(_pointer(row[0]), (row[1],), CAR)
+
+
+@kernel
+def link_rows(row: Row) -> Any:
+    """Return the array of a row: of type LINK."""
+    return carray(_pointer(row[0]), (row[1],), LINK)
 
 
 @kernel

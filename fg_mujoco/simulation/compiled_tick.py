@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from ..course.course import Course
 from ..kernels import kernel
-from ..lidar.body_poses import Mount
 from ..lidar.scene import SceneArrays, Scratch
 from .array_table import (
     Table,
@@ -18,6 +17,7 @@ from .array_table import (
     corner_numbers,
     cube,
     flags,
+    link_rows,
     matrix,
     numbers,
     odometry_rows,
@@ -26,45 +26,40 @@ from .array_table import (
     statistics_rows,
     timer_rows,
     tire_rows,
+    whole_matrix,
     whole_numbers,
 )
 from .physics import Batch, StateLayout
 from .termination import judge_cars
-from .tick import Floor, drive_cars, read_cars, scan_cars
+from .tick import Floor, Mounts, drive_cars, read_cars, scan_cars
 
 NAMES = (
-    "places", "running", "states", "sensors", "cars", "timers", "odometry", "telemetry", "offset_position",
-    "offset_rotation", "motions", *SceneArrays._fields, *Scratch._fields, "ranges", "commands", "times", "records",
+    "places", "running", "states", "sensors", "cars", "timers", "odometry", "telemetry", "offset_positions",
+    "offset_rotations", "motions", *SceneArrays._fields, *Scratch._fields, "ranges", "commands", "times", "records",
     "ids", "controls", "status", "failed", "mu", "slip", "crashed", "statistics", "reasons", "warnings", "lap_times",
     "standing_since", "table", "tires", "tire_states",
-    "patches", "wheels", "floor_mu", "friction", "pairs",
+    "patches", "wheels", "floor_mu", "friction", "pairs", "car_places", "links", "touch_places", "touched_at",
 )  # fmt: skip
 """Of the arrays in a table, in the order of its rows."""
 
 (
-    _PLACES, _RUNNING, _STATES, _SENSORS, _CARS, _TIMERS, _ODOMETRY, _TELEMETRY, _OFFSET_POSITION,
-    _OFFSET_ROTATION, _MOTIONS, _BEAMS, _LIMITS, _EDGES, _TRIANGLES, _BOXES, _SPANS, _PLANES, _FRAMES, _CUTS, _COLUMNS,
-    _NEAREST, _VIEWS, _BINS, _POSES, _RANGES, _COMMANDS, _TIMES, _RECORDS, _IDS, _CONTROLS, _STATUS, _FAILED, _MU,
-    _SLIP, _CRASHED, _STATISTICS, _REASONS, _WARNINGS, _LAP_TIMES, _STANDING_SINCE, _TABLE, _TIRE_ROWS, _TIRE_STATES,
-    _PATCHES, _WHEELS, _FLOOR_MU, _FRICTION, _PAIRS,
+    _PLACES, _RUNNING, _STATES, _SENSORS, _CARS, _TIMERS, _ODOMETRY, _TELEMETRY, _OFFSET_POSITIONS, _OFFSET_ROTATIONS,
+    _MOTIONS, _BEAMS, _LIMITS, _EDGES, _TRIANGLES, _BOXES, _SPANS, _PLANES, _FRAMES, _SHAPES, _SPHERES, _CUTS,
+    _COLUMNS, _NEAREST, _VIEWS, _BINS, _POSES, _RANGES, _COMMANDS, _TIMES, _RECORDS, _IDS, _CONTROLS, _STATUS,
+    _FAILED, _MU, _SLIP, _CRASHED, _STATISTICS, _REASONS, _WARNINGS, _LAP_TIMES, _STANDING_SINCE, _TABLE, _TIRE_ROWS,
+    _TIRE_STATES, _PATCHES, _WHEELS, _FLOOR_MU, _FRICTION, _PAIRS, _CAR_PLACES, _LINKS, _TOUCH_PLACES, _TOUCHED_AT,
 ) = range(len(NAMES))  # fmt: skip
 
-_CARS_PER_WORLD, _TIRES, _AXLES, _CHASSIS_CONTACT, _BATCH, _RECORD, _LAPS, _MOUNT, _FIRST_OF_LAYOUT = range(9)
+_CARS_PER_WORLD, _BATCH, _RECORD, _LAPS, _FIRST_OF_LAYOUT = range(5)
 _TIMESTEP, _LENGTH, _MODULUS, _STOP_TIME, _LAST_TIME = range(5)
 
 
-def whole_places(
-    cars_per_world: int, tires: int, axles: int, chassis_contact: int, batch: Batch, laps: int, mount: Mount | None,
-    layout: StateLayout,
-) -> NDArray[np.int64]:  # fmt: skip
+def whole_places(cars_per_world: int, batch: Batch, laps: int, layout: StateLayout) -> NDArray[np.int64]:
     """Return the array `places` of a table."""
-    address = 0 if mount is None else mount.qpos_address
     spans = (
         *layout.qpos, *layout.qvel, *layout.ctrl, *layout.mocap_pos, *layout.xfrc_applied, *layout.userdata
     )  # fmt: skip
-    sensors = (tires, axles, chassis_contact)
-    values = (cars_per_world, *sensors, batch.address, batch.record, laps, address, layout.time, *spans)
-    return np.array(values, np.int64)
+    return np.array((cars_per_world, batch.address, batch.record, laps, layout.time, *spans), np.int64)
 
 
 def course_numbers(
@@ -105,11 +100,13 @@ def sense(table: Table, which: NDArray[np.bool_]) -> None:
     places = whole_numbers(table[_PLACES])
     scan_cars(
         which, places[_CARS_PER_WORLD], matrix(table[_STATES]), _layout(places),
-        Mount(places[_MOUNT], numbers(table[_OFFSET_POSITION]), matrix(table[_OFFSET_ROTATION])),
-        matrix(table[_MOTIONS]),
+        whole_matrix(table[_CAR_PLACES]),
+        Mounts(matrix(table[_OFFSET_POSITIONS]), cube(table[_OFFSET_ROTATIONS])),
+        matrix(table[_MOTIONS]), link_rows(table[_LINKS]),
         SceneArrays(
             matrix(table[_BEAMS]), numbers(table[_LIMITS]), matrix(table[_EDGES]), corner_numbers(table[_TRIANGLES]),
             matrix(table[_BOXES]), short_matrix(table[_SPANS]), matrix(table[_PLANES]), short_matrix(table[_FRAMES]),
+            matrix(table[_SHAPES]), matrix(table[_SPHERES]),
         ),
         Scratch(
             matrix(table[_CUTS]), short_numbers(table[_COLUMNS]), numbers(table[_NEAREST]), short_matrix(table[_VIEWS]),
@@ -125,16 +122,17 @@ def drive(table: Table) -> None:
     places, times = whole_numbers(table[_PLACES]), numbers(table[_TIMES])
     drive_cars(
         flags(table[_RUNNING]), places[_CARS_PER_WORLD], matrix(table[_STATES]), _layout(places),
-        matrix(table[_COMMANDS]), car_rows(table[_CARS]), tire_rows(table[_TIRE_ROWS]), cube(table[_TIRE_STATES]),
+        matrix(table[_COMMANDS]), car_rows(table[_CARS]), whole_matrix(table[_CAR_PLACES]),
+        whole_matrix(table[_TOUCH_PLACES]), tire_rows(table[_TIRE_ROWS]), cube(table[_TIRE_STATES]),
         Floor(
             matrix(table[_PATCHES]), matrix(table[_WHEELS]), cube(table[_FLOOR_MU]), cube(table[_FRICTION]),
             short_numbers(table[_PAIRS]),
         ),
         matrix(table[_MOTIONS]), times[_TIMESTEP], places[_BATCH], places[_RECORD], matrix(table[_SENSORS]),
         cube(table[_RECORDS]), short_numbers(table[_IDS]), cube(table[_CONTROLS]),
-        short_numbers(table[_STATUS]), flags(table[_FAILED]), places[_TIRES], places[_AXLES],
-        places[_CHASSIS_CONTACT], matrix(table[_MU]), cube(table[_SLIP]), flags(table[_CRASHED]),
-        matrix(table[_TELEMETRY]), statistics_rows(table[_STATISTICS]),
+        short_numbers(table[_STATUS]), flags(table[_FAILED]), matrix(table[_MU]),
+        cube(table[_SLIP]), flags(table[_CRASHED]), matrix(table[_TOUCHED_AT]), matrix(table[_TELEMETRY]),
+        statistics_rows(table[_STATISTICS]),
     )  # fmt: skip
 
 

@@ -42,17 +42,18 @@ from .world_batch import CarArrays, Mask, WorldBatch
 Hook = Callable[["Engine", NDArray[np.int64]], None]
 """Called with the engine and the worlds that are being stepped."""
 
+_FINISHED = END_REASONS.index("finished")
 _WORLDS_A_THREAD = 4  # fewer are driven sooner than a thread is woken
 
 
 class Engine:
-    """n worlds of m cars. m is 1 for now.
+    """n worlds of m cars.
 
     Args:
       world: that all share, or one for each world, with the same LiDAR. Worlds that are the same object and stand next
         to each other are driven together.
       count: how many worlds, n; as many as there are, where each has its own.
-      changes: what differs in the car of each world, (n,); None: nothing.
+      changes: what differs in each car, (r,); None: nothing.
       laps: to be driven.
       time_limit: of simulated time [s]; None: that of the course.
       period: of a tick [s]; None: the LiDAR's.
@@ -90,13 +91,16 @@ class Engine:
         own_model: bool = False,
     ) -> None:
         worlds = [world] * count if isinstance(world, World) else list(world)
-        self.count, self.cars_per_world = len(worlds), 1
+        self.count, self.cars_per_world = len(worlds), len(worlds[0].cars)
         self.beams: Beams = worlds[0].lidar.beams
         self.period = self.beams.period if period is None else period
         self.substeps = whole_steps(self.period, worlds[0].model.opt.timestep)
         self._time_limit, self._own_model = time_limit, own_model
         cars = self.count * self.cars_per_world
-        self._arrays, self.monitor = CarArrays.of(cars, len(self.beams.bearings)), RaceMonitor(cars, laps)
+        self._arrays, self.monitor = (
+            CarArrays.of(cars, len(self.beams.bearings), self.cars_per_world),
+            RaceMonitor(cars, laps),
+        )
         self._batches = [self._batch(worlds[part.start], part) for part in _parts(worlds, threads)]
         self._changes = None if changes is None else list(changes)
         for batch in self._batches:
@@ -127,6 +131,9 @@ class Engine:
         """
         if world.lidar.beams.geometry != self.beams.geometry and world.lidar.beams is not self.beams:
             raise SettingsError("the worlds of an engine have different LiDARs; accepted: the same beams in all")
+        if len(world.cars) != self.cars_per_world:
+            numbers = f"{self.cars_per_world} and {len(world.cars)}"
+            raise SettingsError(f"the worlds of an engine have {numbers} cars; accepted: the same number in all")
         if whole_steps(self.period, world.model.opt.timestep) != self.substeps:
             raise ModelError(f"timestep is {world.model.opt.timestep} s; accepted: the same in all worlds of an engine")
         return WorldBatch(
@@ -136,7 +143,12 @@ class Engine:
 
     def _change(self, batch: WorldBatch) -> None:
         if self._changes is not None:
-            batch.change(self._changes[batch.worlds])
+            batch.change(self._changes[batch.rows])
+
+    @property
+    def driving(self) -> Mask:
+        """Which cars their planners drive, (r,): those that race."""
+        return self.running
 
     @property
     def world(self) -> World:
@@ -155,7 +167,7 @@ class Engine:
     @property
     def lidar(self) -> Lidar:
         """The LiDAR of world 0, which measures without effects, in data of its model."""
-        return self._batches[0].lidar
+        return self._batches[0].lidar(0)
 
     @property
     def times(self) -> FloatArray:
@@ -215,6 +227,20 @@ class Engine:
         Shape (QUANTITIES, substeps, 4).
         """
         return self._place_of(i)[0].slip
+
+    def records(self, i: int = 0) -> FloatArray:
+        """Return the sensors of world i in each physics step of its last tick, (substeps, nsensordata). Live."""
+        batch, place = self._place_of(i)
+        found: FloatArray = batch.physics.records[int(np.flatnonzero(batch.driven_last == place)[0])]
+        return found
+
+    def put(self, row: int, start: Start) -> None:
+        """Put one car at a start, standing or rolling, while its world goes on.
+
+        Its progress goes back or on by as much, and what it has driven stays counted.
+        """
+        batch, place = self._place_of(row // self.cars_per_world)
+        batch.put(place, row % self.cars_per_world, start)
 
     def floor_friction(self) -> FloatArray:
         """Return the friction of each tire of world 0 in each step of the last tick, on the floor under it [-].
@@ -314,6 +340,10 @@ class Engine:
     def sense(self, which: Mask | None = None) -> None:
         """Take the scans and odometry of cars, (r,); None: of all that race. Once for each moment: noise is drawn."""
         chosen = self.running if which is None else which
+        if which is None and self.cars_per_world > 1:  # whoever stands there has telemetry, too
+            beside = np.repeat(self.running.reshape(self.count, -1).any(axis=1), self.cars_per_world) & ~chosen
+            if beside.any():
+                self._share(lambda batch: batch.read(beside[batch.rows]))
         self._share(lambda batch: batch.sense(chosen[batch.rows]))
         if self._drifts:
             factors = 1.0 + self._odometry_drift[chosen]
@@ -323,7 +353,8 @@ class Engine:
         for batch in self._batches:
             if batch.drawn is None:
                 for row in (np.flatnonzero(chosen[batch.rows]) + batch.rows.start).tolist():
-                    self.ranges[row] = batch.lidar.ranges(self._data_of(row // self.cars_per_world))
+                    lidar = batch.lidar(row % self.cars_per_world)
+                    self.ranges[row] = lidar.ranges(self._data_of(row // self.cars_per_world))
         if self._pipelines:
             self.scans = {
                 row: pipeline.scan(self._data_of(row // self.cars_per_world, pipeline))
@@ -334,7 +365,10 @@ class Engine:
                 self.ranges[row] = scan.ranges
 
     def decide(self) -> None:
-        """Have the planners command the cars that race; those whose planner fails race no longer."""
+        """Have the planners command the cars that race; those whose planner fails race no longer.
+
+        In a world that goes on such a car brakes and stands there, as one that has crashed does.
+        """
         assert self.planners is not None
         reasons = self.planners(self)
         if reasons is not None:
@@ -342,6 +376,8 @@ class Engine:
                 ended = reasons == reason
                 self.failed |= ended
                 self.monitor.end(ended, END_REASONS[reason])
+        if self.cars_per_world > 1:  # a car that nobody drives brakes, wheels as they are
+            self.commands[~self.running, 1] = 0.0
 
     def drive(self, *, controls: FloatArray | None = None) -> None:
         """Hold the commands for a tick in the worlds whose cars race.
@@ -358,9 +394,17 @@ class Engine:
             self.monitor.end(self.failed & self.running, "failed")
 
     def judge(self) -> None:
-        """Time the laps of the cars that race and end what is over."""
+        """Time the laps of the cars that race and end what is over.
+
+        Of several cars, one that has finished is taken off the course, so that it is in nobody's way.
+        """
+        raced = self.running.copy() if self.cars_per_world > 1 else None
         for batch in self._batches:
             batch.judge()
+        if raced is not None:
+            for row in map(int, np.flatnonzero(raced & ~self.running & (self.monitor.reasons == _FINISHED))):
+                batch, place = self._place_of(row // self.cars_per_world)
+                batch.take_off(place, row % self.cars_per_world)
 
     def tick(self) -> None:
         """Sense, decide, drive and judge."""
@@ -392,7 +436,8 @@ class Engine:
         return batch, i - batch.worlds.start
 
     def _pipeline(self, row: int, effects: LidarEffects, seed: int) -> ScanPipeline:
-        distorted = self._place_of(row // self.cars_per_world)[0].lidar if effects.motion_distortion else None
+        i, car = divmod(row, self.cars_per_world)
+        distorted = self._place_of(i)[0].lidar(car) if effects.motion_distortion else None
         return ScanPipeline(
             distorted or RangesRow(self.beams, self.ranges[row]), effects, np.random.default_rng(seed)
         )  # fmt: skip

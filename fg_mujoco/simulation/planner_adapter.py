@@ -41,7 +41,7 @@ Decide = Callable[[], DriveCommand]
 
 
 class Cars(Protocol):
-    """What planners want of an cars."""
+    """What planners want of an engine."""
 
     beams: Beams  # of the LiDARs
     odometry: NDArray[np.void]  # (r,) of ODOMETRY
@@ -50,15 +50,19 @@ class Cars(Protocol):
     commands: FloatArray  # (r, 2) [rad, m/s], written to
 
     @property
-    def running(self) -> NDArray[np.bool_]:
-        """Which cars race. Shape (r,)."""
+    def driving(self) -> NDArray[np.bool_]:
+        """Which cars their planners drive. Shape (r,)."""
 
 
 class Planners(Protocol):
-    """The planners of the cars of an cars."""
+    """The planners of some cars."""
+
+    @property
+    def failures(self) -> dict[int, PlannerError]:
+        """What was wrong with the planners that failed, by row."""
 
     def __call__(self, cars: Cars) -> Reasons | None:
-        """Write the commands of the cars that race; return whose planner failed, or None: nobody's."""
+        """Write the commands of the cars that they drive; return whose planner failed, or None: nobody's."""
 
 
 class MessagePlanners:
@@ -74,6 +78,7 @@ class MessagePlanners:
         self, planners: Sequence[Controller], *, raises: bool = False, timed: Callable[[Decide], DriveCommand] | None
     ) -> None:
         self._planners, self._raises, self._timed = planners, raises, timed
+        self.failures: dict[int, PlannerError] = {}
 
     def __call__(self, cars: Cars) -> Reasons | None:
         """See Planners.
@@ -81,16 +86,18 @@ class MessagePlanners:
         Raises:
           PlannerError: a planner raises, or answers something else than a DriveCommand.
         """
-        reasons = np.zeros(len(cars.running), np.int64)
-        for row in map(int, np.flatnonzero(cars.running)):
+        reasons = np.zeros(len(cars.driving), np.int64)
+        for row in map(int, np.flatnonzero(cars.driving)):
             scan, sensed = _told(cars, row)
             decide = partial(plan, self._planners[row], scan, sensed)
             try:
                 command = decide() if self._timed is None else self._timed(decide)
-            except ControllerError:
+            except ControllerError as error:
                 if self._raises:
                     raise
                 reasons[row] = _FAILED
+                if isinstance(error, PlannerError):
+                    self.failures[row] = error
             except DecisionLimitReached:
                 if self._timed is None:  # it is the caller's
                     raise
@@ -111,6 +118,7 @@ class BatchPlanners:
 
     def __init__(self, planners: ControllerBatch, kind: type, *, raises: bool = False) -> None:
         self._planners, self._kind, self._raises = planners, kind, raises
+        self.failures: dict[int, PlannerError] = {}
 
     def __call__(self, cars: Cars) -> Reasons | None:
         """See Planners.
@@ -120,22 +128,67 @@ class BatchPlanners:
             number.
         """
         try:
-            self._planners(cars.beams.geometry, cars.ranges, cars.odometry, cars.running, cars.commands)
+            self._planners(cars.beams.geometry, cars.ranges, cars.odometry, cars.driving, cars.commands)
         except BaseException as error:
             if not is_of_planner(error):
                 raise
-            if self._raises or cars.running.sum() > 1:
-                raise _failed(error, self._kind, *_told(cars, int(cars.running.argmax()))) from error
-            return np.where(cars.running, _FAILED, 0)
+            row = int(cars.driving.argmax())
+            failed_one = _failed(error, self._kind, *_told(cars, row))
+            if self._raises or cars.driving.sum() > 1:
+                raise failed_one from error
+            self.failures[row] = failed_one
+            return np.where(cars.driving, _FAILED, 0)
         if np.isfinite(cars.commands).all():
             return None
-        failed = not_finite(cars.running, cars.commands)
-        if self._raises and failed.any():
-            row = int(failed.argmax())
+        failed = not_finite(cars.driving, cars.commands)
+        for row in map(int, np.flatnonzero(failed)):
             steering_angle, speed = cars.commands[row].tolist()
             said = f"commanded {steering_angle} rad, {speed} m/s"
-            raise _answered(said, "numbers", self._kind, *_told(cars, row))
+            unusable = _answered(said, "numbers", self._kind, *_told(cars, row))
+            if self._raises:
+                raise unusable
+            self.failures[row] = unusable
         return np.where(failed, _FAILED, 0)
+
+
+class PlannersOfEach:
+    """Planners of cars that have different ones: each group of cars is told by itself.
+
+    Args:
+      groups: rows of the cars (k,), and the planners of those cars.
+    """
+
+    def __init__(self, groups: Sequence[tuple[NDArray[np.int64], Planners]]) -> None:
+        self._groups = [(rows, planners, _SomeCars()) for rows, planners in groups]
+
+    @property
+    def failures(self) -> dict[int, PlannerError]:
+        """What was wrong with the planners that failed, by row."""
+        return {int(rows[own]): error for rows, planners, _ in self._groups for own, error in planners.failures.items()}
+
+    def __call__(self, cars: Cars) -> Reasons | None:
+        """See Planners."""
+        driving = cars.driving
+        reasons: Reasons | None = None
+        for rows, planners, part in self._groups:
+            if not driving[rows].any():
+                continue
+            part.take(cars, rows, driving)
+            found = planners(part)
+            cars.commands[rows] = part.commands
+            if found is not None and found.any():
+                reasons = np.zeros(len(driving), np.int64) if reasons is None else reasons
+                reasons[rows] = found
+        return reasons
+
+
+class _SomeCars:
+    """Copies of what some of an engine's cars sense, in the order of their rows."""
+
+    def take(self, cars: Cars, rows: NDArray[np.int64], driving: NDArray[np.bool_]) -> None:
+        self.beams, self.driving = cars.beams, driving[rows]
+        self.odometry, self.ranges, self.commands = cars.odometry[rows], cars.ranges[rows], cars.commands[rows]
+        self.scans = {own: cars.scans[row] for own, row in enumerate(rows.tolist()) if row in cars.scans}
 
 
 def adapt(

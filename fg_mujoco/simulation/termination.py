@@ -24,13 +24,13 @@ STANDING_SPEED = 0.05  # [m/s] a car slower than this stands still, where the go
 
 END_REASONS = (
     "", "unstable", "crash", "finished", "wrong_way", "no_progress", "time_limit", "interrupted", "failed",
-    "planner_failed", "decision_limit", "worker_died",
+    "planner_failed", "decision_limit", "worker_died", "disqualified",
 )  # fmt: skip
 """By number; the first is that of a race that goes on. "unstable": MuJoCo warned of a bad state. "wrong_way": the car
 came back by WRONG_WAY_LIMIT from its greatest progress, reversing or with its nose against the course. "failed": in a
 batch, the engine raised. "planner_failed": the planner did, or answered something else than a command.
 "decision_limit": the planner took longer for a decision than it was allowed, or never answered. "worker_died": of a
-world whose planner ended the process that drove it."""
+world whose planner ended the process that drove it. "disqualified": by race control, after too many warnings."""
 
 _FIRST_BAD, _END_OF_BAD = BAD_WARNINGS.start, BAD_WARNINGS.stop
 _UNSTABLE, _CRASH, _FINISHED, _WRONG_WAY, _NO_PROGRESS, _TIME_LIMIT = range(1, 7)

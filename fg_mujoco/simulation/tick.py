@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from ..course.moving_obstacles import obstacle_position
 from ..kernels import kernel
-from ..lidar.body_poses import Mount, mounted_pose
+from ..lidar.body_poses import mounted_pose
+from ..lidar.links import place_links
 from ..lidar.scanline import scan
 from ..lidar.scene import SceneArrays, Scratch
 from ..messages import FloatArray
@@ -22,17 +23,33 @@ from ..vehicle.motion import drive, planar_pose, read_odometry
 from ..vehicle.tire_forces import USERDATA, apply_forces, note_loads
 from ..vehicle.tire_slip import measure_slip
 from .physics import CTRL, CTRL_AND_MOCAP, StateLayout, step_states
-from .telemetry import COMMAND, begin_row, end_motion, end_row
+from .telemetry import COMMAND, add_row, begin_row, end_motion, end_row
 
 Mask = NDArray[np.bool_]
 Rows = NDArray[np.void]
+Places = NDArray[np.int64]
+
+
+TIRES, AXLES, CHASSIS_CONTACT, FIRST_TIRE, MOUNT, TREE = range(6)
+"""Columns of `car_places`, one row for each car of a world: where in its sensors the tires' readings begin, those of
+the axles (-1: none) and the chassis' contact; its first row among the tires with a curve (-1: it has none); where in
+qpos the pose of the body that its LiDAR is fixed to is; and the tree of its bodies, as in SceneArrays (-1: none)."""
+
+_APART = 0.5  # [s] without touching each other after which two cars touch anew
+
+
+class Mounts(NamedTuple):
+    """How the LiDARs of the cars of a world are fixed to their cars, see body_poses.Mount."""
+
+    offset_positions: FloatArray  # (m, 3) [m]
+    offset_rotations: FloatArray  # (m, 3, 3)
 
 
 class Floor(NamedTuple):
     """The patches of the worlds, and what the tires have on them; all empty where there are none."""
 
     patches: FloatArray  # (k, 7) of `patch_table`
-    wheels: FloatArray  # (4, 2) of `wheel_positions`
+    wheels: FloatArray  # (4 cars_per_world, 2) of `wheel_positions`
     mu: FloatArray  # (r, steps, 4) room: what each tire had in each step of a tick; by place among the driven worlds
     friction: FloatArray  # (n, pairs, 5) `pair_friction` of the worlds, written to
     pairs: NDArray[np.int32]  # (4 cars_per_world,) of the tires
@@ -79,8 +96,10 @@ def scan_cars(
     cars_per_world: int,
     states: FloatArray,
     layout: StateLayout,
-    mount: Mount,
+    car_places: Places,
+    mounts: Mounts,
     motions: FloatArray,
+    links: Rows,
     scene: SceneArrays,
     scratch: Scratch,
     ranges: FloatArray,
@@ -92,27 +111,38 @@ def scan_cars(
       cars_per_world: r of them make one world.
       states: (n, k) of the worlds.
       layout: of a state.
-      mount: of the LiDARs.
+      car_places: (cars_per_world, 6) see TREE.
+      mounts: of the LiDARs.
       motions: (obstacles, 8) of `motion_table`.
+      links: (k,) of LINK, of the bodies that follow the obstacles in the scene.
       scene: of the worlds' LiDARs.
       scratch: of this thread.
       ranges: (r, beams) [m], written to.
     """
     position, rotation = np.empty(3), np.empty((3, 3))
-    moving, turned = np.empty((len(motions), 3)), np.empty((len(motions), 3, 3))
+    bodies = len(scene.frames) - 1
+    moving, turned, poses = np.empty((bodies, 3)), np.empty((bodies, 3, 3)), np.empty((len(links), 7))
     for k in range(len(motions)):
         moving[k, 2] = 0.0
         for i in range(3):
             for j in range(3):
                 turned[k, i, j] = 1.0 if i == j else 0.0
+    placed = -1
     for row in range(len(which)):
         if which[row]:
-            state = states[row // cars_per_world]
-            for k in range(len(motions)):
-                moving[k, 0], moving[k, 1] = obstacle_position(motions[k], state[layout.time])
-            first = layout.qpos[0] + mount.qpos_address
-            mounted_pose(state[first : first + 7], mount.offset_position, mount.offset_rotation, position, rotation)
-            scan(scene, position, rotation, moving, turned, scratch, ranges[row])
+            world = row // cars_per_world
+            car, state = row - world * cars_per_world, states[world]
+            if world != placed:
+                for k in range(len(motions)):
+                    moving[k, 0], moving[k, 1] = obstacle_position(motions[k], state[layout.time])
+                if len(links) > 0:
+                    qpos = state[layout.qpos[0] : layout.qpos[1]]
+                    place_links(qpos, links, poses, moving[len(motions) :], turned[len(motions) :])
+                placed = world
+            first = layout.qpos[0] + car_places[car, MOUNT]
+            offset_position, offset_rotation = mounts.offset_positions[car], mounts.offset_rotations[car]
+            mounted_pose(state[first : first + 7], offset_position, offset_rotation, position, rotation)
+            scan(scene, position, rotation, moving, turned, scratch, ranges[row], car_places[car, TREE])
 
 
 @kernel
@@ -123,6 +153,8 @@ def drive_cars(
     layout: StateLayout,
     commands: FloatArray,
     cars: Rows,
+    car_places: Places,
+    touch_places: Places,
     tire_rows: Rows,
     tire_states: FloatArray,
     floor: Floor,
@@ -136,12 +168,10 @@ def drive_cars(
     controls: FloatArray,
     status: NDArray[np.int32],
     failed: Mask,
-    tires: int,
-    axles: int,
-    chassis_contact: int,
     mu: FloatArray,
     slip: FloatArray,
     crashed: Mask,
+    touched_at: FloatArray,
     telemetry: FloatArray,
     statistics: Rows,
 ) -> None:
@@ -156,7 +186,9 @@ def drive_cars(
       layout: of a state.
       commands: (r, 2) [rad, m/s].
       cars: (r,) of CAR.
-      tire_rows: (4 cars_per_world,) of TIRE; none where MuJoCo's contacts are the tires.
+      car_places: (cars_per_world, 6) see TREE.
+      touch_places: (cars_per_world, cars_per_world) where in the sensors two cars' touching is.
+      tire_rows: (k,) of TIRE, of the cars whose tires have a curve.
       tire_states: (n, steps, k) room for the tires' user data after each step.
       floor: of the worlds.
       motions: (obstacles, 8) of `motion_table`.
@@ -169,12 +201,10 @@ def drive_cars(
       controls: (n, steps, controls and positions of obstacles) room, where obstacles move.
       status: (n,) `Batch.status`.
       failed: (r,) written to: whether the engine failed.
-      tires: where the tires' readings begin in the sensors.
-      axles: and those of the wheels' axles, -1 where there are none.
-      chassis_contact: and that of the chassis.
       mu: (r, 4) of the tires.
       slip: (QUANTITIES, steps, 4) room; left with the slip of the last car.
-      crashed: (r,) written to.
+      crashed: (r,) written to: whether the chassis touched something else than a car.
+      touched_at: (r, cars_per_world) when a car last touched each other of its world [s], written to.
       telemetry: (r, len(TELEMETRY)), its last columns written to.
       statistics: (r,) of STATISTICS, written to.
     """
@@ -190,9 +220,11 @@ def drive_cars(
     steps = records.shape[1]
     if len(tire_rows) > 0 or len(floor.patches) > 0:
         for step in range(steps):
-            push_tires(ids, count, cars_per_world, states, layout, cars, tire_rows, floor, mu, timestep, step)
+            push_tires(
+                ids, count, cars_per_world, states, layout, cars, car_places, tire_rows, floor, mu, timestep, step
+            )
             step_states(batch, ids, count, 1, 0, CTRL, 0)
-            note_tires(ids, count, states, layout, sensors, tires, tire_rows, tire_states, step)
+            note_tires(ids, count, states, layout, sensors, car_places, tire_states, step)
             for place in range(count):
                 world = ids[place]
                 records[place, step] = sensors[world]
@@ -217,8 +249,8 @@ def drive_cars(
         if len(motions) > 0:
             _place_obstacles(motions, states[world, layout.time], states[world, layout.mocap_pos[0] :])
     book_cars(
-        ids, count, cars_per_world, states, layout, cars, tire_rows, tire_states, floor, records, status, failed, tires,
-        axles, chassis_contact, mu, slip, crashed, telemetry, statistics,
+        ids, count, cars_per_world, states, layout, cars, car_places, touch_places, tire_rows, tire_states, floor,
+        running, records, status, failed, mu, slip, crashed, touched_at, telemetry, statistics,
     )  # fmt: skip
 
 
@@ -230,6 +262,7 @@ def push_tires(
     states: FloatArray,
     layout: StateLayout,
     cars: Rows,
+    car_places: Places,
     tire_rows: Rows,
     floor: Floor,
     mu: FloatArray,
@@ -240,7 +273,6 @@ def push_tires(
 
     Arguments are as in `drive_cars`.
     """
-    size = 4 * USERDATA
     patched = len(floor.patches) > 0
     for place in range(count):
         world = ids[place]
@@ -248,17 +280,19 @@ def push_tires(
         qpos, qvel = state[layout.qpos[0] : layout.qpos[1]], state[layout.qvel[0] : layout.qvel[1]]
         userdata, applied = state[layout.userdata[0] :], state[layout.xfrc_applied[0] : layout.xfrc_applied[1]]
         for car in range(cars_per_world):
-            row, rows = world * cars_per_world + car, tire_rows[4 * car : 4 * (car + 1)]
+            row, first = world * cars_per_world + car, car_places[car, FIRST_TIRE]
             own_mu = mu[row]
             if patched:
                 own_mu = floor.mu[place * cars_per_world + car, step]
                 x, y, heading = planar_pose(qpos, cars[row : row + 1])
-                look_at_floor(x, y, heading, floor.wheels, floor.patches, mu[row], own_mu)
+                wheels = floor.wheels[4 * car : 4 * (car + 1)]
+                look_at_floor(x, y, heading, wheels, floor.patches, mu[row], own_mu)
                 for tire in range(4):
                     pair = floor.pairs[4 * car + tire]
                     floor.friction[world, pair, 0] = floor.friction[world, pair, 1] = own_mu[tire]
-            if len(rows) > 0:
-                apply_forces(qpos, qvel, userdata[car * size : (car + 1) * size], applied, rows, own_mu, timestep)
+            if first >= 0:
+                own = userdata[USERDATA * first : USERDATA * (first + 4)]
+                apply_forces(qpos, qvel, own, applied, tire_rows[first : first + 4], own_mu, timestep)
 
 
 @kernel
@@ -268,15 +302,18 @@ def note_tires(
     states: FloatArray,
     layout: StateLayout,
     sensors: FloatArray,
-    tires: int,
-    tire_rows: Rows,
+    car_places: Places,
     tire_states: FloatArray,
     step: int,
 ) -> None:
     """Take the tires' loads of the physics step `step` of a tick, and keep their user data in `tire_states`."""
     for place in range(count):
         userdata = states[ids[place], layout.userdata[0] : layout.userdata[1]]
-        note_loads(sensors[ids[place]], tires, userdata, len(tire_rows))
+        for car in range(len(car_places)):
+            first = car_places[car, FIRST_TIRE]
+            if first >= 0:
+                own = userdata[USERDATA * first : USERDATA * (first + 4)]
+                note_loads(sensors[ids[place]], car_places[car, TIRES], own, 4)
         tire_states[place, step] = userdata
 
 
@@ -309,18 +346,19 @@ def book_cars(
     states: FloatArray,
     layout: StateLayout,
     cars: Rows,
+    car_places: Places,
+    touch_places: Places,
     tire_rows: Rows,
     tire_states: FloatArray,
     floor: Floor,
+    running: Mask,
     records: FloatArray,
     status: NDArray[np.int32],
     failed: Mask,
-    tires: int,
-    axles: int,
-    chassis_contact: int,
     mu: FloatArray,
     slip: FloatArray,
     crashed: Mask,
+    touched_at: FloatArray,
     telemetry: FloatArray,
     statistics: Rows,
 ) -> None:
@@ -333,12 +371,62 @@ def book_cars(
         for row in range(world * cars_per_world, (world + 1) * cars_per_world):
             end_motion(time, qpos, qvel, cars[row : row + 1], telemetry[row])
             failed[row] = failed[row] or status[world] != 0
-            crashed[row] = crashed[row] or any_touch(records[place], chassis_contact)
             car = row - world * cars_per_world
-            rows = tire_rows[4 * car : 4 * (car + 1)]
+            own, first = car_places[car], car_places[car, FIRST_TIRE]
+            races = running[row] or cars_per_world == 1
+            if cars_per_world == 1:
+                crashed[row] = crashed[row] or any_touch(records[place], own[CHASSIS_CONTACT])
+            else:
+                touched_wall = book_touches(
+                    records[place], car, own[CHASSIS_CONTACT], touch_places[car], time, touched_at[row], statistics, row
+                )
+                crashed[row] = crashed[row] or (touched_wall and races)
+            rows = tire_rows[max(first, 0) : first + 4] if first >= 0 else tire_rows[:0]
             mus = floor.mu[place * cars_per_world + car] if len(floor.patches) > 0 else mu[row : row + 1]
-            measure_slip(records[place], tires, axles, mus, rows, tire_states[place], 4 * USERDATA * car, slip)
-            end_row(statistics, row, telemetry[row], slip)
+            measure_slip(
+                records[place], own[TIRES], own[AXLES], mus, rows, tire_states[place], max(USERDATA * first, 0), slip
+            )
+            end_row(telemetry[row], slip)
+            if races:
+                add_row(statistics, row, telemetry[row], slip)
+
+
+@kernel
+def book_touches(
+    records: FloatArray,
+    car: int,
+    chassis_contact: int,
+    touch_places: Places,
+    time: float,
+    touched_at: FloatArray,
+    statistics: Rows,
+    row: int,
+) -> bool:
+    """Note which other cars a car touched in a tick; return whether its chassis touched anything else.
+
+    Args:
+      records: (steps, nsensordata) of the tick.
+      car: its number in its world.
+      chassis_contact: where its chassis' contacts are counted.
+      touch_places: (cars,) where those with each other car are.
+      time: at the end of the tick [s].
+      touched_at: (cars,) when it last touched each of them [s], -inf: not yet; written to.
+      statistics: (r,) of STATISTICS, written to.
+      row: of the car among them.
+    """
+    for other in range(len(touch_places)):
+        if other != car and any_touch(records, touch_places[other]):
+            if time - touched_at[other] > _APART:
+                statistics[row].touches += 1
+            touched_at[other] = time
+    for step in range(len(records)):
+        count = records[step, chassis_contact]
+        for other in range(len(touch_places)):
+            if other != car:
+                count -= records[step, touch_places[other]]
+        if count > 0.0:
+            return True
+    return False
 
 
 @kernel

@@ -1,4 +1,4 @@
-"""A world: one track or scene, one car, one LiDAR and any obstacles, attached into one MjModel.
+"""A world: one track or scene, its cars with their LiDARs, and any obstacles, attached into one MjModel.
 
 The model that is simulated is compiled from the very XML that a run folder keeps, so that a replay of the folder
 starts from the same bits.
@@ -23,6 +23,7 @@ from ..course.obstacles import Obstacle
 from ..display import brief, quoted
 from ..errors import SettingsError, accepted_names
 from ..lidar.lidar import LIDAR_BACKENDS, Lidar, make_lidar
+from ..lidar.scene import ScanlineScene
 from ..messages import CarParameters, FloatArray
 from ..vehicle.car import Car
 from ..vehicle.changes import CarChanges
@@ -31,6 +32,16 @@ from ..vehicle.tire_forces import tires_of
 from ..vehicle.tire_slip import add_axle_sensors
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
+from .cars import (
+    CAR_PREFIX,
+    WorldCar,
+    add_touch_sensors,
+    car_prefix,
+    car_prefixes,
+    hide_ground,
+    make_visible,
+    require_alike,
+)
 from .course_loading import load_track
 
 _WALL_CONTYPE = 2  # contact roles are those of the vehicles' MJCF: the chassis meets walls and obstacles
@@ -39,13 +50,11 @@ _WALL_COLOUR = (0.86, 0.84, 0.80, 1.0)
 _OBSTACLE_COLOUR = (0.85, 0.45, 0.15, 1.0)
 _INVISIBLE = (0.0, 0.0, 0.0, 0.0)  # rays skip it too
 
-CAR_PREFIX = "car/"
-"""Of the names of everything that belongs to the car in a world's model."""
 OBSTACLE_PREFIX = "obstacle_"
 """Of the names of the obstacles that stand, which are numbered."""
 _LIDAR_IN_CAR = "lidar/"
 LIDAR_PREFIX = CAR_PREFIX + _LIDAR_IN_CAR
-"""Of the names of everything that belongs to its LiDAR."""
+"""Of the names of everything that belongs to car 0's LiDAR."""
 
 
 class World:
@@ -60,21 +69,24 @@ class World:
       changes: what else differs from the vehicle's MJCF.
       tires: a bundled set, the path of a TOML file, or Tires; None: the vehicle's.
       patches: of the floor, on which the tires have another friction.
+      others: the cars besides this one; vehicle, mu, changes and tires are those of car 0.
 
     Attributes:
       track: the course.
-      vehicle: the Vehicle, without the changes.
-      tires: that the car stands on.
+      vehicle: the Vehicle of car 0, without the changes.
+      tires: that car 0 stands on.
+      vehicles: of all cars.
       obstacles: all that stands there and the chassis can hit, besides the walls.
       moving: the moving obstacles, as they are in `model`.
       xml: the MJCF text that `model` was compiled from.
       model: the compiled mujoco.MjModel.
-      car: the Car in it.
+      car: car 0 in it.
+      cars: all of them.
 
     Raises:
       TrackError: a track that cannot be read, or is narrower than the car.
       SettingsError: a friction that is not positive, or not that of `changes`; an unknown vehicle or LiDAR back end.
-      ModelError: an MJCF that is not that of a vehicle.
+      ModelError: an MJCF that is not that of a vehicle; cars that cannot be in one world.
     """
 
     def __init__(
@@ -88,22 +100,29 @@ class World:
         changes: CarChanges | None = None,
         tires: Tires | str | Path | None = None,
         patches: Sequence[Patch] = (),
+        others: Sequence[WorldCar] = (),
     ) -> None:
         self.vehicle = Vehicle.load(vehicle)
         self.tires = self.vehicle.tires if tires is None else Tires.load(tires)
+        first = WorldCar(vehicle=self.vehicle, mu=mu, changes=changes or CarChanges(), tires=self.tires)
+        builds = (first, *others)
+        self.vehicles = tuple(Vehicle.load(build.vehicle) for build in builds)
         self.track = load_track(track, car=self.vehicle.parameters)
-        self.track.check_car(self.vehicle.parameters)
+        for own in dict.fromkeys(self.vehicles):
+            self.track.check_car(own.parameters)
         self.lidar_backend = lidar
         self.obstacles = (*self.track.obstacles, *obstacles)
-        spec = _compose(self.track, self.vehicle, self.tires, mu, changes, lidar, self.obstacles)
+        spec = _compose(self.track, builds, lidar, self.obstacles)
         add_patches(spec, patches)
         self.xml = spec.to_xml()
         self.model = mujoco.MjModel.from_xml_string(self.xml)
         self.moving = moving_obstacles(self.model)
-        self.car = Car(self.model, CAR_PREFIX)
+        self.cars = tuple(Car(self.model, car_prefix(index)) for index in range(len(builds)))
+        self.car = self.cars[0]
 
     def __repr__(self) -> str:
         course = "of a scene.xml" if self.track is None else f"{quoted(self.track.name)}, {quoted(self.vehicle.name)}"
+        course += f" and {len(self.cars) - 1} more" if len(self.cars) > 1 else ""
         return brief(
             self, course, f"mu {self.car.mu:.4g}", f"{len(self.obstacles)} obstacles, {len(self.moving)} moving"
         )
@@ -120,11 +139,13 @@ class World:
         """
         world = cls.__new__(cls)
         world.track = world.vehicle = None  # type: ignore[assignment]  # nobody asks for them
+        world.vehicles = ()
         world.lidar_backend, world.obstacles, world.xml = lidar, (), xml
         world.model = mujoco.MjModel.from_xml_string(xml)
         world.tires = tires_of(world.model, CAR_PREFIX)
         world.moving = moving_obstacles(world.model)
-        world.car = Car(world.model, CAR_PREFIX)
+        world.cars = tuple(Car(world.model, prefix) for prefix in car_prefixes(world.model) or (CAR_PREFIX,))
+        world.car = world.cars[0]
         return world
 
     @property
@@ -137,34 +158,47 @@ class World:
         """The LiDAR, for what does not change: beams, mount, and what they can meet; measuring is for one thread."""
         return self.make_lidar()
 
-    def make_lidar(self) -> Lidar:
-        """Return the LiDAR of this world, with the back end it was built for."""
-        return make_lidar(self.lidar_backend, self.model, LIDAR_PREFIX)
+    def make_lidar(self, car: int = 0) -> Lidar:
+        """Return the LiDAR of a car of this world, with the back end it was built for."""
+        return make_lidar(self.lidar_backend, self.model, car_prefix(car) + _LIDAR_IN_CAR)
+
+    @cached_property
+    def all_seen(self) -> ScanlineScene:
+        """All that the LiDARs of the cars can meet, each other too, prepared for the beams of car 0's."""
+        return ScanlineScene(self.model, self.lidar.beams, None)
 
 
-def _compose(
-    track: Course,
-    vehicle: Vehicle,
-    tires: Tires,
-    mu: float | None,
-    changes: CarChanges | None,
-    lidar: str,
-    obstacles: tuple[Obstacle, ...],
-) -> Any:
-    """Return the spec of the whole world: walls, obstacles, and the car with its ground and its LiDAR."""
+def _compose(track: Course, builds: Sequence[WorldCar], lidar: str, obstacles: tuple[Obstacle, ...]) -> Any:
+    """Return the spec of the whole world: walls, obstacles, and the cars with their ground and their LiDARs."""
     if lidar not in LIDAR_BACKENDS:
         raise SettingsError(f"lidar is {lidar!r}; {accepted_names(lidar, LIDAR_BACKENDS)}")
-    car = vehicle.spec(mu, changes, tires)
-    add_axle_sensors(car)
+    vehicles = [Vehicle.load(build.vehicle) for build in builds]
+    cars = [
+        vehicle.spec(build.mu, build.changes, build.tire_set) for vehicle, build in zip(vehicles, builds, strict=True)
+    ]  # fmt: skip
+    require_alike(cars, vehicles)
     spec = mujoco.MjSpec()
     spec.modelname = f"fg_mujoco {track.name}"
-    spec.option, spec.memory = car.option, car.memory  # the engine settings that the car was validated with
-    spec.nuserdata = car.nuserdata
+    spec.option, spec.memory = cars[0].option, cars[0].memory  # the engine settings that the car was validated with
+    if len(cars) > 1:
+        spec.memory = sum(car.memory for car in cars)
+        # cars that do not touch are solved apart, so that each costs as much as if it were alone
+        spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
+    spec.nuserdata = sum(car.nuserdata for car in cars)
     spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)  # static geoms are placed once, not every step
     _add_light(spec, track)
     _add_course(spec, track, obstacles)
-    car.attach(vehicle.lidar.spec(sensors=lidar == "rangefinder"), site=car.site("lidar_mount"), prefix=_LIDAR_IN_CAR)
-    spec.attach(car, frame=spec.worldbody.add_frame(), prefix=CAR_PREFIX)
+    for index, (car, vehicle) in enumerate(zip(cars, vehicles, strict=True)):
+        add_axle_sensors(car)
+        if len(cars) > 1:
+            make_visible(car, index, vehicle.parameters)
+        if index > 0:
+            hide_ground(car)
+        car.memory, car.nuserdata = spec.memory, spec.nuserdata  # attaching warns where they differ
+        beams = vehicle.lidar.spec(sensors=lidar == "rangefinder")
+        car.attach(beams, site=car.site("lidar_mount"), prefix=_LIDAR_IN_CAR)
+        spec.attach(car, frame=spec.worldbody.add_frame(), prefix=car_prefix(index))
+    add_touch_sensors(spec, len(cars))
     return spec
 
 

@@ -18,7 +18,9 @@ from numpy.typing import NDArray
 
 from ..course.lap_timer import first_seen, fresh_timers
 from ..course.moving_obstacles import make_mover, motion_table
-from ..lidar.lidar import Lidar, RaycastLidar
+from ..lidar.body_poses import Mount
+from ..lidar.lidar import Lidar, RaycastLidar, lidar_mount
+from ..lidar.links import make_links
 from ..messages import ODOMETRY, FloatArray
 from ..vehicle.car import WHEELS, Car
 from ..vehicle.changes import CarChanges, change_worlds
@@ -28,12 +30,26 @@ from ..vehicle.tire_forces import USERDATA
 from ..vehicle.tire_slip import QUANTITIES, TireSlipMeter
 from . import compiled_tick
 from .array_table import ArrayTable
+from .cars import lidar_prefix, touch_places, tree_of
 from .physics import STATE, Batch, StateLayout
 from .settings import Start
 from .telemetry import STATISTICS, TELEMETRY
 from .termination import RaceMonitor
-from .tick import Floor, book_cars, hold_commands, note_tires, place_obstacles, push_tires
-from .world import CAR_PREFIX, World
+from .tick import (
+    AXLES,
+    CHASSIS_CONTACT,
+    FIRST_TIRE,
+    MOUNT,
+    TIRES,
+    TREE,
+    Floor,
+    book_cars,
+    hold_commands,
+    note_tires,
+    place_obstacles,
+    push_tires,
+)
+from .world import World
 
 Mask = NDArray[np.bool_]
 
@@ -47,13 +63,14 @@ class CarArrays:
     odometry: NDArray[np.void]  # (r,) of ODOMETRY, last sensed
     ranges: FloatArray  # (r, beams) [m] as in LaserScan, last sensed
     commands: FloatArray  # (r, 2) [rad, m/s]
-    crashed: Mask  # (r,) whether the chassis has touched anything since the car was placed
+    crashed: Mask  # (r,) whether the chassis has touched anything but a car since the car was placed
+    touched_at: FloatArray  # (r, m) when it last touched each car of its world [s]; -inf: not since it was placed
     failed: Mask  # (r,) whether the planner or the engine failed
     telemetry: FloatArray  # (r, len(TELEMETRY)) of the last tick
     statistics: NDArray[np.void]  # (r,) of STATISTICS, since the car was placed
 
     @classmethod
-    def of(cls, count: int, beams: int) -> CarArrays:
+    def of(cls, count: int, beams: int, cars_per_world: int = 1) -> CarArrays:
         """Return the arrays of so many cars, whose LiDARs have so many beams."""
         return cls(
             constants=np.zeros(count, CAR),
@@ -62,6 +79,7 @@ class CarArrays:
             ranges=np.zeros((count, beams)),
             commands=np.zeros((count, 2)),
             crashed=np.zeros(count, np.bool_),
+            touched_at=np.full((count, cars_per_world), -np.inf),
             failed=np.zeros(count, np.bool_),
             telemetry=np.full((count, len(TELEMETRY)), np.nan),
             statistics=np.zeros(count, STATISTICS),
@@ -115,21 +133,46 @@ class WorldBatch:
         self.physics = Batch(model, count, substeps)
         if own_model:
             self.physics.set_models([model] * count)
-        self.cars = [world.car] * (count * cars_per_world)
+        self.cars = list(world.cars) * count
         self.slip = np.full((QUANTITIES, substeps, len(WHEELS)), np.nan)
         self._cars_per_world = cars_per_world
+        self._lidars: dict[int, Lidar] = {}
         self._arrays, self._monitor = arrays.part(self.rows), monitor.part(self.rows)
-        meter = TireSlipMeter(model, CAR_PREFIX)
-        self._tires, self._axles = meter.readings.start, meter.axles
-        self._chassis_contact = world.car.chassis_contact
-        self._arrays.mu[:], self._arrays.constants[:] = meter.mu, world.car.constants[0]
-        self._pairs = meter.pairs
-        self._tire_rows = np.tile(meter.rows, cars_per_world)
+        meters = [TireSlipMeter(model, car.prefix) for car in world.cars]
+        self._chassis_contacts = np.array([car.chassis_contact for car in world.cars])
+        self._touch_places = touch_places(model, cars_per_world)
+        self._arrays.mu[:] = np.tile([meter.mu for meter in meters], (count, 1))
+        self._arrays.constants[:] = np.tile(np.concatenate([car.constants for car in world.cars]), count)
+        self._pairs = np.array([meter.pairs for meter in meters], np.int32)
+        self._tire_rows = np.concatenate([meter.rows for meter in meters])
         self._tire_states = np.zeros((count, substeps, USERDATA * len(self._tire_rows)))
+        self._car_places = self._make_car_places(meters)
         self._ids = np.empty(count, np.int32)
         self.floor = self._make_floor(substeps, own_model)
         self._motions, self._mover = motion_table(world.moving), make_mover(model)
         self._table = self._make_table(period, time_limit)
+
+    def _make_car_places(self, meters: Sequence[TireSlipMeter]) -> NDArray[np.int64]:
+        """Return where what belongs to each car of a world is, see tick.TREE."""
+        places = np.full((len(meters), 6), -1, np.int64)
+        first = 0
+        for place, meter, car in zip(places, meters, self.world.cars, strict=True):
+            place[TIRES], place[AXLES], place[CHASSIS_CONTACT] = meter.readings.start, meter.axles, car.chassis_contact
+            if len(meter.rows):
+                place[FIRST_TIRE], first = first, first + len(meter.rows)
+        if self.drawn is not None:
+            places[:, MOUNT] = [mount.qpos_address for mount in self._mounts]
+            if len(meters) > 1:
+                places[:, TREE] = [tree_of(self.world.model, car.prefix) for car in self.world.cars]
+        return places
+
+    @cached_property
+    def _mounts(self) -> list[Mount]:
+        """How the LiDAR of each car is fixed to it."""
+        found = [self.drawn.mount] if self.drawn is not None else []
+        for index in range(1, self._cars_per_world):
+            found.append(lidar_mount(self.world.model, lidar_prefix(index)))
+        return [mount for mount in found if mount is not None]
 
     def _make_floor(self, substeps: int, own_model: bool) -> Floor:
         """Return the patches of the worlds, and room for what the tires have on them."""
@@ -140,22 +183,16 @@ class WorldBatch:
         if room:
             friction = model.pair_friction[np.newaxis] if own_model else self.physics.expand("pair_friction")
             assert len(friction) == count
-        return Floor(
-            patches, wheel_positions(model, CAR_PREFIX), np.zeros((room, substeps, len(WHEELS))), friction,
-            np.tile(np.array(self._pairs, np.int32), self._cars_per_world),
-        )  # fmt: skip
+        wheels = np.concatenate([wheel_positions(model, car.prefix) for car in self.world.cars])
+        return Floor(patches, wheels, np.zeros((room, substeps, len(WHEELS))), friction, self._pairs.ravel())
 
     def _make_table(self, period: float, time_limit: float | None) -> ArrayTable:
         """Return all arrays as the one argument of the compiled tick."""
         physics, drawn, course = self.physics, self.drawn, self.world.track
-        mount = drawn.mount if drawn is not None else None
         model, moving = self.world.model, len(self._motions)
         controls = np.zeros((len(self._ids) if moving else 0, physics.records.shape[1], model.nu + 3 * moving))
         arrays: dict[str, Any] = {
-            "places": compiled_tick.whole_places(
-                self._cars_per_world, self._tires, self._axles, self._chassis_contact, physics, self._monitor.laps,
-                mount, self.layout,
-            ),
+            "places": compiled_tick.whole_places(self._cars_per_world, physics, self._monitor.laps, self.layout),
             "times": compiled_tick.course_numbers(
                 float(model.opt.timestep), course, self._monitor.laps, time_limit, period
             ),
@@ -163,16 +200,19 @@ class WorldBatch:
             "status": physics.status, "warnings": physics.warnings, "slip": self.slip, "ids": self._ids,
             "tires": self._tire_rows, "tire_states": self._tire_states, "patches": self.floor.patches,
             "wheels": self.floor.wheels, "floor_mu": self.floor.mu, "friction": self.floor.friction,
-            "pairs": self.floor.pairs,
+            "pairs": self.floor.pairs, "car_places": self._car_places, "touch_places": self._touch_places,
             "controls": controls, "motions": self._motions, "cars": self._arrays.constants, **vars(self._arrays),
             "running": self._monitor.running, "reasons": self._monitor.reasons, "timers": self._monitor.timers,
             "lap_times": self._monitor.lap_times, "standing_since": self._monitor.standing_since,
         }  # fmt: skip
         if course is not None:
             arrays["table"] = np.ascontiguousarray(course.table)
-        if drawn is not None and mount is not None:
-            arrays |= drawn.scene.arrays._asdict() | drawn.scene.scratch()._asdict()
-            arrays |= {"offset_position": mount.offset_position, "offset_rotation": mount.offset_rotation}
+        if drawn is not None:
+            scene = drawn.scene if self._cars_per_world == 1 else self.world.all_seen
+            arrays |= scene.arrays._asdict() | scene.scratch()._asdict()
+            arrays["offset_positions"] = np.array([mount.offset_position for mount in self._mounts])
+            arrays["offset_rotations"] = np.array([mount.offset_rotation for mount in self._mounts])
+            arrays["links"] = make_links(model, scene.moving[moving:])
         return ArrayTable(compiled_tick.NAMES, arrays)
 
     @cached_property
@@ -182,21 +222,25 @@ class WorldBatch:
         draws = isinstance(lidar, RaycastLidar) and lidar.draws and lidar.mount is not None
         return lidar if draws and isinstance(lidar, RaycastLidar) else None
 
-    @cached_property
-    def lidar(self) -> Lidar:
-        """Measures without effects, in data of the world's model."""
-        return self.world.make_lidar()
+    def lidar(self, car: int) -> Lidar:
+        """Return what measures for a car of these worlds, without effects, in data of the world's model."""
+        if car not in self._lidars:
+            self._lidars[car] = self.world.make_lidar(car)
+        return self._lidars[car]
 
     def change(self, changes: Sequence[CarChanges]) -> None:
-        """Change the car of each world; one whose parameters no planner can tell from the plain one's is that one."""
+        """Change each car, (r,); one whose parameters no planner can tell from the plain one's is that one."""
         scratch = copy(self.world.model)
-        change_worlds(self.physics, changes, self.world.vehicle.compile(), CAR_PREFIX)
-        for i, change in enumerate(changes):
+        m = self._cars_per_world
+        for car, vehicle in enumerate(self.world.vehicles):
+            change_worlds(self.physics, changes[car::m], vehicle.compile(), self.world.cars[car].prefix)
+        for row, change in enumerate(changes):
+            i, car = divmod(row, m)
             if change.mu is not None:
-                self._arrays.mu[i] = self.physics.expand("pair_friction")[i, self._pairs, 0]
+                self._arrays.mu[row] = self.physics.expand("pair_friction")[i, self._pairs[car], 0]
             if replace(change, mu=None, command_delay=None) != CarChanges():
-                self.cars[i] = Car(self.physics.model_of(i, scratch), CAR_PREFIX)
-                self._arrays.constants[i] = self.cars[i].constants[0]
+                self.cars[row] = Car(self.physics.model_of(i, scratch), self.world.cars[car].prefix)
+                self._arrays.constants[row] = self.cars[row].constants[0]
 
     def place(self, which: Mask, starts: Sequence[Start | None]) -> None:
         """Place the cars `which` (r,), whole worlds, at their starts (r,), and begin their races."""
@@ -207,20 +251,66 @@ class WorldBatch:
         physics.reset(ids)  # warnings and all else that no state holds
         data = mujoco.MjData(model)
         for i in ids.tolist():
-            start = starts[i * self._cars_per_world] or Start()
             mujoco.mj_resetData(model, data)
             if self._mover is not None:
                 self._mover.place(data)
-            x, y, along = self.world.track.start_pose(start.s, start.offset)
-            self.world.car.write_pose(data, x, y, along + start.heading, start.speed)
+            first = i * self._cars_per_world
+            for car, start in zip(self.world.cars, starts[first : first + self._cars_per_world], strict=True):
+                start = start or Start()
+                x, y, along = self.world.track.start_pose(start.s, start.offset)
+                car.write_pose(data, x, y, along + start.heading, start.speed)
             mujoco.mj_getState(model, data, physics.states[i], int(STATE))
         physics.forward(ids)
         self._note_tires(ids, 0)
-        touched = np.repeat(physics.sensors[:, self._chassis_contact] > 0.0, self._cars_per_world)
-        arrays.crashed[which] = touched[which]
+        arrays.crashed[which] = self._touch_walls()[which]
+        arrays.touched_at[which] = -np.inf
         arrays.failed[which] = False
         arrays.statistics[which], arrays.telemetry[which] = np.zeros(1, STATISTICS), np.nan
         self._begin(which)
+
+    def put(self, i: int, car: int, start: Start) -> None:
+        """Put one car of world i of them at a start, and leave the others as they are."""
+        x, y, along = self.world.track.start_pose(start.s, start.offset)
+        self._write_pose(i, car, x, y, along + start.heading, start.speed)
+        row = i * self._cars_per_world + car
+        timer, (place, _) = self._monitor.timers[row], self.world.track.project(np.array([[x, y]]))
+        modulus = self.world.track.modulus
+        timer["progress"] += (float(place[0]) - timer["place"] + 0.5 * modulus) % modulus - 0.5 * modulus
+        timer["place"] = float(place[0])
+        timer["furthest"] = timer["mark"] = timer["progress"]
+        timer["last_progress_time"] = self.physics.states[i, self.layout.time]
+        self._arrays.touched_at[row] = -np.inf
+
+    def take_off(self, i: int, car: int) -> None:
+        """Put one car of world i of them where no LiDAR on the course sees it, standing."""
+        x, y = self.world.track.bounds[1] + 2.0 * self.world.lidar.beams.range_max
+        self._write_pose(i, car, float(x) + 2.0 * car, float(y), 0.0, 0.0)
+
+    def _write_pose(self, i: int, car: int, x: float, y: float, heading: float, speed: float) -> None:
+        """Write where one car of world i of them is, at rest on its springs, and leave the others as they are."""
+        model, state = self.world.model, self.physics.states[i]
+        data = mujoco.MjData(model)
+        mujoco.mj_setState(model, data, state, int(STATE))
+        controls = data.ctrl.copy()
+        self.world.cars[car].write_pose(data, x, y, heading, speed)
+        data.ctrl[:] = controls  # those of the tick that was driven, which are recorded
+        data.xfrc_applied[model.body_rootid == tree_of(model, self.world.cars[car].prefix)] = 0.0
+        first = int(self._car_places[car, FIRST_TIRE])
+        if first >= 0:
+            data.userdata[USERDATA * first : USERDATA * (first + len(WHEELS))] = 0.0
+        mujoco.mj_getState(model, data, state, int(STATE))
+        kept = state.copy()
+        self.physics.forward(np.array([i], np.int32))
+        state[:] = kept  # a forward pass leaves another start for the solver
+
+    def _touch_walls(self) -> Mask:
+        """Say which cars touch anything but a car now. Shape (r,)."""
+        sensors = self.physics.sensors
+        contacts = sensors[:, self._chassis_contacts]
+        for car, others in enumerate(self._touch_places):
+            contacts[:, car] -= sensors[:, np.delete(others, car)].sum(axis=1)
+        touched: Mask = (contacts > 0.0).ravel()
+        return touched
 
     def _begin(self, which: Mask) -> None:
         """Begin the races of the cars `which` (r,) where they are now."""
@@ -234,10 +324,21 @@ class WorldBatch:
             timers = fresh_timers(len(rows))
             at = np.arange(len(rows))
             first_seen(timers, course, np.column_stack((states[at, first], states[at, first + 1])))
+            self._line_up(timers, rows)
             monitor.timers[rows] = timers
             monitor.lap_times[rows] = monitor.standing_since[rows] = np.nan
             self.judge()
         monitor.running |= others
+
+    def _line_up(self, timers: NDArray[np.void], rows: NDArray[np.int64]) -> None:
+        """Count the progress of the cars of each world from where its car 0 starts, as from the start line."""
+        course, m = self.world.track, self._cars_per_world
+        if m == 1 or course.origin is not None:
+            return
+        modulus = course.modulus
+        pole = timers["place"][np.searchsorted(rows, rows // m * m)]
+        timers["progress"] = (timers["place"] - pole + 0.5 * modulus) % modulus - 0.5 * modulus
+        timers["mark"] = timers["progress"]
 
     def go_on_from(self, other: WorldBatch, places: slice) -> None:
         """Take over the states of worlds of another batch."""
@@ -252,8 +353,13 @@ class WorldBatch:
         self.physics.states[i] = state  # a forward pass leaves another start for the solver
         if timed:
             which = np.arange(len(self._arrays.crashed)) // self._cars_per_world == i
-            self._arrays.crashed[which] = self.physics.sensors[i, self._chassis_contact] > 0.0
+            self._arrays.crashed[which] = self._touch_walls()[which]
+            self._arrays.touched_at[which] = -np.inf
             self._begin(which)
+
+    def read(self, which: Mask) -> None:
+        """Take the odometry of the cars `which` (r,), and what begins their rows of telemetry."""
+        compiled_tick.read(self._table.rows, which)
 
     def sense(self, which: Mask) -> None:
         """Take odometry and, where scans are drawn, the scans of the cars `which` (r,)."""
@@ -270,6 +376,11 @@ class WorldBatch:
         """Time the laps of the cars that race and end what is over."""
         if self.world.track is not None:
             compiled_tick.judge(self._table.rows)
+
+    @property
+    def driven_last(self) -> NDArray[np.int32]:
+        """Which of the worlds were driven in the last tick, in the order of the records; those that still race."""
+        return self._ids
 
     @property
     def driven(self) -> NDArray[np.int32]:
@@ -294,7 +405,8 @@ class WorldBatch:
         if len(self._tire_rows) or len(self.floor.patches):
             push_tires(
                 self._ids, len(ids), self._cars_per_world, self.physics.states, self.layout, self._arrays.constants,
-                self._tire_rows, self.floor, self._arrays.mu, float(self.world.model.opt.timestep), step,
+                self._car_places, self._tire_rows, self.floor, self._arrays.mu,
+                float(self.world.model.opt.timestep), step,
             )  # fmt: skip
         self.physics.step(ids, step)
         self._note_tires(ids, step)
@@ -305,7 +417,7 @@ class WorldBatch:
         """Take the loads of the tires of the worlds `ids` after a physics step, or a forward pass."""
         if len(self._tire_rows):
             note_tires(
-                ids, len(ids), self.physics.states, self.layout, self.physics.sensors, self._tires, self._tire_rows,
+                ids, len(ids), self.physics.states, self.layout, self.physics.sensors, self._car_places,
                 self._tire_states, step,
             )  # fmt: skip
 
@@ -314,7 +426,7 @@ class WorldBatch:
         arrays = self._arrays
         book_cars(
             self._ids, len(ids), self._cars_per_world, self.physics.states, self.layout, arrays.constants,
-            self._tire_rows, self._tire_states, self.floor,
-            self.physics.records, self.physics.status, arrays.failed, self._tires, self._axles, self._chassis_contact,
-            arrays.mu, self.slip, arrays.crashed, arrays.telemetry, arrays.statistics,
+            self._car_places, self._touch_places, self._tire_rows, self._tire_states, self.floor,
+            self._monitor.running, self.physics.records, self.physics.status, arrays.failed, arrays.mu, self.slip,
+            arrays.crashed, arrays.touched_at, arrays.telemetry, arrays.statistics,
         )  # fmt: skip

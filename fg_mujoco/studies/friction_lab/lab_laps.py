@@ -22,13 +22,14 @@ from ...course.course import Course
 from ...messages import FloatArray
 from ...racing.planner_loading import make_controller
 from ...racing.result import History, trajectory_sha256
+from ...simulation.cars import CAR_PREFIX
 from ...simulation.engine import Engine
 from ...simulation.planner_adapter import adapt, start
 from ...simulation.settings import Start
 from ...simulation.simulation import Simulation
 from ...simulation.telemetry import TELEMETRY, statistics_figures
 from ...simulation.termination import END_REASONS
-from ...simulation.world import CAR_PREFIX, World
+from ...simulation.world import World
 from ...vehicle.car import Car
 from ...vehicle.friction_patches import Patch
 from ...vehicle.tires import Tires

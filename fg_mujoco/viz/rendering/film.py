@@ -21,7 +21,8 @@ from ...lidar.beams import lidar_body
 from ...messages import FloatArray
 from ...racing.result import RaceResult
 from ...racing.run_folder import Run
-from ...simulation.world import CAR_PREFIX, LIDAR_PREFIX
+from ...simulation.cars import CAR_PREFIX
+from ...simulation.world import LIDAR_PREFIX
 from ...vehicle.car import car_parameters
 from .cameras import Moment, View, find_camera
 from .colours import STAGES

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...messages import FloatArray
-from ...simulation.world import CAR_PREFIX
+from ...simulation.cars import CAR_PREFIX
 from ...vehicle.car import WHEELS, element_id
 from ...vehicle.tire_forces import curve_peaks, peaks, tire_rows
 from .cameras import View

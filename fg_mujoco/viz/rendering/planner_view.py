@@ -22,8 +22,9 @@ from ...lidar.lidar import make_lidar
 from ...messages import FloatArray, LaserScan
 from ...racing.planner_trust import recorded_planner
 from ...racing.resimulation import resimulate
+from ...simulation.cars import CAR_PREFIX
 from ...simulation.physics import STATE
-from ...simulation.world import CAR_PREFIX, LIDAR_PREFIX, World
+from ...simulation.world import LIDAR_PREFIX, World
 from ...vehicle.car import Car
 from .drive import Drive
 

@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 from ...display import brief
 from ...errors import SettingsError
 from ...messages import FloatArray
-from ...simulation.world import CAR_PREFIX, World
+from ...simulation.cars import CAR_PREFIX
+from ...simulation.world import World
 from ...vehicle.car import element_id
 from .cameras import Camera, Moment, View, find_camera
 from .gl import open_context

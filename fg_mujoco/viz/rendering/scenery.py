@@ -16,7 +16,8 @@ import numpy as np
 from ...course.moving_obstacles import PREFIX as MOVING_PREFIX
 from ...errors import ModelError
 from ...messages import FloatArray
-from ...simulation.world import CAR_PREFIX, LIDAR_PREFIX
+from ...simulation.cars import CAR_PREFIX
+from ...simulation.world import LIDAR_PREFIX
 from .ribbons import Surface, nearest_on, road, strip_across, wall_chains, wall_faces, wall_tops
 from .textures import asphalt, chequers, hall_floor, wall_face, wall_top
 

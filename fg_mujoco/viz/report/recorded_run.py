@@ -16,10 +16,11 @@ from ...racing.crash import Crash
 from ...racing.resimulation import load_world
 from ...racing.result import RaceResult
 from ...racing.run_folder import SUMMARY, Run, read_run, summary_json
+from ...simulation.cars import CAR_PREFIX
 from ...simulation.telemetry import TELEMETRY
 from ...simulation.termination import WrongWay
-from ...simulation.world import CAR_PREFIX
 from ...vehicle.car import car_parameters
+from ...vehicle.tires import CONTACT
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,6 +40,11 @@ class RecordedRun:
     def mu(self) -> float:
         """Friction coefficient of the tires [-]."""
         return float(self.summary["mu"])
+
+    @property
+    def tires(self) -> str:
+        """Name of the set of tires."""
+        return str(self.summary.get("tires", CONTACT))  # older runs lack it
 
     @property
     def lap_times(self) -> tuple[float, ...]:

@@ -1,0 +1,164 @@
+"""What each car of a race is entered with, and where it stands before the start.
+
+entries = [Entry(controller="gap_finder"), Entry(controller="pure_pursuit", max_speed=4.0)]
+result = fg_mujoco.race("oval", entries=entries, grid="staggered")
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..course.clearance import least_clearance, outline
+from ..course.course import Course, wall_outlines
+from ..course.obstacles import Obstacle
+from ..display import quoted
+from ..errors import SettingsError, accepted_names
+from ..messages import CarParameters, Controller, FloatArray
+from ..simulation.cars import GREATEST_CARS, WorldCar
+from ..simulation.settings import DriveSettings, Start
+
+GRIDS = ("staggered", "side_by_side")
+
+_BEHIND = 0.80  # [m] RoboRacer rules 3.2026: staggered, the next car stands 80 cm behind
+_ASIDE = 0.30  # [m] and 30 cm aside
+_BETWEEN = 0.30  # [m] side by side: 30 cm apart
+_LONGEST_NAME = 60
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Entry(DriveSettings):
+    """A car of a race, its planner, and what both are set to.
+
+    Raises:
+      SettingsError: a value outside of what is accepted.
+      ModelError: a file that is not that of a vehicle.
+    """
+
+    controller: str | Controller = "gap_finder"  # as `race` takes it
+    name: str | None = None  # in the results; None: `car_0`, `car_1` and so on
+    start: Start | None = None  # type: ignore[assignment]  # None: its place on the grid
+
+    def __post_init__(self) -> None:
+        start = self.start
+        if start is None:
+            object.__setattr__(self, "start", Start())
+        super().__post_init__()
+        if start is None:
+            object.__setattr__(self, "start", None)
+        if self.name is not None and not (0 < len(self.name) <= _LONGEST_NAME and self.name.isprintable()):
+            raise SettingsError(f"Entry.name is {self.name!r}; accepted: a text of 1 to {_LONGEST_NAME} characters")
+        if self.patches:
+            raise SettingsError("Entry.patches is set; accepted: `patches` of the race, whose floor it is")
+
+    def world_car(self) -> WorldCar:
+        """Return the car as World takes it."""
+        return WorldCar(vehicle=self.car, mu=self.mu, changes=self.changes, tires=self.tire_set)
+
+
+def require_entries(entries: Sequence[Entry]) -> tuple[Entry, ...]:
+    """Return entries with a name each.
+
+    Raises:
+      SettingsError: none, more than a world takes, something else, or two of one name.
+    """
+    for entry in entries:
+        if not isinstance(entry, Entry):
+            raise SettingsError(f"an entry is {entry!r}; accepted: fg_mujoco.Entry")
+    if not 1 <= len(entries) <= GREATEST_CARS:
+        raise SettingsError(f"{len(entries)} entries; accepted: 1 to {GREATEST_CARS}")
+    named = tuple(replace(entry, name=entry.name or f"car_{index}") for index, entry in enumerate(entries))
+    names = [str(entry.name) for entry in named]
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise SettingsError(f"two entries are called {quoted(twice[0])}; accepted: a name for each")
+    return named
+
+
+def grid_starts(course: Course, cars: Sequence[CarParameters], kind: str = "staggered") -> tuple[Start, ...]:
+    """Return where cars stand before the start, the first of them in front, at s = 0 of a closed course.
+
+    "staggered": each 80 cm behind the one before, 15 cm to the left or to the right of the line by turns, 30 cm aside.
+    "side_by_side": in rows of two, 30 cm between their sides, the next row a car's length and 80 cm behind. On an open
+    course the last stands at its start. Source: RoboRacer rules 3.2026 for two cars; more of them go on alike.
+
+    Raises:
+      SettingsError: an unknown kind.
+    """
+    if kind not in GRIDS:
+        raise SettingsError(f"grid is {kind!r}; {accepted_names(kind, GRIDS)}")
+    if len(cars) == 1:
+        return (Start(),)
+    if kind == "staggered":
+        places = [(-_BEHIND * i, (0.5 if i % 2 == 0 else -0.5) * _ASIDE) for i in range(len(cars))]
+    else:
+        length, width = (max(getattr(car, name) for car in cars) for name in ("length", "width"))
+        aside = 0.5 * (width + _BETWEEN)
+        places = [(-(length + _BEHIND) * (i // 2), aside if i % 2 == 0 else -aside) for i in range(len(cars))]
+    last = 0.0 if course.closed else min(s for s, _ in places)
+    return tuple(Start(s=s - last, offset=offset) for s, offset in places)
+
+
+def check_starts(
+    course: Course,
+    starts: Sequence[Start],
+    cars: Sequence[CarParameters],
+    names: Sequence[str],
+    obstacles: Sequence[Obstacle] = (),
+) -> None:
+    """Refuse starts at which a car stands in a wall, in an obstacle or in another car.
+
+    Raises:
+      SettingsError: one does; the message has which.
+    """
+    lines = [*wall_outlines(course), *(solid.corners() for solid in (*course.obstacles, *obstacles))]
+    walls = np.concatenate([outline(line) for line in lines]) if lines else np.empty((0, 4))
+    poses: list[FloatArray] = []
+    for start, car, name in zip(starts, cars, names, strict=True):
+        if not course.closed and math.isfinite(course.length) and not 0.0 <= start.s <= course.length:
+            raise SettingsError(
+                f"{quoted(name)} starts at s = {start.s:g} m of {course.name!r}; accepted: 0 to {course.length:g} m"
+            )
+        x, y, along = course.start_pose(start.s, start.offset)
+        pose = np.array([[x, y, along + start.heading]])
+        on_line = np.array(course.start_pose(start.s)[:2])
+        if len(walls) and (least_clearance(pose, walls, car) <= 0.0 or _crosses(walls, on_line, pose[0, :2])):
+            where = f"s = {start.s:g} m, {start.offset:g} m to the left"
+            raise SettingsError(
+                f"{quoted(name)} does not fit on {course.name!r} at {where}; accepted: a start clear of walls and "
+                "obstacles, another grid, or fewer cars"
+            )
+        for other_pose, other_car, other in zip(poses, cars, names, strict=False):
+            sides = outline(_corners(other_pose[0], other_car))
+            inside = least_clearance(other_pose, outline(_corners(pose[0], car)), other_car)
+            if least_clearance(pose, sides, car) <= 0.0 or inside <= 0.0:
+                raise SettingsError(
+                    f"{quoted(name)} and {quoted(other)} start in one place, ({x:.2f}, {y:.2f}) m; accepted: starts "
+                    "apart by a car's length or width"
+                )
+        poses.append(pose)
+
+
+def _crosses(walls: FloatArray, start: FloatArray, end: FloatArray) -> bool:
+    """Say whether the way between two points (2,) crosses any of some lines (n, 4) [m]."""
+
+    def side(one: FloatArray, other: FloatArray, point: FloatArray) -> FloatArray:
+        along, away = other - one, point - one
+        return np.asarray(along[..., 0] * away[..., 1] - along[..., 1] * away[..., 0])
+
+    one, other = walls[:, :2], walls[:, 2:]
+    apart = side(one, other, start) * side(one, other, end) < 0.0
+    return bool((apart & (side(start, end, one) * side(start, end, other) < 0.0)).any())
+
+
+def _corners(pose: FloatArray, car: CarParameters) -> FloatArray:
+    """Return the corners of a car's footprint at a pose of its rear axle. Shape (4, 2) [m]."""
+    x, y, heading = pose.tolist()
+    cos, sin = math.cos(heading), math.sin(heading)
+    back, front, half = -car.rear_overhang, car.length - car.rear_overhang, 0.5 * car.width
+    at = np.array([(front, half), (back, half), (back, -half), (front, -half)])
+    corners: FloatArray = at @ np.array([[cos, sin], [-sin, cos]]) + (x, y)
+    return corners

@@ -1,0 +1,322 @@
+"""Race control: who touched whom and whose fault it was, who overtook whom, and what the rules make of it.
+
+It watches an engine of one world, tick by tick, and is a layer above the physics: without rules it only keeps a record.
+
+    control = RaceControl(engine, names=("a", "b"), rules=RULES["roboracer_2026"])
+    while engine.running.any():
+        engine.tick()
+        control.after_tick()
+    control.contacts, control.overtakes, control.warnings
+
+A referee judges by eye. What stands here in his place are operationalisations, each beside its number.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..errors import SettingsError, accepted_names
+from ..messages import FloatArray
+from ..simulation.cars import TOUCH_READINGS, touch_places
+from ..simulation.engine import Engine
+from ..simulation.settings import Start
+from ..simulation.telemetry import TELEMETRY
+from ..simulation.termination import END_REASONS
+
+OVERTAKE_LEAD = 0.5
+"""Of the passing car's length by which it has to lead: RoboRacer rules 3.2026."""
+
+OVERTAKE_HELD = 1.0
+"""[s] for which it has to lead by that; the rules name no time, so that a nose ahead in one bend would count."""
+
+CONTACT_ENDS = 0.2
+"""[s] without touching after which a contact is over; cars that push each other bounce."""
+
+LONGEST_PUSH = 1.0
+"""[s] after which cars that still touch are judged, where there are rules: one that pushes another on and on."""
+
+_X, _Y, _HEADING, _YAW_RATE = (TELEMETRY.index(name) for name in ("x_m", "y_m", "heading_rad", "yaw_rate_rad_s"))
+_VX, _PROGRESS = TELEMETRY.index("vx_m_s"), TELEMETRY.index("progress_m")
+_FINISHED, _DISQUALIFIED = END_REASONS.index("finished"), "disqualified"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rules:
+    """What race control does beyond keeping a record. Lengths in metres."""
+
+    name: str
+    free_displacement: float = math.inf  # a touch that displaces a car by less is free
+    restart_behind: float = 2.0  # the car at fault starts again so far behind the other
+    restart_behind_driving: float = 3.0  # and so far where the other drove on by itself
+    most_warnings: int = 3  # the last of them disqualifies
+
+
+RULES = {
+    "none": Rules(name="none"),
+    "roboracer_2026": Rules(name="roboracer_2026", free_displacement=0.05),
+}
+"""By name. Source of the numbers: RoboRacer rules, version 3.2026-draft."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contact:
+    """Two cars that touched, from their first touch until they were apart. Fields are as in the JSON."""
+
+    time_s: float  # of the first touch, at the start of its tick
+    cars: tuple[str, str]
+    impulse_Ns: float  # noqa: N815  # of the one on the other, summed over all touches
+    closing_speed_m_s: float  # of the middles of the cars before it, along the line between them
+    displacement_m: float  # how far the force would have pushed the more easily pushed of them, standing, tires sliding
+    at_fault: str  # the one that came nearer faster; where both did alike, the one behind
+    x_m: float  # where they first touched
+    y_m: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Overtake:
+    """A car passed another. Fields are as in the JSON."""
+
+    time_s: float  # when it first led by half its length
+    by: str
+    of: str
+    s_m: float  # progress of the passing car then
+
+
+@dataclass(frozen=True, kw_only=True)
+class Warned:
+    """A warning of race control. Fields are as in the JSON."""
+
+    time_s: float
+    car: str
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Restart:
+    """A car that was put back. Fields are as in the JSON; a replay puts it back, too."""
+
+    time_s: float
+    tick: int  # at the end of which, from 1
+    car: int
+    s_m: float  # of its new start, as in Start
+    offset_m: float
+
+
+@dataclass(kw_only=True)
+class _Touching:
+    """A contact that is not over."""
+
+    time: float
+    last: float
+    impulse: float
+    pushed: dict[int, tuple[float, float]]  # of each car, how fast [m/s] and how far [m] it would have been pushed
+    closing: float
+    fault: int
+    place: tuple[float, float]
+
+
+@dataclass(kw_only=True)
+class _Order:
+    """Who of two cars leads: 1 the first, -1 the second, 0 nobody yet."""
+
+    leads: int = 0
+    since: float = field(default=math.nan)  # [s] when another began to lead by enough
+    new: int = 0
+    at: float = 0.0  # [m] progress of the new leader then
+
+
+class RaceControl:
+    """Watches the cars of an engine's only world.
+
+    Args:
+      engine: with its cars placed.
+      names: of the cars.
+      rules: what is done about contacts.
+
+    Attributes:
+      contacts, overtakes, warnings, restarts: so far.
+      wall_contacts: of each car, (m,).
+    """
+
+    def __init__(self, engine: Engine, *, names: Sequence[str], rules: Rules) -> None:
+        self.contacts: list[Contact] = []
+        self.overtakes: list[Overtake] = []
+        self.warnings: list[Warned] = []
+        self.restarts: list[Restart] = []
+        self._engine, self._names, self._rules = engine, tuple(names), rules
+        count, world = len(names), engine.world
+        self._places = touch_places(world.model, count)
+        self._pairs = [(a, b) for a in range(count) for b in range(a + 1, count)]
+        self._open: dict[tuple[int, int], _Touching] = {}
+        self._orders = {pair: _Order() for pair in self._pairs}
+        self._timestep = float(world.model.opt.timestep)
+        parameters = [car.parameters for car in world.cars]
+        self._lengths = [car.length for car in parameters]
+        self._middles = [0.5 * car.length - car.rear_overhang for car in parameters]
+        self._masses = [car.mass for car in parameters]
+        self._grips = [car.mu * car.parameters.gravity for car in world.cars]
+        self._tick = 0
+        progress = engine.monitor.timers["progress"]
+        for (a, b), order in self._orders.items():
+            order.leads = self._leader(a, b, progress)
+
+    def after_tick(self) -> None:
+        """Look at the tick that was driven and judged; put cars back, and end the race of one that is disqualified."""
+        self._tick += 1
+        engine = self._engine
+        time = engine.time(0)
+        self._look_for_touches(time)
+        self._look_for_overtakes(time)
+
+    def finish(self) -> None:
+        """Close what is still open, at the end of the race."""
+        for pair in sorted(self._open):
+            self._close(pair)
+        self.contacts.sort(key=lambda contact: contact.time_s)
+
+    def _look_for_touches(self, time: float) -> None:
+        engine = self._engine
+        records = engine.records(0)
+        for pair in self._pairs:
+            first = int(self._places[pair])
+            found = records[:, first : first + TOUCH_READINGS]
+            touching = found[:, 0] > 0.0
+            if touching.any():
+                if pair not in self._open:
+                    closing, fault = self._approach(*pair)
+                    where = found[int(touching.argmax()), 4:6]
+                    self._open[pair] = _Touching(
+                        time=float(engine.telemetry[0, 0]), last=time, impulse=0.0, closing=closing, fault=fault,
+                        place=(float(where[0]), float(where[1])), pushed=dict.fromkeys(pair, (0.0, 0.0)),
+                    )  # fmt: skip
+                self._open[pair].last = time
+            if pair in self._open:
+                self._push(self._open[pair], np.where(touching, np.linalg.norm(found[:, 1:4], axis=1), 0.0))
+                pushes = math.isfinite(self._rules.free_displacement) and time - self._open[pair].time >= LONGEST_PUSH
+                if pushes or time - self._open[pair].last >= CONTACT_ENDS:
+                    self._judge(self._close(pair), pair, time)
+
+    def _push(self, touching: _Touching, forces: FloatArray) -> None:
+        """Add what the forces of a tick's steps do [N]: to a block of each car's mass and friction, which stood."""
+        touching.impulse += float(forces.sum()) * self._timestep
+        for car, (speed, way) in touching.pushed.items():
+            for force in forces.tolist():
+                speed = max(0.0, speed + (force / self._masses[car] - self._grips[car]) * self._timestep)
+                way += speed * self._timestep
+            touching.pushed[car] = (speed, way)
+
+    def _approach(self, a: int, b: int) -> tuple[float, int]:
+        """Return how fast two cars came nearer at the start of the tick [m/s], and whose fault it is."""
+        rows = self._engine.telemetry[[a, b]]
+        middles, velocities = [], []
+        for row, ahead in zip(rows, (self._middles[a], self._middles[b]), strict=True):
+            cos, sin = math.cos(row[_HEADING]), math.sin(row[_HEADING])
+            vx, vy = row[_VX], row[_VX + 1] + row[_YAW_RATE] * ahead
+            middles.append((row[_X] + ahead * cos, row[_Y] + ahead * sin))
+            velocities.append((vx * cos - vy * sin, vx * sin + vy * cos))
+        line = np.subtract(middles[1], middles[0])
+        line = line / max(float(np.linalg.norm(line)), 1e-9)
+        nearer = (float(line @ velocities[0]), float(-line @ velocities[1]))  # of each towards the other [m/s]
+        if abs(nearer[0] - nearer[1]) > 0.1:  # [m/s] below this both came nearer alike
+            fault = a if nearer[0] > nearer[1] else b
+        else:
+            fault = a if rows[0, _PROGRESS] < rows[1, _PROGRESS] else b
+        return nearer[0] + nearer[1], fault
+
+    def _close(self, pair: tuple[int, int]) -> Contact:
+        """Keep a contact that is over, and return it."""
+        touching = self._open.pop(pair)
+        a, b = pair
+        displacement = max(
+            way + speed * speed / (2.0 * self._grips[car]) for car, (speed, way) in touching.pushed.items()
+        )
+        contact = Contact(
+            time_s=touching.time, cars=(self._names[a], self._names[b]), impulse_Ns=touching.impulse,
+            closing_speed_m_s=touching.closing, displacement_m=displacement, at_fault=self._names[touching.fault],
+            x_m=touching.place[0], y_m=touching.place[1],
+        )  # fmt: skip
+        self.contacts.append(contact)
+        return contact
+
+    def _judge(self, contact: Contact, pair: tuple[int, int], time: float) -> None:
+        """Do what the rules ask for after a contact."""
+        rules, engine = self._rules, self._engine
+        if contact.displacement_m < rules.free_displacement:
+            return
+        fault = self._names.index(contact.at_fault)
+        other = pair[1] if fault == pair[0] else pair[0]
+        if not engine.running[fault]:
+            return
+        said = f"contact with {self._names[other]}, displaced by {100.0 * contact.displacement_m:.0f} cm"
+        self.warnings.append(Warned(time_s=time, car=contact.at_fault, reason=said))
+        if sum(warned.car == contact.at_fault for warned in self.warnings) >= rules.most_warnings:
+            which = np.zeros(len(self._names), np.bool_)
+            which[fault] = True
+            engine.monitor.end(which, _DISQUALIFIED)
+            return
+        drove_on = (
+            bool(engine.running[other]) and float(engine.commands[other, 1]) > 0.5
+        )  # [m/s] and is not just pushed
+        behind = rules.restart_behind_driving if drove_on else rules.restart_behind
+        self._put_behind(fault, other, behind)
+
+    def _put_behind(self, car: int, other: int, behind: float) -> None:
+        """Put a car on the line so far behind another [m], or behind that where somebody stands there."""
+        engine, course = self._engine, self._engine.world.track
+        timers = engine.monitor.timers
+        at = float(timers["place"][other])
+        taken = [float(timers["place"][i]) for i in range(len(self._names)) if i != car]
+        back = behind + 0.5 * (self._lengths[car] + self._lengths[other])
+        while any(_apart(at - back, place, course.modulus) < 1.2 * self._lengths[car] for place in taken):
+            back += 0.5 * self._lengths[car]
+        s = at - back - (course.origin or 0.0)
+        start = Start(s=s if course.closed else max(s, 0.0))
+        engine.put(car, start)
+        self.restarts.append(
+            Restart(time_s=engine.time(0), tick=self._tick, car=car, s_m=start.s, offset_m=start.offset)
+        )
+
+    def _leader(self, a: int, b: int, progress: FloatArray) -> int:
+        """Return 1 where the first leads by enough of its length, -1 where the second does, else 0."""
+        lead = float(progress[a] - progress[b])
+        if lead >= OVERTAKE_LEAD * self._lengths[a]:
+            return 1
+        return -1 if -lead >= OVERTAKE_LEAD * self._lengths[b] else 0
+
+    def _look_for_overtakes(self, time: float) -> None:
+        monitor = self._engine.monitor
+        progress, racing = monitor.timers["progress"], self._engine.running | (monitor.reasons == _FINISHED)
+        for (a, b), order in self._orders.items():
+            leads = self._leader(a, b, progress)
+            if leads == 0 or leads == order.leads:
+                order.new = 0
+                continue
+            if leads != order.new:
+                order.new, order.since, order.at = leads, time, float(progress[a if leads > 0 else b])
+            if time - order.since >= OVERTAKE_HELD - 1e-9:
+                by, of = (a, b) if leads > 0 else (b, a)
+                if order.leads != 0 and racing[a] and racing[b] and monitor.reasons[of] != _FINISHED:
+                    self.overtakes.append(
+                        Overtake(time_s=order.since, by=self._names[by], of=self._names[of], s_m=order.at)
+                    )
+                order.leads, order.new = leads, 0
+
+
+def find_rules(name: str) -> Rules:
+    """Return the rules of a name.
+
+    Raises:
+      SettingsError: there are none.
+    """
+    if name not in RULES:
+        raise SettingsError(f"rules is {name!r}; {accepted_names(name, RULES)}")
+    return RULES[name]
+
+
+def _apart(one: float, other: float, modulus: float) -> float:
+    """Return how far two places on a line are apart [m]."""
+    return abs((one - other + 0.5 * modulus) % modulus - 0.5 * modulus)
