@@ -109,6 +109,16 @@ def test_a_slalom_and_a_lane_change_end_in_the_direction_that_they_began():
     assert y.max() == pytest.approx(0.35, rel=0.06) and abs(y[-1]) < 0.05
 
 
+def test_a_growing_slalom_grows_from_zero_to_its_angle():
+    commands = fg.find_manoeuvre("growing_slalom[angle=0.2,frequency=2,seconds=4,begin=1]").commands(CAR, 1.0)
+    angles, time = commands.steering_angle, commands.time - 1.0
+    tops = (angles[1:-1] > angles[:-2]) & (angles[1:-1] > angles[2:])
+    assert tops.sum() == 8  # periods
+    assert angles[1:-1][tops] == pytest.approx(0.05 * time[1:-1][tops], abs=0.001)
+    assert np.abs(angles).max() == pytest.approx(0.2, rel=0.05)
+    assert angles[-1] == 0.0
+
+
 def test_a_sine_sweep_has_its_frequencies():
     commands = fg.find_manoeuvre("sine_sweep[low=0.5,high=2,seconds=10,begin=1]").commands(CAR, 1.0)
     crossings = commands.time[1:][np.diff(np.signbit(commands.steering_angle)) != 0] - 1.0
@@ -296,6 +306,7 @@ def test_a_file_that_is_none_of_commands_is_refused_in_one_line(tmp_path, capsys
         (["circle[turns=1e9]"], "lasts 4.189e+09 s; accepted: up to 600 s"),
         (["slalom[gates=1000,spacing=50]"], "s; accepted: up to 600 s"),
         (["slalom[gates=2.5]"], "Slalom.gates is 2.5; accepted: a whole number from 3 to 1000"),
+        (["growing_slalom[frequency=30]"], "GrowingSlalom.frequency is 30; accepted: up to 10 Hz"),
         (["sine_sweep[high=30]"], "SineSweep.high is 30; accepted: a frequency above low, 0.2 Hz, up to 10 Hz"),
         (["brake", "--speed", "-2"], "--speed is -2.0; accepted: a positive number"),
         (["brake", "--speed", "30"], "--speed is 30.0; accepted: up to the car's 20 m/s"),

@@ -18,9 +18,10 @@ from browsers import page_of  # noqa: F401
 from fg_mujoco.cli.main import main
 from fg_mujoco.racing.run_folder import write_run
 from fg_mujoco.studies.identification.drive import Channel, Drive
+from fg_mujoco.studies.identification.fit import fitted_starts
 from fg_mujoco.studies.identification.identification import identify_drives
 from fg_mujoco.studies.identification.motion import smooth
-from fg_mujoco.studies.identification.problem import STEP, DriveProblem
+from fg_mujoco.studies.identification.problem import STEP, DriveProblem, assumed_noise
 from fg_mujoco.studies.identification.single_track import Steering, friction_curve
 from fg_mujoco.studies.identification.tire_file import tire_text, write_tires
 
@@ -146,6 +147,33 @@ def test_the_model_drives_like_the_independent_one():
     assert np.abs(nodes[:, 0] - lateral).max() < 0.01 * np.abs(lateral).max() + 0.002
 
 
+def test_the_two_track_model_drives_like_the_car_in_three_dimensions(tmp_path):
+    tires = fg.Tires.load("forzaeth_nuc6")
+    result = fg.drive("growing_slalom[speed=3,frequency=2]", tires=tires)
+    drive = Drive.of_run(fg.read_run(write_run(result, tmp_path / "run")))
+    curves = [axle.lateral for axle in tires.axles]
+    axles = [value for curve in curves for value in (curve.slope, curve.C, curve.D, curve.E)]
+
+    def error(**changes):
+        """Of the yaw rate, relative, with the tires' own values and the servo's lag of 12 ms and delay of 5 ms."""
+        single_track = changes.get("single_track", False)
+        problem = DriveProblem(drive, front_drive=0.5, single_track=single_track)
+        problem.car[1] -= changes.get("less_inertia", 0.0)
+        relaxation_length = 0.0 if single_track else tires.front.relaxation_length
+        parameters = np.array([*axles, 1.0, 0.0, 0.012, 0.005, relaxation_length, 0, 0, 1.0, 0, 0])
+        nodes = problem.run(parameters, fitted_starts(problem, parameters, assumed_noise()))[:, 1]
+        inside = ~np.isnan(nodes)
+        measured = problem.motion.yaw_rate[inside]
+        return np.sqrt(np.mean((nodes[inside] - measured) ** 2) / np.mean(measured**2))
+
+    assert error() < 0.025
+    assert error(single_track=True) > 0.06
+    parameters = drive.car
+    spin = 4.0 * parameters.wheel_inertia * (0.5 * parameters.track_width / parameters.wheel_radius) ** 2
+    assert 0.05 < spin / parameters.yaw_inertia < 0.1
+    assert error(less_inertia=spin) > 1.3 * error()
+
+
 def test_the_formula_is_the_published_one():
     b, c, d, e = tire = TIRES[0]
     curve = friction_curve(SLIPS, np.array((b * c * d, c, d, e)))
@@ -238,7 +266,7 @@ def test_the_tire_file_is_one_that_cars_drive_on(found, tmp_path):
 
 @pytest.fixture(scope="module")
 def short_drive():
-    return car.recorded(car.exciting(1, TIRES, 20.0), TIRES, seed=1, **STEERING)
+    return car.recorded(car.exciting(3, TIRES, 20.0), TIRES, seed=3, **STEERING)
 
 
 @pytest.fixture(scope="module")
@@ -295,20 +323,8 @@ def test_a_bag_has_the_channels_that_were_recorded(bag, short_drive):
 def test_the_command_writes_tires_and_a_page_of_a_bag(bag, tmp_path, capsys, page_of):  # noqa: F811
     pytest.importorskip("bokeh")
     out, report = tmp_path / "tires.toml", tmp_path / "page.html"
-    words = [
-        "identify",
-        str(bag),
-        "--out",
-        str(out),
-        "--report",
-        str(report),
-        "--vehicle",
-        "nuc2",
-        "--front-drive",
-        "0",
-        "--single-track",
-    ]
-    assert main(words) == 0
+    words = ["identify", str(bag), "--out", str(out), "--report", str(report), "--vehicle", "nuc2"]
+    assert main([*words, "--front-drive", "0", "--single-track"]) == 0
     said = capsys.readouterr().out
     assert "front stiffness" in said
     assert tomllib.loads(out.read_text())["front"]["D"] == pytest.approx(TIRES[0][2], rel=0.3)

@@ -235,6 +235,34 @@ class Slalom(Manoeuvre):
 
 
 @dataclass(frozen=True, kw_only=True)
+class GrowingSlalom(Manoeuvre):
+    """A sine of the steering angle whose amplitude grows from zero, at constant speed and frequency.
+
+    It passes through all slip angles to both sides, and the angle at which an axle lets go shows: for `identify`.
+    """
+
+    name = "growing_slalom"
+
+    speed: float = 4.0
+    angle: float = 0.4  # [rad] amplitude at the end
+    frequency: float = 1.4  # [Hz]
+    seconds: float = 5.0  # [s] that the amplitude grows
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._positive("frequency", "seconds")
+        self._angle("angle")
+        if not self.frequency <= 10.0:
+            raise self._refused("frequency", "up to 10 Hz: commands come at 40 Hz")
+
+    def _table(self, car: CarParameters, mu: float) -> Rows:
+        def weave(time: FloatArray) -> FloatArray:
+            return np.asarray(self.angle * time / self.seconds * np.sin(2.0 * math.pi * self.frequency * time))
+
+        return self._sampled(self.seconds, weave)
+
+
+@dataclass(frozen=True, kw_only=True)
 class LaneChange(Manoeuvre):
     """A double lane change as steering over time: one sine to the other lane, straight on, one sine back.
 
@@ -299,7 +327,7 @@ class Brake(Manoeuvre):
 
 
 MANOEUVRES: dict[str, type[Manoeuvre]] = {
-    kind.name: kind for kind in (StepSteer, Slalom, Circle, RampSteer, SineSweep, LaneChange, Brake)
+    kind.name: kind for kind in (StepSteer, Slalom, GrowingSlalom, Circle, RampSteer, SineSweep, LaneChange, Brake)
 }
 """By name."""
 
