@@ -19,7 +19,7 @@ from fg_mujoco.cli.main import main
 from fg_mujoco.racing.run_folder import write_run
 from fg_mujoco.studies.identification.drive import Channel, Drive
 from fg_mujoco.studies.identification.fit import fitted_starts
-from fg_mujoco.studies.identification.identification import identify_drives
+from fg_mujoco.studies.identification.identification import Estimate, identify_drives
 from fg_mujoco.studies.identification.motion import smooth
 from fg_mujoco.studies.identification.problem import STEP, DriveProblem, assumed_noise
 from fg_mujoco.studies.identification.single_track import Steering, friction_curve
@@ -252,6 +252,17 @@ def test_the_tire_file_has_each_value_with_its_interval_and_source(found):
             estimate = getattr(axle, letter)
             assert table[name][letter] == pytest.approx(estimate.value, rel=1e-5)
             assert f"+- {estimate.half:.2g}; drive 1 (sha256 000000000000)" in text
+
+
+def test_the_tire_file_has_a_relaxation_length_that_was_found(found):
+    assert tomllib.loads(tire_text(found))["front"]["relaxation_length"] == 0.045  # the single-track model has none
+    assert "relaxation length" not in found.summary()
+    sure = replace(found, relaxation_length=Estimate(value=0.03, half=0.002))
+    table = tomllib.loads(tire_text(sure))
+    assert table["front"]["relaxation_length"] == table["rear"]["relaxation_length"] == 0.03
+    assert "relaxation length   0.03 +- 0.002 m" in sure.summary()
+    unsure = replace(found, relaxation_length=Estimate(value=0.03, half=0.04))
+    assert tomllib.loads(tire_text(unsure))["rear"]["relaxation_length"] == 0.045
 
 
 def test_the_tire_file_is_one_that_cars_drive_on(found, tmp_path):

@@ -76,6 +76,7 @@ class Identification:
     steering_offset: Estimate  # [rad]
     steering_lag: Estimate  # [s] time constant of a first-order lag
     steering_delay: Estimate  # [s] before it
+    relaxation_length: Estimate  # [m] of all tires; NaN of the single-track model, which has none
     gyro_bias: Estimate  # [rad/s]
     lateral_gain: Estimate  # [-] of the accelerometer: a car that rolls measures a part of gravity
     pose_delay: Estimate  # [s] of the pose after the gyro
@@ -109,8 +110,10 @@ class Identification:
         for name, estimate, unit in (
             ("steering gain", self.steering_gain, ""), ("steering offset", self.steering_offset, " rad"),
             ("steering lag", self.steering_lag, " s"), ("steering delay", self.steering_delay, " s"),
+            ("relaxation length", self.relaxation_length, " m"),
         ):  # fmt: skip
-            lines.append(f"  {name:<20}{estimate}{unit}")
+            if np.isfinite(estimate.value):
+                lines.append(f"  {name:<20}{estimate}{unit}")
         for name, found in (("held back", self.validation), ("inverse dynamics", self.inverse_validation)):
             lines.append(f"  {name:<20}{_said(found)}")
         return "\n".join(lines)
@@ -181,6 +184,7 @@ def identify_drives(
         front=_axle(fit, 0, reached[0], linear), rear=_axle(fit, 1, reached[1], linear),
         steering_gain=of("steering_gain"), steering_offset=of("steering_offset"), steering_lag=of("steering_lag"),
         steering_delay=of("steering_delay"), gyro_bias=of("gyro_bias"), lateral_gain=of("lateral_gain"),
+        relaxation_length=Estimate(value=np.nan, half=np.nan) if single_track else of("relaxation_length"),
         pose_delay=of("pose_delay"), validation=validation, inverse_validation=_validate(problems, inverse, fit.noise),
         fit=fit, inverse=inverse, problems=problems,
     )  # fmt: skip

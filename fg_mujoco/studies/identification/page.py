@@ -172,6 +172,8 @@ def _table(found: Identification) -> str:
         ("bias of the gyro", found.gyro_bias, "rad/s"), ("gain of the accelerometer", found.lateral_gain, "-"),
         ("delay of the pose after the gyro", found.pose_delay, "s"),
     ]  # fmt: skip
+    if np.isfinite(found.relaxation_length.value):
+        rows.append(("relaxation length of the tires", found.relaxation_length, "m"))
     cells = "".join(
         f"<tr><td>{escape(name)}</td><td>{estimate.value:.5g}</td><td>"
         f"{'at the bound' if not np.isfinite(estimate.half) else f'{estimate.half:.2g}'}</td><td>{unit}</td></tr>"

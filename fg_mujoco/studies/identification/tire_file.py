@@ -39,8 +39,7 @@ def tire_text(found: Identification) -> str:
     for name, axle in found.axles:
         lines += [f"[{name}]", *(_linear(axle, source) if found.linear else _formula(axle, source))]
         lines += [
-            f"relaxation_length = {_RELAXATION_LENGTH}  # [m] not identified: SlipX, docs/reference/tyre-model.md, "
-            "provisional",
+            _relaxation(found.relaxation_length, source),
             "load_sensitivity = 0.0  # [-] not identified: the model has none",
             f"nominal_load = {load:.4g}  # [N] a tire of this car at rest; without effect",
             "",
@@ -98,6 +97,13 @@ def _linear(axle: Axle, source: str) -> list[str]:
         f"stiffness = {stiffness.value:.6g}  # [1/rad] {_half(stiffness)}; {source}",
         "D = 1.0  # [-] not identified: a linear tire has no peak",
     ]
+
+
+def _relaxation(found: Estimate, source: str) -> str:
+    if math.isfinite(found.half) and found.value > found.half:
+        return f"relaxation_length = {found.value:.6g}  # [m] {_half(found)}, of both axles; {source}"
+    what = "not identified: SlipX, docs/reference/tyre-model.md, provisional"
+    return f"relaxation_length = {_RELAXATION_LENGTH}  # [m] {what}"
 
 
 def _half(estimate: Estimate) -> str:
