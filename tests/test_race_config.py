@@ -87,7 +87,7 @@ def test_opponents_can_be_a_list_in_a_file(config):
     path = config('opponent = ["wall_follow", "gap_finder"]\nopponent-max-speed = [2, 3.5]\n')
     read = options("--config", path)
     assert (read.opponent, read.opponent_max_speed) == (["wall_follow", "gap_finder"], [2.0, 3.5])
-    with pytest.raises(SettingsError, match=r"line 1: opponent is 3; accepted: a text in quotes, or a list of such"):
+    with pytest.raises(fg.SettingsError, match=r"line 1: opponent is 3; accepted: a text in quotes, or a list of such"):
         options("--config", config('opponent = ["wall_follow", 3]\n'))
 
 
