@@ -153,6 +153,8 @@ def test_cars_start_on_the_grid_in_their_order(order, positions):
     env = F1TenthEnv(opponents=[parked, parked], beam_step=540, grid_order=order, start={"s": 5.0})
     infos = [env.reset(seed=seed)[1] for seed in range(20)]
     assert {info["position"] for info in infos} == positions
+    leads = {1: 0.8, 2: -0.8, 3: -1.6}  # on the foremost other
+    assert [info["lead_m"] for info in infos] == pytest.approx([leads[info["position"]] for info in infos], abs=0.05)
     world = env._world.world
     grid = grid_starts(world.track, [car.parameters for car in world.cars])
     expected = sorted(world.track.start_pose(5.0 + place.s, place.offset)[:2] for place in grid)
@@ -192,7 +194,7 @@ def test_touches_are_told_and_end_nothing():
         _, _, terminated, truncated, info = env.step(np.array([0.0, 2.0]))
         assert not (terminated or truncated)
     assert info["touches"] >= 1
-    assert F1TenthEnv(beam_step=540).reset(seed=0)[1].keys() == info.keys() - {"touches", "position"}
+    assert F1TenthEnv(beam_step=540).reset(seed=0)[1].keys() == info.keys() - {"touches", "position", "lead_m"}
 
 
 def test_the_world_ends_with_the_learning_car():

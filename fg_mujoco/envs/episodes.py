@@ -34,8 +34,9 @@ FACTS = ("time_s", "progress_m", "laps", "sliding", "clipped_actions")
 """What is told of an episode besides: seconds and metres since its beginning, laps completed, the share of the last
 tick in which a tire slid, and how many actions were held within the bounds."""
 
-FACTS_AMONG_CARS = ("touches", "position")
-"""What is told besides where there are other cars: how often the car has touched one, and its place, 1 in front."""
+FACTS_AMONG_CARS = ("touches", "position", "lead_m")
+"""What is told besides where there are other cars: how often the car has touched one, its place, 1 in front, and how
+far it is ahead of the foremost other car along the course, negative behind it."""
 
 _TRUNCATED = np.array([reason in TRUNCATIONS for reason in END_REASONS])
 _TERMINATED = np.array([reason not in ("", *TRUNCATIONS) for reason in END_REASONS])
@@ -161,7 +162,7 @@ class Episodes:
         values = (worlds.times, self._progress, self._laps, worlds.sliding, self.clipped)
         facts = {name: value.copy() for name, value in zip(FACTS, values, strict=True)}
         if worlds.cars > 1:
-            facts |= zip(FACTS_AMONG_CARS, (worlds.touches.copy(), worlds.positions), strict=True)
+            facts |= zip(FACTS_AMONG_CARS, (worlds.touches.copy(), worlds.positions, worlds.leads), strict=True)
         return facts
 
     def ending(self, i: int) -> dict[str, Any]:

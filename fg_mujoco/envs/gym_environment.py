@@ -49,7 +49,8 @@ class F1TenthEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     An episode is terminated by a crash, by the last lap and by a physics that breaks down; it is truncated by the time
     limit, by ten seconds without progress and by five metres the wrong way. `info` has `time_s`, `progress_m`, `laps`,
     `sliding` (share of the tick in which a tire slid) and `clipped_actions`; with opponents `touches` (of other cars so
-    far) and `position` (1 in front); and at the end `end_reason` and `lap_times_s`.
+    far), `position` (1 in front) and `lead_m` (on the foremost other car); and at the end `end_reason` and
+    `lap_times_s`.
 
     Args:
       render_mode: "rgb_array", "human" or None.

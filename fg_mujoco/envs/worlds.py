@@ -96,10 +96,22 @@ class Worlds:
     @property
     def positions(self) -> NDArray[np.int64]:
         """How many cars of its world each agent is behind, and one more: 1 is in front. Shape (a,)."""
-        progress = self.engine.monitor.timers["progress"].reshape(-1, self.cars)
-        ahead = progress[:, np.newaxis, :] > progress[:, : self.agents, np.newaxis]
-        positions: NDArray[np.int64] = 1 + np.count_nonzero(ahead, axis=2).ravel()
+        positions: NDArray[np.int64] = 1 + np.count_nonzero(self._gaps < 0.0, axis=2).ravel()
         return positions
+
+    @property
+    def leads(self) -> FloatArray:
+        """How far each agent is ahead of the foremost other car, negative behind it. Shape (a,) [m]."""
+        others = ~np.eye(self.agents, self.cars, dtype=np.bool_)
+        leads: FloatArray = np.min(self._gaps, axis=2, where=others, initial=np.inf).ravel()
+        return leads
+
+    @property
+    def _gaps(self) -> FloatArray:
+        """How far each agent is ahead of each car of its world along the course. Shape (n, agents, cars) [m]."""
+        progress = self.engine.monitor.timers["progress"].reshape(-1, self.cars)
+        gaps: FloatArray = progress[:, : self.agents, np.newaxis] - progress[:, np.newaxis, :]
+        return gaps
 
     def begin(self, which: Mask, starts: Sequence[Start], seeds: Sequence[int]) -> None:
         """Place the cars of the worlds `which` (n,); one start and one seed of the LiDAR's noise for each of them.
