@@ -118,6 +118,25 @@ def test_cars_that_touch_both_know_and_drive_on():
     assert env.agents == ["car_0", "car_1"]
 
 
+def test_who_finishes_sees_the_end_and_is_off_the_course():
+    """The last observation is that of the finish line, and positions are those of the finish."""
+    env = fg.parallel_env(track="oval", beam_step=60, start="line")
+    env.reset(seed=0)
+    engine, length = env._worlds.engine, env._worlds.world.track.length
+    engine.monitor.timers["progress"][0] = engine.monitor.timers["furthest"][0] = length - 0.1
+    while "car_0" in env.agents:
+        seen, _, terminations, _, infos = env.step({"car_0": np.array([0.0, 2.0]), "car_1": STAND})
+    assert terminations == {"car_0": True, "car_1": False} and infos["car_0"]["end_reason"] == "finished"
+    assert 0.5 < seen["car_0"]["scan"].max() <= 30.0 and seen["car_0"]["scan"].min() < 2.0  # among the walls
+    assert infos["car_0"]["position"] == 1
+    engine.monitor.timers["progress"][0] = length  # so that the other comes further past the line
+    engine.monitor.timers["progress"][1] = engine.monitor.timers["furthest"][1] = length - 0.01
+    while env.agents:
+        seen, _, _, _, infos = env.step({"car_1": np.array([0.0, 4.0])})
+    assert infos["car_1"]["end_reason"] == "finished" and infos["car_1"]["lead_m"] > 0.0
+    assert infos["car_1"]["position"] == 2
+
+
 def test_spaces_are_the_same_objects_each_time_and_one_for_each_agent():
     env = fg.parallel_env(beam_step=20)
     assert env.observation_space("car_1") is env.observation_space("car_1")

@@ -46,8 +46,9 @@ _WORLD = np.ones(1, np.bool_)
 class F1TenthParallelEnv(pettingzoo.ParallelEnv):  # type: ignore[misc]
     """Cars `car_0`, `car_1` and so on in one world, which start on a grid.
 
-    An agent's episode ends as in F1TenthEnv; its car then brakes and stays an obstacle to the others. Touches of cars
-    end nothing. `info` has what F1TenthEnv's has with opponents; `progress_m` is counted from where car_0 starts.
+    An agent's episode ends as in F1TenthEnv. Its car is then off the course if it has finished; else it brakes and
+    stays an obstacle to the others. Touches of cars end nothing. `info` has what F1TenthEnv's has with opponents;
+    `progress_m` is counted from where car_0 starts.
 
     Args:
       agents: how many cars learn, from 1 to 16 with the opponents.

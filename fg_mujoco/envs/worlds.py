@@ -11,11 +11,13 @@ from ..messages import FloatArray
 from ..simulation.engine import Engine
 from ..simulation.settings import Start
 from ..simulation.telemetry import TELEMETRY
+from ..simulation.termination import END_REASONS
 from .opponents import Opponents
 from .settings import EnvironmentSettings
 
 Mask = NDArray[np.bool_]
 
+_FINISHED = END_REASONS.index("finished")
 _SLIDING_STEPS = TELEMETRY.index("sliding_steps")
 
 
@@ -23,8 +25,8 @@ class Worlds:
     """Worlds of one engine whose episodes begin anew one by one, while the others go on.
 
     In each world the first cars are those that learn, the agents; the others are its opponents. Arrays are overwritten
-    by the next call; (a,) is one for each agent, those of world 0 first. An agent whose episode is over brakes and
-    stays where it is while the others of its world go on.
+    by the next call; (a,) is one for each agent, those of world 0 first. While others of its world go on, an agent that
+    has finished is off the course; one whose episode is over otherwise brakes and stays where it is.
 
     Args:
       settings: of the environment.
@@ -66,6 +68,7 @@ class Worlds:
                 normalised=settings.normalised_actions,
             )  # fmt: skip
         self.sliding = np.zeros(count * agents)
+        self._sensed = np.zeros(count * m, np.bool_)  # the cars that have sensed what they can at the present moment
 
     @property
     def times(self) -> FloatArray:
@@ -95,8 +98,15 @@ class Worlds:
 
     @property
     def positions(self) -> NDArray[np.int64]:
-        """How many cars of its world each agent is behind, and one more: 1 is in front. Shape (a,)."""
-        positions: NDArray[np.int64] = 1 + np.count_nonzero(self._gaps < 0.0, axis=2).ravel()
+        """How many cars of its world each agent is behind, and one more: 1 is in front. Shape (a,).
+
+        Cars that have finished are in the order in which they did, in front of the others.
+        """
+        monitor, shape = self.engine.monitor, (-1, 1, self.cars)
+        finished_at = np.where(monitor.reasons == _FINISHED, monitor.timers["lap_start"], np.inf).reshape(shape)
+        own = finished_at[:, 0, : self.agents, np.newaxis]
+        ahead = (finished_at < own) | ((finished_at == own) & (self._gaps < 0.0))
+        positions: NDArray[np.int64] = 1 + np.count_nonzero(ahead, axis=2).ravel()
         return positions
 
     @property
@@ -127,6 +137,7 @@ class Worlds:
         if self._opponents is not None:
             self._opponents.begin(which)
         self.sliding[np.repeat(which, self.agents)] = 0.0
+        self._sensed[np.repeat(which, self.cars)] = False
 
     def touching(self, which: Mask) -> Mask:
         """Return which cars of the worlds `which` (n,) have touched a wall or an obstacle, in a row each."""
@@ -148,6 +159,9 @@ class Worlds:
         if self.cars > 1:
             engine.commands[self._rows][~self.monitor.running, 1] = 0.0
         engine.drive()
+        if self.cars > 1:  # who finishes is taken off the course, and has seen the end of it
+            self.sense(self.monitor.running.copy())
+            self._sensed[self._rows] = self.monitor.running
         self.judge()
 
     def judge(self) -> None:
@@ -166,9 +180,11 @@ class Worlds:
     def sense(self, which: Mask) -> None:
         """Take the scans and odometry of the agents `which` (a,); once for each moment."""
         rows = which
-        if self.cars > self.agents:
+        if self.cars > 1:
             rows = np.zeros(len(self.engine.commands), np.bool_)
             rows[self._rows] = which
+            rows &= ~self._sensed
+            self._sensed[:] = False
         self.engine.sense(rows)
 
     def state(self, i: int) -> FloatArray:
