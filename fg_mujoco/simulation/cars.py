@@ -15,10 +15,10 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import ModelError, SettingsError
-from ..messages import CarParameters
+from ..messages import CarParameters, FloatArray
 from ..vehicle.car import element_id, sensor_slice
 from ..vehicle.changes import CarChanges
 from ..vehicle.tires import Tires
@@ -158,6 +158,42 @@ def touch_places(model: mujoco.MjModel, count: int) -> NDArray[np.int64]:
 def tree_of(model: mujoco.MjModel, prefix: str) -> int:
     """Return the id of the body at the root of a car's kinematic tree."""
     return int(model.body_rootid[element_id(model, mujoco.mjtObj.mjOBJ_BODY, f"{prefix}base_link")])
+
+
+def first_overlap(poses: ArrayLike, cars: Sequence[CarParameters]) -> tuple[int, int] | None:
+    """Return the first two of some cars that would stand in each other at their poses; None: all stand apart.
+
+    Args:
+      poses: of each car's rear axle, x [m], y [m], heading [rad], shape (m, 3).
+      cars: of the same number.
+    """
+    placed = np.asarray(poses, dtype=np.float64).reshape(-1, 3)
+    for first in range(len(placed)):
+        for second in range(first + 1, len(placed)):
+            pair = [_footprint(placed[car], cars[car]) for car in (first, second)]
+            if all(_overlap_along(pair, axis) for axis in _axes(placed[[first, second], 2])):
+                return first, second
+    return None
+
+
+def _footprint(pose: FloatArray, car: CarParameters) -> FloatArray:
+    """Return the corners of a chassis from above. Shape (4, 2) [m]."""
+    ahead, left = _axes(pose[2:])
+    ends = (-car.rear_overhang, car.length - car.rear_overhang)
+    corners = [pose[:2] + end * ahead + side * left for end in ends for side in (-0.5 * car.width, 0.5 * car.width)]
+    return np.array(corners)
+
+
+def _axes(headings: FloatArray) -> FloatArray:
+    """Return the directions ahead of cars, and those to their left. Shape (2 k, 2)."""
+    cos, sin = np.cos(headings), np.sin(headings)
+    return np.concatenate((np.column_stack((cos, sin)), np.column_stack((-sin, cos))))
+
+
+def _overlap_along(shapes: Sequence[FloatArray], axis: FloatArray) -> bool:
+    """Say whether the shadows of two shapes (k, 2) on an axis (2,) overlap."""
+    (low, high), (other_low, other_high) = [((shape @ axis).min(), (shape @ axis).max()) for shape in shapes]
+    return bool(low < other_high and other_low < high)
 
 
 def require_alike(specs: Sequence[Any], vehicles: Sequence[Vehicle]) -> None:

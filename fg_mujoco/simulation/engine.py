@@ -66,7 +66,8 @@ class Engine:
       cars_per_world: m.
       period: time that a tick takes [s].
       substeps: physics steps of a tick.
-      odometry, ranges, commands, crashed, failed, telemetry, statistics: of the cars, as in CarArrays; r is n m.
+      odometry, ranges, commands, crashed, touched_at, failed, telemetry, statistics: of the cars, as in CarArrays; r is
+        n m.
       scans: of the cars whose LiDAR has effects, last sensed, by row.
       monitor: RaceMonitor of the races.
       planners: whose `decide` is called; None: somebody else writes the commands.
@@ -110,7 +111,7 @@ class Engine:
         arrays = self._arrays
         self.odometry, self.ranges, self.commands = arrays.odometry, arrays.ranges, arrays.commands
         self.crashed, self.failed, self.running = arrays.crashed, arrays.failed, self.monitor.running
-        self.telemetry, self.statistics = arrays.telemetry, arrays.statistics
+        self.telemetry, self.statistics, self.touched_at = arrays.telemetry, arrays.statistics, arrays.touched_at
         self.scans: dict[int, LaserScan] = {}
         self.planners: Planners | None = None
         self.before_substep: list[Hook] = []
