@@ -101,6 +101,19 @@ def warned() -> RaceResult:
     return race("oval", entries=entries, laps=1, time_limit=20.0, rules="roboracer_2026")
 
 
+def test_behind_a_car_that_drives_on_it_is_3_metres_and_a_replay_knows(tmp_path: Path) -> None:
+    entries = [entry("drives", 1.0, 3.0), entry("rams", 4.0, 0.0)]
+    result = race("oval", entries=entries, laps=1, time_limit=4.0, rules="roboracer_2026")
+    drives, rams = result.car_results
+    at = result.restarts[0].tick
+    gap = drives.column("progress_m")[at] - rams.column("progress_m")[at]
+    assert gap == pytest.approx(3.0 + result.world.car.parameters.length, abs=0.15)
+    assert drives.end_reason == "time_limit"
+    write_run(result, tmp_path / "run", picture=False)  # which does not say what the time limit was
+    report = replay(tmp_path / "run")
+    assert report.holds, report.lines
+
+
 def test_the_rules_warn_put_back_and_disqualify(warned: RaceResult) -> None:
     assert [warning.car for warning in warned.warnings] == ["rams"] * 3
     assert all(contact.displacement_m >= 0.05 for contact in warned.contacts[:1])

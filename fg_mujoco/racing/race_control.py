@@ -40,7 +40,7 @@ LONGEST_PUSH = 1.0
 """[s] after which cars that still touch are judged, where there are rules: one that pushes another on and on."""
 
 _X, _Y, _HEADING, _YAW_RATE = (TELEMETRY.index(name) for name in ("x_m", "y_m", "heading_rad", "yaw_rate_rad_s"))
-_VX, _PROGRESS = TELEMETRY.index("vx_m_s"), TELEMETRY.index("progress_m")
+_VX, _PROGRESS, _COMMANDED = (TELEMETRY.index(name) for name in ("vx_m_s", "progress_m", "command_speed_m_s"))
 _FINISHED, _DISQUALIFIED = END_REASONS.index("finished"), "disqualified"
 
 
@@ -258,9 +258,7 @@ class RaceControl:
             which[fault] = True
             engine.monitor.end(which, _DISQUALIFIED)
             return
-        drove_on = (
-            bool(engine.running[other]) and float(engine.commands[other, 1]) > 0.5
-        )  # [m/s] and is not just pushed
+        drove_on = bool(engine.running[other]) and float(engine.telemetry[other, _COMMANDED]) > 0.5  # [m/s], not pushed
         behind = rules.restart_behind_driving if drove_on else rules.restart_behind
         self._put_behind(fault, other, behind)
 
