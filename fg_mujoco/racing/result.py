@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from .race_control import Contact, Overtake, Restart, Warned
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class CarResult:
     """How one of several cars fared. Fields are as in RaceResult; arrays are read-only."""
 
@@ -69,6 +69,11 @@ class CarResult:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "telemetry", read_only(self.telemetry))
+
+    def __repr__(self) -> str:
+        best = f"best {min(self.lap_times_s):.2f} s" if self.lap_times_s else "no lap"
+        driven = f"{self.laps_completed} laps, {best}, {self.end_reason}"
+        return brief(self, f"{self.position}. {quoted(self.name)}", quoted(self.controller), driven)
 
     def column(self, name: str) -> FloatArray:
         """Return one column of the telemetry by its name in TELEMETRY. Shape (ticks,)."""

@@ -17,6 +17,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..display import brief, changed
 from ..errors import ModelError, SettingsError
 from ..messages import CarParameters, FloatArray
 from ..vehicle.car import element_id, sensor_slice
@@ -53,7 +54,7 @@ _HIDDEN_GROUP = 3
 _SAME_OPTIONS = ("timestep", "integrator", "cone", "impratio", "gravity")
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class WorldCar:
     """A car besides car 0, as it is put into a world.
 
@@ -70,6 +71,9 @@ class WorldCar:
         object.__setattr__(self, "vehicle", Vehicle.load(self.vehicle))
         if self.tires is not None:
             object.__setattr__(self, "tires", Tires.load(self.tires))
+
+    def __repr__(self) -> str:
+        return brief(self, *changed(self, type(self)()))  # the vehicle of both is loaded
 
     @property
     def tire_set(self) -> Tires:
