@@ -34,7 +34,6 @@ from .options import (
     add_drive_options,
     add_opponent_options,
     drive_options,
-    grid_of,
     number,
     opponents_of,
     shown_as,
@@ -91,7 +90,7 @@ def _rollout(options: argparse.Namespace) -> int:
     if options.record in RECORDS and options.record != "summary" and options.out is None:
         raise SettingsError(f"--record {options.record} is kept nowhere; accepted: with --out DIR")
     require_whole("memory_budget", options.memory_budget, 0)  # of MiB, as it was given
-    opponents = opponents_of(options, lambda: Entry(controller=options.controller, **drive_options(options)))
+    first = Entry(controller=options.controller, **drive_options(options))
     with (
         contextlib.redirect_stdout(sys.stderr),
         shown_as(_progress, show=sys.stderr.isatty() and not options.json) as watch,
@@ -107,8 +106,8 @@ def _rollout(options: argparse.Namespace) -> int:
                 laps=options.laps,
                 duration=options.duration,
                 decision_limit=options.decision_limit,
-                opponents=opponents,
-                grid=grid_of(options),
+                opponents=opponents_of(options, first),
+                grid=options.grid,
                 workers=options.workers,
                 record=options.record,
                 out=options.out,
@@ -130,7 +129,7 @@ def _rollout(options: argparse.Namespace) -> int:
 
 def _engine(options: argparse.Namespace) -> str:
     """Return where worlds are driven unless it is said: a planner of somebody's own may hang, or end its process."""
-    planners = (options.controller, *options.opponent)
+    planners = (options.controller, *(options.opponent or ()))
     bundled = all(planner.partition("[")[0] in bundled_names() for planner in planners)
     return "local" if bundled and options.decision_limit is None else "processes"
 

@@ -62,6 +62,7 @@ class Opponents:
 
     entries: tuple[Entry, ...] = ()
     grid: str = "staggered"
+    recorded: tuple[str | None, ...] = ()  # of those that were read: hash of each planner's file, None of a bundled one
 
     @classmethod
     def of(cls, opponents: Sequence[Entry | str], *, first: Entry, grid: str = "staggered") -> Opponents:
@@ -69,7 +70,7 @@ class Opponents:
 
         Raises:
           SettingsError: something else than an entry or a name, more cars than a world takes, two of one name, an
-            unknown grid, a grid without opponents, or a seed: each run has its own.
+            unknown grid, or a grid without opponents.
           ControllerError: a planner that is an object.
         """
         require_grid(grid)
@@ -91,8 +92,6 @@ class Opponents:
                     f"controller {type(entry.controller).__name__} {said} is an object; accepted: a name or "
                     "path/to/file.py:ClassName, for each run to have one of its own"
                 )
-            if entry.seed:
-                raise SettingsError(f"seed {said} is {entry.seed}; accepted: none, each run draws its own")
             if entry.effects.motion_distortion:
                 raise SettingsError(f"motion distortion of the LiDAR {said}; accepted: in `race` only")
         return cls(entries=tuple(named), grid=grid)
@@ -123,8 +122,9 @@ class Opponents:
     def line_up(self, course: Course, first: Entry, obstacles: Sequence[Obstacle] = ()) -> tuple[Entry, ...]:
         """Return the entries of a run as `race` takes them: car 0's and the others', each with its start and its seed.
 
-        The start of `first` counts from its place on the grid, and the whole grid moves along the line with its `s`.
-        An opponent that has a start of its own stands there.
+        The start of `first` counts from its place on the grid, and the whole grid moves along the line with its `s`. An
+        opponent that has a start of its own stands there. Its seed is drawn from that of the run, by its number and the
+        seed that it was entered with.
 
         Raises:
           SettingsError: a car that stands in a wall, in an obstacle or in another car.
@@ -137,7 +137,7 @@ class Opponents:
         starts = [places[0], *(entry.start or place for entry, place in zip(self.entries, places[1:], strict=True))]
         check_starts(course, starts, cars, self.names, obstacles)
         return tuple(
-            replace(entry, start=start, seed=_seed(first.seed, index))
+            replace(entry, start=start, seed=_seed(first.seed, index, entry.seed) if index else first.seed)
             for index, (entry, start) in enumerate(zip(entries, starts, strict=True))
         )
 
@@ -145,11 +145,18 @@ class Opponents:
         """Return what they are as it can stand in JSON, nothing where there are none; `read` reads it back."""
         if not self.entries:
             return {}
-        rows = []
-        for entry in self.entries:
-            choice = ControllerChoice.of(str(entry.controller))
-            rows.append(entry.described() | {"controller": choice.label, "controller_sha256": choice.sha256})
+        choices = [ControllerChoice.of(str(entry.controller)) for entry in self.entries]
+        hashes = self.recorded or [choice.sha256 for choice in choices]
+        rows = [
+            entry.described() | {"controller": choice.label, "controller_sha256": sha256}
+            for entry, choice, sha256 in zip(self.entries, choices, hashes, strict=True)
+        ]
         return {"opponents": rows, "grid": self.grid}
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What their planners are called in tables."""
+        return tuple(ControllerChoice.of(str(entry.controller)).label for entry in self.entries)
 
     @classmethod
     def read(cls, described: Mapping[str, Any]) -> Opponents:
@@ -159,8 +166,9 @@ class Opponents:
           SettingsError: what cannot be.
         """
         rows = [dict(row) for row in described.get("opponents", ())]
-        entries = [Entry.of({name: row[name] for name in row if name != "controller_sha256"}) for row in rows]
-        return cls(entries=tuple(entries), grid=described.get("grid", cls.grid))
+        recorded = tuple(row.pop("controller_sha256") for row in rows)
+        grid = described.get("grid", cls.grid)
+        return cls(entries=tuple(Entry.of(row) for row in rows), grid=grid, recorded=recorded)
 
 
 def entry_of(settings: DriveSettings, controller: str) -> Entry:
@@ -169,9 +177,7 @@ def entry_of(settings: DriveSettings, controller: str) -> Entry:
     return Entry(controller=controller, name=FIRST, **own)
 
 
-def _seed(seed: int, index: int) -> int:
-    """Return the seed of a car of a run: that of the run for car 0, and for each other one that is drawn from it."""
-    if index == 0:
-        return seed
-    sequence = np.random.SeedSequence(seed, spawn_key=(crc32(b"opponent"), index))
+def _seed(seed: int, index: int, own: int) -> int:
+    """Return the seed of an opponent in a run with a seed, by its number and the seed that it was entered with."""
+    sequence = np.random.SeedSequence(seed, spawn_key=(crc32(b"opponent"), index, own))
     return int(sequence.generate_state(1, np.uint64)[0] >> np.uint64(11))

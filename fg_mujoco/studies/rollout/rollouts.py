@@ -136,8 +136,8 @@ def rollout(
         interrupts it, as `race` does.
       opponents: that car 0 of each world races against: entries as of `race`, or names of planners, each in a car
         that is set as car 0's. All settings before are car 0's, and so is what is randomised; with `start_s` the whole
-        grid moves. The results are car 0's too, with how it fared among the others. A world goes on until each of its cars
-        has finished or cannot go on.
+        grid moves. The results are car 0's too, with how it fared among the others. A world goes on until each of its
+        cars has finished or cannot go on.
       grid: "staggered" or "side_by_side": where opponents without a start of their own stand, behind car 0.
       workers: threads or processes, or with Ray cores; None: as many as there are.
       record: "summary", "telemetry" (each tick of each world too) or "states" (and its state and controls).
