@@ -163,7 +163,8 @@ def _page(
     length = lap_length(columns["time_s"], columns["progress_m"], lap_times)
     unfinished = len(lap_times) < int(summary["laps_requested"])
     laps = lap_table(columns, lap_times, length, end=run.end if unfinished else None)
-    events = slide_events(columns, length)
+    events = slide_events(columns, length, tires=run.tires)
+    slides = sections.events(events, run.tires)
     film = None
     if clip_seconds is not None:
         start = clip_start(clip_seconds, run.end, lap_times, events, bool(summary["collisions"]))
@@ -174,7 +175,7 @@ def _page(
     script, places = components(
         {
             "map": map_plot(map_shapes(run.model, run.end), columns, events, cursor, run.wrong_way, run.crash),
-            "time": time_plots(ticks, columns, lap_times),
+            "time": time_plots(ticks, columns, lap_times, run.tires),
             "gg": gg_plot(ticks, columns, grip, cursor),
         },
         wrap_script=False,
@@ -201,7 +202,7 @@ def _page(
             sections.switch("across", _AXES),
             f'<div class="plots">{places["time"]}</div>',
             f'<div class="columns"><div><h2>g-g diagram</h2><p class="note">In the circle of μ g = {grip:.2f} m/s².'
-            f'</p>{places["gg"]}</div><div class="grow"><h2>Sliding</h2>{sections.events(events)}</div></div>',
+            f'</p>{places["gg"]}</div><div class="grow"><h2>Sliding</h2>{slides}</div></div>',
             f"<h2>Settings, versions, hashes</h2>{sections.settings(run)}",
         )
     )
