@@ -155,6 +155,7 @@ class RaceControl:
         self._rows = slice(world * count, (world + 1) * count)  # of its cars among the engine's
         self._places = touch_places(built.model, count)
         self._pairs = [(a, b) for a in range(count) for b in range(a + 1, count)]
+        self._found = np.array([self._places[pair] for pair in self._pairs], np.int64)  # where each one's contacts are
         self._open: dict[tuple[int, int], _Touching] = {}
         self._orders = {pair: _Order() for pair in self._pairs}
         self._timestep = float(built.model.opt.timestep)
@@ -164,7 +165,7 @@ class RaceControl:
         self._masses = [car.mass for car in parameters]
         self._grips = [car.mu * car.parameters.gravity for car in engine.cars[self._rows]]
         self._tick = 0
-        progress = self._timers["progress"]
+        progress = self._timers["progress"].tolist()
         for (a, b), order in self._orders.items():
             order.leads = self._leader(a, b, progress)
 
@@ -201,7 +202,10 @@ class RaceControl:
 
     def _look_for_touches(self, time: float) -> None:
         records, begun = self._engine.records(self._world), float(self._engine.telemetry[self._rows.start, 0])
-        for pair in self._pairs:
+        touched: list[bool] = np.any(records[:, self._found] > 0.0, axis=0).tolist()
+        for pair, touches in zip(self._pairs, touched, strict=True):
+            if not touches and pair not in self._open:
+                continue
             first = int(self._places[pair])
             found = records[:, first : first + TOUCH_READINGS]
             touching = found[:, 0] > 0.0
@@ -299,15 +303,15 @@ class RaceControl:
             Restart(time_s=engine.time(self._world), tick=self._tick, car=car, s_m=start.s, offset_m=start.offset)
         )
 
-    def _leader(self, a: int, b: int, progress: FloatArray) -> int:
+    def _leader(self, a: int, b: int, progress: Sequence[float]) -> int:
         """Return 1 where the first leads by enough of its length, -1 where the second does, else 0."""
-        lead = float(progress[a] - progress[b])
+        lead = progress[a] - progress[b]
         if lead >= OVERTAKE_LEAD * self._lengths[a]:
             return 1
         return -1 if -lead >= OVERTAKE_LEAD * self._lengths[b] else 0
 
     def _look_for_overtakes(self, time: float) -> None:
-        reasons, progress = self._engine.monitor.reasons[self._rows], self._timers["progress"]
+        reasons, progress = self._engine.monitor.reasons[self._rows], self._timers["progress"].tolist()
         racing = self._engine.running[self._rows] | (reasons == _FINISHED)
         for (a, b), order in self._orders.items():
             leads = self._leader(a, b, progress)
@@ -315,7 +319,7 @@ class RaceControl:
                 order.new = 0
                 continue
             if leads != order.new:
-                order.new, order.since, order.at = leads, time, float(progress[a if leads > 0 else b])
+                order.new, order.since, order.at = leads, time, progress[a if leads > 0 else b]
             if time - order.since >= OVERTAKE_HELD - 1e-9:
                 by, of = (a, b) if leads > 0 else (b, a)
                 if order.leads != 0 and racing[a] and racing[b] and reasons[of] != _FINISHED:
