@@ -201,6 +201,8 @@ class RaceControl:
         return timers
 
     def _look_for_touches(self, time: float) -> None:
+        if not self._open and self._engine.touched_at[self._rows].max() < time:
+            return
         records, begun = self._engine.records(self._world), float(self._engine.telemetry[self._rows.start, 0])
         touched: list[bool] = np.any(records[:, self._found] > 0.0, axis=0).tolist()
         for pair, touches in zip(self._pairs, touched, strict=True):

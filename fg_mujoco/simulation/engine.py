@@ -66,7 +66,8 @@ class Engine:
       cars_per_world: m.
       period: time that a tick takes [s].
       substeps: physics steps of a tick.
-      odometry, ranges, commands, crashed, failed, telemetry, statistics: of the cars, as in CarArrays; r is n m.
+      odometry, ranges, commands, crashed, touched_at, failed, telemetry, statistics: of the cars, as in CarArrays;
+        r is n m.
       scans: of the cars whose LiDAR has effects, last sensed, by row.
       monitor: RaceMonitor of the races.
       planners: whose `decide` is called; None: somebody else writes the commands.
@@ -110,6 +111,7 @@ class Engine:
         arrays = self._arrays
         self.odometry, self.ranges, self.commands = arrays.odometry, arrays.ranges, arrays.commands
         self.crashed, self.failed, self.running = arrays.crashed, arrays.failed, self.monitor.running
+        self.touched_at = arrays.touched_at
         self.telemetry, self.statistics = arrays.telemetry, arrays.statistics
         self.scans: dict[int, LaserScan] = {}
         self.planners: Planners | None = None
@@ -401,7 +403,7 @@ class Engine:
         raced = self.running.copy() if self.cars_per_world > 1 else None
         for batch in self._batches:
             batch.judge()
-        if raced is not None:
+        if raced is not None and np.count_nonzero(self.running) < np.count_nonzero(raced):
             for row in map(int, np.flatnonzero(raced & ~self.running & (self.monitor.reasons == _FINISHED))):
                 batch, place = self._place_of(row // self.cars_per_world)
                 batch.take_off(place, row % self.cars_per_world)
