@@ -29,6 +29,17 @@ DRAWN = {
     "command_delay": [0.0, 0.05],
 }
 SHORT = {"randomize": DRAWN, "duration": 0.5, "record": "states"}
+BATCHED = """
+
+class Batched(Broken):
+    @classmethod
+    def batch(cls, planners):
+        def decide(geometry, ranges, odometry, driving, commands):
+            if odometry["stamp"][driving].max() > 0.3:
+                raise ValueError("whose is it?")
+            commands[driving] = 0.0, 1.0
+        return decide
+"""
 FIELDS = {2: MIXED[:1], 4: MIXED}
 AHEAD = Entry(max_speed=1.0, start=fg.Start(s=4.0))
 
@@ -184,6 +195,27 @@ def test_where_car_0_fails_the_opponents_race_on(here):
     assert result["end_reason"].tolist() == ["planner_failed"] * 2
     assert result["sim_time_s"].tolist() == [pytest.approx(1.0)] * 2
     assert result["position"].tolist() == [2, 2]
+
+
+def test_where_all_planners_fail_at_once_the_world_is_its_race_which_replays(here):
+    result = fg.rollout("oval", "mine.py:Broken", n=1, opponents=["mine.py:Broken"], duration=1.0, record="states")
+    race = fg.race("oval", entries=result.entries(0), time_limit=1.0, laps=5)
+    assert [car["end_reason"] for car in race.cars] == ["planner_failed"] * 2
+    assert trajectory_sha256(result.states(0), result.ctrl(0)) == race.trajectory_sha256
+    assert race.car_results[0].end_time_s == race.sim_time_s == result["sim_time_s"][0] == pytest.approx(0.2)
+    fg.write_run(race, "run")
+    assert fg.replay("run").holds
+
+
+def test_opponents_that_decide_together_and_raise_stop_in_their_own_world_only(here):
+    """Where it is not known whose failure it is, each world is driven again alone, to the same bits."""
+    (here / "mine.py").write_text(PLANNERS + BATCHED)
+    options = {"opponents": ["mine.py:Batched", "gap_finder"], "duration": 0.6, "record": "states", "max_speed": 2.0}
+    result = fg.rollout("oval", n=3, randomize={"mu": (0.8, 1.0)}, **options)
+    assert result["end_reason"].tolist() == ["time_limit"] * 3
+    race = fg.race("oval", entries=result.entries(1), time_limit=0.6, laps=5)
+    assert [car["end_reason"] for car in race.cars] == ["time_limit", "planner_failed", "time_limit"]
+    assert trajectory_sha256(result.states(1), result.ctrl(1)) == race.trajectory_sha256
 
 
 # -- folders

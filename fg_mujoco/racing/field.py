@@ -90,7 +90,7 @@ def race_field(
         odometry_drifts=[entry.odometry_drift for entry in entries],
     )  # fmt: skip
     history, control = History(engine), RaceControl(engine, names=names, rules=chosen)
-    ended = np.zeros(len(entries), np.int64)  # the tick in which each race was over
+    ended = np.full(len(entries), -1)  # after how many ticks each race was over; -1: it goes on
 
     started = time.perf_counter()
     try:
@@ -98,11 +98,14 @@ def race_field(
             while engine.running.any():
                 engine.sense()
                 engine.decide()
+                ended[(ended < 0) & ~engine.running] = history.ticks
+                if not engine.running.any():  # no planner is left: nothing is driven any more
+                    break
                 engine.drive()
                 engine.judge()
                 control.after_tick()
                 history.append()
-                ended[(ended == 0) & ~engine.running] = history.ticks
+                ended[(ended < 0) & ~engine.running] = history.ticks
                 if watch is not None:
                     watch(
                         FieldProgress(
@@ -112,7 +115,7 @@ def race_field(
                     )  # fmt: skip
     except KeyboardInterrupt:  # what was driven is kept
         engine.interrupt()
-    ended[ended == 0] = history.ticks
+    ended[ended < 0] = history.ticks
     control.finish()
     wall_time = time.perf_counter() - started
     later_time = started + wall_time - (history.first_end or started + wall_time)  # [s] without the first tick

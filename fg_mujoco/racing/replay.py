@@ -219,9 +219,7 @@ class _Again:
         self.over, over = None, np.zeros(len(rows), np.bool_)
         for tick, controls in enumerate(run.ctrl):
             engine.sense()
-            for car in map(
-                int, np.flatnonzero([out and end == tick + 1 for out, end in zip(outside, ends, strict=True)])
-            ):
+            for car in map(int, np.flatnonzero([out and end == tick for out, end in zip(outside, ends, strict=True)])):
                 engine.monitor.end(np.arange(len(rows)) == car, str(rows[car]["end_reason"]))
             if engine.world.track is None or not engine.running.any():
                 engine.running[0] = True
