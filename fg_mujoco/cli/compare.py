@@ -16,10 +16,22 @@ from typing import Any
 
 from ..course.scenes.catalogue import scene_names
 from ..errors import EngineError
+from ..lidar.effects import LidarEffects
+from ..racing.entries import Entry
 from ..simulation.settings import FASTEST
 from ..studies.comparison.comparison import DEFAULT_SEEDS, Comparison, ComparisonProgress, compare
 from ..studies.folders import as_json
-from .options import add_drive_options, can_draw, drive_options, number, shown_as, to_go, whole
+from .options import (
+    add_drive_options,
+    add_opponent_options,
+    can_draw,
+    drive_options,
+    number,
+    opponents_of,
+    shown_as,
+    to_go,
+    whole,
+)
 
 _DONE, _NOT_DONE = 0, 1
 _DRIVE = ("vehicle", "tires", "mu", "planner_mu")  # of each run; the speeds are a list
@@ -49,6 +61,7 @@ def add_compare(add_command: Callable[..., argparse.ArgumentParser], commands: A
     add("--obstacles", type=whole, default=0, metavar="N", help="boxes on each track; default: 0")
     add("--lidar-noise", type=number, default=0.0, metavar="M", help="standard deviation of each range")
     add_drive_options(add, *_DRIVE, of="each")
+    add_opponent_options(add)
     add("--time-limit", type=number, metavar="S", help="of simulated time; default: as the course has it")
     add(
         "--decision-limit", type=number, metavar="S",
@@ -66,6 +79,7 @@ def add_compare(add_command: Callable[..., argparse.ArgumentParser], commands: A
 def _compare(options: argparse.Namespace) -> int:
     tracks = options.tracks or []
     scenes = options.scenes or ([] if tracks else ["all"])
+    first = Entry(**drive_options(options, *_DRIVE), effects=LidarEffects(range_noise_std=options.lidar_noise))
     with (
         contextlib.redirect_stdout(sys.stderr),
         shown_as(_progress, show=sys.stderr.isatty() and not options.json) as watch,
@@ -83,6 +97,8 @@ def _compare(options: argparse.Namespace) -> int:
                 **drive_options(options, *_DRIVE),
                 time_limit=options.time_limit,
                 decision_limit=options.decision_limit,
+                opponents=opponents_of(options, first),
+                grid=options.grid,
                 workers=options.workers,
                 out=options.out,
                 pictures=can_draw("pictures"),

@@ -220,7 +220,7 @@ class _Again:
         self.over, over = None, np.zeros(len(rows), np.bool_)
         for tick, controls in enumerate(run.ctrl):
             engine.sense()
-            self._end_from_outside(reasons, ends == tick + 1, before=True)
+            self._end_from_outside(reasons, ends == tick, before=True)
             if engine.world.track is None or not engine.running.any():
                 engine.running[0] = True
             for car, (steering_angle, speed) in enumerate(commands[tick].tolist()):

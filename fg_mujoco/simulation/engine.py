@@ -402,7 +402,7 @@ class Engine:
         raced = self.running.copy() if self.cars_per_world > 1 else None
         for batch in self._batches:
             batch.judge()
-        if raced is not None:
+        if raced is not None and np.count_nonzero(self.running) < np.count_nonzero(raced):
             for row in map(int, np.flatnonzero(raced & ~self.running & (self.monitor.reasons == _FINISHED))):
                 batch, place = self._place_of(row // self.cars_per_world)
                 batch.take_off(place, row % self.cars_per_world)

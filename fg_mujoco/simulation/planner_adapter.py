@@ -171,7 +171,7 @@ class PlannersOfEach:
         driving = cars.driving
         reasons: Reasons | None = None
         for rows, planners, part in self._groups:
-            if not driving[rows].any():
+            if not (driving[rows[0]] if len(rows) == 1 else driving[rows].any()):
                 continue
             part.take(cars, rows)
             found = planners(part)
@@ -196,7 +196,8 @@ class _SomeCars:
             self.odometry, self.ranges = cars.odometry[which], cars.ranges[which]
             self.commands = cars.commands[which]
             self._viewed = cars.ranges if one else None
-        self.scans = {own: cars.scans[row] for own, row in enumerate(rows.tolist()) if row in cars.scans}
+        scans = cars.scans
+        self.scans = {own: scans[row] for own, row in enumerate(rows.tolist()) if row in scans} if scans else {}
 
     def give_back(self, cars: Cars, rows: NDArray[np.int64]) -> None:
         if self._viewed is None:
