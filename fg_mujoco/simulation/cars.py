@@ -82,6 +82,17 @@ def car_prefix(index: int) -> str:
     return f"car_{index}/" if index else CAR_PREFIX
 
 
+def require_car(car: int, count: int) -> int:
+    """Return the number of a car of a world, or of a run, that has so many.
+
+    Raises:
+      SettingsError: there is none of that number.
+    """
+    if isinstance(car, bool) or not isinstance(car, int) or not 0 <= car < count:
+        raise SettingsError(f"car is {car!r}; accepted: {f'0 to {count - 1}' if count > 1 else '0, the only one'}")
+    return car
+
+
 def lidar_prefix(index: int) -> str:
     """Return what the names of everything that belongs to a car's LiDAR begin with."""
     return f"{car_prefix(index)}lidar/"
