@@ -46,15 +46,18 @@ from .lidar.lidar import Lidar, RangefinderLidar, RaycastLidar, lidar_spec, make
 from .messages import STOP, CarParameters, Controller, DriveCommand, LaserScan, Odometry
 from .racing.commands import Commands
 from .racing.drive import drive
+from .racing.entries import Entry
 from .racing.handling import handling
 from .racing.manoeuvres import find_manoeuvre
 from .racing.planner_loading import controller_names, make_controller
 from .racing.race import RaceProgress, race
+from .racing.race_control import Contact, Overtake
 from .racing.replay import ReplayReport, replay
 from .racing.resimulation import scan_at
-from .racing.result import RaceResult
+from .racing.result import CarResult, RaceResult
 from .racing.run_folder import Run, check_run_folder, read_failed_scan, read_run
 from .ros.bag_drive import identify
+from .simulation.cars import WorldCar
 from .simulation.course_loading import load_track
 from .simulation.settings import Scenario, Start
 from .simulation.simulation import Simulation
@@ -86,10 +89,12 @@ __all__ = [
     "Car",
     "CarChanges",
     "CarParameters",
+    "CarResult",
     "Choice",
     "Commands",
     "Comparison",
     "ComparisonProgress",
+    "Contact",
     "Controller",
     "ControllerError",
     "Course",
@@ -98,6 +103,7 @@ __all__ = [
     "Decision",
     "DriveCommand",
     "EngineError",
+    "Entry",
     "FgMujocoError",
     "Film",
     "GeneratorSettings",
@@ -112,6 +118,7 @@ __all__ = [
     "MovingObstacle",
     "Odometry",
     "OpenGround",
+    "Overtake",
     "Patch",
     "PlannerError",
     "Prism",
@@ -140,6 +147,7 @@ __all__ = [
     "Uniform",
     "Vehicle",
     "World",
+    "WorldCar",
     "__version__",
     "car_parameters",
     "car_spec",

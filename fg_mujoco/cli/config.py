@@ -30,6 +30,7 @@ from ..racing.planner_choice import ControllerChoice
 from ..racing.planner_loading import find_controller
 from ..racing.planner_trust import controller_of, recorded_sha256, require_trusted
 from ..racing.race import RaceSettings
+from ..racing.race_control import find_rules
 from ..racing.run_folder import SUMMARY, read_summary
 from ..simulation.course_loading import load_track
 from ..vehicle.tires import Tires
@@ -75,6 +76,11 @@ def parse(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> a
         summary, where = read_summary(options.config), f"{Path(options.config) / SUMMARY}, settings"
         source = ControllerChoice.of(options.controller).source
         require_trusted(source, recorded_sha256(summary), trust=options.trust, where=where)
+        rows = (summary.get("cars") or [])[1:]
+        if options.opponent == given.get("opponent") and rows:
+            for text, row in zip(options.opponent or [], rows, strict=False):
+                opponent = ControllerChoice.of(text).source
+                require_trusted(opponent, recorded_sha256(row), trust=options.trust, where=where)
     return options
 
 
@@ -144,7 +150,7 @@ def _read_run(folder: Path, command: argparse.ArgumentParser) -> dict[str, Any]:
     if isinstance(given.get("controller"), str):
         given["controller"] = controller_of(folder, summary, given["controller"])
     # the planner is not loaded here: `parse` asks first whether it may be
-    checks = {name: check for name, check in _CHECKS.items() if name != "controller"}
+    checks = {name: check for name, check in _CHECKS.items() if name not in ("controller", "opponent")}
     values = {name: _checked(name, value, command, where, checks) for name, value in given.items()}
     vehicle = Vehicle.load(values.get("vehicle", DEFAULT_VEHICLE))
     of_a_file = vehicle.source == vehicle.file  # bundled ones are those of the version
@@ -192,10 +198,22 @@ def _checked(
 ) -> Any:
     """Return a value as its option has it."""
     action = _settable(command)[name]
+    if _is_list(action) and isinstance(value, list):
+        return [_checked_one(name, part, command, where, checks) for part in value]
+    one = _checked_one(name, value, command, where, checks)
+    return [one] if _is_list(action) else one
+
+
+def _checked_one(
+    name: str, value: Any, command: argparse.ArgumentParser, where: str, checks: Mapping[str, Check] | None
+) -> Any:
+    """Return one value of an option as it has it."""
+    action = _settable(command)[name]
     accepted, fits = _kind(action)
     key = name.replace("_", "-")
     if not fits(value):
-        raise SettingsError(f"{where}: {key} is {value!r}; accepted: {accepted}")
+        several = ", or a list of such" if _is_list(action) else ""
+        raise SettingsError(f"{where}: {key} is {value!r}; accepted: {accepted}{several}")
     if action.type in (number, number_or_off):
         value = math.inf if value == "off" else float(value)
     elif action.type is not None and isinstance(value, str):
@@ -228,6 +246,11 @@ def _kind(action: argparse.Action) -> tuple[str, Callable[[Any], bool]]:
     return "a text in quotes", lambda value: isinstance(value, str)
 
 
+def _is_list(action: argparse.Action) -> bool:
+    """Say whether an option may be given several times."""
+    return isinstance(action, argparse._AppendAction)
+
+
 def _is_number(value: Any) -> bool:
     is_whole = isinstance(value, int) and not isinstance(value, bool) and abs(value) < 1e300  # else beyond floats
     return is_whole or isinstance(value, float)
@@ -252,6 +275,9 @@ _CHECKS: dict[str, Check] = {
     "vehicle": Vehicle.load,
     "tires": Tires.load,
     "controller": lambda text: find_controller(ControllerChoice.of(text).source),
+    "opponent": lambda text: find_controller(ControllerChoice.of(text).source),
+    "opponent_max_speed": lambda value: RaceSettings(max_speed=value),
+    "rules": find_rules,
     "obstacles": _check_count,
     "obstacle_seed": _check_count,
     "lidar": _check_backend,

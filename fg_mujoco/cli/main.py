@@ -23,8 +23,11 @@ from ..errors import FgMujocoError, PlannerError, RunFolderError, accepted_names
 from ..lidar.effects import LidarEffects
 from ..lidar.lidar import LIDAR_BACKENDS
 from ..racing.decisions import decision_limit_text
+from ..racing.entries import Entry
+from ..racing.field import FieldProgress
 from ..racing.planner_choice import with_settings
 from ..racing.race import RaceProgress, race
+from ..racing.race_control import RULES, find_rules
 from ..racing.replay import replay
 from ..racing.result import RaceResult
 from ..racing.run_folder import check_run_folder, summary_json
@@ -44,12 +47,14 @@ from .options import (
     ProgressLine,
     add_controller_option,
     add_drive_options,
+    add_opponent_options,
     add_trust_option,
     can_draw,
     drive_options,
     in_one_line,
     in_options,
     number,
+    opponents_of,
     whole,
 )
 from .render import add_render, check_film, film_race
@@ -182,6 +187,8 @@ def _add_race(commands: Any) -> None:
         "--odometry-drift", type=number, default=0.0, metavar="D", help="relative error of measured speeds and yaw rate"
     )
     add("--seed", type=whole, default=0, metavar="N", help="of noise and dropouts; default: 0")
+    add_opponent_options(add)
+    add("--rules", default="none", metavar="NAME", help=f"of race control: {' or '.join(RULES)}; default: none")
     add(
         "--time-limit", type=number, metavar="S",
         help="of simulated time; default: what a car of 0.5 m/s needs, or the scene's",
@@ -209,24 +216,25 @@ def _race(options: argparse.Namespace) -> int:
     picture = options.out is not None and _check_out(options.out)
     if options.video is not None:
         check_film(options.video)
+    race_settings: dict[str, Any] = {
+        "laps": options.laps, "lidar": options.lidar, "time_limit": options.time_limit,
+        "decision_limit": options.decision_limit, "obstacles": options.obstacles,
+        "obstacle_seed": options.obstacle_seed,
+    }  # fmt: skip
+    own: dict[str, Any] = {
+        **drive_options(options), "seed": options.seed, "effects": effects, "odometry_drift": options.odometry_drift,
+    }  # fmt: skip
+    find_rules(options.rules)
+    if options.opponent or options.opponent_max_speed:
+        first = Entry(controller=options.controller, **own)
+        race_settings |= {"entries": (first, *opponents_of(options, first)), "grid": options.grid}
+        race_settings["rules"] = options.rules
+    else:
+        race_settings |= {"controller": options.controller, **own}
     # what a planner prints is not our output
     with contextlib.redirect_stdout(sys.stderr), _Watcher(show=sys.stderr.isatty() and not options.json) as watch:
         try:
-            result = race(
-                options.track,
-                options.controller,
-                laps=options.laps,
-                **drive_options(options),
-                lidar=options.lidar,
-                seed=options.seed,
-                time_limit=options.time_limit,
-                decision_limit=options.decision_limit,
-                obstacles=options.obstacles,
-                obstacle_seed=options.obstacle_seed,
-                effects=effects,
-                odometry_drift=options.odometry_drift,
-                watch=watch,
-            )
+            result = race(options.track, **race_settings, watch=watch)
         except PlannerError as error:  # what was driven is kept
             result = error.result
             whole = whole_traceback(error) if options.traceback else error.failure.traceback
@@ -237,7 +245,10 @@ def _race(options: argparse.Namespace) -> int:
     except RunFolderError:  # of a race that is driven already; `main` says why
         print(summary_json(result, settings) if options.json else _table(result, None))
         raise
-    code = _DONE if result.finished else _NOT_DONE
+    failures = [car.planner_failure for car in result.car_results if car.planner_failure is not None]
+    for failure in failures:
+        print(failure.traceback, end="", file=sys.stderr)
+    code = _DONE if result.finished and not failures else _NOT_DONE
     if options.video is not None:
         try:
             with contextlib.redirect_stdout(sys.stderr):  # stdout is the table's, or the JSON object's
@@ -287,7 +298,7 @@ class _Watcher:
         with contextlib.suppress(OSError):
             os.write(2, (clear + said).encode())  # print may be interrupted in the midst of printing
 
-    def __call__(self, progress: RaceProgress) -> None:
+    def __call__(self, progress: RaceProgress | FieldProgress) -> None:
         self._time = progress.time
         if self._interrupted:
             raise KeyboardInterrupt
@@ -329,9 +340,28 @@ def _table(result: RaceResult, out: str | None) -> str:
         rows.append(("written to", out))
         if (Path(out) / PAGE).is_file():
             rows.append(("report", str(Path(out) / PAGE)))
+    if result.car_results:
+        rows.append(("winner", result.winner or "nobody finished"))
     controller = with_settings(result.controller, result.planner_settings)
     heading = f"{result.track}, {controller}, {result.vehicle}"
-    return "\n".join([heading, *(f"  {name:<18}{value}" for name, value in rows)])
+    return "\n".join([heading, *(f"  {name:<18}{value}" for name, value in rows), *_field_table(result)])
+
+
+def _field_table(result: RaceResult) -> list[str]:
+    """Return the lines about all cars of a race of several, and what happened between them."""
+    lines = []
+    for car in sorted(result.car_results, key=lambda car: car.position):
+        best = f"best {min(car.lap_times_s):.2f} s" if car.lap_times_s else "no lap"
+        said = str(car.crash or car.wrong_way or car.planner_failure or car.end_reason.replace("_", " "))
+        touched = f"{car.collisions_car} contact{'s' if car.collisions_car != 1 else ''}"
+        name = with_settings(car.controller, car.planner_settings)
+        lines.append(f"  {car.position}. {car.name:<8} {name}: {car.laps_completed} laps, {best}, {touched}, {said}")
+    lines += [f"  {lap.time_s:7.2f} s  {lap.by} overtakes {lap.of}" for lap in result.overtakes]
+    for contact in result.contacts:
+        cars = " and ".join(contact.cars)
+        hit = f"{contact.impulse_Ns:.2f} N s at {contact.closing_speed_m_s:.1f} m/s"
+        lines.append(f"  {contact.time_s:7.2f} s  {cars} touch: {hit}, at fault {contact.at_fault}")
+    return lines + [f"  {warned.time_s:7.2f} s  warning to {warned.car}: {warned.reason}" for warned in result.warnings]
 
 
 def _replay(options: argparse.Namespace) -> int:

@@ -9,9 +9,11 @@ import re
 import sys
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any, TypeVar
 
-from ..errors import MissingExtraError
+from ..errors import MissingExtraError, SettingsError
+from ..racing.entries import GRIDS, Entry
 from ..simulation.settings import FASTEST
 from ..vehicle.tires import tire_names
 from ..vehicle.vehicle import DEFAULT_VEHICLE, vehicle_names
@@ -131,6 +133,38 @@ def add_drive_options(add: Callable[..., Any], *names: str, of: str = "the") -> 
     }  # fmt: skip
     for name in names or DRIVE:
         add(f"--{name.replace('_', '-')}", **settings[name])
+
+
+def add_opponent_options(add: Callable[..., Any]) -> None:
+    """Add the options of a race's other cars; `opponents_of` reads them. `add` adds an option to a command."""
+    add(
+        "--opponent", action="append", metavar="NAME[...]",
+        help="a car that races against this one, by its controller; again for each; vehicle and tires are the same",
+    )  # fmt: skip
+    add(
+        "--opponent-max-speed", action="append", type=number, metavar="V",
+        help="fastest that it may be commanded [m/s]; once for all, or once for each; default: as --max-speed",
+    )  # fmt: skip
+    add("--grid", default=GRIDS[0], metavar="NAME", help=f"before the start: {' or '.join(GRIDS)}; default: {GRIDS[0]}")
+
+
+def opponents_of(options: argparse.Namespace, first: Entry) -> tuple[Entry, ...]:
+    """Return the entries of the opponents among the options, none where there are none.
+
+    Raises:
+      SettingsError: speeds that are neither one for all nor one for each.
+    """
+    names, speeds = options.opponent or [], options.opponent_max_speed or []
+    if len(speeds) not in (0, 1, len(names)) or (speeds and not names):
+        raise SettingsError(
+            f"--opponent-max-speed is given {len(speeds)} times for {len(names)} opponents; accepted: once, or once "
+            "for each --opponent"
+        )
+    given = speeds * len(names) if len(speeds) == 1 else speeds or [first.max_speed] * len(names)
+    return tuple(
+        replace(first, controller=name, max_speed=speed, planner_settings={}, seed=first.seed + index)
+        for index, (name, speed) in enumerate(zip(names, given, strict=True), start=1)
+    )
 
 
 def drive_options(options: argparse.Namespace, *names: str) -> dict[str, Any]:

@@ -124,7 +124,8 @@ def check_starts(
             )
         x, y, along = course.start_pose(start.s, start.offset)
         pose = np.array([[x, y, along + start.heading]])
-        if len(walls) and least_clearance(pose, walls, car) <= 0.0:
+        on_line = np.array(course.start_pose(start.s)[:2])
+        if len(walls) and (least_clearance(pose, walls, car) <= 0.0 or _crosses(walls, on_line, pose[0, :2])):
             where = f"s = {start.s:g} m, {start.offset:g} m to the left"
             raise SettingsError(
                 f"{quoted(name)} does not fit on {course.name!r} at {where}; accepted: a start clear of walls and "
@@ -139,6 +140,18 @@ def check_starts(
                     "apart by a car's length or width"
                 )
         poses.append(pose)
+
+
+def _crosses(walls: FloatArray, start: FloatArray, end: FloatArray) -> bool:
+    """Say whether the way between two points (2,) crosses any of some lines (n, 4) [m]."""
+
+    def side(one: FloatArray, other: FloatArray, point: FloatArray) -> FloatArray:
+        along, away = other - one, point - one
+        return np.asarray(along[..., 0] * away[..., 1] - along[..., 1] * away[..., 0])
+
+    one, other = walls[:, :2], walls[:, 2:]
+    apart = side(one, other, start) * side(one, other, end) < 0.0
+    return bool((apart & (side(start, end, one) * side(start, end, other) < 0.0)).any())
 
 
 def _corners(pose: FloatArray, car: CarParameters) -> FloatArray:

@@ -1,7 +1,7 @@
 """A race of several cars: all sense, all decide, all drive, until each has finished or cannot go on.
 
 A car whose planner fails or takes too long, that crashes into a wall or turns round, brakes and stays where it is, an
-obstacle to the others, which race on. A car that has finished drives on until the last one has.
+obstacle to the others, which race on. A car that has finished is taken off the course, as at the end of a heat.
 """
 
 from __future__ import annotations

@@ -36,6 +36,9 @@ OVERTAKE_HELD = 1.0
 CONTACT_ENDS = 0.2
 """[s] without touching after which a contact is over; cars that push each other bounce."""
 
+LONGEST_PUSH = 1.0
+"""[s] after which cars that still touch are judged, where there are rules: one that pushes another on and on."""
+
 _X, _Y, _HEADING, _YAW_RATE = (TELEMETRY.index(name) for name in ("x_m", "y_m", "heading_rad", "yaw_rate_rad_s"))
 _VX, _PROGRESS = TELEMETRY.index("vx_m_s"), TELEMETRY.index("progress_m")
 _FINISHED, _DISQUALIFIED = END_REASONS.index("finished"), "disqualified"
@@ -193,7 +196,8 @@ class RaceControl:
                 self._open[pair].last = time
             if pair in self._open:
                 self._push(self._open[pair], np.where(touching, np.linalg.norm(found[:, 1:4], axis=1), 0.0))
-                if time - self._open[pair].last >= CONTACT_ENDS:
+                pushes = math.isfinite(self._rules.free_displacement) and time - self._open[pair].time >= LONGEST_PUSH
+                if pushes or time - self._open[pair].last >= CONTACT_ENDS:
                     self._judge(self._close(pair), pair, time)
 
     def _push(self, touching: _Touching, forces: FloatArray) -> None:
@@ -254,7 +258,9 @@ class RaceControl:
             which[fault] = True
             engine.monitor.end(which, _DISQUALIFIED)
             return
-        drove_on = abs(engine.speed(other)) > 0.5  # [m/s] when they are apart again
+        drove_on = (
+            bool(engine.running[other]) and float(engine.commands[other, 1]) > 0.5
+        )  # [m/s] and is not just pushed
         behind = rules.restart_behind_driving if drove_on else rules.restart_behind
         self._put_behind(fault, other, behind)
 

@@ -116,7 +116,6 @@ class Engine:
         self.before_substep: list[Hook] = []
         self.after_substep: list[Hook] = []
         self._pipelines: dict[int, ScanPipeline] = {}
-        self._stopped = np.zeros(cars, np.bool_)  # because their planner failed
         self._odometry_drift = np.zeros(cars)
         self._drifts = False
         self._data: dict[int, mujoco.MjData] = {}
@@ -148,13 +147,8 @@ class Engine:
 
     @property
     def driving(self) -> Mask:
-        """Which cars their planners drive, (r,): those that race, and those that have finished while another races."""
-        running, m = self.running, self.cars_per_world
-        if m == 1:
-            return running
-        races = np.repeat(running.reshape(-1, m).any(axis=1), m)
-        drives: Mask = running | (races & (self.monitor.reasons == _FINISHED) & ~self._stopped)
-        return drives
+        """Which cars their planners drive, (r,): those that race."""
+        return self.running
 
     @property
     def world(self) -> World:
@@ -173,7 +167,7 @@ class Engine:
     @property
     def lidar(self) -> Lidar:
         """The LiDAR of world 0, which measures without effects, in data of its model."""
-        return self._batches[0].lidar
+        return self._batches[0].lidar(0)
 
     @property
     def times(self) -> FloatArray:
@@ -309,7 +303,6 @@ class Engine:
             if effects is not None and effects[place] != LidarEffects():
                 assert seeds is not None
                 self._pipelines[row] = self._pipeline(row, effects[place], seeds[place])
-        self._stopped[chosen] = False
         self._drift(chosen, 0.0 if odometry_drifts is None else odometry_drifts)
         for batch in self._batches:
             batch.place(chosen[batch.rows], start_of[batch.rows])
@@ -348,7 +341,7 @@ class Engine:
 
     def sense(self, which: Mask | None = None) -> None:
         """Take the scans and odometry of cars, (r,); None: of all that race. Once for each moment: noise is drawn."""
-        chosen = self.driving if which is None else which
+        chosen = self.running if which is None else which
         if which is None and self.cars_per_world > 1:  # whoever stands there has telemetry, too
             beside = np.repeat(self.running.reshape(self.count, -1).any(axis=1), self.cars_per_world) & ~chosen
             if beside.any():
@@ -362,7 +355,8 @@ class Engine:
         for batch in self._batches:
             if batch.drawn is None:
                 for row in (np.flatnonzero(chosen[batch.rows]) + batch.rows.start).tolist():
-                    self.ranges[row] = batch.lidar.ranges(self._data_of(row // self.cars_per_world))
+                    lidar = batch.lidar(row % self.cars_per_world)
+                    self.ranges[row] = lidar.ranges(self._data_of(row // self.cars_per_world))
         if self._pipelines:
             self.scans = {
                 row: pipeline.scan(self._data_of(row // self.cars_per_world, pipeline))
@@ -373,7 +367,7 @@ class Engine:
                 self.ranges[row] = scan.ranges
 
     def decide(self) -> None:
-        """Have the planners command the cars that they drive; those whose planner fails race no longer.
+        """Have the planners command the cars that race; those whose planner fails race no longer.
 
         In a world that goes on such a car brakes and stands there, as one that has crashed does.
         """
@@ -383,10 +377,9 @@ class Engine:
             for reason in set(reasons[reasons > 0].tolist()):
                 ended = reasons == reason
                 self.failed |= ended
-                self._stopped |= ended
-                self.monitor.end(ended & self.running, END_REASONS[reason])
+                self.monitor.end(ended, END_REASONS[reason])
         if self.cars_per_world > 1:  # a car that nobody drives brakes, wheels as they are
-            self.commands[~self.driving, 1] = 0.0
+            self.commands[~self.running, 1] = 0.0
 
     def drive(self, *, controls: FloatArray | None = None) -> None:
         """Hold the commands for a tick in the worlds whose cars race.
@@ -403,9 +396,17 @@ class Engine:
             self.monitor.end(self.failed & self.running, "failed")
 
     def judge(self) -> None:
-        """Time the laps of the cars that race and end what is over."""
+        """Time the laps of the cars that race and end what is over.
+
+        Of several cars, one that has finished is taken off the course, so that it is in nobody's way.
+        """
+        raced = self.running.copy() if self.cars_per_world > 1 else None
         for batch in self._batches:
             batch.judge()
+        if raced is not None:
+            for row in map(int, np.flatnonzero(raced & ~self.running & (self.monitor.reasons == _FINISHED))):
+                batch, place = self._place_of(row // self.cars_per_world)
+                batch.take_off(place, row % self.cars_per_world)
 
     def tick(self) -> None:
         """Sense, decide, drive and judge."""
@@ -437,7 +438,8 @@ class Engine:
         return batch, i - batch.worlds.start
 
     def _pipeline(self, row: int, effects: LidarEffects, seed: int) -> ScanPipeline:
-        distorted = self._place_of(row // self.cars_per_world)[0].lidar if effects.motion_distortion else None
+        i, car = divmod(row, self.cars_per_world)
+        distorted = self._place_of(i)[0].lidar(car) if effects.motion_distortion else None
         return ScanPipeline(
             distorted or RangesRow(self.beams, self.ranges[row]), effects, np.random.default_rng(seed)
         )  # fmt: skip

@@ -153,22 +153,32 @@ def end_motion(time: float, qpos: FloatArray, qvel: FloatArray, car: CarArray, r
 
 
 @kernel
-def end_row(statistics: NDArray[np.void], i: int, row: FloatArray, slip: FloatArray) -> None:
-    """Fill in what the tires did in the row of telemetry of a tick, and add the row to the running statistics.
+def end_row(row: FloatArray, slip: FloatArray) -> None:
+    """Fill in what the tires did in the row of telemetry of a tick.
 
     Args:
-      statistics: (n,) of STATISTICS, written to.
-      i: which of them.
       row: (len(TELEMETRY),), its columns of the tires and the steps written to.
       slip: (QUANTITIES, steps, 4) of `measure_slip`.
     """
-    so_far = statistics[i]
     row[_SLIDING_STEPS] = greatest_slip(slip, row[_SLIDE : _SLIDE + 8])
     row[_SLIDING_STEPS + 1] = slip.shape[1]
     for tire in range(4):
         row[_LOAD + tire] = slip[NORMAL_FORCE, 0, tire]
         row[_LOAD + 4 + tire], row[_LOAD + 8 + tire] = slip[FORCE_X, 0, tire], slip[FORCE_Y, 0, tire]
         row[_LOAD + 12 + tire], row[_LOAD + 16 + tire] = slip[SLIP_ANGLE, 0, tire], slip[SLIP_RATIO, 0, tire]
+
+
+@kernel
+def add_row(statistics: NDArray[np.void], i: int, row: FloatArray, slip: FloatArray) -> None:
+    """Add the row of telemetry of a tick to the running statistics; arguments as in `end_row`.
+
+    Args:
+      statistics: (n,) of STATISTICS, written to.
+      i: which of them.
+      row: (len(TELEMETRY),).
+      slip: (QUANTITIES, steps, 4).
+    """
+    so_far = statistics[i]
     so_far.ticks += 1
     so_far.steps += slip.shape[1]
     so_far.sliding_steps += int(row[_SLIDING_STEPS])

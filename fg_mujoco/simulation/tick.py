@@ -23,7 +23,7 @@ from ..vehicle.motion import drive, planar_pose, read_odometry
 from ..vehicle.tire_forces import USERDATA, apply_forces, note_loads
 from ..vehicle.tire_slip import measure_slip
 from .physics import CTRL, CTRL_AND_MOCAP, StateLayout, step_states
-from .telemetry import COMMAND, begin_row, end_motion, end_row
+from .telemetry import COMMAND, add_row, begin_row, end_motion, end_row
 
 Mask = NDArray[np.bool_]
 Rows = NDArray[np.void]
@@ -250,7 +250,7 @@ def drive_cars(
             _place_obstacles(motions, states[world, layout.time], states[world, layout.mocap_pos[0] :])
     book_cars(
         ids, count, cars_per_world, states, layout, cars, car_places, touch_places, tire_rows, tire_states, floor,
-        records, status, failed, mu, slip, crashed, touched_at, telemetry, statistics,
+        running, records, status, failed, mu, slip, crashed, touched_at, telemetry, statistics,
     )  # fmt: skip
 
 
@@ -351,6 +351,7 @@ def book_cars(
     tire_rows: Rows,
     tire_states: FloatArray,
     floor: Floor,
+    running: Mask,
     records: FloatArray,
     status: NDArray[np.int32],
     failed: Mask,
@@ -372,19 +373,22 @@ def book_cars(
             failed[row] = failed[row] or status[world] != 0
             car = row - world * cars_per_world
             own, first = car_places[car], car_places[car, FIRST_TIRE]
+            races = running[row] or cars_per_world == 1
             if cars_per_world == 1:
                 crashed[row] = crashed[row] or any_touch(records[place], own[CHASSIS_CONTACT])
             else:
                 touched_wall = book_touches(
                     records[place], car, own[CHASSIS_CONTACT], touch_places[car], time, touched_at[row], statistics, row
                 )
-                crashed[row] = crashed[row] or touched_wall
+                crashed[row] = crashed[row] or (touched_wall and races)
             rows = tire_rows[max(first, 0) : first + 4] if first >= 0 else tire_rows[:0]
             mus = floor.mu[place * cars_per_world + car] if len(floor.patches) > 0 else mu[row : row + 1]
             measure_slip(
                 records[place], own[TIRES], own[AXLES], mus, rows, tire_states[place], max(USERDATA * first, 0), slip
             )
-            end_row(statistics, row, telemetry[row], slip)
+            end_row(telemetry[row], slip)
+            if races:
+                add_row(statistics, row, telemetry[row], slip)
 
 
 @kernel

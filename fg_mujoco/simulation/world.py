@@ -182,7 +182,7 @@ def _compose(track: Course, builds: Sequence[WorldCar], lidar: str, obstacles: t
     spec.option, spec.memory = cars[0].option, cars[0].memory  # the engine settings that the car was validated with
     if len(cars) > 1:
         spec.memory = sum(car.memory for car in cars)
-        # cars that do not touch are solved apart: none feels by a bit how many others there are
+        # cars that do not touch are solved apart, so that each costs as much as if it were alone
         spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
     spec.nuserdata = sum(car.nuserdata for car in cars)
     spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)  # static geoms are placed once, not every step

@@ -136,6 +136,7 @@ class WorldBatch:
         self.cars = list(world.cars) * count
         self.slip = np.full((QUANTITIES, substeps, len(WHEELS)), np.nan)
         self._cars_per_world = cars_per_world
+        self._lidars: dict[int, Lidar] = {}
         self._arrays, self._monitor = arrays.part(self.rows), monitor.part(self.rows)
         meters = [TireSlipMeter(model, car.prefix) for car in world.cars]
         self._chassis_contacts = np.array([car.chassis_contact for car in world.cars])
@@ -221,10 +222,11 @@ class WorldBatch:
         draws = isinstance(lidar, RaycastLidar) and lidar.draws and lidar.mount is not None
         return lidar if draws and isinstance(lidar, RaycastLidar) else None
 
-    @cached_property
-    def lidar(self) -> Lidar:
-        """Measures without effects, in data of the world's model."""
-        return self.world.make_lidar()
+    def lidar(self, car: int) -> Lidar:
+        """Return what measures for a car of these worlds, without effects, in data of the world's model."""
+        if car not in self._lidars:
+            self._lidars[car] = self.world.make_lidar(car)
+        return self._lidars[car]
 
     def change(self, changes: Sequence[CarChanges]) -> None:
         """Change each car, (r,); one whose parameters no planner can tell from the plain one's is that one."""
@@ -268,11 +270,30 @@ class WorldBatch:
 
     def put(self, i: int, car: int, start: Start) -> None:
         """Put one car of world i of them at a start, and leave the others as they are."""
+        x, y, along = self.world.track.start_pose(start.s, start.offset)
+        self._write_pose(i, car, x, y, along + start.heading, start.speed)
+        row = i * self._cars_per_world + car
+        timer, (place, _) = self._monitor.timers[row], self.world.track.project(np.array([[x, y]]))
+        modulus = self.world.track.modulus
+        timer["progress"] += (float(place[0]) - timer["place"] + 0.5 * modulus) % modulus - 0.5 * modulus
+        timer["place"] = float(place[0])
+        timer["furthest"] = timer["mark"] = timer["progress"]
+        timer["last_progress_time"] = self.physics.states[i, self.layout.time]
+        self._arrays.touched_at[row] = -np.inf
+
+    def take_off(self, i: int, car: int) -> None:
+        """Put one car of world i of them where no LiDAR on the course sees it, standing."""
+        x, y = self.world.track.bounds[1] + 2.0 * self.world.lidar.beams.range_max
+        self._write_pose(i, car, float(x) + 2.0 * car, float(y), 0.0, 0.0)
+
+    def _write_pose(self, i: int, car: int, x: float, y: float, heading: float, speed: float) -> None:
+        """Write where one car of world i of them is, at rest on its springs, and leave the others as they are."""
         model, state = self.world.model, self.physics.states[i]
         data = mujoco.MjData(model)
         mujoco.mj_setState(model, data, state, int(STATE))
-        x, y, along = self.world.track.start_pose(start.s, start.offset)
-        self.world.cars[car].write_pose(data, x, y, along + start.heading, start.speed)
+        controls = data.ctrl.copy()
+        self.world.cars[car].write_pose(data, x, y, heading, speed)
+        data.ctrl[:] = controls  # those of the tick that was driven, which are recorded
         data.xfrc_applied[model.body_rootid == tree_of(model, self.world.cars[car].prefix)] = 0.0
         first = int(self._car_places[car, FIRST_TIRE])
         if first >= 0:
@@ -281,14 +302,6 @@ class WorldBatch:
         kept = state.copy()
         self.physics.forward(np.array([i], np.int32))
         state[:] = kept  # a forward pass leaves another start for the solver
-        row = i * self._cars_per_world + car
-        timer, (place, _) = self._monitor.timers[row], self.world.track.project(np.array([[x, y]]))
-        modulus = self.world.track.modulus
-        timer["progress"] += (float(place[0]) - timer["place"] + 0.5 * modulus) % modulus - 0.5 * modulus
-        timer["place"] = float(place[0])
-        timer["furthest"] = timer["mark"] = timer["progress"]
-        timer["last_progress_time"] = state[self.layout.time]
-        self._arrays.touched_at[row] = -np.inf
 
     def _touch_walls(self) -> Mask:
         """Say which cars touch anything but a car now. Shape (r,)."""
@@ -414,6 +427,6 @@ class WorldBatch:
         book_cars(
             self._ids, len(ids), self._cars_per_world, self.physics.states, self.layout, arrays.constants,
             self._car_places, self._touch_places, self._tire_rows, self._tire_states, self.floor,
-            self.physics.records, self.physics.status, arrays.failed, arrays.mu, self.slip, arrays.crashed,
-            arrays.touched_at, arrays.telemetry, arrays.statistics,
+            self._monitor.running, self.physics.records, self.physics.status, arrays.failed, arrays.mu, self.slip,
+            arrays.crashed, arrays.touched_at, arrays.telemetry, arrays.statistics,
         )  # fmt: skip

@@ -1,0 +1,226 @@
+"""Races of several cars: who touched whom, who passed whom, what the rules make of it, and what is left on disk."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fg_mujoco import Entry, RaceResult, RunFolderError, SettingsError, Start, race, read_run, replay, write_run
+from fg_mujoco.cli.main import main
+from fg_mujoco.messages import DriveCommand, LaserScan, Odometry
+from fg_mujoco.racing.race_control import OVERTAKE_HELD, OVERTAKE_LEAD
+from fg_mujoco.racing.run_folder import SUMMARY, of_car
+
+
+class Straight:
+    """Drives ahead at one speed, steering by a fixed angle."""
+
+    speed = 1.0
+    steering_angle = 0.0
+
+    def __init__(self, speed: float = 1.0, brakes_at: float = 1e9) -> None:
+        self._speed, self._brakes_at = speed, brakes_at
+
+    def __call__(self, scan: LaserScan, odometry: Odometry) -> DriveCommand:
+        speed = self._speed if scan.stamp < self._brakes_at else 0.0
+        return DriveCommand(steering_angle=0.0, speed=speed)
+
+    def reset(self) -> None:
+        """Nothing is remembered."""
+
+
+class Raises(Straight):
+    """Fails after half a second."""
+
+    def __call__(self, scan: LaserScan, odometry: Odometry) -> DriveCommand:
+        if scan.stamp > 0.5:
+            raise ValueError("out of ideas")
+        return super().__call__(scan, odometry)
+
+
+def entry(name: str, speed: float, s: float, offset: float = 0.0, **more: float) -> Entry:
+    """Return a car that drives straight on, from `s` and `offset` [m]."""
+    return Entry(name=name, controller=Straight(speed, **more), start=Start(s=s, offset=offset), max_speed=8.0)
+
+
+@pytest.fixture(scope="module")
+def overtaken() -> RaceResult:
+    """A race in which one car passes another beside it, and nobody touches anybody."""
+    entries = [entry("slow", 0.5, 1.5, -0.4), entry("fast", 1.5, 0.0, 0.4)]
+    return race("oval", entries=entries, laps=1, time_limit=4.0)
+
+
+def test_an_overtake_is_half_a_length_ahead_held_for_a_second(overtaken: RaceResult) -> None:
+    (overtake,) = overtaken.overtakes
+    assert (overtake.by, overtake.of) == ("fast", "slow")
+    slow, fast = overtaken.car_results
+    lead = fast.column("progress_m") - slow.column("progress_m")
+    time = slow.column("time_s")
+    needed = OVERTAKE_LEAD * overtaken.world.car.parameters.length
+    assert lead[time < overtake.time_s - 0.03].max() < needed
+    assert lead[time > overtake.time_s + 0.03].min() > needed
+    assert time[-1] > overtake.time_s + OVERTAKE_HELD
+    assert overtaken.contacts == ()
+    assert [car.position for car in (fast, slow)] == [1, 2]
+
+
+def test_half_a_length_that_is_not_held_is_no_overtake() -> None:
+    entries = [entry("slow", 0.5, 1.5, -0.4), entry("fast", 1.5, 0.0, 0.4)]
+    lasted = race("oval", entries=entries, laps=1, time_limit=4.0).overtakes[0].time_s + 0.5 * OVERTAKE_HELD
+    assert race("oval", entries=entries, laps=1, time_limit=lasted).overtakes == ()
+
+
+def test_a_contact_has_its_closing_speed_its_impulse_and_whose_fault_it_was() -> None:
+    result = race("oval", entries=[entry("ahead", 0.5, 1.2), entry("behind", 2.0, 0.0)], laps=1, time_limit=2.0)
+    contact = result.contacts[0]
+    assert contact.cars == ("ahead", "behind")
+    assert contact.at_fault == "behind"
+    ahead, behind = result.car_results
+    before = int(np.searchsorted(ahead.column("time_s"), contact.time_s))
+    closing = behind.column("vx_m_s")[before] - ahead.column("vx_m_s")[before]
+    assert contact.closing_speed_m_s == pytest.approx(closing, abs=0.02)
+    # what the impulse is at least: both go on together afterwards, and drive against each other meanwhile
+    mass = result.world.car.parameters.mass
+    assert contact.impulse_Ns > 0.5 * mass * closing
+    assert ahead.collisions_car == behind.collisions_car == len(result.contacts)
+    assert (ahead.collisions_wall, behind.collisions_wall) == (0, 0)
+
+
+def test_the_one_that_brakes_into_another_or_reverses_is_at_fault() -> None:
+    result = race("oval", entries=[entry("backs", -1.0, 1.5), entry("stands", 0.0, 0.0)], laps=1, time_limit=2.5)
+    assert result.contacts[0].at_fault == "backs"
+
+
+@pytest.fixture(scope="module")
+def warned() -> RaceResult:
+    """A race in which a car drives into another again and again, under the rules."""
+    entries = [entry("stands", 0.0, 3.5), entry("rams", 3.0, 0.0)]
+    return race("oval", entries=entries, laps=1, time_limit=20.0, rules="roboracer_2026")
+
+
+def test_the_rules_warn_put_back_and_disqualify(warned: RaceResult) -> None:
+    assert [warning.car for warning in warned.warnings] == ["rams"] * 3
+    assert all(contact.displacement_m >= 0.05 for contact in warned.contacts[:1])
+    stands, rams = warned.car_results
+    assert rams.end_reason == "disqualified"
+    assert len(warned.restarts) == 2  # the third warning ends the race
+    for restart in warned.restarts:
+        at = restart.tick  # the first row of telemetry behind it
+        gap = stands.column("progress_m")[at] - rams.column("progress_m")[at]
+        assert gap == pytest.approx(2.0 + warned.world.car.parameters.length, abs=0.15)
+
+
+def test_without_rules_the_same_car_is_not_put_back() -> None:
+    entries = [entry("stands", 0.0, 3.5), entry("rams", 3.0, 0.0)]
+    result = race("oval", entries=entries, laps=1, time_limit=4.0)
+    assert result.contacts
+    assert result.warnings == result.restarts == ()
+
+
+def test_a_race_with_restarts_replays_to_the_bit(warned: RaceResult, tmp_path: Path) -> None:
+    write_run(warned, tmp_path / "run", picture=False)
+    report = replay(tmp_path / "run")
+    assert report.holds, report.lines
+    assert {"contacts", "overtakes", "warnings", "restarts", "cars"} <= set(report.proved[SUMMARY])
+    run = read_run(tmp_path / "run")
+    assert np.array_equal(run.others[0], warned.car_results[1].telemetry, equal_nan=True)
+
+
+@pytest.mark.parametrize("key", ["contacts", "cars"])
+def test_a_forged_figure_of_another_car_is_told(warned: RaceResult, tmp_path: Path, key: str) -> None:
+    write_run(warned, tmp_path / "run", picture=False)
+    path = tmp_path / "run" / SUMMARY
+    summary = json.loads(path.read_text("utf-8"))
+    if key == "contacts":
+        summary["contacts"][0]["at_fault"] = "stands"
+    else:
+        summary["cars"][1]["max_slide_m_s"] = 0.0
+    path.write_text(json.dumps(summary), encoding="utf-8")
+    report = replay(tmp_path / "run")
+    assert [difference.name for difference in report.differences] == [f"{SUMMARY}, {key}"]
+
+
+def test_a_damaged_telemetry_of_another_car_is_told(warned: RaceResult, tmp_path: Path) -> None:
+    write_run(warned, tmp_path / "run", picture=False)
+    path = tmp_path / "run" / of_car("telemetry.csv", 1)
+    path.write_text(path.read_text("utf-8").replace("0.025,", "0.026,", 1), encoding="utf-8")
+    with pytest.raises(RunFolderError, match=r"telemetry_car_1\.csv: is damaged or edited"):
+        read_run(tmp_path / "run")
+
+
+def test_a_planner_that_fails_stops_its_own_car_and_the_others_race_on() -> None:
+    entries = [entry("drives", 1.0, 3.0), Entry(name="fails", controller=Raises(1.0), start=Start())]
+    result = race("oval", entries=entries, laps=1, time_limit=3.0)
+    drives, fails = result.car_results
+    assert (drives.end_reason, fails.end_reason) == ("time_limit", "planner_failed")
+    assert fails.planner_failure is not None
+    assert "out of ideas" in str(fails.planner_failure)
+    assert fails.end_time_s == pytest.approx(0.525 + 0.025, abs=0.026)
+    assert abs(fails.column("speed_m_s")[-1]) < 0.01  # it has braked, and stands there
+    assert result.planner_failure is None
+
+
+def test_a_finished_car_is_in_nobodys_way() -> None:
+    entries = [entry("first", 2.0, 0.0), entry("second", 1.0, -1.0)]
+    track = "scene:corridor_sparse:1"
+    with pytest.raises(SettingsError, match="starts at s = -1 m"):
+        race(track, entries=entries)
+    result = race("oval", entries=[Entry(max_speed=6.0), Entry(max_speed=3.0)], laps=1)
+    first, second = result.car_results
+    assert first.finished
+    assert second.finished
+    gone = second.column("time_s") > first.end_time_s + 0.05
+    apart = np.hypot(first.column("x_m") - second.column("x_m"), first.column("y_m") - second.column("y_m"))
+    assert apart[gone].min() > 30.0
+    assert first.max_speed_m_s <= 6.1
+
+
+def test_the_settings_of_one_car_are_refused_beside_entries() -> None:
+    with pytest.raises(SettingsError, match=r"max_speed is 3\.0 beside entries; accepted: max_speed of each Entry"):
+        race("oval", entries=[Entry(), Entry()], max_speed=3.0)
+    with pytest.raises(SettingsError, match="two entries are called 'a'"):
+        race("oval", entries=[Entry(name="a"), Entry(name="a")])
+    with pytest.raises(SettingsError, match="rules is 'f1'; accepted"):
+        race("oval", entries=[Entry(), Entry()], rules="f1")
+    with pytest.raises(SettingsError, match="grid is 'pile'; accepted"):
+        race("oval", entries=[Entry(), Entry()], grid="pile")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--opponent", "nobody"], "car_1: controller 'nobody'"),
+        (
+            ["--opponent", "wall_follow", "--opponent-max-speed", "1", "--opponent-max-speed", "2"],
+            "given 2 times for 1",
+        ),
+        (["--opponent-max-speed", "1"], "given 1 times for 0 opponents"),
+        (["--opponent", "wall_follow"] * 16, "17 entries; accepted: 1 to 16"),
+        (["--opponent", "wall_follow", "--grid", "heap"], "--grid is 'heap'"),
+        (["--opponent", "wall_follow", "--rules", "f1"], "--rules is 'f1'"),
+    ],
+)
+def test_bad_opponents_are_one_line_and_exit_2(
+    options: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["race", "--laps", "1", *options]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert message in err
+    assert err.count("\n") == 1
+
+
+def test_a_race_with_opponents_on_the_command_line_can_be_raced_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "run"
+    arguments = ["race", "--time-limit", "2", "--laps", "1", "--opponent", "wall_follow", "--opponent-max-speed", "2"]
+    assert main([*arguments, "--out", str(out)]) == 1  # not driven to its end
+    assert "car_1" in capsys.readouterr().out
+    again = tmp_path / "again"
+    assert main(["race", "--config", str(out), "--out", str(again)]) == 1
+    hashes = [json.loads((folder / SUMMARY).read_text("utf-8"))["trajectory_sha256"] for folder in (out, again)]
+    assert hashes[0] == hashes[1]
