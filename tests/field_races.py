@@ -3,7 +3,6 @@
 import functools
 
 import fg_mujoco as fg
-from fg_mujoco.racing.entries import Entry
 
 
 class Listener:
@@ -24,9 +23,9 @@ class Listener:
 def three_cars():
     """Three seconds of three cars of two kinds, the last of which is the fastest."""
     entries = [
-        Entry(controller="gap_finder", max_speed=2.0),
-        Entry(controller="disparity_extender", max_speed=3.0, name="blue one"),
-        Entry(controller="gap_finder", vehicle="nuc2", max_speed=5.0),
+        fg.Entry(controller="gap_finder", max_speed=2.0),
+        fg.Entry(controller="disparity_extender", max_speed=3.0, name="blue one"),
+        fg.Entry(controller="gap_finder", vehicle="nuc2", max_speed=5.0),
     ]
     return fg.race("oval", entries=entries, laps=1, time_limit=3.0)
 
@@ -35,9 +34,11 @@ def three_cars():
 def shunt():
     """Two seconds in which a car drives into one that stands; the race and the planners."""
     planners = Listener(speed=0.0), Listener(speed=3.0, steering_angle=0.0)
-    effects = fg.LidarEffects(range_noise_std=0.02, dropout_probability=0.01, latency=0.03)
+    noise = fg.LidarEffects(range_noise_std=0.02, dropout_probability=0.01, latency=0.03)
     entries = [
-        Entry(controller=planners[0], start=fg.Start(s=1.5)),
-        Entry(controller=planners[1], start=fg.Start(s=0.0, offset=0.02), effects=effects, seed=7, odometry_drift=0.01),
+        fg.Entry(controller=planners[0], start=fg.Start(s=1.5)),
+        fg.Entry(
+            controller=planners[1], start=fg.Start(s=0.0, offset=0.02), effects=noise, seed=7, odometry_drift=0.01
+        ),
     ]
     return fg.race("oval", entries=entries, laps=1, time_limit=2.0), planners

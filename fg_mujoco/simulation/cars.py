@@ -112,6 +112,11 @@ def car_colour(index: int) -> tuple[float, ...]:
     return _COLOURS[(index - 1) % len(_COLOURS)] if index else _OWN_COLOUR
 
 
+def car_colour_hex(index: int) -> str:
+    """Return the colour of a car in plots and pages, as `#rrggbb`."""
+    return "#" + "".join(f"{round(255.0 * part):02x}" for part in car_colour(index)[:3])
+
+
 def make_visible(spec: Any, index: int, car: CarParameters) -> None:
     """Put the box on a vehicle's spec that races others, in place, behind its LiDAR."""
     base = spec.body("base_link")
