@@ -13,6 +13,25 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 # Commands that the tests run write nothing about kernels, in a cache that is empty as in one that is not.
 os.environ["FG_MUJOCO_COMPILING"] = "in tests"
 
+# The files that take longest, which start first: a worker that begins one of them last keeps the others waiting.
+# The first compiles the kernels of every race; the second needs none of them, so that two workers do not compile both.
+SLOWEST = (
+    "test_fuzz.py", "test_identification.py", "test_mission.py", "test_packaging.py", "test_kernels.py",
+    "test_kills.py", "test_controller_contract.py", "test_hostile_planners.py", "test_rollout_ray.py",
+    "test_every_course.py", "test_live_view.py", "test_readme.py", "test_docs.py", "test_cli.py",
+    "test_hostile_runs.py", "test_leaks.py",
+)  # fmt: skip
+
+
+def pytest_configure(config):
+    if hasattr(config.option, "loadscopereorder"):  # pytest-xdist's own order starts with the files of most tests
+        config.option.loadscopereorder = False
+
+
+def pytest_collection_modifyitems(items):
+    place = {name: number for number, name in enumerate(SLOWEST)}
+    items.sort(key=lambda item: place.get(item.path.name, len(SLOWEST)))
+
 
 class Straight:
     """Drives straight on, gently."""

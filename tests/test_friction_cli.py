@@ -96,7 +96,7 @@ def test_options_are_settings_and_all_is_every_experiment(monkeypatch):
         (("skidpad", "--steering", "0"), "infinite; accepted: angles above 0"),
         (("skidpad", "--steering", "0.1,0.5"), "the car's lock of 0.4189 rad"),
         (("skidpad", "--steering=-0.1"), "accepted: angles above 0"),
-        (("models", "--mu", "0.5"), "--mu with models; accepted: with skidpad, or all"),
+        (("models", "--mu", "0.5"), "--mu with models; accepted: with skidpad, tire_law, or all"),
         (("models", "--steering", "0.1"), "--steering with models"),
         (("squares", "--seed", "-1"), "seed is -1; accepted"),
         (("squares", "--workers", "0"), "workers is 0; accepted"),

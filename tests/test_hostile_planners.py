@@ -112,19 +112,21 @@ def here(tmp_path, monkeypatch):
     return tmp_path
 
 
-def planner(**when):
+def planner(folder=".", **when):
     """Write a planner whose cars of these speeds, as v4="mute", fail in these ways; return its name."""
     text = f"WHEN = { {float(speed[1:]): how for speed, how in when.items()} }\n"
-    with open("mine.py", "w") as file:
+    path = os.path.normpath(f"{folder}/mine.py")
+    with open(path, "w") as file:
         file.write(PLANNER + text)
-    return "mine.py:Planner"
+    return f"{path}:Planner"
 
 
 # -- races
 
 
 @pytest.mark.parametrize("how", RAISING)
-def test_whatever_a_planner_raises_ends_the_race_with_file_and_line(capsys, how):
+def test_whatever_a_planner_raises_ends_the_race_with_file_and_line(capsys, monkeypatch, how):
+    monkeypatch.setattr("fg_mujoco.cli.main._check_out", lambda folder: False)  # without a picture
     before = os._exit
     assert main(["race", "--controller", planner(v8=how), "--laps", "1", "--out", "run"]) == 1
     out, err = capsys.readouterr()
@@ -266,12 +268,18 @@ def test_a_planner_that_cannot_be_built_in_one_world_is_that_worlds_failure():
     assert len(result.telemetry(failed)) == 0 and np.isnan(result["mean_speed_m_s"][failed])
 
 
+@pytest.fixture(scope="module")
+def honest(tmp_path_factory):
+    """The worlds of ROLLOUT whose planners do not fail."""
+    source = planner(tmp_path_factory.mktemp("honest"))
+    return fg.rollout("oval", source, n=6, randomize={"max_speed": "3|4|5"}, duration=0.3, workers=1)
+
+
 ROLLOUT = ["--n", "6", "--randomize", "max_speed=3|4|5", "--duration", "0.3", "--chunk", "3", "--out", "out"]
 
 
 @pytest.mark.parametrize(("how", "said"), (("killed", "by SIGKILL"), ("segfault", "by SIGSEGV"), ("c_exit", "code 0")))
-def test_a_worker_that_dies_is_the_failure_of_its_worlds(here, capfd, how, said):
-    honest = fg.rollout("oval", planner(), n=6, randomize={"max_speed": "3|4|5"}, duration=0.3)
+def test_a_worker_that_dies_is_the_failure_of_its_worlds(here, capfd, honest, how, said):
     hit = honest["max_speed"] == 4
     assert 0 < hit.sum() < 6
     assert main(["rollout", "--controller", planner(v4=how), *ROLLOUT, "--workers", "2"]) == 1
@@ -287,8 +295,7 @@ def test_a_worker_that_dies_is_the_failure_of_its_worlds(here, capfd, how, said)
     assert "6 worlds of an earlier call" in capfd.readouterr().out
 
 
-def test_a_planner_that_hangs_ends_its_world_by_the_decision_limit(capfd):
-    honest = fg.rollout("oval", planner(), n=6, randomize={"max_speed": "3|4|5"}, duration=0.3)
+def test_a_planner_that_hangs_ends_its_world_by_the_decision_limit(capfd, honest):
     hit = honest["max_speed"] == 4
     assert main(["rollout", "--controller", planner(v4="hang"), *ROLLOUT, "--decision-limit", "0.5"]) == 0
     assert f"{hit.sum()} decision limit" in capfd.readouterr().out

@@ -22,7 +22,7 @@ from fg_mujoco.studies.identification.identification import identify_drives
 from fg_mujoco.studies.identification.motion import smooth
 from fg_mujoco.studies.identification.problem import STEP, DriveProblem
 from fg_mujoco.studies.identification.single_track import Steering, friction_curve
-from fg_mujoco.studies.identification.tire_file import tire_text
+from fg_mujoco.studies.identification.tire_file import tire_text, write_tires
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -225,11 +225,26 @@ def test_the_tire_file_has_each_value_with_its_interval_and_source(found):
             assert f"+- {estimate.half:.2g}; drive 1 (sha256 000000000000)" in text
 
 
+def test_the_tire_file_is_one_that_cars_drive_on(found, tmp_path):
+    tires = fg.Tires.load(write_tires(found, tmp_path / "tires.toml"))
+    for loaded, axle in zip(tires.axles, (found.front, found.rear), strict=True):
+        assert loaded.lateral.slope == pytest.approx(axle.stiffness.value, rel=1e-4)
+        assert loaded.lateral.peak == pytest.approx(axle.peak.value, rel=1e-3)
+    result = fg.race("oval", "pure_pursuit", laps=1, max_speed=3.0, tires=tmp_path / "tires.toml")
+    assert result.finished
+    assert result.max_slide_m_s == 0.0
+
+
 @pytest.fixture(scope="module")
-def bag(exciting_drive, tmp_path_factory):
-    """The exciting drive as a robot records it: with the stamps of 2026, and a scan matcher's odometry."""
+def short_drive():
+    return car.recorded(car.exciting(1, TIRES, 20.0), TIRES, seed=1, **STEERING)
+
+
+@pytest.fixture(scope="module")
+def bag(short_drive, tmp_path_factory):
+    """The short drive as a robot records it: with the stamps of 2026, and a scan matcher's odometry."""
     pytest.importorskip("rosbags")
-    return write_bag(tmp_path_factory.mktemp("bags") / "drive", entries_of(exciting_drive))
+    return write_bag(tmp_path_factory.mktemp("bags") / "drive", entries_of(short_drive))
 
 
 def entries_of(drive, *, kinds=("drive", "imu", "odom")):
@@ -262,14 +277,14 @@ def entries_of(drive, *, kinds=("drive", "imu", "odom")):
     return sorted(entries, key=lambda entry: entry[1])
 
 
-def test_a_bag_has_the_channels_that_were_recorded(bag, exciting_drive):
+def test_a_bag_has_the_channels_that_were_recorded(bag, short_drive):
     from fg_mujoco.ros.bag_drive import read_drive
 
     drive = read_drive(bag, vehicle="nuc2")
     assert drive.vehicle == "nuc2"
     assert drive.commanded
     for name in ("steering", "speed", "yaw_rate", "acceleration", "pose"):
-        read, told = getattr(drive, name), getattr(exciting_drive, name)
+        read, told = getattr(drive, name), getattr(short_drive, name)
         assert read.time == pytest.approx(told.time, abs=2e-7)
         wrapped = np.remainder(read.values - told.values + np.pi, 2.0 * np.pi) - np.pi if name == "pose" else None
         assert (wrapped if name == "pose" else read.values - told.values) == pytest.approx(0.0, abs=1e-6)

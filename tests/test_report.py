@@ -123,6 +123,16 @@ def test_events_cover_every_tick_that_slides_and_no_other(slides):
     assert [event.start for event in events] == sorted(event.start for event in events)
 
 
+def test_a_tire_with_a_curve_slides_from_its_peak_on():
+    time = TICK * np.arange(10)
+    slide = np.zeros(10)
+    slide[4:6] = 0.01  # of its slip speed, past the peak
+    columns = columns_of(time, time, slide_rear_left_m_s=slide)
+    assert slide_events(columns, None) == ()
+    (event,) = slide_events(columns, None, tires="forzaeth_nuc2")
+    assert (event.tire, event.start) == ("rear_left", pytest.approx(4 * TICK))
+
+
 def test_place_of_an_event_is_within_its_lap():
     time = TICK * np.arange(100)
     slide = np.zeros(100)

@@ -73,6 +73,7 @@ from .settings import (
     setting,
     setting_of_car,
 )
+from .slip import COURSE, see_from_course, steered
 from .speed import forward_distance_speed, range_ratio_speed
 from .speedometer import SPEEDOMETER, command_speed, read_speedometer
 from .steering import pursue, saturate
@@ -156,6 +157,7 @@ DRIVING_MEMORY = np.dtype(
         ("history", PATH_HISTORY),
         ("guidance", GUIDANCE),
         ("speedometer", SPEEDOMETER),
+        ("course", COURSE),
         ("reasons", *REASONS),  # of the last decision; written, and never read
     ]
 )
@@ -295,6 +297,11 @@ def drive(
     """
     reasons = memory.reasons
     forget_reasons(reasons)
+    slip, course = driver.limiter.slip, memory.course
+    if slip.soft:
+        memory.limiter.curvature = see_from_course(slip, driver.car, scan, odometry, course)
+        scan, odometry = course.scan, course.odometry
+        reference.bearing -= course.angle
     note(reasons, MAXIMUM, math.nan, driver.max_speed)
     note(reasons, PLANNER, reference.steering_angle, reference.own_speed)
     if driver.range_ratio:
@@ -446,6 +453,8 @@ def _hold(
     note(reasons, GRIP, target, allowed)
     steering, speed = limited(limiter, memory.limiter, steering_angle, speed, least_use, angle, now, period)
     note(reasons, TRANSIENTS, steering, speed)
+    if limiter.slip.soft:
+        steering = steered(limiter.slip, driver.car, steering, now)
     command = command_speed(memory.speedometer, speed, driver.car, driver.max_speed, period)
     note(reasons, BY_SPEEDOMETER, steering, command)
     return steering, command

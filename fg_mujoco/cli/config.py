@@ -18,6 +18,7 @@ import math
 import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -69,6 +70,8 @@ def parse(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> a
     options = parser.parse_args(arguments)
     if getattr(options, "config", None) is None:
         return options
+    parser = deepcopy(parser)  # the defaults of this command line are not those of the next
+    options = parser.parse_args(arguments)
     given = read_config(options.config, options.command)
     options.command.set_defaults(**given)
     options = parser.parse_args(arguments)

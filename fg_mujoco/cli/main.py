@@ -14,6 +14,7 @@ import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -32,7 +33,7 @@ from ..racing.replay import replay
 from ..racing.result import RaceResult
 from ..racing.run_folder import check_run_folder, summary_json
 from ..simulation.planner_failure import whole_traceback
-from ..vehicle.tire_slip import SLIDING_SPEED
+from ..vehicle.tire_slip import sliding_rule
 from ..viz.plots import write_run
 from .bags import add_bags
 from .compare import add_compare
@@ -134,6 +135,7 @@ class _Parser(argparse.ArgumentParser):
         self.exit(_BAD_INPUT, f"{self.prog}: {in_one_line(message)}; see {self.prog} --help\n")
 
 
+@cache
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(prog="fg-mujoco", description="A MuJoCo 3D testbed for F1TENTH cars.", allow_abbrev=False)
     parser.add_argument("--version", action="version", version=f"fg-mujoco {__version__}")
@@ -316,7 +318,7 @@ def _table(result: RaceResult, out: str | None) -> str:
         ("laps", f"{result.laps_completed} of {result.laps_requested}, {result.end_reason.replace('_', ' ')}"),
         *laps,
         ("collisions", f"{result.collisions}"),
-        ("greatest sliding", f"{result.max_slide_m_s:.4f} m/s (a tire slides above {SLIDING_SPEED} m/s)"),
+        ("greatest sliding", f"{result.max_slide_m_s:.4f} m/s (a tire slides {sliding_rule(result.tires)})"),
         ("sliding sideways", f"{result.max_lateral_slide_m_s:.4f} m/s at most"),
         ("time sliding", f"{100.0 * result.slide_time_fraction:.2f} %"),
         ("top speed", f"{result.max_speed_m_s:.2f} m/s"),

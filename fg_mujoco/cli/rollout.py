@@ -27,7 +27,8 @@ from ..studies.rollout.rollouts import (
     rollout,
 )
 from ..studies.rollout.world_batch import RECORDS
-from ..vehicle.tire_slip import SLIDING_SPEED
+from ..vehicle.tire_slip import sliding_rule
+from ..vehicle.tires import CONTACT
 from .options import add_controller_option, add_drive_options, drive_options, number, shown_as, to_go, whole
 
 _DONE, _NOT_DONE = 0, 1
@@ -138,12 +139,13 @@ def _progress(progress: RolloutProgress) -> str:
 def _table(result: RolloutResult, out: str | None) -> str:
     summary = result.summary()
     reasons = ", ".join(f"{count} {reason.replace('_', ' ')}" for reason, count in summary["end_reasons"].items())
+    rule = f"{sliding_rule(CONTACT)}; one with a curve past its peak"
     rows = [
         ("worlds", f"{len(result)}: {reasons}"),
         ("finished", f"{100.0 * summary['finished']:.1f} %"),
         ("first lap", _spread(summary["first_lap_s"], "s")),
         ("best lap", _spread(summary["best_lap_s"], "s")),
-        ("greatest sliding", _spread(summary["max_slide_m_s"], f"m/s (a tire slides above {SLIDING_SPEED} m/s)")),
+        ("greatest sliding", _spread(summary["max_slide_m_s"], f"m/s (a tire slides {rule})")),
         ("simulated", f"{summary['world_seconds']:.1f} s"),
     ]
     if result.worlds_driven:

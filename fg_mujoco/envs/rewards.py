@@ -2,7 +2,7 @@
 
     reward = progress * metres driven along the centreline        (backward counts negative)
            - collision, once, when the chassis touches anything
-           - sliding * seconds of the tick in which a tire slides (faster than SLIDING_SPEED)
+           - sliding * seconds of the tick in which a tire slides (see `TireSlip.slides`)
 
 With the default weights a lap is worth its length, less what was done wrong.
 """

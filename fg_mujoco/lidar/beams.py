@@ -165,9 +165,7 @@ class LidarModel:
           sensors: with MuJoCo's sensors and their sites, as `rangefinder` needs. `raycast` needs none, and 1081 sites
             cost 100 us a physics step.
         """
-        spec = self._parsed.copy()
-        if not sensors:
-            spec.delete(spec.frame(_BEAMS))  # the sensors go with their sites
+        spec = (self._parsed if sensors else self._without_sensors).copy()
         spec.add_text(name=_FILE, data=self.file)
         return spec
 
@@ -186,6 +184,13 @@ class LidarModel:
     @cached_property
     def _parsed(self) -> Any:
         return mujoco.MjSpec.from_string(self.text)
+
+    @cached_property
+    def _without_sensors(self) -> Any:
+        """Without them, once for all worlds: to take out 1081 of them takes 12 ms."""
+        spec = self._parsed.copy()
+        spec.delete(spec.frame(_BEAMS))  # the sensors go with their sites
+        return spec
 
     @cached_property
     def _model(self) -> Any:

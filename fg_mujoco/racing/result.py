@@ -113,7 +113,7 @@ class RaceResult(Shown):
     collisions: int
     max_slide_m_s: float  # fastest that any tire's contact point moved over the ground
     max_lateral_slide_m_s: float  # the same, across the wheel's heading: sideways, and not by spinning or locked wheels
-    slide_time_fraction: float  # share of the physics steps in which a tire slid, faster than SLIDING_SPEED
+    slide_time_fraction: float  # share of the physics steps in which a tire slid (`TireSlip.slides`)
     mean_speed_m_s: float
     max_speed_m_s: float
     sim_time_s: float

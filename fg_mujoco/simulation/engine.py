@@ -342,7 +342,7 @@ class Engine:
     def sense(self, which: Mask | None = None) -> None:
         """Take the scans and odometry of cars, (r,); None: of all that race. Once for each moment: noise is drawn."""
         chosen = self.running if which is None else which
-        if which is None and self.cars_per_world > 1:  # whoever stands there has telemetry, too
+        if which is None and self.cars_per_world > 1 and not self.running.all():  # who stands there has telemetry, too
             beside = np.repeat(self.running.reshape(self.count, -1).any(axis=1), self.cars_per_world) & ~chosen
             if beside.any():
                 self._share(lambda batch: batch.read(beside[batch.rows]))

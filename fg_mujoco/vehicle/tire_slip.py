@@ -46,6 +46,7 @@ from .tire_forces import (
     slips,
     tire_rows,
 )
+from .tires import CONTACT
 
 SLIDING_SPEED = 0.05
 """[m/s] A tire slides when its contact point moves faster than this over the ground.
@@ -53,6 +54,20 @@ SLIDING_SPEED = 0.05
 A tire that holds still creeps by 4 mm/s for each m/s^2 (see the tires' `solreffriction` in models/f1tenth.xml): 42 mm/s
 at the limit of dry ground, measured on steady circles; past the limit the speed soon exceeds 100 mm/s.
 """
+
+
+def slides_above(tires: str) -> float:
+    """Return the sliding speed above which a tire slides [m/s], by the name of its set in a summary.
+
+    That of a tire with a curve counts from its peak: it slides where there is any.
+    """
+    return SLIDING_SPEED if tires == CONTACT else 0.0
+
+
+def sliding_rule(tires: str) -> str:
+    """Return when a tire slides, in words, by the name of its set in a summary."""
+    return f"above {SLIDING_SPEED:g} m/s" if tires == CONTACT else "past its peak"
+
 
 _SENSORS = ("tire_contact", "wheel_position", "wheel_velocity", "wheel_angular_velocity")  # READINGS of them
 _AXLE = "wheel_axle"  # sensor of a wheel: where its axle points, (3,) in the world

@@ -24,7 +24,7 @@ from ..racing.standings import standings
 from ..simulation.cars import car_colour_hex
 from ..simulation.telemetry import TELEMETRY
 from ..vehicle.car import WHEELS
-from ..vehicle.tire_slip import SLIDING_SPEED
+from ..vehicle.tire_slip import SLIDING_SPEED, slides_above, sliding_rule
 from .course_drawing import draw_course, draw_line, draw_obstacles, extent
 
 if TYPE_CHECKING:
@@ -129,14 +129,14 @@ def trace_picture(result: RaceResult, path: str | Path | BinaryIO) -> None:
 
         panels = [figure.add_subplot(grid[1])]
         panels += [figure.add_subplot(grid[row], sharex=panels[0]) for row in (2, 3)]
-        _draw_panels(panels, column)
+        _draw_panels(panels, column, result.tires)
         _mark_laps(panels, result.lap_times_s)
         panels[-1].set_xlabel("time [s]")
         end = max(result.sim_time_s, 1e-3)
         panels[-1].set_xlim(-0.005 * end, end)  # what happens at once must not hide behind the axis
         tires = [figure.add_subplot(grid[4])]
         tires += [figure.add_subplot(grid[row], sharex=tires[0]) for row in (5, 6, 7)]
-        _draw_tires(tires, column, result.world.track)
+        _draw_tires(tires, column, result.world.track, result.tires)
         for panel in (*panels, *tires):
             panel.grid(axis="y", color="0.9", linewidth=0.5)
             panel.spines[["top", "right"]].set_visible(False)
@@ -215,7 +215,7 @@ def _headline(result: RaceResult) -> str:
     return f"{result.track}, {result.controller}: {laps}{best}{end}; greatest sliding {result.max_slide_m_s:.3f} m/s"
 
 
-def _draw_panels(panels: list[Axes], column: dict[str, FloatArray]) -> None:
+def _draw_panels(panels: list[Axes], column: dict[str, FloatArray], tires: str) -> None:
     speed, steering, sliding = panels
     time = column["time_s"]
     speed.plot(time, column["command_speed_m_s"], **_COMMAND, label="command")
@@ -230,7 +230,7 @@ def _draw_panels(panels: list[Axes], column: dict[str, FloatArray]) -> None:
     for wheel, colour in zip(WHEELS, _TIRE_COLOURS, strict=True):
         label = wheel.replace("_", " ")
         sliding.plot(time, column[f"slide_{wheel}_m_s"], color=colour, linewidth=0.6, label=label)
-    sliding.axhline(SLIDING_SPEED, **_LIMIT, label="limit")
+    sliding.axhline(slides_above(tires), **_LIMIT, label="limit")
     sliding.set_ylabel("sliding\n[m/s]")
     sliding.set_ylim(0.0, max(1.2 * SLIDING_SPEED, 1.05 * sliding.dataLim.y1))
     for panel in (speed, sliding):
@@ -238,7 +238,7 @@ def _draw_panels(panels: list[Axes], column: dict[str, FloatArray]) -> None:
         legend.set_in_layout(False)
 
 
-def _draw_tires(panels: list[Axes], column: dict[str, FloatArray], track: Course) -> None:
+def _draw_tires(panels: list[Axes], column: dict[str, FloatArray], track: Course, tires: str) -> None:
     """Draw each tire's friction utilisation over the place on the lap: every lap, the greatest, and where it slid.
 
     On a course without end it is drawn over time.
@@ -260,7 +260,7 @@ def _draw_tires(panels: list[Axes], column: dict[str, FloatArray], track: Course
         greatest[np.isneginf(greatest)] = np.nan  # nobody was there, or the tire was off the ground
         panel.stairs(greatest, edges, color=colour, linewidth=1.0, baseline=None)
         panel.stairs(greatest, edges, color=colour, alpha=0.15, fill=True)
-        slid = column[f"slide_{wheel}_m_s"] > SLIDING_SPEED
+        slid = column[f"slide_{wheel}_m_s"] > slides_above(tires)
         panel.plot(place[slid], np.full(slid.sum(), 1.12), "|", color=_ALERT, markersize=5.0, markeredgewidth=1.2)
         panel.axhline(1.0, **_LIMIT)
         panel.set_ylim(0.0, 1.2)
@@ -270,10 +270,10 @@ def _draw_tires(panels: list[Axes], column: dict[str, FloatArray], track: Course
     where = "time [s]" if endless else "place on the lap [m]" if track.closed else "place on the course [m]"
     panels[-1].set_xlabel(where)
     panels[0].set_xlim(edges[0], edges[-1])
-    _explain_tires(panels[0], laps=not endless)
+    _explain_tires(panels[0], tires, laps=not endless)
 
 
-def _explain_tires(panel: Axes, *, laps: bool) -> None:
+def _explain_tires(panel: Axes, tires: str, *, laps: bool) -> None:
     """Put a legend beside the panels of the tires, in no tire's colour."""
     from matplotlib.lines import Line2D
 
@@ -282,7 +282,7 @@ def _explain_tires(panel: Axes, *, laps: bool) -> None:
         Line2D([], [], color=_TIRE_COLOURS[0], linewidth=1.0, label="greatest of\nall laps" if laps else "greatest"),
         Line2D([], [], label="limit", **_LIMIT),
         Line2D([], [], color=_ALERT, marker="|", linestyle="", markeredgewidth=1.2, label="slides,\n"
-               f"> {SLIDING_SPEED:g} m/s"),
+               f"{sliding_rule(tires)}"),
     ]  # fmt: skip
     legend = panel.legend(handles=shown, loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=7.0, handlelength=1.2)
     legend.set_in_layout(False)

@@ -1,5 +1,7 @@
 """Tries a door again and again in a process of its own, and tells every try that went wrong.
 
+That process is a fork of one which has imported the doors and driven a race, so that each door is not charged for it.
+
 Wrong is: a traceback, a death, more than 10 s, more than 1.5 GB; of a command that refuses its input, too: more than
 one line, anything on its standard output, and anything written.
 """
@@ -8,18 +10,23 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import multiprocessing
 import os
 import shutil
 import signal
-import subprocess
 import sys
 import tempfile
 import time
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
+from multiprocessing import forkserver
+from multiprocessing.connection import Connection
+from multiprocessing.context import ForkServerContext
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 from zlib import crc32
 
 import numpy as np
@@ -34,6 +41,7 @@ class Limits:
 
 
 _TESTS = Path(__file__).parents[1]
+READY = "ready"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,23 +116,12 @@ class _Knocker:
     """The process that tries, watched."""
 
     def __init__(self, doors: str, door: str, seed: int, number: int, end: int, folder: Path, limits: Limits) -> None:
-        reading, writing = os.pipe()
-        command = [
-            sys.executable,
-            "-m",
-            "fuzzing.harness",
-            doors,
-            door,
-            *map(str, (seed, number, end, folder, writing)),
-        ]
-        environment = os.environ | {"FG_MUJOCO_COMPILING": "in tests", "PYTHONPATH": str(_TESTS)}
-        self._log = open(folder / "log", "wb+")  # noqa: SIM115
-        self._process = subprocess.Popen(
-            command, env=environment, pass_fds=[writing], stdin=subprocess.DEVNULL, stdout=self._log, stderr=self._log,
-            start_new_session=True, cwd=folder,
-        )  # fmt: skip
-        os.close(writing)
-        self._lines = open(reading, "rb", buffering=0)  # noqa: SIM115
+        self._log = folder / "log"
+        self._told, telling = _forks().Pipe(duplex=False)
+        arguments = (doors, door, seed, number, end, folder, telling)
+        self._process = _forks().Process(target=_try_door, args=arguments)
+        self._process.start()
+        telling.close()
         self._next, self._end, self._limits = number, end, limits
         self.memory = 0
 
@@ -133,38 +130,35 @@ class _Knocker:
 
     def __exit__(self, *_: object) -> None:
         with contextlib.suppress(ProcessLookupError):
-            os.killpg(self._process.pid, signal.SIGKILL)
-        self._process.wait()
-        self._lines.close()
-        self._log.close()
+            os.killpg(self._process.pid, signal.SIGKILL)  # and what it has started
+        self._process.kill()
+        self._process.join()
+        self._told.close()
 
     def __iter__(self) -> Any:
-        os.set_blocking(self._lines.fileno(), False)
-        text, begun = b"", time.monotonic() + 300.0  # for what it prepares
+        begun = time.monotonic() + 300.0  # for what it prepares
         while True:
-            chunk = self._lines.read(65536)
-            if chunk == b"":
+            try:
+                told = self._told.recv() if self._told.poll(0.01) else None
+            except (EOFError, OSError):  # it has ended, maybe while it told something
                 break
             self._measure()
-            *lines, text = (text + (chunk or b"")).split(b"\n")
-            for line in lines:
-                if line:
-                    seconds, refused, wrong = line.decode().split(" ", 2)
-                    yield _Told(number=self._next, seconds=float(seconds), refused=refused == "1", wrong=wrong)
-                    self._next += 1
+            if told is not None:
                 begun = time.monotonic()
+                if told != READY:
+                    seconds, refused, wrong = told
+                    yield _Told(number=self._next, seconds=seconds, refused=refused, wrong=wrong)
+                    self._next += 1
             if self.memory > self._limits.memory:
                 yield _Told(number=self._next, wrong=f"more than {self._limits.memory} kB of memory")
                 return
             if time.monotonic() - begun > self._limits.time:
                 yield _Told(number=self._next, seconds=self._limits.time, wrong=f"more than {self._limits.time:g} s")
                 return
-            if chunk is None:
-                time.sleep(0.01)
-        code = self._process.wait()
+        self._process.join()
         if self._next < self._end:
-            self._log.seek(0)
-            last = self._log.read()[-2000:].decode(errors="replace")
+            last = self._log.read_bytes()[-2000:].decode(errors="replace")
+            code = self._process.exitcode
             yield _Told(
                 number=self._next,
                 wrong=f"the process ended with {code} before it was through: {' '.join(last.split())[-300:]}",
@@ -176,33 +170,36 @@ class _Knocker:
             self.memory = max(self.memory, int(status.split("VmHWM:")[1].split()[0]))
 
 
+@cache
+def _forks() -> ForkServerContext:
+    """Start the process of which those that try are forks: it has loaded what every door needs, and waits."""
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["fuzzing.warm"])
+    with patch.dict(os.environ, {"FG_MUJOCO_COMPILING": "in tests", "PYTHONPATH": str(_TESTS)}):
+        forkserver.ensure_running()
+    return context
+
+
 # -- in the process that tries
 
 
-def main(arguments: list[str]) -> None:
-    """Try a door in this process."""
-    doors, name, seed, number, end, folder, pipe = arguments
+def _try_door(doors: str, name: str, seed: int, number: int, end: int, folder: Path, telling: Connection) -> None:
+    os.setsid()
+    os.chdir(folder)
+    log = os.open("log", os.O_RDWR | os.O_CREAT | os.O_TRUNC)
+    for stream in (1, 2):
+        os.dup2(log, stream)
+    importlib.import_module("fuzzing.warm")
     module, _, catalogue = doors.partition(":")
     made = getattr(importlib.import_module(module), catalogue)[name]
-    samples = Path(folder) / "samples"
+    samples = folder / "samples"
     if not samples.exists():
         samples.mkdir()
         made.prepare(samples)
-    with open(int(pipe), "w", encoding="utf-8", buffering=1) as told, _captured(Path(folder)) as output:
-        warm_up()
-        told.write("\n")  # ready
-        for i in range(int(number), int(end)):
-            seconds, refused, wrong = tried(
-                made, samples, Path(folder) / f"here-{i}", _generator(name, int(seed), i), output
-            )
-            told.write(f"{seconds:.4f} {int(refused)} {wrong}\n")
-
-
-def warm_up() -> None:
-    """Load, or compile, what every race needs, so that no try is charged for it."""
-    import fg_mujoco as fg
-
-    fg.race("oval", time_limit=0.03)
+    with telling, _captured(folder) as output:
+        telling.send(READY)
+        for i in range(number, end):
+            telling.send(tried(made, samples, folder / f"here-{i}", _generator(name, seed, i), output))
 
 
 def _generator(name: str, seed: int, number: int) -> np.random.Generator:
@@ -285,7 +282,3 @@ def _captured(folder: Path) -> Any:
             for number, old in enumerate(kept, start=1):
                 os.dup2(old, number)
                 os.close(old)
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])

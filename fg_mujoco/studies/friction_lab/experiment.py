@@ -15,9 +15,13 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 from ...errors import SettingsError
 from ...messages import require_whole
 from ...vehicle.changes import GREATEST_MU
+from ...vehicle.tires import Tires
 
 if TYPE_CHECKING:
     import matplotlib.figure
+
+ON_CIRCLES, OF_TIRES = ("skidpad", "tire_law"), "tire_law"
+"""The experiments that take frictions and steering angles, and the one that takes sets of tires."""
 
 Cell: TypeAlias = dict[str, Any]
 """One unit of work: names to JSON values."""
@@ -34,17 +38,21 @@ class LabSettings:
     """Settings that all experiments share.
 
     Raises:
-      SettingsError: a friction or steering angle that no cell can be measured at.
+      SettingsError: a friction or steering angle that no cell can be measured at, or tires that are not known.
     """
 
     quick: bool = False  # a sub-grid only, for tests and a first look
     seed: int = 0  # of whatever is drawn
-    mus: tuple[float, ...] | None = None  # [-] of the tires, on the skidpad; None: the experiment's own
-    steerings: tuple[float, ...] | None = None  # [rad] on the skidpad, to both sides; None: the experiment's own
+    mus: tuple[float, ...] | None = None  # [-] of the tires, in ON_CIRCLES; None: the experiment's own
+    steerings: tuple[float, ...] | None = None  # [rad] in ON_CIRCLES; None: the experiment's own
+    tires: tuple[str, ...] | None = None  # sets of OF_TIRES: names, or TOML files; None: all bundled ones
 
     def __post_init__(self) -> None:
         require_whole("seed", self.seed, 0)
-        for name, values in (("mu", self.mus), ("steering", self.steerings)):
+        for source in self.tires or ():
+            if Tires.load(source).is_contact:
+                raise SettingsError(f"tires {source!r} have no curve; accepted: sets that have one, as of models/tires")
+        for name, values in (("mu", self.mus), ("steering", self.steerings), ("tires", self.tires)):
             if values is not None and (not values or len(set(values)) < len(values)):
                 raise SettingsError(f"{name} is {values!r}; accepted: one value or more, each once")
         for mu in self.mus or ():

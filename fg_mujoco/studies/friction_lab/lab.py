@@ -40,6 +40,7 @@ EXPERIMENTS: dict[str, str] = {
     "convergence": f"{_HERE}.convergence",
     "models": f"{_HERE}.single_track",
     "tire_bench": f"{_HERE}.tire_bench",
+    "tire_law": f"{_HERE}.tire_law",
 }
 """The modules of the experiments by their names, in the order of the report; each has an `EXPERIMENT`."""
 

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from ..folders import blame
-from .experiment import Figure, Row, Section, Tables
+from .experiment import OF_TIRES, ON_CIRCLES, Figure, Row, Section, Tables
 from .lab_figures import embedded, render
 from .lab_store import replace_text
 
@@ -133,8 +133,10 @@ def again(name: str, settings: Mapping[str, Any]) -> str:
         words += ["--seed", str(settings["seed"])]
     for option in ("mu", "steering"):
         values = settings.get(f"{option}s")
-        if values and name == "skidpad":
+        if values and name in ON_CIRCLES:
             words += [f"--{option}", ",".join(f"{value:g}" for value in values)]
+    if settings.get("tires") and name == OF_TIRES:
+        words += ["--tires", ",".join(settings["tires"])]
     return shlex.join(words)
 
 

@@ -24,8 +24,10 @@ from ...simulation.engine import whole_steps
 from ...simulation.physics import STATE
 from ...simulation.simulation import complete_state
 from ...vehicle.car import Car
-from ...vehicle.changes import GREATEST_MU
-from ...vehicle.vehicle import Vehicle
+from ...vehicle.changes import GREATEST_MU, CarChanges
+from ...vehicle.tire_forces import TireForces
+from ...vehicle.tires import Tires
+from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .trace import CarSensors, Trace, join
 
 TICK = 0.025
@@ -93,8 +95,11 @@ class OpenGround:
     """A car on endless level ground.
 
     Args:
-      mu: friction coefficient of the tires [-]; None: as in the MJCF.
+      mu: friction coefficient of the tires, or the greatest peak of those with a curve [-]; None: as in the MJCF.
       engine: settings of the physics.
+      tires: that the car stands on; None: its own.
+      vehicle: the car.
+      changes: what differs from its MJCF.
 
     Attributes:
       model: the compiled mujoco.MjModel.
@@ -105,29 +110,41 @@ class OpenGround:
       SettingsError: a friction coefficient that is no number above 0 and up to GREATEST_MU.
     """
 
-    def __init__(self, mu: float | None = None, engine: Engine | None = None) -> None:
+    def __init__(
+        self,
+        mu: float | None = None,
+        engine: Engine | None = None,
+        tires: Tires | None = None,
+        vehicle: str | Vehicle = DEFAULT_VEHICLE,
+        changes: CarChanges | None = None,
+    ) -> None:
         if mu is not None:
             require_mu(mu)
-        self.model = Vehicle.load().spec(mu).compile()
+        self.model = Vehicle.load(vehicle).spec(mu, changes, tires).compile()
         (engine or Engine()).apply(self.model)
         self.data = mujoco.MjData(self.model)
         self.car = Car(self.model)
+        self._forces = TireForces(self.model)
         self._sensors = CarSensors(self.model)
 
     def place(self, speed: float = 0.0) -> None:
         """Place the car at the origin, heading along x, rolling at `speed` [m/s]."""
         mujoco.mj_resetData(self.model, self.data)
         self.car.set_pose(self.data, 0.0, 0.0, 0.0, speed)
+        self._forces.begin(self.data)
 
     def hold(self, command: DriveCommand, seconds: float = TICK) -> Trace:
         """Hold a command and return what happened, at each physics step."""
         records = np.empty((whole_steps(seconds, self.model.opt.timestep), self.model.nsensordata))
-        model, data = self.model, self.data
+        states = np.empty((len(records), self.model.nuserdata))
+        model, data, forces = self.model, self.data, self._forces
         self.car.apply(data, command)
-        for row in records:
+        for row, own in zip(records, states, strict=True):
+            forces.apply(data)
             mujoco.mj_step(model, data)
-            row[:] = data.sensordata
-        return Trace(records=records, sensors=self._sensors, timestep=model.opt.timestep)
+            forces.end(data)
+            row[:], own[:] = data.sensordata, data.userdata
+        return Trace(records=records, states=states, sensors=self._sensors, timestep=model.opt.timestep)
 
     def run(self, commands: Iterable[DriveCommand], seconds: float = TICK) -> Trace:
         """Hold one command after another, each for so many seconds."""

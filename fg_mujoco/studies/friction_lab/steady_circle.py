@@ -16,12 +16,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fg_mujoco.controllers.control.speed import friction_speed
 
 from ...errors import SettingsError
 from ...messages import DriveCommand, FloatArray
 from ...vehicle.car import WHEELS
+from ...vehicle.changes import CarChanges
+from ...vehicle.tires import Tires
+from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .open_ground import Engine, OpenGround
 from .trace import Trace, join
 
@@ -30,6 +34,7 @@ _GAIN = 3.0  # [1/s] of the command's rate, per missing speed: slower than the s
 _GENTLE = 0.03  # of mu g, for gaining speed
 _SETTLING = 1.5  # [s] after the speed is there: several times what yaw (.1 s), springs (.2 s) and command (.4 s) take
 _WINDOW = 0.5  # [s] that is measured
+_STEADY, _WINDOWS = 5e-4, 40  # change of speed and yaw rate from one window to the next, with a curve; and how many
 _START = 0.8  # of the law's speed
 _STRIDE = 0.05  # of the law's speed, upwards to where a bisection begins
 _SHORT = 0.02  # of the law's speed, by which a car may fall behind what was asked for
@@ -50,7 +55,12 @@ class CircleReading:
     speed: float  # [m/s]
     curvature: float  # [-] of the rear axle's path, over that of the steering angle, tan(d) / b
     slides: FloatArray  # (4,) [m/s] greatest sliding speed of each tire; NaN: off the ground all the time
-    axle_use: tuple[float, float]  # [-] friction over mu times load, of the front and of the rear axle
+    sliding: NDArray[np.bool_]  # (4,) whether each tire slides, as `TireSlip.slides` says, at any time
+    first_tire: str  # name of the one that slid first on the way here and in it; "": none
+    lost: bool  # whether tires with a curve slid, and the car did not keep its speed
+    axle_use: tuple[float, float]  # [-] friction over the greatest at the load, of the front and of the rear axle
+    acceleration: float  # [m/s^2] of the centre of gravity along the ground
+    slip_angles: FloatArray  # (4,) [rad] positive where the force is to the left
     loads: FloatArray  # (4,) [N]
     airborne: float  # [-] share of the time that some tire is off the ground
 
@@ -76,11 +86,15 @@ class SteadyCircle:
     """A car on a circle, for any k.
 
     Args:
-      mu: friction coefficient of the tires [-].
+      mu: friction coefficient of the tires [-]; of those with a curve the least peak, which planners are told.
       steering: angle [rad], left positive.
       engine: settings of the physics.
+      tires: that the car stands on; None: its own.
+      vehicle: the car.
+      changes: what differs from its MJCF.
 
     Attributes:
+      tires: that the car stands on.
       ground: the OpenGround it is driven on.
       law: speed of the law at this mu and steering [m/s].
 
@@ -88,8 +102,17 @@ class SteadyCircle:
       SettingsError: a friction coefficient that the lab does not accept, no steering, or more than the car's lock.
     """
 
-    def __init__(self, mu: float, steering: float, engine: Engine | None = None) -> None:
-        self.ground = OpenGround(mu, engine)
+    def __init__(
+        self,
+        mu: float,
+        steering: float,
+        engine: Engine | None = None,
+        tires: Tires | None = None,
+        vehicle: str | Vehicle = DEFAULT_VEHICLE,
+        changes: CarChanges | None = None,
+    ) -> None:
+        self.tires = tires or Vehicle.load(vehicle).tires
+        self.ground = OpenGround(greatest_peak(self.tires, mu), engine, self.tires, vehicle, changes)
         self.car = self.ground.car.parameters
         self.mu, self.steering = mu, steering
         lock = self.car.max_steering_angle
@@ -110,6 +133,12 @@ class SteadyCircle:
         if k not in self._settled:
             self._settle(k)
         return self._settled[k][2]
+
+    @property
+    def fastest(self) -> CircleReading | None:
+        """The reading of the greatest k so far at which no tire slid; None: there is none."""
+        held = [k for k, settled in self._settled.items() if not settled[2].sliding.any()]
+        return self._settled[max(held)][2] if held else None
 
     def bisect(
         self, happens: Callable[[CircleReading], bool], *, low: float = 0.85, high: float = 1.3, width: float = 0.002
@@ -151,8 +180,14 @@ class SteadyCircle:
         for _ in range(round((ramp + _SETTLING + _WINDOW) / _PERIOD)):
             command = self._next_command(command, target)
             traces.append(self.ground.hold(self._drive(command), _PERIOD))
-        reading = self._read(join(traces).last(_WINDOW))
-        if reading.k < k - _SHORT:
+        for _ in range(0 if self.tires.is_contact else _WINDOWS):
+            if self._steady(join(traces[-2 * round(_WINDOW / _PERIOD) :]), target):
+                break
+            for _ in range(round(_WINDOW / _PERIOD)):
+                command = self._next_command(command, target)
+                traces.append(self.ground.hold(self._drive(command), _PERIOD))
+        reading = self._read(join(traces), k)
+        if reading.k < k - _SHORT and not reading.lost:
             raise UnreachableError(f"{_why_not(reading)} at {reading.speed:.2f} m/s; {target:.2f} were asked for")
         self._settled[k] = self.ground.state, command, reading
 
@@ -172,10 +207,25 @@ class SteadyCircle:
         rate = _GAIN * (target - math.hypot(data.qvel[0], data.qvel[1]))
         return command + _PERIOD * max(-gentle, min(gentle, rate))
 
-    def _read(self, trace: Trace) -> CircleReading:
-        slip, speed = trace.slip, float(trace.speed.mean())
+    def _steady(self, trace: Trace, target: float) -> bool:
+        """Return whether a car on tires with a curve runs steadily, or has begun to slide.
+
+        Near the speed at which it would spin, such a car leaves its circle slowly.
+        """
+        before, last = trace[: len(trace.records) // 2], trace.last(_WINDOW)
+        if last.slip.slides.any():
+            return True
+        moved = abs(float(last.yaw_rate.mean()) / float(before.yaw_rate.mean()) - 1.0)
+        return moved < _STEADY and abs(float(last.speed.mean()) / target - 1.0) < _STEADY
+
+    def _read(self, whole: Trace, k: float) -> CircleReading:
+        trace = whole.last(_WINDOW)
+        slip, speed, sliding = trace.slip, float(trace.speed.mean()), whole.slip.slides
         friction, load = np.nan_to_num(slip.friction_force).mean(axis=0), np.nan_to_num(slip.normal_force).mean(axis=0)
-        front, rear = (float(friction[axle].sum() / (self.mu * load[axle].sum())) for axle in (slice(2), slice(2, 4)))
+        most = self.mu * load if self.tires.is_contact else _greatest_forces(trace)
+        front, rear = (float(friction[axle].sum() / most[axle].sum()) for axle in (slice(2), slice(2, 4)))
+        lost = not self.tires.is_contact and speed < (k - _SHORT) * self.law and bool(sliding.any())
+        first = np.argwhere(sliding)
         airborne = np.isnan(slip.normal_force)
         slides = np.nanmax(np.where(airborne, -1.0, slip.sliding_speed), axis=0)
         return CircleReading(
@@ -183,10 +233,29 @@ class SteadyCircle:
             speed=speed,
             curvature=float(trace.yaw_rate.mean()) / speed * self.car.wheelbase / math.tan(self.steering),
             slides=np.where(slides < 0.0, math.nan, slides),
+            sliding=np.asarray((sliding if lost else slip.slides).any(axis=0)),
+            first_tire=WHEELS[first[0, 1]] if len(first) else "",
+            lost=lost,
             axle_use=(front, rear),
+            acceleration=float(np.hypot(*trace.acceleration.T).mean()),
+            slip_angles=np.nan_to_num(slip.slip_angle).mean(axis=0),
             loads=load,
             airborne=float(airborne.any(axis=1).mean()),
         )
+
+
+def greatest_peak(tires: Tires, mu: float) -> float:
+    """Return the greatest peak that gives tires the least peak `mu` [-]; of the model `contact` it is mu."""
+    if tires.peak is None or tires.least_peak is None:
+        return mu
+    return tires.peak * mu / tires.least_peak
+
+
+def _greatest_forces(trace: Trace) -> FloatArray:
+    """Return the greatest force of each tire with a curve at its load, in the direction of its slip. Shape (4,) [N]."""
+    slip = trace.slip
+    found: FloatArray = np.nan_to_num(slip.friction_force / np.maximum(slip.friction_utilisation, 1e-9)).mean(axis=0)
+    return found
 
 
 def _why_not(reading: CircleReading) -> str:

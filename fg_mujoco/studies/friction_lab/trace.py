@@ -42,12 +42,15 @@ class Trace:
     """A car's motion over some physics steps, n of them. The rear axle's where nothing else is said."""
 
     records: FloatArray  # (n, nsensordata) sensors at each step, of the state at its start
+    states: FloatArray  # (n, nuserdata) user data at each step: of tires with a curve
     sensors: CarSensors
     timestep: float  # [s]
 
     def __getitem__(self, steps: slice) -> Trace:
         """Return the trace of some of the steps."""
-        return Trace(records=self.records[steps], sensors=self.sensors, timestep=self.timestep)
+        return Trace(
+            records=self.records[steps], states=self.states[steps], sensors=self.sensors, timestep=self.timestep
+        )
 
     def last(self, seconds: float) -> Trace:
         """Return the trace of the last so many seconds."""
@@ -61,7 +64,7 @@ class Trace:
     @cached_property
     def slip(self) -> TireSlip:
         """What the tires did, (n, 4)."""
-        return self.sensors.meter.measure(np.ascontiguousarray(self.records))
+        return self.sensors.meter.measure(np.ascontiguousarray(self.records), np.ascontiguousarray(self.states))
 
     @property
     def position(self) -> FloatArray:
@@ -112,7 +115,7 @@ class Trace:
 
     @cached_property
     def tire_forces(self) -> FloatArray:
-        """Of the ground on each tire, along and across the heading. Shape (n, 4, 2) [N]; 0 off the ground.
+        """Of the ground on each tire of the model `contact`, along and across the heading. (n, 4, 2) [N]; 0 in air.
 
         On level ground the tangents of a contact's frame are y and x of the world: a sensor that names the tire, which
         is the first geom of its pair, has the frame that points down.
@@ -128,4 +131,5 @@ class Trace:
 def join(traces: Sequence[Trace]) -> Trace:
     """Return one trace of several of the same car, one after another."""
     records = np.concatenate([trace.records for trace in traces])
-    return Trace(records=records, sensors=traces[0].sensors, timestep=traces[0].timestep)
+    states = np.concatenate([trace.states for trace in traces])
+    return Trace(records=records, states=states, sensors=traces[0].sensors, timestep=traces[0].timestep)

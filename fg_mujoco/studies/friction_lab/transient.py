@@ -21,7 +21,7 @@ from ...vehicle.tire_slip import SLIDING_SPEED
 from . import figure_style as style
 from .experiment import Cell, Experiment, Figure, LabSettings, Row, Section, Tables
 from .figure_style import column
-from .manoeuvres import CURVATURE, MANOEUVRES
+from .manoeuvres import CURVATURE, MANOEUVRES, Manoeuvre
 from .open_ground import OpenGround
 from .speed_laws import LAWS
 from .trace import Trace
@@ -95,19 +95,25 @@ class Transient:
 EXPERIMENT: Experiment = Transient()
 
 
-def drive(ground: OpenGround, manoeuvre: str, mu: float, k: float, law: str) -> tuple[Trace, float]:
+def drive(
+    ground: OpenGround, manoeuvre: str | Manoeuvre, mu: float, k: float, law: str, steering: float | None = None
+) -> tuple[Trace, float]:
     """Drive a manoeuvre under a law, and return the trace and the reference speed [m/s]: k times the law's.
 
     Args:
       ground: of friction mu.
-      manoeuvre: one of MANOEUVRES.
+      manoeuvre: one of MANOEUVRES, or its name.
       mu: that the law assumes.
       k: reference speed over the law's.
       law: one of LAWS.
+      steering: whose law's speed it is [rad]; None: that of CURVATURE.
     """
-    plan, car = MANOEUVRES[manoeuvre], ground.car.parameters
+    plan = MANOEUVRES[manoeuvre] if isinstance(manoeuvre, str) else manoeuvre
+    car = ground.car.parameters
+    if steering is None:
+        steering = math.atan(car.wheelbase * CURVATURE)
     hold = LAWS[law](car, mu)
-    reference = k * friction_speed(math.atan(car.wheelbase * CURVATURE), mu, car.wheelbase, car.gravity)
+    reference = k * friction_speed(steering, mu, car.wheelbase, car.gravity)
 
     def driver(odometry: Odometry) -> DriveCommand:
         return hold(plan.steering(odometry, car), reference, odometry)

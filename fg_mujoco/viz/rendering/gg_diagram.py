@@ -18,7 +18,8 @@ from ...racing.run_folder import Run
 from ...simulation.cars import CAR_PREFIX
 from ...simulation.physics import STATE
 from ...vehicle.car import Car
-from ...vehicle.tire_slip import SLIDING_SPEED
+from ...vehicle.tire_slip import slides_above
+from ...vehicle.tires import CONTACT
 from ..plots import require_matplotlib, save_figure
 from .drive import Drive, read_drive
 
@@ -58,7 +59,8 @@ def gg_picture(source: Drive | Run | RaceResult | str | Path, path: str | Path |
 
     drive = read_drive(source)
     ahead, left = accelerations(drive).T
-    speed, slides = drive.column("speed_m_s"), drive.sliding_speed > SLIDING_SPEED
+    least = slides_above(drive.summary.get("tires", CONTACT))  # older runs lack it
+    speed, slides = drive.column("speed_m_s"), drive.sliding_speed > least
     gravity = -float(mujoco.MjModel.from_xml_string(drive.xml).opt.gravity[2])
     limit = float(drive.summary["mu"]) * gravity
     with mpl.rc_context(_STYLE):

@@ -17,7 +17,8 @@ from ...errors import MissingExtraError
 from ...messages import CarParameters
 from ...simulation.telemetry import TELEMETRY
 from ...vehicle.car import WHEELS
-from ...vehicle.tire_slip import SLIDING_SPEED
+from ...vehicle.tire_slip import slides_above
+from ...vehicle.tires import CONTACT
 from .colours import STAGES, friction_colour
 from .drive import Drive
 
@@ -105,7 +106,7 @@ class _Strip:
         panels.append((2.6, lambda x, w: self._speed(x, w, row["speed_m_s"], limit, summary)))
         if width >= 420:
             panels.append((1.9, lambda x, w: self._steering(x, w, row["steering_angle_rad"], car)))
-        panels.append((2.6, lambda x, w: self._tires(x, w, row)))
+        panels.append((2.6, lambda x, w: self._tires(x, w, row, slides_above(summary.get("tires", CONTACT)))))
         total = sum(share for share, _ in panels)
         room = width - pad * (len(panels) + 1)
         x = float(pad)
@@ -172,12 +173,12 @@ class _Strip:
         self._pen.rectangle((min(middle, end), low, max(middle, end), high), fill=_BLUE)
         self._tick(middle, _WHITE)
 
-    def _tires(self, x: float, width: float, row: dict[str, float]) -> None:
+    def _tires(self, x: float, width: float, row: dict[str, float], least: float) -> None:
         """Draw a bar for each tire, where it is on the car from above, named; one that slides has a white frame."""
         use = [row[f"friction_use_{wheel}"] for wheel in WHEELS]
         slide = [row[f"slide_{wheel}_m_s"] for wheel in WHEELS]
         greatest = max(slide, key=lambda v: -1.0 if math.isnan(v) else v)
-        slides = greatest > SLIDING_SPEED
+        slides = greatest > least
         note = f"framed: slides, {greatest:.2f} m/s" if slides else "no tire slides"
         notes = (note, f"slides {greatest:.2f} m/s" if slides else "holds", "slides" if slides else "holds")
         titles = ("FRICTION UTILISATION", "FRICTION USE", "FRICTION")
@@ -198,7 +199,7 @@ class _Strip:
                 colour = tuple(int(255 * part) for part in friction_colour(share))
                 self._pen.rectangle((left, upper, left + each * min(share, 1.0), upper + high - 1), fill=colour)
                 value = f"{100.0 * share:.0f} %"
-            if slide[index] > SLIDING_SPEED:
+            if slide[index] > least:
                 self._pen.rectangle(box, outline=_WHITE, width=max(round(0.1 * high), 1))
             if high < _LEAST_TEXT:
                 continue

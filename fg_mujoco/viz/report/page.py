@@ -164,7 +164,8 @@ def _page(
     length = lap_length(columns["time_s"], columns["progress_m"], lap_times)
     unfinished = len(lap_times) < int(summary["laps_requested"])
     laps = lap_table(columns, lap_times, length, end=run.end if unfinished else None)
-    events = slide_events(columns, length)
+    events = slide_events(columns, length, tires=run.tires)
+    slides = sections.events(events, run.tires)
     field = Field.of(run)
     film, whose = None, ""
     if clip_seconds is not None:
@@ -189,7 +190,7 @@ def _page(
                 others=[] if field is None else list(enumerate(field.lines))[1:],
                 contacts=[] if field is None else field.contacts,
             ),
-            "time": time_plots(ticks, columns, lap_times),
+            "time": time_plots(ticks, columns, lap_times, run.tires),
             "gg": gg_plot(ticks, columns, grip, cursor),
             **({} if field is None else {"field": field_plots(field)}),
         },
@@ -218,7 +219,7 @@ def _page(
             sections.switch("across", _AXES),
             f'<div class="plots">{places["time"]}</div>',
             f'<div class="columns"><div><h2>g-g diagram</h2><p class="note">In the circle of μ g = {grip:.2f} m/s².'
-            f'</p>{places["gg"]}</div><div class="grow"><h2>Sliding</h2>{sections.events(events)}</div></div>',
+            f'</p>{places["gg"]}</div><div class="grow"><h2>Sliding</h2>{slides}</div></div>',
             f"<h2>Settings, versions, hashes</h2>{sections.settings(run)}",
         )
     )

@@ -20,6 +20,7 @@ from ...simulation.cars import CAR_PREFIX
 from ...simulation.telemetry import TELEMETRY
 from ...simulation.termination import WrongWay
 from ...vehicle.car import car_parameters
+from ...vehicle.tires import CONTACT
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,6 +41,11 @@ class RecordedRun:
     def mu(self) -> float:
         """Friction coefficient of the tires [-]."""
         return float(self.summary["mu"])
+
+    @property
+    def tires(self) -> str:
+        """Name of the set of tires."""
+        return str(self.summary.get("tires", CONTACT))  # older runs lack it
 
     @property
     def lap_times(self) -> tuple[float, ...]:

@@ -12,7 +12,7 @@ import numpy as np
 from ...racing.decisions import decision_limit_text
 from ...racing.manoeuvres import is_driven_by_commands
 from ...simulation.planner_failure import place
-from ...vehicle.tire_slip import SLIDING_SPEED
+from ...vehicle.tire_slip import slides_above, sliding_rule
 from .clip import Clip
 from .lap_table import SECTORS, Lap
 from .recorded_run import RecordedRun
@@ -36,7 +36,7 @@ def head(run: RecordedRun, title: str, notes: Sequence[str]) -> str:
     slides = float(summary["max_slide_m_s"])
     lateral = summary.get("max_lateral_slide_m_s")  # older runs lack it
     share = f"{100 * summary['slide_time_fraction']:.2f} %"
-    verdict = "no tire slid" if slides <= SLIDING_SPEED else f"a tire slid {share} of the time"
+    verdict = "no tire slid" if slides <= slides_above(run.tires) else f"a tire slid {share} of the time"
     decisions, clamped = summary.get("decision_times"), summary.get("clamped_commands")
     boxes = [
         *_lap_boxes(run),
@@ -146,10 +146,10 @@ def _time_cell(value: float | None, least: float | None) -> str:
     return f'<td class="{"best" if value == least else ""}">{value:.3f}</td>'
 
 
-def events(events: Sequence[SlideEvent]) -> str:
+def events(events: Sequence[SlideEvent], tires: str) -> str:
     """Return the list of sliding; a click on a row puts the cursor there."""
     if not events:
-        return f'<p class="note">None: no contact point of a tire moved faster than {SLIDING_SPEED} m/s.</p>'
+        return f'<p class="note">None: no tire slid. It does {sliding_rule(tires)}.</p>'
     rows = [
         f'<tr class="here" data-time="{event.start:.3f}"><td>{event.start:.3f}</td>'
         f"<td>{1e3 * (event.end - event.start):.0f}</td><td>{event.lap}</td>"
@@ -160,7 +160,7 @@ def events(events: Sequence[SlideEvent]) -> str:
     more = f" The first {_MOST_EVENTS} are listed." if len(events) > _MOST_EVENTS else ""
     header = ("time [s]", "for [ms]", "lap", "progress [m]", "tire", "car [m/s]", "greatest [m/s]")
     return (
-        f'<p class="note">{len(events)} times a tire slid, faster than {SLIDING_SPEED} m/s.{more} '
+        f'<p class="note">{len(events)} times a tire slid, {sliding_rule(tires)}.{more} '
         "A click shows where.</p>"
         f'<div class="scroll">{table(header, rows)}</div>'
     )

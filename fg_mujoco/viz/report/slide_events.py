@@ -1,4 +1,4 @@
-"""When, where and which tire slid: stretches of ticks in which its contact point moved faster than SLIDING_SPEED."""
+"""When, where and which tire slid: stretches of ticks in which it slid, as `tire_slip` says."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import numpy as np
 
 from ...messages import FloatArray
 from ...vehicle.car import WHEELS
-from ...vehicle.tire_slip import SLIDING_SPEED
+from ...vehicle.tire_slip import slides_above
+from ...vehicle.tires import CONTACT
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,19 +27,22 @@ class SlideEvent:
     greatest: float  # [m/s] that the contact point moved over the ground
 
 
-def slide_events(columns: dict[str, FloatArray], length: float | None, period: float = 0.025) -> tuple[SlideEvent, ...]:
+def slide_events(
+    columns: dict[str, FloatArray], length: float | None, period: float = 0.025, tires: str = CONTACT
+) -> tuple[SlideEvent, ...]:
     """Return all sliding of a race, in the order in which it began.
 
     Args:
       columns: of `tick_columns`.
       length: of a lap [m]; None: progress is counted from the start of the race.
       period: of a tick [s].
+      tires: name of the set.
     """
     time, progress, lap = columns["time_s"], columns["progress_m"], columns["lap"]
     events = []
     for tire in WHEELS:
         slide = columns[f"slide_{tire}_m_s"]
-        for first, end in _runs(slide > SLIDING_SPEED):
+        for first, end in _runs(slide > slides_above(tires)):
             events.append(
                 SlideEvent(
                     tire=tire,

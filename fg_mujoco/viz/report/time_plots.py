@@ -8,7 +8,7 @@ import numpy as np
 
 from ...messages import FloatArray
 from ...vehicle.car import WHEELS
-from ...vehicle.tire_slip import SLIDING_SPEED
+from ...vehicle.tire_slip import SLIDING_SPEED, slides_above
 from .plot_style import ALERT, CAR, COMMAND, LAW, TIRE_COLOURS, new_figure, put_legend_above
 
 if TYPE_CHECKING:
@@ -18,13 +18,16 @@ if TYPE_CHECKING:
 _HEIGHT = 185  # [px]
 
 
-def time_plots(ticks: ColumnDataSource, columns: dict[str, FloatArray], lap_times: tuple[float, ...]) -> UIElement:
+def time_plots(
+    ticks: ColumnDataSource, columns: dict[str, FloatArray], lap_times: tuple[float, ...], tires: str
+) -> UIElement:
     """Return the plots, one below the other, with one axis; `report.js` switches it from distance to time.
 
     Args:
       ticks: source of all columns.
       columns: of `tick_columns`.
       lap_times: of the laps that were completed [s]; their ends are marked.
+      tires: name of the set.
     """
     from bokeh.layouts import gridplot
     from bokeh.models import Range1d
@@ -50,7 +53,7 @@ def time_plots(ticks: ColumnDataSource, columns: dict[str, FloatArray], lap_time
         _line(friction, ticks, f"friction_use_{wheel}", colour, wheel.replace("_", " "))
         _line(sliding, ticks, f"slide_{wheel}_m_s", colour, wheel.replace("_", " "))
     _mark_height(friction, 1.0)
-    _mark_height(sliding, SLIDING_SPEED)
+    _mark_height(sliding, slides_above(tires))
 
     panels = [speed, steering, friction, sliding]
     ends = np.cumsum(lap_times)
