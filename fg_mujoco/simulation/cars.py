@@ -86,6 +86,17 @@ def car_prefix(index: int) -> str:
     return f"car_{index}/" if index else CAR_PREFIX
 
 
+def require_car(car: int, count: int) -> int:
+    """Return the number of a car of a world, or of a run, that has so many.
+
+    Raises:
+      SettingsError: there is none of that number.
+    """
+    if isinstance(car, bool) or not isinstance(car, int) or not 0 <= car < count:
+        raise SettingsError(f"car is {car!r}; accepted: {f'0 to {count - 1}' if count > 1 else '0, the only one'}")
+    return car
+
+
 def lidar_prefix(index: int) -> str:
     """Return what the names of everything that belongs to a car's LiDAR begin with."""
     return f"{car_prefix(index)}lidar/"
@@ -103,6 +114,11 @@ def car_prefixes(model: mujoco.MjModel) -> tuple[str, ...]:
 def car_colour(index: int) -> tuple[float, ...]:
     """Return the colour of a car's box in pictures, RGBA."""
     return _COLOURS[(index - 1) % len(_COLOURS)] if index else _OWN_COLOUR
+
+
+def car_colour_hex(index: int) -> str:
+    """Return the colour of a car in plots and pages, as `#rrggbb`."""
+    return "#" + "".join(f"{round(255.0 * part):02x}" for part in car_colour(index)[:3])
 
 
 def make_visible(spec: Any, index: int, car: CarParameters) -> None:

@@ -313,9 +313,9 @@ class Engine:
         state: FloatArray,
         i: int = 0,
         *,
-        effects: LidarEffects | None = None,
-        seed: int = 0,
-        odometry_drift: float = 0.0,
+        effects: LidarEffects | Sequence[LidarEffects] | None = None,
+        seed: int | Sequence[int] = 0,
+        odometry_drift: float | Sequence[float] = 0.0,
         timed: bool = False,
     ) -> None:
         """Go on in world i from a recorded state (k,).
@@ -323,19 +323,21 @@ class Engine:
         Args:
           state: complete, as `state` returns it.
           i: the world.
-          effects: what its LiDARs do to a scan; None: nothing.
-          seed: of their noise.
-          odometry_drift: relative error of the speeds and the yaw rate in their odometry.
+          effects: what its LiDARs do to a scan, all alike, or one for each car; None: nothing.
+          seed: of their noise, likewise.
+          odometry_drift: relative error of the speeds and the yaw rate in their odometry, likewise.
           timed: begin the races of its cars there, with their laps and why they end; else they race without end.
         """
         batch, place = self._place_of(i)
         batch.load(place, state, timed=timed)
         rows = range(i * self.cars_per_world, (i + 1) * self.cars_per_world)
         self._drift(rows, odometry_drift)
-        for row in rows:
+        effects_of = effects if isinstance(effects, Sequence) else [effects] * len(rows)
+        seed_of = seed if isinstance(seed, Sequence) else [seed] * len(rows)
+        for row, own, number in zip(rows, effects_of, seed_of, strict=True):
             self._pipelines.pop(row, None)
-            if effects is not None and effects != LidarEffects():
-                self._pipelines[row] = self._pipeline(row, effects, seed)
+            if own is not None and own != LidarEffects():
+                self._pipelines[row] = self._pipeline(row, own, number)
             self.running[row] = self.running[row] or not timed
 
     def sense(self, which: Mask | None = None) -> None:
