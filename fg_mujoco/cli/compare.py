@@ -43,14 +43,14 @@ def add_compare(add_command: Callable[..., argparse.ArgumentParser], commands: A
     text = "drive every controller on every course with every seed, and make a table of how they fared"
     add = add_command(commands, "compare", _compare, text).add_argument
     add(
-        "--controllers", type=_names, metavar="LIST",
+        "--controllers", type=names_in, metavar="LIST",
         help="NAME or path/to/file.py:ClassName, with settings as gap_finder[lookahead=8,clearance=0.2], comma between "
         "two; default: all bundled ones",
     )  # fmt: skip
-    add("--tracks", type=_names, metavar="LIST", help="NAME, random:SEED[:tight] or file.csv; default: none")
-    add("--scenes", type=_names, metavar="LIST", help="names, or all; default: all, unless there are tracks")
+    add("--tracks", type=names_in, metavar="LIST", help="NAME, random:SEED[:tight] or file.csv; default: none")
+    add("--scenes", type=names_in, metavar="LIST", help="names, or all; default: all, unless there are tracks")
     add(
-        "--seeds", type=_seeds, default=DEFAULT_SEEDS, metavar="LIST",
+        "--seeds", type=seeds_in, default=DEFAULT_SEEDS, metavar="LIST",
         help="numbers, or FIRST:END without END; of scenes, and on tracks of obstacles and noise; default: 0:10",
     )  # fmt: skip
     add(
@@ -115,7 +115,7 @@ def _compare(options: argparse.Namespace) -> int:
     return _NOT_DONE if died else _DONE
 
 
-def _names(text: str) -> list[str]:
+def names_in(text: str) -> list[str]:
     """Read names with commas between them; a comma in brackets is part of a name."""
     names = [name.strip() for name in _COMMA.split(text)]
     if not all(names):
@@ -123,7 +123,7 @@ def _names(text: str) -> list[str]:
     return names
 
 
-def _seeds(text: str) -> Sequence[int]:
+def seeds_in(text: str) -> Sequence[int]:
     """Read `0:10` or `1,4,7`."""
     first, colon, end = text.partition(":")
     try:
