@@ -25,6 +25,7 @@ BENCHMARKS = {  # title, script, options, options when quick
     "4. Rollouts": ("rollouts.py", [], ["--most", "64", "--duration", "1"]),
     "5. Starting up": ("startup.py", [], ["--repeats", "3"]),
     "6. Environments": ("environments.py", [], ["--worlds", "16", "--rounds", "1"]),
+    "7. Several cars": ("several_cars.py", [], ["--seconds", "1"]),
 }
 
 

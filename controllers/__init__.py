@@ -13,6 +13,7 @@ CONTROLLERS = {
     "disparity_selection": "disparity_selection:DisparitySelection",
     "follow_the_gap": "follow_the_gap:FollowTheGap",
     "gap_finder": "gap_finder:GapFinder",
+    "overtaker": "overtaker:Overtaker",
     "pure_pursuit": "pure_pursuit:PurePursuit",
     "threshold_gap": "threshold_gap:ThresholdGap",
     "wall_follow": "wall_follow:WallFollow",

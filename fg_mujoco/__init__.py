@@ -27,6 +27,7 @@ from .course.scene import Scene
 from .course.scenes.catalogue import scene_names
 from .course.tight import TightSettings, generate_tight_track
 from .course.track import Track
+from .envs.parallel import parallel_env
 from .errors import (
     BagError,
     ControllerError,
@@ -166,6 +167,7 @@ __all__ = [
     "load_track",
     "make_controller",
     "make_lidar",
+    "parallel_env",
     "race",
     "read_centreline",
     "read_failed_scan",

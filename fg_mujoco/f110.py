@@ -9,11 +9,13 @@
 
 What is as there: names, shapes, units and order of actions, observations and results; 1080 beams over 4.7 rad, with
 noise of 10 mm; a step of 10 ms, after each of which there is a scan; `done` on a collision or after two laps,
-`lap_times` that run until then; `map` without its extension.
+`lap_times` that run until then; `map` without its extension; with more cars than one, whose the rows of poses and
+actions are, `done` when the ego has collided or all cars have driven two laps, and collisions with other cars.
 
 What is not: this is a car with tires and a suspension. `linear_vels_y` is its lateral velocity, which there is zero.
 Poses and velocities are those of the rear axle, and the LiDAR is where it is on the car, 0.275 m ahead of it; steering
-and speed follow their commands as servo and motor let them. The map's thresholds are honoured, and one car drives.
+and speed follow their commands as servo and motor let them. The map's thresholds are honoured. `num_agents` is 1 unless
+another number is given. Cars that touch push each other and drive on; each carries the box that makes it visible.
 
 Written afresh from the documentation of f1tenth_gym.
 """
@@ -28,7 +30,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from .course.course import Course
 from .course.maps.map_track import is_map, read_map
@@ -37,14 +39,15 @@ from .display import brief
 from .errors import SettingsError, accepted_names
 from .lidar.beams import lidar_of
 from .lidar.lidar import Lidar, RaycastLidar
-from .messages import CarParameters, FloatArray
-from .simulation.cars import lidar_prefix
+from .messages import CarParameters, FloatArray, require_whole
+from .simulation.cars import WorldCar, first_overlap, lidar_prefix
 from .simulation.course_loading import load_track
 from .simulation.engine import Engine
 from .simulation.settings import Start
 from .simulation.simulation import complete_state
 from .simulation.world import World
 from .vehicle import motion as car_motion
+from .vehicle.car import Car
 from .vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 
 Observation = dict[str, Any]
@@ -59,7 +62,7 @@ LAPS = 2
 
 _STIFFNESSES = {"C_Sf": 4.718, "C_Sr": 5.4562}  # [1/rad] of the 2D gym's linear tires; these here have none to set
 _SAME = 0.01  # share by which a parameter may differ from that of the car
-_THE_CAR = np.ones(1, np.bool_)  # of the engine's rows
+_MOST_AGENTS = 8
 
 
 def make(name: str = "f110_gym:f110-v0", **settings: Any) -> F110Env:
@@ -74,25 +77,26 @@ def make(name: str = "f110_gym:f110-v0", **settings: Any) -> F110Env:
 
 
 class F110Env:
-    """One car on a map.
+    """Some cars on a map, one by default.
 
     Args:
       map: path of a map_server YAML without `.yaml`; or whatever `load_track` takes, as `oval` or `random:7`.
       map_ext: of the map's image, as `.png`; None: the image that the YAML names.
       params: the car's physical parameters under the 2D gym's names; all but `mu` must be those of the vehicle.
-      num_agents: 1.
+      num_agents: how many cars, 1 to 8.
       timestep: of a step [s], a multiple of the physics' own of 5 ms.
-      ego_idx: 0.
-      seed: of the scan's noise.
+      ego_idx: the car whose collision ends an episode, from 0.
+      seed: of the scans' noise.
       integrator: accepted and not used, for MuJoCo has its own.
-      vehicle: a bundled name, the path of a vehicle's MJCF file, or a Vehicle; the 2D gym does not have this keyword.
+      vehicle: of all cars: a bundled name, the path of a vehicle's MJCF file, or a Vehicle; the 2D gym does not have
+        this keyword.
 
     Attributes:
       world: the World; its LiDAR has the 1080 beams.
 
     Raises:
-      SettingsError: more agents than one, a timestep that is no multiple of the physics' own, or other parameters than
-        the car has.
+      SettingsError: no such number of agents, or no such ego; a timestep that is no multiple of the physics' own, or
+        other parameters than the car has.
       TrackError: a map that cannot be read.
     """
 
@@ -109,11 +113,13 @@ class F110Env:
         integrator: object = None,
         vehicle: Vehicle | str | Path = DEFAULT_VEHICLE,
     ) -> None:
-        if num_agents != 1 or ego_idx != 0:
-            raise SettingsError(f"num_agents is {num_agents!r} and ego_idx {ego_idx!r}; accepted: 1 and 0")
+        require_whole("num_agents", num_agents, 1, _MOST_AGENTS)
+        require_whole("ego_idx", ego_idx, 0, num_agents - 1)
         self.timestep = float(timestep)
         self._seed = seed
-        self._map, self._params = (map, map_ext), params
+        self._ego, self._agents = ego_idx, range(num_agents)
+        self._every = np.ones(num_agents, np.bool_)  # of the engine's rows
+        self._map, self._params = (map, map_ext), [params] * num_agents
         self._vehicle = Vehicle.load(vehicle)
         self._viewer: Any = None
         self._build()
@@ -133,58 +139,75 @@ class F110Env:
         self._build()
 
     def update_params(self, params: dict[str, float], index: int = -1) -> None:
-        """Take other parameters, as `params`, from the next reset on."""
-        self._params = params
+        """Take other parameters, as `params`, from the next reset on.
+
+        Args:
+          params: as of the environment.
+          index: of the car that has them; -1: all have.
+
+        Raises:
+          SettingsError: no such car, or parameters that the car does not have.
+        """
+        require_whole("index", index, -1, len(self._agents) - 1)
+        self._params = [params if index in (-1, agent) else own for agent, own in enumerate(self._params)]
         self._build()
 
     def reset(self, poses: ArrayLike) -> tuple[Observation, float, bool, dict[str, Any]]:
-        """Place the car, let it stand for one step, and return what `step` returns.
+        """Place the cars, let them stand for one step, and return what `step` returns.
 
         Args:
-          poses: of the rear axle, x [m], y [m], heading [rad], shape (1, 3).
+          poses: of the rear axles, x [m], y [m], heading [rad], shape (num_agents, 3).
 
         Raises:
-          SettingsError: another shape, or a number that is not finite.
+          SettingsError: another shape, a number that is not finite, or two cars in one place.
         """
-        ((x, y, heading),) = _checked(poses, 3, "poses", "x, y, heading")
-        self._engine.place([Start()])
+        placed = self._checked(poses, 3, "poses", "x, y, heading")
+        cars = self.world.cars
+        pair = first_overlap(placed, [car.parameters for car in cars])
+        if pair is not None:
+            said = " and ".join(str(placed[agent]) for agent in pair)
+            raise SettingsError(
+                f"poses of the cars {pair[0]} and {pair[1]} are {said}, where they touch; accepted: poses apart"
+            )
+        self._engine.place([Start()] * len(cars))
         data = self.data
-        self.world.car.set_pose(data, x, y, heading)
+        for car, pose in zip(cars, placed, strict=True):
+            car.set_pose(data, *pose)
         self._engine.load(complete_state(self.world.model, data))
-        self._rng = np.random.default_rng(self._seed)
-        self._collided = False
-        self._place = float(self.world.track.project([[x, y]])[0][0])
-        self._progress = self._greatest_progress = 0.0
-        self._laps, self._lap_time = 0, 0.0
-        along = self.world.track.start_pose(self._place - (self.world.track.origin or 0.0))[2]
-        self._forward = math.copysign(1.0, math.cos(heading - along))  # laps count in the direction that it looks in
-        return self.step(np.zeros((1, 2)))
+        # the noise of a car is the same, however many others there are
+        self._noise = [np.random.default_rng([self._seed, agent] if agent else self._seed) for agent in self._agents]
+        self._laps = [_LapCount(self.world.track, *pose) for pose in placed]
+        return self.step(np.zeros((len(cars), 2)))
 
     def step(self, action: ArrayLike) -> tuple[Observation, float, bool, dict[str, Any]]:
         """Hold an action for a timestep.
 
         Args:
-          action: steering angle [rad] and speed [m/s], shape (1, 2), held within the car's limits.
+          action: steering angle [rad] and speed [m/s] of each car, shape (num_agents, 2), held within its limits.
 
         Returns:
-          The observation, the reward, which is the timestep [s], whether the car has collided or driven two laps, and
-          `checkpoint_done`, whether each car has driven two laps.
+          The observation, the reward, which is the timestep [s], whether the ego has collided or all cars have driven
+          two laps, and `checkpoint_done`, whether each car has driven two laps.
 
         Raises:
           SettingsError: another shape, or a number that is not finite.
         """
-        ((steering_angle, speed),) = _checked(action, 2, "action", "steering angle, speed")
+        commands = self._checked(action, 2, "action", "steering angle, speed")
         engine = self._engine
-        engine.commands[0] = steering_angle, speed
+        engine.commands[:] = commands
         engine.drive()
-        engine.sense(_THE_CAR)
-        self._collided = self._collided or bool(engine.crashed[0]) or engine.unstable(0)
-        self._count_laps()
-        finished = self._laps >= LAPS
+        engine.sense(self._every)
+        time = engine.time(0)
+        collided = engine.crashed | (engine.touched_at >= time).any(axis=1) | engine.unstable(0)
+        poses = [self._pose(agent) for agent in self._agents]
+        for laps, (x, y, _) in zip(self._laps, poses, strict=True):
+            laps.count(time, x, y)
+        finished = np.array([laps.completed >= LAPS for laps in self._laps])
         if self._viewer is not None:
             engine.read(0, self._data)
             self._viewer.sync()
-        return self._observe(), self.timestep, self._collided or finished, {"checkpoint_done": np.array([finished])}
+        done = bool(collided[self._ego]) or bool(finished.all())
+        return self._observe(poses, collided), self.timestep, done, {"checkpoint_done": finished}
 
     def render(self, mode: str = "human") -> FloatArray | None:
         """Show the world: "human" or "human_fast" in MuJoCo's viewer, "rgb_array" as a picture (480, 640, 3).
@@ -195,7 +218,7 @@ class F110Env:
         if mode == "rgb_array":
             with mujoco.Renderer(self.world.model, 480, 640) as renderer:
                 camera = mujoco.MjvCamera()
-                camera.lookat[:] = (*self._pose()[:2], 0.0)
+                camera.lookat[:] = (*self._pose(self._ego)[:2], 0.0)
                 camera.distance, camera.elevation, camera.azimuth = 8.0, -60.0, 90.0
                 renderer.update_scene(self.data, camera)
                 picture: FloatArray = renderer.render()
@@ -221,9 +244,13 @@ class F110Env:
     def _build(self) -> None:
         self.close()
         course = _load(*self._map, self._vehicle.parameters)
-        self.world = _GymWorld(course, self._vehicle, mu=None if self._params is None else self._params.get("mu"))
-        if self._params is not None:
-            _check_parameters(self._params, self.world)
+        mus = [None if params is None else params.get("mu") for params in self._params]
+        self.world = _GymWorld(
+            course, self._vehicle, mu=mus[0], others=[WorldCar(vehicle=self._vehicle, mu=mu) for mu in mus[1:]]
+        )
+        for params, car in zip(self._params, self.world.cars, strict=True):
+            if params is not None:
+                _check_parameters(params, car, self._vehicle.name)
         self._data = mujoco.MjData(self.world.model)
         physics = float(self.world.model.opt.timestep)
         steps = round(self.timestep / physics)
@@ -231,47 +258,81 @@ class F110Env:
             raise SettingsError(f"timestep is {self.timestep} s; accepted: a multiple of the physics' own, {physics} s")
         self._engine = Engine(self.world, period=self.timestep)
 
-    def _observe(self) -> Observation:
-        x, y, heading = self._pose()
-        free = int(self.world.car.constants["free_dof"][0])
-        east, north, *_, yaw_rate = self._engine.qvel(0)[free : free + 6].tolist()
-        cos, sin = math.cos(heading), math.sin(heading)
+    def _observe(self, poses: list[tuple[float, float, float]], collided: NDArray[np.bool_]) -> Observation:
+        velocities = [self._velocity(agent, poses[agent][2]) for agent in self._agents]
         return {
-            "ego_idx": 0,
-            "scans": [self._scan()],
-            "poses_x": [x],
-            "poses_y": [y],
-            "poses_theta": [heading % math.tau],
-            "linear_vels_x": [east * cos + north * sin],
-            "linear_vels_y": [north * cos - east * sin],
-            "ang_vels_z": [yaw_rate],
-            "collisions": np.array([float(self._collided)]),
-            "lap_times": np.array([self._lap_time]),
-            "lap_counts": np.array([float(self._laps)]),
+            "ego_idx": self._ego,
+            "scans": [self._scan(agent) for agent in self._agents],
+            "poses_x": [x for x, _, _ in poses],
+            "poses_y": [y for _, y, _ in poses],
+            "poses_theta": [heading % math.tau for _, _, heading in poses],
+            "linear_vels_x": [ahead for ahead, _, _ in velocities],
+            "linear_vels_y": [left for _, left, _ in velocities],
+            "ang_vels_z": [yaw_rate for _, _, yaw_rate in velocities],
+            "collisions": collided.astype(np.float64),
+            "lap_times": np.array([laps.time for laps in self._laps]),
+            "lap_counts": np.array([float(laps.completed) for laps in self._laps]),
         }
 
-    def _scan(self) -> FloatArray:
-        """Return the ranges, noisy; `range_max` where there is nothing, 0 where it is too near. Shape (1080,) [m]."""
-        noisy: FloatArray = self._engine.ranges[0] + self._rng.normal(0.0, SCAN_NOISE, BEAMS)
+    def _scan(self, agent: int) -> FloatArray:
+        """Return a car's ranges, noisy; `range_max` where nothing is, 0 where it is too near. Shape (1080,) [m]."""
+        noisy: FloatArray = self._engine.ranges[agent] + self._noise[agent].normal(0.0, SCAN_NOISE, BEAMS)
         return np.clip(noisy, 0.0, self._engine.beams.range_max, out=noisy)
 
-    def _pose(self) -> tuple[float, float, float]:
-        return car_motion.planar_pose(self._engine.qpos(0), self.world.car.constants)
+    def _pose(self, agent: int) -> tuple[float, float, float]:
+        return car_motion.planar_pose(self._engine.qpos(0), self.world.cars[agent].constants)
 
-    def _count_laps(self) -> None:
-        """Count laps by progress in the direction in which the car was placed; a scene has none."""
-        if self._laps >= LAPS:
+    def _velocity(self, agent: int, heading: float) -> tuple[float, float, float]:
+        """Return a car's velocity ahead and to the left [m/s], and its yaw rate [rad/s]."""
+        free = int(self.world.cars[agent].constants["free_dof"][0])
+        east, north, *_, yaw_rate = self._engine.qvel(0)[free : free + 6].tolist()
+        cos, sin = math.cos(heading), math.sin(heading)
+        return east * cos + north * sin, north * cos - east * sin, yaw_rate
+
+    def _checked(self, values: ArrayLike, columns: int, name: str, meaning: str) -> list[list[float]]:
+        """Return the rows of an array (num_agents, columns) of finite numbers."""
+        array, shape = np.asarray(values, dtype=np.float64), (len(self._agents), columns)
+        if array.shape != shape or not np.isfinite(array).all():
+            raise SettingsError(f"{name} is {array.tolist()}; accepted: finite numbers of shape {shape}, {meaning}")
+        rows: list[list[float]] = array.tolist()
+        return rows
+
+
+class _LapCount:
+    """Counts the laps of a car by progress in the direction in which it was placed; a scene has none.
+
+    Args:
+      track: the course.
+      x: where the car is placed [m].
+      y: the same [m].
+      heading: its own [rad].
+
+    Attributes:
+      completed: laps, two at most.
+      time: when the last was completed, and until then the present time [s].
+    """
+
+    def __init__(self, track: Course, x: float, y: float, heading: float) -> None:
+        self._track = track
+        self._place = float(track.project([[x, y]])[0][0])
+        self._progress = self._greatest_progress = 0.0
+        self.completed, self.time = 0, 0.0
+        along = track.start_pose(self._place - (track.origin or 0.0))[2]
+        self._forward = math.copysign(1.0, math.cos(heading - along))  # laps count in the direction that it looks in
+
+    def count(self, time: float, x: float, y: float) -> None:
+        """Take where the car is at a time."""
+        if self.completed >= LAPS:
             return
-        self._lap_time = self._engine.time(0)
-        track = self.world.track
+        self.time = time
+        track = self._track
         if not track.closed:
             return
-        x, y, _ = self._pose()
         place, _ = follow(x, y, self._place, track.table, track.modulus)
         self._progress += self._forward * math.remainder(place - self._place, track.length)
         self._place = place
         self._greatest_progress = max(self._greatest_progress, self._progress)
-        self._laps = int(self._greatest_progress // track.length)
+        self.completed = int(self._greatest_progress // track.length)
 
 
 class _GymWorld(World):
@@ -301,11 +362,11 @@ def _load(name: str, extension: str | None, car: CarParameters) -> Course:
     return load_track(name, car=car)
 
 
-def _check_parameters(params: dict[str, float], world: World) -> None:
-    """Refuse parameters that the vehicle of the world does not have."""
-    car = world.parameters
+def _check_parameters(params: dict[str, float], tested: Car, vehicle: str) -> None:
+    """Refuse parameters that a car of the world, a vehicle of that name, does not have."""
+    car = tested.parameters
     own = {
-        "mu": world.car.mu, "lf": car.front_axle_distance, "lr": car.rear_axle_distance, "m": car.mass,
+        "mu": tested.mu, "lf": car.front_axle_distance, "lr": car.rear_axle_distance, "m": car.mass,
         "h": car.center_of_gravity_height, "I": car.yaw_inertia, "s_min": -car.max_steering_angle,
         "s_max": car.max_steering_angle, "sv_min": -car.max_steering_rate, "sv_max": car.max_steering_rate,
         "v_switch": car.power_limit_speed, "a_max": car.max_acceleration, "v_min": car.min_speed,
@@ -316,15 +377,6 @@ def _check_parameters(params: dict[str, float], world: World) -> None:
             raise SettingsError(f"params has {name!r}; {accepted_names(name, own)}")
         if not math.isclose(value, own[name], rel_tol=_SAME):
             raise SettingsError(
-                f"params[{name!r}] is {value!r}; accepted: {own[name]:.6g}, as {world.vehicle.name} has it; only mu "
+                f"params[{name!r}] is {value!r}; accepted: {own[name]:.6g}, as {vehicle} has it; only mu "
                 "can be set here, and `vehicle` gives another car"
             )
-
-
-def _checked(values: ArrayLike, columns: int, name: str, meaning: str) -> list[list[float]]:
-    """Return the one row of an array (1, columns) of finite numbers."""
-    array = np.asarray(values, dtype=np.float64)
-    if array.shape != (1, columns) or not np.isfinite(array).all():
-        raise SettingsError(f"{name} is {array.tolist()}; accepted: finite numbers of shape (1, {columns}), {meaning}")
-    rows: list[list[float]] = array.tolist()
-    return rows

@@ -250,12 +250,18 @@ class MapLine:
         return brief(self, f"{len(self.points)} points", "closed" if self.closed else "open")
 
 
+_OF_TIRES = ("cornering_stiffness", "peak", "peak_slip")
+
+
 @dataclass(frozen=True, kw_only=True, repr=False)
 class CarParameters:
     """What a planner is told of its car. Read off the compiled model by `fg_mujoco.vehicle.car`, never typed twice.
 
+    The last seven are of its tires, as `fg-mujoco identify` finds them on a real car. Their defaults are those of tires
+    that need no slip angle, as MuJoCo's contacts.
+
     Raises:
-      MessageError: a value that is not a positive number (`min_speed`: not a finite one).
+      MessageError: a value that is not a positive number (`min_speed`: not a finite one; of the tires: inf is one).
     """
 
     wheelbase: float  # [m] rear axle to front axle
@@ -279,11 +285,22 @@ class CarParameters:
     speed_time_constant: float  # [s] of the speed servo: acceleration = (command - speed) / this, until limited
     lidar_offset: float  # [m] LiDAR ahead of the rear axle
     gravity: float  # [m/s^2] downwards
+    front_cornering_stiffness: float = math.inf  # [1/rad] lateral force of the axle over its load, by slip angle
+    rear_cornering_stiffness: float = math.inf  # [1/rad]
+    front_peak: float = math.inf  # [-] greatest lateral force of the axle over its load
+    rear_peak: float = math.inf  # [-]
+    front_peak_slip: float = math.inf  # [rad] slip angle of the peak; inf: the force grows in proportion
+    rear_peak_slip: float = math.inf  # [rad]
+    relaxation_length: float = 0.0  # [m] over which the force follows the slip angle
 
     def __post_init__(self) -> None:
         require(self, math.isfinite, "a finite number", ("min_speed",), MessageError)
-        positive = tuple(f.name for f in fields(self) if f.name != "min_speed")
+        of_tires = tuple(f"{axle}_{name}" for axle in ("front", "rear") for name in _OF_TIRES)
+        others = ("min_speed", "relaxation_length", *of_tires)
+        positive = tuple(f.name for f in fields(self) if f.name not in others)
         require(self, lambda value: 0.0 < value < math.inf, "a positive number", positive, MessageError)
+        require(self, lambda value: value > 0.0, "a positive number, or inf", of_tires, MessageError)
+        require(self, lambda value: 0.0 <= value < math.inf, "a number from 0", ("relaxation_length",), MessageError)
 
     def __repr__(self) -> str:
         return brief(

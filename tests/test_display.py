@@ -46,6 +46,12 @@ def objects(lap, crashed, comparison, worlds, tmp_path_factory):
     scan, odometry = simulation.reset()
     simulation.step(fg.STOP)
     track, model = lap.world.track, lap.world.model
+    entries = [fg.Entry(name="x" * 60), fg.Entry(controller="pure_pursuit", max_speed=3.0)]
+    several = fg.race("oval", entries=entries, laps=1, time_limit=0.3)
+    contact = fg.Contact(
+        time_s=1.0, cars=("a", "b"), impulse_Ns=1 / 3, closing_speed_m_s=1 / 3, displacement_m=1 / 3, at_fault="a",
+        x_m=1.0, y_m=2.0,
+    )  # fmt: skip
     ring = tuple((float(np.cos(angle)), float(np.sin(angle))) for angle in np.linspace(0.0, 6.2, 90))
     renderer = fg.Renderer.__new__(fg.Renderer)  # without OpenGL
     renderer.size, renderer.description = (640, 480), "EGL"
@@ -60,6 +66,8 @@ def objects(lap, crashed, comparison, worlds, tmp_path_factory):
         odometry=odometry,
     )  # fmt: skip
     return [
+        several, *several.car_results, *entries, entries[1].world_car(), contact,
+        fg.Overtake(time_s=1.0, by="a", of="b", s_m=1 / 3),
         track, map_track, fg.load_track("scene:slow_leader:1"), lap, crashed, lap.world, lap.world.car, comparison,
         worlds, simulation, scan, odometry, simulation.slip, simulation.lidar, simulation.engine, renderer, film,
         fg.read_run(folder), fg.replay(folder), debugged, debugged.chosen, fg.STOP, lap.world.vehicle,

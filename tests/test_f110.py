@@ -207,7 +207,9 @@ def test_parameters_of_the_car_are_taken_and_others_are_refused():
 @pytest.mark.parametrize(
     ("settings", "error", "message"),
     [
-        ({"num_agents": 2}, SettingsError, "num_agents is 2 and ego_idx 0; accepted: 1 and 0"),
+        ({"num_agents": 0}, SettingsError, "num_agents is 0; accepted: a whole number from 1 to 8"),
+        ({"num_agents": 9}, SettingsError, "num_agents is 9; accepted: a whole number from 1 to 8"),
+        ({"num_agents": 2, "ego_idx": 2}, SettingsError, "ego_idx is 2; accepted: a whole number from 0 to 1"),
         ({"timestep": 0.012}, SettingsError, "timestep is 0.012 s; accepted: a multiple of the physics' own, 0.005 s"),
         ({"timestep": 0.0}, SettingsError, "timestep is 0.0 s"),
         ({"map": "nowhere"}, TrackError, "unknown track 'nowhere'"),
@@ -244,3 +246,149 @@ def test_render_callbacks_are_said_not_to_be_called():
     with pytest.raises(SettingsError, match="render mode 'ansi'; accepted: human, human_fast, rgb_array"):
         env.render("ansi")
     env.close()
+
+
+GRID = np.array([[8.0, 2.1, 0.0], [7.0, 2.4, 0.0], [6.0, 2.1, 0.0]])
+
+
+def run(env, poses, actions):
+    """The observations of a reset and of some steps, until one is done."""
+    obs, _, done, _ = env.reset(poses)
+    observed = [obs]
+    for action in actions:
+        if done:
+            break
+        obs, _, done, _ = env.step(np.array(action))
+        observed.append(obs)
+    return observed, done
+
+
+def test_each_of_many_cars_has_a_row_of_every_observation(drawn):
+    env = f110.make(map=str(drawn), num_agents=3, ego_idx=1)
+    obs, _, done, info = env.reset(GRID)
+    assert set(obs) == KEYS and obs["ego_idx"] == 1 and done is False
+    assert info["checkpoint_done"].tolist() == [False] * 3
+    for name in KEYS - {"ego_idx"}:
+        assert len(obs[name]) == 3
+    assert np.array(obs["scans"]).shape == (3, 1080)
+    for row, (x, y, _) in enumerate(GRID):
+        assert (obs["poses_x"][row], obs["poses_y"][row]) == pytest.approx((x, y), abs=1e-3)
+    for _ in range(30):
+        obs, *_ = env.step(np.array([[0.0, 3.0], [0.0, 2.0], [0.0, 0.0]]))
+    assert obs["linear_vels_x"][0] > obs["linear_vels_x"][1] + 0.2 > 1.0
+    assert obs["linear_vels_x"][2] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_cars_see_each_other_where_they_are(drawn, monkeypatch):
+    """The car behind sees the box of the car ahead: 0.12 m wide, its rear face 0.19 m behind that car's LiDAR."""
+    monkeypatch.setattr(f110, "SCAN_NOISE", 0.0)
+    env = f110.make(map=str(drawn), num_agents=2)
+    obs, *_ = env.reset(np.array([[7.0, 2.25, 0.0], [8.5, 2.25, 0.0]]))
+    alone = f110.make(map=str(drawn)).reset(np.array([[7.0, 2.25, 0.0]]))[0]["scans"][0]
+    differ = np.flatnonzero(np.abs(obs["scans"][0] - alone) > 1e-6)
+    bearings = np.linspace(-2.35, 2.35, 1080)[differ]
+    lidar = 7.0 + 0.275
+    rear = 8.5 + 0.275 - 0.19
+    assert obs["scans"][0][540] == pytest.approx(rear - lidar, abs=0.005)
+    assert np.abs(bearings).max() == pytest.approx(math.atan2(0.06, rear - lidar), abs=0.005)
+
+
+def test_cars_that_touch_have_collided_and_the_episode_ends_with_the_ego(drawn):
+    """The last of three drives into the middle one; the first is out of it."""
+    poses, actions = (
+        np.array([[8.0, 2.1, 0.0], [7.0, 2.1, 0.0], [6.0, 2.1, 0.0]]),
+        [[[0.0, 0.0]] * 2 + [[0.0, 3.0]]] * 200,
+    )
+    for ego, ends in ((0, False), (1, True), (2, True)):
+        observed, done = run(f110.make(map=str(drawn), num_agents=3, ego_idx=ego), poses, actions[:60])
+        assert done is ends
+        touched = np.array([obs["collisions"] for obs in observed])
+        assert touched.any(axis=0).tolist() == [False, True, True]
+        assert not touched[0].any()
+
+
+def test_a_wall_that_another_car_hits_does_not_end_the_episode(drawn):
+    poses = np.array([[8.0, 2.25, 0.0], [6.5, 2.25, -0.5 * math.pi]])
+    observed, done = run(f110.make(map=str(drawn), num_agents=2), poses, [[[0.0, 0.0], [0.0, 2.0]]] * 100)
+    assert done is False
+    assert observed[-1]["collisions"].tolist() == [0.0, 1.0]
+
+
+def test_the_episode_is_done_when_all_cars_have_driven_two_laps(drawn):
+    waypoints = read_map(f"{drawn}.yaml").centreline
+    planners = [WaypointFollower(waypoints, speed=speed) for speed in (4.0, 3.0)]
+    env = f110.make(map=str(drawn), num_agents=2)
+    first = first_pose(waypoints)[0]
+    behind = first_pose(np.roll(waypoints, len(waypoints) // 10, axis=0))[0]
+    obs, _, done, info = env.reset(np.array([first, behind]))
+    finished = [info["checkpoint_done"].tolist()]
+    while not done:
+        views = [{name: values[row : row + 1] for name, values in obs.items() if name != "ego_idx"} for row in (0, 1)]
+        obs, _, done, info = env.step(
+            np.concatenate([planner.plan(view) for planner, view in zip(planners, views, strict=True)])
+        )
+        finished.append(info["checkpoint_done"].tolist())
+    assert [True, False] in finished and finished[-1] == [True, True]  # the quicker one first
+    assert obs["lap_times"][0] < obs["lap_times"][1]
+    assert obs["collisions"].tolist() == [0.0, 0.0]
+
+
+def test_a_car_drives_the_same_bits_with_others_far_away_and_its_noise_is_its_own(drawn, monkeypatch):
+    monkeypatch.setattr(f110, "SCAN_NOISE", 0.0)
+    pose, action = [7.0, 2.25, 0.0], [0.02, 2.0]
+    pair, _ = run(f110.make(map=str(drawn), num_agents=2), np.array([pose, [9.5, 2.25, 0.0]]), [[action, action]] * 40)
+    again, _ = run(f110.make(map=str(drawn), num_agents=2), np.array([pose, [9.5, 2.25, 0.0]]), [[action, action]] * 40)
+    swapped, _ = run(
+        f110.make(map=str(drawn), num_agents=2), np.array([[9.5, 2.25, 0.0], pose]), [[action, action]] * 40
+    )
+    for name in KEYS - {"ego_idx"}:
+        np.testing.assert_array_equal(pair[-1][name], again[-1][name])
+        np.testing.assert_allclose(pair[-1][name], swapped[-1][name][::-1], rtol=0.0, atol=1e-6)
+    monkeypatch.undo()
+    scans = [f110.make(map=str(drawn), num_agents=2).reset(np.array([pose, [x, 2.25, 0.0]]))[0] for x in (9.5, 10.0)]
+    quiet = pair[0]["scans"][0]
+    one, two = scans[0]["scans"]
+    assert np.std(one - quiet) == pytest.approx(f110.SCAN_NOISE, rel=0.2)
+    alone = f110.make(map=str(drawn)).reset(np.array([pose]))[0]["scans"][0]
+    behind = np.arange(1080) < 400  # where the other car is not seen
+    np.testing.assert_array_equal(one[behind], alone[behind])
+    assert np.abs((one - quiet) - (two - pair[0]["scans"][1]))[behind].max() > f110.SCAN_NOISE
+
+
+def test_parameters_can_be_those_of_one_car():
+    env = f110.make(map="oval", num_agents=2)
+    env.update_params({"mu": 0.5}, index=1)
+    assert [car.mu for car in env.world.cars] == pytest.approx([1.0489, 0.5])
+    env.update_params({"mu": 0.7})
+    assert [car.mu for car in env.world.cars] == pytest.approx([0.7, 0.7])
+    with pytest.raises(SettingsError, match="index is 2; accepted: a whole number from -1 to 1"):
+        env.update_params({"mu": 0.7}, index=2)
+
+
+@pytest.mark.parametrize(
+    ("poses", "message"),
+    [
+        ([[0.0, 0.0, 0.0]], r"accepted: finite numbers of shape \(2, 3\), x, y, heading"),
+        ([[0.0, 0.0, 0.0]] * 2, r"poses of the cars 0 and 1 are .* where they touch; accepted: poses apart"),
+        ([[0.0, 0.0, 0.0], [0.2, 0.25, 1.5]], "where they touch"),
+    ],
+)
+def test_poses_that_are_wrong_for_two_cars_are_refused(poses, message):
+    with pytest.raises(SettingsError, match=message):
+        f110.make(map="oval", num_agents=2).reset(np.array(poses))
+
+
+def test_footprints_touch_where_mujoco_finds_contacts():
+    """Random poses of two cars: whether they are refused is whether their chassis are in contact."""
+    env, rng = f110.make(map="oval", num_agents=2), np.random.default_rng(0)
+    found = []
+    for _ in range(200):
+        near = rng.uniform((-0.8, -0.8, -math.pi), (0.8, 0.8, math.pi))
+        poses = np.array([[5.0, 0.0, 0.3], near + np.array([5.0, 0.0, 0.0])])
+        overlap = f110.first_overlap(poses, [car.parameters for car in env.world.cars]) is not None
+        data = env.data
+        for car, pose in zip(env.world.cars, poses, strict=True):
+            car.set_pose(data, *pose)
+        assert overlap == bool(data.sensor("car_0_touches_car_1").data[0] > 0.0), near
+        found.append(overlap)
+    assert 20 < sum(found) < 180

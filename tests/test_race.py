@@ -16,7 +16,7 @@ import fg_mujoco as fg
 from fg_mujoco.racing.race import RaceSettings
 from fg_mujoco.racing.result import History
 from fg_mujoco.simulation.engine import Engine
-from fg_mujoco.simulation.telemetry import end_row
+from fg_mujoco.simulation.telemetry import add_row, end_row
 from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 
@@ -448,7 +448,9 @@ def test_a_tire_in_the_air_leaves_nan_and_never_zero(short_race):
 
     half = np.array([[math.nan, 0.3, 0.1, math.nan], [math.nan, math.nan, 0.2, 0.01]])
     row = engine.telemetry[0]
-    end_row(engine.statistics, 0, row, np.stack((half, 2 * half, half, half, 0.5 * half, *4 * [half], half > 0.05)))
+    slip = np.stack((half, 2 * half, half, half, 0.5 * half, *4 * [half], half > 0.05))
+    end_row(row, slip)
+    add_row(engine.statistics, 0, row, slip)
     expected = [math.nan, 0.3, 0.2, 0.01, math.nan, 0.6, 0.4, 0.02, 2.0, 2.0]
     assert row[first : first + 10] == pytest.approx(expected, nan_ok=True)
     so_far = engine.statistics[0]

@@ -30,6 +30,10 @@ lidar_latency = 0.05
 motion-distortion = true
 odometry-drift = 0.05
 seed = 6
+opponent = "wall_follow"
+opponent-max-speed = 3.5
+grid = "side_by_side"
+rules = "roboracer_2026"
 time-limit = 7.5
 decision-limit = 2.5
 out = "here"
@@ -77,6 +81,14 @@ def test_every_option_can_be_in_a_file():
     written = {key.strip('"').replace("-", "_") for key in (line.split(" = ")[0] for line in FULL.splitlines()[1:])}
     assert set(_settable(parser)) == written
     assert set(settings_of(options())) == written - {"out", "video", "json", "traceback"}
+
+
+def test_opponents_can_be_a_list_in_a_file(config):
+    path = config('opponent = ["wall_follow", "gap_finder"]\nopponent-max-speed = [2, 3.5]\n')
+    read = options("--config", path)
+    assert (read.opponent, read.opponent_max_speed) == (["wall_follow", "gap_finder"], [2.0, 3.5])
+    with pytest.raises(fg.SettingsError, match=r"line 1: opponent is 3; accepted: a text in quotes, or a list of such"):
+        options("--config", config('opponent = ["wall_follow", 3]\n'))
 
 
 def test_the_command_line_wins_over_the_file_in_any_order_even_with_a_default(config):

@@ -101,6 +101,19 @@ def warned() -> RaceResult:
     return race("oval", entries=entries, laps=1, time_limit=20.0, rules="roboracer_2026")
 
 
+def test_behind_a_car_that_drives_on_it_is_3_metres_and_a_replay_knows(tmp_path: Path) -> None:
+    entries = [entry("drives", 1.0, 3.0), entry("rams", 4.0, 0.0)]
+    result = race("oval", entries=entries, laps=1, time_limit=4.0, rules="roboracer_2026")
+    drives, rams = result.car_results
+    at = result.restarts[0].tick
+    gap = drives.column("progress_m")[at] - rams.column("progress_m")[at]
+    assert gap == pytest.approx(3.0 + result.world.car.parameters.length, abs=0.15)
+    assert drives.end_reason == "time_limit"
+    write_run(result, tmp_path / "run", picture=False)  # which does not say what the time limit was
+    report = replay(tmp_path / "run")
+    assert report.holds, report.lines
+
+
 def test_the_rules_warn_put_back_and_disqualify(warned: RaceResult) -> None:
     assert [warning.car for warning in warned.warnings] == ["rams"] * 3
     assert all(contact.displacement_m >= 0.05 for contact in warned.contacts[:1])
@@ -158,7 +171,7 @@ def test_a_planner_that_fails_stops_its_own_car_and_the_others_race_on() -> None
     assert (drives.end_reason, fails.end_reason) == ("time_limit", "planner_failed")
     assert fails.planner_failure is not None
     assert "out of ideas" in str(fails.planner_failure)
-    assert fails.end_time_s == pytest.approx(0.525 + 0.025, abs=0.026)
+    assert fails.end_time_s == fails.planner_failure.time_s == pytest.approx(0.5)
     assert abs(fails.column("speed_m_s")[-1]) < 0.01  # it has braked, and stands there
     assert result.planner_failure is None
 

@@ -19,10 +19,9 @@ from fg_mujoco.vehicle.tire_forces import (
     TireForces,
     deflect,
     grip_of,
-    tires_of,
 )
 from fg_mujoco.vehicle.tire_slip import add_axle_sensors
-from fg_mujoco.vehicle.tires import Tires
+from fg_mujoco.vehicle.tires import Tires, tires_of
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 SETS = ("slipx_reference", "forzaeth_nuc2", "forzaeth_nuc7", "coulomb", "f1tenth_gym")

@@ -82,9 +82,10 @@ def gym_environment(example):
 def test_python_in_the_docs_runs(capsys):
     text = (EXAMPLE.parent.parent / "docs" / "training.md").read_text("utf-8")
     blocks = re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
-    assert len(blocks) == 3
+    assert len(blocks) == 5
     for block in blocks:  # ```py is not run, and says so
-        exec(block, {})
+        if "parallel_env" not in block or importlib.util.find_spec("pettingzoo"):
+            exec(block, {})
     assert "(16, 55)" in capsys.readouterr().out
 
 

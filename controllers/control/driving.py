@@ -73,6 +73,7 @@ from .settings import (
     setting,
     setting_of_car,
 )
+from .slip import COURSE, see_from_course, steered
 from .speed import forward_distance_speed, range_ratio_speed
 from .speedometer import SPEEDOMETER, command_speed, read_speedometer
 from .steering import pursue, saturate
@@ -156,6 +157,7 @@ DRIVING_MEMORY = np.dtype(
         ("history", PATH_HISTORY),
         ("guidance", GUIDANCE),
         ("speedometer", SPEEDOMETER),
+        ("course", COURSE),
         ("reasons", *REASONS),  # of the last decision; written, and never read
     ]
 )
@@ -168,6 +170,7 @@ REFERENCE = np.dtype(
         ("bearing", np.float64),  # [rad] of the goal; NaN: there is none
         ("distance", np.float64),  # [m] of the goal from the LiDAR
         ("own_speed", np.float64),  # [m/s] before any speed law
+        ("limit", np.float64),  # [m/s] greatest, whatever guidance makes of the rest; inf: none
     ]
 )
 """Type of the reference of a planner for one scan."""
@@ -241,6 +244,7 @@ def refer(
     """Write a reference, no faster than by the law of the mean range; arguments as in `refer_to_goal` and REFERENCE."""
     reference.steering_angle, reference.bearing, reference.distance = steering_angle, bearing, distance
     reference.speed = reference.own_speed = min(speed, driver.max_speed)
+    reference.limit = math.inf
     if math.isnan(bearing):
         reference.steering_angle = math.nan
     elif driver.range_ratio:
@@ -256,6 +260,7 @@ def refer(
 def drive_worlds(
     scan: NDArray[np.void],
     valid: FloatArray,
+    guiding: FloatArray,
     odometry: NDArray[np.void],
     running: NDArray[np.bool_],
     driven: NDArray[np.void],
@@ -266,7 +271,10 @@ def drive_worlds(
     for world in range(len(running)):
         if running[world]:
             row = driven[world]
-            command = drive(scan[0], valid[world], odometry[world], row.driver, row.reference, row.memory, trajectories)
+            command = drive(
+                scan[0], valid[world], guiding[world], odometry[world], row.driver, row.reference, row.memory,
+                trajectories,
+            )  # fmt: skip
             commands[world, 0], commands[world, 1] = command
 
 
@@ -274,6 +282,7 @@ def drive_worlds(
 def drive(
     scan: Record,
     valid: FloatArray,
+    guiding: FloatArray,
     odometry: Record,
     driver: Record,
     reference: Record,
@@ -287,6 +296,7 @@ def drive(
     Args:
       scan: of type SCAN.
       valid: its readings (n,) [m], without NaN or inf.
+      guiding: the same for guidance: of a planner that sees cars, without them.
       odometry: of type ODOMETRY.
       driver: of type DRIVER.
       reference: of type REFERENCE.
@@ -295,6 +305,11 @@ def drive(
     """
     reasons = memory.reasons
     forget_reasons(reasons)
+    slip, course = driver.limiter.slip, memory.course
+    if slip.soft:
+        memory.limiter.curvature = see_from_course(slip, driver.car, scan, odometry, course)
+        scan, odometry = course.scan, course.odometry
+        reference.bearing -= course.angle
     note(reasons, MAXIMUM, math.nan, driver.max_speed)
     note(reasons, PLANNER, reference.steering_angle, reference.own_speed)
     if driver.range_ratio:
@@ -302,7 +317,7 @@ def drive(
     if driver.friction:
         read_speedometer(memory.speedometer, odometry.speed, driver.car, period_of(scan))
     if driver.guidance:
-        guide(scan, valid, odometry, driver.limiter, driver.guidance_settings, memory.guidance, reference)
+        guide(scan, guiding, odometry, driver.limiter, driver.guidance_settings, memory.guidance, reference)
         note(reasons, GUIDED, reference.steering_angle, reference.speed)
         turning = memory.guidance.turning
         if turning.active:
@@ -312,7 +327,7 @@ def drive(
             return _hold(scan, odometry, driver, memory, turning.steering_angle, turning.speed, least)
     if math.isnan(reference.steering_angle) or not math.isfinite(odometry.speed + odometry.steering_angle):
         return _brake(scan, odometry, driver, memory)
-    speed = reference.speed
+    speed = min(reference.speed, reference.limit)
     if driver.forward_distance:
         speed = min(speed, _speed_by_what_is_ahead(scan, valid, driver))
         note(reasons, AHEAD, reference.steering_angle, speed)
@@ -446,6 +461,8 @@ def _hold(
     note(reasons, GRIP, target, allowed)
     steering, speed = limited(limiter, memory.limiter, steering_angle, speed, least_use, angle, now, period)
     note(reasons, TRANSIENTS, steering, speed)
+    if limiter.slip.soft:
+        steering = steered(limiter.slip, driver.car, steering, now)
     command = command_speed(memory.speedometer, speed, driver.car, driver.max_speed, period)
     note(reasons, BY_SPEEDOMETER, steering, command)
     return steering, command

@@ -105,6 +105,7 @@ class Planner:
     Settings: ClassVar[type[DrivingSettings]]
     memory_type: ClassVar[np.dtype[np.void]] = _NO_MEMORY
     refer_worlds: ClassVar[Callable[..., None]]  # from scans to references; made from the planner's kernel
+    hides_cars: ClassVar[bool] = False  # of two scans that `refer_worlds` writes, guidance has the one without cars
 
     def __init__(
         self,
@@ -311,7 +312,7 @@ class PlannerBatch:
         places = {table: place for place, table in enumerate(tables)}
         lines = {id(p.line): p.line for p in planners if p.line is not None}
         ends = dict(zip(lines, np.cumsum([len(line) for line in lines.values()]).tolist(), strict=True))
-        self._refer_worlds = planner_class.refer_worlds
+        self._refer_worlds, self._scans = planner_class.refer_worlds, 2 if planner_class.hides_cars else 1
         self._driven = np.zeros(count, DRIVEN)
         own = [("settings", record_type(planner_class.Settings)), ("memory", planner_class.memory_type)]
         self._own = np.zeros(count, np.dtype(own))
@@ -343,7 +344,8 @@ class PlannerBatch:
     ) -> None:
         """Write the command of each running world into `commands`; see ControllerBatch."""
         self.refer(geometry, ranges, odometry, running)
-        drive_worlds(self._scan, self._valid, odometry, running, self._driven, self._trajectories, commands)
+        guiding = self._valid[-len(running) :]
+        drive_worlds(self._scan, self._valid, guiding, odometry, running, self._driven, self._trajectories, commands)
 
     def refer(
         self,
@@ -356,7 +358,7 @@ class PlannerBatch:
         if geometry is not self._geometry:  # neither a scan nor a geometry changes
             self._scan[0], self._geometry = scan_values(geometry), geometry
         if ranges.shape[1] != self._valid.shape[1]:
-            self._valid = np.empty(ranges.shape)
+            self._valid = np.empty((self._scans * len(ranges), ranges.shape[1]))
             self.shown = np.full((len(self.shown), ranges.shape[1]), math.nan)
         self._refer_worlds(
             self._scan, _read_only(ranges), odometry, running, self._own, self._driven, self._lines, self._valid,

@@ -34,6 +34,7 @@ from ..control.settings import (
     setting,
     setting_of_car,
 )
+from ..control.slip import path_lag
 from .friction_limiter import FrictionLimiter, FrictionLimiterSettings, longitudinal_share
 
 _TURNING = np.array([0.0, 0.15, 0.3, 0.45, 0.6, 0.7, 0.8])  # shares of the cornering grip to turn aside with
@@ -218,7 +219,10 @@ def _stop(limiter: Record, settings: Record, speed: float, present: float, turni
     for step in range(_LONGEST_STOP):
         if step * _STEP >= settings.reaction:
             wanted = min(turning * limiter.lateral / max(speed, 0.1) ** 2, tightest)
-            curvature += (wanted - curvature) * (1.0 - math.exp(-speed * _STEP / limiter.yaw_lag))
+            lag = limiter.yaw_lag
+            if limiter.slip.soft:
+                lag += path_lag(limiter.slip, speed)
+            curvature += (wanted - curvature) * (1.0 - math.exp(-speed * _STEP / lag))
             used = min(abs(curvature) * speed**2 / limiter.lateral, 0.999)  # below 1, or it never stops
             speed = max(speed - braking * longitudinal_share(used, limiter.exponent) * _STEP, 0.0)
         distance = speed * _STEP

@@ -45,6 +45,7 @@ from ..control.settings import (
     setting,
     setting_of_car,
 )
+from ..control.slip import SLIP, fastest_on, slip_row, tightest_arc
 from ..control.speed import friction_speed, friction_steering, share_of_way
 from ..control.steering import saturate
 
@@ -93,11 +94,17 @@ LIMITER = np.dtype(
         ("accelerating", np.float64),  # [m/s^2]
         ("yaw_lag", np.float64),  # [m]
         ("exponent", np.float64),
+        ("slip", SLIP),  # angles that the tires need
     ]
 )
 """Type of the row that `limited` reads."""
 
-LIMITER_MEMORY = np.dtype([("acceleration", np.float64)])  # [m/s^2] that was last commanded
+LIMITER_MEMORY = np.dtype(
+    [
+        ("acceleration", np.float64),  # [m/s^2] that was last commanded
+        ("curvature", np.float64),  # [1/m] of the path that the car is on; of tires that need slip angles, see slip
+    ]
+)
 """Type of what a limiter keeps from one tick to the next; zero at the beginning."""
 
 
@@ -178,7 +185,12 @@ def held_on_circle(
     allowed = speed
     if not speed <= 0.0:
         allowed = min(speed, friction_speed(steering_angle, mu, car.wheelbase, car.gravity))
-    return saturate(steering_angle, _steering_limit(limiter, allowed, speed, now, least_lateral_use)), allowed
+    limit = _steering_limit(limiter, allowed, speed, now, least_lateral_use)
+    if limiter.slip.soft:
+        if not speed <= 0.0:
+            allowed = min(allowed, fastest_on(limiter.slip, saturate(steering_angle, car.max_steering_angle)))
+        limit = min(limit, tightest_arc(limiter.slip, now))
+    return saturate(steering_angle, limit), allowed
 
 
 @kernel
@@ -288,6 +300,7 @@ class FrictionLimiter:
         self.record["settings"], self.record["car"] = record_values(self.settings), astuple(car)
         for name in ("mu", "lateral", "braking", "accelerating", "yaw_lag", "exponent"):
             self.record[name] = getattr(self, name)
+        self.record["slip"] = slip_row(car, self.lateral)
         self._memory = np.zeros(1, LIMITER_MEMORY)
 
     def reset(self) -> None:

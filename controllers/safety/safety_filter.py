@@ -32,6 +32,7 @@ from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from ..control.settings import FROM_ZERO, POSITIVE, Record, Settings, setting, setting_of_car
+from ..control.slip import path_lag
 from ..control.speed import share_of_way
 from ..control.steering import pursue
 from ..control.tracking import next_place, steer_along
@@ -196,7 +197,7 @@ def speed_at_contact(
     slowed = share_of_way(period, car.speed_time_constant)
     slowed_twice = share_of_way(2.0 * period, car.speed_time_constant)
     x, y, heading = 0.0, 0.0, 0.0  # of the rear axle
-    place = 0
+    place, path_curvature, soft = 0, memory.curvature, limiter.slip.soft
     for tick in range(_TICKS):
         ticks = 1.0 if tick < _FINE_TICKS else 2.0
         reference = angle
@@ -211,6 +212,10 @@ def speed_at_contact(
         next_speed = speed + (slowed if tick < _FINE_TICKS else slowed_twice) * (command[1] - speed)
         way = 0.5 * (speed + next_speed) * ticks * period
         curvature = math.tan(0.5 * (angle + next_angle)) / car.wheelbase
+        if soft:
+            follow = 1.0 - math.exp(-way / path_lag(limiter.slip, 0.5 * (speed + next_speed)))
+            path_curvature += (curvature - path_curvature) * follow
+            curvature = path_curvature
         x += way * math.cos(heading + 0.5 * curvature * way)
         y += way * math.sin(heading + 0.5 * curvature * way)
         heading += curvature * way

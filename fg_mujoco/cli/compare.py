@@ -16,10 +16,22 @@ from typing import Any
 
 from ..course.scenes.catalogue import scene_names
 from ..errors import EngineError
+from ..lidar.effects import LidarEffects
+from ..racing.entries import Entry
 from ..simulation.settings import FASTEST
 from ..studies.comparison.comparison import DEFAULT_SEEDS, Comparison, ComparisonProgress, compare
 from ..studies.folders import as_json
-from .options import add_drive_options, can_draw, drive_options, number, shown_as, to_go, whole
+from .options import (
+    add_drive_options,
+    add_opponent_options,
+    can_draw,
+    drive_options,
+    number,
+    opponents_of,
+    shown_as,
+    to_go,
+    whole,
+)
 
 _DONE, _NOT_DONE = 0, 1
 _DRIVE = ("vehicle", "tires", "mu", "planner_mu")  # of each run; the speeds are a list
@@ -31,14 +43,14 @@ def add_compare(add_command: Callable[..., argparse.ArgumentParser], commands: A
     text = "drive every controller on every course with every seed, and make a table of how they fared"
     add = add_command(commands, "compare", _compare, text).add_argument
     add(
-        "--controllers", type=_names, metavar="LIST",
+        "--controllers", type=names_in, metavar="LIST",
         help="NAME or path/to/file.py:ClassName, with settings as gap_finder[lookahead=8,clearance=0.2], comma between "
         "two; default: all bundled ones",
     )  # fmt: skip
-    add("--tracks", type=_names, metavar="LIST", help="NAME, random:SEED[:tight] or file.csv; default: none")
-    add("--scenes", type=_names, metavar="LIST", help="names, or all; default: all, unless there are tracks")
+    add("--tracks", type=names_in, metavar="LIST", help="NAME, random:SEED[:tight] or file.csv; default: none")
+    add("--scenes", type=names_in, metavar="LIST", help="names, or all; default: all, unless there are tracks")
     add(
-        "--seeds", type=_seeds, default=DEFAULT_SEEDS, metavar="LIST",
+        "--seeds", type=seeds_in, default=DEFAULT_SEEDS, metavar="LIST",
         help="numbers, or FIRST:END without END; of scenes, and on tracks of obstacles and noise; default: 0:10",
     )  # fmt: skip
     add(
@@ -49,6 +61,7 @@ def add_compare(add_command: Callable[..., argparse.ArgumentParser], commands: A
     add("--obstacles", type=whole, default=0, metavar="N", help="boxes on each track; default: 0")
     add("--lidar-noise", type=number, default=0.0, metavar="M", help="standard deviation of each range")
     add_drive_options(add, *_DRIVE, of="each")
+    add_opponent_options(add)
     add("--time-limit", type=number, metavar="S", help="of simulated time; default: as the course has it")
     add(
         "--decision-limit", type=number, metavar="S",
@@ -66,6 +79,7 @@ def add_compare(add_command: Callable[..., argparse.ArgumentParser], commands: A
 def _compare(options: argparse.Namespace) -> int:
     tracks = options.tracks or []
     scenes = options.scenes or ([] if tracks else ["all"])
+    first = Entry(**drive_options(options, *_DRIVE), effects=LidarEffects(range_noise_std=options.lidar_noise))
     with (
         contextlib.redirect_stdout(sys.stderr),
         shown_as(_progress, show=sys.stderr.isatty() and not options.json) as watch,
@@ -83,6 +97,8 @@ def _compare(options: argparse.Namespace) -> int:
                 **drive_options(options, *_DRIVE),
                 time_limit=options.time_limit,
                 decision_limit=options.decision_limit,
+                opponents=opponents_of(options, first),
+                grid=options.grid,
                 workers=options.workers,
                 out=options.out,
                 pictures=can_draw("pictures"),
@@ -99,7 +115,7 @@ def _compare(options: argparse.Namespace) -> int:
     return _NOT_DONE if died else _DONE
 
 
-def _names(text: str) -> list[str]:
+def names_in(text: str) -> list[str]:
     """Read names with commas between them; a comma in brackets is part of a name."""
     names = [name.strip() for name in _COMMA.split(text)]
     if not all(names):
@@ -107,7 +123,7 @@ def _names(text: str) -> list[str]:
     return names
 
 
-def _seeds(text: str) -> Sequence[int]:
+def seeds_in(text: str) -> Sequence[int]:
     """Read `0:10` or `1,4,7`."""
     first, colon, end = text.partition(":")
     try:

@@ -58,6 +58,7 @@ from .options import (
     opponents_of,
     whole,
 )
+from .overtake import add_overtake
 from .render import add_render, check_film, film_race
 from .report import PAGE, add_report, report_race
 from .rollout import add_rollout
@@ -151,6 +152,7 @@ def _parser() -> argparse.ArgumentParser:
     add_vehicles(_add, commands)
     add_rollout(_add, commands)
     add_compare(_add, commands)
+    add_overtake(_add, commands)
     add_render(_add, commands)
     add_report(_add, commands)
     add_debug(_add, commands)

@@ -152,7 +152,7 @@ def opponents_of(options: argparse.Namespace, first: Entry) -> tuple[Entry, ...]
     """Return the entries of the opponents among the options, none where there are none.
 
     Raises:
-      SettingsError: speeds that are neither one for all nor one for each.
+      SettingsError: speeds that are neither one for all nor one for each, or that no car can have.
     """
     names, speeds = options.opponent or [], options.opponent_max_speed or []
     if len(speeds) not in (0, 1, len(names)) or (speeds and not names):
@@ -161,10 +161,13 @@ def opponents_of(options: argparse.Namespace, first: Entry) -> tuple[Entry, ...]
             "for each --opponent"
         )
     given = speeds * len(names) if len(speeds) == 1 else speeds or [first.max_speed] * len(names)
-    return tuple(
-        replace(first, controller=name, max_speed=speed, planner_settings={}, seed=first.seed + index)
-        for index, (name, speed) in enumerate(zip(names, given, strict=True), start=1)
-    )
+    try:
+        return tuple(
+            replace(first.like(name, max_speed=speed), seed=first.seed + index)
+            for index, (name, speed) in enumerate(zip(names, given, strict=True), start=1)
+        )
+    except SettingsError as error:
+        raise SettingsError(f"--opponent-max-speed{str(error).removeprefix('Entry.max_speed')}") from error
 
 
 def drive_options(options: argparse.Namespace, *names: str) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import SettingsError
 from ..racing.run_folder import read_summary
-from .options import ProgressLine, add_trust_option, number
+from .options import ProgressLine, add_trust_option, number, whole
 
 if TYPE_CHECKING:
     from ..racing.result import RaceResult
@@ -35,6 +35,7 @@ def add_render(add_command: Callable[..., argparse.ArgumentParser], commands: An
     add = command.add_argument
     add("folder", metavar="DIR", help="written by race --out")
     add("--camera", default="chase", metavar="NAME", help=f"{_CAMERA_NAMES}; default: chase")
+    add("--car", type=whole, default=0, metavar="N", help="that the camera follows, of several; default: 0")
     add("--size", type=size_of, default=_USUAL_SIZE, metavar="WxH", help="pixels; default: 1280x720")
     add("--fps", type=number, default=30.0, metavar="N", help="frames a second of the video; default: 30")
     add("--quality", default="good", metavar="NAME", help="draft, good, best; default: good")
@@ -82,7 +83,8 @@ def _render(options: argparse.Namespace) -> int:
     find_quality(options.quality)
     read_summary(options.folder)  # a folder that is none is refused before all else
     one = options.frame is not None
-    name = f"{Path(options.folder).resolve().name}-{options.camera}{'.png' if one else '.mp4'}"
+    whose = f"-car_{options.car}" if options.car else ""
+    name = f"{Path(options.folder).resolve().name}-{options.camera}{whose}{'.png' if one else '.mp4'}"
     path = options.out or Path(name)
     if one and path.suffix.lower() != ".png":
         raise SettingsError(f"{path}: is no name for a picture; accepted with --frame: one that ends in .png")
@@ -91,6 +93,7 @@ def _render(options: argparse.Namespace) -> int:
     with Film(
         options.folder,
         camera=options.camera,
+        car=options.car,
         size=options.size,
         quality=options.quality,
         overlays=overlays,

@@ -15,6 +15,7 @@ from typing import Any
 
 from ..errors import EngineError, SettingsError
 from ..messages import require_whole
+from ..racing.entries import Entry
 from ..racing.planner_loading import bundled_names
 from ..studies.folders import as_json
 from ..studies.rollout.result import RolloutResult
@@ -29,7 +30,17 @@ from ..studies.rollout.rollouts import (
 from ..studies.rollout.world_batch import RECORDS
 from ..vehicle.tire_slip import sliding_rule
 from ..vehicle.tires import CONTACT
-from .options import add_controller_option, add_drive_options, drive_options, number, shown_as, to_go, whole
+from .options import (
+    add_controller_option,
+    add_drive_options,
+    add_opponent_options,
+    drive_options,
+    number,
+    opponents_of,
+    shown_as,
+    to_go,
+    whole,
+)
 
 _DONE, _NOT_DONE = 0, 1
 _MIB = 2**20
@@ -51,6 +62,7 @@ def add_rollout(add_command: Callable[..., argparse.ArgumentParser], commands: A
         help="as often as wanted; mu=0.6:1.2, max_speed=6|8, obstacles=0:4, planner.SETTING=LOW:HIGH, or one value",
     )  # fmt: skip
     add_drive_options(add, of="each")
+    add_opponent_options(add)
     add("--laps", type=whole, metavar="N", help="default: 1, or as many as fit the duration")
     add("--duration", type=number, metavar="S", help="of simulated time; default: what a car of 0.5 m/s needs")
     add(
@@ -79,6 +91,7 @@ def _rollout(options: argparse.Namespace) -> int:
     if options.record in RECORDS and options.record != "summary" and options.out is None:
         raise SettingsError(f"--record {options.record} is kept nowhere; accepted: with --out DIR")
     require_whole("memory_budget", options.memory_budget, 0)  # of MiB, as it was given
+    first = Entry(controller=options.controller, **drive_options(options))
     with (
         contextlib.redirect_stdout(sys.stderr),
         shown_as(_progress, show=sys.stderr.isatty() and not options.json) as watch,
@@ -94,6 +107,8 @@ def _rollout(options: argparse.Namespace) -> int:
                 laps=options.laps,
                 duration=options.duration,
                 decision_limit=options.decision_limit,
+                opponents=opponents_of(options, first),
+                grid=options.grid,
                 workers=options.workers,
                 record=options.record,
                 out=options.out,
@@ -115,7 +130,8 @@ def _rollout(options: argparse.Namespace) -> int:
 
 def _engine(options: argparse.Namespace) -> str:
     """Return where worlds are driven unless it is said: a planner of somebody's own may hang, or end its process."""
-    bundled = options.controller.partition("[")[0] in bundled_names()
+    planners = (options.controller, *(options.opponent or ()))
+    bundled = all(planner.partition("[")[0] in bundled_names() for planner in planners)
     return "local" if bundled and options.decision_limit is None else "processes"
 
 
@@ -148,6 +164,8 @@ def _table(result: RolloutResult, out: str | None) -> str:
         ("greatest sliding", _spread(summary["max_slide_m_s"], f"m/s (a tire slides {rule})")),
         ("simulated", f"{summary['world_seconds']:.1f} s"),
     ]
+    if "opponents" in summary:
+        rows[2:2] = _among(summary)
     if result.worlds_driven:
         rows.append(("rate", f"{result.rate:.0f} world-seconds/s, {result.wall_time_s:.1f} s"))
     if result.worlds_driven < len(result):
@@ -157,6 +175,19 @@ def _table(result: RolloutResult, out: str | None) -> str:
     tracks = ", ".join(track.name for track in result.tracks)
     rows = [*summary["randomize"].items(), *rows]
     return "\n".join([f"{tracks}, {summary['controller']}", *(f"  {name:<18}{value}" for name, value in rows)])
+
+
+def _among(summary: dict[str, Any]) -> list[tuple[str, str]]:
+    """Return what the table says of a rollout with opponents."""
+    position = summary["mean_position"]
+    passes, passed = summary["overtakes_per_world"], summary["overtaken_per_world"]
+    contacts, fault = summary["contacts_per_world"], summary["contacts_at_fault_per_world"]
+    return [
+        ("against", ", ".join(row["controller"] for row in summary["opponents"])),
+        ("won", f"{100.0 * summary['wins']:.1f} %" + (f", mean position {position:.2f}" if position else "")),
+        ("overtakes", f"{passes:.2f} a world, {passed:.2f} of car 0"),
+        ("contacts", f"{contacts:.2f} a world, {fault:.2f} its fault"),
+    ]
 
 
 def _spread(quantiles: dict[str, float] | None, unit: str) -> str:

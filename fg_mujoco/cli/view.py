@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-from .options import add_drive_options, drive_options, whole
+from .options import add_drive_options, add_opponent_options, drive_options, opponents_of, whole
 
 _DONE = 0
 
@@ -20,6 +20,7 @@ def add_view(add_command: Callable[..., argparse.ArgumentParser], commands: Any)
     add("--track", default="oval", help="as race has it; default: oval")
     add("--controller", default="gap_finder", help="as race has it; default: gap_finder")
     add_drive_options(add)
+    add_opponent_options(add)
     add("--obstacles", type=whole, default=0, metavar="N", help="boxes on the track; default: 0")
     add("--obstacle-seed", type=whole, default=0, metavar="K", help="of their places; default: 0")
     add("--web", action="store_true", help="serve the view to a browser; without it, a window is opened")
@@ -29,13 +30,16 @@ def add_view(add_command: Callable[..., argparse.ArgumentParser], commands: Any)
 
 def _view(options: argparse.Namespace) -> int:
     from ..errors import SettingsError
+    from ..racing.entries import Entry
     from ..viz.live.browser import HOST, PORT, LiveView, check_port, require_viser
     from ..viz.live.desktop import require_display, run_desktop
     from ..viz.live.session import LiveSession, LiveSettings
 
+    drive = drive_options(options)
+    opponents = opponents_of(options, Entry(controller=options.controller, **drive))
     settings = LiveSettings(
         track=options.track, controller=options.controller, obstacles=options.obstacles,
-        obstacle_seed=options.obstacle_seed, **drive_options(options),
+        obstacle_seed=options.obstacle_seed, opponents=opponents, grid=options.grid, **drive,
     )  # fmt: skip
     host, port = options.host or HOST, PORT if options.port is None else options.port
     if options.web:

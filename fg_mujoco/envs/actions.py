@@ -76,6 +76,21 @@ class ActionBounds:
             )
 
 
+def one_action(action: Any, said: str) -> FloatArray:
+    """Return one action as an array (2,).
+
+    Raises:
+      MessageError: it is none; the message begins with what is `said` of it.
+    """
+    try:
+        given = np.asarray(action, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        given = np.empty(0)
+    if given.shape != (2,):
+        raise MessageError(f"{said} {shown(action)}; accepted: an action, two numbers, {ACTION}")
+    return given
+
+
 def _checked(car: CarParameters, speed_range: Any) -> tuple[float, float]:
     if speed_range is None:
         return car.min_speed, car.max_speed

@@ -74,6 +74,10 @@ def load(
     if seed is not None and (not isinstance(seed, int) or isinstance(seed, bool) or seed < 0):
         raise SettingsError(f"seed is {seed!r}; accepted: a whole number from 0, or None")
     chosen = EnvironmentSettings.of({"track": track, "obstacle_seed": seed or 0} | dict(TASKS[task]) | settings)
+    if chosen.opponents:
+        raise SettingsError(
+            f"{len(chosen.opponents)} opponents in a dm_env environment; accepted: in Gymnasium's and PettingZoo's"
+        )
     physics = Physics.of(chosen)
     return control.Environment(
         physics,

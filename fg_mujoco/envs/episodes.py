@@ -6,7 +6,7 @@
     episodes.step(actions)
     episodes.rewards, episodes.terminated, episodes.truncated
 
-All arrays have a row for each world.
+All arrays have a row for each car that learns: with one in each world, for each world.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from .actions import ActionBounds
 from .observations import Observation, ObservationLayout
 from .reward_kernels import reward_ticks
 from .settings import EnvironmentSettings
-from .starts import draw_start
+from .starts import StartGrid
 from .worlds import Mask, Worlds
 
 TRUNCATIONS = ("wrong_way", "no_progress", "time_limit")
@@ -34,12 +34,16 @@ FACTS = ("time_s", "progress_m", "laps", "sliding", "clipped_actions")
 """What is told of an episode besides: seconds and metres since its beginning, laps completed, the share of the last
 tick in which a tire slid, and how many actions were held within the bounds."""
 
+FACTS_AMONG_CARS = ("touches", "position", "lead_m")
+"""What is told besides where there are other cars: how often the car has touched one, its place, 1 in front, and how
+far it is ahead of the foremost other car along the course, negative behind it."""
+
 _TRUNCATED = np.array([reason in TRUNCATIONS for reason in END_REASONS])
 _TERMINATED = np.array([reason not in ("", *TRUNCATIONS) for reason in END_REASONS])
 
 
 class Episodes:
-    """Episodes in n worlds, each with its own beginning and end.
+    """Episodes in n worlds, each with its own beginning and end; (n,) is one for each car that learns.
 
     Args:
       settings: of the environment.
@@ -57,7 +61,11 @@ class Episodes:
 
     def __init__(self, settings: EnvironmentSettings, worlds: Worlds) -> None:
         self.worlds = worlds
-        self._start, self._weights = settings.fixed_start, settings.rewards.of_tick(worlds.period)
+        self._weights = settings.rewards.of_tick(worlds.period)
+        own = [None] * worlds.agents + [entry.start for entry in settings.opponents]
+        self._grid = StartGrid(
+            worlds.world, settings.fixed_start, kind=settings.grid, order=settings.grid_order, own=own
+        )
         car, count = worlds.world.parameters, len(worlds.times)
         self.layout = ObservationLayout(car, worlds.world.vehicle.lidar.beams, settings.beam_step)
         self.actions = ActionBounds(car, settings.speed_range, normalised=settings.normalised_actions)
@@ -87,27 +95,30 @@ class Episodes:
         return ended
 
     def begin(self, which: Mask, generators: Sequence[np.random.Generator], start: Start | None = None) -> None:
-        """Begin the episodes `which` (n,).
+        """Begin the episodes in the worlds `which`.
 
         Args:
-          which: (n,).
+          which: (n,), one for each world.
           generators: of each of n worlds; those of the others are not touched.
           start: of all of them; None: as the settings have it.
 
         Raises:
           SettingsError: a start in a wall or an obstacle.
         """
-        starts, seeds = [], []
+        starts: list[Start] = []
+        seeds: list[int] = []
         for i in map(int, np.flatnonzero(which)):
             rng = generators[i]
-            starts.append(start or self._start or draw_start(self.worlds.world, rng))
-            seeds.append(int(rng.integers(2**63)))
+            starts += self._grid.draw(rng, start)
+            seeds += [int(rng.integers(2**63)) for _ in range(self.worlds.cars)]
         self.worlds.begin(which, starts, seeds)
-        self.rewards[which] = 0.0
-        self.clipped[which] = 0
-        self._before[which] = self._progress[which]
-        if (self.worlds.crashed & which).any():
-            bad = starts[int(np.flatnonzero(self.worlds.crashed[which])[0])]
+        agents = np.repeat(which, self.worlds.agents)
+        self.rewards[agents] = 0.0
+        self.clipped[agents] = 0
+        self._before[agents] = self._progress[agents]
+        touching = self.worlds.touching(which)
+        if touching.any():
+            bad = starts[int(touching.argmax())]
             raise SettingsError(f"at {bad} the car touches a wall or an obstacle; accepted: a start where it does not")
 
     def step(self, actions: ArrayLike) -> None:
@@ -138,7 +149,7 @@ class Episodes:
 
     def stop(self, which: Mask) -> None:
         """Let the episodes `which` (n,) run no longer."""
-        self.worlds.monitor.running[which] = False
+        self.worlds.stop(which)
 
     def observe(self, which: Mask) -> Observation:
         """Return new observations of all worlds, (n, ...) by name; those of the worlds `which` (n,) are sensed anew."""
@@ -146,10 +157,13 @@ class Episodes:
         return self.layout.read(self.worlds.ranges, self.worlds.odometry)
 
     def facts(self) -> dict[str, NDArray[Any]]:
-        """Return FACTS of all episodes, new arrays (n,) by name."""
+        """Return FACTS of all episodes, and FACTS_AMONG_CARS where there are others, new arrays (n,) by name."""
         worlds = self.worlds
         values = (worlds.times, self._progress, self._laps, worlds.sliding, self.clipped)
-        return {name: value.copy() for name, value in zip(FACTS, values, strict=True)}
+        facts = {name: value.copy() for name, value in zip(FACTS, values, strict=True)}
+        if worlds.cars > 1:
+            facts |= zip(FACTS_AMONG_CARS, (worlds.touches.copy(), worlds.positions, worlds.leads), strict=True)
+        return facts
 
     def ending(self, i: int) -> dict[str, Any]:
         """Return how episode i, which is over, ended: its reason, and the times of its laps, NaN where not driven."""

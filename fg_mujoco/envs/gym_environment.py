@@ -44,11 +44,12 @@ _ALL = np.ones(1, np.bool_)
 
 
 class F1TenthEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
-    """One car on one course.
+    """One car on one course, alone or among opponents. A touch of cars does not end an episode.
 
     An episode is terminated by a crash, by the last lap and by a physics that breaks down; it is truncated by the time
     limit, by ten seconds without progress and by five metres the wrong way. `info` has `time_s`, `progress_m`, `laps`,
-    `sliding` (share of the tick in which a tire slid) and `clipped_actions`, and at the end `end_reason` and
+    `sliding` (share of the tick in which a tire slid) and `clipped_actions`; with opponents `touches` (of other cars so
+    far), `position` (1 in front) and `lead_m` (on the foremost other car); and at the end `end_reason` and
     `lap_times_s`.
 
     Args:

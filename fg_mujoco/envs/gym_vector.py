@@ -22,7 +22,7 @@ from ..display import brief
 from ..errors import SettingsError, accepted_names
 from ..simulation.physics import STATE
 from ..studies.worker_processes import usable_cores
-from .episodes import FACTS, Episodes
+from .episodes import Episodes
 from .gym_environment import F1TenthEnv, Observation, action_space, observation_space
 from .rendering import ChaseView
 from .settings import EnvironmentSettings
@@ -37,11 +37,10 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 Flags = NDArray[np.bool_]
-_MASKS = tuple(f"_{name}" for name in FACTS)
 
 
 class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
-    """Cars on one course, each in a world of its own.
+    """Cars on one course, each in a world of its own, with the same opponents.
 
     Args:
       num_envs: how many.
@@ -206,8 +205,8 @@ class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
         infos: dict[str, Any] = self._episodes.facts()
         if which is not None:
             infos = {name: np.where(which, values, np.zeros_like(values)) for name, values in infos.items()}
-        infos |= zip(_MASKS, [(self._every if which is None else which).copy()] * len(_MASKS), strict=True)
-        return infos
+        mask = (self._every if which is None else which).copy()
+        return infos | {f"_{name}": mask for name in infos}
 
     def _checked_mask(self, mask: Any) -> Flags:
         if mask is None:

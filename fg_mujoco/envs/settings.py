@@ -18,11 +18,15 @@ from ..course.random_obstacles import random_boxes
 from ..errors import SettingsError, accepted_names
 from ..lidar.effects import LidarEffects
 from ..messages import require, require_whole
+from ..racing.entries import GRIDS, Entry
+from ..simulation.cars import WorldCar
 from ..simulation.course_loading import load_track
 from ..simulation.engine import Engine
 from ..simulation.settings import CarSettings, Start, known_settings
 from ..simulation.world import World
+from .opponents import as_entries
 from .rewards import Rewards
+from .starts import GRID_ORDERS
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -34,7 +38,8 @@ STARTS = ("random", "line")
 class EnvironmentSettings(CarSettings):
     """Settings of an environment; the same for dm_env, Gymnasium and its vector environment.
 
-    `changes`, `start`, `effects` and `rewards` may be mappings of the fields of their classes.
+    `changes`, `start`, `effects` and `rewards` may be mappings of the fields of their classes. With more cars than one,
+    `start` is where the first place of the grid is.
 
     Raises:
       SettingsError: a value outside what is accepted.
@@ -52,6 +57,9 @@ class EnvironmentSettings(CarSettings):
     speed_range: tuple[float, float] | None = None  # [m/s] that an action may ask for; None: what the car can
     normalised_actions: bool = False  # both parts of an action are from -1 to 1
     rewards: Rewards = field(default_factory=Rewards)
+    opponents: tuple[Entry, ...] = ()  # the cars that do not learn, in any of the ways that `as_entries` takes
+    grid: str = "staggered"  # on which several cars start, as `race` takes it
+    grid_order: str = "as_listed"  # from the front, car 0 first; "reversed": car 0 last; "random": drawn each time
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -69,6 +77,11 @@ class EnvironmentSettings(CarSettings):
             raise SettingsError(f"normalised_actions is {self.normalised_actions!r}; accepted: True, False")
         if self.effects.motion_distortion:
             raise SettingsError("motion distortion of the LiDAR, in an environment; accepted: in `race` only")
+        for name, accepted in (("grid", GRIDS), ("grid_order", GRID_ORDERS)):
+            value = getattr(self, name)
+            if value not in accepted:
+                raise SettingsError(f"{name} is {value!r}; {accepted_names(value, accepted)}")
+        object.__setattr__(self, "opponents", as_entries(self.opponents, self))
 
     @classmethod
     def of(cls, description: Mapping[str, Any]) -> Self:
@@ -86,8 +99,8 @@ class EnvironmentSettings(CarSettings):
             return Start() if self.start == "line" else None
         return self.start
 
-    def make_world(self) -> World:
-        """Return the compiled world.
+    def make_world(self, agents: int = 1) -> World:
+        """Return the compiled world of so many cars that learn, all alike, and the opponents.
 
         Raises:
           TrackError, SettingsError: what cannot be driven.
@@ -97,15 +110,17 @@ class EnvironmentSettings(CarSettings):
         laps_to_drive(course, self.laps)  # refuses more than a scene has
         start = self.fixed_start or Start()
         boxes = random_boxes(course, self.obstacles, self.obstacle_seed, car=car, start=start.s)
-        return self.world(course, obstacles=boxes)
+        learner = WorldCar(vehicle=self.car, mu=self.mu, changes=self.changes, tires=self.tire_set)
+        others = [learner] * (agents - 1) + [entry.world_car() for entry in self.opponents]
+        return self.world(course, obstacles=boxes, others=others)
 
-    def make_engine(self, count: int = 1, threads: int = 1, *, world: World | None = None) -> Engine:
+    def make_engine(self, count: int = 1, threads: int = 1, *, agents: int = 1, world: World | None = None) -> Engine:
         """Return an engine of so many worlds; of `world` itself, if it is given, which then is the only one.
 
         Raises:
           TrackError, SettingsError: what cannot be driven.
         """
         return Engine(
-            world or self.make_world(), count, laps=self.laps, time_limit=self.time_limit, threads=threads,
+            world or self.make_world(agents), count, laps=self.laps, time_limit=self.time_limit, threads=threads,
             own_model=world is not None,
         )  # fmt: skip

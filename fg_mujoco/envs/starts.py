@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ..errors import SettingsError, accepted_names
+from ..racing.entries import check_starts, grid_starts
 from ..simulation.settings import Start, as_part
 from ..simulation.world import World
+
+GRID_ORDERS = ("as_listed", "reversed", "random")
+
+_TRIES = 50  # places of a grid that are drawn before it is said to fit nowhere
 
 
 def draw_start(world: World, rng: np.random.Generator) -> Start:
@@ -32,3 +38,66 @@ def given_start(options: Mapping[str, Any] | None) -> Start | None:
         raise SettingsError(f"reset has no option {name!r}; {accepted_names(name, ['start'])}")
     start = (options or {}).get("start")
     return None if start is None else as_part(start, Start, "start")
+
+
+class StartGrid:
+    """Where the cars of a world start their episodes: one alone at the start, several on a grid behind it.
+
+    Args:
+      world: of the cars.
+      fixed: where the first place of the grid is in all episodes; None: at a random place.
+      kind: of the grid, as `grid_starts` takes it.
+      order: of the cars on it, one of GRID_ORDERS, from the front.
+      own: of each car that has a start of its own, that; None for those on the grid.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        fixed: Start | None,
+        *,
+        kind: str = "staggered",
+        order: str = "as_listed",
+        own: Sequence[Start | None] = (None,),
+    ) -> None:
+        self._world, self._fixed, self._order, self._own = world, fixed, order, own
+        self._cars = [car.parameters for car in world.cars]
+        self._places = grid_starts(world.track, self._cars, kind)
+
+    def draw(self, rng: np.random.Generator, start: Start | None = None) -> list[Start]:
+        """Return where each car starts an episode.
+
+        Args:
+          rng: of what is drawn.
+          start: of this episode; None: as the settings have it.
+
+        Raises:
+          SettingsError: a car would start in a wall, in an obstacle or in another car.
+        """
+        fixed = start or self._fixed
+        if len(self._cars) == 1:
+            return [fixed or draw_start(self._world, rng)]
+        refused = SettingsError("")
+        for _ in range(1 if fixed else _TRIES):
+            first = fixed or Start(s=draw_start(self._world, rng).s)
+            starts = self._on_grid(first, rng)
+            names = [f"car_{index}" for index in range(len(starts))]
+            try:
+                check_starts(self._world.track, starts, self._cars, names, self._world.obstacles)
+            except SettingsError as error:
+                refused = error
+            else:
+                return starts
+        raise refused
+
+    def _on_grid(self, first: Start, rng: np.random.Generator) -> list[Start]:
+        """Return where each car starts when the first place of the grid is at `first`."""
+        order = list(range(len(self._cars)))
+        if self._order == "random":
+            order = rng.permutation(len(order)).tolist()
+        elif self._order == "reversed":
+            order.reverse()
+        starts = [first] * len(order)
+        for place, car in zip(self._places, order, strict=True):
+            starts[car] = self._own[car] or replace(first, s=first.s + place.s, offset=first.offset + place.offset)
+        return starts

@@ -11,70 +11,181 @@ from ..messages import FloatArray
 from ..simulation.engine import Engine
 from ..simulation.settings import Start
 from ..simulation.telemetry import TELEMETRY
+from ..simulation.termination import END_REASONS
+from .opponents import Opponents
 from .settings import EnvironmentSettings
 
 Mask = NDArray[np.bool_]
 
+_FINISHED = END_REASONS.index("finished")
 _SLIDING_STEPS = TELEMETRY.index("sliding_steps")
 
 
 class Worlds:
     """Worlds of one engine whose episodes begin anew one by one, while the others go on.
 
-    Arrays are overwritten by the next call; (n,) is one for each world.
+    In each world the first cars are those that learn, the agents; the others are its opponents. Arrays are overwritten
+    by the next call; (a,) is one for each agent, those of world 0 first. While others of its world go on, an agent that
+    has finished is off the course; one whose episode is over otherwise brakes and stays where it is.
 
     Args:
       settings: of the environment.
       count: how many worlds, n.
       threads: that drive them.
       engine: of the worlds; None: a new one.
+      agents: of each world; more than one in one world only.
 
     Attributes:
       engine: as given, or the new one.
       world: the World that they share.
       period: of a tick [s].
-      monitor: of the episodes: laps, which run, and why they ended.
-      crashed: whether the chassis has touched anything since the beginning, (n,).
-      sliding: share of the last tick's physics steps in which any tire slid, (n,).
-      ranges: last sensed, (n, beams) [m] as in LaserScan.
-      odometry: last sensed, (n,) of ODOMETRY.
+      agents: as given.
+      cars: of each world, m.
+      monitor: of the agents' episodes: laps, which run, and why they ended.
+      sliding: share of the last tick's physics steps in which any tire slid, (a,).
     """
 
     def __init__(
-        self, settings: EnvironmentSettings, count: int = 1, threads: int = 1, engine: Engine | None = None
+        self,
+        settings: EnvironmentSettings,
+        count: int = 1,
+        threads: int = 1,
+        engine: Engine | None = None,
+        agents: int = 1,
     ) -> None:
-        self.engine = engine or settings.make_engine(count, threads)
-        self.world, self.period, self.monitor = self.engine.world, self.engine.period, self.engine.monitor
-        self.crashed, self.ranges, self.odometry = self.engine.crashed, self.engine.ranges, self.engine.odometry
-        self._effects = settings.effects
-        self.sliding = np.zeros(count)
+        self.engine = engine or settings.make_engine(count, threads, agents=agents)
+        self.world, self.period, self.agents = self.engine.world, self.engine.period, agents
+        self.cars = m = self.engine.cars_per_world
+        self._rows = slice(0, agents) if count == 1 else slice(0, None, m)  # of the agents
+        self.monitor = self.engine.monitor.part(self._rows)
+        entries = settings.opponents
+        self._effects = [settings.effects] * agents + [entry.effects for entry in entries]
+        self._drifts = [0.0] * agents + [entry.odometry_drift for entry in entries]
+        self._opponents: Opponents | None = None
+        if entries:
+            self._opponents = self.engine.planners = Opponents(
+                entries, self.world, count, beam_step=settings.beam_step, speed_range=settings.speed_range,
+                normalised=settings.normalised_actions,
+            )  # fmt: skip
+        self.sliding = np.zeros(count * agents)
+        self._sensed = np.zeros(count * m, np.bool_)  # the cars that have sensed what they can at the present moment
 
     @property
     def times(self) -> FloatArray:
-        """Simulated since the beginning of each episode. Shape (n,) [s]."""
-        return self.engine.times
+        """Simulated since the beginning of each agent's episode. Shape (a,) [s]."""
+        return np.repeat(self.engine.times, self.agents)
+
+    @property
+    def crashed(self) -> Mask:
+        """Whether the chassis has touched a wall or an obstacle since the beginning. Shape (a,)."""
+        return np.ascontiguousarray(self.engine.crashed[self._rows])
+
+    @property
+    def ranges(self) -> FloatArray:
+        """Last sensed, as in LaserScan. Shape (a, beams) [m]."""
+        return np.ascontiguousarray(self.engine.ranges[self._rows])
+
+    @property
+    def odometry(self) -> NDArray[np.void]:
+        """Last sensed. Shape (a,) of ODOMETRY."""
+        return np.ascontiguousarray(self.engine.odometry[self._rows])
+
+    @property
+    def touches(self) -> NDArray[np.int64]:
+        """How often each agent has touched another car since the beginning. Shape (a,)."""
+        touches: NDArray[np.int64] = self.engine.statistics["touches"][self._rows]
+        return touches
+
+    @property
+    def positions(self) -> NDArray[np.int64]:
+        """How many cars of its world each agent is behind, and one more: 1 is in front. Shape (a,).
+
+        Cars that have finished are in the order in which they did, in front of the others.
+        """
+        monitor, shape = self.engine.monitor, (-1, 1, self.cars)
+        finished_at = np.where(monitor.reasons == _FINISHED, monitor.timers["lap_start"], np.inf).reshape(shape)
+        own = finished_at[:, 0, : self.agents, np.newaxis]
+        ahead = (finished_at < own) | ((finished_at == own) & (self._gaps < 0.0))
+        positions: NDArray[np.int64] = 1 + np.count_nonzero(ahead, axis=2).ravel()
+        return positions
+
+    @property
+    def leads(self) -> FloatArray:
+        """How far each agent is ahead of the foremost other car, negative behind it. Shape (a,) [m]."""
+        others = ~np.eye(self.agents, self.cars, dtype=np.bool_)
+        leads: FloatArray = np.min(self._gaps, axis=2, where=others, initial=np.inf).ravel()
+        return leads
+
+    @property
+    def _gaps(self) -> FloatArray:
+        """How far each agent is ahead of each car of its world along the course. Shape (n, agents, cars) [m]."""
+        progress = self.engine.monitor.timers["progress"].reshape(-1, self.cars)
+        gaps: FloatArray = progress[:, : self.agents, np.newaxis] - progress[:, np.newaxis, :]
+        return gaps
 
     def begin(self, which: Mask, starts: Sequence[Start], seeds: Sequence[int]) -> None:
-        """Place the cars of the worlds `which` (n,); one start and one seed of the LiDAR's noise for each of them."""
-        self.engine.place(starts, which, effects=[self._effects] * len(starts), seeds=seeds)
-        self.sliding[which] = 0.0
+        """Place the cars of the worlds `which` (n,); one start and one seed of the LiDAR's noise for each of them.
+
+        Raises:
+          ControllerError: the planner of an opponent raises in its `reset`.
+        """
+        worlds = int(np.count_nonzero(which))
+        self.engine.place(
+            starts, np.repeat(which, self.cars), effects=self._effects * worlds, seeds=seeds,
+            odometry_drifts=self._drifts * worlds,
+        )  # fmt: skip
+        if self._opponents is not None:
+            self._opponents.begin(which)
+        self.sliding[np.repeat(which, self.agents)] = 0.0
+        self._sensed[np.repeat(which, self.cars)] = False
+
+    def touching(self, which: Mask) -> Mask:
+        """Return which cars of the worlds `which` (n,) have touched a wall or an obstacle, in a row each."""
+        return self.engine.crashed[np.repeat(which, self.cars)]
 
     def drive(self, commands: FloatArray) -> None:
-        """Hold the commands (n, 2) [rad, m/s] for a tick in the worlds that run, and judge their races."""
-        self.engine.commands[:] = commands
-        self.engine.drive()
+        """Hold the commands (a, 2) [rad, m/s] for a tick in the worlds that run, and judge their races.
+
+        Raises:
+          MessageError: the policy of an opponent answers no action.
+        """
+        engine = self.engine
+        if self._opponents is not None:
+            opponents = np.zeros(len(engine.commands), np.bool_)
+            opponents[self._opponents.rows] = True
+            engine.sense(engine.driving & opponents)
+            engine.decide()
+        engine.commands[self._rows] = commands
+        if self.cars > 1:
+            engine.commands[self._rows][~self.monitor.running, 1] = 0.0
+        engine.drive()
+        if self.cars > 1:  # who finishes is taken off the course, and has seen the end of it
+            self.sense(self.monitor.running.copy())
+            self._sensed[self._rows] = self.monitor.running
         self.judge()
 
     def judge(self) -> None:
-        """Judge the races after a tick that the engine was driven for."""
-        np.divide(
-            self.engine.telemetry[:, _SLIDING_STEPS], self.engine.substeps, out=self.sliding, where=self.monitor.running
-        )
-        self.engine.judge()
+        """Judge the races after a tick that the engine was driven for; a world ends with the last of its agents."""
+        engine, running = self.engine, self.monitor.running
+        np.divide(engine.telemetry[self._rows, _SLIDING_STEPS], engine.substeps, out=self.sliding, where=running)
+        engine.judge()
+        if self.cars > 1:
+            goes_on: Mask = np.asarray(running.reshape(-1, self.agents).any(axis=1))
+            self.stop(~goes_on)
+
+    def stop(self, which: Mask) -> None:
+        """Let the cars of the worlds `which` (n,) race no longer."""
+        self.engine.running.reshape(-1, self.cars)[which] = False
 
     def sense(self, which: Mask) -> None:
-        """Take the scans and odometry of the worlds `which` (n,); once for each moment."""
-        self.engine.sense(which)
+        """Take the scans and odometry of the agents `which` (a,); once for each moment."""
+        rows = which
+        if self.cars > 1:
+            rows = np.zeros(len(self.engine.commands), np.bool_)
+            rows[self._rows] = which
+            rows &= ~self._sensed
+            self._sensed[:] = False
+        self.engine.sense(rows)
 
     def state(self, i: int) -> FloatArray:
         """Return the complete state of world i (mjSTATE_INTEGRATION), a copy."""

@@ -1,13 +1,14 @@
-"""The line that a car drove, over the plan of its course, coloured by speed, as SVG."""
+"""The line that a car drove, over the plan of its course, coloured by speed, and the lines of several, as SVG."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from ..course.plan import plan
 from ..messages import FloatArray
+from ..simulation.cars import car_colour_hex
 from ..simulation.world import World
 
 _COLOURS = ("#440154", "#46327e", "#365c8d", "#277f8e", "#1fa187", "#4ac16d", "#a0da39", "#fde725")  # viridis
@@ -45,4 +46,26 @@ def driven_line(
     for text, place in marks:
         drawing.cross(place, text, _ALERT)
     drawing.legend(_COLOURS, "0", f"{fastest:.1f} m/s")
+    return drawing.svg(title)
+
+
+def driven_lines(
+    world: World, lines: Sequence[FloatArray], *, time: float, contacts: Iterable[tuple[float, float]], title: str
+) -> str:
+    """Return the picture of a race of several cars as SVG, the line of each in its colour.
+
+    Args:
+      world: that was driven in.
+      lines: where each car was at the start of each tick (ticks, 2) [m]; of longer ones the last 8000 ticks are drawn.
+      time: at which moving obstacles are drawn [s].
+      contacts: where two cars touched [m].
+      title: for screen readers.
+    """
+    around = np.concatenate(lines)
+    drawing = plan(world.track, obstacles=world.obstacles, moving=world.moving, time=time, line=False, around=around)
+    for index, line in enumerate(lines):
+        drawing.line(line[-_MOST_TICKS:], car_colour_hex(index), width=1.8)
+    for place in contacts:
+        drawing.cross(place, "", _ALERT)
+    drawing.legend([car_colour_hex(index) for index in range(len(lines))], "car 0", f"car {len(lines) - 1}")
     return drawing.svg(title)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -16,10 +17,13 @@ from ..course.clearance import least_clearance, outline
 from ..course.course import Course, wall_outlines
 from ..course.obstacles import Obstacle
 from ..display import quoted
-from ..errors import SettingsError, accepted_names
-from ..messages import CarParameters, Controller, FloatArray
+from ..errors import ControllerError, SettingsError, accepted_names
+from ..messages import CarParameters, Controller, FloatArray, MapLine
 from ..simulation.cars import GREATEST_CARS, WorldCar
+from ..simulation.planner_adapter import start as start_planner
 from ..simulation.settings import DriveSettings, Start
+from .planner_choice import split_controller
+from .planner_loading import build_controller, make_controller
 
 GRIDS = ("staggered", "side_by_side")
 
@@ -54,6 +58,13 @@ class Entry(DriveSettings):
         if self.patches:
             raise SettingsError("Entry.patches is set; accepted: `patches` of the race, whose floor it is")
 
+    def like(self, controller: str, *, max_speed: float | None = None) -> Entry:
+        """Return the entry of another planner in a car that is set as this one; `max_speed` None: its own [m/s]."""
+        fastest = self.max_speed if max_speed is None else max_speed
+        return replace(
+            self, controller=controller, max_speed=fastest, name=None, start=None, planner_settings={}, seed=0
+        )
+
     def world_car(self) -> WorldCar:
         """Return the car as World takes it."""
         return WorldCar(vehicle=self.car, mu=self.mu, changes=self.changes, tires=self.tire_set)
@@ -78,6 +89,46 @@ def require_entries(entries: Sequence[Entry]) -> tuple[Entry, ...]:
     return named
 
 
+def entry_planner(
+    entry: Entry, *, car: CarParameters, map_line: MapLine | None, kind: type | None = None
+) -> Controller:
+    """Return the planner of an entry, ready for a race.
+
+    Args:
+      entry: the car's.
+      car: what the planner is told of it.
+      map_line: the line through the course.
+      kind: the planner's class, where it is found already; None: it is looked for.
+
+    Raises:
+      ControllerError: it cannot be built; the message says whose it is.
+    """
+    source, settings = split_controller(entry.controller, entry.planner_settings)
+    told: dict[str, Any] = {
+        "car": car, "mu": float(entry.assumed_mu), "max_speed": float(entry.max_speed), "settings": settings,
+        "map_line": map_line,
+    }  # fmt: skip
+    try:
+        if kind is None or not isinstance(source, str):
+            planner = make_controller(source, **told)
+        else:
+            planner = build_controller(kind, source, **told)
+        start_planner(planner)
+    except ControllerError as error:
+        raise type(error)(f"{entry.name}: {error}") from error
+    return planner
+
+
+def require_grid(kind: str) -> None:
+    """Refuse what is no grid.
+
+    Raises:
+      SettingsError: it is none.
+    """
+    if kind not in GRIDS:
+        raise SettingsError(f"grid is {kind!r}; {accepted_names(kind, GRIDS)}")
+
+
 def grid_starts(course: Course, cars: Sequence[CarParameters], kind: str = "staggered") -> tuple[Start, ...]:
     """Return where cars stand before the start, the first of them in front, at s = 0 of a closed course.
 
@@ -88,8 +139,7 @@ def grid_starts(course: Course, cars: Sequence[CarParameters], kind: str = "stag
     Raises:
       SettingsError: an unknown kind.
     """
-    if kind not in GRIDS:
-        raise SettingsError(f"grid is {kind!r}; {accepted_names(kind, GRIDS)}")
+    require_grid(kind)
     if len(cars) == 1:
         return (Start(),)
     if kind == "staggered":

@@ -15,20 +15,18 @@ import numpy as np
 
 from ..course.course import Course
 from ..course.obstacles import Obstacle
-from ..errors import ControllerError
 from ..messages import Controller
 from ..simulation.engine import Engine
 from ..simulation.planner_adapter import Cars, Planners, PlannersOfEach, Reasons, adapt
-from ..simulation.planner_adapter import start as start_planner
 from ..simulation.planner_failure import DecisionLimitReached, PlannerFailure
 from ..simulation.termination import END_REASONS
 from ..simulation.world import World
 from ..vehicle.friction_patches import Patch
 from .decisions import DecisionClock, DecisionTimes
-from .entries import Entry, check_starts, grid_starts
+from .entries import Entry, check_starts, entry_planner, grid_starts
 from .figures import course_figures, driven_figures
 from .planner_choice import split_controller
-from .planner_loading import make_controller, origin, source_code
+from .planner_loading import origin, source_code
 from .race_control import RaceControl, find_rules
 from .result import CarResult, History, RaceResult
 
@@ -77,7 +75,9 @@ def race_field(
     places = grid_starts(course, cars, grid)
     starts = [entry.start or place for entry, place in zip(entries, places, strict=True)]
     check_starts(course, starts, cars, names, obstacles)
-    planners = [_planner(entry, world, index) for index, entry in enumerate(entries)]
+    planners = [
+        entry_planner(entry, car=car, map_line=course.map_line) for entry, car in zip(entries, cars, strict=True)
+    ]
     engine = Engine(world, laps=laps, time_limit=time_limit)
     clock = DecisionClock(decision_limit)
     timed = [
@@ -90,8 +90,7 @@ def race_field(
         odometry_drifts=[entry.odometry_drift for entry in entries],
     )  # fmt: skip
     history, control = History(engine), RaceControl(engine, names=names, rules=chosen)
-    ended = np.zeros(len(entries), np.int64)  # the tick in which each race was over
-    finished_at: dict[int, float] = {}
+    ended = np.full(len(entries), -1)  # after how many ticks each race was over; -1: it goes on
 
     started = time.perf_counter()
     try:
@@ -99,13 +98,14 @@ def race_field(
             while engine.running.any():
                 engine.sense()
                 engine.decide()
+                ended[(ended < 0) & ~engine.running] = history.ticks
+                if not engine.running.any():  # no planner is left: nothing is driven any more
+                    break
                 engine.drive()
                 engine.judge()
                 control.after_tick()
                 history.append()
-                ended[(ended == 0) & ~engine.running] = history.ticks
-                for row in map(int, np.flatnonzero(engine.monitor.reasons == END_REASONS.index("finished"))):
-                    finished_at.setdefault(row, _finish_time(engine, row))
+                ended[(ended < 0) & ~engine.running] = history.ticks
                 if watch is not None:
                     watch(
                         FieldProgress(
@@ -115,13 +115,13 @@ def race_field(
                     )  # fmt: skip
     except KeyboardInterrupt:  # what was driven is kept
         engine.interrupt()
-    ended[ended == 0] = history.ticks
+    ended[ended < 0] = history.ticks
     control.finish()
     wall_time = time.perf_counter() - started
     later_time = started + wall_time - (history.first_end or started + wall_time)  # [s] without the first tick
 
     arrays = history.arrays()
-    order = _order(engine, finished_at)
+    order = control.order()
     results = []
     for row, entry in enumerate(entries):
         failure = planners_of_each.failures.get(row)
@@ -135,7 +135,6 @@ def race_field(
         )  # fmt: skip
     own, sim_time = results[0], engine.time(0)
     driven = driven_figures(engine, arrays)
-    winner = results[order[0]].name if results[order[0]].finished else None
     return RaceResult(
         **{
             name: getattr(own, name)
@@ -160,7 +159,7 @@ def race_field(
         car_results=tuple(results),
         grid=grid,
         rules=rules,
-        winner=winner,
+        winner=control.winner,
         overtakes=tuple(control.overtakes),
         contacts=tuple(control.contacts),
         warnings=tuple(control.warnings),
@@ -192,38 +191,6 @@ class _Timed:
             return np.array([_LATE])
         finally:
             self.seconds.append(self._clock.seconds[-1])
-
-
-def _planner(entry: Entry, world: World, index: int) -> Controller:
-    """Return the planner of an entry, ready for a race.
-
-    Raises:
-      ControllerError: it cannot be built; the message says whose it is.
-    """
-    source, settings = split_controller(entry.controller, entry.planner_settings)
-    try:
-        planner = make_controller(
-            source, car=world.cars[index].parameters, mu=float(entry.assumed_mu), max_speed=float(entry.max_speed),
-            settings=settings, map_line=world.track.map_line,
-        )  # fmt: skip
-        start_planner(planner)
-    except ControllerError as error:
-        raise type(error)(f"{entry.name}: {error}") from error
-    return planner
-
-
-def _finish_time(engine: Engine, row: int) -> float:
-    """Return when a car that has just finished crossed the line [s]."""
-    timer = engine.monitor.timers[row]
-    return float(timer["lap_start"])  # of the lap that would come next
-
-
-def _order(engine: Engine, finished_at: dict[int, float]) -> list[int]:
-    """Return the cars in the order of the result: by when they finished, then by how far they came."""
-    progress = engine.monitor.timers["progress"]
-    return sorted(
-        range(len(progress)), key=lambda row: (finished_at.get(row, np.inf), -float(progress[row]), row)
-    )  # fmt: skip
 
 
 def _car_result(

@@ -1,6 +1,6 @@
 """Race control: who touched whom and whose fault it was, who overtook whom, and what the rules make of it.
 
-It watches an engine of one world, tick by tick, and is a layer above the physics: without rules it only keeps a record.
+It watches a world of an engine, tick by tick, and is a layer above the physics: without rules it only keeps a record.
 
     control = RaceControl(engine, names=("a", "b"), rules=RULES["roboracer_2026"])
     while engine.running.any():
@@ -18,6 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import SettingsError, accepted_names
 from ..messages import FloatArray
@@ -40,7 +41,7 @@ LONGEST_PUSH = 1.0
 """[s] after which cars that still touch are judged, where there are rules: one that pushes another on and on."""
 
 _X, _Y, _HEADING, _YAW_RATE = (TELEMETRY.index(name) for name in ("x_m", "y_m", "heading_rad", "yaw_rate_rad_s"))
-_VX, _PROGRESS = TELEMETRY.index("vx_m_s"), TELEMETRY.index("progress_m")
+_VX, _PROGRESS, _COMMANDED = (TELEMETRY.index(name) for name in ("vx_m_s", "progress_m", "command_speed_m_s"))
 _FINISHED, _DISQUALIFIED = END_REASONS.index("finished"), "disqualified"
 
 
@@ -130,45 +131,48 @@ class _Order:
 
 
 class RaceControl:
-    """Watches the cars of an engine's only world.
+    """Watches the cars of a world of an engine.
 
     Args:
       engine: with its cars placed.
       names: of the cars.
       rules: what is done about contacts.
+      world: its number in the engine.
 
     Attributes:
       contacts, overtakes, warnings, restarts: so far.
       wall_contacts: of each car, (m,).
     """
 
-    def __init__(self, engine: Engine, *, names: Sequence[str], rules: Rules) -> None:
+    def __init__(self, engine: Engine, *, names: Sequence[str], rules: Rules, world: int = 0) -> None:
         self.contacts: list[Contact] = []
         self.overtakes: list[Overtake] = []
         self.warnings: list[Warned] = []
         self.restarts: list[Restart] = []
         self._engine, self._names, self._rules = engine, tuple(names), rules
-        count, world = len(names), engine.world
-        self._places = touch_places(world.model, count)
+        self._world, self._built = world, engine.world_of(world)
+        count, built = len(names), self._built
+        self._rows = slice(world * count, (world + 1) * count)  # of its cars among the engine's
+        self._places = touch_places(built.model, count)
         self._pairs = [(a, b) for a in range(count) for b in range(a + 1, count)]
+        self._found = np.array([self._places[pair] for pair in self._pairs], np.int64)  # where each one's contacts are
         self._open: dict[tuple[int, int], _Touching] = {}
         self._orders = {pair: _Order() for pair in self._pairs}
-        self._timestep = float(world.model.opt.timestep)
-        parameters = [car.parameters for car in world.cars]
+        self._timestep = float(built.model.opt.timestep)
+        parameters = [car.parameters for car in engine.cars[self._rows]]
         self._lengths = [car.length for car in parameters]
         self._middles = [0.5 * car.length - car.rear_overhang for car in parameters]
         self._masses = [car.mass for car in parameters]
-        self._grips = [car.mu * car.parameters.gravity for car in world.cars]
+        self._grips = [car.mu * car.parameters.gravity for car in engine.cars[self._rows]]
         self._tick = 0
-        progress = engine.monitor.timers["progress"]
+        progress = self._timers["progress"].tolist()
         for (a, b), order in self._orders.items():
             order.leads = self._leader(a, b, progress)
 
     def after_tick(self) -> None:
         """Look at the tick that was driven and judged; put cars back, and end the race of one that is disqualified."""
         self._tick += 1
-        engine = self._engine
-        time = engine.time(0)
+        time = self._engine.time(self._world)
         self._look_for_touches(time)
         self._look_for_overtakes(time)
 
@@ -178,10 +182,32 @@ class RaceControl:
             self._close(pair)
         self.contacts.sort(key=lambda contact: contact.time_s)
 
+    def order(self) -> list[int]:
+        """Return the cars in the order of the result: by when they finished, then by how far they came."""
+        timers, finished = self._timers, self._engine.monitor.reasons[self._rows] == _FINISHED
+        at = np.where(finished, timers["lap_start"], math.inf)  # of the lap that would come next
+        return sorted(range(len(at)), key=lambda car: (float(at[car]), -float(timers["progress"][car]), car))
+
+    @property
+    def winner(self) -> str | None:
+        """Name of the car that finished first; None: none has."""
+        first = self.order()[0]
+        return self._names[first] if self._engine.monitor.reasons[self._rows][first] == _FINISHED else None
+
+    @property
+    def _timers(self) -> NDArray[np.void]:
+        """The lap timers of its cars, live."""
+        timers: NDArray[np.void] = self._engine.monitor.timers[self._rows]
+        return timers
+
     def _look_for_touches(self, time: float) -> None:
-        engine = self._engine
-        records = engine.records(0)
-        for pair in self._pairs:
+        if not self._open and self._engine.touched_at[self._rows].max() < time:
+            return
+        records, begun = self._engine.records(self._world), float(self._engine.telemetry[self._rows.start, 0])
+        touched: list[bool] = np.any(records[:, self._found] > 0.0, axis=0).tolist()
+        for pair, touches in zip(self._pairs, touched, strict=True):
+            if not touches and pair not in self._open:
+                continue
             first = int(self._places[pair])
             found = records[:, first : first + TOUCH_READINGS]
             touching = found[:, 0] > 0.0
@@ -190,7 +216,7 @@ class RaceControl:
                     closing, fault = self._approach(*pair)
                     where = found[int(touching.argmax()), 4:6]
                     self._open[pair] = _Touching(
-                        time=float(engine.telemetry[0, 0]), last=time, impulse=0.0, closing=closing, fault=fault,
+                        time=begun, last=time, impulse=0.0, closing=closing, fault=fault,
                         place=(float(where[0]), float(where[1])), pushed=dict.fromkeys(pair, (0.0, 0.0)),
                     )  # fmt: skip
                 self._open[pair].last = time
@@ -211,7 +237,7 @@ class RaceControl:
 
     def _approach(self, a: int, b: int) -> tuple[float, int]:
         """Return how fast two cars came nearer at the start of the tick [m/s], and whose fault it is."""
-        rows = self._engine.telemetry[[a, b]]
+        rows = self._engine.telemetry[self._rows][[a, b]]
         middles, velocities = [], []
         for row, ahead in zip(rows, (self._middles[a], self._middles[b]), strict=True):
             cos, sin = math.cos(row[_HEADING]), math.sin(row[_HEADING])
@@ -249,25 +275,24 @@ class RaceControl:
             return
         fault = self._names.index(contact.at_fault)
         other = pair[1] if fault == pair[0] else pair[0]
-        if not engine.running[fault]:
+        if not engine.running[self._rows][fault]:
             return
         said = f"contact with {self._names[other]}, displaced by {100.0 * contact.displacement_m:.0f} cm"
         self.warnings.append(Warned(time_s=time, car=contact.at_fault, reason=said))
         if sum(warned.car == contact.at_fault for warned in self.warnings) >= rules.most_warnings:
-            which = np.zeros(len(self._names), np.bool_)
-            which[fault] = True
+            which = np.zeros(len(engine.running), np.bool_)
+            which[self._rows.start + fault] = True
             engine.monitor.end(which, _DISQUALIFIED)
             return
-        drove_on = (
-            bool(engine.running[other]) and float(engine.commands[other, 1]) > 0.5
-        )  # [m/s] and is not just pushed
+        row = self._rows.start + other
+        drove_on = bool(engine.running[row]) and float(engine.telemetry[row, _COMMANDED]) > 0.5  # [m/s], not pushed
         behind = rules.restart_behind_driving if drove_on else rules.restart_behind
         self._put_behind(fault, other, behind)
 
     def _put_behind(self, car: int, other: int, behind: float) -> None:
         """Put a car on the line so far behind another [m], or behind that where somebody stands there."""
-        engine, course = self._engine, self._engine.world.track
-        timers = engine.monitor.timers
+        engine, course = self._engine, self._built.track
+        timers = self._timers
         at = float(timers["place"][other])
         taken = [float(timers["place"][i]) for i in range(len(self._names)) if i != car]
         back = behind + 0.5 * (self._lengths[car] + self._lengths[other])
@@ -275,31 +300,31 @@ class RaceControl:
             back += 0.5 * self._lengths[car]
         s = at - back - (course.origin or 0.0)
         start = Start(s=s if course.closed else max(s, 0.0))
-        engine.put(car, start)
+        engine.put(self._rows.start + car, start)
         self.restarts.append(
-            Restart(time_s=engine.time(0), tick=self._tick, car=car, s_m=start.s, offset_m=start.offset)
+            Restart(time_s=engine.time(self._world), tick=self._tick, car=car, s_m=start.s, offset_m=start.offset)
         )
 
-    def _leader(self, a: int, b: int, progress: FloatArray) -> int:
+    def _leader(self, a: int, b: int, progress: Sequence[float]) -> int:
         """Return 1 where the first leads by enough of its length, -1 where the second does, else 0."""
-        lead = float(progress[a] - progress[b])
+        lead = progress[a] - progress[b]
         if lead >= OVERTAKE_LEAD * self._lengths[a]:
             return 1
         return -1 if -lead >= OVERTAKE_LEAD * self._lengths[b] else 0
 
     def _look_for_overtakes(self, time: float) -> None:
-        monitor = self._engine.monitor
-        progress, racing = monitor.timers["progress"], self._engine.running | (monitor.reasons == _FINISHED)
+        reasons, progress = self._engine.monitor.reasons[self._rows], self._timers["progress"].tolist()
+        racing = self._engine.running[self._rows] | (reasons == _FINISHED)
         for (a, b), order in self._orders.items():
             leads = self._leader(a, b, progress)
             if leads == 0 or leads == order.leads:
                 order.new = 0
                 continue
             if leads != order.new:
-                order.new, order.since, order.at = leads, time, float(progress[a if leads > 0 else b])
+                order.new, order.since, order.at = leads, time, progress[a if leads > 0 else b]
             if time - order.since >= OVERTAKE_HELD - 1e-9:
                 by, of = (a, b) if leads > 0 else (b, a)
-                if order.leads != 0 and racing[a] and racing[b] and monitor.reasons[of] != _FINISHED:
+                if order.leads != 0 and racing[a] and racing[b] and reasons[of] != _FINISHED:
                     self.overtakes.append(
                         Overtake(time_s=order.since, by=self._names[by], of=self._names[of], s_m=order.at)
                     )

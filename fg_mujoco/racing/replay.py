@@ -37,6 +37,7 @@ from .result import History, Trajectory, car_row, trajectory_sha256
 from .run_folder import NOT_SIMULATED, SCENE, STATES, SUMMARY, TELEMETRY_FILE, Run, as_json, of_car, read_run
 
 _FROM_OUTSIDE = ("interrupted", "failed", "planner_failed", "decision_limit")  # reasons that no simulation tells
+_OF_PLANNERS = ("planner_failed", "decision_limit")
 _OF_THE_COURSE = ("lap", "progress_m", "offset_m")  # columns of the telemetry
 _WALL_TIMES = ("wall_time_s", "realtime_factor", "decision_times")
 _VERSIONS = ("schema", "fg_mujoco_version", "mujoco_version", "platform")
@@ -215,14 +216,11 @@ class _Again:
         ends = np.searchsorted(run.time, [float(row["end_time_s"]) - 1e-9 for row in rows])
         columns = slice(COMMAND, COMMAND + 2)
         commands = np.stack([run.telemetry[:, columns], *(other[:, columns] for other in run.others)], axis=1)
-        outside = [row["end_reason"] in _FROM_OUTSIDE for row in rows]
+        reasons = [str(row["end_reason"]) for row in rows]
         self.over, over = None, np.zeros(len(rows), np.bool_)
         for tick, controls in enumerate(run.ctrl):
             engine.sense()
-            for car in map(
-                int, np.flatnonzero([out and end == tick + 1 for out, end in zip(outside, ends, strict=True)])
-            ):
-                engine.monitor.end(np.arange(len(rows)) == car, str(rows[car]["end_reason"]))
+            self._end_from_outside(reasons, ends == tick, before=True)
             if engine.world.track is None or not engine.running.any():
                 engine.running[0] = True
             for car, (steering_angle, speed) in enumerate(commands[tick].tolist()):
@@ -231,6 +229,7 @@ class _Again:
             same = commanded.tobytes() == controls.tobytes()
             engine.telemetry[:, columns] = commands[tick] if same else controls.reshape(-1, 2)
             engine.judge()
+            self._end_from_outside(reasons, ends == tick + 1, before=False)
             if self.control is not None:
                 self.control.after_tick()
             history.append()
@@ -240,6 +239,13 @@ class _Again:
                 self.over = (history.ticks, self._reason)
         if self.control is not None:
             self.control.finish()
+
+    def _end_from_outside(self, reasons: Sequence[str], which: Any, *, before: bool) -> None:
+        """End the races of some cars, (m,), whose reasons no simulation tells: of planners before a tick is driven."""
+        for car in map(int, np.flatnonzero(which & self.engine.running)):
+            reason = reasons[car]
+            if self.from_outside(reason) and (reason in _OF_PLANNERS) == before:
+                self.engine.monitor.end(np.arange(len(reasons)) == car, reason)
 
     @property
     def _reason(self) -> str:

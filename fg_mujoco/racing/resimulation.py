@@ -70,6 +70,7 @@ class Tick:
     sensed: Sensed | None  # None where nothing was to be sensed
     command: DriveCommand  # that the planner answered
     state: FloatArray  # (k,) at its end
+    sensed_by_each: tuple[Sensed, ...] = ()  # what every car sensed, car 0 the first; empty where nothing was to be
 
 
 def load_world(run: Run) -> World:
@@ -105,18 +106,27 @@ def resimulate(run: Recording, world: World, *, sense: bool = True, follow: bool
     Raises:
       RunFolderError: a summary without what the LiDAR was set to.
     """
-    effects, seed, drift = _sensor_settings(run.summary) if sense else (None, 0, 0.0)
     commands = np.column_stack((run.column("command_steering_rad"), run.column("command_speed_m_s"))).tolist()
     engine = Engine(world)
-    engine.load(run.states[0], effects=effects, seed=seed, odometry_drift=drift)
+    if not sense:
+        engine.load(run.states[0])
+    else:
+        rows = run.summary.get("cars") or ()
+        settings = [_sensor_settings(row) for row in (rows if len(world.cars) > 1 else (run.summary,))]
+        if len(settings) != len(world.cars):
+            said = f"summary.json: cars has {len(settings)} rows of {len(world.cars)} cars"
+            raise RunFolderError(f"{said}; accepted: one a car, as `race --out` wrote it")
+        effects, seeds, drifts = (list(each) for each in zip(*settings, strict=True))
+        engine.load(run.states[0], effects=effects, seed=seeds, odometry_drift=drifts)
     for controls, (steering_angle, speed), after in zip(run.ctrl, commands, run.states[1:], strict=True):
         time = float(engine.times[0])
-        sensed = _sense(engine) if sense else None
+        each = _sense(engine) if sense else ()
         engine.drive(controls=controls[np.newaxis])
         state = engine.state(0).copy()
         yield Tick(
-            time=time, sensed=sensed, command=DriveCommand(steering_angle=steering_angle, speed=speed), state=state
-        )
+            time=time, sensed=each[0] if each else None, sensed_by_each=each, state=state,
+            command=DriveCommand(steering_angle=steering_angle, speed=speed),
+        )  # fmt: skip
         if follow and not np.array_equal(state, after, equal_nan=True):
             engine.state(0)[:] = after
 
@@ -148,14 +158,19 @@ def scan_at(run: RaceResult | Run, time: float | None = None) -> tuple[LaserScan
     return sensed.scan, sensed.odometry
 
 
-def _sense(engine: Engine) -> Sensed:
-    """Return what the car of world 0 senses now."""
+def _sense(engine: Engine) -> tuple[Sensed, ...]:
+    """Return what each car of world 0 senses now."""
     engine.sense()
-    odometry = odometry_message(engine.odometry[0])
-    pose, (x, y) = engine.free_joint(0)
+    return tuple(_sensed(engine, row) for row in range(engine.cars_per_world))
+
+
+def _sensed(engine: Engine, row: int) -> Sensed:
+    """Return what a car has sensed."""
+    odometry = odometry_message(engine.odometry[row])
+    pose, (x, y) = engine.free_joint(row)
     heading = odometry.pose[2]
     return Sensed(
-        scan=engine.scans.get(0) or engine.beams.to_scan(engine.ranges[0], odometry.stamp),
+        scan=engine.scans.get(row) or engine.beams.to_scan(engine.ranges[row], odometry.stamp),
         odometry=odometry,
         position=pose[:3],
         quaternion=pose[3:],

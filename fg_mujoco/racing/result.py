@@ -18,7 +18,7 @@ from ..simulation.telemetry import COMMAND, TELEMETRY
 from ..simulation.termination import WrongWay
 from .crash import Crash
 from .decisions import DecisionTimes
-from .driven_line import driven_line
+from .driven_line import driven_line, driven_lines
 
 if TYPE_CHECKING:
     from ..simulation.engine import Engine
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from .race_control import Contact, Overtake, Restart, Warned
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class CarResult:
     """How one of several cars fared. Fields are as in RaceResult; arrays are read-only."""
 
@@ -69,6 +69,11 @@ class CarResult:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "telemetry", read_only(self.telemetry))
+
+    def __repr__(self) -> str:
+        best = f"best {min(self.lap_times_s):.2f} s" if self.lap_times_s else "no lap"
+        driven = f"{self.laps_completed} laps, {best}, {self.end_reason}"
+        return brief(self, f"{self.position}. {quoted(self.name)}", quoted(self.controller), driven)
 
     def column(self, name: str) -> FloatArray:
         """Return one column of the telemetry by its name in TELEMETRY. Shape (ticks,)."""
@@ -169,6 +174,8 @@ class RaceResult(Shown):
         return "no collision" if self.finished else f"ended by {self.end_reason}"
 
     def _repr_html_(self) -> str:
+        if len(self.car_results) > 1:
+            return self._html_of_several()
         rows = [
             ("planner, track, car", f"{self.controller}, {self.track}, {self.vehicle}"),
             ("end", f"{self.end_reason.replace('_', ' ')}: {self._end()}"),
@@ -184,6 +191,31 @@ class RaceResult(Shown):
             self.world, line, self.column("speed_m_s"), time=self.sim_time_s, marks=marks, title=repr(self)
         )
         return table((), rows) + picture
+
+    def _html_of_several(self) -> str:
+        """Return what a notebook shows of several cars: a row for each, and the lines of all."""
+        head = [
+            ("track, laps", f"{self.track}, {self.laps_requested}"),
+            ("winner", self.winner or "nobody finished"),
+            ("overtakes, contacts", f"{len(self.overtakes)}, {len(self.contacts)}"),
+        ]
+        rows = []
+        for index in sorted(range(len(self.car_results)), key=lambda index: self.car_results[index].position):
+            car = self.car_results[index]
+            best = f"{min(car.lap_times_s):.2f} s" if car.lap_times_s else "-"
+            end = f"{car.end_reason.replace('_', ' ')} at {car.end_time_s:.2f} s"
+            rows.append((
+                f"{car.position}.", index, car.name, f"{car.controller}, {car.vehicle}", car.laps_completed, best, end,
+                car.collisions_car, f"{car.max_slide_m_s:.3f} m/s",
+            ))  # fmt: skip
+        header = ("", "car", "name", "planner, vehicle", "laps", "best lap", "end", "contacts", "greatest sliding")
+        lines = []
+        for car in self.car_results:
+            raced = car.column("time_s") < car.end_time_s - 1e-9  # one that has finished is taken off the course
+            lines.append(np.column_stack((car.column("x_m"), car.column("y_m")))[raced])
+        contacts = [(contact.x_m, contact.y_m) for contact in self.contacts]
+        picture = driven_lines(self.world, lines, time=self.sim_time_s, contacts=contacts, title=repr(self))
+        return table((), head) + table(header, rows) + picture
 
     def _lap_rows(self) -> list[tuple[str, str]]:
         """Return what a notebook shows of the laps."""

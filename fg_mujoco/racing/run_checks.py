@@ -65,14 +65,15 @@ def _is_failure(value: Any) -> bool:
 
 
 def _are(kind: type) -> Accepts:
-    """Return what says whether a value is a list of the fields of a dataclass, numbers, texts or pairs of texts."""
-    names = {field.name for field in fields(kind)}
+    """Return what says whether a value is a list of the fields of a dataclass: numbers, texts and pairs of texts."""
+    of_type: dict[str, Accepts] = {"float": is_figure, "int": is_figure, "str": lambda value: isinstance(value, str)}
+    checks = {field.name: of_type.get(str(field.type), _are_texts) for field in fields(kind)}
 
     def accepts(value: Any) -> bool:
         return isinstance(value, list) and all(
             isinstance(row, dict)
-            and set(row) == names
-            and all(is_figure(each) or isinstance(each, str) or _are_texts(each) for each in row.values())
+            and set(row) == set(checks)
+            and all(check(row[name]) for name, check in checks.items())
             for row in value
         )
 
@@ -80,7 +81,7 @@ def _are(kind: type) -> Accepts:
 
 
 def _are_texts(value: Any) -> bool:
-    return isinstance(value, list) and len(value) <= 2 and all(isinstance(each, str) for each in value)
+    return isinstance(value, list) and len(value) == 2 and all(isinstance(each, str) for each in value)
 
 
 def _are_cars(value: Any) -> bool:
@@ -91,7 +92,20 @@ def _are_cars(value: Any) -> bool:
     return len(value) < 2 or (
         all(isinstance(name, str) for name in names)
         and len(set(names)) == len(names)
-        and all(isinstance(row.get("end_reason"), str) and is_figure(row.get("end_time_s")) for row in value)
+        and all(_is_row(row) for row in value)
+    )
+
+
+def _is_row(row: dict[str, Any]) -> bool:
+    """Say whether the row of one of several cars has what a replay and a report of them need."""
+    return (
+        all(isinstance(row.get(name), str) for name in ("end_reason", "controller", "vehicle"))
+        and all(is_figure(row.get(name)) for name in ("end_time_s", "max_slide_m_s", "max_speed_m_s"))
+        and all(_is_count(row.get(name)) for name in ("position", "laps_completed", "collisions_car"))
+        and isinstance(row.get("finished"), bool)
+        and _is_count(row.get("collisions_wall"))
+        and isinstance(row.get("lap_times_s"), list)
+        and all(map(is_figure, row["lap_times_s"]))
     )
 
 

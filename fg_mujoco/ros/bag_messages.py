@@ -89,12 +89,12 @@ def stamp_of(message: Any) -> int:
     return int(message.header.stamp.sec) * _NANOSECONDS + int(message.header.stamp.nanosec)
 
 
-def scan_message(scan: LaserScan) -> Any:
+def scan_message(scan: LaserScan, frame: str = LASER_FRAME) -> Any:
     """Return sensor_msgs/LaserScan. Its stamp is that of the first beam, ours that of the last."""
     first = scan.stamp - scan.time_increment * (len(scan.ranges) - 1)
     return _make(
         SCAN,
-        header=_header(nanoseconds(first), LASER_FRAME),
+        header=_header(nanoseconds(first), frame),
         angle_min=scan.angle_min,
         angle_max=scan.angle_max,
         angle_increment=scan.angle_increment,
@@ -107,7 +107,15 @@ def scan_message(scan: LaserScan) -> Any:
     )
 
 
-def odometry_message(odometry: Odometry, position: FloatArray, quaternion: FloatArray, lateral_speed: float) -> Any:
+def odometry_message(
+    odometry: Odometry,
+    position: FloatArray,
+    quaternion: FloatArray,
+    lateral_speed: float,
+    *,
+    frame: str = ODOM_FRAME,
+    child: str = BASE_FRAME,
+) -> Any:
     """Return nav_msgs/Odometry: the true pose, the wheels' mean speed, and the gyro's turning rate.
 
     Args:
@@ -115,26 +123,28 @@ def odometry_message(odometry: Odometry, position: FloatArray, quaternion: Float
       position: (3,) [m] of base_link in the world.
       quaternion: (4,) wxyz of base_link in the world.
       lateral_speed: of base_link over the ground, left positive [m/s].
+      frame: that the pose is in.
+      child: frame of the car.
     """
     unknown = np.zeros(36)
     twist = _make("geometry_msgs/msg/Twist", linear=_vector((odometry.speed, lateral_speed, 0.0)),
                   angular=_vector(odometry.angular_velocity))  # fmt: skip
     return _make(
         ODOMETRY,
-        header=_header(nanoseconds(odometry.stamp), ODOM_FRAME),
-        child_frame_id=BASE_FRAME,
+        header=_header(nanoseconds(odometry.stamp), frame),
+        child_frame_id=child,
         pose=_make("geometry_msgs/msg/PoseWithCovariance", pose=_pose(position, quaternion), covariance=unknown),
         twist=_make("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=unknown),
     )
 
 
-def imu_message(odometry: Odometry) -> Any:
+def imu_message(odometry: Odometry, frame: str = IMU_FRAME) -> Any:
     """Return sensor_msgs/Imu: gyro and accelerometer, and no orientation, which they do not measure."""
     none = np.zeros(9)
     none[0] = -1.0
     return _make(
         IMU,
-        header=_header(nanoseconds(odometry.stamp), IMU_FRAME),
+        header=_header(nanoseconds(odometry.stamp), frame),
         orientation=_quaternion((1.0, 0.0, 0.0, 0.0)),
         orientation_covariance=none,
         angular_velocity=_vector(odometry.angular_velocity),
@@ -144,13 +154,13 @@ def imu_message(odometry: Odometry) -> Any:
     )
 
 
-def joints_message(odometry: Odometry, wheel_radius: float) -> Any:
+def joints_message(odometry: Odometry, wheel_radius: float, frame: str = BASE_FRAME) -> Any:
     """Return sensor_msgs/JointState: the steering angle [rad], and how fast each wheel turns [rad/s]."""
     turning = odometry.wheel_speeds / wheel_radius
     nan = np.full(len(WHEEL_JOINTS), math.nan)
     return _make(
         JOINTS,
-        header=_header(nanoseconds(odometry.stamp), BASE_FRAME),
+        header=_header(nanoseconds(odometry.stamp), frame),
         name=[STEERING_JOINT, *WHEEL_JOINTS],
         position=np.concatenate(([odometry.steering_angle], nan)),
         velocity=np.concatenate(([math.nan], turning)),
@@ -158,13 +168,13 @@ def joints_message(odometry: Odometry, wheel_radius: float) -> Any:
     )
 
 
-def drive_message(command: DriveCommand, time: int) -> Any:
+def drive_message(command: DriveCommand, time: int, frame: str = BASE_FRAME) -> Any:
     """Return ackermann_msgs/AckermannDriveStamped; its rates are 0, "as fast as it can"; `time` is in [ns]."""
     drive = _make(
         "ackermann_msgs/msg/AckermannDrive", steering_angle=command.steering_angle, steering_angle_velocity=0.0,
         speed=command.speed, acceleration=0.0, jerk=0.0,
     )  # fmt: skip
-    return _make(DRIVE, header=_header(time, BASE_FRAME), drive=drive)
+    return _make(DRIVE, header=_header(time, frame), drive=drive)
 
 
 def transform_message(time: int, transforms: Sequence[tuple[str, str, FloatArray, FloatArray]]) -> Any:

@@ -11,17 +11,27 @@
     /tf_static     tf2_msgs/TFMessage                    map -> odom, base_link -> laser, base_link -> imu; latched
     /map           nav_msgs/OccupancyGrid                frame map; latched
 
+Of several cars, car 0 has these topics. The others have topics of the same kinds by their own names, those of
+f1tenth_gym_ros for two cars, with frames of their own under map:
+
+    /ego_racecar/odom  car 0's odometry, map -> ego_racecar/base_link;  /ego_racecar/opp_odom  car 1's
+    /opp_scan, /opp_drive, /opp_racecar/odom, /opp_racecar/imu, /opp_racecar/joint_states  car 1's;
+    /opp_racecar/opp_odom  car 0's
+    /car_2/scan, /car_2/drive, /car_2/odom, /car_2/imu, /car_2/joint_states  car 2's, and so on
+
 Times are simulated: a run begins at 0. A message is logged at the tick in which it was delivered; its stamp is the
 time of the measurement. The odometry of a run does not drift, so map and odom are one frame.
 
-Sources: MCAP specification, profile ros2; rosbag2's metadata version 8 (QoS).
+Sources: MCAP specification, profile ros2; rosbag2's metadata version 8 (QoS); f1tenth_gym_ros, config/sim.yaml and
+gym_bridge.py (names).
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -31,10 +41,12 @@ import numpy as np
 
 from ..course.writing import staged_file
 from ..errors import BagError, PlannerError
-from ..racing.resimulation import load_world, resimulate
-from ..racing.run_folder import read_run
-from ..simulation.cars import CAR_PREFIX
-from ..vehicle.car import element_id
+from ..messages import DriveCommand
+from ..racing.resimulation import Sensed, load_world, resimulate
+from ..racing.run_folder import Run, read_run
+from ..simulation.cars import car_prefix
+from ..simulation.telemetry import COMMAND
+from ..vehicle.car import car_parameters, element_id
 from .bag_messages import (
     BASE_FRAME,
     DRIVE,
@@ -68,6 +80,9 @@ TOPICS = {
 }  # fmt: skip
 LATCHED = ("/tf_static", "/map")
 """Topics whose last message late subscribers get, too: durability "transient local"."""
+
+EGO, OPPONENT = "ego_racecar", "opp_racecar"
+"""Namespaces of car 0 and car 1, as f1tenth_gym_ros has them."""
 
 KEPT = (KeyboardInterrupt, PlannerError)
 """Errors that leave what was written up to there."""
@@ -176,6 +191,8 @@ def export_bag(folder: str | Path, path: str | Path, watch: Callable[[int, int],
     model = world.model
     radius = world.parameters.wheel_radius
     ticks = len(run.ctrl)
+    others = [_Other(run, model, index) for index in range(1, len(world.cars))]
+    ends = _Ends.of(run, 0)
     with BagWriter(path, {"summary": json.dumps(run.summary)}) as bag:
         for index, tick in enumerate(resimulate(run, world), start=1):
             time, sensed = nanoseconds(tick.time), tick.sensed
@@ -183,24 +200,106 @@ def export_bag(folder: str | Path, path: str | Path, watch: Callable[[int, int],
             if index == 1:
                 grid = grid_of(model, sensed.position[:2])
                 bag.write("/map", grid_message(time, grid.cells, grid.resolution, grid.origin), time)
-                bag.write("/tf_static", transform_message(time, _mounts(model)), time)
-            moved = (ODOM_FRAME, BASE_FRAME, sensed.position, sensed.quaternion)
-            bag.write("/tf", transform_message(time, [moved]), time)
-            odometry = odometry_message(sensed.odometry, sensed.position, sensed.quaternion, sensed.lateral_speed)
-            bag.write("/odom", odometry, time)
-            bag.write("/imu", imu_message(sensed.odometry), time)
-            bag.write("/joint_states", joints_message(sensed.odometry, radius), time)
-            bag.write("/scan", scan_message(sensed.scan), time)
-            bag.write("/drive", drive_message(tick.command, time), time)
+                static = _mounts(model) + [mount for other in others for mount in other.mounts]
+                if others:
+                    static.append((BASE_FRAME, f"{EGO}/{BASE_FRAME}", np.zeros(3), _NO_ROTATION))
+                bag.write("/tf_static", transform_message(time, static), time)
+            if others:
+                _write_others(bag, others, index - 1, time, tick.sensed_by_each, ends)
+            if index <= ends.leaves:
+                moved = (ODOM_FRAME, BASE_FRAME, sensed.position, sensed.quaternion)
+                bag.write("/tf", transform_message(time, [moved]), time)
+                odometry = odometry_message(sensed.odometry, sensed.position, sensed.quaternion, sensed.lateral_speed)
+                bag.write("/odom", odometry, time)
+                bag.write("/imu", imu_message(sensed.odometry), time)
+                bag.write("/joint_states", joints_message(sensed.odometry, radius), time)
+            if index <= ends.drives:
+                bag.write("/scan", scan_message(sensed.scan), time)
+                bag.write("/drive", drive_message(tick.command, time), time)
             if watch is not None:
                 watch(index, ticks)
     return ticks
 
 
-def _mounts(model: mujoco.MjModel) -> list[tuple[str, str, Any, Any]]:
-    """Return the transforms that never change."""
-    transforms: list[tuple[str, str, Any, Any]] = [(MAP_FRAME, ODOM_FRAME, np.zeros(3), _NO_ROTATION)]
+def _mounts(model: mujoco.MjModel, car: int = 0) -> list[tuple[str, str, Any, Any]]:
+    """Return the transforms of a car that never change; with those of car 0 map and odom are one."""
+    within = f"{_names(car)[0]}/" if car else ""
+    transforms: list[tuple[str, str, Any, Any]] = []
+    if not car:
+        transforms.append((MAP_FRAME, ODOM_FRAME, np.zeros(3), _NO_ROTATION))
     for frame, name in ((LASER_FRAME, "lidar_mount"), (IMU_FRAME, "imu")):
-        site = element_id(model, mujoco.mjtObj.mjOBJ_SITE, CAR_PREFIX + name)
-        transforms.append((BASE_FRAME, frame, model.site_pos[site], model.site_quat[site]))
+        site = element_id(model, mujoco.mjtObj.mjOBJ_SITE, car_prefix(car) + name)
+        transforms.append((within + BASE_FRAME, within + frame, model.site_pos[site], model.site_quat[site]))
     return transforms
+
+
+def _names(car: int) -> tuple[str, str, str]:
+    """Return the namespace of a car, and its topics of scans and of commands."""
+    if car < 2:
+        return ((EGO, "/scan", "/drive"), (OPPONENT, "/opp_scan", "/opp_drive"))[car]
+    return f"car_{car}", f"/car_{car}/scan", f"/car_{car}/drive"
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Ends:
+    """How many ticks of a run a car is there."""
+
+    drives: int  # driven by its planner, which gets its scans
+    leaves: int  # on the course: one that has finished is taken off
+
+    @classmethod
+    def of(cls, run: Run, car: int) -> _Ends:
+        """Return those of a car; one that was alone is there to the end."""
+        ticks = len(run.ctrl)
+        if not run.others:
+            return cls(drives=ticks, leaves=ticks)
+        row = run.summary["cars"][car]
+        drives = int(np.searchsorted(run.time[:-1], float(row["end_time_s"]) - 1e-9))
+        return cls(drives=drives, leaves=drives if row["finished"] else ticks)
+
+
+class _Other:
+    """What a bag has of a car besides car 0."""
+
+    def __init__(self, run: Run, model: mujoco.MjModel, car: int) -> None:
+        self.car, self.mounts, self.ends = car, _mounts(model, car), _Ends.of(run, car)
+        self.namespace, self.scans, self.drive = _names(car)
+        self.base = f"{self.namespace}/{BASE_FRAME}"
+        self.commands = run.others[car - 1][:, COMMAND : COMMAND + 2]
+        self.radius = car_parameters(model, car_prefix(car)).wheel_radius
+
+
+def _write_others(
+    bag: BagWriter, others: list[_Other], tick: int, time: int, sensed: Sequence[Sensed], ends: _Ends
+) -> None:
+    """Write a tick of all cars but car 0, and car 0's odometry by its name among several."""
+    if tick < ends.leaves:
+        own = _told(sensed[0], f"{EGO}/{BASE_FRAME}")
+        for topic in (f"/{EGO}/odom", f"/{OPPONENT}/opp_odom"):
+            bag.write(topic, own, time)
+    moved = []
+    for other in others:
+        if tick >= other.ends.leaves:
+            continue
+        seen, name = sensed[other.car], other.namespace
+        moved.append((MAP_FRAME, other.base, seen.position, seen.quaternion))
+        odometry = _told(seen, other.base)
+        bag.write(f"/{name}/odom", odometry, time)
+        if other.car == 1:
+            bag.write(f"/{EGO}/opp_odom", odometry, time)
+        bag.write(f"/{name}/imu", imu_message(seen.odometry, f"{name}/{IMU_FRAME}"), time)
+        bag.write(f"/{name}/joint_states", joints_message(seen.odometry, other.radius, other.base), time)
+        if tick < other.ends.drives:
+            bag.write(other.scans, scan_message(seen.scan, f"{name}/{LASER_FRAME}"), time)
+            steering_angle, speed = other.commands[tick].tolist()
+            command = DriveCommand(steering_angle=steering_angle, speed=speed)
+            bag.write(other.drive, drive_message(command, time, other.base), time)
+    if moved:
+        bag.write("/tf", transform_message(time, moved), time)
+
+
+def _told(sensed: Sensed, child: str) -> Any:
+    """Return the odometry of a car on the map."""
+    return odometry_message(
+        sensed.odometry, sensed.position, sensed.quaternion, sensed.lateral_speed, frame=MAP_FRAME, child=child
+    )  # fmt: skip

@@ -15,10 +15,11 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from ..display import brief, changed
 from ..errors import ModelError, SettingsError
-from ..messages import CarParameters
+from ..messages import CarParameters, FloatArray
 from ..vehicle.car import element_id, sensor_slice
 from ..vehicle.changes import CarChanges
 from ..vehicle.tires import Tires
@@ -53,7 +54,7 @@ _HIDDEN_GROUP = 3
 _SAME_OPTIONS = ("timestep", "integrator", "cone", "impratio", "gravity")
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class WorldCar:
     """A car besides car 0, as it is put into a world.
 
@@ -71,6 +72,9 @@ class WorldCar:
         if self.tires is not None:
             object.__setattr__(self, "tires", Tires.load(self.tires))
 
+    def __repr__(self) -> str:
+        return brief(self, *changed(self, type(self)()))  # the vehicle of both is loaded
+
     @property
     def tire_set(self) -> Tires:
         """The tires that it stands on, loaded."""
@@ -80,6 +84,17 @@ class WorldCar:
 def car_prefix(index: int) -> str:
     """Return what the names of everything that belongs to a car begin with."""
     return f"car_{index}/" if index else CAR_PREFIX
+
+
+def require_car(car: int, count: int) -> int:
+    """Return the number of a car of a world, or of a run, that has so many.
+
+    Raises:
+      SettingsError: there is none of that number.
+    """
+    if isinstance(car, bool) or not isinstance(car, int) or not 0 <= car < count:
+        raise SettingsError(f"car is {car!r}; accepted: {f'0 to {count - 1}' if count > 1 else '0, the only one'}")
+    return car
 
 
 def lidar_prefix(index: int) -> str:
@@ -99,6 +114,11 @@ def car_prefixes(model: mujoco.MjModel) -> tuple[str, ...]:
 def car_colour(index: int) -> tuple[float, ...]:
     """Return the colour of a car's box in pictures, RGBA."""
     return _COLOURS[(index - 1) % len(_COLOURS)] if index else _OWN_COLOUR
+
+
+def car_colour_hex(index: int) -> str:
+    """Return the colour of a car in plots and pages, as `#rrggbb`."""
+    return "#" + "".join(f"{round(255.0 * part):02x}" for part in car_colour(index)[:3])
 
 
 def make_visible(spec: Any, index: int, car: CarParameters) -> None:
@@ -158,6 +178,42 @@ def touch_places(model: mujoco.MjModel, count: int) -> NDArray[np.int64]:
 def tree_of(model: mujoco.MjModel, prefix: str) -> int:
     """Return the id of the body at the root of a car's kinematic tree."""
     return int(model.body_rootid[element_id(model, mujoco.mjtObj.mjOBJ_BODY, f"{prefix}base_link")])
+
+
+def first_overlap(poses: ArrayLike, cars: Sequence[CarParameters]) -> tuple[int, int] | None:
+    """Return the first two of some cars that would stand in each other at their poses; None: all stand apart.
+
+    Args:
+      poses: of each car's rear axle, x [m], y [m], heading [rad], shape (m, 3).
+      cars: of the same number.
+    """
+    placed = np.asarray(poses, dtype=np.float64).reshape(-1, 3)
+    for first in range(len(placed)):
+        for second in range(first + 1, len(placed)):
+            pair = [_footprint(placed[car], cars[car]) for car in (first, second)]
+            if all(_overlap_along(pair, axis) for axis in _axes(placed[[first, second], 2])):
+                return first, second
+    return None
+
+
+def _footprint(pose: FloatArray, car: CarParameters) -> FloatArray:
+    """Return the corners of a chassis from above. Shape (4, 2) [m]."""
+    ahead, left = _axes(pose[2:])
+    ends = (-car.rear_overhang, car.length - car.rear_overhang)
+    corners = [pose[:2] + end * ahead + side * left for end in ends for side in (-0.5 * car.width, 0.5 * car.width)]
+    return np.array(corners)
+
+
+def _axes(headings: FloatArray) -> FloatArray:
+    """Return the directions ahead of cars, and those to their left. Shape (2 k, 2)."""
+    cos, sin = np.cos(headings), np.sin(headings)
+    return np.concatenate((np.column_stack((cos, sin)), np.column_stack((-sin, cos))))
+
+
+def _overlap_along(shapes: Sequence[FloatArray], axis: FloatArray) -> bool:
+    """Say whether the shadows of two shapes (k, 2) on an axis (2,) overlap."""
+    (low, high), (other_low, other_high) = [((shape @ axis).min(), (shape @ axis).max()) for shape in shapes]
+    return bool(low < other_high and other_low < high)
 
 
 def require_alike(specs: Sequence[Any], vehicles: Sequence[Vehicle]) -> None:

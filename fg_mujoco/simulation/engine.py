@@ -66,7 +66,8 @@ class Engine:
       cars_per_world: m.
       period: time that a tick takes [s].
       substeps: physics steps of a tick.
-      odometry, ranges, commands, crashed, failed, telemetry, statistics: of the cars, as in CarArrays; r is n m.
+      odometry, ranges, commands, crashed, touched_at, failed, telemetry, statistics: of the cars, as in CarArrays; r is
+        n m.
       scans: of the cars whose LiDAR has effects, last sensed, by row.
       monitor: RaceMonitor of the races.
       planners: whose `decide` is called; None: somebody else writes the commands.
@@ -110,7 +111,7 @@ class Engine:
         arrays = self._arrays
         self.odometry, self.ranges, self.commands = arrays.odometry, arrays.ranges, arrays.commands
         self.crashed, self.failed, self.running = arrays.crashed, arrays.failed, self.monitor.running
-        self.telemetry, self.statistics = arrays.telemetry, arrays.statistics
+        self.telemetry, self.statistics, self.touched_at = arrays.telemetry, arrays.statistics, arrays.touched_at
         self.scans: dict[int, LaserScan] = {}
         self.planners: Planners | None = None
         self.before_substep: list[Hook] = []
@@ -312,9 +313,9 @@ class Engine:
         state: FloatArray,
         i: int = 0,
         *,
-        effects: LidarEffects | None = None,
-        seed: int = 0,
-        odometry_drift: float = 0.0,
+        effects: LidarEffects | Sequence[LidarEffects] | None = None,
+        seed: int | Sequence[int] = 0,
+        odometry_drift: float | Sequence[float] = 0.0,
         timed: bool = False,
     ) -> None:
         """Go on in world i from a recorded state (k,).
@@ -322,25 +323,27 @@ class Engine:
         Args:
           state: complete, as `state` returns it.
           i: the world.
-          effects: what its LiDARs do to a scan; None: nothing.
-          seed: of their noise.
-          odometry_drift: relative error of the speeds and the yaw rate in their odometry.
+          effects: what its LiDARs do to a scan, all alike, or one for each car; None: nothing.
+          seed: of their noise, likewise.
+          odometry_drift: relative error of the speeds and the yaw rate in their odometry, likewise.
           timed: begin the races of its cars there, with their laps and why they end; else they race without end.
         """
         batch, place = self._place_of(i)
         batch.load(place, state, timed=timed)
         rows = range(i * self.cars_per_world, (i + 1) * self.cars_per_world)
         self._drift(rows, odometry_drift)
-        for row in rows:
+        effects_of = effects if isinstance(effects, Sequence) else [effects] * len(rows)
+        seed_of = seed if isinstance(seed, Sequence) else [seed] * len(rows)
+        for row, own, number in zip(rows, effects_of, seed_of, strict=True):
             self._pipelines.pop(row, None)
-            if effects is not None and effects != LidarEffects():
-                self._pipelines[row] = self._pipeline(row, effects, seed)
+            if own is not None and own != LidarEffects():
+                self._pipelines[row] = self._pipeline(row, own, number)
             self.running[row] = self.running[row] or not timed
 
     def sense(self, which: Mask | None = None) -> None:
         """Take the scans and odometry of cars, (r,); None: of all that race. Once for each moment: noise is drawn."""
         chosen = self.running if which is None else which
-        if which is None and self.cars_per_world > 1:  # whoever stands there has telemetry, too
+        if which is None and self.cars_per_world > 1 and not self.running.all():  # who stands there has telemetry, too
             beside = np.repeat(self.running.reshape(self.count, -1).any(axis=1), self.cars_per_world) & ~chosen
             if beside.any():
                 self._share(lambda batch: batch.read(beside[batch.rows]))
@@ -401,7 +404,7 @@ class Engine:
         raced = self.running.copy() if self.cars_per_world > 1 else None
         for batch in self._batches:
             batch.judge()
-        if raced is not None:
+        if raced is not None and np.count_nonzero(self.running) < np.count_nonzero(raced):
             for row in map(int, np.flatnonzero(raced & ~self.running & (self.monitor.reasons == _FINISHED))):
                 batch, place = self._place_of(row // self.cars_per_world)
                 batch.take_off(place, row % self.cars_per_world)

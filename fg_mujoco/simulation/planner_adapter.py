@@ -171,11 +171,11 @@ class PlannersOfEach:
         driving = cars.driving
         reasons: Reasons | None = None
         for rows, planners, part in self._groups:
-            if not driving[rows].any():
+            if not (driving[rows[0]] if len(rows) == 1 else driving[rows].any()):
                 continue
-            part.take(cars, rows, driving)
+            part.take(cars, rows)
             found = planners(part)
-            cars.commands[rows] = part.commands
+            part.give_back(cars, rows)
             if found is not None and found.any():
                 reasons = np.zeros(len(driving), np.int64) if reasons is None else reasons
                 reasons[rows] = found
@@ -183,12 +183,25 @@ class PlannersOfEach:
 
 
 class _SomeCars:
-    """Copies of what some of an engine's cars sense, in the order of their rows."""
+    """What some of an engine's cars sense, in the order of their rows: of one car views, of several copies."""
 
-    def take(self, cars: Cars, rows: NDArray[np.int64], driving: NDArray[np.bool_]) -> None:
-        self.beams, self.driving = cars.beams, driving[rows]
-        self.odometry, self.ranges, self.commands = cars.odometry[rows], cars.ranges[rows], cars.commands[rows]
-        self.scans = {own: cars.scans[row] for own, row in enumerate(rows.tolist()) if row in cars.scans}
+    def __init__(self) -> None:
+        self._viewed: FloatArray | None = None
+
+    def take(self, cars: Cars, rows: NDArray[np.int64]) -> None:
+        one = len(rows) == 1
+        if not one or self._viewed is not cars.ranges:
+            which: Any = slice(int(rows[0]), int(rows[0]) + 1) if one else rows
+            self.beams, self.driving = cars.beams, cars.driving[which]
+            self.odometry, self.ranges = cars.odometry[which], cars.ranges[which]
+            self.commands = cars.commands[which]
+            self._viewed = cars.ranges if one else None
+        scans = cars.scans
+        self.scans = {own: scans[row] for own, row in enumerate(rows.tolist()) if row in scans} if scans else {}
+
+    def give_back(self, cars: Cars, rows: NDArray[np.int64]) -> None:
+        if self._viewed is None:
+            cars.commands[rows] = self.commands
 
 
 def adapt(

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
@@ -22,6 +22,7 @@ from ..vehicle.changes import ACCEPTED_MU, GREATEST_MU, CarChanges
 from ..vehicle.friction_patches import Patch
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
+from .cars import WorldCar
 from .world import World
 
 if TYPE_CHECKING:
@@ -169,11 +170,18 @@ class CarSettings:
         """What differs from the vehicle's MJCF, the friction included."""
         return self.changes if self.mu is None else replace(self.changes, mu=self.mu)
 
-    def world(self, course: Course | str, *, lidar: str = "raycast", obstacles: tuple[Obstacle, ...] = ()) -> World:
+    def world(
+        self,
+        course: Course | str,
+        *,
+        lidar: str = "raycast",
+        obstacles: tuple[Obstacle, ...] = (),
+        others: Sequence[WorldCar] = (),
+    ) -> World:
         """Return a compiled world with this car; arguments and errors as in World."""
         return World(
             course, self.car, mu=self.mu, lidar=lidar, obstacles=obstacles, changes=self.changes, tires=self.tire_set,
-            patches=self.patches,
+            patches=self.patches, others=others,
         )  # fmt: skip
 
     def described(self) -> dict[str, Any]:

@@ -10,10 +10,13 @@ drives the same engine without the MuJoCo data in between.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import mujoco
 import numpy as np
 
 from ..display import brief
+from ..errors import SettingsError
 from ..lidar.effects import LidarEffects
 from ..lidar.lidar import Lidar
 from ..messages import DriveCommand, FloatArray, LaserScan, Odometry
@@ -21,7 +24,7 @@ from ..vehicle.tire_slip import TireSlip
 from .engine import Engine
 from .physics import STATE
 from .planner_adapter import odometry_message
-from .settings import Start
+from .settings import DriveSettings, Start
 from .world import World
 
 
@@ -35,6 +38,8 @@ class Simulation:
       odometry_drift: relative error of the speeds and the yaw rate in the odometry, as in DriveSettings.
       engine: of this one world, whose model is the world's own; None: a new one.
       data: to be used as `data`, of the world's model; None: a new one.
+      others: settings of each car besides car 0: its start, effects, seed and drift. These cars do what stands in
+        `engine.commands`, which whoever steps writes.
 
     Attributes:
       world: the World.
@@ -46,6 +51,7 @@ class Simulation:
 
     Raises:
       ModelError: a timestep that does not divide the period.
+      SettingsError: other cars than the world has.
     """
 
     def __init__(
@@ -57,13 +63,17 @@ class Simulation:
         odometry_drift: float = 0.0,
         engine: Engine | None = None,
         data: mujoco.MjData | None = None,
+        others: Sequence[DriveSettings] = (),
     ) -> None:
-        self.world = world
+        if len(others) != len(world.cars) - 1:
+            said = f"settings of {len(others)} other cars for a world of {len(world.cars)} cars"
+            raise SettingsError(f"{said}; accepted: one for each car besides car 0")
+        self.world, self._others = world, tuple(others)
         self.engine = engine or Engine(world, own_model=True)
         self.data = mujoco.MjData(world.model) if data is None else data
         self.period, self.substeps = self.engine.period, self.engine.substeps
         self._effects, self._seed, self._odometry_drift = effects or LidarEffects(), seed, odometry_drift
-        self._all = np.ones(1, np.bool_)
+        self._all = np.ones(len(world.cars), np.bool_)
         self.reset()
 
     def __repr__(self) -> str:
@@ -82,9 +92,13 @@ class Simulation:
           speed: forward [m/s], wheels rolling.
         """
         start = Start(s=s, offset=offset, heading=heading, speed=speed)
+        others = self._others
         self.engine.place(
-            [start], effects=[self._effects], seeds=[self._seed], odometry_drifts=[self._odometry_drift]
-        )  # fmt: skip
+            [start, *(other.start for other in others)],
+            effects=[self._effects, *(other.effects for other in others)],
+            seeds=[self._seed, *(other.seed for other in others)],
+            odometry_drifts=[self._odometry_drift, *(other.odometry_drift for other in others)],
+        )
         self.engine.read(0, self.data)
         return self._sense()
 

@@ -28,9 +28,8 @@ from ..messages import CarParameters, FloatArray
 from ..vehicle.car import Car
 from ..vehicle.changes import CarChanges
 from ..vehicle.friction_patches import Patch, add_patches
-from ..vehicle.tire_forces import tires_of
 from ..vehicle.tire_slip import add_axle_sensors
-from ..vehicle.tires import Tires
+from ..vehicle.tires import Tires, tires_of
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .cars import (
     CAR_PREFIX,

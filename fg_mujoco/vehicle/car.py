@@ -14,6 +14,7 @@ from ..display import brief
 from ..errors import ModelError
 from ..messages import ODOMETRY, CarParameters, DriveCommand, Odometry
 from . import motion as car_motion
+from .tires import tires_of
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 """Order of everything that is one per wheel."""
@@ -44,7 +45,7 @@ def sensor_slice(model: mujoco.MjModel, name: str) -> slice:
 
 
 def car_parameters(model: mujoco.MjModel, prefix: str = "") -> CarParameters:
-    """Read what a planner is told of its car off the compiled model, at rest (qpos0).
+    """Read what a planner is told of its car off the compiled model, at rest (qpos0); its tires as published.
 
     Raises:
       ModelError: the model does not hold the car under this prefix.
@@ -108,6 +109,7 @@ def car_parameters(model: mujoco.MjModel, prefix: str = "") -> CarParameters:
         speed_time_constant=effective_mass / float(model.actuator_gainprm[drive, 0]),
         lidar_offset=float(model.site_pos[lidar_mount, 0]),
         gravity=-float(model.opt.gravity[2]),
+        **tires_of(model, prefix).told(),
     )
 
 

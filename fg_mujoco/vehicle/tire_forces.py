@@ -37,12 +37,9 @@ from ..kernels import kernel
 from ..messages import FloatArray
 from .car import WHEELS, element_id, sensor_slice
 from .changes import six_digits
-from .tires import GREATEST_SLIP, LINEAR, MAGIC_FORMULA, AxleTires, TireCurve, Tires
+from .tires import AXLE_KEYS, CURVE_KEYS, GREATEST_SLIP, LINEAR, NUMERIC, Tires, tires_of
 
 _LINKS = 8  # joints and bodies between the chassis and a wheel, at most
-_NUMERIC = "{}_tires"  # of the vehicle's MJCF: the numbers of an axle's tires
-_CURVE = ("B", "C", "D", "E", "stiffness", "sliding_share")
-_OF_AXLE = ("relaxation_length", "load_sensitivity", "nominal_load")
 
 _DAMPING_RATIO = 0.3  # [-] of a deflected tire under a car that stands: between those of rubber and of its foam
 _DAMPED_BELOW = 0.5  # [m/s] forward; there the damping has faded, so that it takes no part in what is measured
@@ -114,41 +111,14 @@ def put_on(spec: Any, tires: Tires) -> None:
     spec.nuserdata = USERDATA * len(found)
     for name, axle in zip(("front", "rear"), tires.axles, strict=True):
         curves = (axle.lateral, axle.longitudinal)
-        values = [getattr(curve, key) or 0.0 for curve in curves for key in _CURVE]
-        values += [getattr(axle, key) for key in _OF_AXLE]
-        spec.add_numeric(name=_NUMERIC.format(name), data=[six_digits(value) for value in values])
+        values = [getattr(curve, key) or 0.0 for curve in curves for key in CURVE_KEYS]
+        values += [getattr(axle, key) for key in AXLE_KEYS]
+        spec.add_numeric(name=NUMERIC.format(name), data=[six_digits(value) for value in values])
         for wheel in found:
             if wheel.startswith(name):
                 pair = spec.pair(f"{wheel}_tire")
                 mu = six_digits(axle.lateral.peak)
                 pair.condim, pair.friction = 1, [mu, mu, *pair.friction[2:]]
-
-
-def tires_of(model: mujoco.MjModel, prefix: str = "") -> Tires:
-    """Return the tires of a compiled model, peaks as before `mu` was set."""
-    axles = {}
-    for name in ("front", "rear"):
-        index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, prefix + _NUMERIC.format(name))
-        if index < 0:
-            return Tires()
-        first = model.numeric_adr[index]
-        values = model.numeric_data[first : first + model.numeric_size[index]].tolist()
-        if len(values) != 2 * len(_CURVE) + len(_OF_AXLE):
-            raise ModelError(f"numeric {model.numeric(index).name!r} is no tires'; accepted: as World writes it")
-        lateral, longitudinal = (
-            _curve_of(values[k * len(_CURVE) : (k + 1) * len(_CURVE)]) for k in range(2)
-        )  # fmt: skip
-        rest = dict(zip(_OF_AXLE, values[2 * len(_CURVE) :], strict=True))
-        axles[name] = AxleTires(lateral=lateral, longitudinal=longitudinal, **rest)
-    linear = axles["front"].lateral.stiffness is not None
-    return Tires(model=LINEAR if linear else MAGIC_FORMULA, name="of the model", **axles)
-
-
-def _curve_of(values: list[float]) -> TireCurve:
-    found: dict[str, Any] = dict(zip(_CURVE, values, strict=True))
-    if found["stiffness"] == 0.0:
-        found["stiffness"] = None
-    return TireCurve(**found)
 
 
 def tire_rows(model: mujoco.MjModel, prefix: str = "", wheels: Sequence[str] = WHEELS) -> TireRows:
@@ -169,7 +139,7 @@ def tire_rows(model: mujoco.MjModel, prefix: str = "", wheels: Sequence[str] = W
             for name in ("B", "C", "D", "E", "slope", "peak", "hold_slip"):
                 row[name][k] = getattr(curve, name)
             row["peak_slip"][k] = curve.peak_slip if math.isfinite(curve.peak_slip) else 1.0
-        for name in _OF_AXLE:
+        for name in AXLE_KEYS:
             row[name] = getattr(axle, name)
         _find_wheel(model, prefix, wheel, row)
     rows.flags.writeable = False

@@ -25,11 +25,12 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 
 from ..course.files import read_text
 from ..display import brief, quoted
-from ..errors import SettingsError, accepted_names
+from ..errors import ModelError, SettingsError, accepted_names
 from ..messages import require
 
 if sys.version_info >= (3, 11):
@@ -42,6 +43,12 @@ MODELS = (CONTACT, MAGIC_FORMULA, LINEAR)
 
 GREATEST_SLIP = 1.0
 """[-] Greatest slip that a tire takes on: that of a locked wheel. A wheel that slides more has the force of this."""
+
+NUMERIC = "{}_tires"
+"""Name in a compiled model of the numbers of an axle's tires: of both curves CURVE_KEYS, then AXLE_KEYS."""
+
+CURVE_KEYS = ("B", "C", "D", "E", "stiffness", "sliding_share")
+AXLE_KEYS = ("relaxation_length", "load_sensitivity", "nominal_load")
 
 _MOST_BYTES = 2**16  # of a tire file
 _NEAR_PEAK = 0.99  # [-] of a curve's greatest force: where a curve without a falling branch has its peak
@@ -256,6 +263,16 @@ class Tires:
             return None
         return min(curve.peak for axle in self.axles for curve in (axle.lateral, axle.longitudinal))
 
+    def told(self) -> dict[str, float]:
+        """Return what a planner is told of the tires, as fields of CarParameters; nothing of the model `contact`."""
+        if self.is_contact:
+            return {}
+        found = {"relaxation_length": max(axle.relaxation_length for axle in self.axles)}
+        for name, axle in zip(_AXLES, self.axles, strict=True):
+            found[f"{name}_cornering_stiffness"] = axle.lateral.slope
+            found[f"{name}_peak"], found[f"{name}_peak_slip"] = axle.lateral.peak, axle.lateral.peak_slip
+        return found
+
     def described(self) -> dict[str, Any]:
         """Return the set as its TOML file has it, as it can stand in JSON; `load` reads it."""
         found: dict[str, Any] = {"name": self.name, "model": self.model}
@@ -272,6 +289,33 @@ class Tires:
     def sha256(self) -> str:
         """Hash of all its numbers."""
         return hashlib.sha256(json.dumps(self.described(), sort_keys=True).encode()).hexdigest()
+
+
+def tires_of(model: mujoco.MjModel, prefix: str = "") -> Tires:
+    """Return the tires of a compiled model, peaks as before `mu` was set."""
+    axles = {}
+    for name in ("front", "rear"):
+        index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, prefix + NUMERIC.format(name))
+        if index < 0:
+            return Tires()
+        first = model.numeric_adr[index]
+        values = model.numeric_data[first : first + model.numeric_size[index]].tolist()
+        if len(values) != 2 * len(CURVE_KEYS) + len(AXLE_KEYS):
+            raise ModelError(f"numeric {model.numeric(index).name!r} is no tires'; accepted: as World writes it")
+        lateral, longitudinal = (
+            _curve_of(values[k * len(CURVE_KEYS) : (k + 1) * len(CURVE_KEYS)]) for k in range(2)
+        )  # fmt: skip
+        rest = dict(zip(AXLE_KEYS, values[2 * len(CURVE_KEYS) :], strict=True))
+        axles[name] = AxleTires(lateral=lateral, longitudinal=longitudinal, **rest)
+    linear = axles["front"].lateral.stiffness is not None
+    return Tires(model=LINEAR if linear else MAGIC_FORMULA, name="of the model", **axles)
+
+
+def _curve_of(values: list[float]) -> TireCurve:
+    found: dict[str, Any] = dict(zip(CURVE_KEYS, values, strict=True))
+    if found["stiffness"] == 0.0:
+        found["stiffness"] = None
+    return TireCurve(**found)
 
 
 def tire_names() -> tuple[str, ...]:

@@ -20,6 +20,8 @@ from ..errors import MissingExtraError
 from ..messages import FloatArray
 from ..racing import run_folder
 from ..racing.result import RaceResult
+from ..racing.standings import standings
+from ..simulation.cars import car_colour_hex
 from ..simulation.telemetry import TELEMETRY
 from ..vehicle.car import WHEELS
 from ..vehicle.tire_slip import SLIDING_SPEED, slides_above, sliding_rule
@@ -38,6 +40,7 @@ _TIRE_HEIGHT = 0.72  # [in] of a tire's panel over the lap
 _LEGEND_EDGE = 0.88  # of the width; right of it are colour bar and legends
 _DPI = 150
 _MAX_LAP_LABELS = 12
+_LONGEST_NAME = 18  # of a car in a legend
 _PLACES = 160  # on a lap, of each of which the greatest utilisation is drawn
 _STYLE: Any = {"font.size": 8.0, "axes.linewidth": 0.6, "lines.linewidth": 0.9, "legend.frameon": False}
 _TIRE_COLOURS = ("#0072b2", "#56b4e9", "#d55e00", "#e69f00")  # Okabe and Ito; front blue, rear orange
@@ -86,11 +89,17 @@ def trace_picture(result: RaceResult, path: str | Path | BinaryIO) -> None:
     Moving obstacles are drawn where they were at the end. A cross marks where a car turned that went the wrong way,
     or where it crashed.
 
+    Of several cars the picture has the lines of all, each in its colour, with a cross where two touched, their speeds,
+    their gaps to the leader and their positions over time.
+
     Raises:
       MissingExtraError: matplotlib is not installed.
       OSError: the file cannot be written.
     """
     require_matplotlib()
+    if len(result.car_results) > 1:
+        _trace_of_several(result, path)
+        return
     import matplotlib as mpl
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
@@ -134,6 +143,67 @@ def trace_picture(result: RaceResult, path: str | Path | BinaryIO) -> None:
             panel.tick_params(labelbottom=panel in (panels[-1], tires[-1]))
         figure.align_ylabels([*panels, *tires])
         save_figure(figure, path)
+
+
+def _trace_of_several(result: RaceResult, path: str | Path | BinaryIO) -> None:
+    """Draw a race of several cars; arguments as of `trace_picture`."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    cars, course = result.car_results, result.world.track
+    found = standings([car.telemetry for car in cars], result.cars)
+    ends = [max(int(np.searchsorted(found.time, car.end_time_s - 1e-9)), 1) for car in cars]
+    lines = [np.column_stack((car.column("x_m"), car.column("y_m")))[:end] for car, end in zip(cars, ends, strict=True)]
+    heights = (_map_height(course, *lines), *(3 * [_PANEL_HEIGHT]))
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(_WIDTH, sum(heights)), layout="constrained")
+        grid = figure.add_gridspec(len(heights), 1, height_ratios=heights)
+        axes = figure.add_subplot(grid[0])
+        draw_course(axes, course, *lines)
+        draw_obstacles(axes, result.world.obstacles, result.world.moving, result.sim_time_s)
+        panels = [figure.add_subplot(grid[1])]
+        panels += [figure.add_subplot(grid[row], sharex=panels[0]) for row in (2, 3)]
+        for index in sorted(range(len(cars)), key=lambda index: cars[index].position):
+            car, end, colour = cars[index], ends[index], car_colour_hex(index)
+            name = car.name if len(car.name) <= _LONGEST_NAME else f"{car.name[: _LONGEST_NAME - 1]}…"
+            axes.plot(*lines[index].T, color=colour, linewidth=1.2, label=f"{car.position}. {name}")
+            time = found.time[:end]
+            panels[0].plot(time, car.column("speed_m_s")[:end], color=colour)
+            panels[1].plot(time, found.gaps_s[index, :end], color=colour)
+            panels[2].plot(time, found.positions[index, :end], color=colour, drawstyle="steps-post", linewidth=1.4)
+        for contact in result.contacts:
+            axes.plot(contact.x_m, contact.y_m, "x", color=_ALERT, markersize=6.0, markeredgewidth=1.4)
+            for panel in panels:
+                panel.axvline(contact.time_s, color=_ALERT, linewidth=0.7, linestyle=":")
+        if result.contacts:
+            axes.plot([], [], "x", color=_ALERT, label="contact")
+        figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=min(len(cars) + 1, 6))
+        axes.set_title(_headline_of_several(result))
+        panels[0].set_ylabel("speed [m/s]")
+        panels[1].set_ylabel("gap to leader [s]")
+        panels[2].set(ylabel="position", ylim=(len(cars) + 0.4, 0.6), yticks=range(1, len(cars) + 1))
+        panels[1].set_ylim(max(1.05 * float(np.nanmax(found.gaps_s, initial=0.0)), 0.1), 0.0)  # the leader is on top
+        panels[2].set_xlabel("time [s]")
+        panels[2].set_xlim(0.0, max(result.sim_time_s, 1e-3))
+        for panel in panels:
+            panel.grid(axis="y", color="0.9", linewidth=0.5)
+            panel.spines[["top", "right"]].set_visible(False)
+            panel.tick_params(labelbottom=panel is panels[-1])
+        figure.align_ylabels(panels)
+        save_figure(figure, path)
+
+
+def _headline_of_several(result: RaceResult) -> str:
+    won = "nobody finished" if result.winner is None else f"{result.winner} won in {_winning_time(result):.2f} s"
+    counts = ", ".join(
+        f"{count} {what}{'' if count == 1 else 's'}"
+        for count, what in ((len(result.overtakes), "overtake"), (len(result.contacts), "contact"))
+    )
+    return f"{result.track}, {len(result.car_results)} cars, {result.laps_requested} laps: {won}; {counts}"
+
+
+def _winning_time(result: RaceResult) -> float:
+    return sum(next(car for car in result.car_results if car.name == result.winner).lap_times_s)
 
 
 def _headline(result: RaceResult) -> str:

@@ -14,7 +14,7 @@ import warnings
 from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import closing
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,8 @@ from ...course.writing import write_file
 from ...display import Shown, brief, paragraph, quoted, table
 from ...errors import SettingsError
 from ...messages import require_whole
+from ...racing.entries import Entry
+from ...racing.opponents import Opponents, entry_of
 from ...racing.planner_choice import ControllerChoice
 from ...racing.planner_loading import controller_names
 from ...simulation.settings import FASTEST
@@ -38,7 +40,7 @@ from .ground import check_course, course_ground, course_name, ground_sha256
 from .pictures import table_picture, trace_pictures
 from .run import ComparisonSettings, Run, RunKey, RunRow
 from .store import ACCEPTED, ComparisonFolder
-from .tables import HEADER, Cell, cells_csv, make_cells, markdown, runs_csv, table_rows
+from .tables import Cell, cells_csv, header_of, make_cells, markdown, runs_csv, table_rows
 
 DEFAULT_SEEDS = range(10)
 
@@ -78,7 +80,9 @@ class Comparison(Shown):
         return brief(self, grid, f"in {quoted(self.folder)}")
 
     def _repr_html_(self) -> str:
-        return table(HEADER, table_rows(self.cells)) + paragraph(f"{len(self.rows)} runs in {self.folder}")
+        return table(header_of(self.cells), table_rows(self.cells)) + paragraph(
+            f"{len(self.rows)} runs in {self.folder}"
+        )
 
     def markdown(self) -> str:
         """Return the table."""
@@ -90,7 +94,7 @@ class Comparison(Shown):
             "runs": len(self.rows),
             "runs_driven": self.runs_driven,
             "wall_time_s": self.wall_time_s,
-            "table": [asdict(cell) for cell in self.cells],
+            "table": [cell.as_dict() for cell in self.cells],
         }
 
 
@@ -112,6 +116,8 @@ def compare(
     patches: Sequence[Patch] = (),
     time_limit: float | None = None,
     decision_limit: float | None = None,
+    opponents: Sequence[Entry | str] = (),
+    grid: str = "staggered",
     workers: int | None = None,
     out: str | Path,
     pictures: bool = True,
@@ -142,8 +148,13 @@ def compare(
       patches: of the floor, on which the tires have another friction.
       time_limit: of simulated time of each run [s]; None: as `race` has it.
       decision_limit: of wall time that a planner may take for one decision [s]; None: any; as of `race`.
+      opponents: that the car of each run races against: entries as of `race`, or names of planners, each in a car
+        that is set as that of the runs, at 8 m/s at most. Rows are the car's, with how it fared among the others. A run
+        goes on until each of its cars has finished or cannot go on. Cars that touch are no failure: `contacts` counts
+        them.
+      grid: "staggered" or "side_by_side": where opponents without a start of their own stand, behind the car.
       workers: processes; None: as many as there are cores; one: no other than this, which a planner can end.
-      out: a new or empty folder, or one of a comparison with the same settings, from `laps` to `time_limit`.
+      out: a new or empty folder, or one of a comparison with the same settings, from `laps` to `grid`.
       pictures: whether to draw them.
       watch: called several times a second.
 
@@ -160,6 +171,9 @@ def compare(
         changes=changes or CarChanges(), planner_mu=planner_mu, patches=tuple(patches), time_limit=time_limit,
         decision_limit=decision_limit,
     )  # fmt: skip
+    if opponents or grid != Opponents.grid:
+        like = entry_of(settings.drive(), "gap_finder")
+        settings = replace(settings, opponents=Opponents.of(opponents, first=like, grid=grid))
     chosen = [ControllerChoice.of(text) for text in (controller_names() if controllers is None else controllers)]
     runs = plan_runs(chosen, [*tracks, *(f"{PREFIX}{name}" for name in scenes)], max_speeds, seeds, settings)
     with claimed(out, ACCEPTED):
@@ -222,7 +236,7 @@ def plan_runs(
 
     Raises:
       SettingsError: an axis that is empty or has a value twice, a speed or seed that is not accepted, or more obstacles
-        than a track has room for.
+        than a track has room for; cars that do not fit on a course before the start.
       TrackError, ControllerError: what cannot be loaded.
     """
     for seed in seeds:
@@ -242,10 +256,12 @@ def plan_runs(
     car = settings.car.parameters
     for course in courses:
         check_course(course, settings.obstacles, car=car)
+        if settings.opponents.entries:
+            settings.opponents.check(course_ground(course, seeds[0], car=car).course)
     for choice in controllers:
         choice.check(course_ground(courses[0], seeds[0], car=car).course, settings.drive(max_speed=max_speeds[0]))
     axis: dict[str, Sequence[int | None]] = {course: _seeds(course, seeds, settings) for course in courses}
-    return [
+    runs = [
         Run(
             RunKey(
                 choice.label, choice.sha256, names[course], ground_sha256(course, seed, car=car), float(speed), seed
@@ -257,11 +273,16 @@ def plan_runs(
         for speed in max_speeds
         for seed in axis[course]
     ]  # fmt: skip
+    for run in runs if settings.opponents.entries else ():
+        if run.controller is controllers[0] and run.key.max_speed_m_s == float(max_speeds[0]):
+            run.line_up()  # refuses cars that do not fit before the start
+    return runs
 
 
 def _seeds(course: str, seeds: Sequence[int], settings: ComparisonSettings) -> Sequence[int | None]:
     """Return the seeds that a course is driven with."""
     random = course.startswith(PREFIX) or settings.obstacles > 0 or settings.lidar_noise > 0.0
+    random = random or settings.opponents.noisy
     return seeds if random else (None,)
 
 

@@ -36,7 +36,7 @@ from ..folders import blame
 from .ground import ground_sha256
 from .run import ComparisonSettings, Run, RunKey, RunRow
 from .store import SCHEMA, ComparisonFolder
-from .tables import Cell, course_title, make_cells
+from .tables import HEADER, Cell, among_columns, course_title, header_of, make_cells
 
 _FOLDER, _MANIFEST, _RUNS = "report", "manifest.json", "runs.jsonl"
 _ACCEPTED = "a folder that `compare --out` wrote"
@@ -140,6 +140,8 @@ def _find_run(key: RunKey, settings: ComparisonSettings, *, trust: bool) -> Run:
     """
     choice = ControllerChoice.of(key.controller)
     require_trusted(choice.source, key.controller_sha256, trust=trust, where=_RUNS)
+    for label, sha256 in zip(settings.opponents.labels, settings.opponents.recorded, strict=True):
+        require_trusted(ControllerChoice.of(label).source, sha256, trust=trust, where=_MANIFEST)
     for course in (key.course, f"{key.course}.csv"):
         try:
             if ground_sha256(course, key.seed, car=settings.car.parameters) == key.course_sha256:
@@ -153,14 +155,17 @@ def _find_run(key: RunKey, settings: ComparisonSettings, *, trust: bool) -> Run:
 def _index(folder: Path, settings: ComparisonSettings, rows: Sequence[RunRow], pages: Mapping[RunKey, _Page]) -> str:
     cells = make_cells(rows)
     header = ("controller", "course", "success", "laps", "best lap [s]", "mean lap [s]", "collisions", "sliding",
-              "least clearance [m]", "wrong way [s]", "runs, by seed")  # fmt: skip
+              "least clearance [m]", "wrong way [s]", *header_of(cells)[len(HEADER) :], "runs, by seed")  # fmt: skip
     lines = [_row(cell, cells, rows, pages) for cell in cells]
     remarks = [
         f"<li>{escape(row.key.controller)} on {escape(row.key.course)}{escape(_seed(row))}: {escape(page.remark)}</li>"
         for row in rows
         if (page := pages.get(row.key, _Page())).remark
     ]
-    shared = ", ".join(f"{name} {value}" for name, value in settings.manifest().items() if value is not None)
+    common = settings.manifest()
+    if settings.opponents.entries:
+        common["opponents"] = " and ".join(settings.opponents.labels)
+    shared = ", ".join(f"{name} {value}" for name, value in common.items() if value is not None)
     wins = sum(row.figures.success for row in rows)
     body = (
         f"<h1>{escape(folder.resolve().name)}: {len(rows)} runs</h1>"
@@ -182,7 +187,7 @@ def _row(cell: Cell, cells: Sequence[Cell], rows: Sequence[RunRow], pages: Mappi
         escape(cell.controller), escape(course_title(cell, cells)), f"{cell.successes}/{cell.runs}",
         f"{cell.laps_completed}/{cell.laps_requested}", _text(cell.best_lap_s, ".2f"), _text(cell.mean_lap_s, ".2f"),
         str(cell.collisions), _text(cell.slide_time_fraction, ".1%"), _text(cell.least_clearance_m, ".3f"),
-        _text(cell.wrong_way_time_s, ".1f"),
+        _text(cell.wrong_way_time_s, ".1f"), *among_columns(cell),
     )  # fmt: skip
     links = " ".join(_link(row, pages.get(row.key, _Page())) for row in own)
     return f'<tr>{"".join(f"<td>{value}</td>" for value in values)}<td class="left">{links}</td></tr>'

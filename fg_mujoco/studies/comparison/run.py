@@ -7,9 +7,10 @@ process.
 from __future__ import annotations
 
 import hashlib
+import math
 import statistics
 from collections.abc import Mapping
-from dataclasses import asdict, astuple, dataclass, fields
+from dataclasses import asdict, astuple, dataclass, field, fields, replace
 from typing import Any, TypeVar, get_args, get_type_hints
 
 import mujoco
@@ -18,6 +19,8 @@ import numpy as np
 from ...errors import ControllerError, PlannerError
 from ...lidar.effects import LidarEffects
 from ...messages import FloatArray, require_whole
+from ...racing.entries import Entry
+from ...racing.opponents import AMONG_CARS, AmongCars, Opponents, entry_of
 from ...racing.planner_choice import ControllerChoice
 from ...racing.race import race, require_decision_limit
 from ...racing.result import RaceResult
@@ -48,6 +51,7 @@ class ComparisonSettings(CarSettings):
     planner_mu: float | None = None  # that planners assume; None: the tires' least peak; inf: no friction limits
     time_limit: float | None = None  # [s] of a run; None: as `race` has it
     decision_limit: float | None = None  # [s] of wall time for a decision; None: any
+    opponents: Opponents = field(default_factory=Opponents)  # that the car of each run races against
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -68,7 +72,14 @@ class ComparisonSettings(CarSettings):
     def manifest(self) -> dict[str, Any]:
         """Return them as they can stand in JSON; `of` reads them back."""
         always = ("laps", "obstacles", "lidar_noise", "mu", "planner_mu", "time_limit", "decision_limit")
-        return {name: getattr(self, name) for name in always} | self.described()
+        alone = replace(self, opponents=Opponents())
+        return {name: getattr(self, name) for name in always} | alone.described() | self.opponents.described()
+
+    @classmethod
+    def of(cls, description: Mapping[str, Any]) -> ComparisonSettings:
+        """Return the settings that `manifest` told of; errors as of CarSettings."""
+        alone = {name: value for name, value in description.items() if name not in ("opponents", "grid")}
+        return replace(super().of(alone), opponents=Opponents.read(description))
 
 
 @dataclass(frozen=True)
@@ -92,7 +103,7 @@ class RunKey:
 class RunFigures:
     """How a run went. None: there is no such figure, as of a lap time without a lap, or of a planner that failed."""
 
-    success: bool  # finished, and touched nothing
+    success: bool  # finished, and touched nothing but, where there are any, cars
     end_reason: str  # of END_REASONS
     message: str | None  # why it failed
     laps_completed: int
@@ -117,10 +128,11 @@ class RunRow:
 
     key: RunKey
     figures: RunFigures
+    among: AmongCars | None = None  # None: there were no opponents, or the run failed
 
     def as_dict(self) -> dict[str, Any]:
         """Return key and figures in one, as JSON has them."""
-        return asdict(self.key) | asdict(self.figures)
+        return asdict(self.key) | asdict(self.figures) | (asdict(self.among) if self.among is not None else {})
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> RunRow:
@@ -130,11 +142,12 @@ class RunRow:
           KeyError: a value is missing.
           TypeError: a value is of another kind than its field.
         """
-        return cls(_of_kind(RunKey, values), _of_kind(RunFigures, values))
+        among = _of_kind(AmongCars, values) if AMONG_CARS[0] in values else None
+        return cls(_of_kind(RunKey, values), _of_kind(RunFigures, values), among)
 
 
 def _of_kind(kind: type[_Part], values: Mapping[str, Any]) -> _Part:
-    """Return a RunKey or RunFigures of some values, each of the kind that its field says."""
+    """Return a RunKey, RunFigures or AmongCars of some values, each of the kind that its field says."""
     for name, hint in get_type_hints(kind).items():
         value, kinds = values[name], get_args(hint) or (hint,)
         accepted = (*kinds, int) if float in kinds else kinds
@@ -173,7 +186,7 @@ class Run:
             raise KeyboardInterrupt
         poses = driven_poses(result)
         trace = np.concatenate((poses[:-1:TRACE_STEP], poses[-1:]))
-        return RunRow(self.key, run_figures(result, poses, self.ground())), trace
+        return RunRow(self.key, run_figures(result, poses, self.ground()), _among(result)), trace
 
     def died(self, how: str) -> tuple[RunRow, FloatArray]:
         """Return what `drive` would, of a run whose worker process ended, with how it did in words."""
@@ -187,10 +200,31 @@ class Run:
         """Return what it is driven on."""
         return course_ground(self.course, self.key.seed, self.settings.obstacles, car=self.settings.car.parameters)
 
+    def line_up(self) -> tuple[Entry, ...]:
+        """Return the cars of a run with opponents, each with its start.
+
+        Raises:
+          SettingsError: a car that stands in a wall, in an obstacle or in another car.
+        """
+        drive = self.settings.drive(max_speed=self.key.max_speed_m_s, seed=self.key.seed or 0)
+        own = replace(drive, planner_settings=dict(self.controller.settings))
+        ground = self.ground()
+        return self.settings.opponents.line_up(ground.course, entry_of(own, self.controller.source), ground.boxes)
+
     def race(self) -> RaceResult:
         """Drive it, and return the whole result."""
         shared, ground = self.settings, self.ground()
         drive = shared.drive(max_speed=self.key.max_speed_m_s, seed=self.key.seed or 0)
+        if shared.opponents.entries:
+            return race(
+                ground.course,
+                laps=laps_of(ground.course, shared.laps),
+                patches=drive.patches,
+                time_limit=shared.time_limit,
+                decision_limit=shared.decision_limit,
+                obstacles=ground.boxes,
+                entries=self.line_up(),
+            )
         return race(
             ground.course,
             self.controller.source,
@@ -211,10 +245,20 @@ class Run:
         )
 
 
+def _among(result: RaceResult) -> AmongCars | None:
+    """Return how car 0 of a race fared among the others; None: it drove alone."""
+    if not result.car_results:
+        return None
+    return AmongCars.of(
+        position=result.car_results[0].position, overtakes=result.overtakes, contacts=result.contacts,
+        winner=result.winner,
+    )  # fmt: skip
+
+
 def run_figures(result: RaceResult, poses: FloatArray, ground: Ground) -> RunFigures:
-    """Return the figures of a race, with its `driven_poses` and what it was driven on."""
+    """Return the figures of car 0 in a race, with its `driven_poses` and what it was driven on."""
     laps = result.lap_times_s
-    times = np.append(result.column("time_s"), result.sim_time_s)
+    times = np.append(result.column("time_s"), result.sim_time_s)[: len(poses)]
     return RunFigures(
         success=result.finished and result.collisions == 0,
         end_reason=result.end_reason,
@@ -228,7 +272,7 @@ def run_figures(result: RaceResult, poses: FloatArray, ground: Ground) -> RunFig
         max_slide_m_s=result.max_slide_m_s,
         slide_time_fraction=result.slide_time_fraction,
         least_clearance_m=0.0 if result.collisions else ground.least_clearance(times, poses, result.world.parameters),
-        wrong_way_time_s=wrong_way_time(result.column("time_s"), result.column("progress_m")),
+        wrong_way_time_s=wrong_way_time(times, np.append(result.column("progress_m"), math.nan)[: len(poses)]),
         distance_m=float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum()),
         mean_speed_m_s=result.mean_speed_m_s,
         sim_time_s=result.sim_time_s,
@@ -237,10 +281,15 @@ def run_figures(result: RaceResult, poses: FloatArray, ground: Ground) -> RunFig
 
 
 def driven_poses(result: RaceResult) -> FloatArray:
-    """Return x [m], y [m], heading [rad] of the rear axle at the start of each tick and at the end, (ticks + 1, 3)."""
+    """Return x [m], y [m], heading [rad] of the rear axle at the start of each tick and at the end, (ticks + 1, 3).
+
+    Of several cars they are car 0's, to the start of its last tick: a car that has finished is taken off the course.
+    """
+    rows = np.column_stack([result.column(name) for name in ("x_m", "y_m", "heading_rad")])
+    if result.car_results:
+        return rows[result.column("time_s") < result.car_results[0].end_time_s - 0.5 * result.world.lidar.beams.period]
     data = mujoco.MjData(result.world.model)
     mujoco.mj_setState(result.world.model, data, result.states[-1], STATE)
-    rows = np.column_stack([result.column(name) for name in ("x_m", "y_m", "heading_rad")])
     return np.concatenate((rows, [result.world.car.pose(data)]))
 
 

@@ -15,10 +15,23 @@ import io
 import statistics
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import astuple, dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
+from ...racing.opponents import FIRST, AmongCars
 from .run import RunFigures, RunKey, RunRow
+
+
+@dataclass(frozen=True, kw_only=True)
+class CellAmong:
+    """How a controller fared among its opponents on a course, over all seeds of which there is such a figure."""
+
+    wins: int
+    mean_position: float | None
+    overtakes: int
+    overtaken: int
+    contacts: int
+    contacts_at_fault: int
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,6 +53,13 @@ class Cell:
     max_slide_m_s: float | None  # greatest of any run
     least_clearance_m: float | None  # least of any run
     wrong_way_time_s: float | None  # of all runs together
+    among: CellAmong | None = None  # None: there were no opponents
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return all figures in one, as JSON has them."""
+        own = asdict(self)
+        among = own.pop("among")
+        return own | (among or {})
 
     @property
     def success_share(self) -> float:
@@ -49,14 +69,29 @@ class Cell:
 
 def make_cells(rows: Sequence[RunRow]) -> tuple[Cell, ...]:
     """Return the cells of some rows, in the order in which they first occur."""
-    groups: dict[tuple[str, str, float], list[RunFigures]] = {}
+    groups: dict[tuple[str, str, float], list[RunRow]] = {}
     for row in rows:
         key = row.key
-        groups.setdefault((key.controller, key.course, key.max_speed_m_s), []).append(row.figures)
-    return tuple(_cell(*place, runs) for place, runs in groups.items())
+        groups.setdefault((key.controller, key.course, key.max_speed_m_s), []).append(row)
+    raced = any(row.among is not None for row in rows)
+    return tuple(
+        _cell(*place, [row.figures for row in own], _among(own) if raced else None) for place, own in groups.items()
+    )
 
 
-def _cell(controller: str, course: str, max_speed: float, runs: Sequence[RunFigures]) -> Cell:
+def _among(rows: Sequence[RunRow]) -> CellAmong:
+    found = [row.among for row in rows if row.among is not None]
+    return CellAmong(
+        wins=sum(among.winner == FIRST for among in found),
+        mean_position=_of(statistics.fmean, (among.position for among in found)),
+        overtakes=sum(among.overtakes for among in found),
+        overtaken=sum(among.overtaken for among in found),
+        contacts=sum(among.contacts for among in found),
+        contacts_at_fault=sum(among.contacts_at_fault for among in found),
+    )
+
+
+def _cell(controller: str, course: str, max_speed: float, runs: Sequence[RunFigures], among: CellAmong | None) -> Cell:
     reasons = Counter(run.end_reason for run in runs)
     return Cell(
         controller=controller,
@@ -74,18 +109,21 @@ def _cell(controller: str, course: str, max_speed: float, runs: Sequence[RunFigu
         max_slide_m_s=_of(max, (run.max_slide_m_s for run in runs)),
         least_clearance_m=_of(min, (run.least_clearance_m for run in runs)),
         wrong_way_time_s=_of(sum, (run.wrong_way_time_s for run in runs)),
+        among=among,
     )
 
 
 def runs_csv(rows: Sequence[RunRow]) -> str:
     """Return a CSV of a row a run; what there is not is empty."""
-    names = [field.name for kind in (RunKey, RunFigures) for field in fields(kind)]
-    return _csv(names, (row.as_dict().values() for row in rows))
+    kinds = (RunKey, RunFigures, *([AmongCars] if any(row.among is not None for row in rows) else []))
+    names = [field.name for kind in kinds for field in fields(kind)]
+    return _csv(names, ([row.as_dict().get(name) for name in names] for row in rows))
 
 
 def cells_csv(cells: Sequence[Cell]) -> str:
     """Return a CSV of a row a cell; what there is not is empty."""
-    return _csv([field.name for field in fields(Cell)], (astuple(cell) for cell in cells))
+    names = [*cells[0].as_dict()] if cells else [field.name for field in fields(Cell) if field.name != "among"]
+    return _csv(names, (cell.as_dict().values() for cell in cells))
 
 
 HEADER = (
@@ -93,6 +131,23 @@ HEADER = (
     "least clearance [m]", "wrong way [s]",
 )  # fmt: skip
 """Of the table for people."""
+
+AMONG_HEADER = ("won", "mean position", "overtakes", "overtaken", "contacts", "at fault")
+"""Of its last columns, where there are opponents."""
+
+
+def header_of(cells: Sequence[Cell]) -> tuple[str, ...]:
+    """Return the header of the table for people."""
+    return HEADER + (AMONG_HEADER if any(cell.among is not None for cell in cells) else ())
+
+
+def among_columns(cell: Cell) -> tuple[str, ...]:
+    """Return the last columns of a cell in the table for people, none where there are no opponents."""
+    among = cell.among
+    if among is None:
+        return ()
+    counts = (among.overtakes, among.overtaken, among.contacts, among.contacts_at_fault)
+    return (f"{among.wins}/{cell.runs}", _text(among.mean_position, "{:.2f}"), *map(str, counts))
 
 
 def table_rows(cells: Sequence[Cell]) -> list[tuple[str, ...]]:
@@ -110,6 +165,7 @@ def table_rows(cells: Sequence[Cell]) -> list[tuple[str, ...]]:
             _text(cell.slide_time_fraction, "{:.1%}").replace("%", " %"),
             _text(cell.least_clearance_m, "{:.3f}"),
             _text(cell.wrong_way_time_s, "{:.1f}"),
+            *among_columns(cell),
         )
         for cell in cells
     ]
@@ -117,10 +173,11 @@ def table_rows(cells: Sequence[Cell]) -> list[tuple[str, ...]]:
 
 def markdown(cells: Sequence[Cell]) -> str:
     """Return a Markdown table of a row a cell, its columns as wide as they must be for a terminal, too."""
-    rows = (HEADER, *table_rows(cells))
+    header = header_of(cells)
+    rows = (header, *table_rows(cells))
     lines = [[text.replace("|", "\\|") for text in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    words = [name in ("controller", "course", "not finished") for name in HEADER]
+    words = [name in ("controller", "course", "not finished") for name in header]
     rule = ["-" * width if word else "-" * (width - 1) + ":" for width, word in zip(widths, words, strict=True)]
     lines = [
         [

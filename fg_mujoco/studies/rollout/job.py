@@ -25,6 +25,7 @@ from ...course.definitions import course_sha256
 from ...errors import ControllerError, SettingsError, accepted_names
 from ...kernels import package_files
 from ...messages import require_whole
+from ...racing.opponents import Opponents, entry_of
 from ...racing.planner_choice import Value
 from ...racing.planner_loading import build_controller, find_controller
 from ...racing.race import require_decision_limit
@@ -33,14 +34,14 @@ from ...simulation.settings import DriveSettings, Scenario, require_laps
 from ...simulation.telemetry import TELEMETRY
 from ...vehicle.changes import CarChanges
 from .randomization import Randomization
-from .world_batch import RECORDS, RESULT, WorldResults, drive_worlds, undriven_world
+from .world_batch import RECORDS, WorldResults, drive_worlds, result_dtype, undriven_world
 
 TICK = 0.025  # [s] a period of the LiDAR, for estimates of what a rollout will take and has done
 
 Arrays = dict[str, NDArray[Any]]
 """What a driven chunk leaves, by name: "worlds" (n,) of `RolloutJob.world_dtype` and "lap_times_s" (n, k); if recorded
 "ticks" (n,) and, of all its worlds one after the other, "telemetry" (ticks, len(TELEMETRY)); and "states", all states
-in one row, with "state_size" (n,) and "ctrl" (ticks, 2)."""
+in one row, with "state_size" (n,) and "ctrl" (ticks, 2) of each car."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,6 +63,7 @@ class RolloutJob:
     chunk: int  # worlds in one, at most
     base: DriveSettings = field(default_factory=DriveSettings)  # what is the same in all worlds
     decision_limit: float | None = None  # [s] of wall time for a decision; None: any
+    opponents: Opponents = field(default_factory=Opponents)  # that car 0 of each world races against
 
     def __post_init__(self) -> None:
         require_laps(self.laps, optional=True)
@@ -107,6 +109,7 @@ class RolloutJob:
                 found, self.controller, car=car, mu=self.base.assumed_mu, max_speed=self.base.max_speed,
                 settings={**self.base.planner_settings, **settings}, map_line=self.tracks[0].map_line,
             )  # fmt: skip
+        self._check_opponents()
 
     @cached_property
     def chunks(self) -> tuple[NDArray[np.int64], ...]:
@@ -126,7 +129,8 @@ class RolloutJob:
     @cached_property
     def world_dtype(self) -> np.dtype[Any]:
         """Of a world's row: its number, that of its track, what was drawn for it, and how it went."""
-        return np.dtype([("world", np.int64), ("track", np.int64), *self.randomization.dtypes(), *RESULT.descr])
+        result = result_dtype(among=bool(self.opponents.entries))
+        return np.dtype([("world", np.int64), ("track", np.int64), *self.randomization.dtypes(), *result.descr])
 
     def scenario(self, world: int, values: dict[str, Value] | None = None) -> Scenario:
         """Return world number `world`; `values` are those that were drawn for it, if they are known."""
@@ -160,6 +164,7 @@ class RolloutJob:
             duration=self.duration,
             record=self.record,
             decision_limit=self.decision_limit,
+            opponents=self.opponents,
             stop=stop,
             watch=watch,
         )
@@ -167,9 +172,9 @@ class RolloutJob:
 
     def undriven(self, world: int, reason: str) -> Arrays:
         """Return what `drive` would, of a world that could not be driven, which ended for a reason of END_REASONS."""
-        return self._arrays(
-            [world], self._drawn([world]), undriven_world(int(self.seeds[world]), reason, self.record)
-        )  # fmt: skip
+        among = bool(self.opponents.entries)
+        results = undriven_world(int(self.seeds[world]), reason, self.record, among=among)
+        return self._arrays([world], self._drawn([world]), results)
 
     def _drawn(self, numbers: Sequence[int]) -> list[dict[str, Value]]:
         """Return what is drawn for some worlds."""
@@ -180,9 +185,10 @@ class RolloutJob:
         worlds["world"], worlds["track"] = numbers, np.asarray(numbers) % len(self.tracks)
         for name in self.randomization.ranges:
             worlds[name] = [values[name] for values in drawn]
-        for name in RESULT.names or ():
+        for name in results.rows.dtype.names or ():
             worlds[name] = results.rows[name]
-        return {"worlds": worlds, "lap_times_s": results.lap_times_s} | _traces(results, self.record)
+        traces = _traces(results, self.record, len(self.opponents.names))
+        return {"worlds": worlds, "lap_times_s": results.lap_times_s} | traces
 
     def trace_bytes(self) -> int:
         """Return what the telemetry, states and controls of one world take at most [bytes]."""
@@ -190,7 +196,8 @@ class RolloutJob:
             return 0
         longest = max(track.longest_race(self.laps or 1) for track in self.tracks)
         limit = self.duration if self.duration is not None else longest
-        row = len(TELEMETRY) + (_state_size(self.base) + 2 if self.record == "states" else 0)
+        states = sum(_state_size(car) + 2 for car in (self.base, *self.opponents.entries))
+        row = len(TELEMETRY) + (states if self.record == "states" else 0)
         return int(limit / TICK + 1) * row * 8
 
     def settings(self) -> dict[str, Any]:
@@ -208,6 +215,7 @@ class RolloutJob:
             "decision_limit": self.decision_limit,
             "record": self.record,
             "drive": self.base.described(),
+            **self.opponents.described(),
         }
 
     @cached_property
@@ -220,6 +228,21 @@ class RolloutJob:
     def _sites(self) -> tuple[Sites | None, ...]:
         wanted = self.randomization.most_obstacles > 0
         return tuple(track.obstacle_sites(self.base.car.parameters) if wanted else None for track in self.tracks)
+
+    def _check_opponents(self) -> None:
+        """Refuse opponents that cannot be loaded, or that do not fit where they start in any of the worlds."""
+        if not self.opponents.entries:
+            return
+        for track in self.tracks:
+            self.opponents.check(track)
+        drawn = any(name == "obstacles" or name.startswith("start_") for name in self.randomization.ranges)
+        for world in range(len(self.seeds) if drawn else min(len(self.seeds), len(self.tracks))):
+            scenario = self.scenario(world)
+            course = self.tracks[world % len(self.tracks)]
+            try:
+                self.opponents.line_up(course, entry_of(scenario, self.controller), scenario.obstacles)
+            except SettingsError as error:
+                raise SettingsError(f"world {world}, seed {scenario.seed}: {error}" if drawn else str(error)) from error
 
     def _check_starts(self, course: Course) -> None:
         """Refuse starts that are not on an open course; round a closed one progress may be any number."""
@@ -260,7 +283,7 @@ def joined(parts: Sequence[Arrays]) -> Arrays:
     return whole | {"lap_times_s": np.concatenate(laps)}
 
 
-def _traces(results: WorldResults, record: str) -> Arrays:
+def _traces(results: WorldResults, record: str, cars: int) -> Arrays:
     if record == "summary":
         return {}
     arrays: Arrays = {
@@ -270,12 +293,12 @@ def _traces(results: WorldResults, record: str) -> Arrays:
     if record == "states":
         arrays["state_size"] = np.array([rows.shape[1] for rows in results.states], np.int64)
         arrays["states"] = np.concatenate([rows.ravel() for rows in results.states])
-        arrays["ctrl"] = np.concatenate([rows.reshape(-1, 2) for rows in results.ctrl])
+        arrays["ctrl"] = np.concatenate([rows.reshape(-1, 2 * cars) for rows in results.ctrl])
     return arrays
 
 
 def _state_size(base: DriveSettings) -> int:
-    """Return the length of a state, that of a car whose commands are delayed, which has the longest."""
+    """Return the length of the state of a car, as one has whose commands are delayed, which is the longest."""
     delayed = base.car.compile(changes=CarChanges(command_delay=0.0))
     return int(mujoco.mj_stateSize(delayed, STATE))
 

@@ -18,6 +18,8 @@ from ...course.writing import write_file
 from ...display import Shown, brief, paragraph, quoted, table
 from ...errors import SettingsError, accepted_names
 from ...messages import FloatArray
+from ...racing.entries import Entry
+from ...racing.opponents import AMONG_CARS, FIRST, Opponents, entry_of
 from ...simulation.settings import DriveSettings, Scenario
 from ..folders import blame
 from .job import Arrays, RolloutJob
@@ -35,7 +37,7 @@ class RolloutResult(Shown):
     """How a rollout went. Arrays are read-only; `result["mu"]` is the column of `worlds` of that name.
 
     A column is a number `world`, that of its track `track`, a randomised parameter, or a field of
-    `world_batch.RESULT`.
+    `world_batch.RESULT`, and with opponents of `world_batch.AMONG`.
     """
 
     worlds: NDArray[np.void]  # (n,) rows, in the order of the worlds' numbers
@@ -43,6 +45,8 @@ class RolloutResult(Shown):
     tracks: tuple[Course, ...]
     randomization: Randomization
     base: DriveSettings = field(repr=False)  # what is the same in all worlds
+    controller: str  # of car 0; of a folder that was read, without the path of its file
+    opponents: Opponents = field(repr=False)  # that car 0 of each world raced against
     settings: dict[str, Any] = field(repr=False)  # all that the results depend on, but for the versions
     chunks: ChunkStore = field(repr=False)
     places: NDArray[np.int64] = field(repr=False)  # (n, 2) of each world, its chunk and its place in there
@@ -70,9 +74,11 @@ class RolloutResult(Shown):
         """Return the figures for people, by name."""
         ends = Counter(self["end_reason"].tolist()).most_common()
         laps = self["first_lap_s"][~np.isnan(self["first_lap_s"])]
+        won = [("won", f"{100.0 * self._among()['wins']:.0f} %")] if self.opponents.entries else []
         return [
             ("worlds", str(len(self))),
             ("ends", ", ".join(f"{count} {reason}" for reason, count in ends)),
+            *won,
             ("median first lap", f"{np.median(laps):.2f} s" if len(laps) else "none"),
             ("greatest sliding", f"{np.nanmax(self['max_slide_m_s'], initial=0.0):.3f} m/s"),
             ("simulated", f"{self['sim_time_s'].sum():.1f} s"),
@@ -105,8 +111,20 @@ class RolloutResult(Shown):
         row = self._row(world)
         return self.randomization.scenario(self.tracks[row["track"]], int(row["seed"]), base=self.base)
 
+    def entries(self, world: int) -> tuple[Entry, ...]:
+        """Return the cars of a world with opponents: `race` gives the same, bit for bit, with the scenario's obstacles.
+
+        Raises:
+          SettingsError: there is no such world, or it has no opponents.
+        """
+        if not self.opponents.entries:
+            raise SettingsError("the worlds have no opponents; accepted: the entries of a rollout with opponents")
+        scenario = self.scenario(world)
+        course = self.tracks[self._row(world)["track"]]
+        return self.opponents.line_up(course, entry_of(scenario, self.controller), scenario.obstacles)
+
     def telemetry(self, world: int) -> FloatArray:
-        """Return the telemetry of a world, read where it is kept. Shape (ticks, len(TELEMETRY)).
+        """Return the telemetry of car 0 of a world, read where it is kept. Shape (ticks, len(TELEMETRY)).
 
         Raises:
           SettingsError: there is no such world, or it was not recorded.
@@ -118,7 +136,7 @@ class RolloutResult(Shown):
         return self._trace(world, "states")
 
     def ctrl(self, world: int) -> FloatArray:
-        """Return what the actuators of a world got, as in RaceResult. Shape (ticks, 2); errors as `telemetry`."""
+        """Return what the actuators of a world got, as in RaceResult. Shape (ticks, 2), errors as `telemetry`."""
         return self._trace(world, "ctrl")
 
     def summary(self) -> dict[str, Any]:
@@ -133,11 +151,23 @@ class RolloutResult(Shown):
             "max_slide_m_s": _quantiles(self["max_slide_m_s"]),
             "slide_time_fraction": _quantiles(self["slide_time_fraction"]),
             "collisions_per_world": float(self["collisions"].sum()) / count,
+            **self._among(),
             "world_seconds": float(self["sim_time_s"].sum()),
             "worlds_driven": self.worlds_driven,
             "world_seconds_driven": self.world_seconds_driven,
             "wall_time_s": self.wall_time_s,
             "world_seconds_per_second": self.rate,
+        }
+
+    def _among(self) -> dict[str, Any]:
+        """Return the figures of car 0 among its opponents, as they can stand in JSON; none where it has none."""
+        if not self.opponents.entries:
+            return {}
+        driven = self["position"] > 0  # a world that was not driven has no positions
+        return {
+            "wins": float(np.mean(self["winner"] == FIRST)),
+            "mean_position": float(self["position"][driven].mean()) if driven.any() else None,
+            **{f"{name}_per_world": float(self[name].mean()) for name in AMONG_CARS[1:-1]},
         }
 
     @property
@@ -194,6 +224,8 @@ def gather(
         tracks=job.tracks,
         randomization=job.randomization,
         base=job.base,
+        controller=job.controller,
+        opponents=job.opponents,
         settings=job.settings(),
         chunks=chunks,
         places=job.places,
@@ -224,6 +256,8 @@ def read_rollout(folder: str | Path) -> RolloutResult:
         tracks=store.tracks(),
         randomization=Randomization.of(settings["randomize"]),
         base=DriveSettings.of(settings.get("drive", {})),
+        controller=settings["controller"],
+        opponents=Opponents.read(settings),
         settings=settings,
         chunks=store,
         places=places,

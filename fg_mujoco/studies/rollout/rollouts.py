@@ -23,6 +23,8 @@ from ...course.course import Course
 from ...errors import SettingsError, accepted_names
 from ...lidar.effects import LidarEffects
 from ...messages import require_whole
+from ...racing.entries import Entry
+from ...racing.opponents import Opponents, entry_of
 from ...racing.planner_choice import split_controller
 from ...simulation.course_loading import load_track
 from ...simulation.settings import FASTEST, DriveSettings, Start
@@ -91,6 +93,8 @@ def rollout(
     laps: int | None = None,
     duration: float | None = None,
     decision_limit: float | None = None,
+    opponents: Sequence[Entry | str] = (),
+    grid: str = "staggered",
     workers: int | None = None,
     record: str = "summary",
     out: str | Path | None = None,
@@ -121,7 +125,7 @@ def rollout(
       planner_mu: friction coefficient that the planners assume.
       max_speed: fastest that a planner may command [m/s].
       planner_settings: settings of the planners that differ from their own.
-      start: where and how the cars start.
+      start: where and how the cars start; with opponents, car 0 counts from its place on the grid.
       patches: of the floor, on which the tires have another friction.
       effects: what the LiDAR does to a scan.
       odometry_drift: relative error of the speeds and the yaw rate that the planners are told.
@@ -130,6 +134,11 @@ def rollout(
       decision_limit: of wall time that a planner may take for one decision [s]; None: any. A world whose planner
         takes longer ends as "decision_limit". Threads look at it when the planner has answered; the engine "processes"
         interrupts it, as `race` does.
+      opponents: that car 0 of each world races against: entries as of `race`, or names of planners, each in a car
+        that is set as car 0's. All settings before are car 0's, and so is what is randomised; with `start_s` the whole
+        grid moves. The results are car 0's too, with how it fared among the others. A world goes on until each of its
+        cars has finished or cannot go on.
+      grid: "staggered" or "side_by_side": where opponents without a start of their own stand, behind car 0.
       workers: threads or processes, or with Ray cores; None: as many as there are.
       record: "summary", "telemetry" (each tick of each world too) or "states" (and its state and controls).
       out: a new or empty folder, or one of the same rollout, which is then finished.
@@ -171,7 +180,10 @@ def rollout(
         decision_limit=decision_limit,
         record=record,
         chunk=chunk,
+        opponents=_opponents(opponents, base, controller, grid),
     )
+    if engine == "ray" and any(":" in str(entry.controller) for entry in job.opponents.entries):
+        raise SettingsError("engine is 'ray' with an opponent of a file; accepted: bundled ones, or another engine")
     job.check()
     cores = workers or usable_cores()
     trace = job.trace_bytes()
@@ -188,6 +200,11 @@ def rollout(
         return result
     fits = trace * len(job.seeds) <= memory_budget
     return _drive(job, MemoryStore() if fits else TemporaryFolderStore(), engine, workers, watch)
+
+
+def _opponents(opponents: Sequence[Entry | str], base: DriveSettings, controller: str, grid: str) -> Opponents:
+    first = entry_of(base, controller) if opponents else Entry()
+    return Opponents.of(opponents, first=first, grid=grid)
 
 
 def _drive(

@@ -6,6 +6,9 @@
 Worlds that can share a compiled model are stepped together by one engine. Each world's result is the same, bit for bit,
 whatever the others are, and that of the same world driven alone by `race`. Most of the time is spent without the GIL:
 several threads that drive worlds each use several cores.
+
+With opponents a world goes on until each of its cars has finished or cannot go on, as a race of several cars does. The
+results are those of car 0.
 """
 
 from __future__ import annotations
@@ -17,6 +20,7 @@ from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import lru_cache
 from threading import Lock
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,11 +30,16 @@ from ...course.obstacles import Obstacle
 from ...errors import ControllerError, SettingsError, accepted_names
 from ...messages import DriveCommand, FloatArray
 from ...racing.decisions import DecisionClock
+from ...racing.entries import entry_planner
+from ...racing.opponents import AMONG_CARS, AmongCars, Opponents, entry_of
+from ...racing.planner_choice import split_controller
 from ...racing.planner_loading import build_controller, find_controller
+from ...racing.race_control import RULES, RaceControl
+from ...simulation.cars import WorldCar
 from ...simulation.engine import Engine
-from ...simulation.planner_adapter import Decide, adapt, start
+from ...simulation.planner_adapter import Decide, Planners, PlannersOfEach, adapt, start
 from ...simulation.planner_failure import without_exit
-from ...simulation.settings import Scenario
+from ...simulation.settings import Scenario, Start
 from ...simulation.telemetry import statistics_figures
 from ...simulation.termination import END_REASONS
 from ...simulation.world import World
@@ -60,6 +69,19 @@ RESULT = np.dtype(
 )
 """How it went in one world; fields as in RaceResult."""
 
+AMONG = np.dtype(
+    [
+        ("position", np.int64),
+        ("overtakes", np.int64),
+        ("overtaken", np.int64),
+        ("contacts", np.int64),
+        ("contacts_at_fault", np.int64),
+        ("winner", "U60"),
+    ]
+)
+"""How car 0 fared among its opponents, behind RESULT where it has any; fields as in AmongCars."""
+
+_FAILED = END_REASONS.index("failed")
 _FASTEST = 20.0  # [m/s] where only the duration is given, it makes room for the laps of a car as fast as this
 
 
@@ -67,11 +89,11 @@ _FASTEST = 20.0  # [m/s] where only the duration is given, it makes room for the
 class WorldResults:
     """How it went, in the order of the scenarios."""
 
-    rows: NDArray[np.void]  # (n,) of RESULT
+    rows: NDArray[np.void]  # (n,) of RESULT, with opponents of RESULT and AMONG
     lap_times_s: FloatArray  # (n, k), NaN where fewer laps were driven
     telemetry: tuple[FloatArray, ...] = ()  # (ticks, len(TELEMETRY)) of each world, if recorded
     states: tuple[FloatArray, ...] = ()  # (ticks + 1, k), as in RaceResult, if recorded
-    ctrl: tuple[FloatArray, ...] = ()  # (ticks, 2), if states are
+    ctrl: tuple[FloatArray, ...] = ()  # (ticks, 2) of each car, if states are
 
 
 @without_exit()
@@ -83,13 +105,15 @@ def drive_worlds(
     duration: float | None = None,
     record: str = "summary",
     decision_limit: float | None = None,
+    opponents: Opponents | None = None,
     stop: Callable[[], bool] | None = None,
     watch: Callable[[int, int], None] | None = None,
 ) -> WorldResults:
     """Drive each scenario to its end, in the calling thread.
 
     A world whose planner fails ends as "planner_failed". Where planners that decide together raise, or one cannot be
-    built, each of their worlds is driven alone, which changes no bit of the others.
+    built, each of their worlds is driven alone, which changes no bit of the others. An opponent whose planner fails
+    brakes and stays where it is, and the other cars of its world race on.
 
     Args:
       scenarios: the worlds.
@@ -98,6 +122,7 @@ def drive_worlds(
       duration: of simulated time at most [s]; None: what a car of 0.5 m/s needs for the laps, or the scene's own limit.
       record: "summary", "telemetry" (every tick's row too) or "states" (and its state and controls).
       decision_limit: of wall time that a planner may take for one decision [s], as of `race`; None: any.
+      opponents: that car 0 of each world, which the scenario is about, races against; None: it drives alone.
       stop: asked every tick; once it says True, all worlds that still run end as "interrupted".
       watch: told every tick how many ticks were done in this call and how many worlds run.
 
@@ -115,7 +140,8 @@ def drive_worlds(
     for scenario in scenarios:
         if scenario.effects.motion_distortion:
             raise SettingsError("motion distortion of the LiDAR, in a batch; accepted: in `race` only")
-    results = _Results(len(scenarios), record)
+    opponents = opponents or Opponents()
+    results = _Results(len(scenarios), record, among=bool(opponents.entries))
     groups: dict[tuple[Course | str, Vehicle, Tires, tuple[Patch, ...], tuple[Obstacle, ...], bool], list[int]] = {}
     for i, scenario in enumerate(scenarios):
         delayed = scenario.changes.command_delay is not None
@@ -130,22 +156,31 @@ def drive_worlds(
         room = world.track.most_laps or laps or int(limit * _FASTEST / world.track.length) + 2
         engine = make_engine(
             world, [scenarios[i] for i in members], controller, laps=room, time_limit=limit,
-            timed=None if clock is None else clock.time,
+            timed=None if clock is None else clock.time, opponents=opponents,
         )  # fmt: skip
+        controls = [
+            RaceControl(engine, names=opponents.names, rules=RULES["none"], world=place)
+            for place in range(len(members) if opponents.entries else 0)
+        ]
         results.begin(members, engine)
         while engine.running.any():
             if stop is not None and stop():
                 engine.interrupt()
                 break
-            ran = engine.running.copy()
-            engine.tick()
-            results.add(members, engine, ran)
+            engine.sense()
+            engine.decide()
+            driven = _worlds(engine.running, engine)
+            engine.drive()
+            engine.judge()
+            for place in map(int, np.flatnonzero(driven) if controls else ()):
+                controls[place].after_tick()
+            results.add(members, engine, driven & ~_worlds(engine.monitor.reasons == _FAILED, engine))
             ticks += 1
             if clock is not None:
                 clock.seconds.clear()
             if watch is not None:
-                watch(ticks, int(engine.running.sum()))
-        results.end(members, engine, scenarios)
+                watch(ticks, int(_worlds(engine.running, engine).sum()))
+        results.end(members, engine, scenarios, controls)
 
     clock = None if decision_limit is None else DecisionClock(decision_limit)
     with clock or nullcontext():
@@ -153,7 +188,7 @@ def drive_worlds(
         while todo:
             key, members = todo.popleft()
             with _BUILDING:
-                world = _shared_world(*key)
+                world = _shared_world(*key, tuple(entry.world_car() for entry in opponents.entries))
             laps_to_drive(world.track, laps)  # refuses more than a scene has
             try:
                 drive(world, members)
@@ -165,15 +200,21 @@ def drive_worlds(
     return results.gathered()
 
 
-def undriven_world(seed: int, reason: str, record: str) -> WorldResults:
+def result_dtype(*, among: bool) -> np.dtype[Any]:
+    """Return what a world's row has: RESULT, and where car 0 is `among` opponents AMONG behind it."""
+    return np.dtype([*RESULT.descr, *AMONG.descr]) if among else RESULT
+
+
+def undriven_world(seed: int, reason: str, record: str, *, among: bool = False) -> WorldResults:
     """Return the results of one world that was not driven: its figures are NaN, and nothing is recorded of it.
 
     Args:
       seed: of the world.
       reason: why, one of END_REASONS.
       record: as `drive_worlds` takes it.
+      among: whether there are opponents.
     """
-    results = _Results(1, record)
+    results = _Results(1, record, among=among)
     results.fail(0, seed, reason)
     return results.gathered()
 
@@ -186,6 +227,7 @@ def make_engine(
     laps: int,
     time_limit: float,
     timed: Callable[[Decide], DriveCommand] | None = None,
+    opponents: Opponents | None = None,
 ) -> Engine:
     """Return an engine of worlds that share a compiled model, their cars at the start, each with a planner of its own.
 
@@ -196,7 +238,10 @@ def make_engine(
       laps: to be driven.
       time_limit: of simulated time [s].
       timed: as `adapt` takes it.
+      opponents: that the world has cars for; None: none.
     """
+    if opponents is not None and opponents.entries:
+        return _make_field(world, scenarios, controller, opponents, laps=laps, time_limit=time_limit, timed=timed)
     changes = [scenario.all_changes for scenario in scenarios]
     engine = Engine(world, len(scenarios), changes=changes, laps=laps, time_limit=time_limit)
     kind = find_controller(controller)  # once: what is in a file becomes a new class each time
@@ -217,6 +262,50 @@ def make_engine(
     return engine
 
 
+def _make_field(
+    world: World,
+    scenarios: Sequence[Scenario],
+    controller: str,
+    opponents: Opponents,
+    *,
+    laps: int,
+    time_limit: float,
+    timed: Callable[[Decide], DriveCommand] | None,
+) -> Engine:
+    """Return an engine as `make_engine` does, of worlds of several cars."""
+    count, cars = len(scenarios), len(opponents.names)
+    entries = [
+        entry
+        for scenario in scenarios
+        for entry in opponents.line_up(world.track, entry_of(scenario, controller), scenario.obstacles)
+    ]
+    plain = [CarChanges()] * (cars - 1)  # what differs in the opponents is compiled into the world
+    changes = [change for scenario in scenarios for change in (scenario.all_changes, *plain)]
+    engine = Engine(world, count, changes=changes, laps=laps, time_limit=time_limit)
+    groups: list[tuple[NDArray[np.int64], Planners]] = []
+    for own in entries[:cars]:
+        source, _ = split_controller(own.controller, None)
+        kind = find_controller(str(source))  # once: what is in a file becomes a new class each time
+        rows = np.arange(len(groups), count * cars, cars)
+        planners = [
+            entry_planner(entries[row], car=engine.cars[row].parameters, map_line=world.track.map_line, kind=kind)
+            for row in rows.tolist()
+        ]
+        groups.append((rows, adapt(planners, timed=timed)))
+    engine.planners = PlannersOfEach(groups)
+    engine.place(
+        [entry.start or Start() for entry in entries], effects=[entry.effects for entry in entries],
+        seeds=[entry.seed for entry in entries], odometry_drifts=[entry.odometry_drift for entry in entries],
+    )  # fmt: skip
+    return engine
+
+
+def _worlds(cars: NDArray[np.bool_], engine: Engine) -> NDArray[np.bool_]:
+    """Return which worlds have any of some cars (r,). Shape (n,)."""
+    found: NDArray[np.bool_] = np.any(cars.reshape(engine.count, -1), axis=1)
+    return found
+
+
 _BUILDING = Lock()  # threads that want the same world build it once
 
 
@@ -228,17 +317,18 @@ def _shared_world(
     patches: tuple[Patch, ...],
     obstacles: tuple[Obstacle, ...],
     delayed: bool,
+    others: tuple[WorldCar, ...],
 ) -> World:
     """Return a world to be read by any thread; a delay is one of 0 s, for each world's own to be put in its place."""
     changes = CarChanges(command_delay=0.0) if delayed else None
-    return World(track, car, tires=tires, patches=patches, obstacles=obstacles, changes=changes)
+    return World(track, car, tires=tires, patches=patches, obstacles=obstacles, changes=changes, others=others)
 
 
 class _Results:
     """Gathers what the groups leave."""
 
-    def __init__(self, count: int, record: str) -> None:
-        self._rows = np.zeros(count, RESULT)
+    def __init__(self, count: int, record: str, *, among: bool) -> None:
+        self._rows = np.zeros(count, result_dtype(among=among))
         self._lap_times: list[FloatArray] = [np.empty(0)] * count  # [s] of each world
         self._record = record
         self._telemetry: list[list[FloatArray]] = [[] for _ in range(count)]
@@ -253,39 +343,56 @@ class _Results:
                 self._states[i].append(engine.state(place).copy())
 
     def add(self, members: Sequence[int], engine: Engine, ran: NDArray[np.bool_]) -> None:
-        """Keep the tick of the worlds that ran it."""
+        """Keep the tick of the worlds that ran it: the telemetry of car 0."""
         if self._record == "summary":
             return
-        for place in map(int, np.flatnonzero(ran & ~engine.failed)):
+        for place in map(int, np.flatnonzero(ran)):
             i = members[place]
-            self._telemetry[i].append(engine.telemetry[place].copy())
+            self._telemetry[i].append(engine.telemetry[place * engine.cars_per_world].copy())
             if self._record == "states":
                 self._states[i].append(engine.state(place).copy())
                 self._ctrl[i].append(engine.ctrl(place).copy())
 
-    def end(self, members: Sequence[int], engine: Engine, scenarios: Sequence[Scenario]) -> None:
+    def end(
+        self,
+        members: Sequence[int],
+        engine: Engine,
+        scenarios: Sequence[Scenario],
+        controls: Sequence[RaceControl],
+    ) -> None:
+        """Take how it went for car 0 of each world; `controls` watched the worlds with opponents."""
         times = engine.times
         for place, i in enumerate(members):
-            row, statistics = self._rows[i], engine.statistics[place]
-            driven = engine.monitor.lap_times[place, : engine.monitor.timers["laps_completed"][place]]
+            first = place * engine.cars_per_world
+            row, statistics = self._rows[i], engine.statistics[first]
+            driven = engine.monitor.lap_times[first, : engine.monitor.timers["laps_completed"][first]]
             self._lap_times[i] = driven.copy()
             row["seed"] = scenarios[i].seed
-            row["end_reason"] = END_REASONS[engine.monitor.reasons[place]]
+            row["end_reason"] = END_REASONS[engine.monitor.reasons[first]]
             row["laps_completed"] = len(driven)
             row["sim_time_s"] = times[place]
-            row["distance_m"] = engine.monitor.timers["progress"][place]
+            row["distance_m"] = engine.monitor.timers["progress"][first]
             row["first_lap_s"] = driven[0] if len(driven) else np.nan
             row["best_lap_s"] = driven.min() if len(driven) else np.nan
-            row["collisions"] = engine.crashed[place]
+            row["collisions"] = engine.crashed[first]
             for name, value in statistics_figures(statistics).items():
                 row[name] = value
+        for i, control in zip(members if controls else (), controls, strict=True):
+            control.finish()
+            among = AmongCars.of(
+                position=control.order().index(0) + 1, overtakes=control.overtakes, contacts=control.contacts,
+                winner=control.winner,
+            )  # fmt: skip
+            for name in AMONG_CARS:
+                self._rows[i][name] = getattr(among, name)
 
     def fail(self, i: int, seed: int, reason: str) -> None:
         """Note a world that was not driven."""
         self._telemetry[i], self._states[i], self._ctrl[i] = [], [], []
         row = self._rows[i]
-        for name in RESULT.names or ():
-            row[name] = math.nan if RESULT[name] == np.float64 else 0
+        for name in row.dtype.names:
+            kind = row.dtype[name].kind
+            row[name] = math.nan if kind == "f" else "" if kind == "U" else 0
         row["seed"], row["end_reason"], row["sim_time_s"], row["distance_m"] = seed, reason, 0.0, 0.0
 
     def gathered(self) -> WorldResults:

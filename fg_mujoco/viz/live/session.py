@@ -25,13 +25,15 @@ from ...course.random_obstacles import random_boxes
 from ...errors import FgMujocoError, PlannerError, SettingsError
 from ...lidar.beams import lidar_body
 from ...messages import DriveCommand, FloatArray, LaserScan, Odometry, require_whole
+from ...racing.entries import Entry, check_starts, grid_starts, require_entries
 from ...racing.planner_choice import split_controller
 from ...racing.planner_loading import make_controller
 from ...simulation.course_loading import load_track
-from ...simulation.planner_adapter import plan, start
+from ...simulation.planner_adapter import Planners, PlannersOfEach, adapt, plan, start
 from ...simulation.planner_failure import PlannerFailure, is_of_planner, without_exit
-from ...simulation.settings import DriveSettings
+from ...simulation.settings import DriveSettings, Start
 from ...simulation.simulation import Simulation
+from ...simulation.telemetry import TELEMETRY
 from ...simulation.world import LIDAR_PREFIX, World
 from .hand_driver import HandDriver
 
@@ -52,6 +54,8 @@ class LiveSettings(DriveSettings):
     controller: str = "gap_finder"  # as the command line takes it, with settings in brackets where wanted
     obstacles: int = 0  # boxes on a track
     obstacle_seed: int = 0  # of their places
+    opponents: tuple[Entry, ...] = ()  # cars besides this one, driven by their planners
+    grid: str = "staggered"  # where they stand before the start
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -91,7 +95,9 @@ class LiveSession:
         self._obstacles = random_boxes(
             self._course, self.settings.obstacles, self.settings.obstacle_seed, car=car, start=self.settings.start.s
         )
-        self.world = self.settings.world(self._course, obstacles=self._obstacles)
+        self._opponents = require_entries((Entry(), *self.settings.opponents))[1:]
+        self.world = self._make_world(self.settings)
+        self._start = self._take_places()
         self.simulation = self._make_simulation(self.world)
         self.laps = LapTimer(self.world.track)
         self._planner = self._make_planner(self.planner_settings, self.settings)
@@ -105,6 +111,7 @@ class LiveSession:
         self.odometry: Odometry
         self.message = ""
         self.failure: PlannerFailure | None = None
+        self._told: set[int] = set()  # rows of the opponents whose planner's failure was told
         self._place()
 
     @property
@@ -144,11 +151,14 @@ class LiveSession:
             return False
         try:
             command = self._command()
+            if self._opponents:
+                self.simulation.engine.decide()
         except FgMujocoError as error:
             self.message, self.paused = " ".join(str(error).split()), True
             self.failure = error.failure if isinstance(error, PlannerError) else None
             return False
         self.scan, self.odometry = self.simulation.step(command)
+        self._watch_opponents()
         x, y, _ = self.simulation.pose
         if not self._trace or math.dist(self._trace[-1], (x, y)) >= _TRACE_STEP:
             self._trace.append((x, y))
@@ -172,11 +182,15 @@ class LiveSession:
     @property
     def friction_utilisation(self) -> float:
         """Of the tire with the greatest, in the last tick [-]; 0 where all are in the air."""
+        if self._opponents:
+            return self._told_last("friction_use_front_left")
         return _greatest(self.simulation.slip.friction_utilisation)
 
     @property
     def sliding_speed(self) -> float:
         """Of the tire with the greatest, in the last tick [m/s]; 0 where all are in the air."""
+        if self._opponents:
+            return self._told_last("slide_front_left_m_s")
         return _greatest(self.simulation.slip.sliding_speed)
 
     def scan_points(self, step: int = 1) -> FloatArray:
@@ -258,20 +272,84 @@ class LiveSession:
     def _change_mu(self, settings: LiveSettings) -> None:
         """Give the car other tires where it is, as fast as it is: a new world takes the state of the old one."""
         state = self.simulation.state
-        world = settings.world(self._course, obstacles=self._obstacles)
+        world = self._make_world(settings)
         simulation = self._make_simulation(world)
-        simulation.engine.load(
-            state, effects=settings.effects, seed=settings.seed, odometry_drift=settings.odometry_drift
+        cars, engine, before = (settings, *self._opponents), simulation.engine, self.simulation.engine
+        engine.load(
+            state, effects=[car.effects for car in cars], seed=[car.seed for car in cars],
+            odometry_drift=[car.odometry_drift for car in cars],
         )  # fmt: skip
-        simulation.engine.read(0, simulation.data)
-        simulation.crashed = self.simulation.crashed
+        engine.crashed[:], engine.planners = before.crashed, before.planners
+        engine.running[1:] = before.running[1:]
+        engine.read(0, simulation.data)
         self.world, self.simulation, self.settings = world, simulation, settings
 
     def _make_simulation(self, world: World) -> Simulation:
         settings = self.settings
         return Simulation(
-            world, effects=settings.effects, seed=settings.seed, odometry_drift=settings.odometry_drift
+            world, effects=settings.effects, seed=settings.seed, odometry_drift=settings.odometry_drift,
+            others=self._opponents,
         )  # fmt: skip
+
+    def _make_world(self, settings: LiveSettings) -> World:
+        others = [opponent.world_car() for opponent in self._opponents]
+        return settings.world(self._course, obstacles=self._obstacles, others=others)
+
+    def _take_places(self) -> Start:
+        """Put each opponent without a start on the grid, and return the start of the own car.
+
+        Raises:
+          SettingsError: an unknown grid, or one that does not fit.
+        """
+        own = self.settings.start
+        if not self._opponents:
+            return own
+        cars = [car.parameters for car in self.world.cars]
+        first, *behind = grid_starts(self._course, cars, self.settings.grid)
+        own = first if own == Start() else own
+        self._opponents = tuple(
+            replace(opponent, start=opponent.start or place)
+            for opponent, place in zip(self._opponents, behind, strict=True)
+        )
+        starts = [own, *(opponent.start or Start() for opponent in self._opponents)]
+        names = ["car_0", *(str(opponent.name) for opponent in self._opponents)]
+        check_starts(self._course, starts, cars, names, self._obstacles)
+        return own
+
+    def _make_opponents(self) -> Planners:
+        """Return what drives the opponents, as new.
+
+        Raises:
+          ControllerError: a planner that cannot be built.
+        """
+        groups: list[tuple[Any, Planners]] = []
+        for row, opponent in enumerate(self._opponents, start=1):
+            source, settings = split_controller(opponent.controller, opponent.planner_settings)
+            planner = make_controller(
+                source, car=self.world.cars[row].parameters, mu=opponent.assumed_mu, max_speed=opponent.max_speed,
+                settings=settings, map_line=self.world.track.map_line,
+            )  # fmt: skip
+            start(planner)
+            groups.append((np.array([row]), adapt([planner])))
+        return PlannersOfEach(groups)
+
+    def _watch_opponents(self) -> None:
+        """Stop those that have crashed into a wall, which then stand there, and say so; likewise who failed."""
+        engine = self.simulation.engine
+        for row, opponent in enumerate(self._opponents, start=1):
+            if engine.running[row] and engine.crashed[row]:
+                engine.monitor.end(np.arange(len(engine.running)) == row, "crash")
+                self.message = f"{opponent.name} crashed"
+        if self._opponents and engine.planners is not None:
+            for row, error in engine.planners.failures.items():
+                if row not in self._told:
+                    self._told.add(row)
+                    self.message = f"{self._opponents[row - 1].name}: {' '.join(str(error).split())}"
+
+    def _told_last(self, column: str) -> float:
+        """Return the greatest of the four values of the tires of car 0 from a column of the telemetry on."""
+        first = TELEMETRY.index(column)
+        return _greatest(self.simulation.engine.telemetry[0, first : first + 4])
 
     def _make_planner(self, settings: dict[str, Any], shared: LiveSettings) -> Any:
         planner = make_controller(
@@ -286,7 +364,9 @@ class LiveSession:
         return planner
 
     def _place(self) -> None:
-        self.scan, self.odometry = self.simulation.reset(**asdict(self.settings.start))
+        self.scan, self.odometry = self.simulation.reset(**asdict(self._start))
+        if self._opponents:
+            self.simulation.engine.planners, self._told = self._make_opponents(), set()
         start(self._planner)
         self.hand.release()
         self.laps.reset()

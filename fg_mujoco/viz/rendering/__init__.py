@@ -63,6 +63,7 @@ def render(
     *,
     time: float | Sequence[float] | None = None,
     camera: str = "chase",
+    car: int = 0,
     size: tuple[int, int] = (640, 480),
     quality: str = "good",
     output: str = "rgb",
@@ -77,6 +78,7 @@ def render(
       source: a Simulation, a run folder, a Run or a RaceResult.
       time: of a recorded drive [s]; several give one picture each, along the first axis; None: its end.
       camera: a name in CAMERAS.
+      car: that the camera follows, of several.
       size: width and height [px].
       quality: a name in QUALITIES.
       output: "rgb" (height, width, 3) uint8; "depth" (height, width) float32, along the view's axis [m], inf where
@@ -85,7 +87,8 @@ def render(
       trust: as of a Film: whether the planner of a run folder may be loaded where it is not a bundled one.
 
     Raises:
-      SettingsError: an unknown camera, quality or output, a size that cannot be drawn, a time outside of the drive.
+      SettingsError: an unknown camera, quality or output, a size that cannot be drawn, a time outside of the drive, or
+        a car that is not there.
       RunFolderError: a folder that is none of `race --out`, lacks a file, or is of another version.
       MissingExtraError: no OpenGL here; the message has the command that installs it.
     """
@@ -94,12 +97,12 @@ def render(
     if isinstance(source, Simulation):
         if time is not None or overlays is not None:
             raise SettingsError("time and overlays are of recorded drives; accepted with a Simulation: None")
-        with Renderer(source.world, size=size, quality=quality) as renderer:
+        with Renderer(source.world, size=size, quality=quality, car=car) as renderer:
             picture: NDArray[Any] = getattr(renderer, output)(source.data, camera)
             return picture
     take: Callable[[float], NDArray[Any]]
     overlays = overlays or Overlays()
-    with Film(source, camera=camera, size=size, quality=quality, overlays=overlays, trust=trust) as film:
+    with Film(source, camera=camera, car=car, size=size, quality=quality, overlays=overlays, trust=trust) as film:
         take = film.frame if output == "rgb" else film.depth if output == "depth" else film.segmentation
         if time is None or isinstance(time, (int, float)):
             return take(film.drive.end if time is None else float(time))

@@ -18,6 +18,7 @@ from ...messages import FloatArray
 
 _UP = np.array([0.0, 0.0, 1.0])
 _MIDDLE = 0.165  # [m] of the car, ahead of its rear axle
+_ON_MAST, _ON_BOX = (-0.075, 0.0, 0.185), (0.19, 0.0, 0.275)  # [m] of the camera on board, from base_link
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -30,6 +31,7 @@ class Moment:
     times: FloatArray  # (n,) [s] of the whole drive
     headings: FloatArray  # (n,) [rad] unwrapped
     bounds: FloatArray  # (2, 2) [m] least and greatest x and y of the course
+    carries_box: bool = False  # that makes it visible to others
 
     @property
     def heading(self) -> float:
@@ -118,10 +120,10 @@ def chase(moment: Moment, aspect: float) -> View:
 
 
 def onboard(moment: Moment, aspect: float) -> View:
-    """From a mast over the rear axle; it pitches and rolls with the car."""
+    """From a mast over the rear axle, or from on top of the car's box; it pitches and rolls with the car."""
     tilt = math.radians(-11.0)
     x, z = moment.rotation[:, 0], moment.rotation[:, 2]
-    position = moment.position + moment.rotation @ np.array([-0.075, 0.0, 0.185])
+    position = moment.position + moment.rotation @ np.array(_ON_BOX if moment.carries_box else _ON_MAST)
     forward, up = math.cos(tilt) * x + math.sin(tilt) * z, math.cos(tilt) * z - math.sin(tilt) * x
     focus = moment.position + 1.0 * x
     return View(position=position, forward=forward, up=up, fovy=math.radians(62.0), focus=focus, shadow_radius=5.0)

@@ -21,6 +21,8 @@ from ...messages import FloatArray
 from ...racing.resimulation import load_world
 from ...racing.result import RaceResult
 from ...racing.run_folder import Run, read_run
+from ...racing.standings import Standings, standings
+from ...simulation.cars import require_car
 from ...simulation.physics import STATE
 from ...simulation.telemetry import TELEMETRY
 from .renderer import Renderer, track_start
@@ -28,17 +30,19 @@ from .renderer import Renderer, track_start
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Drive:
-    """A recording, whatever it was read from. Arrays as in RaceResult."""
+    """A recording, whatever it was read from. Arrays as in RaceResult; the car is the one that is looked at."""
 
     name: str
     xml: str = field(repr=False)  # of the world
-    summary: dict[str, Any] = field(repr=False)
+    summary: dict[str, Any] = field(repr=False)  # of several cars, with what its row in `cars` says of this one
     time: FloatArray = field(repr=False)  # (ticks + 1,) [s]
     states: FloatArray = field(repr=False)  # (ticks + 1, k)
-    ctrl: FloatArray = field(repr=False)  # (ticks, 2)
-    telemetry: FloatArray = field(repr=False)  # (ticks, len(TELEMETRY))
+    ctrl: FloatArray = field(repr=False)  # (ticks, 2 cars)
+    telemetry: FloatArray = field(repr=False)  # (ticks, len(TELEMETRY)) of this car
     start: tuple[float, float] | None = None  # a point on the start line [m]
     raced_here: bool = False  # by this process, which has run the planner's code already
+    car: int = 0  # number of this car
+    telemetries: tuple[FloatArray, ...] = field(default=(), repr=False)  # of all cars
 
     def column(self, name: str) -> FloatArray:
         """Return one column of the telemetry, shape (ticks,)."""
@@ -70,6 +74,11 @@ class Drive:
         greatest: FloatArray = np.where(np.isnan(values), 0.0, values).max(axis=1, initial=0.0)
         return greatest
 
+    @cached_property
+    def standings(self) -> Standings | None:
+        """Who led whom; None where the car was alone."""
+        return standings(self.telemetries, self.summary["cars"]) if len(self.telemetries) > 1 else None
+
     def tick_at(self, time: float) -> int:
         """Return the tick that a time [s] is in.
 
@@ -82,27 +91,39 @@ class Drive:
         return min(max(tick, 0), max(len(self.ctrl) - 1, 0))
 
 
-def read_drive(source: Drive | Run | RaceResult | str | Path) -> Drive:
-    """Return a recording.
+def read_drive(source: Drive | Run | RaceResult | str | Path, car: int = 0) -> Drive:
+    """Return a recording, of one of its cars; a Drive is taken as it is.
 
     Raises:
       RunFolderError: a folder that is none of `race --out`, lacks a file, or is of another version.
+      SettingsError: it has no car of that number.
     """
     if isinstance(source, Drive):
         return source
     if isinstance(source, RaceResult):
         time = _times(source.world.model, source.states)
+        telemetries = (source.telemetry, *(other.telemetry for other in source.car_results[1:]))
+        require_car(car, len(telemetries))
         return Drive(
-            name=f"{source.track}, {source.controller}", xml=source.world.xml, summary=source.summary(), time=time,
-            states=source.states, ctrl=source.ctrl, telemetry=source.telemetry, start=track_start(source.world),
-            raced_here=True,
+            name=f"{source.track}, {source.controller}", xml=source.world.xml, time=time,
+            summary=_summary_of(source.summary(), car), states=source.states, ctrl=source.ctrl,
+            telemetry=telemetries[car], start=track_start(source.world), raced_here=True, car=car,
+            telemetries=telemetries,
         )  # fmt: skip
     run = source if isinstance(source, Run) else read_run(source)
     load_world(run)  # refuses a scene that does not compile, or is not that of the states
+    telemetries = (run.telemetry, *run.others)
+    require_car(car, len(telemetries))
     return Drive(
-        name=str(run.folder), xml=run.xml, summary=run.summary, time=run.time, states=run.states, ctrl=run.ctrl,
-        telemetry=run.telemetry, start=_start_of(run.telemetry),
+        name=str(run.folder), xml=run.xml, summary=_summary_of(run.summary, car), time=run.time, states=run.states,
+        ctrl=run.ctrl, telemetry=telemetries[car], start=_start_of(run.telemetry), car=car, telemetries=telemetries,
     )  # fmt: skip
+
+
+def _summary_of(summary: dict[str, Any], car: int) -> dict[str, Any]:
+    """Return the summary of a run with what it says of one of several cars, which else is of car 0."""
+    rows = summary.get("cars") or ()
+    return summary | dict(rows[car]) if car and len(rows) > car else summary
 
 
 def _times(model: mujoco.MjModel, states: FloatArray) -> FloatArray:

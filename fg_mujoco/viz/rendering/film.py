@@ -21,8 +21,7 @@ from ...lidar.beams import lidar_body
 from ...messages import FloatArray
 from ...racing.result import RaceResult
 from ...racing.run_folder import Run
-from ...simulation.cars import CAR_PREFIX
-from ...simulation.world import LIDAR_PREFIX
+from ...simulation.cars import car_colour, car_prefix, lidar_prefix
 from ...vehicle.car import car_parameters
 from .cameras import Moment, View, find_camera
 from .colours import STAGES
@@ -42,6 +41,7 @@ class Film:
     Args:
       source: a run folder, a Run or a RaceResult.
       camera: a name in CAMERAS.
+      car: that it follows, of several; overlays are of it. A Drive has its own.
       size: width and height [px].
       quality: a name in QUALITIES.
       overlays: to be drawn; None: those that are usual for the camera.
@@ -56,7 +56,7 @@ class Film:
 
     Raises:
       RunFolderError: no run folder, or a damaged one, or one of another version.
-      SettingsError: an unknown camera or quality, or a size that cannot be drawn.
+      SettingsError: an unknown camera or quality, a size that cannot be drawn, or a car that is not there.
       MissingExtraError: no OpenGL or no Pillow here; the message has the command that installs it.
     """
 
@@ -65,6 +65,7 @@ class Film:
         source: Drive | Run | RaceResult | str | Path,
         *,
         camera: str = "chase",
+        car: int = 0,
         size: tuple[int, int] = (1280, 720),
         quality: str = "good",
         overlays: Overlays | None = None,
@@ -72,15 +73,18 @@ class Film:
     ) -> None:
         self._camera = find_camera(camera)
         self.overlays = overlays if overlays is not None else find_overlays(camera)
-        self.drive = read_drive(source)
+        self.drive = read_drive(source, car)
+        prefix = car_prefix(self.drive.car)
         if self.overlays != Overlays():
             require_pillow()
         line = np.column_stack((self.drive.column("x_m"), self.drive.column("y_m")))
-        self.renderer = Renderer(self.drive.xml, size=size, quality=quality, start=self.drive.start, around=line)
+        self.renderer = Renderer(
+            self.drive.xml, size=size, quality=quality, start=self.drive.start, around=line, car=self.drive.car
+        )
         self._player = Player(self.drive, self.renderer)
-        self._car = car_parameters(self.renderer.model, CAR_PREFIX)
-        self._forces = TireForceMeter(self.renderer.model)
-        self._lidar = lidar_body(self.renderer.model, LIDAR_PREFIX)
+        self._car = car_parameters(self.renderer.model, prefix)
+        self._forces = TireForceMeter(self.renderer.model, prefix)
+        self._lidar = lidar_body(self.renderer.model, lidar_prefix(self.drive.car))
         self._eye = PlannerEye(self.drive, trust=trust) if self.overlays.beams else None
         self.note = self._eye.missing if self._eye is not None else ""
 
@@ -142,7 +146,9 @@ class Film:
             if seen is not None:
                 self._draw_beams(scene, seen, data, view)
             if view.is_parallel and view.height > _MARKED:
-                draw_marker(scene, moment.position, moment.heading, view)
+                poses = self.renderer.poses(data)
+                for index, (position, heading) in enumerate(poses):
+                    draw_marker(scene, position, heading, view, car_colour(index) if len(poses) > 1 else None)
 
         picture = self.renderer.rgb(data, view, decorate)
         if forces is not None:

@@ -12,7 +12,7 @@ from ...errors import SettingsError, accepted_names
 from ...messages import FloatArray
 from .cameras import View
 from .colours import STAGES, friction_colour
-from .decor import line, ring, slat, sphere, triangle
+from .decor import Colour, line, ring, slat, sphere, triangle
 from .drive import Drive
 from .planner_view import PlannerView
 
@@ -135,13 +135,15 @@ def draw_trace(scene: mujoco.MjvScene, drive: Drive, time: float, here: FloatArr
         slat(scene, start, end, width, (*colour, 1.0))
 
 
-def draw_marker(scene: mujoco.MjvScene, position: FloatArray, heading: float, view: View) -> None:
-    """Add a ring round a car that is small in the picture, with a tip where it is heading."""
+def draw_marker(
+    scene: mujoco.MjvScene, position: FloatArray, heading: float, view: View, colour: Colour | None = None
+) -> None:
+    """Add a ring round a car that is small in the picture, with a tip where it is heading; dark blue unless told."""
     size = 0.022 * view.height
     ahead = np.array([np.cos(heading), np.sin(heading), 0.0])
     aside = np.array([-ahead[1], ahead[0], 0.0])
     centre = np.array([position[0], position[1], 0.35]) + 0.165 * ahead
-    colour = (0.05, 0.10, 0.35, 1.0)
+    colour = colour or (0.05, 0.10, 0.35, 1.0)
     ring(scene, centre, size, 0.22 * size, colour, 36)
     tip = centre + 1.75 * size * ahead
     triangle(

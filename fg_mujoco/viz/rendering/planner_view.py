@@ -22,9 +22,9 @@ from ...lidar.lidar import make_lidar
 from ...messages import FloatArray, LaserScan
 from ...racing.planner_trust import recorded_planner
 from ...racing.resimulation import resimulate
-from ...simulation.cars import CAR_PREFIX
+from ...simulation.cars import car_prefix, lidar_prefix
 from ...simulation.physics import STATE
-from ...simulation.world import LIDAR_PREFIX, World
+from ...simulation.world import World
 from ...vehicle.car import Car
 from .drive import Drive
 
@@ -70,9 +70,9 @@ class PlannerEye:
         self._drive = drive
         self._model = model = mujoco.MjModel.from_xml_string(drive.xml)
         self._data = mujoco.MjData(model)
-        self._car = Car(model, CAR_PREFIX)
-        self._lidar = make_lidar("raycast", model, LIDAR_PREFIX)
-        self._lidar_body = lidar_body(model, LIDAR_PREFIX)
+        self._car = Car(model, car_prefix(drive.car))
+        self._lidar = make_lidar("raycast", model, lidar_prefix(drive.car))
+        self._lidar_body = lidar_body(model, lidar_prefix(drive.car))
         self._effects = LidarEffects(**drive.summary.get("lidar_effects", {}))
         self._scans: list[LaserScan] = []
         self.missing = ""
@@ -130,4 +130,5 @@ class PlannerEye:
     def _measure_all(self) -> list[LaserScan]:
         """Return the scan at the start of every tick, as the race had them."""
         world = World.from_xml(self._drive.xml)
-        return [tick.sensed.scan for tick in resimulate(self._drive, world) if tick.sensed is not None]
+        ticks = resimulate(self._drive, world)
+        return [tick.sensed_by_each[self._drive.car].scan for tick in ticks if tick.sensed_by_each]

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ...display import brief
 from ...errors import SettingsError
 from ...messages import FloatArray
-from ...simulation.cars import CAR_PREFIX
+from ...simulation.cars import BOX, car_prefixes, require_car
 from ...simulation.world import World
 from ...vehicle.car import element_id
 from .cameras import Camera, Moment, View, find_camera
@@ -50,15 +50,17 @@ class Renderer:
       quality: a name in QUALITIES.
       start: a point on the start line, x and y [m]; None: that of the world's track, if it has one.
       around: points (n, 2) [m] that the camera `track` shows where there are no walls; None: 4 m round the origin.
+      car: that the cameras follow, of several.
 
     Attributes:
       model: the compiled model for pictures; it takes the states of the world.
       size: width and height [px].
+      car: that the cameras follow.
       oversampling: how many pixels are drawn for each of the picture's, along either side.
       description: what draws, in a line.
 
     Raises:
-      SettingsError: an unknown quality, or a size that is not positive or too large.
+      SettingsError: an unknown quality, a size that is not positive or too large, or a car that is not there.
       ModelError: a text that is not of a world.
       MissingExtraError: no OpenGL here; the message has the command that installs it.
     """
@@ -71,6 +73,7 @@ class Renderer:
         quality: str = "good",
         start: tuple[float, float] | None = None,
         around: FloatArray | None = None,
+        car: int = 0,
     ) -> None:
         preset = find_quality(quality)
         self.size = check_size(size)
@@ -97,7 +100,10 @@ class Renderer:
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._gl)
         self._gl.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
         self._rect = mujoco.MjrRect(0, 0, self._width, self._height)
-        self._base = element_id(model, mujoco.mjtObj.mjOBJ_BODY, f"{CAR_PREFIX}base_link")
+        prefixes = car_prefixes(model)
+        self.car = require_car(car, len(prefixes))
+        self._bases = [element_id(model, mujoco.mjtObj.mjOBJ_BODY, f"{prefix}base_link") for prefix in prefixes]
+        self._carries_box = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, prefixes[car] + BOX) >= 0
         self._labels = semantic_labels(model, LABELS)
         self._bounds = _course_bounds(model, around)
         self._tops = {geom for geom in range(model.ngeom) if model.geom(geom).name.startswith(WALL_TOPS)}
@@ -144,10 +150,16 @@ class Renderer:
         """Return what a camera is told of a state; `times` [s] and `headings` [rad] are of the whole drive."""
         if times is None or headings is None:
             times, headings = np.empty(0), np.empty(0)
+        base = self._bases[self.car]
         return Moment(
-            time=float(data.time), position=data.xpos[self._base].copy(),
-            rotation=data.xmat[self._base].reshape(3, 3).copy(), times=times, headings=headings, bounds=self._bounds,
+            time=float(data.time), position=data.xpos[base].copy(), rotation=data.xmat[base].reshape(3, 3).copy(),
+            times=times, headings=headings, bounds=self._bounds, carries_box=self._carries_box,
         )  # fmt: skip
+
+    def poses(self, data: mujoco.MjData) -> list[tuple[FloatArray, float]]:
+        """Return the position (3,) [m] and the heading [rad] of the base_link of each car at a state."""
+        axes = [data.xmat[base].reshape(3, 3)[:, 0] for base in self._bases]
+        return [(data.xpos[base].copy(), math.atan2(x[1], x[0])) for base, x in zip(self._bases, axes, strict=True)]
 
     def view(
         self,

@@ -1,4 +1,4 @@
-"""Surfaces of a course for pictures: walls with texture coordinates, and the road between them.
+"""Surfaces for pictures: walls with texture coordinates, the road between them, and the box of a car.
 
 A world's mesh `walls` is a list of prisms of eight corners (track_mesh.wall_prisms): the left wall's, then the right
 wall's. From their inner edges follow both outlines of the road.
@@ -103,6 +103,24 @@ def strip_across(start: FloatArray, end: FloatArray, width: float, field: float)
     vertices = np.column_stack((corners, np.zeros(4)))
     up = np.broadcast_to(np.array([0.0, 0.0, 1.0]), vertices.shape)
     return Surface(vertices=vertices, normals=up, texture=texture, faces=np.array([[0, 1, 2], [0, 2, 3]]))
+
+
+def box_faces(side: float, height: float) -> Surface:
+    """Return the sides of an upright box round the origin, and its top, square to the axes [m].
+
+    Each side shows the whole texture, upright. The top shows the square in its middle, upright as seen from behind.
+    """
+    half, up = 0.5 * side, np.array([0.0, 0.0, 0.5 * height])
+    normals = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]])
+    whole = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    quads = []
+    for normal in normals[:4]:
+        right = half * np.cross((0.0, 0.0, 1.0), normal)  # as seen from outside
+        quads.append(half * normal + np.array([-right - up, right - up, right + up, up - right]))
+    quads.append(half * np.array([[-1.0, 1.0, 0.0], [-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0]]) + up)
+    edge = 0.5 - 0.5 * side / height
+    texture = [whole] * 4 + [np.column_stack((whole[:, 0], edge + (1.0 - 2.0 * edge) * whole[:, 1]))]
+    return _quads([(np.array(quads), np.repeat(normals[:, None], 4, axis=1), np.array(texture))])
 
 
 def nearest_on(line: FloatArray, point: FloatArray) -> FloatArray:

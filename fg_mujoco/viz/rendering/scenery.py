@@ -1,4 +1,4 @@
-"""The model that is drawn of a world: the car's look, painted walls, road, start line, sky and daylight.
+"""The model that is drawn of a world: the cars' looks, painted walls, road, start line, sky and daylight.
 
 It is a second model, compiled for pictures from the very scene.xml of a world: the bodies, joints and actuators are
 those of the first, so it takes its states. So the model that is raced, and the scene.xml of a run folder, have nothing
@@ -16,10 +16,18 @@ import numpy as np
 from ...course.moving_obstacles import PREFIX as MOVING_PREFIX
 from ...errors import ModelError
 from ...messages import FloatArray
-from ...simulation.cars import CAR_PREFIX
-from ...simulation.world import LIDAR_PREFIX
-from .ribbons import Surface, nearest_on, road, strip_across, wall_chains, wall_faces, wall_tops
-from .textures import asphalt, chequers, hall_floor, wall_face, wall_top
+from ...simulation.cars import (
+    BOX,
+    BOX_HEIGHTS,
+    BOX_SIDE,
+    CAR_PREFIX,
+    car_colour,
+    car_prefix,
+    car_prefixes,
+    lidar_prefix,
+)
+from .ribbons import Surface, box_faces, nearest_on, road, strip_across, wall_chains, wall_faces, wall_tops
+from .textures import asphalt, car_number, chequers, hall_floor, wall_face, wall_top
 
 LOOK_PREFIX = "look/"
 """Of the names of what is added for pictures."""
@@ -27,6 +35,7 @@ WALL_TOPS = f"{LOOK_PREFIX}wall_tops_"
 """Of the names of the tops of walls."""
 
 _CAR_GROUP = 2  # of the plain shapes of a vehicle
+_PAINT = "paint"  # the material of a look that has the colour of a car among several
 _LINE_WIDTH, _LINE_FIELD = 0.30, 0.10  # [m]
 _FLOOR_BELOW, _LINE_ABOVE = -0.012, 0.0015  # [m] so that surfaces do not fight for a pixel
 SUN = (-0.42, 0.30, -1.0)  # where its light goes
@@ -46,7 +55,7 @@ def compile_scenery(xml: str, start: tuple[float, float] | None = None) -> mujoc
     try:
         spec = mujoco.MjSpec.from_string(xml)
         states = _state_size(mujoco.MjSpec.from_string(xml).compile())
-        _dress_car(spec)
+        _dress_cars(spec)
         _dress_course(spec, start)
         _light(spec)
         model = spec.compile()
@@ -62,22 +71,51 @@ def _state_size(model: mujoco.MjModel) -> int:
     return int(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_INTEGRATION))
 
 
-def _dress_car(spec: Any) -> None:
-    """Put the frames of the vehicle's look on the bodies of their names, in place of the plain shapes there."""
-    look = _load_look(spec)
+def _dress_cars(spec: Any) -> None:
+    """Give each car its look; where there are several, each has its colour, and its number on its box."""
+    count = 0
+    while spec.body(f"{car_prefix(count)}base_link") is not None:
+        count += 1
+    for index in range(count):
+        _dress_car(spec, index, alone=count == 1)
+        if count > 1:
+            _number_box(spec, index)
+
+
+def _dress_car(spec: Any, index: int, *, alone: bool) -> None:
+    """Put the frames of a vehicle's look on the bodies of their names, in place of the plain shapes there."""
+    prefix = car_prefix(index)
+    look = _load_look(spec, prefix)
     if look is None:
         return
-    for geom in [geom for geom in spec.geoms if geom.name.startswith(CAR_PREFIX) and geom.group == _CAR_GROUP]:
-        spec.delete(geom)
+    if not alone and look.material(_PAINT) is not None:
+        look.material(_PAINT).rgba = car_colour(index)
+    own = [geom for geom in spec.geoms if geom.name.startswith(prefix) and geom.group == _CAR_GROUP]
+    for geom in own:
+        if geom.name != prefix + BOX:
+            spec.delete(geom)
     for frame in list(look.frames):
-        body = spec.body(CAR_PREFIX + frame.name) or spec.body(LIDAR_PREFIX + frame.name)
+        body = spec.body(prefix + frame.name) or spec.body(lidar_prefix(index) + frame.name)
         if frame.name and body is not None:
-            body.attach_frame(frame, LOOK_PREFIX, "")
+            body.attach_frame(frame, LOOK_PREFIX + (prefix if index else ""), "")
 
 
-def _load_look(spec: Any) -> Any:
-    """Return the look that a world's car names; None where it names none, or one that is not on this machine."""
-    text = spec.text(f"{CAR_PREFIX}look")
+def _number_box(spec: Any, index: int) -> None:
+    """Draw the box that makes a car visible with the car's number on each side, and on top."""
+    box = spec.geom(car_prefix(index) + BOX)
+    if box is None:
+        return
+    name = f"box_{index}"
+    low, high = BOX_HEIGHTS
+    material = _paint(spec, name, car_number(index, car_colour(index)), specular=0.3)
+    body = spec.body(f"{car_prefix(index)}base_link")
+    _add(spec, name, box_faces(BOX_SIDE, high - low), material, place=tuple(box.pos), body=body)
+    box.rgba = (0.0, 0.0, 0.0, 0.0)  # it stays, as a solid, in whose place the faces are seen
+
+
+def _load_look(spec: Any, prefix: str) -> Any:
+    """Return the look that a car of a world names; None where it names none, or one that is not on this machine."""
+    text = spec.text(f"{prefix}look")
     if text is None:
         return None
     with as_file(files("fg_mujoco.models")) as folder:  # a bundled name, or an absolute path
@@ -113,7 +151,7 @@ def _dress_course(spec: Any, start: tuple[float, float] | None) -> None:
     if left is not None and right is not None and start is not None:
         on_left, on_right = (nearest_on(line, np.array(start)) for line in (left, right))
         line = strip_across(on_left, on_right, _LINE_WIDTH, _LINE_FIELD)
-        _add(spec, "start_line", line, materials["line"], _LINE_ABOVE)
+        _add(spec, "start_line", line, materials["line"], place=(0.0, 0.0, _LINE_ABOVE))
     for geom in spec.geoms:
         if geom.name.startswith(("obstacle_", MOVING_PREFIX)):
             geom.rgba = MOVING_COLOUR if geom.name.startswith(MOVING_PREFIX) else OBSTACLE_COLOUR
@@ -142,8 +180,16 @@ def _paint(spec: Any, name: str, image: Any, *, repeat: float = 1.0, specular: f
     return name
 
 
-def _add(spec: Any, name: str, surface: Surface, material: str, height: float = 0.0) -> None:
-    """Add a surface that is seen and nothing else."""
+def _add(
+    spec: Any,
+    name: str,
+    surface: Surface,
+    material: str,
+    *,
+    place: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    body: Any = None,
+) -> None:
+    """Add a surface that is seen and nothing else, to `body`, or to the world."""
     name = LOOK_PREFIX + name
     mesh = spec.add_mesh(
         name=name, uservert=surface.vertices.ravel(), usernormal=surface.normals.ravel(),
@@ -151,9 +197,9 @@ def _add(spec: Any, name: str, surface: Surface, material: str, height: float = 
     )  # fmt: skip
     mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # it has no volume
     mesh.needsdf = False
-    spec.worldbody.add_geom(
-        name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, material=material, pos=(0.0, 0.0, height),
-        contype=0, conaffinity=0,
+    (body or spec.worldbody).add_geom(
+        name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, material=material, pos=place, mass=0.0, contype=0,
+        conaffinity=0,
     )  # fmt: skip
 
 
@@ -193,10 +239,10 @@ def semantic_labels(model: mujoco.MjModel, labels: tuple[str, ...]) -> FloatArra
     """Return for each geom of the model its place in `labels`. Shape (ngeom,) int."""
     place = {label: index for index, label in enumerate(labels)}
     result = np.zeros(model.ngeom, dtype=np.int32)
-    car = model.body_rootid[model.body(f"{CAR_PREFIX}base_link").id]
+    cars = {int(model.body_rootid[model.body(f"{prefix}base_link").id]) for prefix in car_prefixes(model)}
     for geom in range(model.ngeom):
         name = model.geom(geom).name
-        if model.body_rootid[model.geom_bodyid[geom]] == car:
+        if int(model.body_rootid[model.geom_bodyid[geom]]) in cars:
             result[geom] = place["car"]
         elif name.startswith(("obstacle_", MOVING_PREFIX)):
             result[geom] = place["obstacle"]

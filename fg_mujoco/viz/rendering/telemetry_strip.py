@@ -68,8 +68,19 @@ def draw_strip(picture: Picture, drive: Drive, time: float, car: CarParameters) 
         assumed = drive.summary.get("planner_mu")
         mu = math.inf if assumed is None else float(assumed)
         limit = law_limit(row["steering_angle_rad"], mu, car)
-        _Strip(ImageDraw.Draw(image), image.width, rows).draw(row, time, limit, drive.summary, car)
+        strip = _Strip(ImageDraw.Draw(image), image.width, rows)
+        strip.draw(row, time, limit, drive.summary, car, _names_of(drive, time))
     picture[-rows:] = np.asarray(image)
+
+
+def _names_of(drive: Drive, time: float) -> tuple[str, ...]:
+    """Return what the car is called among several, with its place at a time [s], the longest first; else nothing."""
+    if drive.standings is None:
+        return ()
+    positions = drive.standings.positions[:, drive.tick_at(time)]
+    place = f"P{positions[drive.car]}/{len(positions)}"
+    name = str(drive.summary["cars"][drive.car]["name"])
+    return (f"{name}  {place}", f"CAR {drive.car}  {place}", place)
 
 
 class _Strip:
@@ -82,10 +93,16 @@ class _Strip:
         self._pad = max(round(0.16 * rows), 4)
 
     def draw(
-        self, row: dict[str, float], time: float, limit: float, summary: dict[str, Any], car: CarParameters
+        self,
+        row: dict[str, float],
+        time: float,
+        limit: float,
+        summary: dict[str, Any],
+        car: CarParameters,
+        names: tuple[str, ...] = (),
     ) -> None:
         width, pad = self._width, 2 * self._pad
-        panels: list[tuple[float, Any]] = [(1.35, lambda x, w: self._lap(x, w, row, time, summary))]
+        panels: list[tuple[float, Any]] = [(1.35, lambda x, w: self._lap(x, w, row, time, summary, names))]
         panels.append((2.6, lambda x, w: self._speed(x, w, row["speed_m_s"], limit, summary)))
         if width >= 420:
             panels.append((1.9, lambda x, w: self._steering(x, w, row["steering_angle_rad"], car)))
@@ -110,10 +127,19 @@ class _Strip:
         fits: bool = self._small.getlength(text) + self._small.size < width
         return fits
 
-    def _lap(self, x: float, width: float, row: dict[str, float], time: float, summary: dict[str, Any]) -> None:
+    def _lap(
+        self,
+        x: float,
+        width: float,
+        row: dict[str, float],
+        time: float,
+        summary: dict[str, Any],
+        names: tuple[str, ...] = (),
+    ) -> None:
         laps = int(summary.get("laps_requested", 0))
         endless = "laps_requested" in summary and not laps
-        self._title(x, "TIME" if endless else "LAP")
+        name = next((name for name in names if self._fits(name, width)), "")
+        self._title(x, name or ("TIME" if endless else "LAP"))
         text = f"{min(int(row['lap']), laps or 10**9)}/{laps}" if laps else f"{int(row['lap'])}"
         if endless:
             text = f"{time:.1f} s"

@@ -9,6 +9,14 @@ from ...messages import FloatArray
 
 Image = NDArray[np.uint8]
 
+_DIGITS = (  # seven rows of five pixels each, from above
+    "01110 10001 10001 10001 10001 10001 01110", "00100 01100 00100 00100 00100 00100 01110",
+    "01110 10001 00001 00110 01000 10000 11111", "11111 00010 00100 00010 00001 10001 01110",
+    "00010 00110 01010 10010 11111 00010 00010", "11111 10000 11110 00001 00001 10001 01110",
+    "00110 01000 10000 11110 10001 10001 01110", "11111 00001 00010 00100 01000 01000 01000",
+    "01110 10001 10001 01110 10001 10001 01110", "01110 10001 10001 01111 00001 00010 01100",
+)  # fmt: skip
+
 
 def asphalt(size: int = 512) -> Image:
     """Return asphalt with seams along the edges and a lighter patch or two, for a tile of 2 m."""
@@ -63,6 +71,21 @@ def chequers(size: int = 128) -> Image:
     row = np.arange(size) // (size // 2)
     fields = (row[:, None] + row[None, :]) % 2
     return np.repeat(np.where(fields[..., None] == 0, 28, 240), 3, axis=2).astype(np.uint8)
+
+
+def car_number(number: int, colour: tuple[float, ...], width: int = 96, height: int = 160) -> Image:
+    """Return a side of the box of a car: its colour, and its number in a white disc; row 0 is its foot."""
+    image = np.empty((height, width, 3))
+    image[:] = 255.0 * np.array(colour[:3])
+    rows, columns = np.mgrid[:height, :width]
+    image[(rows - 0.5 * height + 0.5) ** 2 + (columns - 0.5 * width + 0.5) ** 2 < (0.44 * width) ** 2] = 244.0
+    digits = [np.array([list(row) for row in _DIGITS[int(digit)].split()]) == "1" for digit in str(number)]
+    text = np.concatenate([np.pad(digit, ((0, 0), (0, 1))) for digit in digits], axis=1)[:, :-1]
+    size = width // (10 if len(digits) == 1 else 16)  # [px] of a digit's pixel
+    ink = text.repeat(size, axis=0).repeat(size, axis=1)
+    top, left = (height - ink.shape[0]) // 2, (width - ink.shape[1]) // 2
+    image[top : top + ink.shape[0], left : left + ink.shape[1]][ink] = 24.0
+    return image[::-1].clip(0, 255).astype(np.uint8)
 
 
 def _blurred_noise(rng: np.random.Generator, size: int, width: int) -> FloatArray:

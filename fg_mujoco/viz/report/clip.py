@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,23 @@ class Clip:
     missing: str = ""  # why there is none
 
 
+def clip_of_several(
+    seconds: float, end: float, contacts: Sequence[Mapping[str, Any]], overtakes: Sequence[Mapping[str, Any]]
+) -> tuple[float, str] | None:
+    """Return when a clip of so many seconds begins [s], and the name of the car that it follows.
+
+    It follows the car at fault to the hardest contact, or else the car of the first overtake. None: there is neither.
+    """
+    if contacts:
+        hardest = max(contacts, key=lambda contact: float(contact["impulse_Ns"]))
+        time, who = hardest["time_s"], hardest["at_fault"]
+    elif overtakes:
+        time, who = overtakes[0]["time_s"], overtakes[0]["by"]
+    else:
+        return None
+    return min(max(float(time) - _BEFORE, 0.0), max(end - seconds, 0.0)), str(who)
+
+
 def clip_start(
     seconds: float, end: float, lap_times: tuple[float, ...], events: tuple[SlideEvent, ...], crashed: bool
 ) -> float:
@@ -50,6 +67,8 @@ def make_clip(
     start: float,
     end: float,
     watch: Callable[[int, int, str], None] | None = None,
+    *,
+    car: int = 0,
 ) -> Clip:
     """Draw a clip of a run from one time to another [s].
 
@@ -60,13 +79,14 @@ def make_clip(
       start: [s].
       end: [s].
       watch: told how many frames are done, of how many, and the word "frame".
+      car: that the camera follows.
     """
     try:
         from ..rendering import Film, write_video
 
         with (
             tempfile.TemporaryDirectory() as folder,
-            Film(source, camera="chase", size=SIZE, quality="draft") as film,
+            Film(source, camera="chase", car=car, size=SIZE, quality="draft") as film,
         ):
             path = Path(folder) / "clip.mp4"
 

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...messages import FloatArray
 from ...racing.crash import Crash
+from ...simulation.cars import car_colour_hex
 from ...simulation.termination import WrongWay
 from ...vehicle.tire_slip import SLIDING_SPEED
 from .map_shapes import MapShapes
-from .plot_style import ALERT, OBSTACLE, WALL, new_figure, speed_palette
+from .plot_style import ALERT, OBSTACLE, WALL, new_figure, put_legend_above, speed_palette
 from .slide_events import SlideEvent
 
 if TYPE_CHECKING:
@@ -30,6 +32,8 @@ def map_plot(
     cursor: ColumnDataSource,
     wrong_way: WrongWay | None = None,
     crash: Crash | None = None,
+    others: Sequence[tuple[int, FloatArray]] = (),
+    contacts: Sequence[Mapping[str, Any]] = (),
 ) -> Figure:
     """Return the map. Its line is of one piece a tick, and `report.js` switches the field that colours it.
 
@@ -40,6 +44,8 @@ def map_plot(
       cursor: source of the dot at the cursor.
       wrong_way: where the car turned, marked with a cross; None: it did not.
       crash: where the car hit something, marked with a cross; None: it did not.
+      others: number and line (k, 2) [m] of the other cars, each in its colour.
+      contacts: of cars, marked with crosses.
     """
     from bokeh.models import BoxZoomTool, ColorBar, ColumnDataSource, HoverTool, LinearColorMapper
 
@@ -72,6 +78,11 @@ def map_plot(
         high=max(1.0, float(np.abs(columns["speed_m_s"]).max(initial=0.0))),
         name="mapper",
     )
+    for index, way in others:
+        plot.line(
+            np.asarray(way[:, 0], np.float32), np.asarray(way[:, 1], np.float32), line_color=car_colour_hex(index),
+            line_width=1.6, legend_label=f"car {index}",
+        )  # fmt: skip
     line = plot.segment(
         "x0", "y0", "x1", "y1", source=ColumnDataSource(data=pieces, name="pieces"), line_width=3.5, line_cap="round",
         line_color={"field": "speed_m_s", "transform": mapper}, name="line",
@@ -91,6 +102,13 @@ def map_plot(
     for name, marked in (("wrong_way", wrong_way), ("crash", crash)):
         if marked is not None:
             plot.scatter([marked.x_m], [marked.y_m], marker="x", size=18, line_color=ALERT, line_width=4, name=name)
+    if contacts:
+        plot.scatter(
+            [contact["x_m"] for contact in contacts], [contact["y_m"] for contact in contacts], marker="x", size=12,
+            line_color=ALERT, line_width=2.5, legend_label="contact",
+        )  # fmt: skip
+    if others:
+        put_legend_above(plot)
     plot.scatter("x_m", "y_m", source=cursor, size=13, fill_color="white", line_color="black", line_width=2.5)
     plot.add_tools(
         HoverTool(

@@ -21,7 +21,8 @@ from ...racing.planner_choice import with_settings
 from ...racing.result import RaceResult
 from ...racing.run_folder import Run
 from . import sections
-from .clip import clip_start, make_clip
+from .clip import clip_of_several, clip_start, make_clip
+from .field import STYLE, Field, cars_table, contact_pictures, contacts_table, field_plots, overtakes_table, said
 from .gg_plot import gg_plot
 from .lap_table import lap_length, lap_table
 from .map_plot import colour_scales, map_plot
@@ -65,7 +66,7 @@ def write_report(
     Args:
       source: a run folder, a Run or a RaceResult.
       path: of the page.
-      clip_seconds: of the video in it [s]; None: there is none.
+      clip_seconds: of the video in it [s]; None: there is none, and no pictures of contacts.
       share_library: whether bokeh's JavaScript is read from a file LIBRARY beside the page, and not in the page.
       notes: lines of text (HTML) under the result.
       watch: told how many frames of the video are done, of how many, and the word "frame".
@@ -165,18 +166,33 @@ def _page(
     laps = lap_table(columns, lap_times, length, end=run.end if unfinished else None)
     events = slide_events(columns, length, tires=run.tires)
     slides = sections.events(events, run.tires)
-    film = None
+    field = Field.of(run)
+    film, whose = None, ""
     if clip_seconds is not None:
         start = clip_start(clip_seconds, run.end, lap_times, events, bool(summary["collisions"]))
-        film = make_clip(source, start, min(start + clip_seconds, run.end), watch)
+        shown = None if field is None else clip_of_several(clip_seconds, run.end, field.contacts, field.overtakes)
+        if shown is not None:
+            start, whose = shown
+        car = 0 if field is None else field.index(whose)
+        film = make_clip(source, start, min(start + clip_seconds, run.end), watch, car=car)
 
     ticks, cursor = tick_source(columns), cursor_source()
     grip = run.mu * run.car.gravity
     script, places = components(
         {
-            "map": map_plot(map_shapes(run.model, run.end), columns, events, cursor, run.wrong_way, run.crash),
+            "map": map_plot(
+                map_shapes(run.model, run.end),
+                columns,
+                events,
+                cursor,
+                run.wrong_way,
+                run.crash,
+                others=[] if field is None else list(enumerate(field.lines))[1:],
+                contacts=[] if field is None else field.contacts,
+            ),
             "time": time_plots(ticks, columns, lap_times, run.tires),
             "gg": gg_plot(ticks, columns, grip, cursor),
+            **({} if field is None else {"field": field_plots(field)}),
         },
         wrap_script=False,
     )
@@ -191,13 +207,14 @@ def _page(
     title = f"{summary['track']}, {controller}"
     body = "\n".join(
         (
-            sections.head(run, title, notes),
+            sections.head(run, title, notes if field is None else (said(field, summary.get("winner")), *notes)),
+            *([] if field is None else _of_several(field, places["field"], source, pictures=clip_seconds is not None)),
             sections.switch("colour", _COLOURS),
             f'<div id="map" class="plots">{places["map"]}</div>',
             '<div id="readout" class="readout"><span>move over a plot: the values of that moment, here and in all '
             "plots</span></div>",
             f'<div class="columns"><div class="grow"><h2>Laps</h2>{sections.laps(laps, summary)}</div>'
-            f"{sections.clip(film)}</div>",
+            f"{sections.clip(film, whose)}</div>",
             "<h2>Along the drive</h2>",
             sections.switch("across", _AXES),
             f'<div class="plots">{places["time"]}</div>',
@@ -208,4 +225,20 @@ def _page(
     )
     code = (files(__package__) / "report.js").read_text(encoding="utf-8")
     scripts = (script, code) if share_library else (library(), script, code)
-    return page_frame(title, body, scripts, data=json.dumps(data), beside=LIBRARY if share_library else "")
+    return page_frame(
+        title, body, scripts, data=json.dumps(data), beside=LIBRARY if share_library else "",
+        style=STYLE if field is not None else "",
+    )  # fmt: skip
+
+
+def _of_several(field: Field, plots: str, source: RaceResult | Run | str | Path, *, pictures: bool) -> list[str]:
+    """Return what the page has of all cars, before what it has of car 0."""
+    return [
+        cars_table(field),
+        f'<h2>Gaps and positions</h2><div class="plots">{plots}</div>',
+        '<div class="columns">'
+        f'<div>{overtakes_table(field)}</div><div class="grow">{contacts_table(field)}</div></div>',
+        contact_pictures(field, source) if pictures else "",
+        f"<h2>{escape(str(field.rows[0]['name']))}</h2>"
+        '<p class="note">The rest of the page is of car 0. The map has the lines of the others, too.</p>',
+    ]

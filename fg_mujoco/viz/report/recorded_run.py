@@ -31,6 +31,7 @@ class RecordedRun:
     summary: dict[str, Any] = field(repr=False)  # as in summary.json
     telemetry: FloatArray = field(repr=False)  # (ticks, len(TELEMETRY))
     model: mujoco.MjModel = field(repr=False)  # of its world
+    others: tuple[FloatArray, ...] = field(default=(), repr=False)  # telemetry of the other cars; all else is of car 0
 
     def column(self, name: str) -> FloatArray:
         """Return one column of the telemetry, shape (ticks,)."""
@@ -98,6 +99,7 @@ def read_recorded(source: RaceResult | Run | str | Path) -> RecordedRun:
         return RecordedRun(
             source=f"{source.track}, {source.controller}", summary=json.loads(summary_json(source)),
             telemetry=source.telemetry, model=source.world.model,
+            others=tuple(car.telemetry for car in source.car_results[1:]),
         )  # fmt: skip
     run = source if isinstance(source, Run) else read_run(source)
     missing = [name for name in _NEEDED if run.summary.get(name) is None]
@@ -106,4 +108,6 @@ def read_recorded(source: RaceResult | Run | str | Path) -> RecordedRun:
             f"{run.folder / SUMMARY}: has no {', '.join(missing)}; accepted: as this version's `race --out` wrote it"
         )
     model = load_world(run).model
-    return RecordedRun(source=str(run.folder), summary=run.summary, telemetry=run.telemetry, model=model)
+    return RecordedRun(
+        source=str(run.folder), summary=run.summary, telemetry=run.telemetry, model=model, others=run.others
+    )  # fmt: skip

@@ -166,16 +166,20 @@ def events(events: Sequence[SlideEvent], tires: str) -> str:
     )
 
 
-def clip(clip: Clip | None) -> str:
-    """Return the video, or what it takes to have one; nothing where none was wanted."""
+def clip(clip: Clip | None, whose: str = "") -> str:
+    """Return the video, among several cars with the name of the one that it follows, or what it takes to have one.
+
+    It is nothing where none was wanted.
+    """
     if clip is None:
         return ""
     if clip.missing:
         text = f"Not drawn here; to have it: <code>{escape(clip.missing)}</code>"
         return f'<div class="clip"><h2>Clip</h2><p class="note">{text}</p></div>'
+    begin = f"{escape(whose)}, from" if whose else "From"
     return (
-        f'<div class="clip"><h2>From {clip.start:.1f} to {clip.end:.1f} s</h2><video controls loop muted playsinline '
-        f'src="data:video/mp4;base64,{clip.video}"></video></div>'
+        f'<div class="clip"><h2>{begin} {clip.start:.1f} to {clip.end:.1f} s</h2>'
+        f'<video controls loop muted playsinline src="data:video/mp4;base64,{clip.video}"></video></div>'
     )
 
 
@@ -183,6 +187,8 @@ def settings(run: RecordedRun) -> str:
     """Return the whole summary: settings, versions and hashes."""
 
     def rows(name: str, value: Any) -> list[tuple[str, str]]:
+        if run.others and isinstance(value, list) and value and isinstance(value[0], dict):
+            value = {str(index): part for index, part in enumerate(value)}
         if isinstance(value, dict) and value:
             return [row for key, part in value.items() for row in rows(f"{name}.{key}", part)]
         return [(name, value if isinstance(value, str) else json.dumps(value))]

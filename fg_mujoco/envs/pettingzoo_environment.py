@@ -1,0 +1,202 @@
+"""The PettingZoo environment: several cars of one world, each driven by an agent. It needs the extra `pettingzoo`.
+
+    env = fg_mujoco.parallel_env(agents=2, track="oval", beam_step=10)
+    observations, infos = env.reset(seed=1)
+    while env.agents:
+        actions = {agent: policy(observations[agent]) for agent in env.agents}
+        observations, rewards, terminations, truncations, infos = env.step(actions)
+
+An agent's observation, action, reward and info are those of the Gymnasium environment, and so are the keywords.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ..display import brief
+from ..errors import MessageError, MissingExtraError, SettingsError, accepted_names
+from ..messages import require_whole, shown
+from ..simulation.cars import GREATEST_CARS
+from .actions import one_action
+from .episodes import Episodes
+from .observations import Observation
+from .rendering import ChaseView
+from .settings import EnvironmentSettings
+from .starts import given_start
+from .worlds import Worlds
+
+try:
+    import gymnasium
+    import pettingzoo
+except ImportError as error:
+    raise MissingExtraError("PettingZoo environments need PettingZoo: pip install 'fg-mujoco[pettingzoo]'") from error
+
+# isort: split
+# where Gymnasium is missing, the line above has said which command installs both
+from .gym_environment import action_space, observation_space
+
+_WORLD = np.ones(1, np.bool_)
+
+
+class F1TenthParallelEnv(pettingzoo.ParallelEnv):  # type: ignore[misc]
+    """Cars `car_0`, `car_1` and so on in one world, which start on a grid.
+
+    An agent's episode ends as in F1TenthEnv. Its car is then off the course if it has finished; else it brakes and
+    stays an obstacle to the others. Touches of cars end nothing. `info` has what F1TenthEnv's has with opponents;
+    `progress_m` is counted from where car_0 starts.
+
+    Args:
+      agents: how many cars learn, from 1 to 16 with the opponents.
+      render_mode: "rgb_array" or None.
+      settings: those of EnvironmentSettings, by name.
+
+    Attributes:
+      possible_agents: names of all agents.
+      agents: names of those whose episode goes on.
+
+    Raises:
+      TrackError, SettingsError: what cannot be driven.
+      ControllerError: an opponent that cannot be loaded.
+    """
+
+    metadata: dict[str, Any] = {"name": "fg_mujoco_f1tenth_v0", "render_modes": ["rgb_array"]}  # noqa: RUF012
+
+    def __init__(self, agents: int = 2, *, render_mode: str | None = None, **settings: Any) -> None:
+        require_whole("agents", agents, 1, GREATEST_CARS)
+        if render_mode not in (None, "rgb_array"):
+            raise SettingsError(f"render_mode of many cars is {render_mode!r}; accepted: rgb_array, None")
+        self.render_mode = render_mode
+        chosen = EnvironmentSettings.of(settings)
+        self._worlds = Worlds(chosen, agents=agents)
+        self._episodes = Episodes(chosen, self._worlds)
+        self.metadata = self.metadata | {"render_fps": round(1.0 / self._worlds.period)}
+        self.possible_agents = [f"car_{index}" for index in range(agents)]
+        self.agents: list[str] = []
+        self._observation_spaces = {agent: observation_space(self._episodes.layout) for agent in self.possible_agents}
+        self._action_spaces = {agent: action_space(self._episodes.actions) for agent in self.possible_agents}
+        self._generator: np.random.Generator | None = None
+        self._view: ChaseView | None = None
+
+    def __repr__(self) -> str:
+        return brief(self, f"{len(self.possible_agents)} agents", repr(self._worlds.world))
+
+    def observation_space(self, agent: str) -> Any:
+        """Return the space of an agent's observations, the same object each time.
+
+        Raises:
+          SettingsError: no such agent.
+        """
+        return self._observation_spaces[self._known(agent)]
+
+    def action_space(self, agent: str) -> Any:
+        """Return the space of an agent's actions, the same object each time.
+
+        Raises:
+          SettingsError: no such agent.
+        """
+        return self._action_spaces[self._known(agent)]
+
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
+        """Begin the episodes of all agents.
+
+        Args:
+          seed: of starts and noise; None: the environment goes on drawing from where it is.
+          options: may have {"start": {"s": 3.0}}, where the first place of the grid is. Others are ignored, for the
+            tests of PettingZoo pass such.
+
+        Raises:
+          SettingsError: a start in a wall, in an obstacle or in another car.
+        """
+        if seed is not None or self._generator is None:
+            self._generator, _ = gymnasium.utils.seeding.np_random(seed)
+        start = given_start({name: value for name, value in (options or {}).items() if name == "start"})
+        self._episodes.begin(_WORLD, [self._generator], start)
+        self.agents = list(self.possible_agents)
+        rows = {agent: row for row, agent in enumerate(self.agents)}
+        return self._observations(np.ones(len(rows), np.bool_), rows), self._infos(rows)
+
+    def step(
+        self, actions: Mapping[str, Any]
+    ) -> tuple[
+        dict[str, Observation], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]
+    ]:  # fmt: skip
+        """Drive for a tick of 25 ms.
+
+        Args:
+          actions: of each agent whose episode goes on. What is out of bounds is held within them, and counted.
+
+        Returns:
+          Observations, rewards, terminations, truncations and infos of these agents.
+
+        Raises:
+          MessageError: an action that is none, or is missing, or is that of no such agent.
+          gymnasium.error.ResetNeeded: no episode goes on.
+        """
+        if not self.agents:
+            raise gymnasium.error.ResetNeeded("all episodes are over, or none has begun; call reset()")
+        episodes, rows = self._episodes, {agent: self.possible_agents.index(agent) for agent in self.agents}
+        live = episodes.running.copy()
+        episodes.step(self._read(actions))
+        observations, infos = self._observations(live, rows), self._infos(rows)
+        for agent, row in rows.items():
+            if not episodes.running[row]:
+                infos[agent] |= episodes.ending(row)
+        rewards = {agent: float(episodes.rewards[row]) for agent, row in rows.items()}
+        terminations = {agent: bool(episodes.terminated[row]) for agent, row in rows.items()}
+        truncations = {agent: bool(episodes.truncated[row]) for agent, row in rows.items()}
+        self.agents = [agent for agent, row in rows.items() if episodes.running[row]]
+        return observations, rewards, terminations, truncations, infos
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """Return a frame (480, 640, 3) from behind car_0; None without a render mode.
+
+        Raises:
+          MissingExtraError: no OpenGL.
+        """
+        if self.render_mode is None:
+            return None
+        world = self._worlds.world
+        data = mujoco.MjData(world.model)
+        self._worlds.engine.read(0, data)
+        self._view = self._view or ChaseView(world)
+        return self._view.frame(data)
+
+    def close(self) -> None:
+        """Let go of what draws."""
+        if self._view is not None:
+            self._view.close()
+            self._view = None
+
+    def _known(self, agent: str) -> str:
+        if agent not in self._action_spaces:
+            raise SettingsError(f"agent is {shown(agent)}; {accepted_names(str(agent), self.possible_agents)}")
+        return agent
+
+    def _read(self, actions: Mapping[str, Any]) -> NDArray[np.float64]:
+        """Return the actions of all agents (n, 2), 0 where an episode is over.
+
+        Raises:
+          MessageError: one is missing, is that of no agent whose episode goes on, or has another shape.
+        """
+        if not isinstance(actions, Mapping) or set(actions) != set(self.agents):
+            given = sorted(map(str, actions)) if isinstance(actions, Mapping) else shown(actions)
+            raise MessageError(f"actions are of {given}; accepted: one of each of {self.agents}, by name")
+        rows = np.zeros((len(self.possible_agents), 2))
+        for agent, action in actions.items():
+            rows[self.possible_agents.index(agent)] = one_action(action, f"the action of {agent} is")
+        return rows
+
+    def _observations(self, sensed: NDArray[np.bool_], rows: Mapping[str, int]) -> dict[str, Observation]:
+        seen = self._episodes.observe(sensed)
+        return {agent: {name: values[row] for name, values in seen.items()} for agent, row in rows.items()}
+
+    def _infos(self, rows: Mapping[str, int]) -> dict[str, dict[str, Any]]:
+        facts = self._episodes.facts()
+        return {agent: {name: values[row].item() for name, values in facts.items()} for agent, row in rows.items()}

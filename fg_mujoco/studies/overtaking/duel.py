@@ -1,0 +1,362 @@
+"""A duel: a planner starts behind a slower opponent, and has two laps to overtake it without a touch.
+
+Both stand on the centreline at a place that the seed draws, the opponent ahead by a distance and slower by a ratio that
+it draws, too. An overtake counts when the planner's car has been half a length ahead along the centreline for 1 s. The
+first touch of the cars ends a duel, and so does whatever ends the race of the planner's car.
+
+Who is to blame for a touch is an operationalisation of what referees judge: the car that was behind by more than half a
+length along the centreline, if it came nearer; of cars beside each other the one that approached the other faster,
+along the line between the middles of their chassis, in the tick before the touch.
+"""
+
+from __future__ import annotations
+
+import math
+import tempfile
+import time
+from collections.abc import Mapping
+from dataclasses import asdict, astuple, dataclass, fields
+from functools import lru_cache
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...course.track import Track
+from ...errors import ControllerError, PlannerError, SettingsError, TrackError
+from ...messages import CarParameters, FloatArray
+from ...racing.planner_choice import ControllerChoice
+from ...racing.planner_loading import make_controller
+from ...simulation.cars import WorldCar
+from ...simulation.course_loading import load_track
+from ...simulation.engine import Engine
+from ...simulation.planner_adapter import Cars, Planners, PlannersOfEach, Reasons, adapt
+from ...simulation.planner_failure import one_line
+from ...simulation.settings import FASTEST, CarSettings, Start, require_laps
+from ...simulation.termination import END_REASONS
+from ...simulation.world import World
+from .opponents import Blocking, Pace, make_opponent
+
+AHEAD_FOR = 1.0  # [s]
+HEADWAY = (2.0, 10.0)
+"""[m] Least and greatest distance by which the opponent starts ahead, from rear axle to rear axle."""
+
+_PLANNER, _OPPONENT = 0, 1  # rows of the cars
+_BIN = 0.25  # [m] along the centreline, of a pace
+OUTCOMES = ("overtaken", "behind", "touch", "wall", "stopped", "failed")
+"""How a duel ends. "behind": after two laps; "wall": the planner's car touched one; "stopped": its race ended
+otherwise; "failed": no duel could be driven."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class DuelSettings(CarSettings):
+    """What all duels of a study have in common.
+
+    Raises:
+      SettingsError: a value outside what is accepted.
+      ModelError: a file that is not that of a vehicle.
+    """
+
+    max_speed: float = FASTEST  # [m/s] fastest that the planner may command
+    laps: int = 2  # within which it is to overtake
+    slowest: float = 0.3  # least ratio of the speeds
+    fastest: float = 0.9  # greatest
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_laps(self.laps)
+        if not 0.0 < self.slowest <= self.fastest <= 1.0:
+            said = f"{self.slowest:g}:{self.fastest:g}"
+            raise SettingsError(f"speed_ratio is {said}; accepted: FIRST:LAST, above 0 and at most 1")
+        if not 0.0 < self.max_speed <= 100.0:
+            raise SettingsError(f"max_speed is {self.max_speed!r}; accepted: a positive number up to 100 m/s")
+
+    def manifest(self) -> dict[str, Any]:
+        """Return them as they can stand in JSON."""
+        return {name: getattr(self, name) for name in ("max_speed", "laps", "slowest", "fastest")} | self.described()
+
+
+@dataclass(frozen=True)
+class DuelKey:
+    """What a duel depends on, but for the settings that all have in common and the versions."""
+
+    planner: str
+    planner_sha256: str | None  # of a user's file
+    track: str
+    opponent: str
+    seed: int
+
+    @property
+    def sha256(self) -> str:
+        """Names the duel, and seeds what is drawn for it but for the planner, so that planners meet the same."""
+        return sha256(repr(astuple(self)).encode()).hexdigest()
+
+
+@dataclass(frozen=True, kw_only=True)
+class DuelFigures:
+    """How a duel went. None: there is no such figure."""
+
+    outcome: str  # of OUTCOMES
+    message: str | None  # why it failed, or ended
+    ratio: float | None  # of the opponent's speed to the planner's own
+    headway_m: float | None  # at the start
+    start_s_m: float | None  # of the planner's car
+    time_s: float | None  # until the end; of an overtake, until its second was over
+    progress_m: float | None  # of the planner's car until then
+    time_lost_s: float | None  # of an overtake: against the planner alone from the same start to the same place
+    to_blame: str | None  # of a touch: planner or opponent
+    touch_ahead_m: float | None  # at the touch: how far the planner's car was ahead along the centreline
+    closing_speed_m_s: float | None  # of a touch: how fast the cars approached
+    opponent_end: str | None  # why the race of the opponent ended, where it did
+    decision_median_s: float | None  # of the planner, wall time
+    decision_longest_s: float | None
+
+
+@dataclass(frozen=True)
+class DuelRow:
+    """A duel and its figures: one line of duels.jsonl, one row of duels.csv."""
+
+    key: DuelKey
+    figures: DuelFigures
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return key and figures in one, as JSON has them."""
+        return asdict(self.key) | asdict(self.figures)
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> DuelRow:
+        """Return the row that `as_dict` made the values of.
+
+        Raises:
+          KeyError: a value is missing.
+        """
+        kinds = (DuelKey, DuelFigures)
+        key, figures = ({field.name: values[field.name] for field in fields(kind)} for kind in kinds)
+        return cls(DuelKey(**key), DuelFigures(**figures))
+
+
+@dataclass(frozen=True)
+class Duel:
+    """A duel to be driven. It travels to a worker process."""
+
+    key: DuelKey
+    planner: ControllerChoice
+    settings: DuelSettings
+
+    def __str__(self) -> str:
+        key = self.key
+        return f"{key.planner} against {key.opponent} on {key.track}, seed {key.seed}"
+
+    def drive(self) -> DuelRow:
+        """Drive it, and return its row. What raises on the way is a duel that failed."""
+        try:
+            return DuelRow(self.key, drive_duel(self))
+        except Exception as error:
+            text = " ".join(str(error).split()) if isinstance(error, ControllerError) else one_line(error)
+            return self._failed(text)
+
+    def died(self, how: str) -> DuelRow:
+        """Return what `drive` would, of a duel whose worker process ended, with how it did in words."""
+        return self._failed(how)
+
+    def _failed(self, message: str) -> DuelRow:
+        none = {field.name: None for field in fields(DuelFigures)}
+        return DuelRow(self.key, DuelFigures(**none | {"outcome": "failed", "message": message}))  # type: ignore[arg-type]
+
+    def draw(self, length: float) -> tuple[float, float, float]:
+        """Return where the planner's car starts [m], the headway [m] and the ratio of speeds: as the seed draws them.
+
+        They are the same for all planners.
+        """
+        key = self.key
+        rng = np.random.default_rng([key.seed, *f"{key.track} {key.opponent}".encode()])
+        s, headway, ratio = rng.uniform(
+            (0.0, HEADWAY[0], self.settings.slowest), (length, HEADWAY[1], self.settings.fastest)
+        ).tolist()
+        return s, headway, ratio
+
+
+class Timed:
+    """Planners whose decisions are timed.
+
+    Attributes:
+      times: of each decision [s].
+      failures: see Planners.
+    """
+
+    def __init__(self, planners: Planners) -> None:
+        self._planners = planners
+        self.failures: dict[int, PlannerError] = planners.failures
+        self.times: list[float] = []
+
+    def __call__(self, cars: Cars) -> Reasons | None:
+        """See Planners."""
+        begun = time.perf_counter()
+        reasons = self._planners(cars)
+        self.times.append(time.perf_counter() - begun)
+        return reasons
+
+
+def drive_duel(duel: Duel, watch: Any = None) -> DuelFigures:
+    """Drive a duel and return its figures; `watch`, if given, is called with the engine before each tick.
+
+    Raises:
+      ControllerError: the planner cannot be built.
+      TrackError: no closed track, or one that cannot be loaded.
+    """
+    settings, track = duel.settings, _track(duel.key.track, duel.settings.car.parameters)
+    own_pace = pace(duel.key.track, duel.planner, settings)
+    start, headway, ratio = duel.draw(track.length)
+    world = _world(duel.key.track, settings, 2)
+    car = world.cars[_OPPONENT]
+    with tempfile.TemporaryDirectory() as folder:
+        opponent = make_opponent(
+            duel.key.opponent, track, own_pace, ratio, car=car.parameters, mu=car.mu, max_speed=settings.max_speed,
+            lines=Path(folder),
+        )  # fmt: skip
+    engine = Engine(world, laps=settings.laps + 1)
+    timed = Timed(adapt([_planner(duel.planner, world, settings)]))
+    groups = [(np.array([_PLANNER]), cast(Planners, timed)), (np.array([_OPPONENT]), adapt([opponent]))]
+    engine.planners = cast(Planners, PlannersOfEach(groups))
+    engine.place([Start(s=start), Start(s=start + headway)])
+    half = 0.5 * world.parameters.length
+    timers, since = engine.monitor.timers, math.nan
+    outcome, blame, closing = "", None, None
+    ahead = -headway
+    while not outcome:
+        now = engine.time(0)
+        ahead = float(timers["progress"][_PLANNER] - timers["progress"][_OPPONENT]) - headway
+        if isinstance(opponent, Blocking):
+            opponent.follower = (-ahead, float(timers["offset"][_PLANNER]))
+        if watch is not None:
+            watch(engine)
+        before = [_motion(engine, row, world.parameters) for row in (_PLANNER, _OPPONENT)]
+        engine.tick()
+        touched = _touched_at(engine) > now
+        ahead = float(timers["progress"][_PLANNER] - timers["progress"][_OPPONENT]) - headway
+        if math.isnan(since) or ahead < half:
+            since = engine.time(0) if ahead >= half else math.nan
+        if touched:
+            outcome = "touch"
+            blame, closing = to_blame(before, ahead, half)
+        elif not engine.running[_PLANNER]:
+            outcome = "wall" if engine.crashed[_PLANNER] else "stopped"
+        elif engine.time(0) - since >= AHEAD_FOR:
+            outcome = "overtaken"
+        elif timers["progress"][_PLANNER] >= settings.laps * track.length:
+            outcome = "behind"
+    taken, progress = engine.time(0), float(timers["progress"][_PLANNER])
+    lost = taken - time_alone(duel, start, progress) if outcome == "overtaken" else None
+    ends = [END_REASONS[reason] or None for reason in engine.monitor.reasons.tolist()]
+    failure = timed.failures.get(0)
+    return DuelFigures(
+        outcome=outcome, message=str(failure) if failure else ends[_PLANNER], ratio=ratio, headway_m=headway,
+        start_s_m=start, time_s=taken, progress_m=progress, time_lost_s=lost, to_blame=blame,
+        touch_ahead_m=ahead if outcome == "touch" else None, closing_speed_m_s=closing, opponent_end=ends[_OPPONENT],
+        decision_median_s=float(np.median(timed.times)), decision_longest_s=float(np.max(timed.times)),
+    )  # fmt: skip
+
+
+def to_blame(motions: list[tuple[FloatArray, FloatArray]], ahead: float, half: float) -> tuple[str, float]:
+    """Return who is to blame for a touch, planner or opponent, and how fast they approached each other [m/s].
+
+    Args:
+      motions: of the planner's and the opponent's car before the touch: where the middle of the chassis is, and its
+        velocity, (2,) [m] and [m/s] each.
+      ahead: how far the planner's car is ahead along the centreline [m].
+      half: length of a car [m].
+    """
+    (own, own_velocity), (other, other_velocity) = motions
+    apart = other - own
+    towards = apart / max(float(np.hypot(*apart)), 1e-9)
+    own_approach, other_approach = float(own_velocity @ towards), float(-other_velocity @ towards)
+    closing = own_approach + other_approach
+    if abs(ahead) > half and closing > 0.0:
+        return ("planner" if ahead < 0.0 else "opponent"), closing
+    return ("planner" if own_approach >= other_approach else "opponent"), closing
+
+
+def _motion(engine: Engine, row: int, car: CarParameters) -> tuple[FloatArray, FloatArray]:
+    """Return where the middle of a car's chassis is and the velocity of its base_link, (2,) [m] and [m/s]."""
+    pose, velocity = engine.free_joint(row)
+    w, x, y, z = pose[3:7]
+    heading = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    middle = 0.5 * car.length - car.rear_overhang
+    return pose[:2] + middle * np.array([math.cos(heading), math.sin(heading)]), velocity
+
+
+def _touched_at(engine: Engine) -> float:
+    """Return when the cars last touched each other [s]; -inf: they did not."""
+    times: NDArray[np.float64] = engine._arrays.touched_at
+    return float(times[_PLANNER, _OPPONENT])
+
+
+def _track(name: str, car: CarParameters) -> Track:
+    track = load_track(name, car=car)
+    if not (isinstance(track, Track) and track.closed):
+        raise TrackError(f"track {name!r} is no circuit; accepted: a closed track")
+    return track
+
+
+@lru_cache(maxsize=4)
+def _world(track: str, settings: DuelSettings, cars: int) -> World:
+    """Return a world of so many alike cars."""
+    course = _track(track, settings.car.parameters)
+    others = [
+        WorldCar(vehicle=settings.car, mu=settings.mu, changes=settings.changes, tires=settings.tires)
+        for _ in range(cars - 1)
+    ]
+    return World(
+        course, settings.car, mu=settings.mu, changes=settings.changes, tires=settings.tire_set, others=others
+    )  # fmt: skip
+
+
+def _planner(choice: ControllerChoice, world: World, settings: DuelSettings) -> Any:
+    return make_controller(
+        choice.source, car=world.parameters, mu=world.car.mu, max_speed=settings.max_speed,
+        settings=dict(choice.settings), map_line=world.track.map_line,
+    )  # fmt: skip
+
+
+@lru_cache(maxsize=64)
+def pace(track: str, planner: ControllerChoice, settings: DuelSettings) -> Pace:
+    """Return how fast a planner is in its second lap alone, of a standing start at the line.
+
+    Raises:
+      ControllerError: it does not drive two laps.
+    """
+    world = _world(track, settings, 1)
+    engine = Engine(world, laps=2)
+    engine.planners = adapt([_planner(planner, world, settings)])
+    engine.place([Start()])
+    length = world.track.length
+    sums = np.zeros((2, round(length / _BIN)))
+    while engine.running[0]:
+        engine.tick()
+        progress = float(engine.monitor.timers["progress"][0])
+        if progress > 0.9 * length:  # what is driven twice counts as a mean
+            place = int(progress % length / length * sums.shape[1])
+            sums[:, place] += max(engine.speed(0), 0.0), 1.0
+    if END_REASONS[engine.monitor.reasons[0]] != "finished":
+        reason = END_REASONS[engine.monitor.reasons[0]]
+        raise ControllerError(f"{planner.label} does not drive two laps of {track} alone: {reason}")
+    seen = np.flatnonzero(sums[1])
+    return Pace((seen + 0.5) * length / sums.shape[1], sums[0, seen] / sums[1, seen], length)
+
+
+def time_alone(duel: Duel, start: float, progress: float) -> float:
+    """Return how long the planner needs alone from the same start for the same way [s]; inf: it does not get there."""
+    world = _world(duel.key.track, duel.settings, 1)
+    engine = Engine(world, laps=duel.settings.laps + 1)
+    engine.planners = adapt([_planner(duel.planner, world, duel.settings)])
+    engine.place([Start(s=start)])
+    before = 0.0
+    while engine.running[0]:
+        engine.tick()
+        after = float(engine.monitor.timers["progress"][0])
+        if after >= progress:
+            return engine.time(0) - engine.period * (after - progress) / max(after - before, 1e-9)
+        before = after
+    return math.inf

@@ -1,0 +1,224 @@
+"""Drives planners behind slower opponents, and writes how often they overtake, and at what price.
+
+    study = overtake(["overtaker"], tracks=["oval"], seeds=range(10), out="runs/overtake")
+    print(study.markdown())
+
+A later call with the same folder drives only the duels that are missing. A script that calls it with several workers
+needs `if __name__ == "__main__":`, as every script that starts processes does.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from ...course.writing import write_file
+from ...display import Shown, brief, paragraph, quoted, table
+from ...errors import SettingsError, TrackError
+from ...messages import require_whole
+from ...racing.planner_choice import ControllerChoice
+from ...simulation.course_loading import load_track
+from ...simulation.settings import FASTEST, DriveSettings
+from ...vehicle.tires import Tires
+from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
+from ...viz.plots import require_matplotlib
+from ..folders import blame, claimed
+from ..rollout.job import versions
+from ..worker_processes import usable_cores, work_off
+from .duel import Duel, DuelKey, DuelRow, DuelSettings
+from .opponents import OPPONENTS
+from .store import ACCEPTED, DuelFolder
+from .tables import HEADER, DuelCell, cells_csv, duels_csv, make_cells, markdown, ratio_picture, table_rows
+
+DEFAULT_TRACKS = ("oval", "l_corridor", "hairpins", "chicanes", "fast", "tight")
+DEFAULT_SEEDS = range(50)
+DEFAULT_RATIO = (0.3, 0.9)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OvertakingProgress:
+    """What a study tells whoever watches it."""
+
+    duels: int
+    duels_found: int  # in the folder, driven by an earlier call
+    duels_driven: int  # by this call
+    wall_time_s: float
+
+    @property
+    def remaining_s(self) -> float | None:
+        """What it will still take, if it goes on like this [s]; None before the first duel is finished."""
+        if self.duels_driven == 0:
+            return None
+        return (self.duels - self.duels_found - self.duels_driven) * self.wall_time_s / self.duels_driven
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Overtaking(Shown):
+    """How all duels went."""
+
+    rows: tuple[DuelRow, ...]
+    cells: tuple[DuelCell, ...]
+    folder: Path
+    duels_driven: int  # by this call
+    wall_time_s: float
+
+    def __repr__(self) -> str:
+        overtaken = sum(row.figures.outcome == "overtaken" for row in self.rows)
+        return brief(self, f"{len(self.rows)} duels, {overtaken} overtakes", f"in {quoted(self.folder)}")
+
+    def _repr_html_(self) -> str:
+        return table(HEADER, table_rows(self.cells)) + paragraph(f"{len(self.rows)} duels in {self.folder}")
+
+    def markdown(self) -> str:
+        """Return the table."""
+        return markdown(self.cells)
+
+    def summary(self) -> dict[str, Any]:
+        """Return the figures, as JSON has them."""
+        return {
+            "duels": len(self.rows),
+            "duels_driven": self.duels_driven,
+            "wall_time_s": self.wall_time_s,
+            "table": [asdict(cell) for cell in self.cells],
+        }
+
+
+def overtake(
+    planners: Sequence[str] = ("overtaker",),
+    *,
+    tracks: Sequence[str] = DEFAULT_TRACKS,
+    opponents: Sequence[str] = OPPONENTS,
+    speed_ratio: tuple[float, float] = DEFAULT_RATIO,
+    seeds: Sequence[int] = DEFAULT_SEEDS,
+    laps: int = 2,
+    max_speed: float = FASTEST,
+    vehicle: Vehicle | str | Path = DEFAULT_VEHICLE,
+    tires: Tires | str | Path | None = None,
+    mu: float | None = None,
+    workers: int | None = None,
+    out: str | Path,
+    pictures: bool = True,
+    watch: Callable[[OvertakingProgress], None] | None = None,
+) -> Overtaking:
+    """Drive each planner behind each opponent on each track with each seed, and write what became of them to a folder.
+
+    A duel in which the planner fails, or ends its worker process, is a row that says so; the others go on. Ctrl-C
+    raises KeyboardInterrupt once the workers have stopped; the same call goes on with the duels that are missing.
+
+    Args:
+      planners: bundled names or `path/to/file.py:ClassName`, with settings in brackets where wanted.
+      tracks: closed ones, as `load_track` takes them.
+      opponents: of OPPONENTS.
+      speed_ratio: least and greatest ratio of the opponent's speed to the planner's own at the same place, alone.
+      seeds: each draws where a duel starts, the distance and the ratio; the same for all planners.
+      laps: within which the planner is to overtake.
+      max_speed: fastest that both may command [m/s].
+      vehicle, tires, mu: of both cars; as of `race`.
+      workers: processes; None: as many as there are cores; one: no other than this.
+      out: a new or empty folder, or one of a study with the same settings.
+      pictures: whether to draw one.
+      watch: called several times a second.
+
+    Raises:
+      SettingsError, TrackError, ControllerError, RunFolderError: what cannot be driven; nothing has run then.
+      MissingExtraError: no matplotlib for the picture.
+      EngineError: a worker process could not be started.
+    """
+    require_whole("workers", workers, 1, optional=True)
+    if pictures:
+        require_matplotlib()
+    slowest, fastest = speed_ratio
+    settings = DuelSettings(
+        vehicle=vehicle, tires=tires, mu=mu, max_speed=max_speed, laps=laps, slowest=slowest, fastest=fastest
+    )  # fmt: skip
+    duels = plan_duels([ControllerChoice.of(text) for text in planners], tracks, opponents, seeds, settings)
+    with claimed(out, ACCEPTED):
+        return _drive(duels, settings, DuelFolder(out), workers, pictures=pictures, watch=watch)
+
+
+def plan_duels(
+    planners: Sequence[ControllerChoice],
+    tracks: Sequence[str],
+    opponents: Sequence[str],
+    seeds: Sequence[int],
+    settings: DuelSettings,
+) -> list[Duel]:
+    """Return the duels of a grid, in its order.
+
+    Raises:
+      SettingsError: an axis that is empty or has a value twice, another opponent, or a seed that is not accepted.
+      TrackError, ControllerError: what cannot be loaded.
+    """
+    for seed in seeds:
+        require_whole("seed", seed, 0)
+    for opponent in opponents:
+        if opponent not in OPPONENTS:
+            raise SettingsError(f"opponent {opponent!r}; accepted: {', '.join(OPPONENTS)}")
+    axes: tuple[tuple[str, Sequence[Any]], ...] = (
+        ("planner", [choice.label for choice in planners]), ("track", tracks), ("opponent", opponents), ("seed", seeds),
+    )  # fmt: skip
+    for name, values in axes:
+        twice = next((value for i, value in enumerate(values) if value in values[:i]), None)
+        if not values or twice is not None:
+            said = f"no {name} is given" if not values else f"{name} {twice} is given twice"
+            raise SettingsError(f"{said}; accepted: one or more, each once")
+    courses = {track: load_track(track, car=settings.car.parameters) for track in tracks}
+    for track, course in courses.items():
+        if not course.closed:
+            raise TrackError(f"track {track!r} is no circuit; accepted: a closed track")
+    drive = DriveSettings(vehicle=settings.vehicle, tires=settings.tires, mu=settings.mu, max_speed=settings.max_speed)
+    for choice in planners:
+        choice.check(courses[tracks[0]], drive)
+    return [
+        Duel(DuelKey(choice.label, choice.sha256, track, opponent, seed), choice, settings)
+        for choice in planners
+        for track in tracks
+        for opponent in opponents
+        for seed in seeds
+    ]
+
+
+def _drive(
+    duels: Sequence[Duel],
+    settings: DuelSettings,
+    folder: DuelFolder,
+    workers: int | None,
+    *,
+    pictures: bool,
+    watch: Callable[[OvertakingProgress], None] | None,
+) -> Overtaking:
+    """Drive the duels that a folder has not, and write the report."""
+    folder.open(settings.manifest(), versions())
+    missing = [duel for duel in duels if duel.key not in folder.rows]
+    started, driven = time.perf_counter(), 0
+
+    def pulse() -> None:
+        if watch is not None:
+            found, elapsed = len(duels) - len(missing), time.perf_counter() - started
+            watch(
+                OvertakingProgress(duels=len(duels), duels_found=found, duels_driven=driven, wall_time_s=elapsed)
+            )  # fmt: skip
+
+    died = None if workers == 1 else Duel.died
+    with closing(work_off(Duel.drive, missing, workers=workers or usable_cores(), pulse=pulse, died=died)) as finished:
+        for _, row in finished:
+            folder.add(row)
+            driven += 1
+            pulse()
+    rows = tuple(folder.rows[duel.key] for duel in duels)
+    folder.sort([duel.key for duel in duels])
+    study = Overtaking(
+        rows=rows, cells=make_cells(rows), folder=folder.folder, duels_driven=driven,
+        wall_time_s=time.perf_counter() - started,
+    )  # fmt: skip
+    with blame(folder.folder, "a folder that can be written"):
+        write_file(folder.folder / "duels.csv", duels_csv(rows).encode())
+        write_file(folder.folder / "table.csv", cells_csv(study.cells).encode())
+        write_file(folder.folder / "table.md", study.markdown().encode())
+        if pictures:
+            ratio_picture(rows, settings.slowest, settings.fastest, folder.folder / "table.png")
+    return study

@@ -1,0 +1,222 @@
+"""The report of an overtaking study: CSV, Markdown, and a picture.
+
+    duels.csv     a row a duel
+    table.csv     a row for each planner and opponent on each track, and over all tracks
+    table.md      the same over all tracks, and by track, as Markdown
+    table.png     the share of overtakes by the ratio of the speeds, for each opponent, with its interval
+
+Intervals are Wilson's at 95 %: E. Wilson, Probable Inference, the Law of Succession, and Statistical Inference, Journal
+of the American Statistical Association 22, 1927.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import statistics
+from collections.abc import Iterable, Sequence
+from dataclasses import astuple, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from ...viz.plots import require_matplotlib, save_figure
+from .duel import DuelFigures, DuelKey, DuelRow
+
+ALL = "all"
+"""What stands for all tracks, or all opponents."""
+
+_Z = 1.959963984540054  # of 95 %
+_BANDS = 5  # of ratios in the picture
+_DPI = 150
+_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "black")
+
+
+def wilson(successes: int, count: int) -> tuple[float, float]:
+    """Return the interval of a share at 95 %, from 0 to 1; of nothing, 0 and 1."""
+    if count == 0:
+        return 0.0, 1.0
+    share, square = successes / count, _Z * _Z
+    middle = (share + 0.5 * square / count) / (1.0 + square / count)
+    half = _Z * math.sqrt(share * (1.0 - share) / count + 0.25 * square / count**2) / (1.0 + square / count)
+    return (
+        0.0 if successes == 0 else max(middle - half, 0.0),
+        1.0 if successes == count else min(middle + half, 1.0),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class DuelCell:
+    """How a planner fared against an opponent on a track, over all seeds. None: no duel has such a figure."""
+
+    planner: str
+    track: str  # or ALL
+    opponent: str  # or ALL
+    duels: int
+    overtaken: int  # without a touch
+    low: float  # share, lower end of its interval
+    high: float
+    behind: int
+    touches: int
+    touches_planner: int  # that the planner is to blame for
+    touches_planner_low: float  # share of all duels, lower end of its interval
+    touches_planner_high: float
+    others: int  # walls, races that ended otherwise, and duels that failed
+    time_lost_s: float | None  # median of the overtakes
+    time_s: float | None  # median of the overtakes, from the start
+    decision_median_s: float | None  # median of the medians
+    decision_longest_s: float | None
+
+    @property
+    def share(self) -> float:
+        """Of the overtakes, from 0 to 1."""
+        return self.overtaken / self.duels
+
+
+def make_cells(rows: Sequence[DuelRow]) -> tuple[DuelCell, ...]:
+    """Return the cells of some rows: each track, then all; each opponent, then all."""
+    planners = list(dict.fromkeys(row.key.planner for row in rows))
+    tracks = [*dict.fromkeys(row.key.track for row in rows), ALL]
+    opponents = [*dict.fromkeys(row.key.opponent for row in rows), ALL]
+    cells = []
+    for planner in planners:
+        for track in tracks:
+            for opponent in opponents:
+                duels = [
+                    row.figures
+                    for row in rows
+                    if row.key.planner == planner
+                    and track in (ALL, row.key.track)
+                    and opponent in (ALL, row.key.opponent)
+                ]
+                if duels:
+                    cells.append(_cell(planner, track, opponent, duels))
+    return tuple(cells)
+
+
+def _cell(planner: str, track: str, opponent: str, duels: Sequence[DuelFigures]) -> DuelCell:
+    outcomes = [duel.outcome for duel in duels]
+    overtaken, touches = outcomes.count("overtaken"), outcomes.count("touch")
+    to_blame = sum(duel.to_blame == "planner" for duel in duels)
+    low, high = wilson(overtaken, len(duels))
+    blame_low, blame_high = wilson(to_blame, len(duels))
+    won = [duel for duel in duels if duel.outcome == "overtaken"]
+    return DuelCell(
+        planner=planner, track=track, opponent=opponent, duels=len(duels), overtaken=overtaken, low=low, high=high,
+        behind=outcomes.count("behind"), touches=touches, touches_planner=to_blame, touches_planner_low=blame_low,
+        touches_planner_high=blame_high, others=len(duels) - overtaken - touches - outcomes.count("behind"),
+        time_lost_s=_median(duel.time_lost_s for duel in won), time_s=_median(duel.time_s for duel in won),
+        decision_median_s=_median(duel.decision_median_s for duel in duels),
+        decision_longest_s=max((d.decision_longest_s for d in duels if d.decision_longest_s is not None), default=None),
+    )  # fmt: skip
+
+
+def _median(values: Iterable[float | None]) -> float | None:
+    given = [value for value in values if value is not None and math.isfinite(value)]
+    return statistics.median(given) if given else None
+
+
+def duels_csv(rows: Sequence[DuelRow]) -> str:
+    """Return a CSV of a row a duel; what there is not is empty."""
+    names = [field.name for kind in (DuelKey, DuelFigures) for field in fields(kind)]
+    return _csv(names, (row.as_dict().values() for row in rows))
+
+
+def cells_csv(cells: Sequence[DuelCell]) -> str:
+    """Return a CSV of a row a cell; what there is not is empty."""
+    return _csv([field.name for field in fields(DuelCell)], (astuple(cell) for cell in cells))
+
+
+HEADER = (
+    "planner", "track", "opponent", "duels", "overtaken", "95 % interval", "behind", "touches", "to blame for",
+    "otherwise ended", "time lost [s]", "decision [us]",
+)  # fmt: skip
+"""Of the table for people."""
+
+
+def table_rows(cells: Sequence[DuelCell]) -> list[tuple[str, ...]]:
+    """Return a row a cell, as the table for people has it."""
+    return [
+        (
+            cell.planner, cell.track, cell.opponent, str(cell.duels), f"{100.0 * cell.share:.1f} %",
+            f"{100.0 * cell.low:.1f} to {100.0 * cell.high:.1f}", str(cell.behind), str(cell.touches),
+            f"{cell.touches_planner} ({100.0 * cell.touches_planner / cell.duels:.1f} %)", str(cell.others),
+            "-" if cell.time_lost_s is None else f"{cell.time_lost_s:.2f}",
+            "-" if cell.decision_median_s is None else f"{1e6 * cell.decision_median_s:.0f}",
+        )
+        for cell in cells
+    ]  # fmt: skip
+
+
+def markdown(cells: Sequence[DuelCell]) -> str:
+    """Return a Markdown table: of each planner against each opponent on all tracks, and against all on each track."""
+    chosen = [cell for cell in cells if cell.track == ALL] + [
+        cell for cell in cells if cell.track != ALL and cell.opponent == ALL
+    ]
+    lines = [[text.replace("|", "\\|") for text in row] for row in (HEADER, *table_rows(chosen))]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    words = [name in ("planner", "track", "opponent") for name in HEADER]
+    rule = ["-" * width if word else "-" * (width - 1) + ":" for width, word in zip(widths, words, strict=True)]
+    aligned = [
+        [
+            text.ljust(width) if word else text.rjust(width)
+            for text, width, word in zip(line, widths, words, strict=True)
+        ]
+        for line in (lines[0], rule, *lines[1:])
+    ]
+    return "\n".join(f"| {' | '.join(line)} |" for line in aligned) + "\n"
+
+
+def ratio_picture(rows: Sequence[DuelRow], slowest: float, fastest: float, path: Path) -> None:
+    """Draw the share of overtakes by the ratio of the speeds: a panel a planner, a line an opponent.
+
+    Raises:
+      MissingExtraError: matplotlib is not installed.
+      OSError: the file cannot be written.
+    """
+    require_matplotlib()
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    planners = list(dict.fromkeys(row.key.planner for row in rows))
+    opponents = list(dict.fromkeys(row.key.opponent for row in rows))
+    style: Any = {"font.size": 8.0, "axes.linewidth": 0.6, "lines.linewidth": 1.0, "legend.frameon": False}
+    with mpl.rc_context(style):
+        figure = Figure(figsize=(3.6 * len(planners), 2.8), layout="constrained")
+        panels = figure.subplots(1, len(planners), squeeze=False, sharey=True)[0]
+        width = max(fastest - slowest, 1e-6) / _BANDS
+        for axes, planner in zip(panels, planners, strict=True):
+            for place, opponent in enumerate(opponents):
+                points = []
+                for band in range(_BANDS):
+                    first = slowest + band * width
+                    duels = [
+                        row.figures.outcome == "overtaken"
+                        for row in rows
+                        if (row.key.planner, row.key.opponent) == (planner, opponent)
+                        and row.figures.ratio is not None
+                        and min(int((row.figures.ratio - slowest) / width), _BANDS - 1) == band
+                    ]
+                    if duels:
+                        share = sum(duels) / len(duels)
+                        low, high = wilson(sum(duels), len(duels))
+                        aside = first + width * (0.5 + 0.08 * (place - 0.5 * (len(opponents) - 1)))
+                        points.append((aside, share, share - low, high - share))
+                if points:
+                    x, shares, below, above = zip(*points, strict=True)
+                    axes.errorbar(
+                        x, shares, yerr=(below, above), label=opponent, color=_COLOURS[place % len(_COLOURS)],
+                        marker="o", markersize=3.0, capsize=1.5, elinewidth=0.6,
+                    )  # fmt: skip
+            axes.set(title=planner, xlabel="speed of the opponent over the planner's own", ylim=(0.0, 1.03))
+        panels[0].set_ylabel("overtaken within two laps, no touch")
+        panels[0].legend(loc="lower left")
+        save_figure(figure, path, _DPI)
+
+
+def _csv(header: Sequence[str], rows: Iterable[Iterable[Any]]) -> str:
+    file = io.StringIO()
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(["" if value is None else value for value in row] for row in rows)
+    return file.getvalue()

@@ -1,0 +1,306 @@
+"""Opponents in the Gymnasium environments: planners and policies that drive beside the one that learns."""
+
+import dataclasses
+import warnings
+
+import numpy as np
+import pytest
+
+import fg_mujoco as fg
+from fg_mujoco.racing.entries import Entry, grid_starts
+
+gymnasium = pytest.importorskip("gymnasium")
+
+from gymnasium.utils.env_checker import check_env  # noqa: E402
+
+from fg_mujoco.envs.gym_environment import ID, F1TenthEnv  # noqa: E402
+from fg_mujoco.envs.gym_vector import F1TenthVectorEnv  # noqa: E402
+
+PARKED = np.zeros(2)
+
+
+def parked(observation):
+    return PARKED
+
+
+def steady(observation):
+    """A policy that drives slowly and steers to where there is more room."""
+    scan = observation["scan"]
+    half = len(scan) // 2
+    return np.array([np.clip(0.2 * (scan[half + 1 :].mean() - scan[:half].mean()), -0.4, 0.4), 2.0])
+
+
+class Parked:
+    """A planner that stands."""
+
+    def __call__(self, scan, odometry):
+        return fg.STOP
+
+    def reset(self):
+        pass
+
+
+def states(env, ticks, action=PARKED):
+    """The complete states of the world of an environment, after each of some steps."""
+    found = []
+    for _ in range(ticks):
+        env.step(np.asarray(action))
+        found.append(env._world.state(0))
+    return np.array(found)
+
+
+@pytest.mark.parametrize("opponents", [["gap_finder"], [steady, "gap_finder"]])
+def test_env_checker_of_gymnasium_finds_nothing(opponents):
+    made = gymnasium.make(ID, opponents=opponents, beam_step=20, normalised_actions=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(made.unwrapped, skip_render_check=True)
+
+
+def test_an_opponent_drives_the_bits_that_it_drives_in_a_race():
+    entries = [Entry(controller=Parked()), Entry(controller="gap_finder", max_speed=5.0)]
+    race = fg.race("oval", entries=entries, laps=1, time_limit=2.5)
+    env = F1TenthEnv(start="line", opponents=[{"controller": "gap_finder", "max_speed": 5.0}])
+    env.reset(seed=0)
+    np.testing.assert_array_equal(states(env, 100), race.states[1:101])
+    assert race.car_results[1].max_speed_m_s > 2.0
+
+
+@pytest.mark.parametrize("opponents", [["gap_finder"], [steady], [steady, "pure_pursuit"]])
+def test_same_seed_same_bits_and_nothing_is_left_of_an_episode(opponents):
+    def driven(seed, episodes=1):
+        env = F1TenthEnv(opponents=opponents, beam_step=20, effects={"range_noise_std": 0.01})
+        for _ in range(episodes - 1):
+            env.reset(seed=seed + 100)
+            states(env, 30, (0.0, 1.0))
+        env.reset(seed=seed)
+        return states(env, 40, (0.05, 1.0))
+
+    first = driven(1)
+    assert first.tobytes() == driven(1).tobytes()
+    assert first.tobytes() == driven(1, episodes=3).tobytes()
+    assert first.tobytes() != driven(2).tobytes()
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+def test_worlds_of_the_vector_environment_are_environments_of_their_own(mode):
+    """Any number of worlds and threads, crashes and new episodes in between: the bits of one environment each."""
+    settings = {"track": "oval", "beam_step": 60, "opponents": ["gap_finder", steady], "grid_order": "random"}
+    rng = np.random.default_rng(0)
+    actions = rng.uniform((-0.4, 1.0), (0.4, 5.0), (60, 9, 2))
+    told = {}
+    for count, threads in ((2, 1), (9, 2)):
+        envs = F1TenthVectorEnv(count, autoreset_mode=mode, threads=threads, **settings)
+        seen, infos = envs.reset(seed=5)
+        rows = [(seen["scan"][:2].copy(), infos["position"][:2].copy())]
+        for tick in range(60):
+            seen, rewards, terminated, _, infos = envs.step(actions[tick, :count])
+            rows.append((seen["scan"][:2], rewards[:2], terminated[:2], infos["touches"][:2], infos["position"][:2]))
+        told[count] = rows
+        envs.close()
+    assert any(row[2].any() for row in told[2][1:])
+    for few, many in zip(told[2], told[9], strict=True):
+        for one, other in zip(few, many, strict=True):
+            np.testing.assert_array_equal(one, other)
+    single = [F1TenthEnv(**settings) for _ in range(2)]
+    for i, env in enumerate(single):
+        seen, info = env.reset(seed=5 + i)
+        assert seen["scan"].tobytes() == told[2][0][0][i].tobytes() and info["position"] == told[2][0][1][i]
+        for tick in range(60):
+            seen, reward, terminated, _, info = env.step(actions[tick, i])
+            row = told[2][tick + 1]
+            assert (reward, terminated, info["touches"]) == (row[1][i], row[2][i], row[3][i])
+            if terminated:
+                break
+            assert seen["scan"].tobytes() == row[0][i].tobytes()
+
+
+def test_a_policy_sees_what_the_learning_car_would_see_and_its_actions_mean_the_same():
+    """Two cars drive the same commands; the learning car is ahead in one environment, the policy's in the other."""
+    commands = np.random.default_rng(0).uniform((-0.1, 0.5), (0.1, 3.0), (30, 2))
+    seen_by_policy, clock = [], iter(range(31))
+
+    def replayed(observation):
+        seen_by_policy.append(observation)
+        return commands[next(clock)]
+
+    env = F1TenthEnv(start="line", beam_step=20, opponents=[replayed], grid_order="reversed")
+    env.reset(seed=0)
+    for command in commands:
+        env.step(command)
+    clock = iter(range(31))
+    other = F1TenthEnv(start="line", beam_step=20, opponents=[lambda observation: commands[next(clock)]])
+    seen, _ = other.reset(seed=0)
+    for before, command in zip(seen_by_policy, commands, strict=True):
+        for name, values in seen.items():
+            np.testing.assert_allclose(values, before[name], atol=1e-5)
+        seen, *_ = other.step(command)
+
+
+def test_actions_of_policies_are_those_of_the_settings():
+    full = F1TenthEnv(opponents=[lambda seen: [0.0, 3.0]], start="line")
+    scaled = F1TenthEnv(
+        opponents=[lambda seen: [0.0, 1.0]], start="line", normalised_actions=True, speed_range=(-1.0, 3.0)
+    )
+    full.reset(seed=0), scaled.reset(seed=0)
+    np.testing.assert_array_equal(states(full, 20), states(scaled, 20, (0.0, -0.5)))
+
+
+@pytest.mark.parametrize(
+    ("order", "positions"), [("as_listed", {1}), ("reversed", {3}), ("random", {1, 2, 3})]
+)  # fmt: skip
+def test_cars_start_on_the_grid_in_their_order(order, positions):
+    env = F1TenthEnv(opponents=[parked, parked], beam_step=540, grid_order=order, start={"s": 5.0})
+    infos = [env.reset(seed=seed)[1] for seed in range(20)]
+    assert {info["position"] for info in infos} == positions
+    leads = {1: 0.8, 2: -0.8, 3: -1.6}  # on the foremost other
+    assert [info["lead_m"] for info in infos] == pytest.approx([leads[info["position"]] for info in infos], abs=0.05)
+    world = env._world.world
+    grid = grid_starts(world.track, [car.parameters for car in world.cars])
+    expected = sorted(world.track.start_pose(5.0 + place.s, place.offset)[:2] for place in grid)
+    qpos = env._world.engine.qpos(0)
+    standing = sorted(qpos[car.constants["free_qpos"][0] :][:2].tolist() for car in world.cars)
+    np.testing.assert_allclose(standing, expected, atol=1e-12)
+
+
+def test_grids_at_random_places_are_clear_and_all_over_the_lap():
+    env = F1TenthEnv(track="chicanes", opponents=[parked] * 3, obstacles=2, beam_step=540)
+    places = []
+    for seed in range(30):
+        env.reset(seed=seed)
+        assert not env._world.engine.crashed.any()
+        places.append(float(env._world.monitor.timers["place"][0]))
+    assert np.ptp(places) > 0.6 * env._world.world.track.length
+
+
+def test_an_opponent_can_start_where_it_is_told():
+    opponent = Entry(controller=parked, start=fg.Start(s=6.0, offset=0.2, heading=0.1))
+    env = F1TenthEnv(start="line", opponents=[opponent], beam_step=540)
+    env.reset(seed=0)
+    x, y, along = env._world.world.track.start_pose(6.0, 0.2)
+    qpos = env._world.engine.qpos(0)[env._world.world.cars[1].constants["free_qpos"][0] :]
+    assert qpos[:2].tolist() == pytest.approx([x, y])
+    assert 2.0 * np.arctan2(qpos[6], qpos[3]) == pytest.approx(along + 0.1)
+
+
+def test_touches_are_told_and_end_nothing():
+    """The learning car starts behind a parked one, in line with it, and pushes it."""
+    env = F1TenthEnv(
+        start={"s": 4.0}, beam_step=540, opponents=[Entry(controller=parked, start=fg.Start(s=5.5, offset=0.15))]
+    )
+    _, info = env.reset(seed=0)
+    assert (info["touches"], info["position"]) == (0, 2)
+    for _ in range(60):
+        _, _, terminated, truncated, info = env.step(np.array([0.0, 2.0]))
+        assert not (terminated or truncated)
+    assert info["touches"] >= 1
+    assert F1TenthEnv(beam_step=540).reset(seed=0)[1].keys() == info.keys() - {"touches", "position", "lead_m"}
+
+
+def test_the_world_ends_with_the_learning_car():
+    env = F1TenthEnv(start="line", beam_step=540, opponents=["gap_finder"])
+    env.reset(seed=0)
+    terminated = False
+    while not terminated:
+        _, _, terminated, _, info = env.step(np.array([0.4, 3.0]))
+    assert info["end_reason"] == "crash"
+    assert not env._world.engine.running.any()
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.step(PARKED)
+
+
+def test_a_planner_that_fails_stops_and_the_episode_goes_on(tmp_path):
+    path = tmp_path / "fails.py"
+    path.write_text(
+        "from fg_mujoco.messages import DriveCommand\n"
+        "class Fails:\n"
+        "    def reset(self):\n"
+        "        self.ticks = 0\n"
+        "    def __call__(self, scan, odometry):\n"
+        "        self.ticks += 1\n"
+        "        if self.ticks > 40:\n"
+        "            raise ValueError('enough')\n"
+        "        return DriveCommand(steering_angle=0.0, speed=1.5)\n"
+    )
+    env = F1TenthEnv(start="line", beam_step=540, opponents=[f"{path}:Fails"], grid_order="reversed")
+    for _ in range(2):
+        env.reset(seed=0)
+        states(env, 40)
+        assert env._world.engine.speed(1) > 1.0
+        states(env, 80)
+        assert env._world.engine.speed(1) == pytest.approx(0.0, abs=0.02)
+        assert env._episodes.running[0] and list(env._world._opponents.failures) == [1]
+
+
+def test_an_opponent_without_a_car_of_its_own_has_that_of_the_learning_one():
+    env = F1TenthEnv(
+        vehicle="nuc2", mu=0.7, beam_step=540, opponents=["gap_finder", {"controller": steady, "vehicle": "f1tenth"}]
+    )
+    assert [vehicle.name for vehicle in env._world.world.vehicles] == ["nuc2", "nuc2", "f1tenth"]
+    assert [car.mu for car in env._world.world.cars] == pytest.approx([0.7, 0.7, 1.0489])
+
+
+@pytest.mark.parametrize(
+    ("settings", "error", "message"),
+    [
+        ({"opponents": "gap_finder"}, fg.SettingsError, "opponents is 'gap_finder'; accepted: a list"),
+        ({"opponents": [3]}, fg.SettingsError, "opponent 1 is 3; accepted: a planner's name"),
+        ({"opponents": [Parked()]}, fg.SettingsError, "opponent 1 is .*Parked.*accepted: a planner's name"),
+        ({"opponents": [steady, Parked]}, fg.SettingsError, "opponent 2 is .*Parked.*accepted: a planner's name"),
+        ({"opponents": ["gap_findr"]}, fg.ControllerError, "opponent 1: .*'gap_findr' is not known.*gap_finder"),
+        ({"opponents": [steady, "no.py:No"]}, fg.ControllerError, "opponent 2: .*there is no file no.py"),
+        ({"opponents": ["gap_finder[lookahed=3]"]}, fg.ControllerError, "opponent 1: .*did you mean 'lookahead'"),
+        ({"opponents": [{"controler": "gap_finder"}]}, fg.SettingsError, "opponent 1 has no setting 'controler'"),
+        ({"opponents": [{"max_speed": -1.0}]}, fg.SettingsError, "max_speed is -1.0; accepted"),
+        ({"opponents": [steady] * 16}, fg.SettingsError, "17 cars in a world; accepted: up to 16"),
+        ({"opponents": [steady], "grid": "rows"}, fg.SettingsError, "grid is 'rows'; accepted: staggered"),
+        ({"opponents": [steady], "grid_order": "last"}, fg.SettingsError, "grid_order is 'last'; accepted: as_listed"),
+    ],
+)  # fmt: skip
+def test_bad_opponents_are_refused_in_one_line(settings, error, message):
+    with pytest.raises(error, match=message) as refused:
+        F1TenthEnv(beam_step=540, **settings)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("start", "opponents", "message"),
+    [
+        ("line", [Entry(controller=parked, start=fg.Start(s=0.1))], "'car_1' and 'car_0' start in one place"),
+        ({"s": 2.0, "offset": 0.8}, [parked], "'car_0' does not fit on 'oval' at s = 2 m"),
+    ],
+)
+def test_grids_that_do_not_fit_are_refused(start, opponents, message):
+    env = F1TenthEnv(beam_step=540, start=start, opponents=opponents)
+    with pytest.raises(fg.SettingsError, match=message):
+        env.reset(seed=0)
+
+
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [
+        (None, "the policy of opponent 1.*accepted"),
+        ([0.0], "the policy of opponent 1 answered .*accepted: an action"),
+        ("ab", "the policy of opponent 1 answered 'ab'; accepted: an action"),
+        ([0.0, np.nan], "the policy of opponent 1: .*speed is nan"),
+    ],
+)
+def test_an_answer_of_a_policy_that_is_no_action_is_refused(answer, message):
+    env = F1TenthEnv(beam_step=540, opponents=[lambda observation: answer])
+    env.reset(seed=0)
+    with pytest.raises(fg.MessageError, match=message):
+        env.step(PARKED)
+
+
+def test_dm_env_says_where_opponents_are_accepted():
+    from fg_mujoco.envs.dm_environment import load
+
+    with pytest.raises(fg.SettingsError, match="1 opponents in a dm_env environment; accepted: in Gymnasium's"):
+        load("oval", opponents=["gap_finder"])
+
+
+def test_entries_are_not_changed_by_the_environment():
+    entry = Entry(controller="gap_finder", max_speed=3.0)
+    before = dataclasses.asdict(entry)
+    F1TenthEnv(beam_step=540, opponents=[entry]).reset(seed=0)
+    assert dataclasses.asdict(entry) == before

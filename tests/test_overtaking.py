@@ -1,0 +1,176 @@
+"""The overtaking benchmark: what counts, who is to blame, who is ahead, and a folder that is gone on with."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from comparison_worlds import files
+from refusals import refused
+
+import fg_mujoco as fg
+from fg_mujoco.cli.main import main
+from fg_mujoco.errors import RunFolderError, SettingsError, TrackError
+from fg_mujoco.racing.planner_choice import ControllerChoice
+from fg_mujoco.simulation.engine import Engine
+from fg_mujoco.simulation.planner_adapter import adapt
+from fg_mujoco.simulation.settings import Start
+from fg_mujoco.studies.overtaking.duel import Duel, DuelKey, DuelSettings, pace, to_blame
+from fg_mujoco.studies.overtaking.opponents import OPPONENTS, Pace, least_curvature, make_opponent
+from fg_mujoco.studies.overtaking.overtaking import overtake
+from fg_mujoco.studies.overtaking.tables import make_cells, wilson
+
+SHORT = {"tracks": ["oval"], "opponents": ["centreline"], "workers": 1, "pictures": False}
+
+
+@pytest.mark.parametrize(
+    ("successes", "count", "low", "high"),
+    [(0, 10, 0.0, 0.2775), (5, 10, 0.2366, 0.7634), (85, 100, 0.7672, 0.9069), (10, 10, 0.7225, 1.0)],
+)
+def test_intervals_are_wilsons(successes, count, low, high):
+    assert wilson(successes, count) == pytest.approx((low, high), abs=1e-4)
+
+
+def motions(own, own_velocity, other, other_velocity):
+    return [(np.array(own), np.array(own_velocity)), (np.array(other), np.array(other_velocity))]
+
+
+def test_who_runs_into_the_car_ahead_is_to_blame():
+    assert to_blame(motions((0, 0), (5, 0), (0.6, 0), (3, 0)), -0.6, 0.29) == ("planner", pytest.approx(2.0))
+    assert to_blame(motions((0.6, 0), (3, 0), (0, 0), (5, 0)), 0.6, 0.29) == ("opponent", pytest.approx(2.0))
+
+
+def test_of_cars_beside_each_other_the_one_that_comes_over_is_to_blame():
+    assert to_blame(motions((0, 0), (5, 0.8), (0, 0.35), (4, 0)), 0.0, 0.29) == ("planner", pytest.approx(0.8))
+    assert to_blame(motions((0, 0), (5, 0), (0, 0.35), (4, -0.5)), 0.0, 0.29) == ("opponent", pytest.approx(0.5))
+
+
+def test_the_line_of_least_curvature_keeps_off_the_walls_and_bends_less():
+    track, car = fg.load_track("hairpins"), fg.World("oval").parameters
+    line = least_curvature(track, car)
+    s, offset = track.project(line)
+    room = np.where(offset > 0.0, np.interp(s, track.arc_length, track.corridor_left), 0.0)
+    room += np.where(offset <= 0.0, np.interp(s, track.arc_length, track.corridor_right), 0.0)
+    assert np.all(np.abs(offset) < room - 0.5 * car.width - 0.1)
+
+    def bending(points):
+        return float((np.diff(points, 2, axis=0) ** 2).sum())
+
+    middle = track.position(np.arange(len(line)) * track.length / len(line), 0.0)
+    assert bending(line) < 0.7 * bending(middle)
+
+
+@pytest.mark.parametrize(("kind", "tolerance"), [("reactive", 0.02), ("centreline", 0.15)])
+def test_an_opponent_takes_the_longer_the_less_its_ratio(kind, tolerance, tmp_path):
+    """The gap finder takes the planner's line, if it is the planner; the centreline is longer than that line."""
+    own = pace("oval", ControllerChoice.of("gap_finder"), DuelSettings())
+    world = fg.World("oval")
+    opponent = make_opponent(
+        kind, world.track, own, 0.5, car=world.parameters, mu=world.car.mu, max_speed=8.0, lines=tmp_path
+    )
+    laps = []
+    for planners in (
+        [opponent],
+        [fg.make_controller("gap_finder", car=world.parameters, mu=world.car.mu, max_speed=8.0)],
+    ):
+        engine = Engine(world, laps=2)
+        engine.planners = adapt(planners)
+        engine.place([Start()])
+        while engine.running.any():
+            engine.tick()
+        laps.append(float(engine.monitor.lap_times[0, 1]))
+    assert laps[0] == pytest.approx(laps[1] / 0.5, rel=tolerance)
+
+
+def test_a_pace_goes_round():
+    own = Pace(np.array([1.0, 9.0]), np.array([2.0, 4.0]), 10.0)
+    assert own.at(10.0) == pytest.approx(3.0)
+    assert own.at(21.0) == pytest.approx(2.0)
+
+
+def test_all_planners_meet_the_same_opponents():
+    settings = DuelSettings()
+    draws = [
+        Duel(DuelKey(name, None, "oval", "blocking", 3), ControllerChoice.of(name), settings).draw(57.0)
+        for name in ("overtaker", "gap_finder")
+    ]
+    assert draws[0] == draws[1]
+    others = [Duel(DuelKey("a", None, "oval", k, s), None, settings).draw(57.0) for k in OPPONENTS for s in range(5)]
+    assert len(set(others)) == 20
+    assert all(0.3 <= ratio <= 0.9 and 2.0 <= headway <= 10.0 for _, headway, ratio in others)
+
+
+def test_a_study_goes_on_where_it_stopped(tmp_path):
+    first = overtake(["overtaker"], seeds=[0], out=tmp_path / "a", **SHORT)
+    assert (first.duels_driven, len(first.rows)) == (1, 1)
+    longer = overtake(["overtaker"], seeds=[0, 1], out=tmp_path / "a", **SHORT)
+    assert (longer.duels_driven, len(longer.rows)) == (1, 2)
+    assert longer.rows[0] == first.rows[0]
+    (cell,) = [cell for cell in longer.cells if cell.track == "all" and cell.opponent == "all"]
+    assert cell.duels == 2
+    assert {"duels.csv", "duels.jsonl", "manifest.json", "table.csv", "table.md"} <= set(files(tmp_path / "a"))
+    with pytest.raises(RunFolderError, match="accepted"):
+        overtake(["overtaker"], seeds=[0], out=tmp_path / "a", laps=1, **SHORT)
+
+
+def test_a_damaged_line_is_driven_again(tmp_path):
+    first = overtake(["gap_finder"], seeds=[0], out=tmp_path, **SHORT)
+    path = tmp_path / "duels.jsonl"
+    path.write_text(path.read_text().replace('"planner": "gap_finder"', '"planner": "another"'))
+    with pytest.warns(UserWarning, match="is damaged"):
+        again = overtake(["gap_finder"], seeds=[0], out=tmp_path, **SHORT)
+    assert again.duels_driven == 1
+    same = [
+        {name: value for name, value in row.as_dict().items() if not name.startswith("decision")}
+        for row in (first.rows[0], again.rows[0])
+    ]
+    assert same[0] == same[1]
+
+
+def test_a_planner_that_cannot_drive_is_a_row(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text(
+        "from fg_mujoco.messages import DriveCommand\n"
+        "class Stands:\n"
+        "    def reset(self): pass\n"
+        "    def __call__(self, scan, odometry): return DriveCommand(steering_angle=0.0, speed=0.0)\n"
+    )
+    study = overtake(["mine.py:Stands"], seeds=[0], out=tmp_path / "out", **SHORT)
+    assert study.rows[0].figures.outcome == "failed"
+    assert "does not drive two laps" in study.rows[0].figures.message
+    assert math.isclose(make_cells(study.rows)[0].share, 0.0)
+
+
+def test_the_command_is_the_function(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    arguments = ["--tracks", "oval", "--opponents", "centreline", "--seeds", "0:1", "--speed-ratio", ".4:.5"]
+    assert main(["overtake", *arguments, "--planner", "gap_finder", "--workers", "1", "--out", "out", "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert (summary["duels"], summary["table"][0]["planner"]) == (1, "gap_finder")
+    assert (tmp_path / "out" / "table.png").is_file()
+    assert main(["overtake", *arguments, "--planner", "gap_finder", "--workers", "1", "--out", "out"]) == 0
+    assert "1 duels, 1 of them by an earlier call; written to out" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--speed-ratio", ".9:.3"], "--speed-ratio is 0.9:0.3; accepted: FIRST:LAST, above 0 and at most 1"),
+        (["--opponents", "ghost"], "opponent 'ghost'; accepted: centreline, raceline, reactive, blocking"),
+        (["--tracks", "scene:dead_end:0"], "is no circuit; accepted: a closed track"),
+        (["--planner", "overtakes"], "overtaker"),
+        (["--seeds", "1,1"], "seed 1 is given twice"),
+    ],
+)
+def test_what_cannot_be_driven_is_refused_in_a_line(tmp_path, monkeypatch, capsys, arguments, said):
+    monkeypatch.chdir(tmp_path)
+    assert said in refused(tmp_path, capsys, "overtake", *arguments, "--out", "out")
+
+
+def test_errors_are_of_the_one_tree():
+    with pytest.raises(SettingsError):
+        DuelSettings(slowest=0.0)
+    with pytest.raises(SettingsError):
+        DuelSettings(max_speed=-1.0)
+    with pytest.raises(TrackError):
+        overtake(tracks=["scene:dead_end:0"], out="nowhere", pictures=False)

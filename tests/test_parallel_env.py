@@ -1,0 +1,190 @@
+"""The PettingZoo environment: PettingZoo's own tests pass, and its agents are the cars of the Gymnasium environment."""
+
+import subprocess
+import sys
+import warnings
+
+import numpy as np
+import pytest
+
+import fg_mujoco as fg
+
+pytest.importorskip("pettingzoo", reason="the extra pettingzoo is not installed; make test installs it")
+
+import gymnasium
+from pettingzoo.test import parallel_api_test, parallel_seed_test
+
+from fg_mujoco.envs.gym_environment import F1TenthEnv
+
+STAND = np.zeros(2)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"agents": 2},
+        {"agents": 4, "track": "hairpins", "grid": "side_by_side", "normalised_actions": True},
+        {"agents": 2, "opponents": ["gap_finder"], "grid_order": "random"},
+        {"agents": 1},
+    ],
+)
+def test_api_test_of_pettingzoo_passes_without_a_warning(settings, capsys):
+    env = fg.parallel_env(beam_step=60, **settings)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        parallel_api_test(env, num_cycles=200)
+    assert "Passed Parallel API test" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("settings", [{}, {"agents": 3, "effects": {"range_noise_std": 0.01}, "grid_order": "random"}])
+def test_seed_test_of_pettingzoo_passes(settings):
+    parallel_seed_test(lambda: fg.parallel_env(beam_step=60, **settings), num_cycles=50)
+
+
+def told(env, seed, ticks=40, action=(0.03, 2.0)):
+    """All that an environment tells in some steps, as one array."""
+    seen, infos = env.reset(seed=seed)
+    rows = []
+    for _ in range(ticks):
+        rows.append(np.concatenate([[*seen[agent]["scan"], *map(float, infos[agent].values())] for agent in seen]))
+        seen, _, _, _, infos = env.step({agent: np.array(action) for agent in reversed(env.agents)})
+    return np.array(rows)
+
+
+def test_same_seed_same_bits_and_nothing_is_left_of_an_episode():
+    settings = {"agents": 3, "beam_step": 60, "effects": {"range_noise_std": 0.01}, "opponents": ["gap_finder"]}
+    env = fg.parallel_env(**settings)
+    first = told(env, 1)
+    assert first.tobytes() == told(env, 1).tobytes() == told(fg.parallel_env(**settings), 1).tobytes()
+    assert first.tobytes() != told(env, 2).tobytes()
+
+
+def test_agents_are_the_learning_car_and_a_policy_of_the_gymnasium_environment():
+    """The same world by the other door: car_1's actions given by a policy, and all bits the same."""
+    rng = np.random.default_rng(0)
+    actions = rng.uniform((-0.1, 0.5), (0.1, 3.0), (40, 2, 2))
+    clock, seen_by_policy = iter(range(41)), []
+
+    def policy(observation):
+        seen_by_policy.append(observation["scan"])
+        return actions[next(clock), 1]
+
+    env = F1TenthEnv(beam_step=20, opponents=[policy])
+    parallel = fg.parallel_env(beam_step=20)
+    seen, _ = env.reset(seed=3)
+    both, _ = parallel.reset(seed=3)
+    for tick, (own, other) in enumerate(actions):
+        assert seen["scan"].tobytes() == both["car_0"]["scan"].tobytes()
+        before = both["car_1"]["scan"]
+        seen, reward, *_, info = env.step(own)
+        both, rewards, _, _, infos = parallel.step({"car_0": own, "car_1": other})
+        assert seen_by_policy[tick].tobytes() == before.tobytes()
+        assert (reward, info) == (rewards["car_0"], infos["car_0"])
+
+
+def test_an_agent_that_crashes_is_out_and_stays_as_an_obstacle():
+    env = fg.parallel_env(agents=2, beam_step=540, start="line", rewards={"collision": 7.0})
+    env.reset(seed=0)
+    lines = {"car_0": np.array([0.4, 3.0]), "car_1": STAND}
+    rewards, terminations = {}, {"car_0": False}
+    while not terminations["car_0"]:
+        assert env.agents == ["car_0", "car_1"]
+        _, rewards, terminations, truncations, infos = env.step(lines)
+    assert rewards["car_0"] < -6.0 < rewards["car_1"] and infos["car_0"]["end_reason"] == "crash"
+    assert "end_reason" not in infos["car_1"] and not any(truncations.values())
+    assert env.agents == ["car_1"]
+    for _ in range(40):
+        seen, rewards, *_ = env.step({"car_1": STAND})
+        assert seen.keys() == rewards.keys() == {"car_1"}
+    assert env._worlds.engine.speed(0) == pytest.approx(0.0, abs=0.02)
+    while env.agents:
+        _, _, terminations, truncations, infos = env.step({"car_1": STAND})
+    assert truncations == {"car_1": True} and infos["car_1"]["end_reason"] == "no_progress"
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.step({})
+
+
+def test_cars_that_touch_both_know_and_drive_on():
+    """car_1 starts behind car_0 and a little aside, and drives into it."""
+    env = fg.parallel_env(beam_step=540, start={"s": 4.0})
+    _, infos = env.reset(seed=0)
+    assert [info["position"] for info in infos.values()] == [1, 2]
+    for tick in range(80):
+        steering = 0.15 if tick < 20 else 0.0
+        *_, infos = env.step({"car_0": STAND, "car_1": np.array([steering, 2.0])})
+        if infos["car_0"]["touches"]:
+            break
+    assert infos["car_0"]["touches"] == infos["car_1"]["touches"] == 1
+    assert env.agents == ["car_0", "car_1"]
+
+
+def test_who_finishes_sees_the_end_and_is_off_the_course():
+    """The last observation is that of the finish line, and positions are those of the finish."""
+    env = fg.parallel_env(track="oval", beam_step=60, start="line")
+    env.reset(seed=0)
+    engine, length = env._worlds.engine, env._worlds.world.track.length
+    engine.monitor.timers["progress"][0] = engine.monitor.timers["furthest"][0] = length - 0.1
+    while "car_0" in env.agents:
+        seen, _, terminations, _, infos = env.step({"car_0": np.array([0.0, 2.0]), "car_1": STAND})
+    assert terminations == {"car_0": True, "car_1": False} and infos["car_0"]["end_reason"] == "finished"
+    assert 0.5 < seen["car_0"]["scan"].max() <= 30.0 and seen["car_0"]["scan"].min() < 2.0  # among the walls
+    assert infos["car_0"]["position"] == 1
+    engine.monitor.timers["progress"][0] = length  # so that the other comes further past the line
+    engine.monitor.timers["progress"][1] = engine.monitor.timers["furthest"][1] = length - 0.01
+    while env.agents:
+        seen, _, _, _, infos = env.step({"car_1": np.array([0.0, 4.0])})
+    assert infos["car_1"]["end_reason"] == "finished" and infos["car_1"]["lead_m"] > 0.0
+    assert infos["car_1"]["position"] == 2
+
+
+def test_spaces_are_the_same_objects_each_time_and_one_for_each_agent():
+    env = fg.parallel_env(beam_step=20)
+    assert env.observation_space("car_1") is env.observation_space("car_1")
+    assert env.action_space("car_0") is not env.action_space("car_1")
+    seen, _ = env.reset(seed=0)
+    assert all(env.observation_space(agent).contains(observation) for agent, observation in seen.items())
+    with pytest.raises(fg.SettingsError, match="agent is 'car_2'; accepted: car_0, car_1"):
+        env.action_space("car_2")
+
+
+@pytest.mark.parametrize(
+    ("settings", "error", "message"),
+    [
+        ({"agents": 0}, fg.SettingsError, "agents is 0; accepted: a whole number from 1 to 16"),
+        ({"agents": 17}, fg.SettingsError, "agents is 17; accepted: a whole number from 1 to 16"),
+        ({"agents": 16, "opponents": ["gap_finder"]}, fg.SettingsError, "17 cars in a world; accepted: up to 16"),
+        ({"beam_steps": 2}, fg.SettingsError, "did you mean 'beam_step'"),
+        ({"render_mode": "human"}, fg.SettingsError, "render_mode of many cars is 'human'; accepted: rgb_array, None"),
+        ({"opponents": ["nobody"]}, fg.ControllerError, "opponent 1: controller 'nobody' is not known"),
+    ],
+)
+def test_bad_settings_are_refused(settings, error, message):
+    with pytest.raises(error, match=message):
+        fg.parallel_env(**settings)
+
+
+@pytest.mark.parametrize(
+    ("actions", "message"),
+    [
+        ({"car_0": STAND}, r"actions are of \['car_0'\]; accepted: one of each of \['car_0', 'car_1'\]"),
+        ({"car_0": STAND, "car_1": STAND, "car_2": STAND}, "actions are of .*car_2"),
+        (STAND, "actions are of .*accepted"),
+        ({"car_0": STAND, "car_1": [0.0]}, "the action of car_1 is .*accepted: an action"),
+        ({"car_0": STAND, "car_1": [np.nan, 0.0]}, "steering_angle is nan in world 1 of 2"),
+    ],
+)
+def test_actions_that_are_none_are_refused_and_nothing_is_driven(actions, message):
+    env = fg.parallel_env(beam_step=540)
+    env.reset(seed=0)
+    with pytest.raises(fg.MessageError, match=message):
+        env.step(actions)
+    *_, infos = env.step({"car_0": STAND, "car_1": STAND})
+    assert infos["car_0"]["time_s"] == pytest.approx(0.025)
+
+
+def test_without_pettingzoo_the_message_is_the_command_that_installs_it():
+    code = "import sys; sys.modules['pettingzoo'] = None\nimport fg_mujoco as fg\nprint('in')\nfg.parallel_env()"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert run.stdout == "in\n"
+    needs = "PettingZoo environments need PettingZoo: pip install 'fg-mujoco[pettingzoo]'"
+    assert run.stderr.splitlines()[-1].endswith(needs)
