@@ -117,7 +117,9 @@ def overtake(
       seeds: each draws where a duel starts, the distance and the ratio; the same for all planners.
       laps: within which the planner is to overtake.
       max_speed: fastest that both may command [m/s].
-      vehicle, tires, mu: of both cars; as of `race`.
+      vehicle: of both cars; as of `race`.
+      tires: of both.
+      mu: of both.
       workers: processes; None: as many as there are cores; one: no other than this.
       out: a new or empty folder, or one of a study with the same settings.
       pictures: whether to draw one.
