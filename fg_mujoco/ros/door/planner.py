@@ -123,7 +123,6 @@ class RosPlanner:
                 raise
             trace, place = error.__traceback__, ""
             while trace is not None:
-                place = self._graph.place_of(trace.tb_frame).partition(", line ")[0] or place
                 if trace.tb_frame.f_code.co_filename in self._graph.files:
                     place = f" ({trace.tb_frame.f_code.co_filename}, line {trace.tb_lineno})"
                 trace = trace.tb_next

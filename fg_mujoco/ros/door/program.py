@@ -14,13 +14,15 @@ A launch file is YAML, with paths from its own folder:
 from __future__ import annotations
 
 import ast
+import importlib.util
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ...errors import ControllerError, accepted_names
+from ...course.maps.map_server import plain_yaml
+from ...errors import ControllerError, MissingExtraError, accepted_names
 from ..bag_messages import INSTALL_COMMAND
 from .imports import read_node
 from .messages import ROS1, ROS2
@@ -181,11 +183,9 @@ def flat(values: Mapping[str, Any], before: str = "") -> dict[str, Any]:
 
 
 def _yaml(path: Path, text: bytes, said: str) -> Any:
+    if importlib.util.find_spec("yaml") is None:
+        raise MissingExtraError(f"{path} needs PyYAML: {INSTALL_COMMAND}")
     try:
-        import yaml
-    except ImportError as error:
-        raise ControllerError(f"{said}: {path} needs PyYAML: {INSTALL_COMMAND}") from error
-    try:
-        return yaml.safe_load(text)
-    except yaml.YAMLError as error:
+        return plain_yaml(text)
+    except Exception as error:  # YAML's own, and whatever its values' readers raise
         raise ControllerError(f"{said}: {path} is no YAML: {' '.join(str(error).split())}") from error

@@ -176,7 +176,7 @@ class Publisher:
         self._rospy.graph.publish(self._publication, message, latch=self._latch)
 
     def get_num_connections(self) -> int:
-        drives = self._publication.kind._type.startswith("ackermann_msgs/")  # type: ignore[attr-defined]
+        drives = int("ackermann_msgs/" in getattr(self.data_class, "_type", ""))
         return drives + sum(each.topic == self.name for each in self._rospy.graph.subscriptions)
 
     def unregister(self) -> None:
