@@ -167,6 +167,99 @@ def test_a_callback_that_sleeps_sleeps_in_simulated_time(node):
     assert time.perf_counter() - began < 60.0
 
 
+def test_nodes_in_the_ways_that_people_write_them(tmp_path):
+    package = tmp_path / "pkg" / "pkg"
+    package.mkdir(parents=True)
+    (tmp_path / "pkg" / "package.xml").write_text("<package><name>pkg</name></package>")
+    (package / "__init__.py").write_text("")
+    (package / "consts.py").write_text("SPEED = 1.5\n")
+    (package / "polling.py").write_text(
+        """
+import threading
+import time
+from dataclasses import dataclass
+
+import message_filters
+import rclpy
+from ackermann_msgs.msg import AckermannDriveStamped
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import LaserScan
+
+from pkg import consts
+from . import consts as same
+from .consts import SPEED
+
+
+@dataclass
+class Last:
+    time: float = 0.0
+    speed: float = 0.0
+
+
+def main():
+    assert same is consts
+    rclpy.init()
+    node, last = rclpy.create_node("polling"), Last()
+
+    def callback(scan, odometry):
+        now = time.time()
+        last.time, last.speed = now, SPEED + 0.0 / (now - last.time)
+
+    inputs = [message_filters.Subscriber(node, LaserScan, "scan"), message_filters.Subscriber(node, Odometry, "odom")]
+    both = message_filters.ApproximateTimeSynchronizer(inputs, 10, 0.1)
+    both.registerCallback(callback)
+    publisher = node.create_publisher(AckermannDriveStamped, "drive", 1)
+
+    def publish():
+        rate = node.create_rate(100)
+        while rclpy.ok():
+            message = AckermannDriveStamped()
+            message.drive.speed = last.speed
+            publisher.publish(message)
+            rate.sleep()
+
+    threading.Thread(target=publish, daemon=True).start()
+    while rclpy.ok():
+        rclpy.spin_once(node, timeout_sec=0)
+"""
+    )
+    (tmp_path / "nested.py").write_text(
+        """
+import rospy
+import tf
+from ackermann_msgs.msg import AckermannDrive, AckermannDriveStamped
+from sensor_msgs.msg import LaserScan
+from std_msgs.msg import Header
+
+
+class Nested(object):
+    def __init__(self):
+        rospy.init_node("nested")
+        self.listener = tf.TransformListener()
+        self.publisher = rospy.Publisher("drive", AckermannDriveStamped, queue_size=1)
+        rospy.Subscriber("scan", LaserScan, self.callback)
+        rospy.Timer(rospy.Duration(0.05), self.timer)
+        rospy.spin()
+
+    def callback(self, message):
+        self.place, _ = self.listener.lookupTransform("map", "base_link", rospy.Time(0))
+
+    def timer(self, event):
+        speed = 1 if self.place == [0.0, 0.0, 0.0] else 2
+        self.publisher.publish(AckermannDriveStamped(Header(stamp=event.current_real), AckermannDrive(speed=speed)))
+
+
+if __name__ == "__main__":
+    Nested()
+"""
+    )
+    scan = replace(ODOMETRY, speed=0.0)
+    assert speeds(make(f"ros:{package / 'polling.py'}"), 4) == [0.0, 1.5, 1.5, 1.5]
+    planner = make(f"ros:{tmp_path / 'nested.py'}")
+    commands = [planner(replace(SCAN, stamp=0.025 * i), replace(scan, stamp=0.025 * i)) for i in range(5)]
+    assert [command.speed for command in commands] == [0.0, 0.0, 1.0, 1.0, 1.0]
+
+
 def test_parameters_are_declared_given_and_refused(node, tmp_path):
     head = HEAD + PUBLISHER + "        self.declare_parameter('speed', 1.5)\n"
     source = node("self.drive(self.get_parameter('speed').value)", head=head)

@@ -92,7 +92,12 @@ class Imports:
         module.__name__, module.__file__ = name, str(path)
         vars(module)["__builtins__"] = self._builtins
         self._graph.files.add(str(path))
-        exec(compile(text, str(path), "exec"), module.__dict__)
+        there = sys.modules.setdefault(name, module)  # dataclasses look their module up there
+        try:
+            exec(compile(text, str(path), "exec"), module.__dict__)
+        finally:
+            if there is module:
+                sys.modules.pop(name, None)
         return module
 
     def import_module(
@@ -223,15 +228,11 @@ class Imports:
         module = self._own[path] = ModuleType(name)
         file = path.with_suffix(".py") if path.with_suffix(".py").is_file() else path / "__init__.py"
         if file.is_file():
-            sys.modules.setdefault(name, module)  # dataclasses look their module up there
             try:
                 self.run(file, file.read_bytes(), name, module)
             except BaseException:
                 del self._own[path]
                 raise
-            finally:
-                if sys.modules.get(name) is module:
-                    del sys.modules[name]
         return module
 
 
