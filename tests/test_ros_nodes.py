@@ -279,6 +279,9 @@ def test_topics_are_remapped(node):
     with pytest.warns(UserWarning, match=r"/my_scan has no publisher here; node 'mine' listens \(.*mine.py, line 12\)"):
         assert speeds(make(source), 2) == [0.0, 0.0]
     assert speeds(make(source, **{"remap./my_scan": "/scan"}), 2) == [1.0, 1.0]
+    wrong = node("self.drive(1)", head=HEAD.replace("LaserScan", "Imu") + PUBLISHER)
+    with pytest.warns(UserWarning, match=r"/scan is sensor_msgs/msg/LaserScan here; node 'mine' listens for Imu"):
+        speeds(make(wrong), 1)
 
 
 def test_poses_and_transforms_are_those_of_the_car(node):
@@ -362,6 +365,9 @@ class Driver(Node):
         speeds(make(source), 1)
     launch.write_text("nodes:\n- {file: driver.py, clas: Driver}\n")
     with pytest.raises(ControllerError, match=r"launch.yaml, node 1 has 'clas'; .* did you mean 'class'\?"):
+        make(source)
+    launch.write_text(f"nodes:\n- {{file: thinker.py}}\n- {{file: {NODES / 'wall_follow.py'}}}\n")
+    with pytest.raises(ControllerError, match="has nodes of ROS 1 and of ROS 2; accepted: all of one"):
         make(source)
 
 

@@ -27,7 +27,7 @@ from ...messages import STOP, CarParameters, DriveCommand, LaserScan, Odometry
 from ..bag_messages import nanoseconds
 from .graph import BEGIN, Graph, NodeError, Publication
 from .imports import Imports
-from .messages import ROS1, Definitions, require_rosbags
+from .messages import ROS1, Definitions, message_class, require_rosbags
 from .other_modules import other_modules, overlays
 from .program import NodeFile, Program, read_parameters, read_program
 from .rclpy_modules import rclpy_modules
@@ -66,6 +66,7 @@ class RosPlanner:
     _graph: Graph
     _sensing: Sensing
     _ticked: bool
+    _flavour: int
 
     def __init__(self, car: CarParameters, max_speed: float, settings: Mapping[str, Any] | None = None) -> None:
         self._car, self._max_speed, self._settings = car, max_speed, dict(settings or {})
@@ -99,7 +100,8 @@ class RosPlanner:
         remap = {name.removeprefix("remap."): str(given.pop(name)) for name in list(given) if name.startswith("remap.")}
         self._graph = Graph(float(limit))
         self._close = weakref.finalize(self, self._graph.close)
-        self._sensing = Sensing(self._graph, self._program.nodes[0].flavour, self._car)
+        self._flavour = self._program.nodes[0].flavour
+        self._sensing = Sensing(self._graph, self._flavour, self._car)
         self._sessions = []
         for node in self._program.nodes:
             of_file = {} if file is None else read_parameters(Path(file), node.name or "", self._said())
@@ -200,11 +202,16 @@ class RosPlanner:
         return drive.steering_angle, drive.speed
 
     def _warn_of_silence(self) -> None:
-        """Warn of topics that nodes listen to and nobody publishes on."""
+        """Warn of topics that nodes listen to and nobody publishes on, or not in that type."""
         published = {each.topic for each in self._graph.publications} | set(TOPICS)
         for each in self._graph.subscriptions:
             if each.topic not in published:
                 said = f"{each.topic} has no publisher here; node {each.node!r} listens"
+                warnings.warn(f"{said}{each.place}", stacklevel=2)
+            elif each.topic in TOPICS and each.kind is not message_class(TOPICS[each.topic][0], self._flavour):
+                said = (
+                    f"{each.topic} is {TOPICS[each.topic][0]} here; node {each.node!r} listens for {each.kind.__name__}"
+                )
                 warnings.warn(f"{said}{each.place}", stacklevel=2)
 
     def _said(self) -> str:
@@ -228,7 +235,8 @@ def find_node(source: str) -> type[RosPlanner]:
     module.__file__ = place
     vars(module)["__fg_mujoco_read__"] = program.text
     sys.modules[module.__name__] = module  # where `planner_loading` finds what was read
-    return type(program.name, (RosPlanner,), {"_program": program, "__module__": module.__name__, "__doc__": ""})
+    said = f"Nodes of ROS {program.nodes[0].flavour}: {', '.join(node.path.name for node in program.nodes)}."
+    return type(program.name, (RosPlanner,), {"_program": program, "__module__": module.__name__, "__doc__": said})
 
 
 def source_text(source: str) -> bytes:

@@ -145,6 +145,8 @@ def _read_launch(path: Path, said: str) -> Program:
                 parameters=flat(parameters), remap={str(key): str(value) for key, value in remap.items()},
             )
         )  # fmt: skip
+    if len({node.flavour for node in nodes}) > 1:
+        raise ControllerError(f"{said}: {path} has nodes of ROS 1 and of ROS 2; accepted: all of one")
     parts = [text, *(b"\n# " + str(node.path.name).encode() + b"\n" + node.text for node in nodes)]
     return Program(path=path, text=b"".join(parts), nodes=tuple(nodes))
 
