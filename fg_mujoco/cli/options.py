@@ -92,7 +92,8 @@ def add_controller_option(add: Callable[..., Any]) -> None:
     """Add the option that chooses a controller; `add` adds an option to a command."""
     add(
         "--controller", default="gap_finder",
-        help="NAME or path/to/file.py:ClassName, with settings NAME[SETTING=VALUE,...]; default: gap_finder",
+        help="NAME, path/to/file.py:ClassName or ros:path/to/node.py, with settings NAME[SETTING=VALUE,...]; "
+        "default: gap_finder",
     )  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import re
 from collections.abc import Mapping
@@ -14,7 +15,7 @@ from ..course.files import LONGEST_NAME, file_sha256
 from ..errors import SettingsError
 from ..messages import Controller
 from ..simulation.settings import DriveSettings
-from .planner_loading import build_controller, find_controller
+from .planner_loading import ROS, build_controller, file_in, find_controller, text_of
 
 Value = float | int | bool | str
 """Of a setting, as text can say it."""
@@ -64,8 +65,10 @@ class ControllerChoice:
     @property
     def sha256(self) -> str | None:
         """Of the file of a user's controller; None for a bundled one."""
-        path, colon, _ = self.source.rpartition(":")
-        return file_sha256(path) if colon else None
+        if self.source.startswith(ROS):
+            return hashlib.sha256(text_of(self.source) or b"").hexdigest()
+        path = file_in(self.source)
+        return None if path is None else file_sha256(path)
 
     def settings_with(self, others: Mapping[str, Any]) -> dict[str, Any]:
         """Return the settings in its brackets and `others`, those that are given beside it.

@@ -16,6 +16,7 @@ import hashlib
 import importlib
 import inspect
 import linecache
+import re
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
@@ -33,6 +34,10 @@ from ..simulation.planner_failure import file_of, is_of_planner, one_line, told,
 
 GROUP = "fg_mujoco.controllers"
 """Group of the entry points of planners."""
+ROS = "ros:"
+"""Before the path of a node of ROS, see docs/ros_nodes.md."""
+
+_NODE = re.compile(r":\w*$")  # the class, behind a path
 
 
 def bundled_names() -> tuple[str, ...]:
@@ -189,7 +194,9 @@ def build_controller(
         raise ControllerError(f"{origin} cannot be built: {one_line(error)}") from error
     wanted = [p.name for p in parameters if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)]
     required = [p.name for p in parameters if p.name in wanted and p.default is p.empty]
-    if settings or ("settings" in required and hasattr(factory, "Settings")):
+    if getattr(factory, "any_settings", False):  # parameters of nodes, which are known when these run
+        offered["settings"] = dict(settings or {})
+    elif settings or ("settings" in required and hasattr(factory, "Settings")):
         offered["settings"] = _settings(factory, settings or {}, origin, taken="settings" in wanted)
     if map_line is not None:
         offered["map_line"] = map_line
@@ -260,6 +267,8 @@ def _find_class(source: str, said: str) -> Any:
     if source in catalogue:
         module_name, _, class_name = catalogue[source].partition(":")
         return getattr(importlib.import_module(f"fg_mujoco.controllers.{module_name}"), class_name)
+    if source.startswith(ROS):
+        return _ros_door().find_node(source)
     path, _, class_name = source.rpartition(":") if not is_file(source) else (source, "", "")
     if not path.endswith(".py"):
         return _load(_registered(source, said), said)
@@ -274,6 +283,39 @@ def _find_class(source: str, said: str) -> Any:
             raise ControllerError(f"{said}: the name of its class is missing; accepted: {ways}")
         raise ControllerError(f"{said}: the file has no class {class_name!r}; {accepted_names(class_name, names)}")
     return found
+
+
+def _ros_door() -> Any:
+    """Return the module that runs nodes of ROS. No room below it names it but here, by its name."""
+    return importlib.import_module("fg_mujoco.ros.door.planner")
+
+
+def file_in(source: str) -> Path | None:
+    """Return the file that a controller's text names: that of a class, of a node or a launch file; None for a name."""
+    if source.startswith(ROS):
+        return Path(_NODE.sub("", source.removeprefix(ROS)))
+    path, colon, _ = source.rpartition(":")
+    return Path(path) if colon else None
+
+
+def text_of(source: str) -> bytes | None:
+    """Return the code that a controller's text names, unexecuted; of a launch file that of all its nodes.
+
+    Raises:
+      ControllerError, OSError: it cannot be read.
+    """
+    path = file_in(source)
+    if path is None:
+        return None
+    return bytes(_ros_door().source_text(source)) if source.startswith(ROS) else path.read_bytes()
+
+
+def moved_to(source: str, path: str | Path) -> str:
+    """Return a controller's text with the same file in another place."""
+    if source.startswith(ROS):
+        name = _NODE.search(source.removeprefix(ROS))
+        return f"{ROS}{path}{name.group() if name else ''}"
+    return f"{path}:{source.rpartition(':')[2]}"
 
 
 def _planner_classes(module: ModuleType) -> list[str]:

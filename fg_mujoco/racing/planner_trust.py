@@ -11,14 +11,14 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from ..course.files import file_sha256, is_file, read_bytes
+from ..course.files import is_file, read_bytes
 from ..errors import ControllerError, TrackError
 from ..messages import CarParameters, Controller
 from ..simulation.course_loading import load_track
 from ..simulation.planner_adapter import start
 from .manoeuvres import is_driven_by_commands
 from .planner_choice import ControllerChoice
-from .planner_loading import bundled_names, make_controller, origin
+from .planner_loading import bundled_names, file_in, make_controller, moved_to, origin
 from .run_folder import kept_controller
 
 
@@ -51,14 +51,14 @@ def require_trusted(source: str, sha256: str | None, *, trust: bool, where: str)
             f"{said} is not a bundled one, and loading it runs its code; accepted: --trust (in Python trust=True), if "
             "you know that code"
         )
-    path, colon, _ = source.rpartition(":")
-    if not colon:  # of an installed package, whose code the user has chosen
+    path = file_in(source)
+    if path is None:  # of an installed package, whose code the user has chosen
         found = origin(source)["sha256"] if sha256 is not None else None
     elif is_file(path):
-        found = file_sha256(path)
+        found = ControllerChoice(source).sha256
     else:
         raise ControllerError(f"{said}: there is no file {path}; accepted with --trust: the file as it was raced")
-    if found != sha256 or (colon and sha256 is None):
+    if found != sha256 or (path is not None and sha256 is None):
         raise ControllerError(
             f"{said} has sha256 {str(found)[:12]}, recorded is {sha256 and sha256[:12]}; accepted with --trust: the "
             "file as it was raced"
@@ -72,14 +72,13 @@ def controller_of(folder: Path, summary: Mapping[str, Any], controller: str) -> 
       RunFolderError: the copy is not the source that was raced.
     """
     source = ControllerChoice.of(controller).source
-    path, colon, name = source.rpartition(":")
-    kept = kept_controller(folder, summary) if colon else None
-    if kept is None:
+    there = file_in(source)
+    kept = None if there is None else kept_controller(folder, summary)
+    if there is None or kept is None or there.suffix != ".py":  # of several nodes the folder keeps the text only
         return controller
-    there = Path(path)
     if is_file(there) and read_bytes(there) == read_bytes(kept):
         return controller
-    return f"{kept}:{name}{controller.strip()[len(source) :]}"
+    return f"{moved_to(source, kept)}{controller.strip()[len(source) :]}"
 
 
 def recorded_planner(

@@ -176,8 +176,6 @@ def _start(path: Path, settings: dict[str, Any]) -> tuple[tuple[float, float] | 
 
 def _read_yaml(path: Path) -> dict[str, Any]:
     """Return the keys of a map_server YAML: all that are required, and none that is unknown."""
-    import yaml
-
     known = (*_REQUIRED, "mode")
     try:
         text = read_text(path, _MOST_BYTES)
@@ -189,7 +187,7 @@ def _read_yaml(path: Path) -> dict[str, Any]:
             f"{path}: cannot be read: {reason}; accepted: a map_server .yaml of {', '.join(_REQUIRED)}"
         ) from error
     try:
-        settings = yaml.load(text, _plain_loader())
+        settings = plain_yaml(text)
     except Exception as error:  # YAML's own, and whatever its values' readers raise
         reason = " ".join(str(error).split()) or type(error).__name__
         raise TrackError(f"{path}: is no YAML: {reason}; accepted: the keys {', '.join(_REQUIRED)}") from error
@@ -205,6 +203,17 @@ def _read_yaml(path: Path) -> dict[str, Any]:
     if ignored:
         warnings.warn(f"{path}: ignored: {', '.join(ignored)}; read are {', '.join((*known, *_STARTS))}", stacklevel=5)
     return settings
+
+
+def plain_yaml(text: str | bytes) -> Any:
+    """Return the plain values of a YAML text, of a map or of a node's parameters.
+
+    Raises:
+      Exception: YAML's own, and whatever its values' readers raise.
+    """
+    import yaml
+
+    return yaml.load(text, _plain_loader())
 
 
 def _plain_loader() -> Any:

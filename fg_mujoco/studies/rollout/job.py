@@ -27,7 +27,7 @@ from ...kernels import package_files
 from ...messages import require_whole
 from ...racing.opponents import Opponents, entry_of
 from ...racing.planner_choice import Value
-from ...racing.planner_loading import build_controller, find_controller
+from ...racing.planner_loading import build_controller, find_controller, text_of
 from ...racing.race import require_decision_limit
 from ...simulation.physics import STATE
 from ...simulation.settings import DriveSettings, Scenario, require_laps
@@ -221,8 +221,7 @@ class RolloutJob:
     @cached_property
     def controller_text(self) -> bytes | None:
         """The file of a user's controller; None for a bundled one."""
-        path, colon, _ = self.controller.rpartition(":")
-        return Path(path).read_bytes() if colon else None
+        return text_of(self.controller)
 
     @cached_property
     def _sites(self) -> tuple[Sites | None, ...]:

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import EngineError, FgMujocoError, MissingExtraError
+from ...racing.planner_loading import file_in, moved_to
 from ..worker_processes import usable_cores
 from .job import Arrays, RolloutJob, versions
 from .local import PULSE
@@ -79,11 +80,12 @@ def _drive(job: RolloutJob, number: int, controller_text: bytes | None, expected
         raise EngineError(f"a node of the cluster has {', '.join(differing)}; accepted: the same as where it started")
     if controller_text is None:
         return job.drive(number)
-    path, _, class_name = job.controller.rpartition(":")
+    path = file_in(job.controller)
+    assert path is not None
     with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / Path(path).name
+        file = Path(folder) / path.name
         file.write_bytes(controller_text)
-        return job.drive(number, controller=f"{file}:{class_name}")
+        return job.drive(number, controller=moved_to(job.controller, file))
 
 
 def _fetch(ray: Any, reference: Any) -> Arrays:

@@ -1,0 +1,291 @@
+"""What the import statements of a node find: stand-ins for ROS, the user's own files, and other modules as they are.
+
+A node's file runs with an `__import__` of its own, so that nothing is put into `sys.modules` that others would see, and
+each planner has its own modules. The user's own files are looked for beside the node and in its package.
+"""
+
+from __future__ import annotations
+
+import builtins
+import sys
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from ...errors import ControllerError, accepted_names
+from .graph import Graph
+from .messages import Definitions
+
+_LEVELS = 4  # folders above the node's in which packages of messages are looked for
+
+
+class StandIn(ModuleType):
+    """A module that stands in for one of ROS."""
+
+    def __init__(self, name: str, **members: Any) -> None:
+        super().__init__(name, f"Stands in for {name}.")
+        self.__dict__.update(members)
+        self.__path__: list[str] = []
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        raise AttributeError(lacks(self, name))
+
+
+def lacks(module: ModuleType, name: str) -> str:
+    """Return what is said of a name that a stand-in has not."""
+    known = [each for each in vars(module) if not each.startswith("_")]
+    return f"{module.__name__} has no {name!r} here, where no ROS is installed; {accepted_names(name, known)}"
+
+
+class Overlay(ModuleType):
+    """A module of Python with some of its members replaced."""
+
+    def __init__(self, real: ModuleType, **members: Any) -> None:
+        super().__init__(real.__name__, real.__doc__)
+        self.__dict__.update(members)
+        self.__dict__["_real"] = real
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.__dict__["_real"], name)
+
+
+class Imports:
+    """The modules of one node.
+
+    Args:
+      node: its file.
+      graph: which is told of the files that are read.
+      definitions: of messages; the user's own `.msg` files are added.
+      modules: that stand in, by name.
+      overlays: of modules of Python, by name.
+    """
+
+    def __init__(
+        self,
+        node: Path,
+        graph: Graph,
+        definitions: Definitions,
+        modules: Mapping[str, ModuleType],
+        overlays: Mapping[str, ModuleType],
+    ) -> None:
+        self._node, self._graph, self._definitions = node, graph, definitions
+        self._modules: dict[str, ModuleType] = dict(modules)
+        self._overlays = overlays
+        self._own: dict[Path, ModuleType] = {}
+        self._builtins = {**vars(builtins), "__import__": self.import_module}
+        folder = node.resolve().parent
+        above = folder.parent
+        packaged = (folder / "__init__.py").is_file() or any(
+            (above / file).is_file() for file in ("package.xml", "setup.py")
+        )
+        self._folders = [folder, *((above, above / "src") if packaged else ())]
+        for name in list(self._modules):
+            self._hang(name)
+
+    def run(self, path: Path, text: bytes, name: str, module: ModuleType | None = None) -> ModuleType:
+        """Execute a file of the user's as a module of a name."""
+        module = module or ModuleType(name)
+        module.__name__, module.__file__ = name, str(path)
+        vars(module)["__builtins__"] = self._builtins
+        self._graph.files.add(str(path))
+        there = sys.modules.setdefault(name, module)  # dataclasses look their module up there
+        try:
+            exec(compile(text, str(path), "exec"), module.__dict__)
+        finally:
+            if there is module:
+                sys.modules.pop(name, None)
+        return module
+
+    def import_module(
+        self,
+        name: str,
+        globals: Mapping[str, Any] | None = None,
+        locals: Mapping[str, Any] | None = None,
+        fromlist: Sequence[str] | None = (),
+        level: int = 0,
+    ) -> Any:
+        """Stand in for `__import__` in the files of a node."""
+        wanted = tuple(fromlist or ())
+        if level:
+            return self._relative(name, globals or {}, wanted, level)
+        if name in self._overlays:
+            return self._overlays[name]
+        found = self._stand_in(name)
+        if found is not None:
+            for each in wanted:
+                if each != "*" and each not in vars(found) and not self._provides(found, each):
+                    raise ImportError(lacks(found, each))
+            return found if wanted else self._modules[name.partition(".")[0]]
+        own = self._own_module(self._folders, name, wanted)
+        if own is not None:
+            return own
+        return builtins.__import__(name, globals, locals, wanted, 0)
+
+    def _stand_in(self, name: str) -> ModuleType | None:
+        top, _, rest = name.partition(".")
+        if name not in self._modules and rest in ("msg", "srv", "action") and self._package(top):
+            self._hang(name)
+        elif name not in self._modules and not rest and self._package(top):
+            self._modules[top] = StandIn(top)
+            self._hang(f"{top}.msg")
+        found = self._modules.get(name)
+        if found is None and rest and top in self._modules:
+            raise ModuleNotFoundError(
+                f"there is no {name!r} here, where no ROS is installed; accepted: "
+                + ", ".join(each for each in self._modules if each.startswith(f"{top}."))
+            )
+        return found
+
+    def _provides(self, module: ModuleType, name: str) -> bool:
+        """Say whether a stand-in has a name: a module in it, or a service, which is made when it is asked for."""
+        part = f"{module.__name__}.{name}"
+        if isinstance(module, Services) or part in self._modules:
+            return True
+        return name in ("msg", "srv", "action") and self._stand_in(part) is not None
+
+    def _package(self, name: str) -> bool:
+        """Say whether there are messages of a package, and make its modules."""
+        if f"{name}.msg" in self._modules:
+            return True
+        if not self._definitions.names(name):
+            for folder in self._message_folders(name):
+                self._definitions.add_files(name, folder)
+        names = self._definitions.names(name)
+        if not names:
+            return False
+        kinds = {each: self._definitions.kind(f"{name}/msg/{each}") for each in names}
+        self._modules[f"{name}.msg"] = StandIn(f"{name}.msg", **kinds)
+        self._modules.setdefault(f"{name}.srv", Services(f"{name}.srv"))
+        self._modules.setdefault(f"{name}.action", Services(f"{name}.action"))
+        self._modules.setdefault(name, StandIn(name))
+        for part in ("msg", "srv", "action"):
+            setattr(self._modules[name], part, self._modules[f"{name}.{part}"])
+        return True
+
+    def _message_folders(self, package: str) -> list[Path]:
+        """Return the folders of a package's `.msg` files: of its own, of one beside it, or beside the node."""
+        folder = self._node.resolve().parent
+        above = [folder, *list(folder.parents)[:_LEVELS]]
+        places = [place / package / "msg" for place in above]
+        places += [place / "msg" for place in above if place.name == package or _is_package(place, package)]
+        if not any(place.is_dir() for place in places):
+            local = folder / "msg"
+            places = [local if local.is_dir() else folder]
+        return [place for place in places if place.is_dir() and any(place.glob("*.msg"))]
+
+    def _hang(self, name: str) -> None:
+        """Make the modules that a module's name is in, and put each into the one above."""
+        parent, _, last = name.rpartition(".")
+        if parent:
+            self._modules.setdefault(parent, StandIn(parent))
+            vars(self._modules[parent]).setdefault(last, self._modules[name])
+            self._hang(parent)
+
+    def _relative(self, name: str, globals: Mapping[str, Any], wanted: tuple[str, ...], level: int) -> Any:
+        folder = Path(str(globals.get("__file__"))).resolve().parents[level - 1]
+        if name:
+            found = self._own_module([folder], name, wanted or ("",))
+            if found is None:
+                raise ModuleNotFoundError(f"there is no module {name!r} in {folder}")
+            return found
+        package = self._own.setdefault(folder, ModuleType(folder.name))
+        for each in wanted:
+            own = None if hasattr(package, each) else self._own_module([folder], each, ("",))
+            if own is not None:
+                setattr(package, each, own)
+        return package
+
+    def _own_module(self, folders: Sequence[Path], name: str, wanted: tuple[str, ...]) -> ModuleType | None:
+        """Return a module of the user's: the last of a dotted name where names are wanted of it, else the first."""
+        for folder in folders:
+            parts = name.split(".")
+            path = folder.joinpath(*parts)
+            if not (path.with_suffix(".py").is_file() or (path.is_dir() and _has_python(path))):
+                continue
+            if path.name != parts[-1] or (len(parts) == 1 and folder.name == "site-packages"):
+                continue
+            modules = [
+                self._load(folder.joinpath(*parts[: i + 1]), ".".join(parts[: i + 1])) for i in range(len(parts))
+            ]
+            for outer, inner in pairwise(modules):
+                setattr(outer, inner.__name__.rpartition(".")[2], inner)
+            for each in wanted:
+                if each and not hasattr(modules[-1], each) and path.is_dir():
+                    inner_path = path / each
+                    if inner_path.with_suffix(".py").is_file() or inner_path.is_dir():
+                        setattr(modules[-1], each, self._load(inner_path, f"{name}.{each}"))
+            return modules[-1] if wanted else modules[0]
+        return None
+
+    def _load(self, path: Path, name: str) -> ModuleType:
+        """Return the module of `path.py`, or of the folder `path`, executed once."""
+        if path in self._own:
+            return self._own[path]
+        module = self._own[path] = ModuleType(name)
+        file = path.with_suffix(".py") if path.with_suffix(".py").is_file() else path / "__init__.py"
+        if file.is_file():
+            try:
+                self.run(file, file.read_bytes(), name, module)
+            except BaseException:
+                del self._own[path]
+                raise
+        return module
+
+
+class Services(StandIn):
+    """Services and actions of a package, which nodes make and nobody answers."""
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        parts = {part: type(part, (_Open,), {}) for part in ("Request", "Response", "Goal", "Result", "Feedback")}
+        found = type(name, (), parts)
+        setattr(self, name, found)
+        setattr(self, f"{name}Request", parts["Request"])
+        setattr(self, f"{name}Response", parts["Response"])
+        return found
+
+
+class _Open:
+    """A request or a response: whatever fields it is given."""
+
+    def __init__(self, *values: Any, **named: Any) -> None:
+        vars(self).update(named)
+
+
+def package_folder(node: Path, name: str) -> Path | None:
+    """Return the folder of a package that a node's file is in, or of one beside that; None where there is none."""
+    for folder in list(node.resolve().parents)[: _LEVELS + 1]:
+        if _is_package(folder, name) or folder.name == name:
+            inside = folder.parent  # of the Python package of the same name, in a package of ROS 2
+            return inside if inside.name == name or _is_package(inside, name) else folder
+        if (folder / name).is_dir() and folder != node.resolve().parent:
+            return folder / name
+    return None
+
+
+def _is_package(folder: Path, name: str) -> bool:
+    file = folder / "package.xml"
+    return file.is_file() and f"<name>{name}</name>" in file.read_text("utf-8", "replace")
+
+
+def _has_python(folder: Path) -> bool:
+    return any(folder.glob("*.py"))
+
+
+def read_node(path: Path, origin: str) -> bytes:
+    """Return the contents of a node's file.
+
+    Raises:
+      ControllerError: it cannot be read.
+    """
+    if not path.is_file():
+        raise ControllerError(f"{origin}: there is no file {path}")
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise ControllerError(f"{origin}: {path} cannot be read: {error.strerror}") from error

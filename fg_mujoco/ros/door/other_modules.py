@@ -1,0 +1,144 @@
+"""Stand-ins for small packages of ROS, and modules of Python whose clocks and threads are the simulated ones here."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+from .imports import Overlay, Services, StandIn, package_folder
+from .rospy_times import NANOSECONDS
+from .session import Session
+
+
+class PackageNotFoundError(KeyError):
+    pass
+
+
+def other_modules(session: Session, modules: dict[str, ModuleType]) -> dict[str, ModuleType]:
+    """Return the modules of small packages for one node; `modules` has its rclpy or rospy."""
+
+    def folder_of(name: str) -> str:
+        found = package_folder(session.file, name)
+        if found is None:
+            raise PackageNotFoundError(
+                f"package {name!r} is not here; accepted: that of {session.file}, which has a package.xml, setup.py or "
+                "a folder of that name, or one beside it"
+            )
+        return str(found)
+
+    packages = StandIn(
+        "ament_index_python.packages", get_package_share_directory=folder_of, get_package_prefix=folder_of,
+        get_package_share_path=lambda name: Path(folder_of(name)), PackageNotFoundError=PackageNotFoundError,
+    )  # fmt: skip
+    found: dict[str, ModuleType] = {
+        "ament_index_python.packages": packages,
+        "ament_index_python": StandIn("ament_index_python", **_public(packages)),
+        "rospkg": StandIn("rospkg", RosPack=lambda: SimpleNamespace(get_path=folder_of)),
+        "std_srvs.srv": Services("std_srvs.srv"),
+        "message_filters": _message_filters(modules),
+    }
+    return found
+
+
+def _message_filters(modules: dict[str, ModuleType]) -> ModuleType:
+    class Filter:
+        def __init__(self) -> None:
+            self._calls: list[tuple[Callable[..., Any], tuple[Any, ...]]] = []
+
+        def registerCallback(self, callback: Callable[..., Any], *values: Any) -> None:  # noqa: N802
+            self._calls.append((callback, values))
+
+        def signal_message(self, *messages: Any) -> None:
+            for callback, values in self._calls:
+                callback(*messages, *values)
+
+    class Subscriber(Filter):
+        def __init__(self, *values: Any, qos_profile: Any = 10, **named: Any) -> None:
+            super().__init__()
+            if "rospy" in modules:
+                self.sub = modules["rospy"].Subscriber(values[0], values[1], self.signal_message)
+            else:
+                node, kind, topic = values[:3]
+                depth = values[3] if len(values) > 3 else qos_profile
+                self.sub = node.create_subscription(kind, topic, self.signal_message, depth)
+
+    class Synchronizer(Filter):
+        """Calls with the newest message of each, once the stamps lie within `slop` [s] of each other."""
+
+        def __init__(self, fs: Any, queue_size: int = 10, slop: float = 0.0, **_: Any) -> None:
+            super().__init__()
+            self._newest: list[Any] = [None] * len(fs)
+            self._slop = slop
+            for i, each in enumerate(fs):
+                each.registerCallback(self._take, i)
+
+        def _take(self, message: Any, i: int) -> None:
+            self._newest[i] = message
+            if any(each is None for each in self._newest):
+                return
+            stamps = [_seconds(each.header.stamp) for each in self._newest]
+            if max(stamps) - min(stamps) <= self._slop + 1e-9:
+                newest, self._newest = self._newest, [None] * len(self._newest)
+                self.signal_message(*newest)
+
+    return StandIn(
+        "message_filters", Subscriber=Subscriber, TimeSynchronizer=Synchronizer,
+        ApproximateTimeSynchronizer=Synchronizer, SimpleFilter=Filter,
+    )  # fmt: skip
+
+
+def overlays(session: Session, sleep: Callable[[float], Any]) -> dict[str, ModuleType]:
+    """Return modules of Python as a node sees them: `time` is simulated, threads take turns, there are no arguments.
+
+    Args:
+      session: of the node.
+      sleep: waits for so many simulated seconds.
+    """
+    graph = session.graph
+
+    class Thread(threading.Thread):
+        """A thread that takes turns with the node's."""
+
+        def start(self) -> None:
+            self.process = graph.start(self.name, self.run)
+
+        def join(self, timeout: float | None = None) -> None:
+            wake = None if timeout is None else graph.now + round(timeout * NANOSECONDS)
+            graph.pause(wake, lambda: self.process.done)
+
+        def is_alive(self) -> bool:
+            return hasattr(self, "process") and not self.process.done
+
+    class Parser(argparse.ArgumentParser):
+        """Without arguments: those of this process are not the node's."""
+
+        def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+            return super().parse_known_args([] if args is None else args, namespace)
+
+    return {
+        "time": Overlay(
+            time, time=graph.wall_time, monotonic=graph.wall_time, perf_counter=graph.wall_time, sleep=sleep,
+            time_ns=lambda: round(graph.wall_time() * NANOSECONDS), clock=graph.wall_time,
+            monotonic_ns=lambda: round(graph.wall_time() * NANOSECONDS),
+            perf_counter_ns=lambda: round(graph.wall_time() * NANOSECONDS),
+        ),
+        "sys": Overlay(sys, argv=[str(session.file)]),
+        "threading": Overlay(threading, Thread=Thread),
+        "signal": Overlay(signal, signal=lambda *_: None),
+        "argparse": Overlay(argparse, ArgumentParser=Parser),
+    }  # fmt: skip
+
+
+def _seconds(stamp: Any) -> float:
+    return float(stamp.to_sec() if hasattr(stamp, "to_sec") else stamp.sec + stamp.nanosec / NANOSECONDS)
+
+
+def _public(module: ModuleType) -> dict[str, Any]:
+    return {name: value for name, value in vars(module).items() if not name.startswith("_")}

@@ -1,0 +1,285 @@
+"""A node of ROS, or several, as a planner: what the engine builds of `ros:path/node.py:ClassName`.
+
+    planner = find_node("ros:wall_follow.py:WallFollow")(car=car, max_speed=8.0, settings={"speed": 2.0})
+    planner(scan, odometry)   # the last message on /drive
+
+Each tick the nodes are told the scan, the odometry and the pose, and do all that is due in simulated time. The last
+message that they have published on the drive topic is the command. Before the first the car stands.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+import sys
+import warnings
+import weakref
+import zlib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import ModuleType
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ...errors import ControllerError
+from ...messages import STOP, CarParameters, DriveCommand, LaserScan, Odometry
+from ..bag_messages import nanoseconds
+from .graph import BEGIN, Graph, NodeError, Publication
+from .imports import Imports
+from .messages import ROS1, Definitions, message_class, require_rosbags
+from .other_modules import other_modules, overlays
+from .program import NodeFile, Program, read_parameters, read_program
+from .rclpy_modules import rclpy_modules
+from .rospy_modules import rospy_modules
+from .rospy_times import NANOSECONDS
+from .sensing import TOPICS, Sensing
+from .session import Session
+from .transform_modules import transform_modules
+
+DRIVE = "/drive"
+WALL_LIMIT = 30.0
+"""[s] of wall time that a node may take for what is due at one instant: numba may compile in there."""
+PATIENCE = 5.0
+"""[s] simulated in which a node must have published its first command."""
+
+_STAMPED, _PLAIN = "ackermann_msgs/AckermannDriveStamped", "ackermann_msgs/AckermannDrive"
+_TWIST = "geometry_msgs/Twist"
+_SLOWEST = 0.05  # [m/s] below which a Twist's yaw rate says nothing of the steering angle
+
+
+class RosPlanner:
+    """Nodes as a planner; `find_node` makes a class of it for each program.
+
+    Args:
+      car: parameters of the car.
+      max_speed: fastest that is commanded, whatever the nodes ask for [m/s].
+      settings: parameters of the nodes, by name; `remap./scan` is another name for a topic, `door.params` a file of
+        parameters, `door.wall_limit` the wall time that a node may take [s].
+
+    Raises:
+      ControllerError: a parameter that no node has, or a node that cannot drive.
+    """
+
+    any_settings = True
+    _program: ClassVar[Program]
+    _graph: Graph
+    _sensing: Sensing
+    _ticked: bool
+    _flavour: int
+
+    def __init__(self, car: CarParameters, max_speed: float, settings: Mapping[str, Any] | None = None) -> None:
+        self._car, self._max_speed, self._settings = car, max_speed, dict(settings or {})
+        self._build()
+
+    def reset(self) -> None:
+        """End the nodes, and start them anew."""
+        if self._ticked:
+            self._close()
+            self._build()
+
+    def __call__(self, scan: LaserScan, odometry: Odometry) -> DriveCommand:
+        """Tell the nodes what the car senses, and return the last command that they have published."""
+        if not self._ticked:
+            self._ticked, self._began = True, scan.stamp
+            self._warn_of_silence()
+        time = BEGIN + nanoseconds(max(scan.stamp, odometry.stamp))
+        self._run(lambda: self._graph.tick(time, self._sensing.messages(scan, odometry)))
+        if all(process.done for process in self._graph.processes):
+            raise NodeError(f"{self._said()} has ended, and a planner may not{self._line()}")
+        return self._command(scan.stamp - self._began)
+
+    def _build(self) -> None:
+        require_rosbags()
+        self._ticked, self._began = False, 0.0
+        given = dict(self._settings)
+        limit = given.pop("door.wall_limit", WALL_LIMIT)
+        if not isinstance(limit, (int, float)) or not 0.0 < limit < math.inf:
+            raise ControllerError(f"door.wall_limit is {limit!r}; accepted: a positive number of seconds")
+        file = given.pop("door.params", None)
+        remap = {name.removeprefix("remap."): str(given.pop(name)) for name in list(given) if name.startswith("remap.")}
+        self._graph = Graph(float(limit))
+        self._close = weakref.finalize(self, self._graph.close)
+        self._flavour = self._program.nodes[0].flavour
+        self._sensing = Sensing(self._graph, self._flavour, self._car)
+        self._sessions = []
+        for node in self._program.nodes:
+            of_file = {} if file is None else read_parameters(Path(file), node.name or "", self._said())
+            own = {**node.parameters, **of_file, **given}
+            session = Session(self._graph, node.path, own, {**node.remap, **remap}, node.name)
+            self._sessions.append(session)
+            self._graph.start(node.name or node.class_name or node.path.stem, _starter(session, node))
+        try:
+            self._run(self._graph.settle)
+            self._check()
+        except BaseException:
+            self._close()
+            raise
+
+    def _run(self, act: Callable[[], None]) -> None:
+        """Let nodes run; an error in one of several is told with its own file and line."""
+        try:
+            act()
+        except Exception as error:
+            if len(self._program.nodes) == 1 or isinstance(error, NodeError):
+                raise
+            trace, place = error.__traceback__, ""
+            while trace is not None:
+                if trace.tb_frame.f_code.co_filename in self._graph.files:
+                    place = f" ({trace.tb_frame.f_code.co_filename}, line {trace.tb_lineno})"
+                trace = trace.tb_next
+            raise NodeError(f"{type(error).__name__}: {error}{place}") from error
+
+    def _check(self) -> None:
+        """Refuse nodes that cannot drive, and parameters that none of them has."""
+        known = set().union(*(session.asked for session in self._sessions))
+        for session in self._sessions:
+            session.asked |= known & set(self._settings)
+            wrong = session.unknown_parameters()
+            if wrong:
+                raise NodeError(f"{self._said()} {wrong}{self._line()}")
+        processes = self._graph.processes
+        if all(process.done for process in processes):
+            raise NodeError(
+                f"{self._said()} has ended at once; accepted: one that spins, or a class: ros:{self._program.path}:"
+                f"ClassName{self._line()}"
+            )
+        self._drives()
+        if all(process.done or process.spinning for process in processes) and not self._drives():
+            raise NodeError(self._no_drive())
+
+    def _no_drive(self) -> str:
+        topics = sorted({each.topic for each in self._graph.publications})
+        return (
+            f"{self._said()} publishes on no drive topic; accepted: AckermannDriveStamped on {DRIVE}; it publishes on "
+            f"{', '.join(topics) or 'none'}{self._line()}"
+        )
+
+    def _drives(self) -> list[Publication]:
+        """Return the publishers on the drive topic.
+
+        Raises:
+          NodeError: there are two such topics, and neither is /drive.
+        """
+        for kinds in ((_STAMPED, _PLAIN), (_TWIST,)):
+            found = [each for each in self._graph.publications if getattr(each.kind, "_type", "") in kinds]
+            topics = sorted({each.topic for each in found})
+            if DRIVE in topics or len(topics) == 1:
+                return [each for each in found if each.topic == (DRIVE if DRIVE in topics else topics[0])]
+            if topics:
+                raise NodeError(
+                    f"{self._said()} has {len(topics)} drive topics, {' and '.join(topics)}{found[-1].place}; "
+                    f"accepted: one, or one that is {DRIVE}: [remap.{topics[0]}={DRIVE}]"
+                )
+        return []
+
+    def _command(self, driven: float) -> DriveCommand:
+        """Return the last command; `driven` is the simulated time since the first scan [s]."""
+        drives = self._drives()
+        message = self._graph.newest.get(drives[0].topic) if drives else None
+        if message is None:
+            if driven >= PATIENCE:
+                if not drives:
+                    raise NodeError(self._no_drive())
+                raise NodeError(
+                    f"{self._said()} has published nothing on {drives[0].topic} within {PATIENCE:g} s{drives[0].place}"
+                )
+            return STOP
+        steering_angle, speed = self._asked(message)
+        return DriveCommand(
+            steering_angle=float(np.float32(steering_angle)),
+            speed=max(-self._max_speed, min(self._max_speed, float(np.float32(speed)))),
+        )
+
+    def _asked(self, message: Any) -> tuple[float, float]:
+        """Return the steering angle [rad] and the speed [m/s] of a message."""
+        kind = message._type
+        if kind == _TWIST:
+            speed, turning = float(message.linear.x), float(message.angular.z)
+            angle = math.atan2(turning * self._car.wheelbase, abs(speed)) if abs(speed) > _SLOWEST else 0.0
+            return math.copysign(1.0, speed) * angle, speed
+        drive = message.drive if kind == _STAMPED else message
+        return drive.steering_angle, drive.speed
+
+    def _warn_of_silence(self) -> None:
+        """Warn of topics that nodes listen to and nobody publishes on, or not in that type."""
+        published = {each.topic for each in self._graph.publications} | set(TOPICS)
+        for each in self._graph.subscriptions:
+            if each.topic not in published:
+                said = f"{each.topic} has no publisher here; node {each.node!r} listens"
+                warnings.warn(f"{said}{each.place}", stacklevel=2)
+            elif each.topic in TOPICS and each.kind is not message_class(TOPICS[each.topic][0], self._flavour):
+                said = (
+                    f"{each.topic} is {TOPICS[each.topic][0]} here; node {each.node!r} listens for {each.kind.__name__}"
+                )
+                warnings.warn(f"{said}{each.place}", stacklevel=2)
+
+    def _said(self) -> str:
+        names = [process.name for process in self._graph.processes] if hasattr(self, "_graph") else []
+        return f"node {names[0]!r}" if len(names) == 1 else f"{self._program.path.name}"
+
+    def _line(self) -> str:
+        node = self._program.nodes[0]
+        return f" ({node.path}, line {node.line})" if len(self._program.nodes) == 1 else f" ({self._program.path})"
+
+
+def find_node(source: str) -> type[RosPlanner]:
+    """Return the class of planners of a program; nothing of it is executed.
+
+    Raises:
+      ControllerError: a file that cannot be read, is no Python or no launch file, or has no such class.
+    """
+    program = read_program(source)
+    place = str(program.path)
+    module = ModuleType(f"fg_mujoco_ros_{program.path.stem}_{zlib.crc32(place.encode()):08x}")
+    module.__file__ = place
+    vars(module)["__fg_mujoco_read__"] = program.text
+    sys.modules[module.__name__] = module  # where `planner_loading` finds what was read
+    said = f"Nodes of ROS {program.nodes[0].flavour}: {', '.join(node.path.name for node in program.nodes)}."
+    return type(program.name, (RosPlanner,), {"_program": program, "__module__": module.__name__, "__doc__": said})
+
+
+def source_text(source: str) -> bytes:
+    """Return what the hash of `ros:...` is of: the node's file; of a launch file that and the nodes' files."""
+    return read_program(source).text
+
+
+def _starter(session: Session, node: NodeFile) -> Callable[[], None]:
+    """Return what the thread of a node does."""
+
+    def run() -> None:
+        rospy = node.flavour == ROS1
+        modules = rospy_modules(session) if rospy else rclpy_modules(session)
+        modules.update(transform_modules(session, node.flavour))
+        modules.update(other_modules(session, modules))
+        graph = session.graph
+
+        def sleep(seconds: float) -> None:
+            if rospy:
+                modules["rospy"].sleep(float(seconds))
+            else:
+                graph.pause(graph.now + max(1, round(float(seconds) * NANOSECONDS)))
+
+        imports = Imports(node.path, graph, Definitions(node.flavour), modules, overlays(session, sleep))
+        if not node.class_name:
+            module = imports.run(node.path, node.text, "__main__" if node.is_script else node.path.stem)
+            if not node.is_script and node.has_main:
+                needed = [p for p in inspect.signature(module.main).parameters.values() if p.default is p.empty]
+                module.main(*(None for p in needed if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)))
+            return
+        module = imports.run(node.path, node.text, node.path.stem)
+        kind = getattr(module, node.class_name)
+        if rospy:
+            modules["rospy"].init_node(node.class_name)
+            made = kind()
+        else:
+            modules["rclpy"].init()
+            made = kind()
+        if rospy:
+            modules["rospy"].spin()
+        elif not isinstance(made, modules["rclpy.node"].Node):
+            raise TypeError(f"class {node.class_name} is no Node; accepted: a Node, or without class: ros:{node.path}")
+        else:
+            modules["rclpy"].spin(made)
+
+    return run

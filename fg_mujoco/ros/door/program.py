@@ -1,0 +1,193 @@
+"""What `ros:` names: a node's file, or a launch file of several, read without executing any of it.
+
+A launch file is YAML, with paths from its own folder:
+
+    nodes:
+      - file: wall_follow.py
+        class: WallFollow             # without it the file is run as a script
+        name: wall_follow             # of the node; its own where there is none
+        parameters: {speed: 2.0}
+        params_file: config.yaml      # as ROS has them
+        remap: {/drive: /wall_drive}
+"""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ...course.maps.map_server import plain_yaml
+from ...errors import ControllerError, MissingExtraError, accepted_names
+from ..bag_messages import INSTALL_COMMAND
+from .imports import read_node
+from .messages import ROS1, ROS2
+
+SCHEME = "ros:"
+_KEYS = ("file", "class", "name", "parameters", "params_file", "remap")
+
+
+@dataclass(frozen=True, kw_only=True)
+class NodeFile:
+    """One node of a program."""
+
+    path: Path
+    text: bytes = field(repr=False)
+    class_name: str  # empty: it is run as a script
+    flavour: int  # ROS1 or ROS2
+    is_script: bool  # whether it has a part for `__name__ == "__main__"`
+    has_main: bool
+    line: int  # of the class, or of `main`
+    name: str | None = None
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    remap: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Program:
+    """The nodes that are a planner together."""
+
+    path: Path  # of the node, or of the launch file
+    text: bytes = field(repr=False)  # of the file; of a launch file that and all that it names
+    nodes: tuple[NodeFile, ...]
+
+    @property
+    def name(self) -> str:
+        """What the planner is called."""
+        return self.nodes[0].class_name or self.path.stem if len(self.nodes) == 1 else self.path.stem
+
+
+def read_program(source: str) -> Program:
+    """Return the program of `ros:node.py:ClassName`, `ros:node.py` or `ros:launch.yaml`.
+
+    Raises:
+      ControllerError: a file that cannot be read, is no Python or no launch file, or has no such class.
+    """
+    said = f"controller {source!r}"
+    rest = source.removeprefix(SCHEME)
+    path, colon, class_name = rest.rpartition(":") if re.search(r":\w*$", rest) else (rest, "", "")
+    if path.endswith((".yaml", ".yml")) and not colon:
+        return _read_launch(Path(path), said)
+    if not path.endswith(".py"):
+        raise ControllerError(f"{said}; accepted: ros:path/node.py:ClassName, ros:path/node.py or ros:path/launch.yaml")
+    node = read_node_file(Path(path), class_name, said)
+    return Program(path=Path(path), text=node.text, nodes=(node,))
+
+
+def read_node_file(path: Path, class_name: str, said: str, **more: Any) -> NodeFile:
+    """Return one node of a file.
+
+    Raises:
+      ControllerError: the file cannot be read, is no Python, or has no such class.
+    """
+    text = read_node(path, said)
+    try:
+        tree = ast.parse(text, str(path))
+    except (SyntaxError, ValueError) as error:
+        line = getattr(error, "lineno", None)
+        where = f" ({path}, line {line})" if line else f" ({path})"
+        hint = "; it is Python 2" if b"print " in text and "Missing parentheses" in str(error) else ""
+        raise ControllerError(f"{said} does not import: {getattr(error, 'msg', error)}{where}{hint}") from error
+    classes = {each.name: each.lineno for each in tree.body if isinstance(each, ast.ClassDef)}
+    named = {name for each in ast.walk(tree) for name in _imported(each)}
+    if class_name and class_name not in classes and not _binds(tree, class_name):
+        raise ControllerError(f"{said}: the file has no class {class_name!r}; {accepted_names(class_name, classes)}")
+    mains = [each.lineno for each in tree.body if isinstance(each, ast.FunctionDef) and each.name == "main"]
+    guards = [each.lineno for each in tree.body if isinstance(each, ast.If) and "__name__" in ast.dump(each.test)]
+    line = classes.get(class_name, 1) if class_name else (mains or guards or [1])[0]
+    return NodeFile(
+        path=path, text=text, class_name=class_name, flavour=ROS1 if "rospy" in named else ROS2,
+        is_script=bool(guards), has_main=bool(mains), line=line, **more,
+    )  # fmt: skip
+
+
+def _imported(node: ast.AST) -> list[str]:
+    if isinstance(node, ast.Import):
+        return [each.name.partition(".")[0] for each in node.names]
+    if isinstance(node, ast.ImportFrom) and node.module:
+        return [node.module.partition(".")[0]]
+    return []
+
+
+def _binds(tree: ast.Module, name: str) -> bool:
+    """Say whether a file imports a name."""
+    imports = [each for each in tree.body if isinstance(each, (ast.Import, ast.ImportFrom))]
+    return any(name in (each.asname, each.name) for statement in imports for each in statement.names)
+
+
+def _read_launch(path: Path, said: str) -> Program:
+    text = read_node(path, said)
+    found = _yaml(path, text, said)
+    rows = found.get("nodes") if isinstance(found, dict) else found
+    if not isinstance(rows, list) or not rows or not all(isinstance(row, dict) for row in rows):
+        raise ControllerError(f"{said}: {path} has no list of nodes; accepted: nodes: with a list of {{file: ...}}")
+    nodes = []
+    for number, row in enumerate(rows, start=1):
+        where = f"{said}: {path}, node {number}"
+        for key in row:
+            if key not in _KEYS:
+                raise ControllerError(f"{where} has {key!r}; {accepted_names(str(key), _KEYS)}")
+        if not isinstance(row.get("file"), str):
+            raise ControllerError(f"{where} has no file; accepted: file: path/to/node.py")
+        parameters, remap = row.get("parameters") or {}, row.get("remap") or {}
+        if not isinstance(parameters, dict) or not isinstance(remap, dict):
+            raise ControllerError(f"{where}: parameters and remap; accepted: {{name: value}}")
+        if row.get("params_file"):
+            file = path.parent / str(row["params_file"])
+            parameters = {**read_parameters(file, str(row.get("name") or ""), where), **parameters}
+        nodes.append(
+            read_node_file(
+                path.parent / row["file"], str(row.get("class") or ""), where, name=row.get("name"),
+                parameters=flat(parameters), remap={str(key): str(value) for key, value in remap.items()},
+            )
+        )  # fmt: skip
+    if len({node.flavour for node in nodes}) > 1:
+        raise ControllerError(f"{said}: {path} has nodes of ROS 1 and of ROS 2; accepted: all of one")
+    parts = [text, *(b"\n# " + str(node.path.name).encode() + b"\n" + node.text for node in nodes)]
+    return Program(path=path, text=b"".join(parts), nodes=tuple(nodes))
+
+
+def read_parameters(path: Path, node: str, said: str) -> dict[str, Any]:
+    """Return the parameters of a node in a YAML file of ROS 2 (`node: ros__parameters: ...`) or ROS 1 (a mapping).
+
+    Args:
+      path: of the file.
+      node: name of the node; of ROS 2 the entries of other nodes are left out; empty: of all.
+      said: what wants them, for messages.
+
+    Raises:
+      ControllerError: it cannot be read, or is no mapping.
+    """
+    found = _yaml(path, read_node(path, said), said)
+    if not isinstance(found, dict):
+        raise ControllerError(f"{said}: {path} is no file of parameters; accepted: a mapping of names and values")
+    sections = {
+        str(key).strip("/"): value["ros__parameters"]
+        for key, value in found.items()
+        if isinstance(value, dict) and isinstance(value.get("ros__parameters"), dict)
+    }
+    if not sections:
+        return flat(found)
+    chosen = [value for key, value in sections.items() if key in ("**", node.strip("/")) or not node]
+    return {name: value for section in chosen for name, value in flat(section).items()}
+
+
+def flat(values: Mapping[str, Any], before: str = "") -> dict[str, Any]:
+    """Return nested parameters under names with dots."""
+    found: dict[str, Any] = {}
+    for name, value in values.items():
+        found.update(flat(value, f"{before}{name}.") if isinstance(value, dict) else {f"{before}{name}": value})
+    return found
+
+
+def _yaml(path: Path, text: bytes, said: str) -> Any:
+    if importlib.util.find_spec("yaml") is None:
+        raise MissingExtraError(f"{path} needs PyYAML: {INSTALL_COMMAND}")
+    try:
+        return plain_yaml(text)
+    except Exception as error:  # YAML's own, and whatever its values' readers raise
+        raise ControllerError(f"{said}: {path} is no YAML: {' '.join(str(error).split())}") from error

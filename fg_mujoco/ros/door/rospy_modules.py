@@ -1,0 +1,330 @@
+"""Stand-ins for rospy and its modules. Names, arguments and meanings are those of ROS 1 Noetic's rospy.
+
+In ROS 1 callbacks come in threads of their own. Here they come while the node waits: in `spin`, `sleep`, `Rate.sleep`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+from .graph import Graph, Publication, Subscription
+from .imports import StandIn
+from .rospy_times import NANOSECONDS, RosDuration, RosTime
+from .session import NodeLogger, Session, Timer
+
+
+class ROSException(Exception):
+    pass
+
+
+class ROSInitException(ROSException):
+    pass
+
+
+class ROSInterruptException(ROSException):
+    pass
+
+
+class ServiceException(Exception):
+    pass
+
+
+class Rospy:
+    """What a node has of rospy: one for each node."""
+
+    def __init__(self, session: Session) -> None:
+        self.session, self.graph = session, session.graph
+        self.name = "unnamed"
+        self._logger = NodeLogger(self.graph, self.name)
+
+    def init_node(self, name: str, *_: Any, **__: Any) -> None:
+        self.name = self.session.name or name
+        self._logger = NodeLogger(self.graph, self.name)
+        self.session.ok = True
+
+    def get_name(self) -> str:
+        return f"/{self.name}"
+
+    def get_namespace(self) -> str:
+        return "/"
+
+    def is_shutdown(self) -> bool:
+        self.graph.breathe()
+        return self.graph.closed or self.session.ended
+
+    def signal_shutdown(self, reason: str = "") -> None:
+        self.session.shut_down()
+
+    def on_shutdown(self, hook: Callable[[], Any]) -> None:
+        self.session.hooks.append(hook)
+
+    def spin(self) -> None:
+        if not self.session.ok and not self.session.ended:
+            raise ROSInitException("rospy.spin() before rospy.init_node()")
+        while self.session.ok:
+            self._once(None)
+
+    def sleep(self, duration: Any) -> None:
+        """Wait for seconds, or a Duration, in simulated time; callbacks come meanwhile."""
+        seconds = duration.to_sec() if isinstance(duration, RosDuration) else float(duration)
+        self.wait_until(self.graph.now + max(1, round(seconds * NANOSECONDS)))
+
+    def wait_until(self, time: int) -> None:
+        while self.graph.now < time and not self.session.ended:
+            self._once(time)
+
+    def wait_for_message(self, topic: str, topic_type: Any, timeout: Any = None) -> Any:
+        got: list[Any] = []
+        subscription = Subscription(self._full(topic), topic_type, got.append, 1, self.name, self.graph.place())
+        self.session.subscriptions.append(subscription)
+        self.graph.subscribe(subscription)
+        until = None if timeout is None else self.graph.now + round(float(timeout) * NANOSECONDS)
+        while not got and not self.session.ended:
+            if until is not None and self.graph.now >= until:
+                raise ROSException(f"timeout exceeded while waiting for message on topic {topic}")
+            self._once(until, spinning=False)
+        self.session.subscriptions.remove(subscription)
+        self.graph.subscriptions.remove(subscription)
+        return got[0] if got else None
+
+    def get_param(self, name: str, *default: Any) -> Any:
+        short = self._short(name)
+        if short not in self.session.given and short in self.session.parameters:
+            return self.session.parameters[short]
+        value = self.session.take(short, default[0] if default else KeyError)
+        if value is KeyError:
+            raise KeyError(name)
+        return value
+
+    def set_param(self, name: str, value: Any) -> None:
+        self.session.parameters[self._short(name)] = value
+        self.session.given.pop(self._short(name), None)
+
+    def has_param(self, name: str) -> bool:
+        short = self._short(name)
+        self.session.asked.add(short)
+        return short in self.session.given or short in self.session.parameters
+
+    def search_param(self, name: str) -> str | None:
+        return name if self.has_param(name) else None
+
+    def get_param_names(self) -> list[str]:
+        return [*self.session.given, *self.session.parameters]
+
+    def get_published_topics(self, namespace: str = "/") -> list[list[str]]:
+        return [[each.topic, str(getattr(each.kind, "_type", ""))] for each in self.graph.publications]
+
+    def log(self, level: str) -> Callable[..., Any]:
+        def say(message: object, *values: object, **_: Any) -> None:
+            getattr(self._logger, level)(message, *values)
+
+        return say
+
+    def log_throttled(self, level: str) -> Callable[..., Any]:
+        def say(period: float, message: object, *values: object) -> None:
+            getattr(self._logger, level)(message, *values, throttle_duration_sec=period)
+
+        return say
+
+    def log_once(self, level: str) -> Callable[..., Any]:
+        def say(message: object, *values: object) -> None:
+            getattr(self._logger, level)(message, *values, once=True)
+
+        return say
+
+    def _short(self, name: str) -> str:
+        """Return a parameter's name without the node's: `~speed`, `/my_node/speed` and `/speed` are `speed`."""
+        return name.lstrip("~/").removeprefix(f"{self.name}/")
+
+    def _full(self, topic: str) -> str:
+        return self.session.topic(topic, self.name)
+
+    def _once(self, until: int | None, *, spinning: bool = True) -> None:
+        session = self.session
+        if not session.run_next(session.subscriptions, session.timers):
+            session.wait(session.subscriptions, session.timers, until, spinning=spinning)
+
+
+class Publisher:
+    _rospy: Rospy
+
+    def __init__(
+        self, name: str, data_class: Any, subscriber_listener: Any = None, tcp_nodelay: bool = False,
+        latch: bool = False, headers: Any = None, queue_size: Any = None,
+    ) -> None:  # fmt: skip
+        graph = self._rospy.graph
+        kind = _kind(data_class, name)
+        self._publication = Publication(self._rospy._full(name), kind, self._rospy.name, graph.place())
+        self._latch = latch
+        graph.publications.append(self._publication)
+        self.name, self.data_class = self._publication.topic, kind
+
+    def publish(self, *values: Any, **named: Any) -> None:
+        if len(values) == 1 and not named and isinstance(values[0], self.data_class):
+            message: Any = values[0]
+        elif len(values) == 1 and hasattr(values[0], "_makers"):
+            raise ROSException(
+                f"publish of a {type(values[0]).__name__} on {self.name}; accepted: a {self.data_class.__name__}, "
+                "which is the type that the Publisher was given"
+            )
+        else:
+            message = self.data_class(*values, **named)
+        if "header" in message._makers:
+            message.header.seq += 1
+        self._rospy.graph.publish(self._publication, message, latch=self._latch)
+
+    def get_num_connections(self) -> int:
+        drives = int("ackermann_msgs/" in getattr(self.data_class, "_type", ""))
+        return drives + sum(each.topic == self.name for each in self._rospy.graph.subscriptions)
+
+    def unregister(self) -> None:
+        if self._publication in self._rospy.graph.publications:
+            self._rospy.graph.publications.remove(self._publication)
+
+
+class Subscriber:
+    _rospy: Rospy
+
+    def __init__(
+        self, name: str, data_class: Any, callback: Any = None, callback_args: Any = None, queue_size: Any = None,
+        buff_size: int = 65536, tcp_nodelay: bool = False,
+    ) -> None:  # fmt: skip
+        rospy = self._rospy
+
+        def call(message: Any) -> None:
+            if callback is not None:
+                callback(message) if callback_args is None else callback(message, callback_args)
+
+        self._subscription = Subscription(
+            rospy._full(name), _kind(data_class, name), call, queue_size or 1000, rospy.name, rospy.graph.place()
+        )
+        rospy.session.subscriptions.append(self._subscription)
+        rospy.graph.subscribe(self._subscription)
+        self.name, self.data_class, self.callback = self._subscription.topic, data_class, callback
+
+    def unregister(self) -> None:
+        if self._subscription in self._rospy.session.subscriptions:
+            self._rospy.session.subscriptions.remove(self._subscription)
+            self._rospy.graph.subscriptions.remove(self._subscription)
+
+    def get_num_connections(self) -> int:
+        return 1
+
+
+class Rate:
+    _rospy: Rospy
+
+    def __init__(self, hz: float, reset: bool = False) -> None:
+        self._period = round(NANOSECONDS / float(hz))
+        self._next = self._rospy.graph.now + self._period
+        self.sleep_dur = RosDuration(0, self._period)
+
+    def sleep(self) -> None:
+        graph = self._rospy.graph
+        if self._next > graph.now:
+            self._rospy.wait_until(self._next)
+        else:
+            graph.breathe()
+        if self._rospy.session.ended:
+            raise ROSInterruptException("rospy shutdown")
+        self._next = self._next + self._period if self._next + self._period > graph.now else graph.now + self._period
+
+    def remaining(self) -> RosDuration:
+        return RosDuration(0, max(0, self._next - self._rospy.graph.now))
+
+
+class TimerHandle:
+    """rospy.Timer."""
+
+    _rospy: Rospy
+
+    def __init__(self, period: Any, callback: Callable[[Any], Any], oneshot: bool = False, reset: bool = False) -> None:
+        graph = self._rospy.graph
+        last: list[RosTime | None] = [None]
+
+        def call() -> None:
+            now = RosTime.from_nanoseconds(graph.now)
+            event = SimpleNamespace(
+                current_real=now, current_expected=now, last_real=last[0], last_expected=last[0], last_duration=0.0
+            )
+            last[0] = now
+            callback(event)
+
+        self._timer: Timer = self._rospy.session.add_timer(round(period.to_sec() * NANOSECONDS), call, oneshot=oneshot)
+
+    def shutdown(self) -> None:
+        self._timer.cancelled = True
+
+    def is_alive(self) -> bool:
+        return not self._timer.cancelled
+
+
+class ServiceProxy:
+    """Of a service that nobody offers here."""
+
+    def __init__(self, name: str, service_class: Any, *_: Any, **__: Any) -> None:
+        self.name = name
+
+    def __call__(self, *_: Any, **__: Any) -> Any:
+        raise ServiceException(f"service [{self.name}] unavailable")
+
+    call = __call__
+
+
+def _kind(found: Any, topic: str) -> type:
+    if not isinstance(found, type):
+        raise ValueError(f"the type of {topic} is {found!r}; accepted: a class of messages, such as LaserScan")
+    return found
+
+
+def _time_kind(graph: Graph) -> Any:
+    """Return rospy.Time, whose `now` is the simulated one."""
+    return type("Time", (RosTime,), {
+        "now": staticmethod(lambda: RosTime.from_nanoseconds(graph.now)), "from_seconds": RosTime.from_sec,
+    })  # fmt: skip
+
+
+def rospy_modules(session: Session) -> dict[str, ModuleType]:
+    """Return the modules of rospy, for one node."""
+    rospy, graph = Rospy(session), session.graph
+    bound = {"_rospy": rospy}
+    levels = {"debug": "debug", "info": "info", "warn": "warning", "err": "error", "fatal": "fatal"}
+    logs: dict[str, Any] = {}
+    for said, level in levels.items():
+        logs[f"log{said}"] = rospy.log(level)
+        logs[f"log{said}_throttle"] = rospy.log_throttled(level)
+        logs[f"log{said}_once"] = rospy.log_once(level)
+    exceptions: dict[str, Any] = {
+        "ROSException": ROSException, "ROSInitException": ROSInitException, "ServiceException": ServiceException,
+        "ROSInterruptException": ROSInterruptException,
+    }  # fmt: skip
+
+    def wait_for_service(service: str, timeout: Any = None) -> None:
+        graph.pause(None if timeout is None else graph.now + round(float(timeout) * NANOSECONDS))
+        raise ROSException(f"timeout exceeded while waiting for service {service}")
+
+    members: dict[str, Any] = {
+        "init_node": rospy.init_node, "spin": rospy.spin, "sleep": rospy.sleep, "is_shutdown": rospy.is_shutdown,
+        "signal_shutdown": rospy.signal_shutdown, "on_shutdown": rospy.on_shutdown, "get_param": rospy.get_param,
+        "set_param": rospy.set_param, "has_param": rospy.has_param, "search_param": rospy.search_param,
+        "get_param_names": rospy.get_param_names, "get_name": rospy.get_name, "get_namespace": rospy.get_namespace,
+        "wait_for_message": rospy.wait_for_message, "get_published_topics": rospy.get_published_topics,
+        "get_time": lambda: graph.now / NANOSECONDS, "get_rostime": lambda: RosTime.from_nanoseconds(graph.now),
+        "myargv": lambda argv=None: [str(session.file)], "resolve_name": rospy._full,
+        "wait_for_service": wait_for_service, "ServiceProxy": ServiceProxy,
+        "Service": lambda name, kind, handler, **_: SimpleNamespace(shutdown=lambda *_: None),
+        "Time": _time_kind(graph), "Duration": RosDuration, "Publisher": type("Publisher", (Publisher,), bound),
+        "Subscriber": type("Subscriber", (Subscriber,), bound), "Rate": type("Rate", (Rate,), bound),
+        "Timer": type("Timer", (TimerHandle,), bound), "AnyMsg": object, "DEBUG": 1, "INFO": 2, "WARN": 4, "ERROR": 8,
+        **logs, **exceptions,
+    }  # fmt: skip
+    numpy_message = StandIn("rospy.numpy_msg", numpy_msg=lambda kind: kind)
+    return {
+        "rospy": StandIn("rospy", **members),
+        "rospy.numpy_msg": numpy_message,
+        "rospy.exceptions": StandIn("rospy.exceptions", **exceptions),
+        "rospy.rostime": StandIn("rospy.rostime", Time=members["Time"], Duration=RosDuration),
+        "genpy": StandIn("genpy", Time=RosTime, Duration=RosDuration),
+    }

@@ -1,0 +1,522 @@
+"""Nodes of ROS as planners: those of tests/ros_nodes, unedited, on the oval; and what each mistake is told."""
+
+import array
+import copy
+import gc
+import logging
+import math
+import re
+import sys
+import threading
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scan_worlds import CAR, corridor, odometry_of
+
+import fg_mujoco as fg
+from fg_mujoco.cli.main import main
+from fg_mujoco.errors import ControllerError, PlannerError
+from fg_mujoco.racing.planner_loading import make_controller, source_code
+from fg_mujoco.racing.planner_trust import require_trusted
+from fg_mujoco.ros.door.messages import ROS1, ROS2, message_class
+from fg_mujoco.ros.door.transform_modules import euler_from_quaternion, quaternion_from_euler
+
+NODES = Path(__file__).parent / "ros_nodes"
+SCAN, ODOMETRY = corridor(1.0, 1.0, 5.0), odometry_of(1.0)
+HEAD = """
+import rclpy
+import time
+from rclpy.node import Node
+from sensor_msgs.msg import LaserScan
+from ackermann_msgs.msg import AckermannDriveStamped
+
+
+class Mine(Node):
+    def __init__(self):
+        super().__init__("mine")
+        self.create_subscription(LaserScan, "/scan", self.callback, 10)
+"""
+PUBLISHER = '        self.publisher = self.create_publisher(AckermannDriveStamped, "/drive", 10)\n'
+DRIVES = """
+    def drive(self, speed):
+        message = AckermannDriveStamped()
+        message.drive.speed = float(speed)
+        self.publisher.publish(message)
+"""
+
+
+@pytest.fixture
+def node(tmp_path):
+    """Write a node whose `callback` has a body, and return what names it."""
+
+    def write(body, more="", head=HEAD + PUBLISHER, name="Mine"):
+        path = tmp_path / "mine.py"
+        indented = "".join(f"        {line}\n" for line in body.splitlines())
+        path.write_text(f"{head}{more}\n    def callback(self, message):\n{indented}{DRIVES}")
+        return f"ros:{path}:{name}"
+
+    return write
+
+
+def make(source, **settings):
+    return make_controller(source, car=CAR, mu=1.0, max_speed=5.0, settings=settings)
+
+
+def ticks(planner, count, first=0):
+    """Return the commands to scans 25 ms apart, as (speed, steering angle)."""
+    found = []
+    for i in range(first, first + count):
+        command = planner(replace(SCAN, stamp=0.025 * i), replace(ODOMETRY, stamp=0.025 * i))
+        found.append((command.speed, command.steering_angle))
+    return found
+
+
+def speeds(planner, count, first=0):
+    return [speed for speed, _ in ticks(planner, count, first)]
+
+
+@pytest.mark.parametrize(
+    ("source", "speed"),
+    [
+        ("follow_the_gap.py:ReactiveFollowGap", 3.0),
+        ("follow_the_gap.py", 3.0),
+        ("wall_follow.py", 2.0),
+        ("pure_pursuit/pure_pursuit/pure_pursuit_node.py", 3.0),
+        ("pure_pursuit_ros1.py", 2.5),
+    ],
+)
+def test_a_node_of_a_course_laps_the_oval_unedited(source, speed):
+    result = fg.race("oval", f"ros:{NODES / source}", laps=1)
+    assert result.end_reason == "finished"
+    assert result.max_speed_m_s == pytest.approx(speed, abs=0.1)
+
+
+def test_the_safety_node_brakes_before_the_wall():
+    result = fg.race("oval", f"ros:{NODES / 'safety_node.py'}:SafetyNode", laps=1, time_limit=12.0)
+    assert (result.end_reason, result.crash) == ("time_limit", None)
+    assert result.max_speed_m_s == pytest.approx(2.0, abs=0.1)
+    assert result.ctrl[-1, 1] == 0.0
+
+
+def test_two_races_have_the_same_bits_and_the_second_forgets_the_first():
+    source = f"ros:{NODES / 'wall_follow.py'}"
+    one, other = (fg.race("oval", source, laps=1) for _ in range(2))
+    assert one.trajectory_sha256 == other.trajectory_sha256
+    planner = make(source)
+    first = ticks(planner, 20)
+    planner.reset()
+    assert ticks(planner, 20) == first
+
+
+def test_class_and_script_drive_alike():
+    path = NODES / "follow_the_gap.py"
+    assert ticks(make(f"ros:{path}"), 8) == ticks(make(f"ros:{path}:ReactiveFollowGap"), 8)
+
+
+def test_nothing_of_ros_is_left_in_sys_modules(node):
+    before = set(sys.modules)
+    ticks(make(f"ros:{NODES / 'wall_follow.py'}"), 2)
+    ticks(make(node("self.drive(1)")), 2)
+    left = {name.partition(".")[0] for name in set(sys.modules) - before}
+    assert not left & {"rclpy", "rospy", "sensor_msgs", "ackermann_msgs", "tf", "tf2_ros"}
+
+
+def test_the_car_stands_before_the_first_command_and_holds_the_last(node):
+    planner = make(node("self.count = getattr(self, 'count', 0) + 1\nif self.count in (3, 5): self.drive(self.count)"))
+    assert speeds(planner, 7) == [0.0, 0.0, 3.0, 3.0, 5.0, 5.0, 5.0]
+
+
+def test_no_command_is_faster_than_the_race_allows_and_all_are_of_32_bits(node):
+    assert speeds(make(node("self.drive(9)")), 1) == [5.0]
+    assert speeds(make(node("self.drive(0.1)")), 1) == [float(np.float32(0.1))]
+
+
+def test_timers_come_at_their_simulated_times_between_the_ticks(node):
+    head = HEAD + PUBLISHER + "        self.create_timer(0.01, self.timer)\n        self.times = []\n"
+    more = """
+    def timer(self):
+        self.times.append(self.get_clock().now().nanoseconds)
+        first = self.times[0]
+        assert [t - first for t in self.times] == [10_000_000 * i for i in range(len(self.times))]
+        self.drive(len(self.times) / 10)
+"""
+    # made 1 ns before the first tick: at 0.025 s two calls were due, at 0.05 s all five
+    assert speeds(make(node("pass", more, head)), 4) == pytest.approx([0.0, 0.2, 0.5, 0.7], abs=1e-6)
+
+
+def test_time_arithmetic_and_stamps_are_simulated(node):
+    body = """
+from rclpy.duration import Duration
+from rclpy.time import Time
+now, stamp = self.get_clock().now(), Time.from_msg(message.header.stamp)
+assert now - Duration(seconds=1) < now and (now - stamp).nanoseconds < 25_000_000
+assert abs(time.time() - now.nanoseconds / 1e9) < 1e-3 and time.time() < time.time()
+self.drive((now - getattr(self, 'begin', now)).nanoseconds / 1e9)
+self.begin = getattr(self, 'begin', now)
+"""
+    assert speeds(make(node(body)), 3) == pytest.approx([0.0, 0.025, 0.05], abs=1e-6)
+
+
+def test_a_callback_that_sleeps_sleeps_in_simulated_time(node):
+    began = time.perf_counter()
+    # told at 0, it sleeps until 0.06 s; the commands of what it was told meanwhile come after that
+    assert speeds(make(node("time.sleep(0.06)\nself.drive(2)")), 5) == [0.0, 0.0, 0.0, 2.0, 2.0]
+    assert time.perf_counter() - began < 60.0
+
+
+def test_nodes_in_the_ways_that_people_write_them(tmp_path):
+    package = tmp_path / "pkg" / "pkg"
+    package.mkdir(parents=True)
+    (tmp_path / "pkg" / "package.xml").write_text("<package><name>pkg</name></package>")
+    (package / "__init__.py").write_text("")
+    (package / "consts.py").write_text("SPEED = 1.5\n")
+    (package / "polling.py").write_text(
+        """
+import threading
+import time
+from dataclasses import dataclass
+
+import message_filters
+import rclpy
+from ackermann_msgs.msg import AckermannDriveStamped
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import LaserScan
+
+from pkg import consts
+from . import consts as same
+from .consts import SPEED
+
+
+@dataclass
+class Last:
+    time: float = 0.0
+    speed: float = 0.0
+
+
+def main():
+    assert same is consts
+    rclpy.init()
+    node, last = rclpy.create_node("polling"), Last()
+
+    def callback(scan, odometry):
+        now = time.time()
+        last.time, last.speed = now, SPEED + 0.0 / (now - last.time)
+
+    inputs = [message_filters.Subscriber(node, LaserScan, "scan"), message_filters.Subscriber(node, Odometry, "odom")]
+    both = message_filters.ApproximateTimeSynchronizer(inputs, 10, 0.1)
+    both.registerCallback(callback)
+    publisher = node.create_publisher(AckermannDriveStamped, "drive", 1)
+
+    def publish():
+        rate = node.create_rate(100)
+        while rclpy.ok():
+            message = AckermannDriveStamped()
+            message.drive.speed = last.speed
+            publisher.publish(message)
+            rate.sleep()
+
+    threading.Thread(target=publish, daemon=True).start()
+    while rclpy.ok():
+        rclpy.spin_once(node, timeout_sec=0)
+"""
+    )
+    (tmp_path / "nested.py").write_text(
+        """
+import rospy
+import tf
+from ackermann_msgs.msg import AckermannDrive, AckermannDriveStamped
+from sensor_msgs.msg import LaserScan
+from std_msgs.msg import Header
+
+
+class Nested(object):
+    def __init__(self):
+        rospy.init_node("nested")
+        self.listener = tf.TransformListener()
+        self.publisher = rospy.Publisher("drive", AckermannDriveStamped, queue_size=1)
+        rospy.Subscriber("scan", LaserScan, self.callback)
+        rospy.Timer(rospy.Duration(0.05), self.timer)
+        rospy.spin()
+
+    def callback(self, message):
+        self.place, _ = self.listener.lookupTransform("map", "base_link", rospy.Time(0))
+
+    def timer(self, event):
+        speed = 1 if self.place == [0.0, 0.0, 0.0] else 2
+        self.publisher.publish(AckermannDriveStamped(Header(stamp=event.current_real), AckermannDrive(speed=speed)))
+
+
+if __name__ == "__main__":
+    Nested()
+"""
+    )
+    scan = replace(ODOMETRY, speed=0.0)
+    assert speeds(make(f"ros:{package / 'polling.py'}"), 4) == [0.0, 1.5, 1.5, 1.5]
+    planner = make(f"ros:{tmp_path / 'nested.py'}")
+    commands = [planner(replace(SCAN, stamp=0.025 * i), replace(scan, stamp=0.025 * i)) for i in range(5)]
+    assert [command.speed for command in commands] == [0.0, 0.0, 1.0, 1.0, 1.0]
+
+
+def test_parameters_are_declared_given_and_refused(node, tmp_path):
+    head = HEAD + PUBLISHER + "        self.declare_parameter('speed', 1.5)\n"
+    source = node("self.drive(self.get_parameter('speed').value)", head=head)
+    assert speeds(make(source), 1) == [1.5]
+    assert speeds(make(source, speed=2), 1) == [2.0]
+    file = tmp_path / "config.yaml"
+    file.write_text("mine:\n  ros__parameters:\n    speed: 2.5\n")
+    assert speeds(make(source, **{"door.params": str(file)}), 1) == [2.5]
+    with pytest.raises(ControllerError, match=r"has no parameter 'sped'; accepted: speed; did you mean 'speed'\?"):
+        make(source, sped=2)
+    with pytest.raises(ControllerError, match=r"parameter 'speed' of node 'mine' is 'fast'; .*mine.py, line 14"):
+        make(source, speed="fast")
+
+
+def test_topics_are_remapped(node):
+    source = node("self.drive(1)", head=HEAD.replace("/scan", "/my_scan") + PUBLISHER.replace("/drive", "/nav"))
+    with pytest.warns(UserWarning, match=r"/my_scan has no publisher here; node 'mine' listens \(.*mine.py, line 12\)"):
+        assert speeds(make(source), 2) == [0.0, 0.0]
+    assert speeds(make(source, **{"remap./my_scan": "/scan"}), 2) == [1.0, 1.0]
+    wrong = node("self.drive(1)", head=HEAD.replace("LaserScan", "Imu") + PUBLISHER)
+    with pytest.warns(UserWarning, match=r"/scan is sensor_msgs/msg/LaserScan here; node 'mine' listens for Imu"):
+        speeds(make(wrong), 1)
+
+
+def test_poses_and_transforms_are_those_of_the_car(node):
+    head = HEAD + PUBLISHER + "        from nav_msgs.msg import Odometry\n        import tf2_ros\n"
+    head += "        self.create_subscription(Odometry, '/ego_racecar/odom', self.odom, 1)\n"
+    head += "        self.buffer = tf2_ros.Buffer()\n"
+    more = """
+    def odom(self, message):
+        self.pose = message.pose.pose.position
+        self.speed = message.twist.twist.linear.x
+"""
+    body = """
+laser = self.buffer.lookup_transform("map", "ego_racecar/laser", rclpy.time.Time()).transform
+assert (self.pose.x, self.pose.y, self.speed) == (3.0, 4.0, 1.0)
+assert abs(laser.translation.x - 3.0) < 1e-9 and abs(laser.rotation.z - 0.5 ** 0.5) < 1e-9
+self.drive(laser.translation.y)
+"""
+    planner = make(node(body, more, head))
+    command = planner(SCAN, replace(ODOMETRY, pose=np.array((3.0, 4.0, math.pi / 2))))
+    assert command.speed == pytest.approx(4.0 + CAR.lidar_offset, abs=1e-6)
+
+
+def test_messages_of_ones_own_package_are_read(node, tmp_path):
+    (tmp_path / "race_msgs" / "msg").mkdir(parents=True)
+    (tmp_path / "race_msgs" / "msg" / "Goal.msg").write_text(
+        "uint8 LEFT=3\nstd_msgs/Header header\nfloat64 gain 2.5  # default\nfloat32[] values\n"
+    )
+    body = "from race_msgs.msg import Goal\ngoal = Goal(values=[1.0])\nself.drive(goal.gain + len(goal.values))"
+    assert speeds(make(node(body)), 1) == [3.5]
+
+
+def test_two_nodes_of_a_launch_file_talk_and_drive(tmp_path):
+    (tmp_path / "thinker.py").write_text(
+        """
+import rclpy
+from rclpy.node import Node
+from sensor_msgs.msg import LaserScan
+from std_msgs.msg import Float32
+
+def main():
+    rclpy.init()
+    node = Node("thinker")
+    node.declare_parameter("speed", 1.0)
+    publisher = node.create_publisher(Float32, "wish", 1)
+    speed = node.get_parameter("speed").value
+    node.create_subscription(LaserScan, "scan", lambda m: publisher.publish(Float32(data=speed)), 1)
+    rclpy.spin(node)
+"""
+    )
+    (tmp_path / "driver.py").write_text(
+        """
+import rclpy
+from rclpy.node import Node
+from ackermann_msgs.msg import AckermannDriveStamped
+from std_msgs.msg import Float32
+
+
+class Driver(Node):
+    def __init__(self):
+        super().__init__("driver")
+        self.publisher = self.create_publisher(AckermannDriveStamped, "/drive", 1)
+        self.create_subscription(Float32, "/speed", self.callback, 1)
+
+    def callback(self, message):
+        out = AckermannDriveStamped()
+        out.drive.speed = message.data
+        self.publisher.publish(out)
+"""
+    )
+    launch = tmp_path / "launch.yaml"
+    launch.write_text(
+        "nodes:\n- {file: driver.py, class: Driver, remap: {/speed: /wish}}\n"
+        "- {file: thinker.py, parameters: {speed: 2.0}}\n"
+    )
+    source = f"ros:{launch}"
+    assert speeds(make(source), 2) == [2.0, 2.0]
+    text = source_code(type(make(source)))
+    assert all(part in text for part in (launch.read_bytes(), (tmp_path / "driver.py").read_bytes()))
+    (tmp_path / "driver.py").write_text((tmp_path / "driver.py").read_text().replace("message.data", "message.dat"))
+    with pytest.raises(Exception, match=r"std_msgs/Float32 has no field 'dat'; .*driver.py, line 16\)"):
+        speeds(make(source), 1)
+    launch.write_text("nodes:\n- {file: driver.py, clas: Driver}\n")
+    with pytest.raises(ControllerError, match=r"launch.yaml, node 1 has 'clas'; .* did you mean 'class'\?"):
+        make(source)
+    launch.write_text(f"nodes:\n- {{file: thinker.py}}\n- {{file: {NODES / 'wall_follow.py'}}}\n")
+    with pytest.raises(ControllerError, match="has nodes of ROS 1 and of ROS 2; accepted: all of one"):
+        make(source)
+
+
+@pytest.mark.parametrize(
+    ("head", "said"),
+    [
+        (
+            HEAD,
+            r"node 'Mine' publishes on no drive topic; accepted: AckermannDriveStamped on /drive; .*mine.py, line 9\)",
+        ),
+        (
+            HEAD + PUBLISHER.replace("/drive", "/a") + PUBLISHER.replace("/drive", "/b"),
+            r"node 'Mine' has 2 drive topics, /a and /b .*mine.py, line 14\)",
+        ),
+        (HEAD.replace("LaserScan\n", "LaserScam\n", 1), r"sensor_msgs.msg has no 'LaserScam' .*mine.py, line 5\)"),
+        ("import cv_bridge\n" + HEAD, r"No module named 'cv_bridge' .*mine.py, line 1\)"),
+        (HEAD.replace("Node):", "object):"), r"object.__init__\(\) takes .*mine.py, line 11\)"),
+        (
+            HEAD + "        self.create_publisher(AckermannDriveStamped, '/drive')\n",
+            r"'qos_profile' .*mine.py, line 13\)",
+        ),
+        (HEAD + "        print 'hello'\n", r"Missing parentheses .*mine.py, line 13\); it is Python 2"),
+    ],
+)
+def test_a_node_that_cannot_drive_is_refused_in_one_line(node, capsys, head, said):
+    assert main(["race", "--controller", node("pass", head=head)]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert re.search(said, error), error
+
+
+@pytest.mark.parametrize(
+    ("body", "said", "line"),
+    [
+        (
+            "AckermannDriveStamped().speed = 1.0",
+            "has no field 'speed'; accepted: header, drive; did you mean drive.speed?",
+            16,
+        ),
+        (
+            "AckermannDriveStamped().drive.speed = 1",
+            "AckermannDrive.speed is 1 of type int; accepted by rclpy: of type float",
+            16,
+        ),
+        ("message.range", "sensor_msgs/LaserScan has no field 'range'", 16),
+        ("self.publisher.publish(message)", "publish of a LaserScan on /drive; accepted: a AckermannDriveStamped", 16),
+        ("self.get_parameter('gain')", "node 'mine' has declared no parameter 'gain'", 16),
+        ("rclpy.spinn(self)", "rclpy has no 'spinn' here, where no ROS is installed", 16),
+    ],
+)
+def test_a_mistake_in_a_callback_is_told_with_its_line(node, body, said, line):
+    with pytest.raises(PlannerError) as failed:
+        fg.race("oval", node(body), laps=1)
+    assert said in str(failed.value)
+    assert failed.value.failure.line == line
+    assert failed.value.failure.file.endswith("mine.py")
+
+
+def test_a_node_that_never_publishes_is_named_with_the_line_of_its_publisher(node):
+    with pytest.raises(
+        PlannerError, match=r"node 'Mine' has published nothing on /drive within 5 s \(.*mine.py, line 13\)"
+    ):
+        fg.race("oval", node("pass"), laps=1)
+
+
+def test_a_node_that_blocks_is_named_with_its_line_and_its_thread_ends(node):
+    planner = make(node("while True:\n    x = 1"), **{"door.wall_limit": 0.2})
+    with pytest.raises(
+        Exception, match=r"'Mine' has not come back within 0.2 s of wall time \(.*mine.py, line 1[67]\)"
+    ):
+        ticks(planner, 1)
+    del planner
+    gc.collect()
+    for thread in [each for each in threading.enumerate() if each.name == "ros:Mine"]:
+        thread.join(10.0)
+        assert not thread.is_alive()
+
+
+def test_threads_of_nodes_end_with_the_planner(node):
+    planner = make(node("self.drive(1)"))
+    assert [each.name for each in threading.enumerate()].count("ros:Mine") >= 1
+    del planner
+    gc.collect()
+    for thread in [each for each in threading.enumerate() if each.name == "ros:Mine"]:
+        thread.join(10.0)
+        assert not thread.is_alive()
+
+
+def test_a_run_keeps_the_node_and_its_hash(node, tmp_path, capsys):
+    source, folder = node("self.drive(1)"), tmp_path / "run"
+    assert main(["race", "--controller", source, "--time-limit", "1", "--out", str(folder)]) == 1
+    path = Path(source.removeprefix("ros:").rpartition(":")[0])
+    assert (folder / "controller.py").read_bytes() == path.read_bytes()
+    assert main(["replay", str(folder)]) == 0
+    assert main(["debug", str(folder)]) == 0
+    assert "accepted: --trust" in capsys.readouterr().err
+    path.unlink()  # the copy is taken
+    assert main(["debug", str(folder), "--trust"]) == 0
+    assert "not a bundled one" not in capsys.readouterr().err
+    assert main(["race", "--config", str(folder)]) == 2
+    with pytest.raises(ControllerError, match="recorded is"):
+        require_trusted(node("self.drive(2)"), "0" * 64, trust=True, where="here")
+
+
+def test_nodes_race_each_other_and_in_rollouts(node):
+    source = node("self.drive(1)")
+    entries = [fg.Entry(controller=f"ros:{NODES / 'wall_follow.py'}"), fg.Entry(controller=source)]
+    result = fg.race("oval", entries=entries, laps=1, time_limit=2.0)
+    assert [round(car["max_speed_m_s"]) for car in result.cars] == [2, 1]
+    worlds = fg.rollout("oval", source, n=2, laps=1, duration=1.0)
+    assert len(worlds) == 2
+
+
+def test_log_levels_and_throttling(node, caplog):
+    caplog.set_level(logging.INFO, "fg_mujoco.ros")
+    ticks(
+        make(
+            node(
+                "self.get_logger().info('seen', throttle_duration_sec=0.05)\nself.get_logger().warn('once', once=True)"
+            )
+        ),
+        5,
+    )
+    assert [record.message for record in caplog.records].count("seen") == 3
+    assert [record.message for record in caplog.records].count("once") == 1
+
+
+def test_messages_have_the_fields_defaults_and_types_of_their_definitions():
+    from rosbags.typesys import Stores, get_typestore
+
+    for flavour, store in ((ROS2, Stores.ROS2_HUMBLE), (ROS1, Stores.ROS1_NOETIC)):
+        for name, (constants, fields) in get_typestore(store).fielddefs.items():
+            kind = message_class(name, flavour)
+            if not hasattr(kind, "_makers"):
+                continue  # times of ROS 1
+            message = kind()
+            wanted = [field for field, _ in fields if field != "structure_needs_at_least_one_member"]
+            assert list(kind._makers) == wanted
+            assert all(getattr(kind, constant) == value for constant, _, value in constants)
+            assert copy.deepcopy(message) == message
+    quaternions = [message_class("geometry_msgs/msg/Quaternion", flavour)().w for flavour in (ROS1, ROS2)]
+    assert quaternions == [0.0, 1.0]
+    scan = message_class("sensor_msgs/msg/LaserScan", ROS2)(ranges=[1.0, math.inf])
+    assert scan.ranges == array.array("f", (1.0, math.inf))
+    with pytest.raises(AssertionError, match=r"an array of NumPy has .tolist\(\)"):
+        scan.ranges = np.ones(3)
+
+
+def test_euler_angles_and_quaternions_are_each_others_inverse():
+    for angles in ((0.1, -0.2, 3.0), (0.0, 0.0, -1.5), (-3.0, 1.2, 0.4)):
+        assert euler_from_quaternion(quaternion_from_euler(*angles)) == pytest.approx(angles, abs=1e-12)
+    assert quaternion_from_euler(0.0, 0.0, math.pi / 2) == pytest.approx((0.0, 0.0, 0.5**0.5, 0.5**0.5))
