@@ -14,7 +14,7 @@ from lab_experiments import COUNT, DIES, FAILS, SLOW
 from refusals import refused
 from terminals import read_to_the_end
 
-from fg_mujoco.cli.main import main
+from fg_mujoco.cli.main import _parser, main
 from fg_mujoco.studies.friction_lab import lab
 from fg_mujoco.studies.friction_lab.experiment import LabSettings
 from fg_mujoco.studies.friction_lab.lab import run_lab
@@ -33,7 +33,9 @@ squares: greatest area  25 m²     25 m²
 def here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(lab.EXPERIMENTS, "squares", "lab_experiments")  # measures nothing
-    return tmp_path
+    _parser.cache_clear()  # it lists the experiments
+    yield tmp_path
+    _parser.cache_clear()
 
 
 def command(*arguments):

@@ -174,7 +174,9 @@ def test_friction_colours_go_from_blue_to_red():
     np.testing.assert_array_equal(unknown, low)
 
 
-PLANNERS_WITH_GAPS = ("gap_finder", "follow_the_gap", "disparity_selection", "threshold_gap", "weighted_gap")
+PLANNERS_WITH_GAPS = (
+    "gap_finder", "overtaker", "follow_the_gap", "disparity_selection", "threshold_gap", "weighted_gap"
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("name", fg.controller_names())
