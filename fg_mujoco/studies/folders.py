@@ -9,13 +9,14 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import os
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
-from ..course.writing import claimed_folder
+from ..course.writing import claimed_folder, write_file
 from ..errors import RunFolderError
 
 _SEAL = "sha256"
@@ -75,6 +76,65 @@ def unsealed(row: Any, *belongs: Any) -> dict[str, Any]:
     if _SEAL in row and row[_SEAL] != digest(values, *belongs):
         raise ValueError("its sha256 is that of other contents, or of another place")
     return values
+
+
+def sealed_line(row: Mapping[str, Any], *belongs: Any) -> bytes:
+    """Return a row with its checksum as a line of JSON."""
+    return (json.dumps(sealed(row, *belongs)) + "\n").encode()
+
+
+def add_line(path: Path, line: bytes) -> None:
+    """Add a line to a file, and wait until it is on the disk.
+
+    Raises:
+      OSError: it cannot be written.
+    """
+    with path.open("ab") as file:
+        file.write(line)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def write_in_order(path: Path, lines: Mapping[Any, bytes], keys: Sequence[Any]) -> None:
+    """Write the lines of a file in the order of `keys`, which have a `sha256`, those of others behind them.
+
+    So equal rows are equal files.
+
+    Raises:
+      OSError: it cannot be written.
+    """
+    first = {key: place for place, key in enumerate(keys)}
+    order = sorted(lines, key=lambda key: (first.get(key, len(first)), key.sha256))
+    write_file(path, b"".join(lines[key] for key in order))
+
+
+def read_lines(path: Path, read: Callable[[bytes, Path], None], *, repair: bool) -> None:
+    """Read the rows of a file that `add_line` wrote; of those that are damaged, raise an error, or warn and drop them.
+
+    Args:
+      path: of the file; one that is not there has no rows.
+      read: takes a line, and what it is called in messages; raises RunFolderError for one that is damaged.
+      repair: drop the damaged ones from the file, and what a crash has torn.
+
+    Raises:
+      RunFolderError: one is damaged, and is not to be dropped.
+    """
+    if not path.exists():
+        return
+    content = path.read_bytes()
+    whole, _, _ = content.rpartition(b"\n")
+    kept = []
+    for number, line in enumerate(whole.split(b"\n") if whole else (), start=1):
+        try:
+            read(line, Path(f"{path}, line {number}"))
+        except RunFolderError as error:
+            if not repair:
+                raise
+            warn_damaged(str(error).partition(": ")[0], error)
+        else:
+            kept.append(line + b"\n")
+    if repair and b"".join(kept) != content:
+        write_file(path, b"".join(kept))
 
 
 def warn_damaged(path: Path | str, error: Exception) -> None:

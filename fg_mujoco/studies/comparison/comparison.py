@@ -21,7 +21,6 @@ from typing import Any
 from ...course.scenes.catalogue import PREFIX
 from ...course.writing import write_file
 from ...display import Shown, brief, paragraph, quoted, table
-from ...errors import SettingsError
 from ...messages import require_whole
 from ...racing.entries import Entry
 from ...racing.opponents import Opponents, entry_of
@@ -34,6 +33,7 @@ from ...vehicle.tires import Tires
 from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from ...viz.plots import require_matplotlib
 from ..folders import blame, claimed
+from ..grid import require_axes, time_left
 from ..rollout.job import versions
 from ..worker_processes import usable_cores, work_off
 from .ground import check_course, course_ground, course_name, ground_sha256
@@ -57,9 +57,7 @@ class ComparisonProgress:
     @property
     def remaining_s(self) -> float | None:
         """What it will still take, if it goes on like this [s]; None before the first run is finished."""
-        if self.runs_driven == 0:
-            return None
-        return (self.runs - self.runs_found - self.runs_driven) * self.wall_time_s / self.runs_driven
+        return time_left(self.runs, self.runs_found, self.runs_driven, self.wall_time_s)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -248,11 +246,7 @@ def plan_runs(
         ("controller", [choice.label for choice in controllers]), ("course", [names[course] for course in courses]),
         ("max_speed", max_speeds), ("seed", seeds),
     )  # fmt: skip
-    for name, values in axes:
-        twice = next((value for i, value in enumerate(values) if value in values[:i]), None)
-        if not values or twice is not None:
-            said = f"no {name} is given" if not values else f"{name} {twice} is given twice"
-            raise SettingsError(f"{said}; accepted: one or more, each once")
+    require_axes(axes)
     car = settings.car.parameters
     for course in courses:
         check_course(course, settings.obstacles, car=car)

@@ -14,7 +14,6 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -24,7 +23,7 @@ import numpy as np
 from ...course.writing import write_file
 from ...errors import RunFolderError
 from ...messages import FloatArray
-from ..folders import blame, digest, sealed, unsealed, warn_damaged
+from ..folders import add_line, blame, digest, read_lines, sealed_line, unsealed, write_in_order
 from .run import RunKey, RunRow
 
 SCHEMA = 1
@@ -100,10 +99,7 @@ class ComparisonFolder:
             np.save(content, trace.astype(np.float32))
             write_file(path, content.getvalue())
             self._poses_sha256[row.key] = _sha256(content.getvalue())
-            with (self.folder / _RUNS).open("ab") as file:
-                file.write(self._line(row))
-                file.flush()
-                os.fsync(file.fileno())
+            add_line(self.folder / _RUNS, self._line(row))
             self.rows[row.key] = row
 
     def sort(self, keys: Sequence[RunKey]) -> None:
@@ -112,10 +108,9 @@ class ComparisonFolder:
         Raises:
           RunFolderError: it cannot be written.
         """
-        first = {key: place for place, key in enumerate(keys)}
-        order = sorted(self.rows, key=lambda key: (first.get(key, len(first)), key.sha256))
+        lines = {key: self._line(row) for key, row in self.rows.items()}
         with blame(self.folder, "a folder that can be written"):
-            write_file(self.folder / _RUNS, b"".join(self._line(self.rows[key]) for key in order))
+            write_in_order(self.folder / _RUNS, lines, keys)
 
     def trace(self, key: RunKey) -> FloatArray:
         """Return where the rear axle was: x [m], y [m], heading [rad], (n, 3).
@@ -131,31 +126,19 @@ class ComparisonFolder:
 
     def _line(self, row: RunRow) -> bytes:
         belongs = {"poses_sha256": self._poses_sha256[row.key]} if row.key in self._poses_sha256 else {}
-        return (json.dumps(sealed(row.as_dict() | belongs, self._digest)) + "\n").encode()
+        return sealed_line(row.as_dict() | belongs, self._digest)
 
     def _read(self, *, repair: bool) -> None:
         """Read the rows; of those that are damaged, raise an error, or warn and drop them."""
-        path = self.folder / _RUNS
-        if not path.exists():
-            return
-        content = path.read_bytes()
-        whole, _, _ = content.rpartition(b"\n")
-        kept = []
-        for number, line in enumerate(whole.split(b"\n") if whole else (), start=1):
-            try:
-                with blame(Path(f"{path}, line {number}"), "a line that `compare` wrote"):
-                    values = unsealed(json.loads(line), self._digest)
-                    row = RunRow.of(values)
-                self._read_poses(row.key, values.get("poses_sha256"))
-            except RunFolderError as error:
-                if not repair:
-                    raise
-                warn_damaged(str(error).partition(": ")[0], error)
-            else:
-                self.rows[row.key] = row
-                kept.append(line + b"\n")
-        if repair and b"".join(kept) != content:
-            write_file(path, b"".join(kept))
+
+        def read(line: bytes, where: Path) -> None:
+            with blame(where, "a line that `compare` wrote"):
+                values = unsealed(json.loads(line), self._digest)
+                row = RunRow.of(values)
+            self._read_poses(row.key, values.get("poses_sha256"))
+            self.rows[row.key] = row
+
+        read_lines(self.folder / _RUNS, read, repair=repair)
 
     def _read_poses(self, key: RunKey, sha256: str | None) -> None:
         """Make sure that a trace is there as it was written; None: by a version that had no checksums."""

@@ -10,8 +10,6 @@ Each call writes all of them again, with the runs that it asked for:
 
 from __future__ import annotations
 
-import csv
-import io
 import statistics
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
@@ -19,6 +17,7 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from ...racing.opponents import FIRST, AmongCars
+from ..tables import csv_text, markdown_table
 from .run import RunFigures, RunKey, RunRow
 
 
@@ -117,13 +116,13 @@ def runs_csv(rows: Sequence[RunRow]) -> str:
     """Return a CSV of a row a run; what there is not is empty."""
     kinds = (RunKey, RunFigures, *([AmongCars] if any(row.among is not None for row in rows) else []))
     names = [field.name for kind in kinds for field in fields(kind)]
-    return _csv(names, ([row.as_dict().get(name) for name in names] for row in rows))
+    return csv_text(names, ([row.as_dict().get(name) for name in names] for row in rows))
 
 
 def cells_csv(cells: Sequence[Cell]) -> str:
     """Return a CSV of a row a cell; what there is not is empty."""
     names = [*cells[0].as_dict()] if cells else [field.name for field in fields(Cell) if field.name != "among"]
-    return _csv(names, (cell.as_dict().values() for cell in cells))
+    return csv_text(names, (cell.as_dict().values() for cell in cells))
 
 
 HEADER = (
@@ -173,20 +172,7 @@ def table_rows(cells: Sequence[Cell]) -> list[tuple[str, ...]]:
 
 def markdown(cells: Sequence[Cell]) -> str:
     """Return a Markdown table of a row a cell, its columns as wide as they must be for a terminal, too."""
-    header = header_of(cells)
-    rows = (header, *table_rows(cells))
-    lines = [[text.replace("|", "\\|") for text in row] for row in rows]
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    words = [name in ("controller", "course", "not finished") for name in header]
-    rule = ["-" * width if word else "-" * (width - 1) + ":" for width, word in zip(widths, words, strict=True)]
-    lines = [
-        [
-            text.ljust(width) if word else text.rjust(width)
-            for text, width, word in zip(line, widths, words, strict=True)
-        ]
-        for line in (lines[0], rule, *lines[1:])
-    ]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
+    return markdown_table(header_of(cells), table_rows(cells), ("controller", "course", "not finished"))
 
 
 def course_title(cell: Cell, cells: Iterable[Cell]) -> str:
@@ -208,11 +194,3 @@ def _text(value: float | None, form: str) -> str:
 def _not_finished(end_reasons: str) -> str:
     others = [part.replace("_", " ") for part in end_reasons.split(", ") if not part.endswith(" finished")]
     return ", ".join(others) or "-"
-
-
-def _csv(header: Sequence[str], rows: Iterable[Iterable[Any]]) -> str:
-    file = io.StringIO()
-    writer = csv.writer(file, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows(["" if value is None else value for value in row] for row in rows)
-    return file.getvalue()

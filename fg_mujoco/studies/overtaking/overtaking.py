@@ -27,6 +27,7 @@ from ...vehicle.tires import Tires
 from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from ...viz.plots import require_matplotlib
 from ..folders import blame, claimed
+from ..grid import require_axes, time_left
 from ..rollout.job import versions
 from ..worker_processes import usable_cores, work_off
 from .duel import Duel, DuelKey, DuelRow, DuelSettings
@@ -51,9 +52,7 @@ class OvertakingProgress:
     @property
     def remaining_s(self) -> float | None:
         """What it will still take, if it goes on like this [s]; None before the first duel is finished."""
-        if self.duels_driven == 0:
-            return None
-        return (self.duels - self.duels_found - self.duels_driven) * self.wall_time_s / self.duels_driven
+        return time_left(self.duels, self.duels_found, self.duels_driven, self.wall_time_s)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -163,11 +162,7 @@ def plan_duels(
     axes: tuple[tuple[str, Sequence[Any]], ...] = (
         ("planner", [choice.label for choice in planners]), ("track", tracks), ("opponent", opponents), ("seed", seeds),
     )  # fmt: skip
-    for name, values in axes:
-        twice = next((value for i, value in enumerate(values) if value in values[:i]), None)
-        if not values or twice is not None:
-            said = f"no {name} is given" if not values else f"{name} {twice} is given twice"
-            raise SettingsError(f"{said}; accepted: one or more, each once")
+    require_axes(axes)
     courses = {track: load_track(track, car=settings.car.parameters) for track in tracks}
     for track, course in courses.items():
         if not course.closed:

@@ -11,14 +11,13 @@ is driven again.
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from ...course.writing import write_file
 from ...errors import RunFolderError
-from ..folders import blame, digest, sealed, unsealed, warn_damaged
+from ..folders import add_line, blame, digest, read_lines, sealed_line, unsealed, write_in_order
 from .duel import DuelKey, DuelRow
 
 SCHEMA = 1
@@ -75,10 +74,7 @@ class DuelFolder:
           RunFolderError: it cannot be written.
         """
         with blame(self.folder, "a folder that can be written"):
-            with (self.folder / _DUELS).open("ab") as file:
-                file.write(self._line(row))
-                file.flush()
-                os.fsync(file.fileno())
+            add_line(self.folder / _DUELS, self._line(row))
             self.rows[row.key] = row
 
     def sort(self, keys: Sequence[DuelKey]) -> None:
@@ -87,30 +83,19 @@ class DuelFolder:
         Raises:
           RunFolderError: it cannot be written.
         """
-        first = {key: place for place, key in enumerate(keys)}
-        order = sorted(self.rows, key=lambda key: (first.get(key, len(first)), key.sha256))
+        lines = {key: self._line(row) for key, row in self.rows.items()}
         with blame(self.folder, "a folder that can be written"):
-            write_file(self.folder / _DUELS, b"".join(self._line(self.rows[key]) for key in order))
+            write_in_order(self.folder / _DUELS, lines, keys)
 
     def _line(self, row: DuelRow) -> bytes:
-        return (json.dumps(sealed(row.as_dict(), self._digest)) + "\n").encode()
+        return sealed_line(row.as_dict(), self._digest)
 
     def _read(self) -> None:
         """Read the rows; warn of those that are damaged, and drop them."""
-        path = self.folder / _DUELS
-        if not path.exists():
-            return
-        content = path.read_bytes()
-        whole, _, _ = content.rpartition(b"\n")
-        kept = []
-        for number, line in enumerate(whole.split(b"\n") if whole else (), start=1):
-            try:
-                with blame(Path(f"{path}, line {number}"), "a line that `overtake` wrote"):
-                    row = DuelRow.of(unsealed(json.loads(line), self._digest))
-            except RunFolderError as error:
-                warn_damaged(str(error).partition(": ")[0], error)
-            else:
-                self.rows[row.key] = row
-                kept.append(line + b"\n")
-        if b"".join(kept) != content:
-            write_file(path, b"".join(kept))
+
+        def read(line: bytes, where: Path) -> None:
+            with blame(where, "a line that `overtake` wrote"):
+                row = DuelRow.of(unsealed(json.loads(line), self._digest))
+            self.rows[row.key] = row
+
+        read_lines(self.folder / _DUELS, read, repair=True)

@@ -11,8 +11,6 @@ of the American Statistical Association 22, 1927.
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 import statistics
 from collections.abc import Iterable, Sequence
@@ -21,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from ...viz.plots import require_matplotlib, save_figure
+from ..tables import csv_text, markdown_table
 from .duel import DuelFigures, DuelKey, DuelRow
 
 ALL = "all"
@@ -119,12 +118,12 @@ def _median(values: Iterable[float | None]) -> float | None:
 def duels_csv(rows: Sequence[DuelRow]) -> str:
     """Return a CSV of a row a duel; what there is not is empty."""
     names = [field.name for kind in (DuelKey, DuelFigures) for field in fields(kind)]
-    return _csv(names, (row.as_dict().values() for row in rows))
+    return csv_text(names, (row.as_dict().values() for row in rows))
 
 
 def cells_csv(cells: Sequence[DuelCell]) -> str:
     """Return a CSV of a row a cell; what there is not is empty."""
-    return _csv([field.name for field in fields(DuelCell)], (astuple(cell) for cell in cells))
+    return csv_text([field.name for field in fields(DuelCell)], (astuple(cell) for cell in cells))
 
 
 HEADER = (
@@ -153,18 +152,7 @@ def markdown(cells: Sequence[DuelCell]) -> str:
     chosen = [cell for cell in cells if cell.track == ALL] + [
         cell for cell in cells if cell.track != ALL and cell.opponent == ALL
     ]
-    lines = [[text.replace("|", "\\|") for text in row] for row in (HEADER, *table_rows(chosen))]
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    words = [name in ("planner", "track", "opponent") for name in HEADER]
-    rule = ["-" * width if word else "-" * (width - 1) + ":" for width, word in zip(widths, words, strict=True)]
-    aligned = [
-        [
-            text.ljust(width) if word else text.rjust(width)
-            for text, width, word in zip(line, widths, words, strict=True)
-        ]
-        for line in (lines[0], rule, *lines[1:])
-    ]
-    return "\n".join(f"| {' | '.join(line)} |" for line in aligned) + "\n"
+    return markdown_table(HEADER, table_rows(chosen), ("planner", "track", "opponent"))
 
 
 def ratio_picture(rows: Sequence[DuelRow], slowest: float, fastest: float, path: Path) -> None:
@@ -212,11 +200,3 @@ def ratio_picture(rows: Sequence[DuelRow], slowest: float, fastest: float, path:
         panels[0].set_ylabel("overtaken within two laps, no touch")
         panels[0].legend(loc="lower left")
         save_figure(figure, path, _DPI)
-
-
-def _csv(header: Sequence[str], rows: Iterable[Iterable[Any]]) -> str:
-    file = io.StringIO()
-    writer = csv.writer(file, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows(["" if value is None else value for value in row] for row in rows)
-    return file.getvalue()

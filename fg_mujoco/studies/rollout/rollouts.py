@@ -33,6 +33,7 @@ from ...vehicle.friction_patches import Patch
 from ...vehicle.tires import Tires
 from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from ..folders import claimed
+from ..grid import time_left
 from ..worker_processes import usable_cores
 from .job import Arrays, RolloutJob, versions
 from .local import drive_in_threads
@@ -66,9 +67,7 @@ class RolloutProgress:
     @property
     def remaining_s(self) -> float | None:
         """What it will still take, if it goes on like this [s]; None before the first chunk is finished."""
-        if self.worlds_driven == 0:
-            return None
-        return (self.worlds - self.worlds_found - self.worlds_driven) * self.wall_time_s / self.worlds_driven
+        return time_left(self.worlds, self.worlds_found, self.worlds_driven, self.wall_time_s)
 
 
 def rollout(
