@@ -156,13 +156,13 @@ class PolicyCars:
 
     def __call__(self, cars: Cars) -> Reasons | None:
         """See Planners."""
-        seen, driving = self._layout.read(cars.ranges, cars.odometry), cars.driving
-        actions = np.zeros((len(driving), 2))
-        for world in map(int, np.flatnonzero(driving)):
+        seen, running = self._layout.read(cars.ranges, cars.odometry), cars.running
+        actions = np.zeros((len(running), 2))
+        for world in map(int, np.flatnonzero(running)):
             action = self._policy({name: values[world] for name, values in seen.items()})
             actions[world] = one_action(action, f"the policy of opponent {self._number} answered")
         try:
-            self._bounds.read(actions, driving, cars.commands, np.zeros(len(driving), np.int64))
+            self._bounds.read(actions, running, cars.commands, np.zeros(len(running), np.int64))
         except MessageError as error:
             raise MessageError(f"the policy of opponent {self._number}: {error}") from error
         return None

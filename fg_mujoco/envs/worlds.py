@@ -153,7 +153,7 @@ class Worlds:
         if self._opponents is not None:
             opponents = np.zeros(len(engine.commands), np.bool_)
             opponents[self._opponents.rows] = True
-            engine.sense(engine.driving & opponents)
+            engine.sense(engine.running & opponents)
             engine.decide()
         engine.commands[self._rows] = commands
         if self.cars > 1:

@@ -147,11 +147,6 @@ class Engine:
             batch.change(self._changes[batch.rows])
 
     @property
-    def driving(self) -> Mask:
-        """Which cars their planners drive, (r,): those that race."""
-        return self.running
-
-    @property
     def world(self) -> World:
         """The first world, and where all share one, that one."""
         return self._batches[0].world

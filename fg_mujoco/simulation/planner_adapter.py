@@ -50,8 +50,8 @@ class Cars(Protocol):
     commands: FloatArray  # (r, 2) [rad, m/s], written to
 
     @property
-    def driving(self) -> NDArray[np.bool_]:
-        """Which cars their planners drive. Shape (r,)."""
+    def running(self) -> NDArray[np.bool_]:
+        """Which cars race. Shape (r,)."""
 
 
 class Planners(Protocol):
@@ -86,8 +86,8 @@ class MessagePlanners:
         Raises:
           PlannerError: a planner raises, or answers something else than a DriveCommand.
         """
-        reasons = np.zeros(len(cars.driving), np.int64)
-        for row in map(int, np.flatnonzero(cars.driving)):
+        reasons = np.zeros(len(cars.running), np.int64)
+        for row in map(int, np.flatnonzero(cars.running)):
             scan, sensed = _told(cars, row)
             decide = partial(plan, self._planners[row], scan, sensed)
             try:
@@ -128,19 +128,19 @@ class BatchPlanners:
             number.
         """
         try:
-            self._planners(cars.beams.geometry, cars.ranges, cars.odometry, cars.driving, cars.commands)
+            self._planners(cars.beams.geometry, cars.ranges, cars.odometry, cars.running, cars.commands)
         except BaseException as error:
             if not is_of_planner(error):
                 raise
-            row = int(cars.driving.argmax())
+            row = int(cars.running.argmax())
             failed_one = _failed(error, self._kind, *_told(cars, row))
-            if self._raises or cars.driving.sum() > 1:
+            if self._raises or cars.running.sum() > 1:
                 raise failed_one from error
             self.failures[row] = failed_one
-            return np.where(cars.driving, _FAILED, 0)
+            return np.where(cars.running, _FAILED, 0)
         if np.isfinite(cars.commands).all():
             return None
-        failed = not_finite(cars.driving, cars.commands)
+        failed = not_finite(cars.running, cars.commands)
         for row in map(int, np.flatnonzero(failed)):
             steering_angle, speed = cars.commands[row].tolist()
             said = f"commanded {steering_angle} rad, {speed} m/s"
@@ -168,16 +168,16 @@ class PlannersOfEach:
 
     def __call__(self, cars: Cars) -> Reasons | None:
         """See Planners."""
-        driving = cars.driving
+        running = cars.running
         reasons: Reasons | None = None
         for rows, planners, part in self._groups:
-            if not (driving[rows[0]] if len(rows) == 1 else driving[rows].any()):
+            if not (running[rows[0]] if len(rows) == 1 else running[rows].any()):
                 continue
             part.take(cars, rows)
             found = planners(part)
             part.give_back(cars, rows)
             if found is not None and found.any():
-                reasons = np.zeros(len(driving), np.int64) if reasons is None else reasons
+                reasons = np.zeros(len(running), np.int64) if reasons is None else reasons
                 reasons[rows] = found
         return reasons
 
@@ -192,7 +192,7 @@ class _SomeCars:
         one = len(rows) == 1
         if not one or self._viewed is not cars.ranges:
             which: Any = slice(int(rows[0]), int(rows[0]) + 1) if one else rows
-            self.beams, self.driving = cars.beams, cars.driving[which]
+            self.beams, self.running = cars.beams, cars.running[which]
             self.odometry, self.ranges = cars.odometry[which], cars.ranges[which]
             self.commands = cars.commands[which]
             self._viewed = cars.ranges if one else None

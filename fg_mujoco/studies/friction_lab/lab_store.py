@@ -11,14 +11,13 @@ contents, with a warning. NaN is written as Python's json does.
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from ...course.writing import write_file
 from ...errors import RunFolderError
-from ..folders import blame, digest, sealed, unsealed, warn_damaged
+from ..folders import add_line, blame, digest, sealed, unsealed, warn_damaged
 from .experiment import Cell, Tables
 
 SCHEMA = 1
@@ -111,10 +110,7 @@ class LabFolder:
         path = self._path(experiment)
         with blame(path, "a folder that can be written"):
             path.parent.mkdir(exist_ok=True)
-            with path.open("ab") as file:
-                file.write(self._line(experiment, cell, tables))
-                file.flush()
-                os.fsync(file.fileno())
+            add_line(path, self._line(experiment, cell, tables))
 
     def sort(self, experiment: str, cells: Iterable[tuple[Cell, Tables]]) -> None:
         """Put the lines in the order of the cells, so that equal experiments are equal files.
