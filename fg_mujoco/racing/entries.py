@@ -19,7 +19,7 @@ from ..course.obstacles import Obstacle
 from ..display import quoted
 from ..errors import ControllerError, SettingsError, accepted_names
 from ..messages import CarParameters, Controller, FloatArray, MapLine
-from ..simulation.cars import GREATEST_CARS, WorldCar
+from ..simulation.cars import GREATEST_CARS, WorldCar, first_overlap
 from ..simulation.planner_adapter import start as start_planner
 from ..simulation.settings import DriveSettings, Start
 from .planner_choice import split_controller
@@ -182,9 +182,7 @@ def check_starts(
                 "obstacles, another grid, or fewer cars"
             )
         for other_pose, other_car, other in zip(poses, cars, names, strict=False):
-            sides = outline(_corners(other_pose[0], other_car))
-            inside = least_clearance(other_pose, outline(_corners(pose[0], car)), other_car)
-            if least_clearance(pose, sides, car) <= 0.0 or inside <= 0.0:
+            if first_overlap((other_pose, pose), (other_car, car)) is not None:
                 raise SettingsError(
                     f"{quoted(name)} and {quoted(other)} start in one place, ({x:.2f}, {y:.2f}) m; accepted: starts "
                     "apart by a car's length or width"
@@ -202,13 +200,3 @@ def _crosses(walls: FloatArray, start: FloatArray, end: FloatArray) -> bool:
     one, other = walls[:, :2], walls[:, 2:]
     apart = side(one, other, start) * side(one, other, end) < 0.0
     return bool((apart & (side(start, end, one) * side(start, end, other) < 0.0)).any())
-
-
-def _corners(pose: FloatArray, car: CarParameters) -> FloatArray:
-    """Return the corners of a car's footprint at a pose of its rear axle. Shape (4, 2) [m]."""
-    x, y, heading = pose.tolist()
-    cos, sin = math.cos(heading), math.sin(heading)
-    back, front, half = -car.rear_overhang, car.length - car.rear_overhang, 0.5 * car.width
-    at = np.array([(front, half), (back, half), (back, -half), (front, -half)])
-    corners: FloatArray = at @ np.array([[cos, sin], [-sin, cos]]) + (x, y)
-    return corners

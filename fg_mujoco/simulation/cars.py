@@ -31,6 +31,9 @@ GREATEST_CARS = 16
 CAR_PREFIX = "car/"
 """Of the names of everything that belongs to car 0 in a world's model."""
 
+LIDAR_IN_CAR = "lidar/"
+"""And of those of its LiDAR, behind the car's prefix."""
+
 BOX = "visible_box"
 """Name of the geom that makes a car visible."""
 
@@ -99,7 +102,7 @@ def require_car(car: int, count: int) -> int:
 
 def lidar_prefix(index: int) -> str:
     """Return what the names of everything that belongs to a car's LiDAR begin with."""
-    return f"{car_prefix(index)}lidar/"
+    return car_prefix(index) + LIDAR_IN_CAR
 
 
 def car_prefixes(model: mujoco.MjModel) -> tuple[str, ...]:
@@ -181,7 +184,7 @@ def tree_of(model: mujoco.MjModel, prefix: str) -> int:
 
 
 def first_overlap(poses: ArrayLike, cars: Sequence[CarParameters]) -> tuple[int, int] | None:
-    """Return the first two of some cars that would stand in each other at their poses; None: all stand apart.
+    """Return the first two of some cars that would touch or stand in each other at their poses; None: all are apart.
 
     Args:
       poses: of each car's rear axle, x [m], y [m], heading [rad], shape (m, 3).
@@ -211,9 +214,9 @@ def _axes(headings: FloatArray) -> FloatArray:
 
 
 def _overlap_along(shapes: Sequence[FloatArray], axis: FloatArray) -> bool:
-    """Say whether the shadows of two shapes (k, 2) on an axis (2,) overlap."""
+    """Say whether the shadows of two shapes (k, 2) on an axis (2,) touch or overlap."""
     (low, high), (other_low, other_high) = [((shape @ axis).min(), (shape @ axis).max()) for shape in shapes]
-    return bool(low < other_high and other_low < high)
+    return bool(low <= other_high and other_low <= high)
 
 
 def require_alike(specs: Sequence[Any], vehicles: Sequence[Vehicle]) -> None:

@@ -33,11 +33,13 @@ from ..vehicle.tires import Tires, tires_of
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .cars import (
     CAR_PREFIX,
+    LIDAR_IN_CAR,
     WorldCar,
     add_touch_sensors,
     car_prefix,
     car_prefixes,
     hide_ground,
+    lidar_prefix,
     make_visible,
     require_alike,
 )
@@ -51,8 +53,7 @@ _INVISIBLE = (0.0, 0.0, 0.0, 0.0)  # rays skip it too
 
 OBSTACLE_PREFIX = "obstacle_"
 """Of the names of the obstacles that stand, which are numbered."""
-_LIDAR_IN_CAR = "lidar/"
-LIDAR_PREFIX = CAR_PREFIX + _LIDAR_IN_CAR
+LIDAR_PREFIX = lidar_prefix(0)
 """Of the names of everything that belongs to car 0's LiDAR."""
 
 
@@ -159,7 +160,7 @@ class World:
 
     def make_lidar(self, car: int = 0) -> Lidar:
         """Return the LiDAR of a car of this world, with the back end it was built for."""
-        return make_lidar(self.lidar_backend, self.model, car_prefix(car) + _LIDAR_IN_CAR)
+        return make_lidar(self.lidar_backend, self.model, lidar_prefix(car))
 
     @cached_property
     def all_seen(self) -> ScanlineScene:
@@ -195,7 +196,7 @@ def _compose(track: Course, builds: Sequence[WorldCar], lidar: str, obstacles: t
             hide_ground(car)
         car.memory, car.nuserdata = spec.memory, spec.nuserdata  # attaching warns where they differ
         beams = vehicle.lidar.spec(sensors=lidar == "rangefinder")
-        car.attach(beams, site=car.site("lidar_mount"), prefix=_LIDAR_IN_CAR)
+        car.attach(beams, site=car.site("lidar_mount"), prefix=LIDAR_IN_CAR)
         spec.attach(car, frame=spec.worldbody.add_frame(), prefix=car_prefix(index))
     add_touch_sensors(spec, len(cars))
     return spec

@@ -19,10 +19,9 @@ from dataclasses import asdict, astuple, dataclass, fields
 from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...course.track import Track
 from ...errors import ControllerError, PlannerError, SettingsError, TrackError
@@ -34,7 +33,7 @@ from ...simulation.course_loading import load_track
 from ...simulation.engine import Engine
 from ...simulation.planner_adapter import Cars, Planners, PlannersOfEach, Reasons, adapt
 from ...simulation.planner_failure import one_line
-from ...simulation.settings import FASTEST, CarSettings, Start, require_laps
+from ...simulation.settings import FASTEST, GREATEST_SPEED, CarSettings, Start, require_laps
 from ...simulation.termination import END_REASONS
 from ...simulation.world import World
 from .opponents import Blocking, Pace, make_opponent
@@ -70,8 +69,9 @@ class DuelSettings(CarSettings):
         if not 0.0 < self.slowest <= self.fastest <= 1.0:
             said = f"{self.slowest:g}:{self.fastest:g}"
             raise SettingsError(f"speed_ratio is {said}; accepted: FIRST:LAST, above 0 and at most 1")
-        if not 0.0 < self.max_speed <= 100.0:
-            raise SettingsError(f"max_speed is {self.max_speed!r}; accepted: a positive number up to 100 m/s")
+        if not 0.0 < self.max_speed <= GREATEST_SPEED:
+            said = f"max_speed is {self.max_speed!r}"
+            raise SettingsError(f"{said}; accepted: a positive number up to {GREATEST_SPEED:g} m/s")
 
     def manifest(self) -> dict[str, Any]:
         """Return them as they can stand in JSON."""
@@ -218,8 +218,7 @@ def drive_duel(duel: Duel, watch: Any = None) -> DuelFigures:
         )  # fmt: skip
     engine = Engine(world, laps=settings.laps + 1)
     timed = Timed(adapt([_planner(duel.planner, world, settings)]))
-    groups = [(np.array([_PLANNER]), cast(Planners, timed)), (np.array([_OPPONENT]), adapt([opponent]))]
-    engine.planners = cast(Planners, PlannersOfEach(groups))
+    engine.planners = PlannersOfEach([(np.array([_PLANNER]), timed), (np.array([_OPPONENT]), adapt([opponent]))])
     engine.place([Start(s=start), Start(s=start + headway)])
     half = 0.5 * world.parameters.length
     timers, since = engine.monitor.timers, math.nan
@@ -234,7 +233,7 @@ def drive_duel(duel: Duel, watch: Any = None) -> DuelFigures:
             watch(engine)
         before = [_motion(engine, row, world.parameters) for row in (_PLANNER, _OPPONENT)]
         engine.tick()
-        touched = _touched_at(engine) > now
+        touched = engine.touched_at[_PLANNER, _OPPONENT] > now
         ahead = float(timers["progress"][_PLANNER] - timers["progress"][_OPPONENT]) - headway
         if math.isnan(since) or ahead < half:
             since = engine.time(0) if ahead >= half else math.nan
@@ -285,12 +284,6 @@ def _motion(engine: Engine, row: int, car: CarParameters) -> tuple[FloatArray, F
     heading = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     middle = 0.5 * car.length - car.rear_overhang
     return pose[:2] + middle * np.array([math.cos(heading), math.sin(heading)]), velocity
-
-
-def _touched_at(engine: Engine) -> float:
-    """Return when the cars last touched each other [s]; -inf: they did not."""
-    times: NDArray[np.float64] = engine._arrays.touched_at
-    return float(times[_PLANNER, _OPPONENT])
 
 
 def _track(name: str, car: CarParameters) -> Track:
