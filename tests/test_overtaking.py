@@ -15,7 +15,7 @@ from fg_mujoco.racing.planner_choice import ControllerChoice
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.planner_adapter import adapt
 from fg_mujoco.simulation.settings import Start
-from fg_mujoco.studies.overtaking.duel import Duel, DuelKey, DuelSettings, pace, to_blame
+from fg_mujoco.studies.overtaking.duel import AHEAD_FOR, Duel, DuelKey, DuelSettings, drive_duel, pace
 from fg_mujoco.studies.overtaking.opponents import OPPONENTS, Pace, least_curvature, make_opponent
 from fg_mujoco.studies.overtaking.overtaking import overtake
 from fg_mujoco.studies.overtaking.tables import make_cells, wilson
@@ -29,20 +29,6 @@ SHORT = {"tracks": ["oval"], "opponents": ["centreline"], "workers": 1, "picture
 )
 def test_intervals_are_wilsons(successes, count, low, high):
     assert wilson(successes, count) == pytest.approx((low, high), abs=1e-4)
-
-
-def motions(own, own_velocity, other, other_velocity):
-    return [(np.array(own), np.array(own_velocity)), (np.array(other), np.array(other_velocity))]
-
-
-def test_who_runs_into_the_car_ahead_is_to_blame():
-    assert to_blame(motions((0, 0), (5, 0), (0.6, 0), (3, 0)), -0.6, 0.29) == ("planner", pytest.approx(2.0))
-    assert to_blame(motions((0.6, 0), (3, 0), (0, 0), (5, 0)), 0.6, 0.29) == ("opponent", pytest.approx(2.0))
-
-
-def test_of_cars_beside_each_other_the_one_that_comes_over_is_to_blame():
-    assert to_blame(motions((0, 0), (5, 0.8), (0, 0.35), (4, 0)), 0.0, 0.29) == ("planner", pytest.approx(0.8))
-    assert to_blame(motions((0, 0), (5, 0), (0, 0.35), (4, -0.5)), 0.0, 0.29) == ("opponent", pytest.approx(0.5))
 
 
 def test_the_line_of_least_curvature_keeps_off_the_walls_and_bends_less():
@@ -98,6 +84,27 @@ def test_all_planners_meet_the_same_opponents():
     others = [Duel(DuelKey("a", None, "oval", k, s), None, settings).draw(57.0) for k in OPPONENTS for s in range(5)]
     assert len(set(others)) == 20
     assert all(0.3 <= ratio <= 0.9 and 2.0 <= headway <= 10.0 for _, headway, ratio in others)
+
+
+@pytest.mark.parametrize("kind", ["centreline", "blocking"])
+def test_an_overtake_is_half_a_length_for_a_second_where_the_cars_are(kind):
+    """The lead is worked out once more, from where the cars stand on the map."""
+    settings = DuelSettings(slowest=0.4, fastest=0.5)
+    duel = Duel(DuelKey("overtaker", None, "oval", kind, 1), ControllerChoice.of("overtaker"), settings)
+    leads = {}
+
+    def watch(engine):
+        track = engine.world.track
+        places = [float(track.project([engine.free_joint(row)[0][:2]])[0][0]) for row in (0, 1)]
+        leads[engine.time(0)] = math.remainder(places[0] - places[1], track.length)
+
+    found = drive_duel(duel, watch)
+    assert found.outcome == "overtaken"
+    assert leads[0.0] == pytest.approx(-found.headway_m, abs=0.02)
+    half = 0.5 * fg.World("oval").parameters.length
+    led = [time for time, lead in leads.items() if lead >= half]
+    assert found.time_s - AHEAD_FOR == pytest.approx(led[0], abs=0.03)
+    assert leads[max(leads)] < 2.0 + 8.0 * AHEAD_FOR  # not by a headway besides
 
 
 def test_a_study_goes_on_where_it_stopped(tmp_path):

@@ -27,6 +27,7 @@ from ..simulation.engine import Engine
 from ..simulation.settings import Start
 from ..simulation.telemetry import TELEMETRY
 from ..simulation.termination import END_REASONS
+from .fault import approach
 
 OVERTAKE_LEAD = 0.5
 """Of the passing car's length by which it has to lead: RoboRacer rules 3.2026."""
@@ -40,8 +41,7 @@ CONTACT_ENDS = 0.2
 LONGEST_PUSH = 1.0
 """[s] after which cars that still touch are judged, where there are rules: one that pushes another on and on."""
 
-_X, _Y, _HEADING, _YAW_RATE = (TELEMETRY.index(name) for name in ("x_m", "y_m", "heading_rad", "yaw_rate_rad_s"))
-_VX, _PROGRESS, _COMMANDED = (TELEMETRY.index(name) for name in ("vx_m_s", "progress_m", "command_speed_m_s"))
+_PROGRESS, _COMMANDED = (TELEMETRY.index(name) for name in ("progress_m", "command_speed_m_s"))
 _FINISHED, _DISQUALIFIED = END_REASONS.index("finished"), "disqualified"
 
 
@@ -72,7 +72,7 @@ class Contact:
     impulse_Ns: float  # noqa: N815  # of the one on the other, summed over all touches
     closing_speed_m_s: float  # of the middles of the cars before it, along the line between them
     displacement_m: float  # how far the force would have pushed the more easily pushed of them, standing, tires sliding
-    at_fault: str  # the one that came nearer faster; where both did alike, the one behind
+    at_fault: str  # see racing.fault
     x_m: float  # where they first touched
     y_m: float
 
@@ -159,10 +159,9 @@ class RaceControl:
         self._open: dict[tuple[int, int], _Touching] = {}
         self._orders = {pair: _Order() for pair in self._pairs}
         self._timestep = float(built.model.opt.timestep)
-        parameters = [car.parameters for car in engine.cars[self._rows]]
-        self._lengths = [car.length for car in parameters]
-        self._middles = [0.5 * car.length - car.rear_overhang for car in parameters]
-        self._masses = [car.mass for car in parameters]
+        self._parameters = [car.parameters for car in engine.cars[self._rows]]
+        self._lengths = [car.length for car in self._parameters]
+        self._masses = [car.mass for car in self._parameters]
         self._grips = [car.mu * car.parameters.gravity for car in engine.cars[self._rows]]
         self._tick = 0
         progress = self._timers["progress"].tolist()
@@ -237,21 +236,10 @@ class RaceControl:
 
     def _approach(self, a: int, b: int) -> tuple[float, int]:
         """Return how fast two cars came nearer at the start of the tick [m/s], and whose fault it is."""
-        rows = self._engine.telemetry[self._rows][[a, b]]
-        middles, velocities = [], []
-        for row, ahead in zip(rows, (self._middles[a], self._middles[b]), strict=True):
-            cos, sin = math.cos(row[_HEADING]), math.sin(row[_HEADING])
-            vx, vy = row[_VX], row[_VX + 1] + row[_YAW_RATE] * ahead
-            middles.append((row[_X] + ahead * cos, row[_Y] + ahead * sin))
-            velocities.append((vx * cos - vy * sin, vx * sin + vy * cos))
-        line = np.subtract(middles[1], middles[0])
-        line = line / max(float(np.linalg.norm(line)), 1e-9)
-        nearer = (float(line @ velocities[0]), float(-line @ velocities[1]))  # of each towards the other [m/s]
-        if abs(nearer[0] - nearer[1]) > 0.1:  # [m/s] below this both came nearer alike
-            fault = a if nearer[0] > nearer[1] else b
-        else:
-            fault = a if rows[0, _PROGRESS] < rows[1, _PROGRESS] else b
-        return nearer[0] + nearer[1], fault
+        rows = self._engine.telemetry[self._rows]
+        lead = float(rows[a, _PROGRESS] - rows[b, _PROGRESS])
+        fault, closing = approach(rows[a], rows[b], (self._parameters[a], self._parameters[b]), lead=lead)
+        return closing, (a, b)[fault]
 
     def _close(self, pair: tuple[int, int]) -> Contact:
         """Keep a contact that is over, and return it."""

@@ -4,9 +4,7 @@ Both stand on the centreline at a place that the seed draws, the opponent ahead 
 it draws, too. An overtake counts when the planner's car has been half a length ahead along the centreline for 1 s. The
 first touch of the cars ends a duel, and so does whatever ends the race of the planner's car.
 
-Who is to blame for a touch is an operationalisation of what referees judge: the car that was behind by more than half a
-length along the centreline, if it came nearer; of cars beside each other the one that approached the other faster,
-along the line between the middles of their chassis, in the tick before the touch.
+Who is to blame for a touch is decided as by race control, see racing.fault.
 """
 
 from __future__ import annotations
@@ -25,7 +23,8 @@ import numpy as np
 
 from ...course.track import Track
 from ...errors import ControllerError, PlannerError, SettingsError, TrackError
-from ...messages import CarParameters, FloatArray
+from ...messages import CarParameters
+from ...racing.fault import approach
 from ...racing.planner_choice import ControllerChoice
 from ...racing.planner_loading import make_controller
 from ...simulation.cars import WorldCar
@@ -223,23 +222,23 @@ def drive_duel(duel: Duel, watch: Any = None) -> DuelFigures:
     half = 0.5 * world.parameters.length
     timers, since = engine.monitor.timers, math.nan
     outcome, blame, closing = "", None, None
-    ahead = -headway
     while not outcome:
         now = engine.time(0)
-        ahead = float(timers["progress"][_PLANNER] - timers["progress"][_OPPONENT]) - headway
+        ahead = float(timers["progress"][_PLANNER] - timers["progress"][_OPPONENT])  # both from the planner's start
         if isinstance(opponent, Blocking):
             opponent.follower = (-ahead, float(timers["offset"][_PLANNER]))
         if watch is not None:
             watch(engine)
-        before = [_motion(engine, row, world.parameters) for row in (_PLANNER, _OPPONENT)]
         engine.tick()
         touched = engine.touched_at[_PLANNER, _OPPONENT] > now
-        ahead = float(timers["progress"][_PLANNER] - timers["progress"][_OPPONENT]) - headway
+        ahead = float(timers["progress"][_PLANNER] - timers["progress"][_OPPONENT])
         if math.isnan(since) or ahead < half:
             since = engine.time(0) if ahead >= half else math.nan
         if touched:
             outcome = "touch"
-            blame, closing = to_blame(before, ahead, half)
+            own, other = engine.telemetry[[_PLANNER, _OPPONENT]]
+            fault, closing = approach(own, other, (world.parameters, world.parameters), lead=ahead)
+            blame = ("planner", "opponent")[fault]
         elif not engine.running[_PLANNER]:
             outcome = "wall" if engine.crashed[_PLANNER] else "stopped"
         elif engine.time(0) - since >= AHEAD_FOR:
@@ -256,34 +255,6 @@ def drive_duel(duel: Duel, watch: Any = None) -> DuelFigures:
         touch_ahead_m=ahead if outcome == "touch" else None, closing_speed_m_s=closing, opponent_end=ends[_OPPONENT],
         decision_median_s=float(np.median(timed.times)), decision_longest_s=float(np.max(timed.times)),
     )  # fmt: skip
-
-
-def to_blame(motions: list[tuple[FloatArray, FloatArray]], ahead: float, half: float) -> tuple[str, float]:
-    """Return who is to blame for a touch, planner or opponent, and how fast they approached each other [m/s].
-
-    Args:
-      motions: of the planner's and the opponent's car before the touch: where the middle of the chassis is, and its
-        velocity, (2,) [m] and [m/s] each.
-      ahead: how far the planner's car is ahead along the centreline [m].
-      half: length of a car [m].
-    """
-    (own, own_velocity), (other, other_velocity) = motions
-    apart = other - own
-    towards = apart / max(float(np.hypot(*apart)), 1e-9)
-    own_approach, other_approach = float(own_velocity @ towards), float(-other_velocity @ towards)
-    closing = own_approach + other_approach
-    if abs(ahead) > half and closing > 0.0:
-        return ("planner" if ahead < 0.0 else "opponent"), closing
-    return ("planner" if own_approach >= other_approach else "opponent"), closing
-
-
-def _motion(engine: Engine, row: int, car: CarParameters) -> tuple[FloatArray, FloatArray]:
-    """Return where the middle of a car's chassis is and the velocity of its base_link, (2,) [m] and [m/s]."""
-    pose, velocity = engine.free_joint(row)
-    w, x, y, z = pose[3:7]
-    heading = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-    middle = 0.5 * car.length - car.rear_overhang
-    return pose[:2] + middle * np.array([math.cos(heading), math.sin(heading)]), velocity
 
 
 def _track(name: str, car: CarParameters) -> Track:
