@@ -6,9 +6,13 @@ import difflib
 from collections.abc import Iterable
 from typing import Any
 
+_LEAST_PART = 3  # letters of a part by which a name is found
+
 
 def nearest(name: object, known: Iterable[str], *, cutoff: float = 0.6) -> str | None:
-    """Return the name that was probably meant: the most similar of the known ones, or None where none is similar.
+    """Return the name that was probably meant: the most similar of the known ones, else the only one that holds it.
+
+    None: no name is similar, and none or several hold the one that was given.
 
     Args:
       name: as it was given.
@@ -16,7 +20,11 @@ def nearest(name: object, known: Iterable[str], *, cutoff: float = 0.6) -> str |
       cutoff: least similarity, from 0 to 1 (difflib's ratio).
     """
     spelt = {_spelling(each): each for each in reversed(list(known))}
-    found = difflib.get_close_matches(_spelling(str(name)), spelt, n=1, cutoff=cutoff)
+    given = _spelling(str(name))
+    found = difflib.get_close_matches(given, spelt, n=1, cutoff=cutoff)
+    if not found:
+        held = [each for each in spelt if len(given) >= _LEAST_PART and given in each]
+        found = held if len(held) == 1 else []
     return spelt[found[0]] if found else None
 
 

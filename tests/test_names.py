@@ -173,6 +173,13 @@ def test_case_hyphens_and_further_names_are_looked_at():
     assert accepted_names("scene:x", ("oval",), besides=("scene:xy",)).endswith("did you mean 'scene:xy'?")
 
 
+def test_a_part_of_one_name_is_that_name_and_a_part_of_several_is_none():
+    tires = ("contact", "forzaeth_nuc5", "forzaeth_nuc6", "forzaeth_sim")
+    assert nearest("nuc5", tires) == "forzaeth_nuc5"
+    assert nearest("nuc", tires) is None  # two
+    assert nearest("im", tires) is None  # too short to say anything
+
+
 @pytest.mark.parametrize("source", ["mine.py", "mine.py:", "./mine.py"])
 def test_a_planner_file_without_a_class_names_those_that_it_has(source):
     with pytest.raises(fg.ControllerError) as refusal:
