@@ -1,5 +1,10 @@
 import os
 
+# Two workers on two cores: one thread each, for numpy's linear algebra, too, whose threads wait by spinning. It counts
+# them when it is imported. And processes that the tests start find the modules of the package compiled, as users do.
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
 import pytest
 from hypothesis import settings
 
