@@ -1,3 +1,4 @@
+import contextlib
 import os
 
 # Two workers on two cores: one thread each, for numpy's linear algebra, too, whose threads wait by spinning. It counts
@@ -61,3 +62,19 @@ def short_race():
 def lap():
     """One lap of the oval by the gap finder."""
     return fg.race("oval", laps=1)
+
+
+@contextlib.contextmanager
+def plain_runs():
+    """Let `race --out` leave out the picture and the page, which take longer to draw than a short race to drive."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("fg_mujoco.cli.main._check_out", lambda folder: False)
+        patch.setattr("fg_mujoco.cli.main.report_race", lambda folder: None)
+        yield
+
+
+@pytest.fixture
+def without_pictures():
+    """Of tests that look at neither."""
+    with plain_runs():
+        yield

@@ -125,8 +125,7 @@ def planner(folder=".", **when):
 
 
 @pytest.mark.parametrize("how", RAISING)
-def test_whatever_a_planner_raises_ends_the_race_with_file_and_line(capsys, monkeypatch, how):
-    monkeypatch.setattr("fg_mujoco.cli.main._check_out", lambda folder: False)  # without a picture
+def test_whatever_a_planner_raises_ends_the_race_with_file_and_line(capsys, how, without_pictures):
     before = os._exit
     assert main(["race", "--controller", planner(v8=how), "--laps", "1", "--out", "run"]) == 1
     out, err = capsys.readouterr()
