@@ -1,10 +1,15 @@
 import contextlib
 import os
+import signal
 
 # Two workers on two cores: one thread each, for numpy's linear algebra, too, whose threads wait by spinning. It counts
 # them when it is imported. And processes that the tests start find the modules of the package compiled, as users do.
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
+# A shell that runs the tests in its background lets them ignore Ctrl-C, and all that they start, which some tests send.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 import pytest
 from hypothesis import settings
