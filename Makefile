@@ -32,7 +32,8 @@ race: $(READY)
 	$(BIN)/fg-mujoco race --track $(TRACK) --controller $(CONTROLLER) --laps $(LAPS) --out $(RUN) $(ARGS)
 	@echo "the picture: $(RUN)/trace.png"
 
-test: lint unit
+test: $(READY)
+	+@$(MAKE) --no-print-directory -j2 lint unit
 
 unit: $(READY)
 	$(BIN)/python -m pytest -n auto --dist loadfile $(ARGS)

@@ -167,6 +167,21 @@ def _with_room(function: Callable[[], Any]) -> Any:
 _with_room.__code__ = _with_room.__code__.replace(co_stacksize=70_000)
 
 
+@contextlib.contextmanager
+def _blas_unseen() -> Iterator[None]:
+    """Let numba load its parts without SciPy, which it imports only to see that it is there.
+
+    That takes as long as all the rest. Functions of linear algebra still look for it when they are compiled.
+    """
+    import numba.np.linalg as linalg
+
+    seen, linalg.ensure_blas = linalg.ensure_blas, lambda: None
+    try:
+        yield
+    finally:
+        linalg.ensure_blas = seen
+
+
 def _calls_in_turn(library: Any) -> bool:
     """Say whether functions in there call each other in turn: that is done by addresses."""
     prefix = library.codegen._rtlinker.PREFIX
@@ -302,7 +317,8 @@ class _KernelCache:
             kept = self._file(signature, target.codegen()).read_bytes()
             digest, payload = kept[:32], kept[32:]
             if hashlib.sha256(payload).digest() == digest:
-                target.refresh()
+                with _blas_unseen():
+                    target.refresh()
                 return self._unpack(target, pickle.loads(payload))
         return None
 

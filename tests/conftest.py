@@ -1,4 +1,15 @@
+import contextlib
 import os
+import signal
+
+# Two workers on two cores: one thread each, for numpy's linear algebra, too, whose threads wait by spinning. It counts
+# them when it is imported. And processes that the tests start find the modules of the package compiled, as users do.
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
+# A shell that runs the tests in its background lets them ignore Ctrl-C, and all that they start, which some tests send.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 import pytest
 from hypothesis import settings
@@ -16,10 +27,11 @@ os.environ["FG_MUJOCO_COMPILING"] = "in tests"
 # The files that take longest, which start first: a worker that begins one of them last keeps the others waiting.
 # The first compiles the kernels of every race; the second needs none of them, so that two workers do not compile both.
 SLOWEST = (
-    "test_fuzz.py", "test_identification.py", "test_mission.py", "test_packaging.py", "test_kernels.py",
-    "test_kills.py", "test_controller_contract.py", "test_hostile_planners.py", "test_rollout_ray.py",
-    "test_every_course.py", "test_live_view.py", "test_readme.py", "test_docs.py", "test_cli.py",
-    "test_hostile_runs.py", "test_leaks.py",
+    "test_fuzz.py", "test_identification.py", "test_mission.py", "test_controller_contract.py", "test_rollout_ray.py",
+    "test_kernels.py", "test_hostile_planners.py", "test_every_course.py", "test_kills.py", "test_report_pages.py",
+    "test_live_view.py", "test_readme.py", "test_replay_proof.py", "test_cli.py", "test_docs.py",
+    "test_hostile_runs.py", "test_leaks.py", "test_debug.py", "test_every_track.py", "test_compare_cli.py",
+    "test_two_policies_example.py", "test_tight_tracks.py",
 )  # fmt: skip
 
 
@@ -56,3 +68,19 @@ def short_race():
 def lap():
     """One lap of the oval by the gap finder."""
     return fg.race("oval", laps=1)
+
+
+@contextlib.contextmanager
+def plain_runs():
+    """Let `race --out` leave out the picture and the page, which take longer to draw than a short race to drive."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("fg_mujoco.cli.main._check_out", lambda folder: False)
+        patch.setattr("fg_mujoco.cli.main.report_race", lambda folder: None)
+        yield
+
+
+@pytest.fixture
+def without_pictures():
+    """Of tests that look at neither."""
+    with plain_runs():
+        yield

@@ -178,10 +178,9 @@ class Bad:
 
 
 @pytest.fixture
-def failed(tmp_path, monkeypatch):
+def failed(tmp_path, monkeypatch, without_pictures):
     """A run folder of a planner that raised, and whose every text is markup; tmp_path / "marker" says that it ran."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("fg_mujoco.cli.main._check_out", lambda folder: False)  # without a picture
     (tmp_path / "bad.py").write_text(RAISES.format(name=MARKUP, marker=str(tmp_path / "marker")))
     assert main(["race", "--controller", "bad.py:Bad", "--out", "run"]) == 1
     (tmp_path / "marker").unlink()

@@ -293,8 +293,7 @@ def test_a_file_that_has_the_name_of_a_bundled_vehicle_is_described_by_its_path(
         CarSettings.of(description)
 
 
-def test_a_run_of_a_file_vehicle_is_raced_again_while_the_file_is_the_same(here, capsys, monkeypatch):
-    monkeypatch.setattr("fg_mujoco.cli.main._check_out", lambda folder: False)  # without a picture
+def test_a_run_of_a_file_vehicle_is_raced_again_while_the_file_is_the_same(here, capsys, without_pictures):
     (here / "mine.xml").write_text(Path(made_file()).read_text())
     main(["race", "--vehicle", "mine.xml", "--time-limit", "0.5", "--out", "first"])
     assert capsys.readouterr().out.startswith("oval, gap_finder, mine\n")

@@ -523,6 +523,16 @@ def test_the_first_compilation_is_announced_once(tmp_path):
     assert run(both, XDG_CACHE_HOME=str(tmp_path)).stderr == ""
 
 
+def test_kernels_on_disk_are_loaded_without_scipy_and_others_find_it_all_the_same():
+    assert run(f"{REASON}; print(1)").returncode == 0  # on disk now
+    code = (
+        f"import sys; {REASON}; print('scipy.linalg' in sys.modules); import numba, numpy;"
+        "print(numba.njit(lambda a: numpy.dot(a, a))(numpy.ones(2)), 'scipy.linalg' in sys.modules)"
+    )
+    pytest.importorskip("scipy")
+    assert run(code).stdout == f"{CRASH}False\n2.0 True\n"
+
+
 def test_kernels_of_others_are_not_announced(tmp_path):
     code = "import numba, fg_mujoco.kernels; print(numba.njit(lambda x: x + 1)(1))"
     done = run(code, XDG_CACHE_HOME=str(tmp_path))

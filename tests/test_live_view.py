@@ -343,7 +343,7 @@ def test_a_server_that_cannot_be_guarded_is_not_used(session, free, monkeypatch)
 def test_in_a_browser_the_car_moves_and_pause_and_knobs_and_keys_do_what_they_say(session, free, page_of):  # noqa: F811
     pytest.importorskip("viser", reason="no viser here: pip install 'fg-mujoco[live]'")
     asked = []
-    with served(session, free) as view, page_of(viewport={"width": 1000, "height": 700}) as page:
+    with served(session, free) as view, page_of(viewport={"width": 700, "height": 400}) as page:
         page.on("request", lambda request: asked.append(request.url))
         page.goto(view.url)
         page.wait_for_selector("text=friction utilisation", timeout=60000)
@@ -367,7 +367,7 @@ def test_in_a_browser_the_car_moves_and_pause_and_knobs_and_keys_do_what_they_sa
         wait_until(lambda: session.settings.max_speed == 1.5)
         wait_until(lambda: math.isclose(session.simulation.speed, 1.5, abs_tol=0.15))
 
-        page.mouse.click(200, 400)
+        page.mouse.click(200, 250)
         for key, reached in (("i", 0.5), ("ArrowUp", 1.0), ("w", 1.5), ("ArrowDown", 1.0), ("s", 0.5), (" ", 0.0)):
             page.keyboard.press(key)
             wait_until(lambda reached=reached: session.by_hand and session.hand.speed == reached)

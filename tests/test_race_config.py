@@ -170,9 +170,8 @@ def test_a_file_that_cannot_be_read_is_refused(tmp_path, capsys):
          "--time-limit", 0.5, "--max-speed", 3),
     ],
 )  # fmt: skip
-def test_a_run_folder_is_raced_again_bit_for_bit(arguments, tmp_path, capsys, monkeypatch):
+def test_a_run_folder_is_raced_again_bit_for_bit(arguments, tmp_path, capsys, monkeypatch, without_pictures):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("fg_mujoco.cli.main._check_out", lambda folder: False)  # without a picture
     main(["race", *map(str, arguments), "--out", "first"])
     main(["race", "--config", "first", "--out", "again"])
     first, again = fg.read_run("first"), fg.read_run("again")
@@ -213,10 +212,9 @@ class Slow:
 
 
 @pytest.fixture
-def raced(tmp_path, monkeypatch):
+def raced(tmp_path, monkeypatch, without_pictures):
     """The folder of a race by a planner's file that lies beside it; the present folder."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("fg_mujoco.cli.main._check_out", lambda folder: False)  # without a picture
     (tmp_path / "planner.py").write_text(PLANNER.replace("SPEED", "0.5"))
     main(["race", "--controller", "planner.py:Slow", "--time-limit", "0.2", "--out", "first"])
     return tmp_path

@@ -5,6 +5,7 @@ import shutil
 
 import numpy as np
 import pytest
+from conftest import plain_runs
 from forging import without_checksums
 from map_oracles import draw_map, ring
 from vehicle_worlds import made_file
@@ -74,7 +75,8 @@ class Standing(Mine):
 def raced(tmp_path_factory):
     """One lap of the oval, as `race --out` writes it."""
     folder = tmp_path_factory.mktemp("raced") / "lap"
-    main(["race", "--laps", "1", "--out", str(folder)])
+    with plain_runs():
+        main(["race", "--laps", "1", "--out", str(folder)])
     return folder
 
 
@@ -85,7 +87,7 @@ def folder(raced, tmp_path):
 
 
 @pytest.fixture
-def here(tmp_path, monkeypatch):
+def here(tmp_path, monkeypatch, without_pictures):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.py").write_text(PLANNER, "utf-8")
     return tmp_path

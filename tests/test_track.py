@@ -131,10 +131,10 @@ def test_projection_of_one_point_with_a_hint_is_fast(hairpin):
     hairpin.project(point, 5.0)
     best = np.inf
     for _ in range(20):
-        start = time.perf_counter()
+        start = time.thread_time()  # not of the clock: the machine has other things to do
         for _ in range(20):
             hairpin.project(point, 5.1)
-        best = min(best, (time.perf_counter() - start) / 20)
+        best = min(best, (time.thread_time() - start) / 20)
     assert best < 100e-6  # about 10 us; a search of the whole line takes longer
 
 

@@ -1,5 +1,7 @@
 """A world is what its XML says; who touches whom; and what is seen is what is hit."""
 
+import dataclasses
+
 import mujoco
 import numpy as np
 import pytest
@@ -220,3 +222,32 @@ def test_a_world_takes_the_track_itself_or_its_name():
     track = fg.load_track("oval")
     assert fg.World(track).track is track
     assert fg.World(track).xml == fg.World("oval").xml
+
+
+def test_worlds_of_the_same_things_are_written_once_and_have_models_of_their_own():
+    first, again = fg.World("oval", obstacles=(BOX,)), fg.World("oval", obstacles=(BOX,))
+    assert first.xml is again.xml
+    whole = bits(again.model)
+    first.model.geom_friction[:] = 0.1
+    assert bits(first.model) != whole == bits(again.model) == bits(fg.World("oval", obstacles=(BOX,)).model)
+    assert bits(fg.World.from_xml(first.xml).model) == whole == bits(mujoco.MjModel.from_xml_string(first.xml))
+
+
+def test_worlds_that_differ_in_anything_are_not_taken_for_each_other():
+    patch = fg.Patch(x=1.0, y=0.0, length=1.0, width=1.0, mu=0.3)
+    worlds = [
+        fg.World("oval", **what)
+        for what in (
+            {}, {"mu": 0.5}, {"lidar": "rangefinder"}, {"obstacles": (BOX,)}, {"changes": fg.CarChanges(mass=4.0)},
+            {"tires": fg.Tires.load("forzaeth_nuc2")}, {"patches": (patch,)}, {"others": (fg.WorldCar(),)},
+            {"others": (fg.WorldCar(mu=0.5),)},
+        )
+    ]  # fmt: skip
+    worlds.append(fg.World(dataclasses.replace(fg.load_track("oval"), name="another")))
+    assert len({world.xml for world in worlds}) == len(worlds)
+
+
+def test_an_obstacle_without_hash_stands_there_all_the_same():
+    corners = [(3.0, 0.0), (3.4, 0.0), (3.4, 0.4)]
+    worlds = [fg.World("oval", obstacles=(fg.Prism(footprint=kind(corners)),)) for kind in (list, tuple)]
+    assert bits(worlds[0].model) == bits(worlds[1].model)

@@ -362,8 +362,8 @@ def _distribution_of(found: Any, source: str | Controller) -> str | None:
     package = str(getattr(found, "__module__", "")).partition(".")[0]
     if package == "fg_mujoco":
         return "fg-mujoco"
-    if package in ("", "__main__") or not hasattr(sys.modules.get(package), "__spec__"):
-        return None
+    if package in ("", "__main__") or getattr(sys.modules.get(package), "__spec__", None) is None:
+        return None  # no module that was found by the import system, such as a user's file
     return next(iter(_distributions().get(package, ())), None)
 
 

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -112,10 +113,8 @@ class World:
             self.track.check_car(own.parameters)
         self.lidar_backend = lidar
         self.obstacles = (*self.track.obstacles, *obstacles)
-        spec = _compose(self.track, builds, lidar, self.obstacles)
-        add_patches(spec, patches)
-        self.xml = spec.to_xml()
-        self.model = mujoco.MjModel.from_xml_string(self.xml)
+        self.xml = _text_of(self.track, builds, lidar, self.obstacles, tuple(patches))
+        self.model = compiled_model(self.xml)
         self.moving = moving_obstacles(self.model)
         self.cars = tuple(Car(self.model, car_prefix(index)) for index in range(len(builds)))
         self.car = self.cars[0]
@@ -141,7 +140,7 @@ class World:
         world.track = world.vehicle = None  # type: ignore[assignment]  # nobody asks for them
         world.vehicles = ()
         world.lidar_backend, world.obstacles, world.xml = lidar, (), xml
-        world.model = mujoco.MjModel.from_xml_string(xml)
+        world.model = compiled_model(xml)
         world.tires = tires_of(world.model, CAR_PREFIX)
         world.moving = moving_obstacles(world.model)
         world.cars = tuple(Car(world.model, prefix) for prefix in car_prefixes(world.model) or (CAR_PREFIX,))
@@ -166,6 +165,47 @@ class World:
     def all_seen(self) -> ScanlineScene:
         """All that the LiDARs of the cars can meet, each other too, prepared for the beams of car 0's."""
         return ScanlineScene(self.model, self.lidar.beams, None)
+
+
+def compiled_model(xml: str) -> mujoco.MjModel:
+    """Return the model of an MJCF text, which is the caller's own. The last few texts are compiled once.
+
+    Raises:
+      ValueError: it does not compile.
+    """
+    return copy(_compiled(xml))
+
+
+@lru_cache(maxsize=8)
+def _compiled(xml: str) -> mujoco.MjModel:
+    return mujoco.MjModel.from_xml_string(xml)  # never given away, because a model's arrays can be written to
+
+
+def _text_of(
+    track: Course,
+    builds: tuple[WorldCar, ...],
+    lidar: str,
+    obstacles: tuple[Obstacle, ...],
+    patches: tuple[Patch, ...],
+) -> str:
+    """Return the MJCF text of a world. Writing it takes as long as compiling it, so the last few are kept."""
+    try:
+        return _written(track, builds, lidar, obstacles, patches)
+    except TypeError:  # an obstacle without hash: a list for its corners
+        return _written.__wrapped__(track, builds, lidar, obstacles, patches)
+
+
+@lru_cache(maxsize=8)
+def _written(
+    track: Course,
+    builds: tuple[WorldCar, ...],
+    lidar: str,
+    obstacles: tuple[Obstacle, ...],
+    patches: tuple[Patch, ...],
+) -> str:
+    spec = _compose(track, builds, lidar, obstacles)
+    add_patches(spec, patches)
+    return str(spec.to_xml())
 
 
 def _compose(track: Course, builds: Sequence[WorldCar], lidar: str, obstacles: tuple[Obstacle, ...]) -> Any:
