@@ -383,7 +383,7 @@ class Driver(Node):
             r"node 'Mine' has 2 drive topics, /a and /b .*mine.py, line 14\)",
         ),
         (HEAD.replace("LaserScan\n", "LaserScam\n", 1), r"sensor_msgs.msg has no 'LaserScam' .*mine.py, line 5\)"),
-        ("import cv_bridge\n" + HEAD, r"No module named 'cv_bridge' .*mine.py, line 1\)"),
+        ("import cv_bridge\ncv_bridge.CvBridge()\n" + HEAD, r"No module named 'cv_bridge' .*mine.py, line 1\)"),
         (HEAD.replace("Node):", "object):"), r"object.__init__\(\) takes .*mine.py, line 11\)"),
         (
             HEAD + "        self.create_publisher(AckermannDriveStamped, '/drive')\n",

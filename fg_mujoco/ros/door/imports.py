@@ -6,9 +6,12 @@ each planner has its own modules. The user's own files are looked for beside the
 
 from __future__ import annotations
 
+import ast
 import builtins
 import sys
-from collections.abc import Mapping, Sequence
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
@@ -16,8 +19,10 @@ from typing import Any
 
 from ...errors import ControllerError, accepted_names
 from .graph import Graph
-from .messages import Definitions
+from .messages import SERVICE_PACKAGES, Definitions
+from .source import Unused, relocate_files, unused_imports
 
+_PARTS = ("Request", "Response", "Goal", "Result", "Feedback")
 _LEVELS = 4  # folders above the node's in which packages of messages are looked for
 
 
@@ -53,6 +58,19 @@ class Overlay(ModuleType):
         return getattr(self.__dict__["_real"], name)
 
 
+class Absent(ModuleType):
+    """What an import that has failed binds, where nothing uses it; and whatever is asked of it."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self.__path__: list[str] = []
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return Absent(f"{self.__name__}.{name}")
+
+
 class Imports:
     """The modules of one node.
 
@@ -76,6 +94,7 @@ class Imports:
         self._modules: dict[str, ModuleType] = dict(modules)
         self._overlays = overlays
         self._own: dict[Path, ModuleType] = {}
+        self._unused: dict[str, Unused] = {}  # by file
         self._builtins = {**vars(builtins), "__import__": self.import_module}
         folder = node.resolve().parent
         above = folder.parent
@@ -92,9 +111,12 @@ class Imports:
         module.__name__, module.__file__ = name, str(path)
         vars(module)["__builtins__"] = self._builtins
         self._graph.files.add(str(path))
+        tree = ast.parse(text, str(path))
+        self._unused[str(path)] = unused_imports(tree)
+        relocate_files(tree, self._node, lambda said, line: _warn(f"{said} ({path}, line {line})"))
         there = sys.modules.setdefault(name, module)  # dataclasses look their module up there
         try:
-            exec(compile(text, str(path), "exec"), module.__dict__)
+            exec(compile(tree, str(path), "exec"), module.__dict__)
         finally:
             if there is module:
                 sys.modules.pop(name, None)
@@ -110,6 +132,30 @@ class Imports:
     ) -> Any:
         """Stand in for `__import__` in the files of a node."""
         wanted = tuple(fromlist or ())
+        file, line = str((globals or {}).get("__file__")), sys._getframe(1).f_lineno
+        unused = self._unused.get(file, {}).get(line, set())
+        try:
+            found = self._find(name, globals, locals, wanted, level, unused)
+        except ImportError as error:
+            if not (name in unused or (wanted and unused.issuperset(wanted) and not name.endswith(".msg"))):
+                raise
+            _warn(f"{error}, and nothing uses it ({file}, line {line})")
+            return Absent(name if wanted else name.partition(".")[0])
+        lacking = [each for each in wanted if each in unused and not hasattr(found, each)]
+        if not lacking or name.endswith(".msg"):
+            return found
+        _warn(f"{name} has no {', '.join(lacking)}, and nothing uses it ({file}, line {line})")
+        return Overlay(found, **{each: Absent(f"{name}.{each}") for each in lacking})
+
+    def _find(
+        self,
+        name: str,
+        globals: Mapping[str, Any] | None,
+        locals: Mapping[str, Any] | None,
+        wanted: tuple[str, ...],
+        level: int,
+        unused: set[str],
+    ) -> Any:
         if level:
             return self._relative(name, globals or {}, wanted, level)
         if name in self._overlays:
@@ -117,7 +163,8 @@ class Imports:
         found = self._stand_in(name)
         if found is not None:
             for each in wanted:
-                if each != "*" and each not in vars(found) and not self._provides(found, each):
+                known = each == "*" or each in vars(found) or self._provides(found, each)
+                if not known and (each not in unused or name.endswith(".msg")):
                     raise ImportError(lacks(found, each))
             return found if wanted else self._modules[name.partition(".")[0]]
         own = self._own_module(self._folders, name, wanted)
@@ -155,27 +202,40 @@ class Imports:
             for folder in self._message_folders(name):
                 self._definitions.add_files(name, folder)
         names = self._definitions.names(name)
-        if not names:
+        if (
+            not names
+            and name not in SERVICE_PACKAGES
+            and not any(self._message_folders(name, part) for part in ("srv", "action"))
+        ):
             return False
         kinds = {each: self._definitions.kind(f"{name}/msg/{each}") for each in names}
         self._modules[f"{name}.msg"] = StandIn(f"{name}.msg", **kinds)
-        self._modules.setdefault(f"{name}.srv", Services(f"{name}.srv"))
-        self._modules.setdefault(f"{name}.action", Services(f"{name}.action"))
+        for part in ("srv", "action"):
+            services = Services(f"{name}.{part}", partial(self._service, name, part))
+            self._modules.setdefault(f"{name}.{part}", services)
         self._modules.setdefault(name, StandIn(name))
         for part in ("msg", "srv", "action"):
             setattr(self._modules[name], part, self._modules[f"{name}.{part}"])
         return True
 
-    def _message_folders(self, package: str) -> list[Path]:
+    def _service(self, package: str, part: str, name: str) -> Mapping[str, type]:
+        """Return the classes that a service or an action consists of, by part; none where nothing defines it."""
+        for folder in self._message_folders(package, part):
+            file = folder / f"{name}.{part}"
+            if file.is_file():
+                return self._definitions.parts(package, name, file.read_text("utf-8", "replace"), str(file))
+        return self._definitions.parts(package, name)
+
+    def _message_folders(self, package: str, kind: str = "msg") -> list[Path]:
         """Return the folders of a package's `.msg` files: of its own, of one beside it, or beside the node."""
         folder = self._node.resolve().parent
         above = [folder, *list(folder.parents)[:_LEVELS]]
-        places = [place / package / "msg" for place in above]
-        places += [place / "msg" for place in above if place.name == package or _is_package(place, package)]
-        if not any(place.is_dir() for place in places):
+        places = [place / package / kind for place in above]
+        places += [place / kind for place in above if place.name == package or _is_package(place, package)]
+        if kind == "msg" and not any(place.is_dir() for place in places):
             local = folder / "msg"
             places = [local if local.is_dir() else folder]
-        return [place for place in places if place.is_dir() and any(place.glob("*.msg"))]
+        return [place for place in places if place.is_dir() and any(place.glob(f"*.{kind}"))]
 
     def _hang(self, name: str) -> None:
         """Make the modules that a module's name is in, and put each into the one above."""
@@ -237,24 +297,38 @@ class Imports:
 
 
 class Services(StandIn):
-    """Services and actions of a package, which nodes make and nobody answers."""
+    """Services or actions of a package.
+
+    Args:
+      name: of the module.
+      parts_of: returns the classes of requests and responses of a name, by part; empty where nothing defines it.
+    """
+
+    def __init__(self, name: str, parts_of: Callable[[str], Mapping[str, type]]) -> None:
+        super().__init__(name)
+        self._parts_of = parts_of
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
             raise AttributeError(name)
-        parts = {part: type(part, (_Open,), {}) for part in ("Request", "Response", "Goal", "Result", "Feedback")}
+        known = self._parts_of(name)
+        parts = {part: known.get(part) or type(part, (_Open,), {}) for part in _PARTS}
         found = type(name, (), parts)
         setattr(self, name, found)
-        setattr(self, f"{name}Request", parts["Request"])
-        setattr(self, f"{name}Response", parts["Response"])
+        for part in ("Request", "Response"):
+            setattr(self, f"{name}{part}", parts[part])
         return found
 
 
 class _Open:
-    """A request or a response: whatever fields it is given."""
+    """A part of a service that nothing here defines: whatever fields it is given."""
 
     def __init__(self, *values: Any, **named: Any) -> None:
         vars(self).update(named)
+
+
+def _warn(said: str) -> None:
+    warnings.warn(said, stacklevel=3)
 
 
 def package_folder(node: Path, name: str) -> Path | None:

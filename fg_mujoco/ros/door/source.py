@@ -1,0 +1,97 @@
+"""Reads a node's source before it is executed: which imports nothing uses, and which files it names that lie elsewhere.
+
+On the machine that a node was written on all its imports are installed and its files lie where it says. Here an import
+that fails does no harm where nothing uses what it binds. A file of data that is not where the node says is looked for
+beside the node and in its package: `/home/me/ws/src/lab5/racelines/levine.csv` is `racelines/levine.csv` there.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+_DATA = {
+    ".csv", ".txt", ".yaml", ".yml", ".json", ".npy", ".npz", ".pkl", ".pickle", ".pt", ".pth", ".onnx", ".zip", ".png",
+    ".pgm", ".h5", ".mat", ".tum",
+}  # fmt: skip
+_JOINING = ("join", "joinpath")
+_READING = ("open", "loadtxt", "genfromtxt", "read_csv", "load")
+_LEVELS = 4  # folders above the node's in which files are looked for
+
+Unused = dict[int, set[str]]
+"""Line of an import statement -> the names of it, as imported, that nothing in the file uses."""
+
+
+def unused_imports(tree: ast.Module) -> Unused:
+    """Return what a file imports and does not use; what it tries to import, and does without, is left out."""
+    used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+    used |= {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str)}
+    found: Unused = {}
+    for statement in _imports(tree):
+        names = {
+            each.name
+            for each in statement.names
+            if each.name != "*" and (each.asname or each.name.partition(".")[0]) not in used
+        }
+        if names:
+            found[statement.lineno] = names
+    return found
+
+
+def _imports(node: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, (ast.Import, ast.ImportFrom)):
+            yield child
+        elif not isinstance(child, ast.Try):
+            yield from _imports(child)
+
+
+def relocate_files(tree: ast.Module, node: Path, tell: Callable[[str, int], None]) -> None:
+    """Put the places of files of data that a node names, and that are elsewhere, into its tree.
+
+    Args:
+      tree: of the file.
+      node: its file.
+      tell: is called with what was said and is taken, and the line.
+    """
+    for parent in ast.walk(tree):
+        called = _called(parent)
+        if isinstance(parent, (ast.BinOp, ast.JoinedStr)) or called in _JOINING:
+            continue  # a part of a path
+        for each in ast.iter_child_nodes(parent):
+            if not isinstance(each, ast.Constant) or not isinstance(each.value, str):
+                continue
+            if not each.value.startswith(("/", "~")) and called not in _READING:
+                continue
+            found = data_file(each.value, node)
+            if found is not None:
+                tell(f"{each.value} is not there; {found} is taken", each.lineno)
+                each.value = str(found)
+
+
+def _called(node: ast.AST) -> str:
+    """Return the last name of what a call calls; nothing of anything else."""
+    if not isinstance(node, ast.Call):
+        return ""
+    return node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+
+
+def data_file(said: str, node: Path) -> Path | None:
+    """Return where a file of data is that a node names, where it is not there; None: it is, or is nowhere.
+
+    The longest part of its path that is found counts, beside the node before the folders above.
+    """
+    if len(said) > 1000 or any(each.isspace() and each != " " for each in said):
+        return None
+    path = Path(said)
+    if path.suffix.lower() not in _DATA or path.expanduser().exists():
+        return None
+    parts = [part for part in path.parts if part not in ("/", "~", "..", ".")]
+    folders = [node.resolve().parent, *list(node.resolve().parents)[1 : _LEVELS + 1]]
+    for first in range(len(parts)):
+        for folder in folders:
+            found = folder.joinpath(*parts[first:])
+            if found.is_file():
+                return found
+    return None
