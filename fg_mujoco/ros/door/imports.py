@@ -6,7 +6,6 @@ each planner has its own modules. The user's own files are looked for beside the
 
 from __future__ import annotations
 
-import ast
 import builtins
 import sys
 import warnings
@@ -20,9 +19,10 @@ from typing import Any
 from ...errors import ControllerError, accepted_names
 from .graph import Graph
 from .messages import SERVICE_PACKAGES, Definitions
-from .source import Unused, relocate_files, unused_imports
+from .source import Unused, read_source
 
 _PARTS = ("Request", "Response", "Goal", "Result", "Feedback")
+_INTERFACES = ("_msgs", "_srvs", "_interfaces")
 _LEVELS = 4  # folders above the node's in which packages of messages are looked for
 
 
@@ -111,12 +111,13 @@ class Imports:
         module.__name__, module.__file__ = name, str(path)
         vars(module)["__builtins__"] = self._builtins
         self._graph.files.add(str(path))
-        tree = ast.parse(text, str(path))
-        self._unused[str(path)] = unused_imports(tree)
-        relocate_files(tree, self._node, lambda said, line: _warn(f"{said} ({path}, line {line})"))
+        source = read_source(path, text, self._node)
+        self._unused[str(path)] = source.unused
+        for said in source.told:
+            _warn(said)
         there = sys.modules.setdefault(name, module)  # dataclasses look their module up there
         try:
-            exec(compile(tree, str(path), "exec"), module.__dict__)
+            exec(source.code, module.__dict__)
         finally:
             if there is module:
                 sys.modules.pop(name, None)
@@ -179,6 +180,9 @@ class Imports:
         elif name not in self._modules and not rest and self._package(top):
             self._modules[top] = StandIn(top)
             self._hang(f"{top}.msg")
+        elif name not in self._modules and rest in ("srv", "action") and top.endswith(_INTERFACES):
+            self._modules[name] = Services(name, lambda _: {})  # nothing here defines them
+            self._hang(name)
         found = self._modules.get(name)
         if found is None and rest and top in self._modules:
             raise ModuleNotFoundError(
@@ -202,11 +206,7 @@ class Imports:
             for folder in self._message_folders(name):
                 self._definitions.add_files(name, folder)
         names = self._definitions.names(name)
-        if (
-            not names
-            and name not in SERVICE_PACKAGES
-            and not any(self._message_folders(name, part) for part in ("srv", "action"))
-        ):
+        if not names and not self._has_services(name):
             return False
         kinds = {each: self._definitions.kind(f"{name}/msg/{each}") for each in names}
         self._modules[f"{name}.msg"] = StandIn(f"{name}.msg", **kinds)
@@ -217,6 +217,10 @@ class Imports:
         for part in ("msg", "srv", "action"):
             setattr(self._modules[name], part, self._modules[f"{name}.{part}"])
         return True
+
+    def _has_services(self, package: str) -> bool:
+        """Say whether services or actions of a package are defined."""
+        return package in SERVICE_PACKAGES or any(self._message_folders(package, part) for part in ("srv", "action"))
 
     def _service(self, package: str, part: str, name: str) -> Mapping[str, type]:
         """Return the classes that a service or an action consists of, by part; none where nothing defines it."""

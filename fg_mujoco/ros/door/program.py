@@ -26,6 +26,7 @@ from ...errors import ControllerError, MissingExtraError, accepted_names
 from ..bag_messages import INSTALL_COMMAND
 from .imports import read_node
 from .messages import ROS1, ROS2
+from .source import parse
 
 SCHEME = "ros:"
 _KEYS = ("file", "class", "name", "parameters", "params_file", "remap")
@@ -86,7 +87,7 @@ def read_node_file(path: Path, class_name: str, said: str, **more: Any) -> NodeF
     """
     text = read_node(path, said)
     try:
-        tree = ast.parse(text, str(path))
+        tree = parse(text, path)
     except (SyntaxError, ValueError) as error:
         line = getattr(error, "lineno", None)
         where = f" ({path}, line {line})" if line else f" ({path})"

@@ -419,9 +419,7 @@ def rospy_modules(session: Session) -> dict[str, ModuleType]:
         "Timer": type("Timer", (TimerHandle,), bound), "AnyMsg": object, "DEBUG": 1, "INFO": 2, "WARN": 4, "ERROR": 8,
         **logs, **exceptions,
     }  # fmt: skip
-    parts = {
-        f"rospy.{name}": members for name in ("core", "client", "topics", "timer", "service", "msg", "impl.tcpros")
-    }
+    parts = ("core", "client", "topics", "timer", "service", "msg", "impl.tcpros")
     of_modules: dict[str, dict[str, Any]] = {
         "rospy": members,
         "rospy.numpy_msg": {"numpy_msg": numpy_message},

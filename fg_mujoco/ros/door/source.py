@@ -8,8 +8,13 @@ beside the node and in its package: `/home/me/ws/src/lab5/racelines/levine.csv` 
 from __future__ import annotations
 
 import ast
+import threading
 from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
+from types import CodeType
+from typing import TypeVar
 
 _DATA = {
     ".csv", ".txt", ".yaml", ".yml", ".json", ".npy", ".npz", ".pkl", ".pickle", ".pt", ".pth", ".onnx", ".zip", ".png",
@@ -19,8 +24,55 @@ _JOINING = ("join", "joinpath")
 _READING = ("open", "loadtxt", "genfromtxt", "read_csv", "load")
 _LEVELS = 4  # folders above the node's in which files are looked for
 
+_TRIES = 20
+T = TypeVar("T")
+
 Unused = dict[int, set[str]]
 """Line of an import statement -> the names of it, as imported, that nothing in the file uses."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """A file of a node, ready to be executed."""
+
+    code: CodeType
+    unused: Unused
+    told: tuple[str, ...]  # of files that lie elsewhere
+
+
+_ONE_AT_A_TIME = threading.Lock()  # Python 3.11 counts the depth of a tree for all threads together
+
+
+def read_source(path: Path, text: bytes, node: Path) -> Source:
+    """Return the code of a file that belongs to a node.
+
+    Raises:
+      SyntaxError, ValueError: it is no Python.
+    """
+    told: list[str] = []
+    with _ONE_AT_A_TIME:
+        tree = parse(text, path)
+        unused = unused_imports(tree)
+        relocate_files(tree, node, lambda said, line: told.append(f"{said} ({path}, line {line})"))
+        code = _despite_depth(lambda: compile(tree, str(path), "exec"))
+    return Source(code=code, unused=unused, told=tuple(told))
+
+
+def parse(text: bytes, path: Path) -> ast.Module:
+    """Return the tree of a file.
+
+    Raises:
+      SyntaxError, ValueError: it is no Python.
+    """
+    return _despite_depth(lambda: ast.parse(text, str(path)))
+
+
+def _despite_depth(work: Callable[[], T]) -> T:
+    """Return what some work returns, which is done again where another thread has miscounted its depth."""
+    for _ in range(_TRIES):
+        with suppress(SystemError):
+            return work()
+    return work()
 
 
 def unused_imports(tree: ast.Module) -> Unused:

@@ -200,7 +200,7 @@ def vector_norm(data: Any, axis: Any = None) -> Any:
 
 def unit_vector(data: Any, axis: Any = None) -> FloatArray:
     found = np.array(data, float)
-    return found / np.linalg.norm(found, axis=axis, keepdims=axis is not None)
+    return np.asarray(found / np.linalg.norm(found, axis=axis, keepdims=axis is not None))
 
 
 def quaternion_slerp(quat0: Any, quat1: Any, fraction: float, spin: int = 0, shortestpath: bool = True) -> FloatArray:
@@ -281,22 +281,52 @@ class Frames:
     def moved(self, stamped: Any, transform: Any) -> Any:
         """Return a PointStamped, PoseStamped, Pose or Vector3Stamped, moved by a TransformStamped."""
         t, r = transform.transform.translation, transform.transform.rotation
-        by = matrix((t.x, t.y, t.z), (r.x, r.y, r.z, r.w))
+        by = unit(r)
         answer = stamped.__deepcopy__({})
         if hasattr(type(answer), "header"):
             answer.header.frame_id = transform.header.frame_id
         names = answer._makers
         pose = answer.pose if "pose" in names else answer if "position" in names else None
+        while pose is not None and "pose" in pose._makers:  # of a PoseWithCovariance
+            pose = pose.pose
         point = pose.position if pose is not None else answer.point if "point" in names else answer.vector
-        if "vector" in names:
-            by = by.copy()
-            by[:3, 3] = 0.0
-        point.x, point.y, point.z = (by @ (point.x, point.y, point.z, 1.0))[:3].tolist()
+        x, y, z = turned(by, (point.x, point.y, point.z))
+        shift = (0.0, 0.0, 0.0) if "vector" in names else (t.x, t.y, t.z)
+        point.x, point.y, point.z = x + shift[0], y + shift[1], z + shift[2]
         if pose is not None:
             o = pose.orientation
-            turned = by @ quaternion_matrix((o.x, o.y, o.z, o.w))
-            o.x, o.y, o.z, o.w = quaternion_from_matrix(turned).tolist()
+            o.x, o.y, o.z, o.w = product(by, unit(o))
         return answer
+
+
+Quaternion = tuple[float, float, float, float]
+
+
+def unit(message: Any) -> Quaternion:
+    """Return the quaternion of a message, of length 1; of nothing but zeros no rotation."""
+    x, y, z, w = float(message.x), float(message.y), float(message.z), float(message.w)
+    length = math.sqrt(x * x + y * y + z * z + w * w)
+    return (x / length, y / length, z / length, w / length) if length > 1e-8 else (0.0, 0.0, 0.0, 1.0)
+
+
+def product(one: Quaternion, other: Quaternion) -> Quaternion:
+    """Return the rotation `other`, and then `one`."""
+    ax, ay, az, aw = one
+    bx, by, bz, bw = other
+    return (
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+        aw * bw - ax * bx - ay * by - az * bz,
+    )
+
+
+def turned(by: Quaternion, vector: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Return a vector, turned."""
+    qx, qy, qz, qw = by
+    x, y, z = vector
+    tx, ty, tz = 2 * (qy * z - qz * y), 2 * (qz * x - qx * z), 2 * (qx * y - qy * x)
+    return x + qw * tx + qy * tz - qz * ty, y + qw * ty + qz * tx - qx * tz, z + qw * tz + qx * ty - qy * tx
 
 
 def transform_modules(session: Session, flavour: int) -> dict[str, ModuleType]:
