@@ -166,6 +166,7 @@ class Graph:
         self.publications: list[Publication] = []
         self.latched: dict[str, Any] = {}
         self.newest: dict[str, Any] = {}  # message that a node has published, by topic
+        self.journal: list[tuple[int, str, Any]] | None = None  # time, topic and message of all that nodes publish
         self.provided: dict[str, str] = {}  # types of the topics that the door publishes on
         self.answers: dict[str, Callable[[Any], Any]] = {}  # services that the door answers, by name
         self.transforms: dict[str, tuple[str, Any]] = {}  # child frame -> parent frame, matrix (4, 4)
@@ -275,6 +276,8 @@ class Graph:
         """Send a copy of a message to all who listen."""
         kept = self.newest[publication.topic] = copy.deepcopy(message)
         publication.count += 1
+        if self.journal is not None:
+            self.journal.append((self.now, publication.topic, kept))
         if latch:
             self.latched[publication.topic] = kept
         if self.listens(publication.topic):

@@ -23,9 +23,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...errors import ControllerError
-from ...messages import STOP, CarParameters, DriveCommand, LaserScan, Odometry
+from ...messages import STOP, CarParameters, DriveCommand, LaserScan, Odometry, Sketch
 from ...simulation.planner_adapter import Surroundings
 from ..bag_messages import nanoseconds
+from .drawings import Drawings, for_bag
 from .driving import DRIVE, OPPONENT_DRIVE, Driving
 from .graph import BEGIN, Graph, NodeError
 from .imports import Imports
@@ -42,6 +43,7 @@ from .transform_modules import transform_modules
 
 WALL_LIMIT = 30.0
 """[s] of wall time that a node may take for what is due at one instant: numba may compile in there."""
+_MOST_KEPT = 10_000  # messages, for who asks what has been published
 PATIENCE = 5.0
 """[s] simulated in which a node must have published its first command."""
 
@@ -64,6 +66,8 @@ class RosPlanner:
     _graph: Graph
     _sensing: Sensing
     _driving: Driving
+    _drawings: Drawings
+    _fresh: list[tuple[str, Any]]
     _ticked: bool
     _flavour: int
 
@@ -93,6 +97,28 @@ class RosPlanner:
         """Take what surrounds the car: nodes may listen to the map and to the other cars' odometry."""
         self._sensing.surroundings = surroundings
 
+    def published(self) -> list[tuple[str, Any]]:
+        """Return topics and messages, as those of a bag, that the nodes have published since this was asked last.
+
+        From the first question on all is kept. Left out are messages whose type is none of ROS's own.
+        """
+        self._drawn_from()
+        found, self._fresh = self._fresh, []
+        return [(topic, made) for topic, message in found if (made := for_bag(message)) is not None]
+
+    def drawings(self) -> list[Sketch]:
+        """Return the markers, paths and poses that the nodes show, those published since this was asked first."""
+        self._drawn_from()
+        return self._drawings.now()
+
+    def _drawn_from(self) -> None:
+        """Take what has been published since."""
+        journal, self._graph.journal = self._graph.journal, []
+        for time, topic, message in journal or ():
+            self._drawings.take(topic, message, time)
+            self._fresh.append((topic, message))
+        del self._fresh[:-_MOST_KEPT]
+
     def _build(self) -> None:
         require_rosbags()
         self._ticked, self._began = False, 0.0
@@ -104,6 +130,7 @@ class RosPlanner:
         remap = {name.removeprefix("remap."): str(given.pop(name)) for name in list(given) if name.startswith("remap.")}
         self._graph = Graph(float(limit))
         self._close = weakref.finalize(self, self._graph.close)
+        self._drawings, self._fresh = Drawings(self._graph), []
         self._flavour = self._program.nodes[0].flavour
         self._sensing = Sensing(self._graph, self._flavour, self._car)
         self._driving = Driving(self._graph, self._car, self._said)
