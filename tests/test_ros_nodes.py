@@ -481,6 +481,133 @@ def test_nodes_race_each_other_and_in_rollouts(node):
     assert len(worlds) == 2
 
 
+def test_unseeded_random_numbers_are_the_same_in_each_race_and_nobody_elses(node):
+    body = """
+import random
+import numpy as np
+import numpy.random as npr
+from numpy.random import uniform
+from random import choice
+draws = (random.random(), np.random.rand(), npr.normal(), uniform(), choice(range(9)), np.random.default_rng().random())
+self.drive(1.0 + sum(draws) / 100 + float(np.float64(0.0)))
+"""
+    source = node(body)
+    one, other = make(source), make(source)
+    first = speeds(one, 4)
+    assert len(set(first)) == 4
+    np.random.rand()
+    assert speeds(other, 4) == first
+    one.reset()
+    assert speeds(one, 4) == first
+    seeded = node("import numpy as np\nnp.random.seed(5)\nself.drive(np.random.rand())")
+    assert speeds(make(seeded), 1) == [float(np.float32(np.random.RandomState(5).rand()))]
+
+
+def test_an_import_that_fails_and_that_nothing_uses_does_no_harm(node):
+    head = (
+        "import torch_of_nowhere as torch\nfrom rclpy.nowhere import Thing\nfrom numpy import nowhere\n"
+        + HEAD
+        + PUBLISHER
+    )
+    with pytest.warns(UserWarning, match="nothing uses it") as told:
+        assert speeds(make(node("self.drive(1)", head=head)), 1) == [1.0]
+    text = "\n".join(str(each.message) for each in told)
+    for line, name in enumerate(("torch_of_nowhere", "rclpy.nowhere", "nowhere"), start=1):
+        assert re.search(rf"{name}.*mine.py, line {line}\)", text)
+
+
+def test_a_file_of_data_that_lies_elsewhere_is_found_in_the_package(tmp_path):
+    package = tmp_path / "ws" / "src" / "lab5"
+    (package / "scripts").mkdir(parents=True)
+    (package / "racelines").mkdir()
+    (package / "racelines" / "levine.csv").write_text("1.5\n")
+    (package / "scripts" / "gain.npy").write_bytes(b"")
+    path = package / "scripts" / "mine.py"
+    path.write_text(
+        f"{HEAD}{PUBLISHER}        self.declare_parameter('path', '/sim_ws/src/lab5/racelines/levine.csv')\n"
+        "        name = 'nothing/' + 'gain.npy'\n"
+        "        assert name == 'nothing/gain.npy'\n\n"
+        "    def callback(self, message):\n"
+        f"        self.drive(float(open(self.get_parameter('path').value).read()))\n{DRIVES}"
+    )
+    with pytest.warns(
+        UserWarning, match=r"/sim_ws/src/lab5/racelines/levine.csv is not there; .*ws.* is taken .*line 14"
+    ):
+        assert speeds(make(f"ros:{path}:Mine"), 1) == [1.5]
+
+
+def test_attributes_of_a_nodes_own_are_in_nobodys_way(node):
+    names = [
+        "_session",
+        "_timers",
+        "_subscriptions",
+        "_handles",
+        "_name",
+        "_parameters",
+        "_logger",
+        "_clock",
+        "_group",
+        "_declare",
+        "_full",
+        "_kind",
+    ]
+    head = HEAD.replace(
+        "        self.create", "".join(f"        self.{name} = None\n" for name in names) + "        self.create"
+    )
+    source = node("self.create_timer(0.01, lambda: None)\nself.declare_parameters('', [('a', 1), ('b', 2.0, None)])\n"
+                  "assert self.get_name() == 'mine' and self.get_clock().now().nanoseconds\nself.drive(1)\n"
+                  "self.undeclare_parameter('a'), self.undeclare_parameter('b')", head=head + PUBLISHER)  # fmt: skip
+    assert speeds(make(source), 3) == [1.0] * 3
+
+
+def test_locks_events_and_threads_wait_in_simulated_time(node):
+    head = (
+        HEAD
+        + PUBLISHER
+        + "        import threading\n        self.lock, self.event = threading.Lock(), threading.Event()\n"
+    )
+    head += "        threading.Thread(target=self.other, daemon=True).start()\n        self.value = 0.0\n"
+    more = """
+    def other(self):
+        while rclpy.ok():
+            with self.lock:
+                time.sleep(0.03)
+                self.value += 1.0
+            self.event.set()
+            time.sleep(0.02)
+"""
+    body = "with self.lock:\n    self.drive(self.value)\nself.event.wait(timeout=0.01)"
+    assert speeds(make(node(body, more, head)), 6)[-1] >= 2.0
+
+
+def test_parameters_of_ros_1_have_namespaces(tmp_path):
+    path = tmp_path / "old.py"
+    path.write_text(
+        """
+import rospy
+from ackermann_msgs.msg import AckermannDriveStamped
+from rospy.core import is_shutdown
+
+gain = rospy.get_param("/team/gain")
+rospy.init_node("old")
+speeds = rospy.get_param("~speeds")
+publisher = rospy.Publisher("/drive", AckermannDriveStamped, queue_size=1)
+rate = rospy.Rate(40)
+while not is_shutdown():
+    message = AckermannDriveStamped()
+    message.drive.speed = gain * speeds["fast"]
+    publisher.publish(message)
+    rate.sleep()
+"""
+    )
+    file = tmp_path / "config.yaml"
+    file.write_text("team: {gain: 2.0}\nspeeds: {fast: 1.5}\n")
+    assert speeds(make(f"ros:{path}", **{"door.params": str(file)}), 2)[-1] == 3.0
+    assert speeds(make(f"ros:{path}", **{"team/gain": 1.0, "speeds/fast": 2.0}), 2)[-1] == 2.0
+    with pytest.raises(ControllerError, match=r"parameter /team/gain is not given, and has no default; .*line 6\)"):
+        make(f"ros:{path}")
+
+
 def test_log_levels_and_throttling(node, caplog):
     caplog.set_level(logging.INFO, "fg_mujoco.ros")
     ticks(

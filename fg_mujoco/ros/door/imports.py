@@ -49,7 +49,7 @@ def lacks(module: ModuleType, name: str) -> str:
 class Overlay(ModuleType):
     """A module of Python with some of its members replaced."""
 
-    def __init__(self, real: ModuleType, **members: Any) -> None:
+    def __init__(self, real: ModuleType, /, **members: Any) -> None:
         super().__init__(real.__name__, real.__doc__)
         self.__dict__.update(members)
         self.__dict__["_real"] = real
@@ -80,6 +80,7 @@ class Imports:
       definitions: of messages; the user's own `.msg` files are added.
       modules: that stand in, by name.
       overlays: of modules of Python, by name.
+      drawing: of modules that draw random numbers, by name, for files that name such.
     """
 
     def __init__(
@@ -89,10 +90,12 @@ class Imports:
         definitions: Definitions,
         modules: Mapping[str, ModuleType],
         overlays: Mapping[str, ModuleType],
+        drawing: Mapping[str, ModuleType],
     ) -> None:
         self._node, self._graph, self._definitions = node, graph, definitions
         self._modules: dict[str, ModuleType] = dict(modules)
-        self._overlays = overlays
+        self._overlays, self._drawing = overlays, drawing
+        self._draws: set[str] = set()  # files that may draw random numbers
         self._own: dict[Path, ModuleType] = {}
         self._unused: dict[str, Unused] = {}  # by file
         self._builtins = {**vars(builtins), "__import__": self.import_module}
@@ -113,6 +116,8 @@ class Imports:
         self._graph.files.add(str(path))
         source = read_source(path, text, self._node)
         self._unused[str(path)] = source.unused
+        if b"random" in text:
+            self._draws.add(str(path))
         for said in source.told:
             _warn(said)
         there = sys.modules.setdefault(name, module)  # dataclasses look their module up there
@@ -161,6 +166,8 @@ class Imports:
             return self._relative(name, globals or {}, wanted, level)
         if name in self._overlays:
             return self._overlays[name]
+        if name in self._drawing and str((globals or {}).get("__file__")) in self._draws:
+            return self._drawing[name if wanted or "." not in name else "numpy"]
         found = self._stand_in(name)
         if found is not None:
             for each in wanted:

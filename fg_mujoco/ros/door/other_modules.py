@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import random
 import signal
 import sys
 import threading
@@ -11,6 +12,8 @@ from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
+
+import numpy as np
 
 from .imports import Overlay, StandIn, package_folder
 from .rospy_times import NANOSECONDS
@@ -93,6 +96,28 @@ def _message_filters(modules: dict[str, ModuleType]) -> ModuleType:
         "message_filters", Subscriber=Subscriber, TimeSynchronizer=Synchronizer,
         ApproximateTimeSynchronizer=Synchronizer, SimpleFilter=Filter,
     )  # fmt: skip
+
+
+def random_overlays(seed: int) -> dict[str, ModuleType]:
+    """Return `random`, `numpy` and `numpy.random` as a node sees them that draws numbers without a seed of its own.
+
+    Their generators are the node's own and begin at a seed, so that other nodes and threads draw none of its numbers.
+    What a node seeds itself has the numbers that it has anywhere.
+    """
+    plain, legacy = random.Random(seed), np.random.RandomState(seed)
+    children = np.random.SeedSequence(seed)
+
+    def default_rng(given: Any = None) -> np.random.Generator:
+        return np.random.default_rng(children.spawn(1)[0] if given is None else given)
+
+    of_plain = {name: getattr(plain, name) for name in random.__all__ if callable(getattr(plain, name, None))}
+    of_legacy = {name: getattr(legacy, name) for name in np.random.__all__ if callable(getattr(legacy, name, None))}
+    drawing = Overlay(np.random, **{**vars(np.random), **of_legacy, "default_rng": default_rng})
+    return {
+        "random": Overlay(random, **{**of_plain, "Random": random.Random, "SystemRandom": random.SystemRandom}),
+        "numpy.random": drawing,
+        "numpy": Overlay(np, **{**vars(np), "random": drawing}),  # as quick as the module itself
+    }
 
 
 def overlays(session: Session, sleep: Callable[[float], Any]) -> dict[str, ModuleType]:

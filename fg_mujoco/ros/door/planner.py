@@ -31,7 +31,7 @@ from .driving import DRIVE, OPPONENT_DRIVE, Driving
 from .graph import BEGIN, Graph, NodeError
 from .imports import Imports
 from .messages import ROS1, Definitions, message_class, require_rosbags
-from .other_modules import other_modules, overlays
+from .other_modules import other_modules, overlays, random_overlays
 from .program import NodeFile, Program, read_parameters, read_program
 from .rclpy_modules import rclpy_modules
 from .rospy_modules import rospy_modules
@@ -43,6 +43,7 @@ from .transform_modules import transform_modules
 
 WALL_LIMIT = 30.0
 """[s] of wall time that a node may take for what is due at one instant: numba may compile in there."""
+_SEED = 0  # of random numbers that a node draws without a seed of its own
 _MOST_KEPT = 10_000  # messages, for who asks what has been published
 PATIENCE = 5.0
 """[s] simulated in which a node must have published its first command."""
@@ -269,7 +270,9 @@ def _starter(session: Session, node: NodeFile) -> Callable[[], None]:
             else:
                 graph.pause(graph.now + max(1, round(float(seconds) * NANOSECONDS)))
 
-        imports = Imports(node.path, graph, Definitions(node.flavour), modules, overlays(session, sleep))
+        imports = Imports(
+            node.path, graph, Definitions(node.flavour), modules, overlays(session, sleep), random_overlays(_SEED)
+        )  # fmt: skip
         if not node.class_name:
             module = imports.run(node.path, node.text, "__main__" if node.is_script else node.path.stem)
             if not node.is_script and node.has_main:
