@@ -19,6 +19,7 @@ from scan_worlds import CAR, corridor, odometry_of
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import ControllerError, PlannerError
+from fg_mujoco.racing import planner_choice
 from fg_mujoco.racing.planner_loading import make_controller, source_code
 from fg_mujoco.racing.planner_trust import require_trusted
 from fg_mujoco.ros.door.messages import ROS1, ROS2, message_class
@@ -470,6 +471,30 @@ def test_a_run_keeps_the_node_and_its_hash(node, tmp_path, capsys):
     assert main(["race", "--config", str(folder)]) == 2
     with pytest.raises(ControllerError, match="recorded is"):
         require_trusted(node("self.drive(2)"), "0" * 64, trust=True, where="here")
+
+
+def test_the_hash_of_a_node_covers_the_modules_of_its_own(tmp_path, capsys):
+    path, module, folder = tmp_path / "mine.py", tmp_path / "tools" / "speeds.py", tmp_path / "run"
+    module.parent.mkdir()
+    module.write_text("SPEED = 1.0\n")
+    callback = "    def callback(self, message):\n        self.drive(SPEED)\n"
+    path.write_text(f"from tools.speeds import SPEED\n{HEAD}{PUBLISHER}\n{callback}{DRIVES}")
+    source = f"ros:{path}:Mine"
+    assert module.read_bytes() in source_code(type(make(source)))
+    assert main(["race", "--controller", source, "--time-limit", "0.5", "--out", str(folder)]) == 1
+    assert main(["debug", str(folder), "--trust", "--out", str(tmp_path / "a.html")]) == 0
+    assert "without what the planner made" not in capsys.readouterr().err
+    module.write_text("SPEED = 2.0\n")
+    hashed = planner_choice.ControllerChoice.of(source).sha256
+    module.write_text("SPEED = 1.0\n")
+    assert planner_choice.ControllerChoice.of(source).sha256 != hashed
+
+
+def test_a_node_of_several_files_is_not_sent_to_a_cluster(tmp_path):
+    launch = tmp_path / "launch.yaml"
+    launch.write_text(f"nodes:\n- {{file: {NODES / 'wall_follow.py'}}}\n")
+    with pytest.raises(ControllerError, match="has several files; accepted on a Ray cluster: a node of one file"):
+        fg.rollout("oval", f"ros:{launch}", n=1, laps=1, duration=0.1, engine="ray")
 
 
 def test_nodes_race_each_other_and_in_rollouts(node):

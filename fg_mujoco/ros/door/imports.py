@@ -19,7 +19,7 @@ from typing import Any
 from ...errors import ControllerError, accepted_names
 from .graph import Graph
 from .messages import SERVICE_PACKAGES, Definitions
-from .source import Unused, read_source
+from .source import Unused, own_folders, read_source
 
 _PARTS = ("Request", "Response", "Goal", "Result", "Feedback")
 _INTERFACES = ("_msgs", "_srvs", "_interfaces")
@@ -99,12 +99,7 @@ class Imports:
         self._own: dict[Path, ModuleType] = {}
         self._unused: dict[str, Unused] = {}  # by file
         self._builtins = {**vars(builtins), "__import__": self.import_module}
-        folder = node.resolve().parent
-        above = folder.parent
-        packaged = (folder / "__init__.py").is_file() or any(
-            (above / file).is_file() for file in ("package.xml", "setup.py")
-        )
-        self._folders = [folder, *((above, above / "src") if packaged else ())]
+        self._folders = own_folders(node)
         for name in list(self._modules):
             self._hang(name)
 

@@ -16,6 +16,7 @@ import warnings
 import weakref
 import zlib
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 from typing import Any, ClassVar
@@ -134,7 +135,7 @@ class RosPlanner:
         self._drawings, self._fresh = Drawings(self._graph), []
         self._flavour = self._program.nodes[0].flavour
         self._sensing = Sensing(self._graph, self._flavour, self._car)
-        self._driving = Driving(self._graph, self._car, self._said)
+        self._driving = Driving(self._graph, self._car, partial(_said, self._graph, self._program))
         self._sessions = []
         for node in self._program.nodes:
             of_file = {} if file is None else read_parameters(Path(file), node.name or "", self._said())
@@ -225,12 +226,17 @@ class RosPlanner:
             warnings.warn(f"{said}{each.place}", stacklevel=2)
 
     def _said(self) -> str:
-        names = [process.name for process in self._graph.processes] if hasattr(self, "_graph") else []
-        return f"node {names[0]!r}" if len(names) == 1 else f"{self._program.path.name}"
+        return _said(self._graph, self._program) if hasattr(self, "_graph") else self._program.path.name
 
     def _line(self) -> str:
         node = self._program.nodes[0]
         return f" ({node.path}, line {node.line})" if len(self._program.nodes) == 1 else f" ({self._program.path})"
+
+
+def _said(graph: Graph, program: Program) -> str:
+    """Return what nodes are called in messages."""
+    names = [process.name for process in graph.processes]
+    return f"node {names[0]!r}" if len(names) == 1 else f"{program.path.name}"
 
 
 def find_node(source: str) -> type[RosPlanner]:
@@ -256,23 +262,23 @@ def source_text(source: str) -> bytes:
 
 def _starter(session: Session, node: NodeFile) -> Callable[[], None]:
     """Return what the thread of a node does."""
+    rospy = node.flavour == ROS1
+    modules = rospy_modules(session) if rospy else rclpy_modules(session)
+    modules.update(transform_modules(session, node.flavour))
+    modules.update(other_modules(session, modules))
+    graph = session.graph
+
+    def sleep(seconds: float) -> None:
+        if rospy:
+            modules["rospy"].sleep(float(seconds))
+        else:
+            graph.pause(graph.now + max(1, round(float(seconds) * NANOSECONDS)))
+
+    imports = Imports(
+        node.path, graph, Definitions(node.flavour), modules, overlays(session, sleep), random_overlays(_SEED)
+    )  # fmt: skip
 
     def run() -> None:
-        rospy = node.flavour == ROS1
-        modules = rospy_modules(session) if rospy else rclpy_modules(session)
-        modules.update(transform_modules(session, node.flavour))
-        modules.update(other_modules(session, modules))
-        graph = session.graph
-
-        def sleep(seconds: float) -> None:
-            if rospy:
-                modules["rospy"].sleep(float(seconds))
-            else:
-                graph.pause(graph.now + max(1, round(float(seconds) * NANOSECONDS)))
-
-        imports = Imports(
-            node.path, graph, Definitions(node.flavour), modules, overlays(session, sleep), random_overlays(_SEED)
-        )  # fmt: skip
         if not node.class_name:
             module = imports.run(node.path, node.text, "__main__" if node.is_script else node.path.stem)
             if not node.is_script and node.has_main:

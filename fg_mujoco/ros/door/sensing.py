@@ -174,7 +174,8 @@ class Sensing:
     def _make_map(self) -> Any:
         assert self.surroundings is not None
         world = self.surroundings.world
-        grid = _grid(world)
+        x, y = world.track.start_pose(0.0)[:2] if world.track.walls else self._pose[:2].tolist()
+        grid = _grid(world, x, y)
         rows, columns = grid.cells.shape
         numbers = array.array("b", grid.cells.astype(np.int8).tobytes())
         x, y = grid.origin.tolist()
@@ -348,9 +349,9 @@ class Sensing:
 
 
 @lru_cache(maxsize=2)
-def _grid(world: World) -> Grid:
-    """Return the map of a world, which many planners may ask for."""
-    return grid_of(world.model, np.array(world.track.start_pose(0.0)[:2]))
+def _grid(world: World, x: float, y: float) -> Grid:
+    """Return the map of a world, for which many planners may ask, seen from a free place [m]."""
+    return grid_of(world.model, np.array((x, y)))
 
 
 @lru_cache(maxsize=64)

@@ -20,6 +20,7 @@ _DATA = {
     ".csv", ".txt", ".yaml", ".yml", ".json", ".npy", ".npz", ".pkl", ".pickle", ".pt", ".pth", ".onnx", ".zip", ".png",
     ".pgm", ".h5", ".mat", ".tum",
 }  # fmt: skip
+_PACKAGE = ("package.xml", "setup.py")
 _JOINING = ("join", "joinpath")
 _READING = ("open", "loadtxt", "genfromtxt", "read_csv", "load")
 _LEVELS = 4  # folders above the node's in which files are looked for
@@ -89,6 +90,56 @@ def unused_imports(tree: ast.Module) -> Unused:
         if names:
             found[statement.lineno] = names
     return found
+
+
+def own_files(node: Path, text: bytes) -> list[Path]:
+    """Return the files of the user's own that a node's file imports, and those import, sorted; without its own.
+
+    They are where the node's import statements find them: beside it and in its package. A file that is no Python is
+    left out: its import is told of when it is executed.
+    """
+    found: dict[Path, None] = {}
+    waiting = [(node, text)]
+    while waiting:
+        path, content = waiting.pop()
+        try:
+            with _ONE_AT_A_TIME:
+                tree = parse(content, path)
+        except (SyntaxError, ValueError):
+            continue
+        for each in sorted({own for statement in ast.walk(tree) for own in _of_import(statement, path, node)}):
+            if each not in found and each != node.resolve():
+                found[each] = None
+                waiting.append((each, each.read_bytes()))
+    return sorted(found)
+
+
+def own_folders(node: Path) -> list[Path]:
+    """Return the folders in which a node's own modules are looked for: its own, and in a package the one above."""
+    folder = node.resolve().parent
+    above = folder.parent
+    packaged = (folder / "__init__.py").is_file() or any((above / file).is_file() for file in _PACKAGE)
+    return [folder, *((above, above / "src") if packaged else ())]
+
+
+def _of_import(statement: ast.AST, path: Path, node: Path) -> Iterator[Path]:
+    """Return the files that an import statement of a node's executes."""
+    if isinstance(statement, ast.Import):
+        wanted = [(own_folders(node), each.name) for each in statement.names]
+    elif isinstance(statement, ast.ImportFrom):
+        folders = [path.resolve().parents[statement.level - 1]] if statement.level else own_folders(node)
+        module = statement.module or ""
+        wanted = [(folders, module)] if module else []
+        wanted += [(folders, f"{module}.{each.name}".strip(".")) for each in statement.names]
+    else:
+        return
+    for folders, name in wanted:
+        for folder in folders:
+            place = folder.joinpath(*name.split("."))
+            file = place.with_suffix(".py") if place.with_suffix(".py").is_file() else place / "__init__.py"
+            if file.is_file():
+                yield file.resolve()
+                break
 
 
 def _imports(node: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:
