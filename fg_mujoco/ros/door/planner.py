@@ -134,6 +134,7 @@ class RosPlanner:
         self._close = weakref.finalize(self, self._graph.close)
         self._drawings, self._fresh = Drawings(self._graph), []
         self._flavour = self._program.nodes[0].flavour
+        message_class("std_msgs/msg/Header", self._flavour)  # definitions are read here, and not in a node's time
         self._sensing = Sensing(self._graph, self._flavour, self._car)
         self._driving = Driving(self._graph, self._car, partial(_said, self._graph, self._program))
         self._sessions = []

@@ -78,7 +78,8 @@ class Inside:
         given = asked if override else value
         lists = isinstance(given, (list, tuple)) and isinstance(value, (list, tuple))
         dynamic = bool(getattr(descriptor, "dynamic_typing", False))
-        if value is not None and type_of(given) != type_of(value) and not lists and not dynamic:
+        open_to_any = dynamic or value is None or isinstance(value, str)  # "default" stands for anything, as in Foxy
+        if not open_to_any and type_of(given) != type_of(value) and not lists:
             raise InvalidParameterTypeException(
                 f"parameter {name!r} of node {self.name!r} is {given!r}; accepted: of the type of its default, "
                 f"{value!r}"

@@ -115,11 +115,20 @@ def own_files(node: Path, text: bytes) -> list[Path]:
 
 
 def own_folders(node: Path) -> list[Path]:
-    """Return the folders in which a node's own modules are looked for: its own, and in a package the one above."""
+    """Return the folders in which a node's own modules are looked for.
+
+    These are its own, the one above the Python package that it is in, and that of the ROS package with its `src`.
+    """
     folder = node.resolve().parent
-    above = folder.parent
-    packaged = (folder / "__init__.py").is_file() or any((above / file).is_file() for file in _PACKAGE)
-    return [folder, *((above, above / "src") if packaged else ())]
+    top = folder
+    while (top / "__init__.py").is_file():
+        top = top.parent
+    found = [folder, top]
+    for above in list(node.resolve().parents)[: _LEVELS + 1]:
+        if any((above / file).is_file() for file in _PACKAGE):
+            found += [above, above / "src"]
+            break
+    return list(dict.fromkeys(found))
 
 
 def _of_import(statement: ast.AST, path: Path, node: Path) -> Iterator[Path]:
