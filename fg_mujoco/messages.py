@@ -250,6 +250,18 @@ class MapLine:
         return brief(self, f"{len(self.points)} points", "closed" if self.closed else "open")
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sketch:
+    """What a planner shows of its work in the world: points, or pieces of lines.
+
+    The live view draws what the method `drawings()` of a planner returns.
+    """
+
+    points: FloatArray  # (k, 3), or (k, 2, 3): the ends of pieces of lines [m], in the map frame
+    colour: tuple[int, int, int]  # red, green, blue in 0..255
+    size: float  # [m] of a point; of a line its width
+
+
 _OF_TIRES = ("cornering_stiffness", "peak", "peak_slip")
 
 

@@ -19,6 +19,7 @@ from scan_worlds import CAR, corridor, odometry_of
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import ControllerError, PlannerError
+from fg_mujoco.racing import planner_choice
 from fg_mujoco.racing.planner_loading import make_controller, source_code
 from fg_mujoco.racing.planner_trust import require_trusted
 from fg_mujoco.ros.door.messages import ROS1, ROS2, message_class
@@ -274,6 +275,26 @@ def test_parameters_are_declared_given_and_refused(node, tmp_path):
         make(source, speed="fast")
 
 
+def test_a_default_that_is_a_text_stands_for_any_type(node):
+    head = HEAD + PUBLISHER + "        self.declare_parameter('velocity', 'default')\n"
+    source = node("self.drive(self.get_parameter('velocity').get_parameter_value().double_value)", head=head)
+    assert speeds(make(source, velocity=1.5), 1) == [1.5]
+
+
+def test_modules_of_a_package_are_found_from_deep_within_it(tmp_path):
+    folder = tmp_path / "racing" / "gap"
+    folder.mkdir(parents=True)
+    for each in (folder, folder.parent):
+        (each / "__init__.py").write_text("")
+    (folder.parent / "base.py").write_text("SPEED = 2.5\n")
+    path = folder / "__main__.py"
+    callback = "    def callback(self, message):\n        self.drive(SPEED)\n"
+    path.write_text(
+        f"from racing.base import SPEED\n{HEAD}{PUBLISHER}\n{callback}{DRIVES}\nrclpy.init()\nrclpy.spin(Mine())\n"
+    )
+    assert speeds(make(f"ros:{path}"), 1) == [2.5]
+
+
 def test_topics_are_remapped(node):
     source = node("self.drive(1)", head=HEAD.replace("/scan", "/my_scan") + PUBLISHER.replace("/drive", "/nav"))
     with pytest.warns(UserWarning, match=r"/my_scan has no publisher here; node 'mine' listens \(.*mine.py, line 12\)"):
@@ -383,7 +404,7 @@ class Driver(Node):
             r"node 'Mine' has 2 drive topics, /a and /b .*mine.py, line 14\)",
         ),
         (HEAD.replace("LaserScan\n", "LaserScam\n", 1), r"sensor_msgs.msg has no 'LaserScam' .*mine.py, line 5\)"),
-        ("import cv_bridge\n" + HEAD, r"No module named 'cv_bridge' .*mine.py, line 1\)"),
+        ("import cv_bridge\ncv_bridge.CvBridge()\n" + HEAD, r"No module named 'cv_bridge' .*mine.py, line 1\)"),
         (HEAD.replace("Node):", "object):"), r"object.__init__\(\) takes .*mine.py, line 11\)"),
         (
             HEAD + "        self.create_publisher(AckermannDriveStamped, '/drive')\n",
@@ -434,10 +455,8 @@ def test_a_node_that_never_publishes_is_named_with_the_line_of_its_publisher(nod
 
 
 def test_a_node_that_blocks_is_named_with_its_line_and_its_thread_ends(node):
-    planner = make(node("while True:\n    x = 1"), **{"door.wall_limit": 0.2})
-    with pytest.raises(
-        Exception, match=r"'Mine' has not come back within 0.2 s of wall time \(.*mine.py, line 1[67]\)"
-    ):
+    planner = make(node("while True:\n    x = 1"), **{"door.wall_limit": 1.0})
+    with pytest.raises(Exception, match=r"'Mine' has not come back within 1 s of wall time \(.*mine.py, line 1[67]\)"):
         ticks(planner, 1)
     del planner
     gc.collect()
@@ -472,6 +491,30 @@ def test_a_run_keeps_the_node_and_its_hash(node, tmp_path, capsys):
         require_trusted(node("self.drive(2)"), "0" * 64, trust=True, where="here")
 
 
+def test_the_hash_of_a_node_covers_the_modules_of_its_own(tmp_path, capsys):
+    path, module, folder = tmp_path / "mine.py", tmp_path / "tools" / "speeds.py", tmp_path / "run"
+    module.parent.mkdir()
+    module.write_text("SPEED = 1.0\n")
+    callback = "    def callback(self, message):\n        self.drive(SPEED)\n"
+    path.write_text(f"from tools.speeds import SPEED\n{HEAD}{PUBLISHER}\n{callback}{DRIVES}")
+    source = f"ros:{path}:Mine"
+    assert module.read_bytes() in source_code(type(make(source)))
+    assert main(["race", "--controller", source, "--time-limit", "0.5", "--out", str(folder)]) == 1
+    assert main(["debug", str(folder), "--trust", "--out", str(tmp_path / "a.html")]) == 0
+    assert "without what the planner made" not in capsys.readouterr().err
+    module.write_text("SPEED = 2.0\n")
+    hashed = planner_choice.ControllerChoice.of(source).sha256
+    module.write_text("SPEED = 1.0\n")
+    assert planner_choice.ControllerChoice.of(source).sha256 != hashed
+
+
+def test_a_node_of_several_files_is_not_sent_to_a_cluster(tmp_path):
+    launch = tmp_path / "launch.yaml"
+    launch.write_text(f"nodes:\n- {{file: {NODES / 'wall_follow.py'}}}\n")
+    with pytest.raises(ControllerError, match="has several files; accepted on a Ray cluster: a node of one file"):
+        fg.rollout("oval", f"ros:{launch}", n=1, laps=1, duration=0.1, engine="ray")
+
+
 def test_nodes_race_each_other_and_in_rollouts(node):
     source = node("self.drive(1)")
     entries = [fg.Entry(controller=f"ros:{NODES / 'wall_follow.py'}"), fg.Entry(controller=source)]
@@ -479,6 +522,133 @@ def test_nodes_race_each_other_and_in_rollouts(node):
     assert [round(car["max_speed_m_s"]) for car in result.cars] == [2, 1]
     worlds = fg.rollout("oval", source, n=2, laps=1, duration=1.0)
     assert len(worlds) == 2
+
+
+def test_unseeded_random_numbers_are_the_same_in_each_race_and_nobody_elses(node):
+    body = """
+import random
+import numpy as np
+import numpy.random as npr
+from numpy.random import uniform
+from random import choice
+draws = (random.random(), np.random.rand(), npr.normal(), uniform(), choice(range(9)), np.random.default_rng().random())
+self.drive(1.0 + sum(draws) / 100 + float(np.float64(0.0)))
+"""
+    source = node(body)
+    one, other = make(source), make(source)
+    first = speeds(one, 4)
+    assert len(set(first)) == 4
+    np.random.rand()
+    assert speeds(other, 4) == first
+    one.reset()
+    assert speeds(one, 4) == first
+    seeded = node("import numpy as np\nnp.random.seed(5)\nself.drive(np.random.rand())")
+    assert speeds(make(seeded), 1) == [float(np.float32(np.random.RandomState(5).rand()))]
+
+
+def test_an_import_that_fails_and_that_nothing_uses_does_no_harm(node):
+    head = (
+        "import torch_of_nowhere as torch\nfrom rclpy.nowhere import Thing\nfrom numpy import nowhere\n"
+        + HEAD
+        + PUBLISHER
+    )
+    with pytest.warns(UserWarning, match="nothing uses it") as told:
+        assert speeds(make(node("self.drive(1)", head=head)), 1) == [1.0]
+    text = "\n".join(str(each.message) for each in told)
+    for line, name in enumerate(("torch_of_nowhere", "rclpy.nowhere", "nowhere"), start=1):
+        assert re.search(rf"{name}.*mine.py, line {line}\)", text)
+
+
+def test_a_file_of_data_that_lies_elsewhere_is_found_in_the_package(tmp_path):
+    package = tmp_path / "ws" / "src" / "lab5"
+    (package / "scripts").mkdir(parents=True)
+    (package / "racelines").mkdir()
+    (package / "racelines" / "levine.csv").write_text("1.5\n")
+    (package / "scripts" / "gain.npy").write_bytes(b"")
+    path = package / "scripts" / "mine.py"
+    path.write_text(
+        f"{HEAD}{PUBLISHER}        self.declare_parameter('path', '/sim_ws/src/lab5/racelines/levine.csv')\n"
+        "        name = 'nothing/' + 'gain.npy'\n"
+        "        assert name == 'nothing/gain.npy'\n\n"
+        "    def callback(self, message):\n"
+        f"        self.drive(float(open(self.get_parameter('path').value).read()))\n{DRIVES}"
+    )
+    with pytest.warns(
+        UserWarning, match=r"/sim_ws/src/lab5/racelines/levine.csv is not there; .*ws.* is taken .*line 14"
+    ):
+        assert speeds(make(f"ros:{path}:Mine"), 1) == [1.5]
+
+
+def test_attributes_of_a_nodes_own_are_in_nobodys_way(node):
+    names = [
+        "_session",
+        "_timers",
+        "_subscriptions",
+        "_handles",
+        "_name",
+        "_parameters",
+        "_logger",
+        "_clock",
+        "_group",
+        "_declare",
+        "_full",
+        "_kind",
+    ]
+    head = HEAD.replace(
+        "        self.create", "".join(f"        self.{name} = None\n" for name in names) + "        self.create"
+    )
+    source = node("self.create_timer(0.01, lambda: None)\nself.declare_parameters('', [('a', 1), ('b', 2.0, None)])\n"
+                  "assert self.get_name() == 'mine' and self.get_clock().now().nanoseconds\nself.drive(1)\n"
+                  "self.undeclare_parameter('a'), self.undeclare_parameter('b')", head=head + PUBLISHER)  # fmt: skip
+    assert speeds(make(source), 3) == [1.0] * 3
+
+
+def test_locks_events_and_threads_wait_in_simulated_time(node):
+    head = (
+        HEAD
+        + PUBLISHER
+        + "        import threading\n        self.lock, self.event = threading.Lock(), threading.Event()\n"
+    )
+    head += "        threading.Thread(target=self.other, daemon=True).start()\n        self.value = 0.0\n"
+    more = """
+    def other(self):
+        while rclpy.ok():
+            with self.lock:
+                time.sleep(0.03)
+                self.value += 1.0
+            self.event.set()
+            time.sleep(0.02)
+"""
+    body = "with self.lock:\n    self.drive(self.value)\nself.event.wait(timeout=0.01)"
+    assert speeds(make(node(body, more, head)), 6)[-1] >= 2.0
+
+
+def test_parameters_of_ros_1_have_namespaces(tmp_path):
+    path = tmp_path / "old.py"
+    path.write_text(
+        """
+import rospy
+from ackermann_msgs.msg import AckermannDriveStamped
+from rospy.core import is_shutdown
+
+gain = rospy.get_param("/team/gain")
+rospy.init_node("old")
+speeds = rospy.get_param("~speeds")
+publisher = rospy.Publisher("/drive", AckermannDriveStamped, queue_size=1)
+rate = rospy.Rate(40)
+while not is_shutdown():
+    message = AckermannDriveStamped()
+    message.drive.speed = gain * speeds["fast"]
+    publisher.publish(message)
+    rate.sleep()
+"""
+    )
+    file = tmp_path / "config.yaml"
+    file.write_text("team: {gain: 2.0}\nspeeds: {fast: 1.5}\n")
+    assert speeds(make(f"ros:{path}", **{"door.params": str(file)}), 2)[-1] == 3.0
+    assert speeds(make(f"ros:{path}", **{"team/gain": 1.0, "speeds/fast": 2.0}), 2)[-1] == 2.0
+    with pytest.raises(ControllerError, match=r"parameter /team/gain is not given, and has no default; .*line 6\)"):
+        make(f"ros:{path}")
 
 
 def test_log_levels_and_throttling(node, caplog):

@@ -29,6 +29,9 @@ def add_bags(add: Any, commands: Any) -> None:
     command.add_argument("--format", default="mcap", metavar="NAME", help=f"{', '.join(FORMATS)}, the default")
     command.add_argument("--out", metavar="FILE.mcap", type=Path, help="default: the folder's name, here")
     command.add_argument("--force", action="store_true", help="replace the file if it exists")
+    command.add_argument(
+        "--trust", action="store_true", help="run the ROS nodes of the run once more: what they publish is written, too"
+    )
 
     command = add(commands, "replay-scans", _replay_scans, "run a planner over the scans of a robot's bag")
     command.add_argument("bag", metavar="BAG", help=".mcap or .db3, or the folder of one; .bag of ROS 1")
@@ -54,7 +57,7 @@ def _export(options: argparse.Namespace) -> int:
         raise SettingsError(f"{path}: is no name for a bag; accepted: one that ends in .mcap")
     _check_new(path, force=options.force)
     with _progress("tick") as watch:
-        ticks = export_bag(options.folder, path, watch)
+        ticks = export_bag(options.folder, path, watch, trust=options.trust)
     print(f"{path}: {ticks} ticks, {path.stat().st_size / 1e6:.1f} MB")
     return 0
 

@@ -18,7 +18,7 @@ from ..simulation.course_loading import load_track
 from ..simulation.planner_adapter import start
 from .manoeuvres import is_driven_by_commands
 from .planner_choice import ControllerChoice
-from .planner_loading import bundled_names, file_in, make_controller, moved_to, origin
+from .planner_loading import bundled_names, file_in, make_controller, moved_to, origin, text_of
 from .run_folder import kept_controller
 
 
@@ -76,7 +76,7 @@ def controller_of(folder: Path, summary: Mapping[str, Any], controller: str) -> 
     kept = None if there is None else kept_controller(folder, summary)
     if there is None or kept is None or there.suffix != ".py":  # of several nodes the folder keeps the text only
         return controller
-    if is_file(there) and read_bytes(there) == read_bytes(kept):
+    if is_file(there) and text_of(source) == read_bytes(kept):
         return controller
     return f"{moved_to(source, kept)}{controller.strip()[len(source) :]}"
 

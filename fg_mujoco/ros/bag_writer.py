@@ -29,6 +29,7 @@ gym_bridge.py (names).
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -40,12 +41,15 @@ import mujoco
 import numpy as np
 
 from ..course.writing import staged_file
-from ..errors import BagError, PlannerError
+from ..errors import BagError, PlannerError, SettingsError
 from ..messages import DriveCommand
-from ..racing.resimulation import Sensed, load_world, resimulate
+from ..racing.planner_trust import recorded_planner
+from ..racing.resimulation import Sensed, Tick, load_world, resimulate
 from ..racing.run_folder import Run, read_run
 from ..simulation.cars import car_prefix
+from ..simulation.planner_adapter import OtherCar, Surroundings, plan
 from ..simulation.telemetry import COMMAND
+from ..simulation.world import World
 from ..vehicle.car import car_parameters, element_id
 from .bag_messages import (
     BASE_FRAME,
@@ -172,16 +176,20 @@ class BagWriter:
         return self._channels[topic]
 
 
-def export_bag(folder: str | Path, path: str | Path, watch: Callable[[int, int], None] | None = None) -> int:
+def export_bag(
+    folder: str | Path, path: str | Path, watch: Callable[[int, int], None] | None = None, *, trust: bool = False
+) -> int:
     """Write a run folder as a bag, and return how many ticks it has.
 
     Args:
       folder: as `race --out` wrote it.
       path: of the MCAP file; one that exists is replaced.
       watch: called once a tick with its number, from 1, and how many there are.
+      trust: run the nodes of the run once more, for what they publish: markers, paths and all else.
 
     Raises:
       MissingExtraError: the extra `ros` is not installed.
+      ControllerError, SettingsError: `trust`, and there are no nodes, or not as they were raced.
       RunFolderError: the folder is not a run's, or is damaged.
       BagError: the file cannot be written.
     """
@@ -193,6 +201,7 @@ def export_bag(folder: str | Path, path: str | Path, watch: Callable[[int, int],
     ticks = len(run.ctrl)
     others = [_Other(run, model, index) for index in range(1, len(world.cars))]
     ends = _Ends.of(run, 0)
+    show = _Shown(run, world) if trust else None
     with BagWriter(path, {"summary": json.dumps(run.summary)}) as bag:
         for index, tick in enumerate(resimulate(run, world), start=1):
             time, sensed = nanoseconds(tick.time), tick.sensed
@@ -216,6 +225,8 @@ def export_bag(folder: str | Path, path: str | Path, watch: Callable[[int, int],
             if index <= ends.drives:
                 bag.write("/scan", scan_message(sensed.scan), time)
                 bag.write("/drive", drive_message(tick.command, time), time)
+                for topic, message in () if show is None else show(tick):
+                    bag.write(topic, message, time)
             if watch is not None:
                 watch(index, ticks)
     return ticks
@@ -256,6 +267,44 @@ class _Ends:
         row = run.summary["cars"][car]
         drives = int(np.searchsorted(run.time[:-1], float(row["end_time_s"]) - 1e-9))
         return cls(drives=drives, leaves=drives if row["finished"] else ticks)
+
+
+class _Shown:
+    """What the nodes of car 0 publish, which run once more, as they were raced.
+
+    Raises:
+      ControllerError, SettingsError: the planner may not be loaded, cannot be built, or is none of ROS.
+    """
+
+    def __init__(self, run: Run, world: World) -> None:
+        self._world = world
+        self._planner: Any = recorded_planner(
+            run.summary, world.parameters, trust=True, where=str(run.folder), folder=run.folder
+        )
+        if not hasattr(self._planner, "published"):
+            raise SettingsError(
+                f"{run.folder}: its planner publishes no topics; accepted with --trust: a run of ros:..."
+            )
+        self._planner.published()  # from here on all is kept
+
+    def __call__(self, tick: Tick) -> Iterator[tuple[str, Any]]:
+        """Return topics and messages of a tick, without those that the bag has of its own."""
+        own, *others = tick.sensed_by_each or (tick.sensed,)
+        assert own is not None
+        if hasattr(self._planner, "look_round"):
+            seen = tuple(_other_car(other) for other in others if other is not None)
+            self._planner.look_round(Surroundings(world=self._world, others=seen))
+        plan(self._planner, own.scan, own.odometry)
+        for topic, message in self._planner.published():
+            if topic not in TOPICS:
+                yield topic, message
+
+
+def _other_car(sensed: Sensed) -> OtherCar:
+    x, y, _ = sensed.position.tolist()
+    w, qx, qy, z = sensed.quaternion.tolist()
+    heading = math.atan2(2.0 * (w * z + qx * qy), 1.0 - 2.0 * (qy * qy + z * z))
+    return OtherCar(pose=(x, y, heading), speed=sensed.odometry.speed, yaw_rate=sensed.odometry.yaw_rate)
 
 
 class _Other:

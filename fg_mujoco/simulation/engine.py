@@ -31,9 +31,9 @@ from ..lidar.lidar import Lidar
 from ..messages import FloatArray, LaserScan
 from ..vehicle.car import Car
 from ..vehicle.changes import CarChanges
-from ..vehicle.motion import ground_speed
+from ..vehicle.motion import ground_speed, planar_pose
 from .physics import span_of
-from .planner_adapter import Planners
+from .planner_adapter import OtherCar, Planners, Surroundings
 from .settings import Start
 from .termination import END_REASONS, RaceMonitor
 from .world import World
@@ -216,6 +216,17 @@ class Engine:
         """Return the true speed of a car along its heading [m/s], forward positive."""
         i = row // self.cars_per_world
         return ground_speed(self.qpos(i), self.qvel(i), self._arrays.constants[row : row + 1])
+
+    def surroundings(self, row: int) -> Surroundings:
+        """Return what surrounds a car: its world, and where the other cars of it are."""
+        i, own = divmod(row, self.cars_per_world)
+        qpos, qvel, others = self.qpos(i), self.qvel(i), []
+        for other in range(row - own, row - own + self.cars_per_world):
+            if other != row:
+                car = self._arrays.constants[other : other + 1]
+                yaw_rate = float(qvel[int(car[0]["free_dof"]) + 5])
+                others.append(OtherCar(pose=planar_pose(qpos, car), speed=self.speed(other), yaw_rate=yaw_rate))
+        return Surroundings(world=self.world_of(i), others=tuple(others))
 
     def slip(self, i: int = 0) -> FloatArray:
         """Return what the tires of the car did that was driven last in the batch of world i, as TireSlip.values. Live.

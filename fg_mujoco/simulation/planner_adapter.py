@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, Protocol
 
@@ -30,6 +31,7 @@ from .planner_failure import (
 )
 from .termination import END_REASONS
 from .tick import not_finite
+from .world import World
 
 _ODOMETRY = ODOMETRY.names or ()
 _FAILED, _LATE = END_REASONS.index("planner_failed"), END_REASONS.index("decision_limit")
@@ -38,6 +40,26 @@ Reasons = NDArray[np.int64]
 """Why races end by their planners, (r,): a number in END_REASONS, 0 where the planner has answered."""
 
 Decide = Callable[[], DriveCommand]
+
+
+@dataclass(frozen=True, kw_only=True)
+class OtherCar:
+    """Where another car of the same world is, truly."""
+
+    pose: tuple[float, float, float]  # x [m], y [m], heading [rad] of base_link in the map frame
+    speed: float  # [m/s] along its heading, over ground
+    yaw_rate: float  # [rad/s]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Surroundings:
+    """What a planner that asks for it is told beyond what its car senses.
+
+    A planner asks by a method `look_round`, which is called with this before each decision.
+    """
+
+    world: World
+    others: tuple[OtherCar, ...]  # in the order of the cars of the world, without its own
 
 
 class Cars(Protocol):
@@ -52,6 +74,9 @@ class Cars(Protocol):
     @property
     def running(self) -> NDArray[np.bool_]:
         """Which cars race. Shape (r,)."""
+
+    def surroundings(self, row: int) -> Surroundings:
+        """Return what surrounds a car."""
 
 
 class Planners(Protocol):
@@ -78,6 +103,7 @@ class MessagePlanners:
         self, planners: Sequence[Controller], *, raises: bool = False, timed: Callable[[Decide], DriveCommand] | None
     ) -> None:
         self._planners, self._raises, self._timed = planners, raises, timed
+        self._asking = [hasattr(type(planner), "look_round") for planner in planners]
         self.failures: dict[int, PlannerError] = {}
 
     def __call__(self, cars: Cars) -> Reasons | None:
@@ -89,6 +115,8 @@ class MessagePlanners:
         reasons = np.zeros(len(cars.running), np.int64)
         for row in map(int, np.flatnonzero(cars.running)):
             scan, sensed = _told(cars, row)
+            if self._asking[row]:
+                self._planners[row].look_round(cars.surroundings(row))  # type: ignore[attr-defined]
             decide = partial(plan, self._planners[row], scan, sensed)
             try:
                 command = decide() if self._timed is None else self._timed(decide)
@@ -189,6 +217,7 @@ class _SomeCars:
         self._viewed: FloatArray | None = None
 
     def take(self, cars: Cars, rows: NDArray[np.int64]) -> None:
+        self._whole, self._rows = cars, rows
         one = len(rows) == 1
         if not one or self._viewed is not cars.ranges:
             which: Any = slice(int(rows[0]), int(rows[0]) + 1) if one else rows
@@ -198,6 +227,10 @@ class _SomeCars:
             self._viewed = cars.ranges if one else None
         scans = cars.scans
         self.scans = {own: scans[row] for own, row in enumerate(rows.tolist()) if row in scans} if scans else {}
+
+    def surroundings(self, row: int) -> Surroundings:
+        """See Cars."""
+        return self._whole.surroundings(int(self._rows[row]))
 
     def give_back(self, cars: Cars, rows: NDArray[np.int64]) -> None:
         if self._viewed is None:

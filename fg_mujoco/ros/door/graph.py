@@ -166,6 +166,9 @@ class Graph:
         self.publications: list[Publication] = []
         self.latched: dict[str, Any] = {}
         self.newest: dict[str, Any] = {}  # message that a node has published, by topic
+        self.journal: list[tuple[int, str, Any]] | None = None  # time, topic and message of all that nodes publish
+        self.provided: dict[str, str] = {}  # types of the topics that the door publishes on
+        self.answers: dict[str, Callable[[Any], Any]] = {}  # services that the door answers, by name
         self.transforms: dict[str, tuple[str, Any]] = {}  # child frame -> parent frame, matrix (4, 4)
         self.readings = 0  # of the wall clock, each a microsecond after the one before
         self.ticks = 0
@@ -249,22 +252,32 @@ class Graph:
         first = True
         for subscription in self.subscriptions:
             if subscription.topic == topic and isinstance(message, subscription.kind):
-                self._count += 1
-                subscription.queue.append((self._count, message if first else copy.deepcopy(message)))
+                self.queue(subscription, message if first else copy.deepcopy(message))
                 first = False
+
+    def queue(self, subscription: Subscription, message: Any) -> None:
+        """Put a message behind all that were sent before."""
+        self._count += 1
+        subscription.queue.append((self._count, message))
 
     def subscribe(self, subscription: Subscription, *, latched: bool = True) -> None:
         """Add one who listens; the last message of a latched topic comes at once."""
         self.subscriptions.append(subscription)
         kept = self.latched.get(subscription.topic)
         if latched and isinstance(kept, subscription.kind):
-            self._count += 1
-            subscription.queue.append((self._count, copy.deepcopy(kept)))
+            self.queue(subscription, copy.deepcopy(kept))
+
+    def forget(self, subscription: Subscription) -> None:
+        """Leave out one who listens no longer."""
+        if subscription in self.subscriptions:
+            self.subscriptions.remove(subscription)
 
     def publish(self, publication: Publication, message: Any, *, latch: bool = False) -> None:
         """Send a copy of a message to all who listen."""
         kept = self.newest[publication.topic] = copy.deepcopy(message)
         publication.count += 1
+        if self.journal is not None:
+            self.journal.append((self.now, publication.topic, kept))
         if latch:
             self.latched[publication.topic] = kept
         if self.listens(publication.topic):

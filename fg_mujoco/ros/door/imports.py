@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import builtins
 import sys
-from collections.abc import Mapping, Sequence
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
@@ -16,8 +18,11 @@ from typing import Any
 
 from ...errors import ControllerError, accepted_names
 from .graph import Graph
-from .messages import Definitions
+from .messages import SERVICE_PACKAGES, Definitions
+from .source import Unused, own_folders, read_source
 
+_PARTS = ("Request", "Response", "Goal", "Result", "Feedback")
+_INTERFACES = ("_msgs", "_srvs", "_interfaces")
 _LEVELS = 4  # folders above the node's in which packages of messages are looked for
 
 
@@ -44,13 +49,26 @@ def lacks(module: ModuleType, name: str) -> str:
 class Overlay(ModuleType):
     """A module of Python with some of its members replaced."""
 
-    def __init__(self, real: ModuleType, **members: Any) -> None:
+    def __init__(self, real: ModuleType, /, **members: Any) -> None:
         super().__init__(real.__name__, real.__doc__)
         self.__dict__.update(members)
         self.__dict__["_real"] = real
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.__dict__["_real"], name)
+
+
+class Absent(ModuleType):
+    """What an import that has failed binds, where nothing uses it; and whatever is asked of it."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self.__path__: list[str] = []
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return Absent(f"{self.__name__}.{name}")
 
 
 class Imports:
@@ -62,6 +80,7 @@ class Imports:
       definitions: of messages; the user's own `.msg` files are added.
       modules: that stand in, by name.
       overlays: of modules of Python, by name.
+      drawing: of modules that draw random numbers, by name, for files that name such.
     """
 
     def __init__(
@@ -71,18 +90,16 @@ class Imports:
         definitions: Definitions,
         modules: Mapping[str, ModuleType],
         overlays: Mapping[str, ModuleType],
+        drawing: Mapping[str, ModuleType],
     ) -> None:
         self._node, self._graph, self._definitions = node, graph, definitions
         self._modules: dict[str, ModuleType] = dict(modules)
-        self._overlays = overlays
+        self._overlays, self._drawing = overlays, drawing
+        self._draws: set[str] = set()  # files that may draw random numbers
         self._own: dict[Path, ModuleType] = {}
+        self._unused: dict[str, Unused] = {}  # by file
         self._builtins = {**vars(builtins), "__import__": self.import_module}
-        folder = node.resolve().parent
-        above = folder.parent
-        packaged = (folder / "__init__.py").is_file() or any(
-            (above / file).is_file() for file in ("package.xml", "setup.py")
-        )
-        self._folders = [folder, *((above, above / "src") if packaged else ())]
+        self._folders = own_folders(node)
         for name in list(self._modules):
             self._hang(name)
 
@@ -92,9 +109,15 @@ class Imports:
         module.__name__, module.__file__ = name, str(path)
         vars(module)["__builtins__"] = self._builtins
         self._graph.files.add(str(path))
+        source = read_source(path, text, self._node)
+        self._unused[str(path)] = source.unused
+        if b"random" in text:
+            self._draws.add(str(path))
+        for said in source.told:
+            _warn(said)
         there = sys.modules.setdefault(name, module)  # dataclasses look their module up there
         try:
-            exec(compile(text, str(path), "exec"), module.__dict__)
+            exec(source.code, module.__dict__)
         finally:
             if there is module:
                 sys.modules.pop(name, None)
@@ -110,14 +133,41 @@ class Imports:
     ) -> Any:
         """Stand in for `__import__` in the files of a node."""
         wanted = tuple(fromlist or ())
+        file, line = str((globals or {}).get("__file__")), sys._getframe(1).f_lineno
+        unused = self._unused.get(file, {}).get(line, set())
+        try:
+            found = self._find(name, globals, locals, wanted, level, unused)
+        except ImportError as error:
+            if not (name in unused or (wanted and unused.issuperset(wanted) and not name.endswith(".msg"))):
+                raise
+            _warn(f"{error}, and nothing uses it ({file}, line {line})")
+            return Absent(name if wanted else name.partition(".")[0])
+        lacking = [each for each in wanted if each in unused and not hasattr(found, each)]
+        if not lacking or name.endswith(".msg"):
+            return found
+        _warn(f"{name} has no {', '.join(lacking)}, and nothing uses it ({file}, line {line})")
+        return Overlay(found, **{each: Absent(f"{name}.{each}") for each in lacking})
+
+    def _find(
+        self,
+        name: str,
+        globals: Mapping[str, Any] | None,
+        locals: Mapping[str, Any] | None,
+        wanted: tuple[str, ...],
+        level: int,
+        unused: set[str],
+    ) -> Any:
         if level:
             return self._relative(name, globals or {}, wanted, level)
         if name in self._overlays:
             return self._overlays[name]
+        if name in self._drawing and str((globals or {}).get("__file__")) in self._draws:
+            return self._drawing[name if wanted or "." not in name else "numpy"]
         found = self._stand_in(name)
         if found is not None:
             for each in wanted:
-                if each != "*" and each not in vars(found) and not self._provides(found, each):
+                known = each == "*" or each in vars(found) or self._provides(found, each)
+                if not known and (each not in unused or name.endswith(".msg")):
                     raise ImportError(lacks(found, each))
             return found if wanted else self._modules[name.partition(".")[0]]
         own = self._own_module(self._folders, name, wanted)
@@ -132,6 +182,9 @@ class Imports:
         elif name not in self._modules and not rest and self._package(top):
             self._modules[top] = StandIn(top)
             self._hang(f"{top}.msg")
+        elif name not in self._modules and rest in ("srv", "action") and top.endswith(_INTERFACES):
+            self._modules[name] = Services(name, lambda _: {})  # nothing here defines them
+            self._hang(name)
         found = self._modules.get(name)
         if found is None and rest and top in self._modules:
             raise ModuleNotFoundError(
@@ -155,27 +208,40 @@ class Imports:
             for folder in self._message_folders(name):
                 self._definitions.add_files(name, folder)
         names = self._definitions.names(name)
-        if not names:
+        if not names and not self._has_services(name):
             return False
         kinds = {each: self._definitions.kind(f"{name}/msg/{each}") for each in names}
         self._modules[f"{name}.msg"] = StandIn(f"{name}.msg", **kinds)
-        self._modules.setdefault(f"{name}.srv", Services(f"{name}.srv"))
-        self._modules.setdefault(f"{name}.action", Services(f"{name}.action"))
+        for part in ("srv", "action"):
+            services = Services(f"{name}.{part}", partial(self._service, name, part))
+            self._modules.setdefault(f"{name}.{part}", services)
         self._modules.setdefault(name, StandIn(name))
         for part in ("msg", "srv", "action"):
             setattr(self._modules[name], part, self._modules[f"{name}.{part}"])
         return True
 
-    def _message_folders(self, package: str) -> list[Path]:
+    def _has_services(self, package: str) -> bool:
+        """Say whether services or actions of a package are defined."""
+        return package in SERVICE_PACKAGES or any(self._message_folders(package, part) for part in ("srv", "action"))
+
+    def _service(self, package: str, part: str, name: str) -> Mapping[str, type]:
+        """Return the classes that a service or an action consists of, by part; none where nothing defines it."""
+        for folder in self._message_folders(package, part):
+            file = folder / f"{name}.{part}"
+            if file.is_file():
+                return self._definitions.parts(package, name, file.read_text("utf-8", "replace"), str(file))
+        return self._definitions.parts(package, name)
+
+    def _message_folders(self, package: str, kind: str = "msg") -> list[Path]:
         """Return the folders of a package's `.msg` files: of its own, of one beside it, or beside the node."""
         folder = self._node.resolve().parent
         above = [folder, *list(folder.parents)[:_LEVELS]]
-        places = [place / package / "msg" for place in above]
-        places += [place / "msg" for place in above if place.name == package or _is_package(place, package)]
-        if not any(place.is_dir() for place in places):
+        places = [place / package / kind for place in above]
+        places += [place / kind for place in above if place.name == package or _is_package(place, package)]
+        if kind == "msg" and not any(place.is_dir() for place in places):
             local = folder / "msg"
             places = [local if local.is_dir() else folder]
-        return [place for place in places if place.is_dir() and any(place.glob("*.msg"))]
+        return [place for place in places if place.is_dir() and any(place.glob(f"*.{kind}"))]
 
     def _hang(self, name: str) -> None:
         """Make the modules that a module's name is in, and put each into the one above."""
@@ -237,24 +303,38 @@ class Imports:
 
 
 class Services(StandIn):
-    """Services and actions of a package, which nodes make and nobody answers."""
+    """Services or actions of a package.
+
+    Args:
+      name: of the module.
+      parts_of: returns the classes of requests and responses of a name, by part; empty where nothing defines it.
+    """
+
+    def __init__(self, name: str, parts_of: Callable[[str], Mapping[str, type]]) -> None:
+        super().__init__(name)
+        self._parts_of = parts_of
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
             raise AttributeError(name)
-        parts = {part: type(part, (_Open,), {}) for part in ("Request", "Response", "Goal", "Result", "Feedback")}
+        known = self._parts_of(name)
+        parts = {part: known.get(part) or type(part, (_Open,), {}) for part in _PARTS}
         found = type(name, (), parts)
         setattr(self, name, found)
-        setattr(self, f"{name}Request", parts["Request"])
-        setattr(self, f"{name}Response", parts["Response"])
+        for part in ("Request", "Response"):
+            setattr(self, f"{name}{part}", parts[part])
         return found
 
 
 class _Open:
-    """A request or a response: whatever fields it is given."""
+    """A part of a service that nothing here defines: whatever fields it is given."""
 
     def __init__(self, *values: Any, **named: Any) -> None:
         vars(self).update(named)
+
+
+def _warn(said: str) -> None:
+    warnings.warn(said, stacklevel=3)
 
 
 def package_folder(node: Path, name: str) -> Path | None:

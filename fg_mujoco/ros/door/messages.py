@@ -41,6 +41,19 @@ _ACKERMANN_1 = {
 }
 
 
+_SERVICES = {
+    "std_srvs/Empty": "---",
+    "std_srvs/Trigger": "---\nbool success\nstring message",
+    "std_srvs/SetBool": "bool data\n---\nbool success\nstring message",
+    "nav_msgs/GetMap": "---\nnav_msgs/OccupancyGrid map",
+    "nav_msgs/GetPlan": (
+        "geometry_msgs/PoseStamped start\ngeometry_msgs/PoseStamped goal\nfloat32 tolerance\n---\nnav_msgs/Path plan"
+    ),
+}
+SERVICE_PACKAGES = tuple({name.partition("/")[0] for name in _SERVICES})
+"""Packages of which services are defined here."""
+
+
 def require_rosbags() -> None:
     """Make sure that messages can be made.
 
@@ -212,6 +225,36 @@ class Definitions:
                 if kind.startswith(("float", "int", "uint", "bool")) and not kind.endswith("]"):
                     number = value.lower() == "true" if kind == "bool" else float(value)
                     self._own_defaults[name, field] = number if kind[0] in "fb" else int(number)
+
+    def parts(self, package: str, name: str, text: str | None = None, where: str = "") -> dict[str, type[Message]]:
+        """Return the classes of a service's Request and Response, or of an action's Goal, Result and Feedback.
+
+        Args:
+          package, name: of the service.
+          text: its definition; None: that of ROS's own, of which none are returned where there is none here.
+          where: the definition stands, for messages.
+
+        Raises:
+          ControllerError: it is no definition.
+        """
+        from rosbags.typesys import get_types_from_msg
+
+        text = _SERVICES.get(f"{package}/{name}") if text is None else text
+        if text is None:
+            return {}
+        found = {}
+        sections = re.split(r"^---.*$", text, flags=re.MULTILINE)
+        for part, section in zip(
+            ("Request", "Response") if len(sections) < 3 else ("Goal", "Result", "Feedback"), sections, strict=False
+        ):
+            full = f"{package}/msg/{name}_{part}"
+            try:
+                self._own[full] = get_types_from_msg(section, full)[full]
+            except Exception as error:
+                said = " ".join(str(error).split())
+                raise ControllerError(f"{where}: is no definition: {said}; accepted: lines of TYPE NAME") from error
+            found[part] = self.kind(full)
+        return found
 
 
 @lru_cache(maxsize=2)

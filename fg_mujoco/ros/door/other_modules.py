@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import random
 import signal
 import sys
 import threading
@@ -12,7 +13,9 @@ from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
-from .imports import Overlay, Services, StandIn, package_folder
+import numpy as np
+
+from .imports import Overlay, StandIn, package_folder
 from .rospy_times import NANOSECONDS
 from .session import Session
 
@@ -40,8 +43,9 @@ def other_modules(session: Session, modules: dict[str, ModuleType]) -> dict[str,
     found: dict[str, ModuleType] = {
         "ament_index_python.packages": packages,
         "ament_index_python": StandIn("ament_index_python", **_public(packages)),
+        "roslib": StandIn("roslib", load_manifest=lambda name: None),
+        "roslib.packages": StandIn("roslib.packages", get_pkg_dir=folder_of),
         "rospkg": StandIn("rospkg", RosPack=lambda: SimpleNamespace(get_path=folder_of)),
-        "std_srvs.srv": Services("std_srvs.srv"),
         "message_filters": _message_filters(modules),
     }
     return found
@@ -94,6 +98,28 @@ def _message_filters(modules: dict[str, ModuleType]) -> ModuleType:
     )  # fmt: skip
 
 
+def random_overlays(seed: int) -> dict[str, ModuleType]:
+    """Return `random`, `numpy` and `numpy.random` as a node sees them that draws numbers without a seed of its own.
+
+    Their generators are the node's own and begin at a seed, so that other nodes and threads draw none of its numbers.
+    What a node seeds itself has the numbers that it has anywhere.
+    """
+    plain, legacy = random.Random(seed), np.random.RandomState(seed)
+    children = np.random.SeedSequence(seed)
+
+    def default_rng(given: Any = None) -> np.random.Generator:
+        return np.random.default_rng(children.spawn(1)[0] if given is None else given)
+
+    of_plain = {name: getattr(plain, name) for name in random.__all__ if callable(getattr(plain, name, None))}
+    of_legacy = {name: getattr(legacy, name) for name in np.random.__all__ if callable(getattr(legacy, name, None))}
+    drawing = Overlay(np.random, **{**vars(np.random), **of_legacy, "default_rng": default_rng})
+    return {
+        "random": Overlay(random, **{**of_plain, "Random": random.Random, "SystemRandom": random.SystemRandom}),
+        "numpy.random": drawing,
+        "numpy": Overlay(np, **{**vars(np), "random": drawing}),  # as quick as the module itself
+    }
+
+
 def overlays(session: Session, sleep: Callable[[float], Any]) -> dict[str, ModuleType]:
     """Return modules of Python as a node sees them: `time` is simulated, threads take turns, there are no arguments.
 
@@ -116,6 +142,67 @@ def overlays(session: Session, sleep: Callable[[float], Any]) -> dict[str, Modul
         def is_alive(self) -> bool:
             return hasattr(self, "process") and not self.process.done
 
+    class Event(threading.Event):
+        """An event that is waited for in simulated time."""
+
+        def wait(self, timeout: float | None = None) -> bool:
+            if not self.is_set():
+                graph.pause(None if timeout is None else graph.now + round(timeout * NANOSECONDS), self.is_set)
+            return self.is_set()
+
+    class Lock:
+        """A lock that is waited for in simulated time: of one thread that runs nothing is to be protected."""
+
+        reentrant = False
+
+        def __init__(self) -> None:
+            self._owner: Any = None
+            self._count = 0
+
+        def acquire(self, blocking: bool = True, timeout: float = -1) -> bool:
+            mine = self.reentrant and self._owner is graph.current
+            if self._count and not mine:
+                if not blocking:
+                    return False
+                graph.pause(None if timeout < 0 else graph.now + round(timeout * NANOSECONDS), lambda: not self._count)
+                if self._count:
+                    return False
+            self._owner = graph.current
+            self._count += 1
+            return True
+
+        def release(self) -> None:
+            if not self._count:
+                raise RuntimeError("release of a lock that is not taken")
+            self._count -= 1
+
+        def locked(self) -> bool:
+            return bool(self._count)
+
+        def __enter__(self) -> bool:
+            return self.acquire()
+
+        def __exit__(self, *_: Any) -> None:
+            self.release()
+
+    class RLock(Lock):
+        reentrant = True
+
+    class Timer(Thread):
+        """Calls a function after some simulated seconds."""
+
+        def __init__(self, interval: float, function: Callable[..., Any], args: Any = None, kwargs: Any = None) -> None:
+            super().__init__()
+            self.interval, self.function, self.args, self.kwargs = interval, function, args or [], kwargs or {}
+            self.finished = Event()
+
+        def cancel(self) -> None:
+            self.finished.set()
+
+        def run(self) -> None:
+            if not self.finished.wait(self.interval):
+                self.function(*self.args, **self.kwargs)
+
     class Parser(argparse.ArgumentParser):
         """Without arguments: those of this process are not the node's."""
 
@@ -130,7 +217,7 @@ def overlays(session: Session, sleep: Callable[[float], Any]) -> dict[str, Modul
             perf_counter_ns=lambda: round(graph.wall_time() * NANOSECONDS),
         ),
         "sys": Overlay(sys, argv=[str(session.file)]),
-        "threading": Overlay(threading, Thread=Thread),
+        "threading": Overlay(threading, Thread=Thread, Event=Event, Lock=Lock, RLock=RLock, Timer=Timer),
         "signal": Overlay(signal, signal=lambda *_: None),
         "argparse": Overlay(argparse, ArgumentParser=Parser),
     }  # fmt: skip

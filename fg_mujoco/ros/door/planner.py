@@ -16,6 +16,7 @@ import warnings
 import weakref
 import zlib
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 from typing import Any, ClassVar
@@ -23,29 +24,30 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...errors import ControllerError
-from ...messages import STOP, CarParameters, DriveCommand, LaserScan, Odometry
+from ...messages import STOP, CarParameters, DriveCommand, LaserScan, Odometry, Sketch
+from ...simulation.planner_adapter import Surroundings
 from ..bag_messages import nanoseconds
-from .graph import BEGIN, Graph, NodeError, Publication
+from .drawings import Drawings, for_bag
+from .driving import DRIVE, OPPONENT_DRIVE, Driving
+from .graph import BEGIN, Graph, NodeError
 from .imports import Imports
 from .messages import ROS1, Definitions, message_class, require_rosbags
-from .other_modules import other_modules, overlays
+from .other_modules import other_modules, overlays, random_overlays
 from .program import NodeFile, Program, read_parameters, read_program
 from .rclpy_modules import rclpy_modules
 from .rospy_modules import rospy_modules
 from .rospy_times import NANOSECONDS
-from .sensing import TOPICS, Sensing
+from .sensing import Sensing
+from .services import Call
 from .session import Session
 from .transform_modules import transform_modules
 
-DRIVE = "/drive"
 WALL_LIMIT = 30.0
 """[s] of wall time that a node may take for what is due at one instant: numba may compile in there."""
+_SEED = 0  # of random numbers that a node draws without a seed of its own
+_MOST_KEPT = 10_000  # messages, for who asks what has been published
 PATIENCE = 5.0
 """[s] simulated in which a node must have published its first command."""
-
-_STAMPED, _PLAIN = "ackermann_msgs/AckermannDriveStamped", "ackermann_msgs/AckermannDrive"
-_TWIST = "geometry_msgs/Twist"
-_SLOWEST = 0.05  # [m/s] below which a Twist's yaw rate says nothing of the steering angle
 
 
 class RosPlanner:
@@ -65,6 +67,9 @@ class RosPlanner:
     _program: ClassVar[Program]
     _graph: Graph
     _sensing: Sensing
+    _driving: Driving
+    _drawings: Drawings
+    _fresh: list[tuple[str, Any]]
     _ticked: bool
     _flavour: int
 
@@ -82,12 +87,39 @@ class RosPlanner:
         """Tell the nodes what the car senses, and return the last command that they have published."""
         if not self._ticked:
             self._ticked, self._began = True, scan.stamp
+            self._sensing.opponent = any(each.topic == OPPONENT_DRIVE for each in self._driving.topics())
             self._warn_of_silence()
         time = BEGIN + nanoseconds(max(scan.stamp, odometry.stamp))
         self._run(lambda: self._graph.tick(time, self._sensing.messages(scan, odometry)))
         if all(process.done for process in self._graph.processes):
             raise NodeError(f"{self._said()} has ended, and a planner may not{self._line()}")
         return self._command(scan.stamp - self._began)
+
+    def look_round(self, surroundings: Surroundings) -> None:
+        """Take what surrounds the car: nodes may listen to the map and to the other cars' odometry."""
+        self._sensing.surroundings = surroundings
+
+    def published(self) -> list[tuple[str, Any]]:
+        """Return topics and messages, as those of a bag, that the nodes have published since this was asked last.
+
+        From the first question on all is kept. Left out are messages whose type is none of ROS's own.
+        """
+        self._drawn_from()
+        found, self._fresh = self._fresh, []
+        return [(topic, made) for topic, message in found if (made := for_bag(message)) is not None]
+
+    def drawings(self) -> list[Sketch]:
+        """Return the markers, paths and poses that the nodes show, those published since this was asked first."""
+        self._drawn_from()
+        return self._drawings.now()
+
+    def _drawn_from(self) -> None:
+        """Take what has been published since."""
+        journal, self._graph.journal = self._graph.journal, []
+        for time, topic, message in journal or ():
+            self._drawings.take(topic, message, time)
+            self._fresh.append((topic, message))
+        del self._fresh[:-_MOST_KEPT]
 
     def _build(self) -> None:
         require_rosbags()
@@ -100,8 +132,11 @@ class RosPlanner:
         remap = {name.removeprefix("remap."): str(given.pop(name)) for name in list(given) if name.startswith("remap.")}
         self._graph = Graph(float(limit))
         self._close = weakref.finalize(self, self._graph.close)
+        self._drawings, self._fresh = Drawings(self._graph), []
         self._flavour = self._program.nodes[0].flavour
+        message_class("std_msgs/msg/Header", self._flavour)  # definitions are read here, and not in a node's time
         self._sensing = Sensing(self._graph, self._flavour, self._car)
+        self._driving = Driving(self._graph, self._car, partial(_said, self._graph, self._program))
         self._sessions = []
         for node in self._program.nodes:
             of_file = {} if file is None else read_parameters(Path(file), node.name or "", self._said())
@@ -144,8 +179,8 @@ class RosPlanner:
                 f"{self._said()} has ended at once; accepted: one that spins, or a class: ros:{self._program.path}:"
                 f"ClassName{self._line()}"
             )
-        self._drives()
-        if all(process.done or process.spinning for process in processes) and not self._drives():
+        drives = self._driving.topics()
+        if all(process.done or process.spinning for process in processes) and not drives:
             raise NodeError(self._no_drive())
 
     def _no_drive(self) -> str:
@@ -155,72 +190,54 @@ class RosPlanner:
             f"{', '.join(topics) or 'none'}{self._line()}"
         )
 
-    def _drives(self) -> list[Publication]:
-        """Return the publishers on the drive topic.
-
-        Raises:
-          NodeError: there are two such topics, and neither is /drive.
-        """
-        for kinds in ((_STAMPED, _PLAIN), (_TWIST,)):
-            found = [each for each in self._graph.publications if getattr(each.kind, "_type", "") in kinds]
-            topics = sorted({each.topic for each in found})
-            if DRIVE in topics or len(topics) == 1:
-                return [each for each in found if each.topic == (DRIVE if DRIVE in topics else topics[0])]
-            if topics:
-                raise NodeError(
-                    f"{self._said()} has {len(topics)} drive topics, {' and '.join(topics)}{found[-1].place}; "
-                    f"accepted: one, or one that is {DRIVE}: [remap.{topics[0]}={DRIVE}]"
-                )
-        return []
-
     def _command(self, driven: float) -> DriveCommand:
         """Return the last command; `driven` is the simulated time since the first scan [s]."""
-        drives = self._drives()
-        message = self._graph.newest.get(drives[0].topic) if drives else None
-        if message is None:
+        asked = self._driving.asked()
+        if asked is None:
             if driven >= PATIENCE:
-                if not drives:
-                    raise NodeError(self._no_drive())
-                raise NodeError(
-                    f"{self._said()} has published nothing on {drives[0].topic} within {PATIENCE:g} s{drives[0].place}"
-                )
+                raise NodeError(self._silent())
             return STOP
-        steering_angle, speed = self._asked(message)
-        return DriveCommand(
-            steering_angle=float(np.float32(steering_angle)),
-            speed=max(-self._max_speed, min(self._max_speed, float(np.float32(speed)))),
-        )
+        speed = max(-self._max_speed, min(self._max_speed, float(np.float32(asked[0]))))
+        self._sensing.command = speed, float(asked[1])
+        return DriveCommand(steering_angle=float(np.float32(asked[1])), speed=speed)
 
-    def _asked(self, message: Any) -> tuple[float, float]:
-        """Return the steering angle [rad] and the speed [m/s] of a message."""
-        kind = message._type
-        if kind == _TWIST:
-            speed, turning = float(message.linear.x), float(message.angular.z)
-            angle = math.atan2(turning * self._car.wheelbase, abs(speed)) if abs(speed) > _SLOWEST else 0.0
-            return math.copysign(1.0, speed) * angle, speed
-        drive = message.drive if kind == _STAMPED else message
-        return drive.steering_angle, drive.speed
+    def _silent(self) -> str:
+        """Return what is said of nodes that have published no command for long."""
+        drives = self._driving.topics()
+        waits = "".join(f"; it waits for {session.waits}" for session in self._sessions if session.waits)
+        if not drives:
+            return self._no_drive() + waits
+        return (
+            f"{self._said()} has published nothing on {drives[0].topic} within {PATIENCE:g} s{drives[0].place}{waits}"
+        )
 
     def _warn_of_silence(self) -> None:
         """Warn of topics that nodes listen to and nobody publishes on, or not in that type."""
-        published = {each.topic for each in self._graph.publications} | set(TOPICS)
+        published = {each.topic for each in self._graph.publications}
         for each in self._graph.subscriptions:
-            if each.topic not in published:
+            if each.kind is Call or each.topic in published:
+                continue
+            kind = self._sensing.kind_of(each.topic)
+            if kind is None:
                 said = f"{each.topic} has no publisher here; node {each.node!r} listens"
-                warnings.warn(f"{said}{each.place}", stacklevel=2)
-            elif each.topic in TOPICS and each.kind is not message_class(TOPICS[each.topic][0], self._flavour):
-                said = (
-                    f"{each.topic} is {TOPICS[each.topic][0]} here; node {each.node!r} listens for {each.kind.__name__}"
-                )
-                warnings.warn(f"{said}{each.place}", stacklevel=2)
+            elif each.kind is not message_class(kind, self._flavour):
+                said = f"{each.topic} is {kind} here; node {each.node!r} listens for {each.kind.__name__}"
+            else:
+                continue
+            warnings.warn(f"{said}{each.place}", stacklevel=2)
 
     def _said(self) -> str:
-        names = [process.name for process in self._graph.processes] if hasattr(self, "_graph") else []
-        return f"node {names[0]!r}" if len(names) == 1 else f"{self._program.path.name}"
+        return _said(self._graph, self._program) if hasattr(self, "_graph") else self._program.path.name
 
     def _line(self) -> str:
         node = self._program.nodes[0]
         return f" ({node.path}, line {node.line})" if len(self._program.nodes) == 1 else f" ({self._program.path})"
+
+
+def _said(graph: Graph, program: Program) -> str:
+    """Return what nodes are called in messages."""
+    names = [process.name for process in graph.processes]
+    return f"node {names[0]!r}" if len(names) == 1 else f"{program.path.name}"
 
 
 def find_node(source: str) -> type[RosPlanner]:
@@ -246,21 +263,23 @@ def source_text(source: str) -> bytes:
 
 def _starter(session: Session, node: NodeFile) -> Callable[[], None]:
     """Return what the thread of a node does."""
+    rospy = node.flavour == ROS1
+    modules = rospy_modules(session) if rospy else rclpy_modules(session)
+    modules.update(transform_modules(session, node.flavour))
+    modules.update(other_modules(session, modules))
+    graph = session.graph
+
+    def sleep(seconds: float) -> None:
+        if rospy:
+            modules["rospy"].sleep(float(seconds))
+        else:
+            graph.pause(graph.now + max(1, round(float(seconds) * NANOSECONDS)))
+
+    imports = Imports(
+        node.path, graph, Definitions(node.flavour), modules, overlays(session, sleep), random_overlays(_SEED)
+    )  # fmt: skip
 
     def run() -> None:
-        rospy = node.flavour == ROS1
-        modules = rospy_modules(session) if rospy else rclpy_modules(session)
-        modules.update(transform_modules(session, node.flavour))
-        modules.update(other_modules(session, modules))
-        graph = session.graph
-
-        def sleep(seconds: float) -> None:
-            if rospy:
-                modules["rospy"].sleep(float(seconds))
-            else:
-                graph.pause(graph.now + max(1, round(float(seconds) * NANOSECONDS)))
-
-        imports = Imports(node.path, graph, Definitions(node.flavour), modules, overlays(session, sleep))
         if not node.class_name:
             module = imports.run(node.path, node.text, "__main__" if node.is_script else node.path.stem)
             if not node.is_script and node.has_main:

@@ -26,6 +26,7 @@ from ...errors import ControllerError, MissingExtraError, accepted_names
 from ..bag_messages import INSTALL_COMMAND
 from .imports import read_node
 from .messages import ROS1, ROS2
+from .source import own_files, parse
 
 SCHEME = "ros:"
 _KEYS = ("file", "class", "name", "parameters", "params_file", "remap")
@@ -52,7 +53,7 @@ class Program:
     """The nodes that are a planner together."""
 
     path: Path  # of the node, or of the launch file
-    text: bytes = field(repr=False)  # of the file; of a launch file that and all that it names
+    text: bytes = field(repr=False)  # of the file, of all that it names, and of their own modules
     nodes: tuple[NodeFile, ...]
 
     @property
@@ -75,7 +76,13 @@ def read_program(source: str) -> Program:
     if not path.endswith(".py"):
         raise ControllerError(f"{said}; accepted: ros:path/node.py:ClassName, ros:path/node.py or ros:path/launch.yaml")
     node = read_node_file(Path(path), class_name, said)
-    return Program(path=Path(path), text=node.text, nodes=(node,))
+    return Program(path=Path(path), text=_with_modules(node), nodes=(node,))
+
+
+def _with_modules(node: NodeFile) -> bytes:
+    """Return the text of a node's file, and behind it that of the user's own modules that it imports."""
+    own = own_files(node.path, node.text)
+    return b"".join([node.text, *(b"\n# " + path.name.encode() + b"\n" + path.read_bytes() for path in own)])
 
 
 def read_node_file(path: Path, class_name: str, said: str, **more: Any) -> NodeFile:
@@ -86,7 +93,7 @@ def read_node_file(path: Path, class_name: str, said: str, **more: Any) -> NodeF
     """
     text = read_node(path, said)
     try:
-        tree = ast.parse(text, str(path))
+        tree = parse(text, path)
     except (SyntaxError, ValueError) as error:
         line = getattr(error, "lineno", None)
         where = f" ({path}, line {line})" if line else f" ({path})"
@@ -147,7 +154,7 @@ def _read_launch(path: Path, said: str) -> Program:
         )  # fmt: skip
     if len({node.flavour for node in nodes}) > 1:
         raise ControllerError(f"{said}: {path} has nodes of ROS 1 and of ROS 2; accepted: all of one")
-    parts = [text, *(b"\n# " + str(node.path.name).encode() + b"\n" + node.text for node in nodes)]
+    parts = [text, *(b"\n# " + node.path.name.encode() + b"\n" + _with_modules(node) for node in nodes)]
     return Program(path=path, text=b"".join(parts), nodes=tuple(nodes))
 
 

@@ -9,9 +9,12 @@ from collections.abc import Callable
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
+import numpy as np
+
 from .graph import Graph, Publication, Subscription
 from .imports import StandIn
 from .rospy_times import NANOSECONDS, RosDuration, RosTime
+from .services import ask, offer, offered, wait_for
 from .session import NodeLogger, Session, Timer
 
 
@@ -27,8 +30,25 @@ class ROSInterruptException(ROSException):
     pass
 
 
+class ROSTimeMovedBackwardsException(ROSInterruptException):
+    pass
+
+
+class ROSSerializationException(ROSException):
+    pass
+
+
+class ROSInternalException(Exception):
+    pass
+
+
 class ServiceException(Exception):
     pass
+
+
+class MissingParameter(KeyError):
+    def __str__(self) -> str:
+        return str(self.args[0])
 
 
 class Rospy:
@@ -89,14 +109,29 @@ class Rospy:
         self.graph.subscriptions.remove(subscription)
         return got[0] if got else None
 
-    def get_param(self, name: str, *default: Any) -> Any:
+    def get_param(self, name: str, default: Any = KeyError) -> Any:
         short = self._short(name)
         if short not in self.session.given and short in self.session.parameters:
             return self.session.parameters[short]
-        value = self.session.take(short, default[0] if default else KeyError)
+        value = self.session.take(short, KeyError)
         if value is KeyError:
-            raise KeyError(name)
-        return value
+            value = self._below(short) or default
+        if value is KeyError:
+            raise MissingParameter(f"parameter {name} is not given, and has no default; accepted: [{short}=VALUE]")
+        return float(value) if isinstance(default, float) and type(value) is int else value
+
+    def _below(self, short: str) -> dict[str, Any]:
+        """Return the parameters of a namespace, nested."""
+        found: dict[str, Any] = {}
+        for name, value in {**self.session.parameters, **self.session.given}.items():
+            if name.startswith(f"{short}."):
+                self.session.asked.add(name)
+                inner = found
+                *folders, last = name[len(short) + 1 :].split(".")
+                for folder in folders:
+                    inner = inner.setdefault(folder, {})
+                inner[last] = value
+        return found
 
     def set_param(self, name: str, value: Any) -> None:
         self.session.parameters[self._short(name)] = value
@@ -105,10 +140,20 @@ class Rospy:
     def has_param(self, name: str) -> bool:
         short = self._short(name)
         self.session.asked.add(short)
-        return short in self.session.given or short in self.session.parameters
+        return short in self.session.given or short in self.session.parameters or bool(self._below(short))
+
+    def delete_param(self, name: str) -> None:
+        self.session.parameters.pop(self._short(name), None)
+        self.session.given.pop(self._short(name), None)
 
     def search_param(self, name: str) -> str | None:
         return name if self.has_param(name) else None
+
+    def wait_for_service(self, service: str, timeout: Any = None) -> None:
+        seconds = timeout.to_sec() if isinstance(timeout, RosDuration) else timeout
+        until = None if seconds is None else self.graph.now + round(float(seconds) * NANOSECONDS)
+        if not wait_for(self.session, self._full(service), until):
+            raise ROSException(f"timeout exceeded while waiting for service {service}")
 
     def get_param_names(self) -> list[str]:
         return [*self.session.given, *self.session.parameters]
@@ -135,8 +180,18 @@ class Rospy:
         return say
 
     def _short(self, name: str) -> str:
-        """Return a parameter's name without the node's: `~speed`, `/my_node/speed` and `/speed` are `speed`."""
-        return name.lstrip("~/").removeprefix(f"{self.name}/")
+        """Return a parameter's name without the node's: `~speed`, `/my_node/speed` and `/speed` are `speed`.
+
+        Namespaces are told apart by dots, as they are in files of parameters here. A name that is given without its
+        namespace is that one.
+        """
+        found = name.lstrip("~/").removeprefix(f"{self.name}/").strip("/")
+        for each in list(self.session.given):
+            if "/" in each:
+                self.session.given[each.strip("/").replace("/", ".")] = self.session.given.pop(each)
+        dotted = found.replace("/", ".")
+        last = dotted.rpartition(".")[2]
+        return last if dotted not in self.session.given and last in self.session.given else dotted
 
     def _full(self, topic: str) -> str:
         return self.session.topic(topic, self.name)
@@ -194,6 +249,8 @@ class Subscriber:
         rospy = self._rospy
 
         def call(message: Any) -> None:
+            if hasattr(data_class, "_plain"):
+                message.__class__ = data_class
             if callback is not None:
                 callback(message) if callback_args is None else callback(message, callback_args)
 
@@ -262,21 +319,62 @@ class TimerHandle:
 
 
 class ServiceProxy:
-    """Of a service that nobody offers here."""
+    _rospy: Rospy
 
     def __init__(self, name: str, service_class: Any, *_: Any, **__: Any) -> None:
-        self.name = name
+        self.name, self.service_class = name, service_class
+        self.resolved_name = self._rospy._full(name)
 
-    def __call__(self, *_: Any, **__: Any) -> Any:
-        raise ServiceException(f"service [{self.name}] unavailable")
+    def __call__(self, *values: Any, **named: Any) -> Any:
+        session, got = self._rospy.session, list[Any]()
+        if not offered(session.graph, self.resolved_name):
+            raise ServiceException(f"service [{self.resolved_name}] unavailable")
+        kind = self.service_class.Request
+        request = values[0] if len(values) == 1 and isinstance(values[0], kind) else kind(*values, **named)
+        ask(session.graph, self.resolved_name, request, got.append)
+        if not got:
+            session.graph.pause(None, lambda: bool(got))
+        return got[0]
 
     call = __call__
+
+    def wait_for_service(self, timeout: Any = None) -> None:
+        self._rospy.wait_for_service(self.name, timeout)
+
+    def close(self) -> None:
+        pass
+
+
+class Service:
+    _rospy: Rospy
+
+    def __init__(self, name: str, service_class: Any, handler: Callable[[Any], Any], *_: Any, **__: Any) -> None:
+        rospy, kind = self._rospy, service_class.Response
+
+        def answer(request: Any) -> Any:
+            found = handler(request)
+            if isinstance(found, kind):
+                return found
+            if isinstance(found, dict):
+                return kind(**found)
+            return kind(*found) if isinstance(found, (list, tuple)) else kind() if found is None else kind(found)
+
+        self._listens = offer(rospy.session, rospy._full(name), answer, rospy.name)
+        rospy.session.subscriptions.append(self._listens)
+        self.resolved_name = rospy._full(name)
+
+    def shutdown(self, reason: str = "") -> None:
+        self._rospy.session.subscriptions.remove(self._listens)
+        self._rospy.graph.forget(self._listens)
+
+    def spin(self) -> None:
+        self._rospy.spin()
 
 
 def _kind(found: Any, topic: str) -> type:
     if not isinstance(found, type):
         raise ValueError(f"the type of {topic} is {found!r}; accepted: a class of messages, such as LaserScan")
-    return found
+    return getattr(found, "_plain", found)
 
 
 def _time_kind(graph: Graph) -> Any:
@@ -295,15 +393,14 @@ def rospy_modules(session: Session) -> dict[str, ModuleType]:
     for said, level in levels.items():
         logs[f"log{said}"] = rospy.log(level)
         logs[f"log{said}_throttle"] = rospy.log_throttled(level)
+        logs[f"log{said}_throttle_identical"] = logs[f"log{said}_throttle"]
         logs[f"log{said}_once"] = rospy.log_once(level)
     exceptions: dict[str, Any] = {
         "ROSException": ROSException, "ROSInitException": ROSInitException, "ServiceException": ServiceException,
         "ROSInterruptException": ROSInterruptException,
+        "ROSTimeMovedBackwardsException": ROSTimeMovedBackwardsException,
+        "ROSSerializationException": ROSSerializationException, "ROSInternalException": ROSInternalException,
     }  # fmt: skip
-
-    def wait_for_service(service: str, timeout: Any = None) -> None:
-        graph.pause(None if timeout is None else graph.now + round(float(timeout) * NANOSECONDS))
-        raise ROSException(f"timeout exceeded while waiting for service {service}")
 
     members: dict[str, Any] = {
         "init_node": rospy.init_node, "spin": rospy.spin, "sleep": rospy.sleep, "is_shutdown": rospy.is_shutdown,
@@ -313,18 +410,39 @@ def rospy_modules(session: Session) -> dict[str, ModuleType]:
         "wait_for_message": rospy.wait_for_message, "get_published_topics": rospy.get_published_topics,
         "get_time": lambda: graph.now / NANOSECONDS, "get_rostime": lambda: RosTime.from_nanoseconds(graph.now),
         "myargv": lambda argv=None: [str(session.file)], "resolve_name": rospy._full,
-        "wait_for_service": wait_for_service, "ServiceProxy": ServiceProxy,
-        "Service": lambda name, kind, handler, **_: SimpleNamespace(shutdown=lambda *_: None),
+        "wait_for_service": rospy.wait_for_service, "ServiceProxy": type("ServiceProxy", (ServiceProxy,), bound),
+        "Service": type("Service", (Service,), bound), "delete_param": rospy.delete_param,
+        "get_caller_id": rospy.get_name, "get_node_uri": lambda: "", "TimerEvent": SimpleNamespace,
+        "names": SimpleNamespace(get_namespace=rospy.get_namespace, get_name=rospy.get_name),
         "Time": _time_kind(graph), "Duration": RosDuration, "Publisher": type("Publisher", (Publisher,), bound),
         "Subscriber": type("Subscriber", (Subscriber,), bound), "Rate": type("Rate", (Rate,), bound),
         "Timer": type("Timer", (TimerHandle,), bound), "AnyMsg": object, "DEBUG": 1, "INFO": 2, "WARN": 4, "ERROR": 8,
         **logs, **exceptions,
     }  # fmt: skip
-    numpy_message = StandIn("rospy.numpy_msg", numpy_msg=lambda kind: kind)
-    return {
-        "rospy": StandIn("rospy", **members),
-        "rospy.numpy_msg": numpy_message,
-        "rospy.exceptions": StandIn("rospy.exceptions", **exceptions),
-        "rospy.rostime": StandIn("rospy.rostime", Time=members["Time"], Duration=RosDuration),
-        "genpy": StandIn("genpy", Time=RosTime, Duration=RosDuration),
+    parts = ("core", "client", "topics", "timer", "service", "msg", "impl.tcpros")
+    of_modules: dict[str, dict[str, Any]] = {
+        "rospy": members,
+        "rospy.numpy_msg": {"numpy_msg": numpy_message},
+        "rospy.exceptions": exceptions,
+        "rospy.rostime": {name: members[name] for name in ("Time", "Duration", "get_time", "get_rostime")},
+        "rospy.names": {"get_namespace": rospy.get_namespace, "get_name": rospy.get_name},
+        **{f"rospy.{part}": members for part in parts},
+        "genpy": {"Time": RosTime, "Duration": RosDuration},
+        "genpy.rostime": {"Time": RosTime, "Duration": RosDuration},
     }
+    return {name: StandIn(name, **found) for name, found in of_modules.items()}
+
+
+def numpy_message(kind: Any) -> Any:
+    """Return a class of messages as `rospy.numpy_msg` has it, whose lists of numbers are arrays; it listens to both."""
+    makers = kind._makers
+
+    class Arrays(kind):  # type: ignore[misc]
+        __slots__ = ()
+
+        def __getattribute__(self, name: str) -> Any:
+            value = super().__getattribute__(name)
+            return np.array(value) if name in makers and isinstance(value, (list, tuple)) else value
+
+    Arrays.__name__, Arrays._plain = kind.__name__, kind
+    return Arrays

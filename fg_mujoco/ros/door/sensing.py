@@ -10,35 +10,74 @@ import array
 import math
 from collections.abc import Iterator
 from functools import lru_cache
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from ...messages import CarParameters, LaserScan, Odometry
+from ...simulation.planner_adapter import Surroundings
+from ...simulation.world import World
 from ..bag_messages import BASE_FRAME, IMU_FRAME, LASER_FRAME, MAP_FRAME, ODOM_FRAME, nanoseconds
+from ..grid import Grid, grid_of
 from .graph import BEGIN, Graph
 from .messages import ROS1, made, message_class
 from .rospy_times import NANOSECONDS, RosTime
 from .transform_modules import matrix
 
+_ODOMETRY = "nav_msgs/msg/Odometry"
+_FLOAT = "std_msgs/msg/Float32"
+
 TOPICS: dict[str, tuple[str, str]] = {
     "/clock": ("rosgraph_msgs/msg/Clock", "clock"),
     "/tf": ("tf2_msgs/msg/TFMessage", "transforms"),
+    "/map": ("nav_msgs/msg/OccupancyGrid", "map"),
+    "/map_metadata": ("nav_msgs/msg/MapMetaData", "map_info"),
     "/imu": ("sensor_msgs/msg/Imu", "imu"),
     "/imu/data": ("sensor_msgs/msg/Imu", "imu"),
     "/sensors/imu/raw": ("sensor_msgs/msg/Imu", "imu"),
-    "/odom": ("nav_msgs/msg/Odometry", "odometry"),
-    "/ego_racecar/odom": ("nav_msgs/msg/Odometry", "odometry"),
-    "/vesc/odom": ("nav_msgs/msg/Odometry", "odometry"),
-    "/pf/pose/odom": ("nav_msgs/msg/Odometry", "odometry"),
+    "/odom": (_ODOMETRY, "odometry"),
+    "/ego_racecar/odom": (_ODOMETRY, "odometry"),
+    "/vesc/odom": (_ODOMETRY, "odometry"),
+    "/pf/pose/odom": (_ODOMETRY, "odometry"),
     "/pf/viz/inferred_pose": ("geometry_msgs/msg/PoseStamped", "pose"),
     "/gt_pose": ("geometry_msgs/msg/PoseStamped", "pose"),
+    "/amcl_pose": ("geometry_msgs/msg/PoseWithCovarianceStamped", "pose_with_covariance"),
     "/scan": ("sensor_msgs/msg/LaserScan", "scan"),
 }
-"""What is published each tick, in this order: type, and the method that makes it."""
+"""What is published each tick, in this order: type, and the method that makes it. The map is published once."""
+
+_OF_AUTODRIVE = {
+    "ips": ("geometry_msgs/msg/Point", "position"),
+    "imu": ("sensor_msgs/msg/Imu", "imu_with_orientation"),
+    "odom": (_ODOMETRY, "odometry"),
+    "speed": (_FLOAT, "speed"),
+    "throttle": (_FLOAT, "throttle"),
+    "steering": (_FLOAT, "steering"),
+    "left_encoder": ("sensor_msgs/msg/JointState", "left_encoder"),
+    "right_encoder": ("sensor_msgs/msg/JointState", "right_encoder"),
+    "lidar": ("sensor_msgs/msg/LaserScan", "scan"),
+}
+AUTODRIVE_VEHICLES = ("f1tenth_1", "roboracer_1")
+"""Names of the car in AutoDRIVE's releases."""
+TOPICS |= {f"/autodrive/{car}/{name}": made for car in AUTODRIVE_VEHICLES for name, made in _OF_AUTODRIVE.items()}
+
+THROTTLE, STEERING = 22.88, 0.5236
+"""[m/s], [rad] at a command of 1. Source: AutoDRIVE, RoboRacer Sim Racing League, technical guide of 2026."""
+
+OTHERS = (
+    ("/opp_racecar/odom", "/ego_racecar/opp_odom", "/opp_odom", "/opponent_odom", "/opponent/odom"),
+    ("/opp_racecar2/odom", "/ego_racecar/opp_odom2"),
+    ("/opp_racecar3/odom", "/ego_racecar/opp_odom3"),
+)
+"""Odometry of the other cars: the names for the first, the second and the third."""
+MAP_SERVICES = ("/map_server/map", "/static_map", "/map_server/static_map", "/map_server/get_map")
 
 _EGO = "ego_racecar/"
 _UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+
+
+_OPPONENT = "opp_racecar/base_link"
 
 
 class Sensing:
@@ -48,16 +87,28 @@ class Sensing:
       graph: who listens.
       flavour: of the messages.
       car: whose LiDAR is ahead of the rear axle.
+
+    Attributes:
+      surroundings: of the car, last told; None: they are not known.
+      opponent: whether the nodes drive as the opponent of f1tenth_gym_ros does, by the names of that car.
     """
 
     def __init__(self, graph: Graph, flavour: int, car: CarParameters) -> None:
-        self._graph, self._flavour = graph, flavour
+        self._graph, self._flavour, self._wheel_radius = graph, flavour, car.wheel_radius
         self._pose = np.zeros(3)  # by dead reckoning, where there is no map
         self._before: float | None = None
+        self.surroundings: Surroundings | None = None
+        self.opponent = False
+        self.command = (0.0, 0.0)  # speed [m/s] and steering angle [rad], last commanded
+        self._turned = np.zeros(4)  # [rad] of the wheels, since the start
+        self._mapped: Any = None  # the model whose map has been published
+        self._known: tuple[Any, dict[str, str]] | None = None
+        graph.provided.update({topic: kind for topic, (kind, _) in TOPICS.items()})
         mount = matrix((car.lidar_offset, 0.0, 0.0), _UPRIGHT)
         for child, parent, found in (
             (LASER_FRAME, BASE_FRAME, mount), (_EGO + LASER_FRAME, _EGO + BASE_FRAME, mount),
-            (ODOM_FRAME, MAP_FRAME, np.eye(4)),
+            (ODOM_FRAME, MAP_FRAME, np.eye(4)), ("world", MAP_FRAME, np.eye(4)),
+            ("lidar", AUTODRIVE_VEHICLES[-1], mount), (_EGO + "laser_model", _EGO + BASE_FRAME, mount),
         ):  # fmt: skip
             graph.transforms[child] = parent, found
 
@@ -70,12 +121,73 @@ class Sensing:
         found = matrix((x, y, 0.0), (0.0, 0.0, self._at[2], self._at[3]))
         self._graph.transforms[BASE_FRAME] = ODOM_FRAME, found
         self._graph.transforms[_EGO + BASE_FRAME] = MAP_FRAME, found
+        for frame in AUTODRIVE_VEHICLES:
+            self._graph.transforms[frame] = "world", found
+        listened = {each.topic for each in self._graph.subscriptions}
+        self._map(listened)
         made_already: dict[str, Any] = {}
-        for topic, (_, maker) in TOPICS.items():
-            if self._graph.listens(topic):
+        for topic, maker in self._topics().items():
+            if topic in listened and maker not in ("map", "map_info"):
                 if maker not in made_already:
-                    made_already[maker] = getattr(self, f"_make_{maker}")()
+                    kind, _, number = maker.partition(" ")
+                    make = getattr(self, f"_make_{kind}")
+                    made_already[maker] = make(int(number)) if number else make()
                 yield topic, made_already[maker] if maker == "scan" else made_already[maker].__deepcopy__({})
+
+    def kind_of(self, topic: str) -> str | None:
+        """Return the type of a topic that is published here; None where it is not."""
+        if topic in ("/map", "/map_metadata") and self.surroundings is None:
+            return None
+        maker = self._topics().get(topic)
+        if maker is None:
+            return None
+        return TOPICS[topic][0] if topic in TOPICS else "sensor_msgs/msg/LaserScan" if maker == "scan" else _ODOMETRY
+
+    def _topics(self) -> dict[str, str]:
+        """Return the topics that are published now, and what makes their messages."""
+        others = 0 if self.surroundings is None else len(self.surroundings.others)
+        if self._known is None or self._known[0] != (others, self.opponent):
+            found = {topic: maker for topic, (_, maker) in TOPICS.items()}
+            for number, names in enumerate(OTHERS[:others]):
+                found.update(dict.fromkeys(names, f"other {number}"))
+            if self.opponent:  # the other car is the ego
+                found.update({"/opp_scan": "scan", "/opp_racecar/odom": "odometry", "/opponent/odom": "odometry"})
+                if others:
+                    found.update({"/opp_racecar/opp_odom": "other 0", "/ego_racecar/odom": "other 0"})
+            self._known = (others, self.opponent), found
+        return self._known[1]
+
+    def _map(self, listened: set[str]) -> None:
+        """Publish the map of a world that is new, and answer who asks for it."""
+        if self.surroundings is None or self.surroundings.world.model is self._mapped:
+            return
+        for service in MAP_SERVICES:
+            self._graph.answers[service] = lambda request: SimpleNamespace(map=self._make_map())
+        if listened.isdisjoint(("/map", "/map_metadata")):
+            return
+        self._mapped = self.surroundings.world.model
+        message = self._make_map()
+        for topic, found in (("/map", message), ("/map_metadata", message.info)):
+            self._graph.latched[topic] = found
+            self._graph.deliver(topic, found.__deepcopy__({}))
+
+    def _make_map(self) -> Any:
+        assert self.surroundings is not None
+        world = self.surroundings.world
+        x, y = world.track.start_pose(0.0)[:2] if world.track.walls else self._pose[:2].tolist()
+        grid = _grid(world, x, y)
+        rows, columns = grid.cells.shape
+        numbers = array.array("b", grid.cells.astype(np.int8).tobytes())
+        x, y = grid.origin.tolist()
+        info = made(
+            self._kind("nav_msgs/msg/MapMetaData"), map_load_time=self._time(self._odometry.stamp),
+            resolution=_single(grid.resolution), width=columns, height=rows,
+            origin=self._plain_pose(x, y, 0.0, 1.0),
+        )  # fmt: skip
+        return made(
+            self._kind("nav_msgs/msg/OccupancyGrid"), header=self._header(self._odometry.stamp, MAP_FRAME), info=info,
+            data=tuple(numbers) if self._flavour == ROS1 else numbers,
+        )  # fmt: skip
 
     def _move(self) -> None:
         """Take the pose that the planner is told, or reckon it from speed and yaw rate."""
@@ -90,6 +202,8 @@ class Sensing:
             self._pose = np.array(
                 (x + speed * passed * math.cos(along), y + speed * passed * math.sin(along), heading + turned)
             )
+        if self._before is not None:
+            self._turned += self._odometry.wheel_speeds * ((stamp - self._before) / self._wheel_radius)
         self._before = stamp
 
     def _make_scan(self) -> Any:
@@ -106,26 +220,74 @@ class Sensing:
         )
 
     def _make_odometry(self) -> Any:
+        return self._odometry_of(
+            self._at, self._odometry.speed, self._odometry.yaw_rate, BASE_FRAME if not self.opponent else _OPPONENT
+        )  # fmt: skip
+
+    def _make_other(self, number: int) -> Any:
+        assert self.surroundings is not None
+        other = self.surroundings.others[number]
+        x, y, heading = other.pose
+        at = x, y, math.sin(heading / 2), math.cos(heading / 2)
+        frame = _EGO + BASE_FRAME if self.opponent else _OPPONENT
+        return self._odometry_of(at, other.speed, other.yaw_rate, frame)
+
+    def _odometry_of(self, at: tuple[float, ...], speed: float, yaw_rate: float, frame: str) -> Any:
         twist = made(
-            self._kind("geometry_msgs/msg/Twist"), linear=self._vector((self._odometry.speed, 0.0, 0.0)),
-            angular=self._vector((0.0, 0.0, self._odometry.yaw_rate)),
+            self._kind("geometry_msgs/msg/Twist"), linear=self._vector((speed, 0.0, 0.0)),
+            angular=self._vector((0.0, 0.0, yaw_rate)),
         )  # fmt: skip
         return made(
-            self._kind("nav_msgs/msg/Odometry"),
-            header=self._header(self._odometry.stamp, ODOM_FRAME),
-            child_frame_id=BASE_FRAME,
-            pose=made(self._kind("geometry_msgs/msg/PoseWithCovariance"), pose=self._make_plain_pose()),
+            self._kind(_ODOMETRY),
+            header=self._header(self._odometry.stamp, ODOM_FRAME if frame == BASE_FRAME else MAP_FRAME),
+            child_frame_id=frame,
+            pose=made(self._kind("geometry_msgs/msg/PoseWithCovariance"), pose=self._plain_pose(*at)),
             twist=made(self._kind("geometry_msgs/msg/TwistWithCovariance"), twist=twist),
         )
 
     def _make_pose(self) -> Any:
         return made(
             self._kind("geometry_msgs/msg/PoseStamped"), header=self._header(self._odometry.stamp, MAP_FRAME),
-            pose=self._make_plain_pose(),
+            pose=self._plain_pose(*self._at),
         )  # fmt: skip
 
-    def _make_plain_pose(self) -> Any:
-        x, y, qz, qw = self._at
+    def _make_pose_with_covariance(self) -> Any:
+        return made(
+            self._kind("geometry_msgs/msg/PoseWithCovarianceStamped"),
+            header=self._header(self._odometry.stamp, MAP_FRAME),
+            pose=made(self._kind("geometry_msgs/msg/PoseWithCovariance"), pose=self._plain_pose(*self._at)),
+        )
+
+    def _make_position(self) -> Any:
+        x, y, _, _ = self._at
+        return made(self._kind("geometry_msgs/msg/Point"), x=x, y=y, z=0.0)
+
+    def _make_speed(self) -> Any:
+        return self._number(self._odometry.speed)
+
+    def _make_throttle(self) -> Any:
+        return self._number(self.command[0] / THROTTLE)
+
+    def _make_steering(self) -> Any:
+        return self._number(self.command[1] / STEERING)
+
+    def _make_left_encoder(self) -> Any:
+        return self._encoder("left_encoder", 2)
+
+    def _make_right_encoder(self) -> Any:
+        return self._encoder("right_encoder", 3)
+
+    def _encoder(self, name: str, wheel: int) -> Any:
+        turned = float(self._turned[wheel])
+        return made(
+            self._kind("sensor_msgs/msg/JointState"), header=self._header(self._odometry.stamp, name), name=[name],
+            position=(turned,) if self._flavour == ROS1 else array.array("d", (turned,)),
+        )  # fmt: skip
+
+    def _number(self, value: float) -> Any:
+        return made(self._kind(_FLOAT), data=_single(value))
+
+    def _plain_pose(self, x: float, y: float, qz: float, qw: float) -> Any:
         return made(
             self._kind("geometry_msgs/msg/Pose"),
             position=made(self._kind("geometry_msgs/msg/Point"), x=x, y=y, z=0.0),
@@ -139,6 +301,13 @@ class Sensing:
             linear_acceleration=self._vector(self._odometry.linear_acceleration),
         )  # fmt: skip
         message.orientation_covariance[0] = -1.0  # there is no estimate
+        return message
+
+    def _make_imu_with_orientation(self) -> Any:
+        """AutoDRIVE's has the true orientation, too."""
+        message = self._make_imu()
+        message.orientation.z, message.orientation.w = self._at[2:]
+        message.orientation_covariance[0] = 0.0
         return message
 
     def _make_clock(self) -> Any:
@@ -177,6 +346,12 @@ class Sensing:
     def _vector(self, values: Any) -> Any:
         x, y, z = map(float, values)
         return made(self._kind("geometry_msgs/msg/Vector3"), x=x, y=y, z=z)
+
+
+@lru_cache(maxsize=2)
+def _grid(world: World, x: float, y: float) -> Grid:
+    """Return the map of a world, for which many planners may ask, seen from a free place [m]."""
+    return grid_of(world.model, np.array((x, y)))
 
 
 @lru_cache(maxsize=64)

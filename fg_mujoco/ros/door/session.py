@@ -52,6 +52,7 @@ class Session:
     asked: set[str] = field(default_factory=set)
     takes_all: bool = False  # whether any parameter is accepted
     hooks: list[Callable[[], Any]] = field(default_factory=list)  # on shutdown
+    waits: str = ""  # for what, where it has not come yet
 
     def topic(self, name: str, node: str, namespace: str = "") -> str:
         """Return the full name of a topic that a node names."""
@@ -110,19 +111,25 @@ class Session:
         return True
 
     def wait(
-        self, subscriptions: list[Subscription], timers: list[Timer], until: int | None = None, *, spinning: bool = True
+        self,
+        subscriptions: list[Subscription],
+        timers: list[Timer],
+        until: int | None = None,
+        *,
+        spinning: bool = True,
+        ready: Callable[[], bool] = lambda: False,
     ) -> None:
-        """Wait until a callback is due, or a simulated time [ns] is reached; see `Graph.pause`."""
+        """Wait until a callback is due, something else is ready, or a simulated time [ns] is reached; see Graph."""
         times = [timer.due for timer in timers if not timer.cancelled]
 
-        def ready() -> bool:
-            return not self.ok or any(each.queue for each in subscriptions)
+        def due() -> bool:
+            return not self.ok or any(each.queue for each in subscriptions) or ready()
 
         if until is not None and until <= self.graph.now:
-            self.graph.poll(ready, min(times, default=None))
+            self.graph.poll(due, min(times, default=None))
             return
         wake = min(times + ([] if until is None else [until]), default=None)
-        self.graph.pause(wake, ready, spinning=spinning and until is None)
+        self.graph.pause(wake, due, spinning=spinning and until is None)
 
     def shut_down(self) -> None:
         """End ROS for this node."""

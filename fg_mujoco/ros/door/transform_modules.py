@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import math
 from types import ModuleType
 from typing import Any
@@ -14,8 +15,6 @@ from .imports import StandIn
 from .messages import ROS1, ROS2, Message, made, message_class
 from .rospy_times import NANOSECONDS, RosTime
 from .session import Session
-
-_AXES = {"sxyz": (0, 0, 0, 0), "rzyx": (0, 0, 0, 1)}
 
 
 class TransformException(Exception):
@@ -31,6 +30,14 @@ class ConnectivityException(TransformException):
 
 
 class ExtrapolationException(TransformException):
+    pass
+
+
+class InvalidArgumentException(TransformException):
+    pass
+
+
+class TimeoutException(TransformException):
     pass
 
 
@@ -74,9 +81,12 @@ def euler_from_quaternion(quaternion: Any, axes: str = "sxyz") -> tuple[float, f
 
 
 def euler_from_matrix(found: Any, axes: str = "sxyz") -> tuple[float, float, float]:
-    if axes not in _AXES:
-        raise KeyError(f"axes {axes!r}; accepted: {', '.join(_AXES)}")
     m = np.asarray(found, float)
+    if axes not in ("sxyz", "rzyx"):
+        from scipy.spatial.transform import Rotation  # heavy, and few nodes want other axes
+
+        a, b, c = Rotation.from_matrix(m[:3, :3]).as_euler(_axes(axes)).tolist()
+        return a, b, c
     cosine = math.hypot(m[0, 0], m[1, 0])
     if cosine > 1e-12:
         angles = math.atan2(m[2, 1], m[2, 2]), math.atan2(-m[2, 0], cosine), math.atan2(m[1, 0], m[0, 0])
@@ -85,9 +95,18 @@ def euler_from_matrix(found: Any, axes: str = "sxyz") -> tuple[float, float, flo
     return angles if axes == "sxyz" else angles[::-1]
 
 
+def _axes(axes: str) -> str:
+    """Return axes such as `szyz` as SciPy has them: `zyz`, and in capitals those of a frame that turns along."""
+    if len(axes) != 4 or axes[0] not in "sr" or not set(axes[1:]) <= set("xyz"):
+        raise KeyError(f"axes {axes!r}; accepted: s or r, and three of x, y, z, as in sxyz")
+    return axes[1:] if axes[0] == "s" else axes[1:].upper()
+
+
 def quaternion_from_euler(ai: float, aj: float, ak: float, axes: str = "sxyz") -> FloatArray:
-    if axes not in _AXES:
-        raise KeyError(f"axes {axes!r}; accepted: {', '.join(_AXES)}")
+    if axes not in ("sxyz", "rzyx"):
+        from scipy.spatial.transform import Rotation
+
+        return np.asarray(Rotation.from_euler(_axes(axes), (ai, aj, ak)).as_quat())
     roll, pitch, yaw = (ai, aj, ak) if axes == "sxyz" else (ak, aj, ai)
     (cr, sr), (cp, sp), (cy, sy) = ((math.cos(a / 2), math.sin(a / 2)) for a in (roll, pitch, yaw))
     return np.array(
@@ -167,7 +186,58 @@ def concatenate_matrices(*matrices: Any) -> FloatArray:
     return found
 
 
+def identity_matrix() -> FloatArray:
+    return np.eye(4)
+
+
+def inverse_matrix(found: Any) -> FloatArray:
+    return np.asarray(np.linalg.inv(found), np.float64)
+
+
+def vector_norm(data: Any, axis: Any = None) -> Any:
+    return np.linalg.norm(data, axis=axis)
+
+
+def unit_vector(data: Any, axis: Any = None) -> FloatArray:
+    found = np.array(data, float)
+    return np.asarray(found / np.linalg.norm(found, axis=axis, keepdims=axis is not None))
+
+
+def quaternion_slerp(quat0: Any, quat1: Any, fraction: float, spin: int = 0, shortestpath: bool = True) -> FloatArray:
+    one, other = unit_vector(quat0), unit_vector(quat1)
+    along = float(one @ other)
+    if shortestpath and along < 0.0:
+        along, other = -along, -other
+    angle = math.acos(min(1.0, along))
+    if angle < 1e-9:
+        return one
+    return (one * math.sin((1.0 - fraction) * angle) + other * math.sin(fraction * angle)) / math.sin(angle)
+
+
+def euler2quat(ai: float, aj: float, ak: float, axes: str = "sxyz") -> FloatArray:
+    return np.roll(quaternion_from_euler(ai, aj, ak, axes), 1)
+
+
+def quat2euler(quaternion: Any, axes: str = "sxyz") -> tuple[float, float, float]:
+    return euler_from_quaternion(np.roll(quaternion, -1), axes)
+
+
+def quat2mat(q: Any) -> FloatArray:
+    return quaternion_matrix(np.roll(q, -1))[:3, :3]
+
+
+def mat2quat(found: Any) -> FloatArray:
+    whole = np.eye(4)
+    whole[:3, :3] = np.asarray(found)[:3, :3]
+    return np.roll(quaternion_from_matrix(whole), 1)
+
+
+def euler2mat(ai: float, aj: float, ak: float, axes: str = "sxyz") -> FloatArray:
+    return euler_matrix(ai, aj, ak, axes)[:3, :3]
+
+
 _TRANSFORMATIONS = (
+    identity_matrix, inverse_matrix, vector_norm, unit_vector, quaternion_slerp,
     euler_from_quaternion, euler_from_matrix, quaternion_from_euler, quaternion_matrix, quaternion_from_matrix,
     quaternion_multiply, quaternion_conjugate, quaternion_inverse, quaternion_about_axis, translation_matrix,
     translation_from_matrix, euler_matrix, rotation_matrix, concatenate_matrices,
@@ -211,22 +281,52 @@ class Frames:
     def moved(self, stamped: Any, transform: Any) -> Any:
         """Return a PointStamped, PoseStamped, Pose or Vector3Stamped, moved by a TransformStamped."""
         t, r = transform.transform.translation, transform.transform.rotation
-        by = matrix((t.x, t.y, t.z), (r.x, r.y, r.z, r.w))
+        by = unit(r)
         answer = stamped.__deepcopy__({})
         if hasattr(type(answer), "header"):
             answer.header.frame_id = transform.header.frame_id
         names = answer._makers
         pose = answer.pose if "pose" in names else answer if "position" in names else None
+        while pose is not None and "pose" in pose._makers:  # of a PoseWithCovariance
+            pose = pose.pose
         point = pose.position if pose is not None else answer.point if "point" in names else answer.vector
-        if "vector" in names:
-            by = by.copy()
-            by[:3, 3] = 0.0
-        point.x, point.y, point.z = (by @ (point.x, point.y, point.z, 1.0))[:3].tolist()
+        x, y, z = turned(by, (point.x, point.y, point.z))
+        shift = (0.0, 0.0, 0.0) if "vector" in names else (t.x, t.y, t.z)
+        point.x, point.y, point.z = x + shift[0], y + shift[1], z + shift[2]
         if pose is not None:
             o = pose.orientation
-            turned = by @ quaternion_matrix((o.x, o.y, o.z, o.w))
-            o.x, o.y, o.z, o.w = quaternion_from_matrix(turned).tolist()
+            o.x, o.y, o.z, o.w = product(by, unit(o))
         return answer
+
+
+Quaternion = tuple[float, float, float, float]
+
+
+def unit(message: Any) -> Quaternion:
+    """Return the quaternion of a message, of length 1; of nothing but zeros no rotation."""
+    x, y, z, w = float(message.x), float(message.y), float(message.z), float(message.w)
+    length = math.sqrt(x * x + y * y + z * z + w * w)
+    return (x / length, y / length, z / length, w / length) if length > 1e-8 else (0.0, 0.0, 0.0, 1.0)
+
+
+def product(one: Quaternion, other: Quaternion) -> Quaternion:
+    """Return the rotation `other`, and then `one`."""
+    ax, ay, az, aw = one
+    bx, by, bz, bw = other
+    return (
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+        aw * bw - ax * bx - ay * by - az * bz,
+    )
+
+
+def turned(by: Quaternion, vector: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Return a vector, turned."""
+    qx, qy, qz, qw = by
+    x, y, z = vector
+    tx, ty, tz = 2 * (qy * z - qz * y), 2 * (qz * x - qx * z), 2 * (qx * y - qy * x)
+    return x + qw * tx + qy * tz - qz * ty, y + qw * ty + qz * tx - qx * tz, z + qw * tz + qx * ty - qy * tx
 
 
 def transform_modules(session: Session, flavour: int) -> dict[str, ModuleType]:
@@ -296,14 +396,19 @@ def transform_modules(session: Session, flavour: int) -> dict[str, ModuleType]:
     exceptions: dict[str, Any] = {
         "TransformException": TransformException, "LookupException": LookupException,
         "ConnectivityException": ConnectivityException, "ExtrapolationException": ExtrapolationException,
+        "InvalidArgumentException": InvalidArgumentException, "TimeoutException": TimeoutException,
     }  # fmt: skip
     maths: dict[str, Any] = {each.__name__: each for each in _TRANSFORMATIONS}
     members: dict[str, Any] = {
         "Buffer": Buffer, "TransformListener": TransformListener, "TransformBroadcaster": TransformBroadcaster,
-        "StaticTransformBroadcaster": TransformBroadcaster, **exceptions,
+        "StaticTransformBroadcaster": TransformBroadcaster, "BufferInterface": Buffer, **exceptions,
     }  # fmt: skip
-    geometry = dict.fromkeys(("do_transform_point", "do_transform_pose", "do_transform_vector3"), frames.moved)
+    geometry: dict[str, Any] = dict.fromkeys(
+        ("do_transform_point", "do_transform_pose", "do_transform_vector3"), frames.moved
+    )
     geometry["do_transform_pose_stamped"] = frames.moved
+    for name in ("PointStamped", "PoseStamped", "Vector3Stamped", "PoseWithCovarianceStamped"):
+        geometry[name] = frames.kind(name)
     modules: dict[str, ModuleType] = {
         "tf2_ros": StandIn("tf2_ros", **members),
         "tf2_ros.buffer": StandIn("tf2_ros.buffer", Buffer=Buffer),
@@ -319,6 +424,11 @@ def transform_modules(session: Session, flavour: int) -> dict[str, ModuleType]:
         "tf2_py": StandIn("tf2_py", **exceptions),
         "tf_transformations": StandIn("tf_transformations", **maths),
     }
+    modules["tf_conversions.transformations"] = StandIn("tf_conversions.transformations", **maths)
+    if importlib.util.find_spec("transforms3d") is None:  # whose quaternions are w, x, y, z
+        eulers = {each.__name__: each for each in (euler2quat, quat2euler, euler2mat)}
+        modules["transforms3d.euler"] = StandIn("transforms3d.euler", mat2euler=euler_from_matrix, **eulers)
+        modules["transforms3d.quaternions"] = StandIn("transforms3d.quaternions", quat2mat=quat2mat, mat2quat=mat2quat)
     if flavour == ROS2:
         return modules
     modules["tf.transformations"] = StandIn("tf.transformations", **maths)

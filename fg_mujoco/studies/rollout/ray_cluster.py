@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import EngineError, FgMujocoError, MissingExtraError
+from ...errors import ControllerError, EngineError, FgMujocoError, MissingExtraError
 from ...racing.planner_loading import file_in, moved_to
 from ..worker_processes import usable_cores
 from .job import Arrays, RolloutJob, versions
@@ -51,6 +51,7 @@ def drive_on_ray(
       MissingExtraError: Ray is not installed.
       EngineError: a cluster that cannot be reached, that has other versions, or that loses a chunk again and again.
     """
+    require_one_file(job)
     ray = require_ray()
     with _cluster(ray, workers):
         task = ray.remote(num_cpus=1, max_retries=RETRIES)(_drive)
@@ -71,6 +72,19 @@ def drive_on_ray(
         finally:
             for reference in running:
                 ray.cancel(reference)
+
+
+def require_one_file(job: RolloutJob) -> None:
+    """Refuse a controller of several files: a cluster is sent one.
+
+    Raises:
+      ControllerError: it is a launch file, or a node that imports modules of the user's own.
+    """
+    path = file_in(job.controller)
+    if path is not None and job.controller_text != path.read_bytes():
+        raise ControllerError(
+            f"controller {job.controller!r} has several files; accepted on a Ray cluster: a node of one file"
+        )
 
 
 def _drive(job: RolloutJob, number: int, controller_text: bytes | None, expected: dict[str, str]) -> Arrays:

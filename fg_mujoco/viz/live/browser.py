@@ -130,6 +130,7 @@ class LiveView:
             if now - texts >= _SLOW_FRAME:
                 self._show_texts()
                 self._scene.show_trace()
+                self._scene.show_drawings()
                 texts = now
             due = max(due, now - 4.0 * self.session.period)  # what could not be caught up with is let go
             self._stop.wait(max(0.0, due - time.perf_counter()))

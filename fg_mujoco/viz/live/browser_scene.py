@@ -21,6 +21,8 @@ _BEAM_STEP = 2  # every other beam is shown
 _SCAN, _TRACE, _GOAL = (255, 70, 50), (40, 110, 230), (60, 200, 90)
 _OBSTACLE, _MOVING = (tuple(round(255 * part) for part in colour[:3]) for colour in (OBSTACLE_COLOUR, MOVING_COLOUR))
 
+_SHOWN_LINE = 3.0  # [pixels]
+
 LEGEND = {
     "where LiDAR beams end": _SCAN, "where the planner steers to": _GOAL, "driven since the reset": _TRACE,
     "obstacles": _OBSTACLE, "obstacles that move": _MOVING,
@@ -59,6 +61,7 @@ class LiveScene:
         )
         self._goal = scene.add_icosphere("/goal", radius=0.12, color=_GOAL)
         self._trace: Any = None
+        self._shown: dict[str, Any] = {}  # what the planner shows, by name
         course = session.world.track
         if not course.closed:
             line = np.column_stack((course.ground_lines[-1], [0.01, 0.01]))[np.newaxis]
@@ -88,6 +91,27 @@ class LiveScene:
         elif self._trace is not None:
             self._trace.remove()
             self._trace = None
+
+    def show_drawings(self) -> None:
+        """Draw anew what the planner shows of its work, one cloud or bundle of lines for each colour and size."""
+        alike: dict[tuple[Any, ...], list[FloatArray]] = {}
+        for each in self._session.drawings():
+            alike.setdefault((each.points.ndim, each.colour, each.size), []).append(each.points)
+        before, self._shown = self._shown, {}
+        for number, ((dimensions, colour, size), parts) in enumerate(alike.items()):
+            name, points = f"/shown_{number}", np.concatenate(parts).astype(np.float32)
+            if dimensions == 3:
+                shown = self._scene.add_line_segments(
+                    name, points, colour, thickness=_SHOWN_LINE, thickness_units="screen"
+                )  # fmt: skip
+            else:
+                shown = self._scene.add_point_cloud(
+                    name, points, colour, point_size=size, point_shape="circle", precision="float32"
+                )
+            self._shown[name] = shown
+        for name, handle in before.items():
+            if name not in self._shown:
+                handle.remove()
 
     def _scan_points(self) -> NDArray[np.float32]:
         """Return where the beams end, always as many points: those of beams that come to nothing are in the car."""

@@ -24,7 +24,7 @@ from ...course.lap_timer import LapTimer
 from ...course.random_obstacles import random_boxes
 from ...errors import FgMujocoError, PlannerError, SettingsError
 from ...lidar.beams import lidar_body
-from ...messages import DriveCommand, FloatArray, LaserScan, Odometry, require_whole
+from ...messages import DriveCommand, FloatArray, LaserScan, Odometry, Sketch, require_whole
 from ...racing.entries import Entry, check_starts, grid_starts, require_entries
 from ...racing.planner_choice import split_controller
 from ...racing.planner_loading import make_controller
@@ -213,6 +213,16 @@ class LiveSession:
                 raise
             return None  # as `tick` tells: here it would end the view
 
+    @without_exit()
+    def drawings(self) -> list[Sketch]:
+        """Return what the planner shows of its work: the markers, paths and poses of nodes; nothing of others."""
+        try:
+            return list(self._planner.drawings()) if hasattr(self._planner, "drawings") else []
+        except BaseException as error:
+            if not is_of_planner(error):
+                raise
+            return []  # as of the goal
+
     def _goal(self) -> FloatArray | None:
         find = getattr(self._planner, "find_goal", None)
         wanted = tuple(inspect.signature(find).parameters) if find is not None else ()
@@ -237,6 +247,8 @@ class LiveSession:
     def _command(self) -> DriveCommand:
         if self.by_hand:
             return self.hand.command(self.simulation.time, self.period, self.settings.max_speed)
+        if hasattr(self._planner, "look_round"):
+            self._planner.look_round(self.simulation.engine.surroundings(0))
         return plan(self._planner, self.scan, self.odometry)
 
     def _obey(self) -> None:

@@ -1,0 +1,209 @@
+"""Reads a node's source before it is executed: which imports nothing uses, and which files it names that lie elsewhere.
+
+On the machine that a node was written on all its imports are installed and its files lie where it says. Here an import
+that fails does no harm where nothing uses what it binds. A file of data that is not where the node says is looked for
+beside the node and in its package: `/home/me/ws/src/lab5/racelines/levine.csv` is `racelines/levine.csv` there.
+"""
+
+from __future__ import annotations
+
+import ast
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from types import CodeType
+from typing import TypeVar
+
+_DATA = {
+    ".csv", ".txt", ".yaml", ".yml", ".json", ".npy", ".npz", ".pkl", ".pickle", ".pt", ".pth", ".onnx", ".zip", ".png",
+    ".pgm", ".h5", ".mat", ".tum",
+}  # fmt: skip
+_PACKAGE = ("package.xml", "setup.py")
+_JOINING = ("join", "joinpath")
+_READING = ("open", "loadtxt", "genfromtxt", "read_csv", "load")
+_LEVELS = 4  # folders above the node's in which files are looked for
+
+_TRIES = 20
+T = TypeVar("T")
+
+Unused = dict[int, set[str]]
+"""Line of an import statement -> the names of it, as imported, that nothing in the file uses."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """A file of a node, ready to be executed."""
+
+    code: CodeType
+    unused: Unused
+    told: tuple[str, ...]  # of files that lie elsewhere
+
+
+_ONE_AT_A_TIME = threading.Lock()  # Python 3.11 counts the depth of a tree for all threads together
+
+
+def read_source(path: Path, text: bytes, node: Path) -> Source:
+    """Return the code of a file that belongs to a node.
+
+    Raises:
+      SyntaxError, ValueError: it is no Python.
+    """
+    told: list[str] = []
+    with _ONE_AT_A_TIME:
+        tree = parse(text, path)
+        unused = unused_imports(tree)
+        relocate_files(tree, node, lambda said, line: told.append(f"{said} ({path}, line {line})"))
+        code = _despite_depth(lambda: compile(tree, str(path), "exec"))
+    return Source(code=code, unused=unused, told=tuple(told))
+
+
+def parse(text: bytes, path: Path) -> ast.Module:
+    """Return the tree of a file.
+
+    Raises:
+      SyntaxError, ValueError: it is no Python.
+    """
+    return _despite_depth(lambda: ast.parse(text, str(path)))
+
+
+def _despite_depth(work: Callable[[], T]) -> T:
+    """Return what some work returns, which is done again where another thread has miscounted its depth."""
+    for _ in range(_TRIES):
+        with suppress(SystemError):
+            return work()
+    return work()
+
+
+def unused_imports(tree: ast.Module) -> Unused:
+    """Return what a file imports and does not use; what it tries to import, and does without, is left out."""
+    used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+    used |= {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str)}
+    found: Unused = {}
+    for statement in _imports(tree):
+        names = {
+            each.name
+            for each in statement.names
+            if each.name != "*" and (each.asname or each.name.partition(".")[0]) not in used
+        }
+        if names:
+            found[statement.lineno] = names
+    return found
+
+
+def own_files(node: Path, text: bytes) -> list[Path]:
+    """Return the files of the user's own that a node's file imports, and those import, sorted; without its own.
+
+    They are where the node's import statements find them: beside it and in its package. A file that is no Python is
+    left out: its import is told of when it is executed.
+    """
+    found: dict[Path, None] = {}
+    waiting = [(node, text)]
+    while waiting:
+        path, content = waiting.pop()
+        try:
+            with _ONE_AT_A_TIME:
+                tree = parse(content, path)
+        except (SyntaxError, ValueError):
+            continue
+        for each in sorted({own for statement in ast.walk(tree) for own in _of_import(statement, path, node)}):
+            if each not in found and each != node.resolve():
+                found[each] = None
+                waiting.append((each, each.read_bytes()))
+    return sorted(found)
+
+
+def own_folders(node: Path) -> list[Path]:
+    """Return the folders in which a node's own modules are looked for.
+
+    These are its own, the one above the Python package that it is in, and that of the ROS package with its `src`.
+    """
+    folder = node.resolve().parent
+    top = folder
+    while (top / "__init__.py").is_file():
+        top = top.parent
+    found = [folder, top]
+    for above in list(node.resolve().parents)[: _LEVELS + 1]:
+        if any((above / file).is_file() for file in _PACKAGE):
+            found += [above, above / "src"]
+            break
+    return list(dict.fromkeys(found))
+
+
+def _of_import(statement: ast.AST, path: Path, node: Path) -> Iterator[Path]:
+    """Return the files that an import statement of a node's executes."""
+    if isinstance(statement, ast.Import):
+        wanted = [(own_folders(node), each.name) for each in statement.names]
+    elif isinstance(statement, ast.ImportFrom):
+        folders = [path.resolve().parents[statement.level - 1]] if statement.level else own_folders(node)
+        module = statement.module or ""
+        wanted = [(folders, module)] if module else []
+        wanted += [(folders, f"{module}.{each.name}".strip(".")) for each in statement.names]
+    else:
+        return
+    for folders, name in wanted:
+        for folder in folders:
+            place = folder.joinpath(*name.split("."))
+            file = place.with_suffix(".py") if place.with_suffix(".py").is_file() else place / "__init__.py"
+            if file.is_file():
+                yield file.resolve()
+                break
+
+
+def _imports(node: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, (ast.Import, ast.ImportFrom)):
+            yield child
+        elif not isinstance(child, ast.Try):
+            yield from _imports(child)
+
+
+def relocate_files(tree: ast.Module, node: Path, tell: Callable[[str, int], None]) -> None:
+    """Put the places of files of data that a node names, and that are elsewhere, into its tree.
+
+    Args:
+      tree: of the file.
+      node: its file.
+      tell: is called with what was said and is taken, and the line.
+    """
+    for parent in ast.walk(tree):
+        called = _called(parent)
+        if isinstance(parent, (ast.BinOp, ast.JoinedStr)) or called in _JOINING:
+            continue  # a part of a path
+        for each in ast.iter_child_nodes(parent):
+            if not isinstance(each, ast.Constant) or not isinstance(each.value, str):
+                continue
+            if not each.value.startswith(("/", "~")) and called not in _READING:
+                continue
+            found = data_file(each.value, node)
+            if found is not None:
+                tell(f"{each.value} is not there; {found} is taken", each.lineno)
+                each.value = str(found)
+
+
+def _called(node: ast.AST) -> str:
+    """Return the last name of what a call calls; nothing of anything else."""
+    if not isinstance(node, ast.Call):
+        return ""
+    return node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+
+
+def data_file(said: str, node: Path) -> Path | None:
+    """Return where a file of data is that a node names, where it is not there; None: it is, or is nowhere.
+
+    The longest part of its path that is found counts, beside the node before the folders above.
+    """
+    if len(said) > 1000 or any(each.isspace() and each != " " for each in said):
+        return None
+    path = Path(said)
+    if path.suffix.lower() not in _DATA or path.expanduser().exists():
+        return None
+    parts = [part for part in path.parts if part not in ("/", "~", "..", ".")]
+    folders = [node.resolve().parent, *list(node.resolve().parents)[1 : _LEVELS + 1]]
+    for first in range(len(parts)):
+        for folder in folders:
+            found = folder.joinpath(*parts[first:])
+            if found.is_file():
+                return found
+    return None
