@@ -12,7 +12,7 @@ from typing import Any
 from ..errors import PlannerError, SettingsError, accepted_names
 from ..racing.planner_choice import ControllerChoice
 from ..racing.planner_loading import make_controller
-from ..ros.bag_messages import DRIVE, ODOMETRY, SCAN, require_ros_extra
+from ..ros.bag_messages import ODOMETRY, SCAN, require_ros_extra
 from ..simulation.course_loading import load_track
 from ..simulation.settings import DriveSettings
 from .options import ProgressLine, add_controller_option, add_drive_options, drive_options, in_one_line
@@ -38,7 +38,12 @@ def add_bags(add: Any, commands: Any) -> None:
         help="the commands, .csv, or .mcap with /drive; default: BAG_commands.csv, here",
     )  # fmt: skip
     command.add_argument("--scan-topic", metavar="TOPIC", help="default: /scan, or the only one with scans")
-    command.add_argument("--odom-topic", metavar="TOPIC", help="default: /odom, or the only one with odometry")
+    command.add_argument(
+        "--odom-topic",
+        metavar="TOPIC",
+        help="of odometry, poses or a VESC; default: /odom, or the only one with odometry",
+    )
+    command.add_argument("--drive-topic", metavar="TOPIC", help="default: /drive, or the only one with commands")
     add_drive_options(command.add_argument, "vehicle", "tires", "planner_mu", "max_speed")
     command.add_argument("--track", help="whose line a planner with a map follows, as race takes it")
     command.add_argument("--force", action="store_true", help="replace the file if it exists")
@@ -79,11 +84,17 @@ def _replay_scans(options: argparse.Namespace) -> int:
         settings=dict(choice.settings),
         map_line=None if options.track is None else course.map_line,
     )
-    bag = ScanBag(options.bag, car, scan_topic=options.scan_topic, odometry_topic=options.odom_topic)
+    bag = ScanBag(
+        options.bag,
+        car,
+        scan_topic=options.scan_topic,
+        odometry_topic=options.odom_topic,
+        drive_topic=options.drive_topic,
+    )
     # what a planner prints is not our output
     with bag, contextlib.redirect_stdout(sys.stderr), _progress("scan") as watch:
         if ODOMETRY not in bag.topics:
-            print(f"fg-mujoco: {options.bag}: no odometry; the speed is {_speed_without(bag.topics)}", file=sys.stderr)
+            print(f"fg-mujoco: {options.bag}: no odometry; the speed is {bag.speed}", file=sys.stderr)
 
         def watched() -> Iterator[Any]:
             for count, delivery in enumerate(bag, start=1):
@@ -97,10 +108,6 @@ def _replay_scans(options: argparse.Namespace) -> int:
             return 1
     print(f"{out}: {count} commands to the scans on {bag.topics[SCAN]}")
     return 0
-
-
-def _speed_without(topics: dict[str, str]) -> str:
-    return f"that commanded on {topics[DRIVE]}" if DRIVE in topics else "taken to be 0"
 
 
 def _check_new(path: Path, *, force: bool) -> None:
