@@ -1,4 +1,4 @@
-"""The commands `fg-mujoco export`, a run as a ROS 2 bag, and `fg-mujoco replay-scans`, a planner over a bag's scans."""
+"""The commands of bags: `export`, a run as one; `bag`, what one holds; `replay-scans`, a planner over its scans."""
 
 from __future__ import annotations
 
@@ -9,29 +9,53 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from ..errors import PlannerError, SettingsError, accepted_names
+from ..course.course import describe_course
+from ..course.maps.map_server import require_maps_extra
+from ..errors import PlannerError, SettingsError, TrackError, accepted_names
 from ..racing.planner_choice import ControllerChoice
 from ..racing.planner_loading import make_controller
 from ..ros.bag_messages import ODOMETRY, SCAN, require_ros_extra
+from ..ros.grid import RESOLUTION
 from ..simulation.course_loading import load_track
 from ..simulation.settings import DriveSettings
-from .options import ProgressLine, add_controller_option, add_drive_options, drive_options, in_one_line
+from .options import ProgressLine, add_controller_option, add_drive_options, drive_options, in_one_line, number
 
 FORMATS = ("mcap",)
 
+_BAG = ".mcap or .db3, or the folder of one or of its parts; .bag of ROS 1"
 _ANY_TRACK = "oval"  # a planner is told of the car as in a race: as MJCF text has it, to six digits
 
 
 def add_bags(add: Any, commands: Any) -> None:
-    """Add both commands; `add` makes a command."""
+    """Add the commands; `add` makes a command."""
     command = add(commands, "export", _export, "write a run folder as a ROS 2 bag, for Foxglove, ros2 bag and rosbags")
     command.add_argument("folder", metavar="DIR", help="written by race --out")
     command.add_argument("--format", default="mcap", metavar="NAME", help=f"{', '.join(FORMATS)}, the default")
     command.add_argument("--out", metavar="FILE.mcap", type=Path, help="default: the folder's name, here")
     command.add_argument("--force", action="store_true", help="replace the file if it exists")
 
+    command = add(commands, "bag", _bag, "say what a robot's bag holds, and make a map of it that --track takes")
+    command.add_argument("bag", metavar="BAG", help=_BAG)
+    command.add_argument(
+        "--map", metavar="FILE.yaml", type=Path, help="write the map of its scans, with a PNG beside it"
+    )
+    command.add_argument(
+        "--resolution", type=number, default=RESOLUTION, metavar="M", help=f"of the map's cells; default: {RESOLUTION}"
+    )
+    command.add_argument(
+        "--match", action="store_true", help="correct the poses by the scans, too, where they are not said to drift"
+    )
+    command.add_argument("--scan-topic", metavar="TOPIC", help="default: /scan, or the only one with scans")
+    command.add_argument(
+        "--pose-topic", metavar="TOPIC",
+        help="of poses on the map; default: the transforms from map, or the only one with poses",
+    )  # fmt: skip
+    command.add_argument("--odom-topic", metavar="TOPIC", help="default: /odom, or the only one with odometry")
+    add_drive_options(command.add_argument, "vehicle")
+    command.add_argument("--force", action="store_true", help="replace files that exist")
+
     command = add(commands, "replay-scans", _replay_scans, "run a planner over the scans of a robot's bag")
-    command.add_argument("bag", metavar="BAG", help=".mcap or .db3, or the folder of one; .bag of ROS 1")
+    command.add_argument("bag", metavar="BAG", help=_BAG)
     add_controller_option(command.add_argument)
     command.add_argument(
         "--out", metavar="FILE", type=Path,
@@ -62,6 +86,47 @@ def _export(options: argparse.Namespace) -> int:
         ticks = export_bag(options.folder, path, watch)
     print(f"{path}: {ticks} ticks, {path.stat().st_size / 1e6:.1f} MB")
     return 0
+
+
+def _bag(options: argparse.Namespace) -> int:
+    from ..ros.bag_recording import Recording
+    from ..ros.mapping.poses import read_sweeps
+    from ..ros.mapping.recorded_map import make_map, map_files, write_map
+
+    require_ros_extra()
+    if options.map is not None:
+        require_maps_extra()
+        for file in map_files(options.map):
+            _check_new(file, force=options.force)
+    car = DriveSettings(**drive_options(options, "vehicle")).car.parameters
+    with Recording(options.bag) as bag, _progress("scan") as watch:
+        print("\n".join(bag.table()))
+        if options.map is None:
+            return 0
+        with bag.blame():
+            sweeps = read_sweeps(
+                bag,
+                car,
+                scan_topic=options.scan_topic,
+                pose_topic=options.pose_topic,
+                odometry_topic=options.odom_topic,
+            )
+            made = make_map(sweeps, resolution=options.resolution, match=options.match or None, watch=watch)
+        write_map(made, options.map, f"made by: fg-mujoco bag {bag.path.name}")
+    rows, columns = made.cells.shape
+    size = f"{columns * made.resolution:.1f} x {rows * made.resolution:.1f} m"
+    by = ", corrected by the scans" if made.matched else ""
+    print(f"{options.map}: {size}, of {len(made.numbers)} scans at {made.source}{by}")
+    print(_course_of(options.map))
+    return 0
+
+
+def _course_of(path: Path) -> str:
+    """Return what course a map is, in words."""
+    try:
+        return f"a course: {describe_course(load_track(str(path)))}; fg-mujoco race --track {path} drives it"
+    except TrackError as error:
+        return f"no course yet: {in_one_line(str(error))}"
 
 
 def _replay_scans(options: argparse.Namespace) -> int:

@@ -139,6 +139,7 @@ class ScanBag:
         faults = ScanFaults(self.recording)
         wanted = set(self.topics.items()) | transform_topics(self.recording)
         clock = Clock()
+        refused = False
         try:
             with self.recording.blame():
                 for _, group in groupby(self.recording.messages(wanted), key=lambda heard: heard.time):
@@ -154,8 +155,12 @@ class ScanBag:
                     for heard in entries:
                         if heard.topic[0] == DRIVE:
                             known.hear(heard)
+        except BagError:
+            refused = True  # which is said alone
+            raise
         finally:
-            faults.warn(clock)
+            if not refused:
+                faults.warn(clock)
 
     def _delivery(self, heard: Heard, known: _Known, clock: Clock, *, again: bool) -> Delivery:
         measured = stamp_of(heard.message)

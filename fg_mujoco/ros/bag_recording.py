@@ -94,6 +94,13 @@ class Recording:
         """Return the topics of the bag with their types, in words."""
         return ", ".join(f"{topic} ({kind})" for topic, kind in sorted((t, k) for k, t in self.counts)) or "no messages"
 
+    def table(self) -> list[str]:
+        """Return how long the bag is, and its topics with their types and counts, a line each."""
+        rows = [f"{self.path}: {self.span:.1f} s, {sum(self.counts.values())} messages"]
+        for (kind, topic), count in sorted(self.counts.items(), key=lambda row: row[0][1]):
+            rows.append(f"  {topic:<32} {kind:<40} {count:>8}")
+        return rows
+
     @property
     def span(self) -> float:
         """From the first message to the last [s]."""

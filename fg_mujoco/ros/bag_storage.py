@@ -19,6 +19,7 @@ import shutil
 import sqlite3
 import struct
 import tempfile
+import zlib
 from array import array
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
@@ -155,11 +156,14 @@ class _Records(Storage):
         self._finished = False
         lost = 0
         try:
-            for begin, end, compression in self._read(0, self._map, len(self.MAGIC)):
+            for begin, end, compression, checksum in self._read(0, self._map, len(self.MAGIC)):
                 self._chunks.append((begin, end, compression))
                 number = len(self._chunks)
                 try:
-                    for _ in self._read(number, self._buffer(number), 0):
+                    records = self._buffer(number)
+                    if checksum and zlib.crc32(records) != checksum:
+                        raise ValueError("another checksum")
+                    for _ in self._read(number, records, 0):
                         pass
                 except Exception:  # of a decompressor, or a record that is torn
                     lost += 1
@@ -186,8 +190,12 @@ class _Records(Storage):
         number, at = self._places[row] >> _PLACE_BITS, self._places[row] & _WITHIN
         return self._message(self._buffer(number), at)
 
-    def _read(self, number: int, buffer: Any, at: int) -> Iterator[tuple[int, int, str]]:
-        """Take the channels and messages from a place on, and yield the begin, end and compression of each chunk."""
+    def _read(self, number: int, buffer: Any, at: int) -> Iterator[tuple[int, int, str, int]]:
+        """Take the channels and messages from a place on, and yield the chunks.
+
+        Yields:
+          Begin, end and compression, and the checksum of what is in it, 0 where there is none.
+        """
         raise NotImplementedError
 
     def _message(self, buffer: Any, at: int) -> bytes:
@@ -199,7 +207,7 @@ class _Mcap(_Records):
 
     _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 0x02, 0x03, 0x04, 0x05, 0x06
 
-    def _read(self, number: int, buffer: Any, at: int) -> Iterator[tuple[int, int, str]]:
+    def _read(self, number: int, buffer: Any, at: int) -> Iterator[tuple[int, int, str, int]]:
         schemas: dict[int, tuple[str, str, str]] = self.__dict__.setdefault("_schemas", {})
         size = len(buffer)
         while at < size:
@@ -209,7 +217,8 @@ class _Mcap(_Records):
                 compression, records = _text(buffer, begin + 28)
                 if records + 8 > size:
                     raise _TornError
-                yield records + 8, min(at, size), compression
+                checksum = struct.unpack_from("<I", buffer, begin + 24)[0] if at <= size else 0
+                yield records + 8, min(at, size), compression, checksum
             if at > size:
                 raise _TornError
             if kind == self._FOOTER and number == 0:
@@ -245,7 +254,7 @@ class _Ros1(_Records):
 
     _MESSAGE, _BAG, _CHUNK, _CONNECTION = 0x02, 0x03, 0x05, 0x07
 
-    def _read(self, number: int, buffer: Any, at: int) -> Iterator[tuple[int, int, str]]:
+    def _read(self, number: int, buffer: Any, at: int) -> Iterator[tuple[int, int, str, int]]:
         size = len(buffer)
         while at < size:
             place = at
@@ -254,7 +263,7 @@ class _Ros1(_Records):
             begin, at = at + 4, at + 4 + length
             kind = fields[b"op"][0]
             if kind == self._CHUNK and number == 0:
-                yield begin, min(at, size), fields[b"compression"].decode()
+                yield begin, min(at, size), fields[b"compression"].decode(), 0
             if at > size:
                 raise _TornError
             if kind == self._BAG:
