@@ -5,20 +5,30 @@ from __future__ import annotations
 import argparse
 import contextlib
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..course.course import describe_course
 from ..course.maps.map_server import require_maps_extra
 from ..errors import PlannerError, SettingsError, TrackError, accepted_names
 from ..racing.planner_choice import ControllerChoice
 from ..racing.planner_loading import make_controller
+from ..racing.run_folder import check_run_folder, read_run
 from ..ros.bag_messages import ODOMETRY, SCAN, require_ros_extra
 from ..ros.grid import RESOLUTION
 from ..simulation.course_loading import load_track
 from ..simulation.settings import DriveSettings
 from .options import ProgressLine, add_controller_option, add_drive_options, drive_options, in_one_line, number
+from .report import report_race
+
+if TYPE_CHECKING:
+    from ..course.course import Course
+    from ..ros.bag_recording import Recording
+    from ..ros.mapping.poses import Sweeps
+    from ..ros.mapping.recorded_map import RecordedMap
+    from ..vehicle.vehicle import Vehicle
 
 FORMATS = ("mcap",)
 
@@ -40,6 +50,9 @@ def add_bags(add: Any, commands: Any) -> None:
         "--map", metavar="FILE.yaml", type=Path, help="write the map of its scans, with a PNG beside it"
     )
     command.add_argument(
+        "--out", metavar="DIR", help="write the drive as a run folder, for report, debug and replay-scans"
+    )
+    command.add_argument(
         "--resolution", type=number, default=RESOLUTION, metavar="M", help=f"of the map's cells; default: {RESOLUTION}"
     )
     command.add_argument(
@@ -51,6 +64,7 @@ def add_bags(add: Any, commands: Any) -> None:
         help="of poses on the map; default: the transforms from map, or the only one with poses",
     )  # fmt: skip
     command.add_argument("--odom-topic", metavar="TOPIC", help="default: /odom, or the only one with odometry")
+    command.add_argument("--drive-topic", metavar="TOPIC", help="default: /drive, or the only one with commands")
     add_drive_options(command.add_argument, "vehicle")
     command.add_argument("--force", action="store_true", help="replace files that exist")
 
@@ -94,31 +108,52 @@ def _bag(options: argparse.Namespace) -> int:
     from ..ros.mapping.recorded_map import make_map, map_files, write_map
 
     require_ros_extra()
-    if options.map is not None:
+    if options.map is not None or options.out is not None:
         require_maps_extra()
+    if options.map is not None:
         for file in map_files(options.map):
             _check_new(file, force=options.force)
-    car = DriveSettings(**drive_options(options, "vehicle")).car.parameters
-    with Recording(options.bag) as bag, _progress("scan") as watch:
+    if options.out is not None:
+        check_run_folder(options.out)
+    vehicle = DriveSettings(**drive_options(options, "vehicle")).car
+    with contextlib.ExitStack() as stack:
+        bag = stack.enter_context(Recording(options.bag))
         print("\n".join(bag.table()))
-        if options.map is None:
+        if options.map is None and options.out is None:
             return 0
-        with bag.blame():
+        aside = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        path = options.map or aside / f"{bag.path.resolve().stem}.yaml"
+        with bag.blame(), _progress("scan") as watch:
             sweeps = read_sweeps(
                 bag,
-                car,
+                vehicle.parameters,
                 scan_topic=options.scan_topic,
                 pose_topic=options.pose_topic,
                 odometry_topic=options.odom_topic,
             )
             made = make_map(sweeps, resolution=options.resolution, match=options.match or None, watch=watch)
-        write_map(made, options.map, f"made by: fg-mujoco bag {bag.path.name}")
-    rows, columns = made.cells.shape
-    size = f"{columns * made.resolution:.1f} x {rows * made.resolution:.1f} m"
-    by = ", corrected by the scans" if made.matched else ""
-    print(f"{options.map}: {size}, of {len(made.numbers)} scans at {made.source}{by}")
-    print(_course_of(options.map))
+        write_map(made, path, f"made by: fg-mujoco bag {bag.path.name}")
+        rows, columns = made.cells.shape
+        size = f"{columns * made.resolution:.1f} x {rows * made.resolution:.1f} m"
+        by = ", corrected by the scans" if made.matched else ""
+        print(f"{options.map or 'map'}: {size}, of {len(made.numbers)} scans at {made.source}{by}")
+        if options.map is not None:
+            print(_course_of(options.map))
+        if options.out is not None:
+            _write_run(options, bag, sweeps, made, load_track(str(path)), vehicle)
     return 0
+
+
+def _write_run(
+    options: argparse.Namespace, bag: Recording, sweeps: Sweeps, made: RecordedMap, course: Course, vehicle: Vehicle
+) -> None:
+    """Write the run folder of a bag, with its picture and its report, and say what it has."""
+    from ..ros.mapping.recorded_run import write_recorded_run
+
+    with contextlib.redirect_stdout(sys.stderr):
+        write_recorded_run(bag, sweeps, made, course, vehicle, options.out, drive_topic=options.drive_topic)
+        report_race(options.out)
+    print(f"written to {options.out}: {read_run(options.out)!r}")
 
 
 def _course_of(path: Path) -> str:

@@ -24,7 +24,7 @@ import numpy as np
 from ..course.files import file_sha256
 from ..errors import BagError, SettingsError
 from ..messages import CarParameters
-from ..racing.run_folder import SUMMARY, read_run
+from ..racing.run_folder import RECORDED, SUMMARY, read_run
 from ..studies.identification.drive import Channel, Drive
 from ..studies.identification.fit import require_scipy
 from ..studies.identification.identification import Identification, check_front_drive, identify_drives
@@ -107,7 +107,10 @@ def read_drive(
         for name, topic in (("pose", pose_topic), ("drive", drive_topic), ("imu", imu_topic), ("odom", odometry_topic)):
             if topic is not None:
                 raise SettingsError(f"{name}_topic is {topic!r}, and {path} is a run; accepted: with bags")
-        return Drive.of_run(read_run(path), car)
+        run = read_run(path)
+        if run.summary.get("end_reason") == RECORDED:
+            raise SettingsError(f"{path}: is made of a bag's poses; accepted: the bag, which has what was measured")
+        return Drive.of_run(run, car)
     wanted = {DRIVE: drive_topic, IMU: imu_topic, ODOMETRY: odometry_topic}
     return _bag_drive(path, Vehicle.load(vehicle or DEFAULT_VEHICLE), pose_topic, wanted)
 
