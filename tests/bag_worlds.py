@@ -69,7 +69,10 @@ def transforms(time, *links):
 
 
 def write_bag(folder, entries, *, storage="MCAP"):
-    """Write (topic, time [ns], message) by rosbags' own writer, as a folder with metadata.yaml, and return it."""
+    """Write (topic, time [ns], message) by rosbags' own writer, as a folder with metadata.yaml, and return it.
+
+    They are in the file in their order here.
+    """
     from rosbags.rosbag2 import StoragePlugin, Writer
 
     store, connections = type_store(), {}

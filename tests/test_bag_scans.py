@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from fg_mujoco.errors import BagError
 from fg_mujoco.lidar.beams import LidarModel
+from fg_mujoco.ros.bag_frames import rotation as _rotation
 from fg_mujoco.ros.bag_messages import scan_message, to_cdr, type_store
-from fg_mujoco.ros.bag_reader import _rotation
 from fg_mujoco.ros.bag_scans import Mount, to_scan
 
 DISTANCE = 0.125 * np.arange(1, 96)  # exact in float32, all of them different, within 0.1 to 12 m

@@ -1,29 +1,43 @@
-"""The commands `fg-mujoco export`, a run as a ROS 2 bag, and `fg-mujoco replay-scans`, a planner over a bag's scans."""
+"""The commands of bags: `export`, a run as one; `bag`, what one holds; `replay-scans`, a planner over its scans."""
 
 from __future__ import annotations
 
 import argparse
 import contextlib
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from ..errors import PlannerError, SettingsError, accepted_names
+from ..course.course import describe_course
+from ..course.maps.map_server import require_maps_extra
+from ..errors import PlannerError, SettingsError, TrackError, accepted_names
 from ..racing.planner_choice import ControllerChoice
 from ..racing.planner_loading import make_controller
-from ..ros.bag_messages import DRIVE, ODOMETRY, SCAN, require_ros_extra
+from ..racing.run_folder import check_run_folder, read_run
+from ..ros.bag_messages import ODOMETRY, SCAN, require_ros_extra
+from ..ros.grid import RESOLUTION
 from ..simulation.course_loading import load_track
 from ..simulation.settings import DriveSettings
-from .options import ProgressLine, add_controller_option, add_drive_options, drive_options, in_one_line
+from .options import ProgressLine, add_controller_option, add_drive_options, drive_options, in_one_line, number
+from .report import report_race
+
+if TYPE_CHECKING:
+    from ..course.course import Course
+    from ..ros.bag_recording import Recording
+    from ..ros.mapping.poses import Sweeps
+    from ..ros.mapping.recorded_map import RecordedMap
+    from ..vehicle.vehicle import Vehicle
 
 FORMATS = ("mcap",)
 
+_BAG = ".mcap or .db3, or the folder of one or of its parts; .bag of ROS 1"
 _ANY_TRACK = "oval"  # a planner is told of the car as in a race: as MJCF text has it, to six digits
 
 
 def add_bags(add: Any, commands: Any) -> None:
-    """Add both commands; `add` makes a command."""
+    """Add the commands; `add` makes a command."""
     command = add(commands, "export", _export, "write a run folder as a ROS 2 bag, for Foxglove, ros2 bag and rosbags")
     command.add_argument("folder", metavar="DIR", help="written by race --out")
     command.add_argument("--format", default="mcap", metavar="NAME", help=f"{', '.join(FORMATS)}, the default")
@@ -33,15 +47,44 @@ def add_bags(add: Any, commands: Any) -> None:
         "--trust", action="store_true", help="run the ROS nodes of the run once more: what they publish is written, too"
     )
 
+    command = add(commands, "bag", _bag, "say what a robot's bag holds, and make a map of it that --track takes")
+    command.add_argument("bag", metavar="BAG", help=_BAG)
+    command.add_argument(
+        "--map", metavar="FILE.yaml", type=Path, help="write the map of its scans, with a PNG beside it"
+    )
+    command.add_argument(
+        "--out", metavar="DIR", help="write the drive as a run folder, for report, debug and replay-scans"
+    )
+    command.add_argument(
+        "--resolution", type=number, default=RESOLUTION, metavar="M", help=f"of the map's cells; default: {RESOLUTION}"
+    )
+    command.add_argument(
+        "--match", action="store_true", help="correct the poses by the scans, too, where they are not said to drift"
+    )
+    command.add_argument("--scan-topic", metavar="TOPIC", help="default: /scan, or the only one with scans")
+    command.add_argument(
+        "--pose-topic", metavar="TOPIC",
+        help="of poses on the map; default: the transforms from map, or the only one with poses",
+    )  # fmt: skip
+    command.add_argument("--odom-topic", metavar="TOPIC", help="default: /odom, or the only one with odometry")
+    command.add_argument("--drive-topic", metavar="TOPIC", help="default: /drive, or the only one with commands")
+    add_drive_options(command.add_argument, "vehicle")
+    command.add_argument("--force", action="store_true", help="replace files that exist")
+
     command = add(commands, "replay-scans", _replay_scans, "run a planner over the scans of a robot's bag")
-    command.add_argument("bag", metavar="BAG", help=".mcap or .db3, or the folder of one; .bag of ROS 1")
+    command.add_argument("bag", metavar="BAG", help=_BAG)
     add_controller_option(command.add_argument)
     command.add_argument(
         "--out", metavar="FILE", type=Path,
         help="the commands, .csv, or .mcap with /drive; default: BAG_commands.csv, here",
     )  # fmt: skip
     command.add_argument("--scan-topic", metavar="TOPIC", help="default: /scan, or the only one with scans")
-    command.add_argument("--odom-topic", metavar="TOPIC", help="default: /odom, or the only one with odometry")
+    command.add_argument(
+        "--odom-topic",
+        metavar="TOPIC",
+        help="of odometry, poses or a VESC; default: /odom, or the only one with odometry",
+    )
+    command.add_argument("--drive-topic", metavar="TOPIC", help="default: /drive, or the only one with commands")
     add_drive_options(command.add_argument, "vehicle", "tires", "planner_mu", "max_speed")
     command.add_argument("--track", help="whose line a planner with a map follows, as race takes it")
     command.add_argument("--force", action="store_true", help="replace the file if it exists")
@@ -60,6 +103,68 @@ def _export(options: argparse.Namespace) -> int:
         ticks = export_bag(options.folder, path, watch, trust=options.trust)
     print(f"{path}: {ticks} ticks, {path.stat().st_size / 1e6:.1f} MB")
     return 0
+
+
+def _bag(options: argparse.Namespace) -> int:
+    from ..ros.bag_recording import Recording
+    from ..ros.mapping.poses import read_sweeps
+    from ..ros.mapping.recorded_map import make_map, map_files, write_map
+
+    require_ros_extra()
+    if options.map is not None or options.out is not None:
+        require_maps_extra()
+    if options.map is not None:
+        for file in map_files(options.map):
+            _check_new(file, force=options.force)
+    if options.out is not None:
+        check_run_folder(options.out)
+    vehicle = DriveSettings(**drive_options(options, "vehicle")).car
+    with contextlib.ExitStack() as stack:
+        bag = stack.enter_context(Recording(options.bag))
+        print("\n".join(bag.table()))
+        if options.map is None and options.out is None:
+            return 0
+        aside = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        path = options.map or aside / f"{bag.path.resolve().stem}.yaml"
+        with bag.blame(), _progress("scan") as watch:
+            sweeps = read_sweeps(
+                bag,
+                vehicle.parameters,
+                scan_topic=options.scan_topic,
+                pose_topic=options.pose_topic,
+                odometry_topic=options.odom_topic,
+            )
+            made = make_map(sweeps, resolution=options.resolution, match=options.match or None, watch=watch)
+        write_map(made, path, f"made by: fg-mujoco bag {bag.path.name}")
+        rows, columns = made.cells.shape
+        size = f"{columns * made.resolution:.1f} x {rows * made.resolution:.1f} m"
+        by = ", corrected by the scans" if made.matched else ""
+        print(f"{options.map or 'map'}: {size}, of {len(made.numbers)} scans at {made.source}{by}")
+        if options.map is not None:
+            print(_course_of(options.map))
+        if options.out is not None:
+            _write_run(options, bag, sweeps, made, load_track(str(path)), vehicle)
+    return 0
+
+
+def _write_run(
+    options: argparse.Namespace, bag: Recording, sweeps: Sweeps, made: RecordedMap, course: Course, vehicle: Vehicle
+) -> None:
+    """Write the run folder of a bag, with its picture and its report, and say what it has."""
+    from ..ros.mapping.recorded_run import write_recorded_run
+
+    with contextlib.redirect_stdout(sys.stderr):
+        write_recorded_run(bag, sweeps, made, course, vehicle, options.out, drive_topic=options.drive_topic)
+        report_race(options.out)
+    print(f"written to {options.out}: {read_run(options.out)!r}")
+
+
+def _course_of(path: Path) -> str:
+    """Return what course a map is, in words."""
+    try:
+        return f"a course: {describe_course(load_track(str(path)))}; fg-mujoco race --track {path} drives it"
+    except TrackError as error:
+        return f"no course yet: {in_one_line(str(error))}"
 
 
 def _replay_scans(options: argparse.Namespace) -> int:
@@ -82,11 +187,17 @@ def _replay_scans(options: argparse.Namespace) -> int:
         settings=dict(choice.settings),
         map_line=None if options.track is None else course.map_line,
     )
-    bag = ScanBag(options.bag, car, scan_topic=options.scan_topic, odometry_topic=options.odom_topic)
+    bag = ScanBag(
+        options.bag,
+        car,
+        scan_topic=options.scan_topic,
+        odometry_topic=options.odom_topic,
+        drive_topic=options.drive_topic,
+    )
     # what a planner prints is not our output
     with bag, contextlib.redirect_stdout(sys.stderr), _progress("scan") as watch:
         if ODOMETRY not in bag.topics:
-            print(f"fg-mujoco: {options.bag}: no odometry; the speed is {_speed_without(bag.topics)}", file=sys.stderr)
+            print(f"fg-mujoco: {options.bag}: no odometry; the speed is {bag.speed}", file=sys.stderr)
 
         def watched() -> Iterator[Any]:
             for count, delivery in enumerate(bag, start=1):
@@ -100,10 +211,6 @@ def _replay_scans(options: argparse.Namespace) -> int:
             return 1
     print(f"{out}: {count} commands to the scans on {bag.topics[SCAN]}")
     return 0
-
-
-def _speed_without(topics: dict[str, str]) -> str:
-    return f"that commanded on {topics[DRIVE]}" if DRIVE in topics else "taken to be 0"
 
 
 def _check_new(path: Path, *, force: bool) -> None:

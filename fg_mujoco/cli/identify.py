@@ -33,7 +33,12 @@ def add_identify(add_command: Callable[..., argparse.ArgumentParser], commands: 
         "--single-track", action="store_true",
         help="fit the single-track model: no load on outer tires, and driving takes nothing of the grip",
     )  # fmt: skip
-    add("--pose-topic", metavar="TOPIC", help="of the poses in a bag; default: the only one there is, or /odom")
+    add(
+        "--pose-topic", metavar="TOPIC", help="of the poses in a bag; default: the only one there is, or the odometry's"
+    )
+    add("--drive-topic", metavar="TOPIC", help="of a bag's commands; default: /drive, or the only one there is")
+    add("--imu-topic", metavar="TOPIC", help="default: /imu, or the only one there is")
+    add("--odom-topic", metavar="TOPIC", help="default: /odom, or the only one there is")
     add("--force", action="store_true", help="replace files that exist")
 
 
@@ -59,6 +64,9 @@ def _identify(options: argparse.Namespace) -> int:
         front_drive=options.front_drive,
         single_track=options.single_track,
         pose_topic=options.pose_topic,
+        drive_topic=options.drive_topic,
+        imu_topic=options.imu_topic,
+        odometry_topic=options.odom_topic,
     )
     write_tires(found, options.out, force=options.force)
     print(found.summary())

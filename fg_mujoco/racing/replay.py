@@ -21,7 +21,7 @@ import numpy as np
 
 from ..course.course import Course
 from ..display import brief
-from ..errors import FgMujocoError
+from ..errors import FgMujocoError, RunFolderError
 from ..messages import CarParameters, FloatArray
 from ..simulation.course_loading import load_track
 from ..simulation.engine import Engine
@@ -34,7 +34,7 @@ from .figures import CourseFigures, course_figures, driven_figures
 from .race_control import RaceControl, find_rules
 from .resimulation import load_world
 from .result import History, Trajectory, car_row, trajectory_sha256
-from .run_folder import NOT_SIMULATED, SCENE, STATES, SUMMARY, TELEMETRY_FILE, Run, as_json, of_car, read_run
+from .run_folder import NOT_SIMULATED, RECORDED, SCENE, STATES, SUMMARY, TELEMETRY_FILE, Run, as_json, of_car, read_run
 
 _FROM_OUTSIDE = ("interrupted", "failed", "planner_failed", "decision_limit")  # reasons that no simulation tells
 _OF_PLANNERS = ("planner_failed", "decision_limit")
@@ -113,6 +113,8 @@ def replay(folder: str | Path) -> ReplayReport:
       RunFolderError: the folder is not a run folder, or is damaged.
     """
     run = read_run(folder)
+    if run.summary.get("end_reason") == RECORDED:
+        raise RunFolderError(f"{folder}: was recorded by a car, and not simulated; accepted: a race, or a drive")
     world = load_world(run)
     differences, no_course = [], ""
     try:

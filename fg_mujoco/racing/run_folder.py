@@ -65,6 +65,8 @@ _SCENE, _STATES, _TELEMETRY, _TRACE, _CONTROLLER, FAILED_SCAN, SUMMARY = _FILES
 SCENE, STATES, TELEMETRY_FILE = _SCENE, _STATES, _TELEMETRY
 NOT_SIMULATED = (_TRACE, _CONTROLLER, FAILED_SCAN)
 """Files of which no replay says anything."""
+RECORDED = "recorded"
+"""End of a run that a car recorded, and nobody simulated: what the tires did is not known."""
 _READ_BACK = (_SCENE, _STATES, _TELEMETRY, _CONTROLLER, FAILED_SCAN)  # pictures and pages can be made again
 
 
@@ -186,10 +188,16 @@ def summary_json(result: RaceResult, settings: Mapping[str, Any] | None = None) 
 
 def as_json(values: Mapping[str, Any]) -> str:
     """Return values by name as the text of a summary has them; NaN and infinity are null."""
-    finite = {
-        name: None if isinstance(value, float) and not math.isfinite(value) else value for name, value in values.items()
-    }
-    return json.dumps(finite, indent=2, allow_nan=False, default=asdict)
+    return json.dumps(_finite(values), indent=2, allow_nan=False, default=asdict)
+
+
+def _finite(value: Any) -> Any:
+    """Return a value with None in the place of NaN and infinity, in mappings and lists, too."""
+    if isinstance(value, Mapping):
+        return {name: _finite(each) for name, each in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(each) for each in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def read_summary(folder: str | Path) -> dict[str, Any]:

@@ -22,9 +22,9 @@ from typing import Any
 import numpy as np
 
 from ..course.files import file_sha256
-from ..errors import BagError, FgMujocoError, SettingsError
+from ..errors import BagError, SettingsError
 from ..messages import CarParameters
-from ..racing.run_folder import SUMMARY, read_run
+from ..racing.run_folder import RECORDED, SUMMARY, read_run
 from ..studies.identification.drive import Channel, Drive
 from ..studies.identification.fit import require_scipy
 from ..studies.identification.identification import Identification, check_front_drive, identify_drives
@@ -34,20 +34,22 @@ from .bag_messages import (
     IMU,
     JOINTS,
     ODOMETRY,
+    POSE,
+    POSE_WITH_COVARIANCE,
     STEERING_JOINT,
     WHEEL_JOINTS,
-    heading_of,
-    require_ros_extra,
     stamp_of,
-    type_store,
 )
+from .bag_reader import POSES, Clock, pose_of
+from .bag_recording import Recording, Topic
+from .bag_storage import is_storage
 
-POSE, POSE_WITH_COVARIANCE = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped"
 ACCEPTED = (
     f"steering by {DRIVE} or {JOINTS}, wheel speed by {JOINTS} or {ODOMETRY}, yaw rate by {IMU} or {ODOMETRY}, and "
     f"accelerations by {IMU} or poses by {POSE}, {POSE_WITH_COVARIANCE} or {ODOMETRY}"
 )
 _USUAL = {DRIVE: "/drive", JOINTS: "/joint_states", IMU: "/imu", ODOMETRY: "/odom"}
+_OPTIONS = {DRIVE: "--drive-topic", IMU: "--imu-topic", ODOMETRY: "--odom-topic"}
 _REAR = WHEEL_JOINTS[2:]
 
 
@@ -58,6 +60,9 @@ def identify(
     front_drive: float = 0.5,
     single_track: bool = False,
     pose_topic: str | None = None,
+    drive_topic: str | None = None,
+    imu_topic: str | None = None,
+    odometry_topic: str | None = None,
 ) -> Identification:
     """Return the tires and the steering of a car, identified from drives that it recorded.
 
@@ -67,7 +72,10 @@ def identify(
       linear: find of each axle the stiffness alone, which a gentle drive determines.
       front_drive: share of the drive at the front axle, 0 to 1.
       single_track: leave out the load on the outer tires, what driving takes of the grip, and the relaxation length.
-      pose_topic: of the poses in a bag; None: the only one there is, or /odom.
+      pose_topic: of the poses in a bag; None: the only one there is, or that of the odometry.
+      drive_topic: of the commands in a bag; None: /drive, or the only one there is.
+      imu_topic: None: /imu, or the only one there is.
+      odometry_topic: None: /odom, or the only one there is.
 
     Raises:
       MissingExtraError: the extra `ros` is not installed.
@@ -76,65 +84,70 @@ def identify(
     """
     require_scipy()
     check_front_drive(front_drive)
-    drives = [read_drive(source, vehicle=vehicle, pose_topic=pose_topic) for source in sources]
+    topics = {
+        "pose_topic": pose_topic, "drive_topic": drive_topic, "imu_topic": imu_topic, "odometry_topic": odometry_topic
+    }  # fmt: skip
+    drives = [read_drive(source, vehicle=vehicle, **topics) for source in sources]
     return identify_drives(drives, linear=linear, front_drive=front_drive, single_track=single_track)
 
 
 def read_drive(
-    source: str | Path, *, vehicle: str | Path | Vehicle | None = None, pose_topic: str | None = None
+    source: str | Path,
+    *,
+    vehicle: str | Path | Vehicle | None = None,
+    pose_topic: str | None = None,
+    drive_topic: str | None = None,
+    imu_topic: str | None = None,
+    odometry_topic: str | None = None,
 ) -> Drive:
     """Return the drive of a run folder or a bag; arguments and errors as in `identify`."""
     path = Path(source)
     car = None if vehicle is None else Vehicle.load(vehicle).parameters
     if (path / SUMMARY).is_file() or (path.is_dir() and not _has_bag(path)):
-        if pose_topic is not None:
-            raise SettingsError(f"pose_topic is {pose_topic!r}, and {path} is a run; accepted: with bags")
-        return Drive.of_run(read_run(path), car)
-    return _bag_drive(path, Vehicle.load(vehicle or DEFAULT_VEHICLE), pose_topic)
+        for name, topic in (("pose", pose_topic), ("drive", drive_topic), ("imu", imu_topic), ("odom", odometry_topic)):
+            if topic is not None:
+                raise SettingsError(f"{name}_topic is {topic!r}, and {path} is a run; accepted: with bags")
+        run = read_run(path)
+        if run.summary.get("end_reason") == RECORDED:
+            raise SettingsError(f"{path}: is made of a bag's poses; accepted: the bag, which has what was measured")
+        return Drive.of_run(run, car)
+    wanted = {DRIVE: drive_topic, IMU: imu_topic, ODOMETRY: odometry_topic}
+    return _bag_drive(path, Vehicle.load(vehicle or DEFAULT_VEHICLE), pose_topic, wanted)
 
 
 def _has_bag(folder: Path) -> bool:
-    return any((folder / name).is_file() for name in ("metadata.yaml",)) or any(folder.glob("*.mcap"))
+    return any(is_storage(path) for path in folder.iterdir())
 
 
-def _bag_drive(path: Path, vehicle: Vehicle, pose_topic: str | None) -> Drive:
-    require_ros_extra()
-    from rosbags.highlevel import AnyReader
-
-    try:
-        with AnyReader([path], default_typestore=type_store()) as reader:
-            channels = _channels(reader, path, vehicle.parameters, pose_topic)
+def _bag_drive(path: Path, vehicle: Vehicle, pose_topic: str | None, wanted: dict[str, str | None]) -> Drive:
+    with Recording(path) as bag, bag.blame():
+        channels = _channels(bag, vehicle.parameters, pose_topic, wanted)
         return Drive(
             name=str(path), sha256=_sha256(path), vehicle=vehicle.name, car=vehicle.parameters, **channels
         )  # fmt: skip
-    except FgMujocoError:
-        raise
-    except Exception as error:
-        reason = " ".join(f"{type(error).__name__}: {error}".split())
-        raise BagError(
-            f"{path}: cannot be read: {reason}; accepted: a run folder, an .mcap, .db3 or .bag file, or a bag's folder"
-        ) from error
 
 
-def _channels(reader: Any, path: Path, car: CarParameters, pose_topic: str | None) -> dict[str, Any]:
+def _channels(
+    bag: Recording, car: CarParameters, pose_topic: str | None, wanted: dict[str, str | None]
+) -> dict[str, Any]:
     """Return the channels of a bag by the names that Drive has."""
-    held = sorted({f"{c.topic} ({c.msgtype})" for c in reader.connections if c.msgcount})
-    topics = {kind: _topic(reader, kind, usual, path) for kind, usual in _USUAL.items()}
-    poses = _pose_topic(reader, pose_topic, topics[ODOMETRY], path)
+    topics = {
+        kind: bag.choose((kind,), wanted=wanted.get(kind), usual=usual, option=_OPTIONS.get(kind))
+        for kind, usual in _USUAL.items()
+    }
+    poses = _pose_topic(bag, pose_topic, topics[ODOMETRY])
     rows: dict[str, list[tuple[Any, ...]]] = {
         name: [] for name in ("drive", "angle", "wheels", "speed", "gyro", "turn", "acceleration", "pose")
     }
-    wanted = {(kind, topic) for kind, topic in topics.items() if topic} | ({poses} if poses else set())
-    for connection, received, data in reader.messages(
-        [c for c in reader.connections if (c.msgtype, c.topic) in wanted]
-    ):
-        kind = connection.msgtype
-        message = reader.deserialize(data, kind)
-        time = stamp_of(message) or received  # [ns] a float of the seconds since 1970 would be too coarse
-        if (kind, connection.topic) == poses:
-            pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
-            rows["pose"].append((time, pose.position.x, pose.position.y, heading_of(pose.orientation)))
-        if connection.topic != topics.get(kind):
+    clocks: dict[Topic, Clock] = {}
+    for heard in bag.messages({topic for topic in (*topics.values(), poses) if topic is not None}):
+        kind, message = heard.topic[0], heard.message
+        stamp = stamp_of(message)
+        # [ns] a float of the seconds since 1970 would be too coarse
+        time = stamp + clocks.setdefault(heard.topic, Clock()).shift(stamp, heard)[0]
+        if heard.topic == poses:
+            rows["pose"].append((time, *pose_of(message)))
+        if heard.topic != topics.get(kind):
             continue
         if kind == DRIVE:
             rows["drive"].append((time, message.drive.steering_angle))
@@ -155,7 +168,7 @@ def _channels(reader: Any, path: Path, car: CarParameters, pose_topic: str | Non
     }  # fmt: skip
     for what, names in needed.items():
         if not any(len(rows[name]) > 1 for name in names):
-            raise BagError(f"{path}: has no {what}: it has {', '.join(held) or 'no messages'}; accepted: {ACCEPTED}")
+            raise BagError(f"{bag.path}: has no {what}: it has {bag.held()}; accepted: {ACCEPTED}")
     first = min(values[0][0] for values in rows.values() if values)
 
     def channel(name: str, *names: str) -> Channel | None:
@@ -164,8 +177,11 @@ def _channels(reader: Any, path: Path, car: CarParameters, pose_topic: str | Non
             return None
         stamps, order = np.unique([row[0] - first for row in found], return_index=True)  # sorted, each once
         values = np.array([found[index][1:] for index in order], np.float64)
-        return Channel(name=f"{path}: {name}", time=stamps / 1e9, values=values)
+        return Channel(name=f"{bag.path}: {name}", time=stamps / 1e9, values=values)
 
+    for (_, name), clock in clocks.items():
+        for back, after in clock.set_back[:1]:
+            bag.warn(f"the stamps on {name} go back by {back:.3g} s after {after:.1f} s; time goes on there")
     return {
         "steering": channel("steering", "drive", "angle"),
         "commanded": len(rows["drive"]) > 1,
@@ -176,27 +192,11 @@ def _channels(reader: Any, path: Path, car: CarParameters, pose_topic: str | Non
     }
 
 
-def _topic(reader: Any, kind: str, usual: str, path: Path) -> str | None:
-    there = sorted({c.topic for c in reader.connections if c.msgtype == kind and c.msgcount})
-    if usual in there or len(there) < 2:
-        return usual if usual in there else next(iter(there), None)
-    raise BagError(f"{path}: has {kind} on {', '.join(there)}; accepted: one, or one of them on {usual}")
-
-
-def _pose_topic(reader: Any, wanted: str | None, odometry: str | None, path: Path) -> tuple[str, str] | None:
-    """Return the type and the topic of the poses, where there are any."""
-    kinds = (POSE, POSE_WITH_COVARIANCE, ODOMETRY)
-    there = sorted({(c.topic, c.msgtype) for c in reader.connections if c.msgtype in kinds and c.msgcount})
+def _pose_topic(bag: Recording, wanted: str | None, odometry: Topic | None) -> Topic | None:
+    """Return the topic of the poses, where there are any."""
     if wanted is not None:
-        found = next(((kind, topic) for topic, kind in there if topic == wanted), None)
-        if found is None:
-            topics = ", ".join(topic for topic, _ in there) or "none of these types: " + ", ".join(kinds)
-            raise BagError(f"{path}: has no poses on {wanted}; accepted: {topics}")
-        return found
-    own = [(kind, topic) for topic, kind in there if kind != ODOMETRY]
-    if len(own) > 1:
-        raise BagError(f"{path}: has poses on {', '.join(topic for _, topic in own)}; accepted: one, by --pose-topic")
-    return own[0] if own else (ODOMETRY, odometry) if odometry else None
+        return bag.choose((*POSES, ODOMETRY), wanted=wanted)
+    return bag.choose(POSES, option="--pose-topic", sparse=False) or odometry
 
 
 def _joints(message: Any, names: Iterable[str], values: Any) -> list[float] | None:

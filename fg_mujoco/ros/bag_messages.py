@@ -28,12 +28,14 @@ SCAN, ODOMETRY = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"
 IMU, JOINTS = "sensor_msgs/msg/Imu", "sensor_msgs/msg/JointState"
 DRIVE, TRANSFORMS = "ackermann_msgs/msg/AckermannDriveStamped", "tf2_msgs/msg/TFMessage"
 GRID = "nav_msgs/msg/OccupancyGrid"
+POSE, POSE_WITH_COVARIANCE = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped"
+MOTOR = "vesc_msgs/msg/VescStateStamped"
 
 MAP_FRAME, ODOM_FRAME, BASE_FRAME, LASER_FRAME, IMU_FRAME = "map", "odom", "base_link", "laser", "imu"
 STEERING_JOINT = "steering"
 WHEEL_JOINTS = ("front_left_wheel", "front_right_wheel", "rear_left_wheel", "rear_right_wheel")
 
-_ACKERMANN = {  # of the package ackermann_msgs, which no release of ROS has in its core
+_OTHERS = {  # of the package ackermann_msgs, which no release of ROS has in its core
     DRIVE: "std_msgs/Header header\nackermann_msgs/AckermannDrive drive\n",
     "ackermann_msgs/msg/AckermannDrive": (
         "float32 steering_angle\nfloat32 steering_angle_velocity\nfloat32 speed\nfloat32 acceleration\nfloat32 jerk\n"
@@ -52,9 +54,11 @@ def require_ros_extra() -> None:
         raise MissingExtraError(f"ROS bags need mcap, rosbags and SciPy: {INSTALL_COMMAND}")
 
 
-@lru_cache(maxsize=1)
-def type_store() -> Any:
-    """Return the types of ROS 2 Humble, of which those written here are the same in every later release.
+@lru_cache(maxsize=4)
+def type_store(distribution: str = "") -> Any:
+    """Return the types of a distribution of ROS 2; those of Humble, unless rosbags knows the one that is named.
+
+    Those that are written here are the same in every later release.
 
     Raises:
       MissingExtraError: the extra `ros` is not installed.
@@ -62,8 +66,8 @@ def type_store() -> Any:
     require_ros_extra()
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    for name, text in _ACKERMANN.items():
+    store = get_typestore(getattr(Stores, f"ROS2_{distribution.upper()}", Stores.ROS2_HUMBLE))
+    for name, text in _OTHERS.items():
         store.register(get_types_from_msg(text, name))
     return store
 

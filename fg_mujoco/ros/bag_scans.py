@@ -3,6 +3,7 @@
 Conventions of LiDAR drivers, and how they are read:
 
 - 0 or less for a beam that failed (urg_node, sllidar): NaN. NaN, +inf and -inf stay.
+- 65.533, or another of the last numbers of 16 bits in mm, with which Hokuyo's say that they see nothing: +inf.
 - below `range_min`: -inf, too close. From `range_max` on: +inf, nothing there.
 - beams from left to right, or a LiDAR that hangs upside down: the other way round.
 - bearings of 0 to 2 pi, or a LiDAR that looks backwards: bearings of -pi to pi, straight ahead in the middle; where the
@@ -23,6 +24,7 @@ from ..messages import FloatArray, LaserScan
 from .bag_messages import nanoseconds, stamp_of
 
 _FLAT = math.cos(math.radians(5.0))  # of a mount that counts as level
+_NOTHING = (65.5325, 65.5355)  # [m] from 65533 to 65535 mm, as Hokuyo's codes are
 _NUMBERS = ("angle_min", "angle_increment", "range_min", "range_max")
 
 
@@ -84,6 +86,20 @@ def to_scan(message: Any, mount: Mount | None = None, *, period: float = 0.025) 
     )
 
 
+def disagreement(message: Any) -> float:
+    """Return by how many beams `angle_max` differs from what `angle_min`, the increment and the beams say."""
+    step = float(message.angle_increment)
+    last = float(message.angle_min) + step * (len(message.ranges) - 1)
+    return abs(float(message.angle_max) - last) / abs(step) if step and len(message.ranges) else 0.0
+
+
+def beyond(message: Any) -> float:
+    """Return which share of the readings is far beyond `range_max`, where a LiDAR that has seen them has it too low."""
+    ranges = np.asarray(message.ranges)
+    limit = 1.02 * float(message.range_max)
+    return float(np.mean((ranges > limit) & (ranges < _NOTHING[0]))) if len(ranges) else 0.0
+
+
 def _check(message: Any) -> None:
     for name in _NUMBERS:
         if not math.isfinite(getattr(message, name)):
@@ -98,6 +114,12 @@ def _check(message: Any) -> None:
         raise BagError(
             f"LaserScan.angle_increment is {step:g} rad with {beams} beams; accepted: beams apart, a full turn at most"
         )
+    first, last = float(message.angle_min), float(message.angle_max)
+    if beams > 2 and step and abs(step * (beams - 1) + last - first) < 0.5 * abs(last - first):
+        raise BagError(
+            f"LaserScan.angle_increment is {step:g} rad, and its beams go from {first:g} to {last:g} rad; accepted: an "
+            "increment of the sign of the turn"
+        )
 
 
 def _readings(ranges: FloatArray, range_min: float, range_max: float) -> FloatArray:
@@ -105,7 +127,7 @@ def _readings(ranges: FloatArray, range_min: float, range_max: float) -> FloatAr
     close = (ranges < range_min) & (ranges > 0.0)
     readings = np.where(close | (ranges == -math.inf), -math.inf, ranges)
     readings[(ranges <= 0.0) & (ranges > -math.inf)] = math.nan
-    readings[ranges >= range_max] = math.inf
+    readings[(ranges >= range_max) | ((ranges > _NOTHING[0]) & (ranges < _NOTHING[1]))] = math.inf
     return readings
 
 

@@ -12,7 +12,7 @@ from ...messages import Controller, FloatArray, LaserScan, Odometry
 from ...racing.planner_trust import recorded_planner
 from ...racing.resimulation import load_world, resimulate
 from ...racing.result import RaceResult
-from ...racing.run_folder import FAILED_SCAN, Run, read_failed_scan, read_run
+from ...racing.run_folder import FAILED_SCAN, RECORDED, Run, read_failed_scan, read_run
 from ...simulation.world import World
 from ..rendering.drive import Drive, read_drive
 from ..report.map_shapes import map_shapes
@@ -122,6 +122,9 @@ def _planner(
 ) -> Controller | None:
     """Return the planner of the run, or None and a note why there is none."""
     folder = run.folder if isinstance(run, Run) else None
+    if recorded.summary.get("end_reason") == RECORDED:
+        notes.append("A car recorded this drive. The scans are measured in the map that was made of its own.")
+        return None
     try:
         return recorded_planner(
             recorded.summary, recorded.car, trust=trust or drive.raced_here, where=recorded.source, folder=folder

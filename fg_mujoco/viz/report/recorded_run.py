@@ -15,7 +15,7 @@ from ...messages import CarParameters, FloatArray
 from ...racing.crash import Crash
 from ...racing.resimulation import load_world
 from ...racing.result import RaceResult
-from ...racing.run_folder import SUMMARY, Run, read_run, summary_json
+from ...racing.run_folder import RECORDED, SUMMARY, Run, read_run, summary_json
 from ...simulation.cars import CAR_PREFIX
 from ...simulation.telemetry import TELEMETRY
 from ...simulation.termination import WrongWay
@@ -87,6 +87,7 @@ _NEEDED = (
     "trajectory_sha256",
 )  # fmt: skip
 """What a report is made of."""
+_OF_TIRES = ("max_slide_m_s", "slide_time_fraction")  # of a run that a car recorded, not known
 
 
 def read_recorded(source: RaceResult | Run | str | Path) -> RecordedRun:
@@ -102,7 +103,8 @@ def read_recorded(source: RaceResult | Run | str | Path) -> RecordedRun:
             others=tuple(car.telemetry for car in source.car_results[1:]),
         )  # fmt: skip
     run = source if isinstance(source, Run) else read_run(source)
-    missing = [name for name in _NEEDED if run.summary.get(name) is None]
+    unknown = _OF_TIRES if run.summary.get("end_reason") == RECORDED else ()
+    missing = [name for name in _NEEDED if run.summary.get(name) is None and name not in unknown]
     if missing:
         raise RunFolderError(
             f"{run.folder / SUMMARY}: has no {', '.join(missing)}; accepted: as this version's `race --out` wrote it"

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...racing.decisions import decision_limit_text
 from ...racing.manoeuvres import is_driven_by_commands
+from ...racing.run_folder import RECORDED
 from ...simulation.planner_failure import place
 from ...vehicle.tire_slip import slides_above, sliding_rule
 from .clip import Clip
@@ -31,26 +32,26 @@ def head(run: RecordedRun, title: str, notes: Sequence[str]) -> str:
     """Return the title, the result line, notes (HTML) and the figures."""
     summary, lap_times = run.summary, run.lap_times
     good = bool(summary["finished"]) and not summary["collisions"]
-    word = "finished" if good else str(summary["end_reason"]).replace("_", " ")
+    recorded = summary["end_reason"] == RECORDED
+    word = "finished" if good and not recorded else str(summary["end_reason"]).replace("_", " ")
     best = f", best {min(lap_times):.3f} s" if lap_times else ""
-    slides = float(summary["max_slide_m_s"])
-    lateral = summary.get("max_lateral_slide_m_s")  # older runs lack it
-    share = f"{100 * summary['slide_time_fraction']:.2f} %"
-    verdict = "no tire slid" if slides <= slides_above(run.tires) else f"a tire slid {share} of the time"
+    sliding: list[tuple[str, str]] = []
+    if recorded:
+        verdict = "recorded by a car: what its tires did, and whether it touched anything, is not known"
+    else:
+        sliding, verdict = _sliding(run)
     decisions, clamped = summary.get("decision_times"), summary.get("clamped_commands")
     boxes = [
         *_lap_boxes(run),
-        (f"{summary['collisions']}", "collisions"),
-        (f"{slides:.3f} m/s", "greatest sliding"),
-        *([] if lateral is None else [(f"{lateral:.3f} m/s", "greatest sideways")]),
-        (share, "of the time sliding"),
+        *([] if recorded else [(f"{summary['collisions']}", "collisions")]),
+        *sliding,
         (f"{summary['max_speed_m_s']:.2f} m/s", "top speed"),
         (f"{summary['mean_speed_m_s']:.2f} m/s", "mean speed"),
-        (f"{run.mu:g}", "μ of the tires"),
+        (f"{run.mu:g}", "μ of the tires, assumed" if recorded else "μ of the tires"),
     ]
-    if clamped is not None:
+    if clamped is not None and not recorded:
         boxes.append((f"{clamped}", "commands clamped"))
-    planned = not is_driven_by_commands(str(summary["controller"]))
+    planned = not recorded and not is_driven_by_commands(str(summary["controller"]))
     if planned and decisions is not None and decisions["decisions"]:
         times = (decisions[name] for name in ("median_s", "percentile_99_s", "worst_s"))
         boxes.append((" / ".join(f"{1e3 * time:.2f}" for time in times) + " ms", "decisions: median / 99 % / worst"))
@@ -71,6 +72,20 @@ def head(run: RecordedRun, title: str, notes: Sequence[str]) -> str:
         f"{escape(' '.join(boxes[0]))}{best}; {verdict}.</p>{said}"
         f'<div class="figures">{figures}</div>'
     )
+
+
+def _sliding(run: RecordedRun) -> tuple[list[tuple[str, str]], str]:
+    """Return the figures of how the tires slid, and whether they did, in words."""
+    summary = run.summary
+    slides = float(summary["max_slide_m_s"])
+    lateral = summary.get("max_lateral_slide_m_s")  # older runs lack it
+    share = f"{100 * summary['slide_time_fraction']:.2f} %"
+    boxes = [
+        (f"{slides:.3f} m/s", "greatest sliding"),
+        *([] if lateral is None else [(f"{lateral:.3f} m/s", "greatest sideways")]),
+        (share, "of the time sliding"),
+    ]
+    return boxes, "no tire slid" if slides <= slides_above(run.tires) else f"a tire slid {share} of the time"
 
 
 def _lap_boxes(run: RecordedRun) -> list[tuple[str, str]]:

@@ -1,0 +1,326 @@
+"""The messages of a bag, of one file or several, in the order of their time.
+
+    with Recording("drive") as bag:
+        topic = bag.choose((SCAN,), usual="/scan", option="--scan-topic")
+        for heard in bag.messages({topic}):
+            print(heard.time, heard.message.ranges)
+
+A bag is a file, or the folder of one or of several that follow each other, with its metadata.yaml or without. The types
+of messages are those that the bag holds, each by itself, so that one that nobody here knows is no obstacle; where it
+holds none, those of the package rosbags by the distribution of ROS that wrote it. What is wrong with a bag, and can be
+lived with, is said in a warning of one line.
+"""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Callable, Collection, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import BagError, FgMujocoError
+from .bag_messages import require_ros_extra, type_store
+from .bag_storage import ACCEPTED, Channel, Storage, is_storage, open_storage, uncompressed
+
+Topic = tuple[str, str]
+"""Type and name of a topic."""
+
+_METADATA = "metadata.yaml"
+_SET_BACK = 500_000_000  # [ns] that a topic's times go back by where the recorder's clock was set, and not late
+_GOES_ON = 25_000_000  # [ns] after a clock was set back
+_NUMBERED = re.compile(r"(?P<stem>.*?)_(?P<number>\d+)$")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Heard:
+    """A message as it was recorded."""
+
+    topic: Topic
+    received: int  # [ns] by the recorder's clock
+    time: int  # [ns] the same, but growing: where the clock was set back it goes on
+    message: Any
+
+
+class Recording:
+    """A bag, open for reading in a `with` statement.
+
+    Args:
+      path: of the file or folder.
+
+    Attributes:
+      counts: how many messages each topic has; topics without any are left out.
+
+    Raises:
+      MissingExtraError: the extra `ros` is not installed.
+      BagError: on entry, a bag that cannot be read.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        require_ros_extra()
+        self.path = Path(path)
+        self.counts: dict[Topic, int] = {}
+
+    def __enter__(self) -> Recording:
+        with ExitStack() as stack, self.blame():
+            self._distribution = ""
+            self._files: list[Storage] = []
+            for path in self._paths():
+                self._files.append(stack.enter_context(open_storage(path)))
+            self._order()
+            for file in self._files:
+                if file.damage:
+                    self.warn(f"{file.path.name}: {file.damage}; {len(file)} messages of it are read")
+            self._decoders: dict[Channel, Callable[[bytes], Any]] = {}
+            self._stack = stack.pop_all()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stack.close()
+
+    def warn(self, said: str) -> None:
+        """Say in a line what is wrong with the bag and can be lived with."""
+        warnings.warn(f"{self.path}: {said}", stacklevel=2)
+
+    def held(self) -> str:
+        """Return the topics of the bag with their types, in words."""
+        return ", ".join(f"{topic} ({kind})" for topic, kind in sorted((t, k) for k, t in self.counts)) or "no messages"
+
+    def table(self) -> list[str]:
+        """Return how long the bag is, and its topics with their types and counts, a line each."""
+        rows = [f"{self.path}: {self.span:.1f} s, {sum(self.counts.values())} messages"]
+        for (kind, topic), count in sorted(self.counts.items(), key=lambda row: row[0][1]):
+            rows.append(f"  {topic:<32} {kind:<40} {count:>8}")
+        return rows
+
+    @property
+    def span(self) -> float:
+        """From the first message to the last [s]."""
+        return float(np.ptp(self._times)) / 1e9 if len(self._times) else 0.0
+
+    def choose(
+        self,
+        kinds: Collection[str],
+        *,
+        wanted: str | None = None,
+        usual: str | None = None,
+        option: str | None = None,
+        sparse: bool = True,
+    ) -> Topic | None:
+        """Return the topic of these types: the one asked for, the usual one, or the only one; None: there is none.
+
+        Args:
+          kinds: of the messages.
+          wanted: the name of the topic that is asked for.
+          usual: the name that is taken where there are several.
+          option: that asks for one. Without it, several are none.
+          sparse: whether topics count that have fewer messages than one in two seconds, as goals have.
+
+        Raises:
+          BagError: there is none of that name; there are several, and none is usual.
+        """
+        there = sorted((name, kind) for kind, name in self.counts if kind in kinds)
+        names = ", ".join(name for name, _ in there)
+        if wanted is not None:
+            named = f"/{wanted.lstrip('/')}"
+            found = [(kind, name) for name, kind in there if name in (wanted, named)]
+            if not found:
+                raise BagError(
+                    f"{self.path}: has no {' or '.join(kinds)} on {wanted}; accepted: {names or self.held()}"
+                )
+            return found[0]
+        if not sparse:
+            least = max(2.0, 0.5 * self.span)
+            there = [(name, kind) for name, kind in there if self.counts[kind, name] >= least]
+            names = ", ".join(name for name, _ in there)
+        found = [(kind, name) for name, kind in there if name == usual]
+        if found or len(there) == 1:
+            chosen = found[0] if found else (there[0][1], there[0][0])
+            others = ", ".join(name for name, _ in there if name != chosen[1])
+            if others:
+                self.warn(f"{chosen[1]} is read, and not {others}{f'; {option} chooses' if option else ''}")
+            return chosen
+        if there and option is not None:
+            raise BagError(f"{self.path}: has {there[0][1]} on {names}; accepted: one, by {option}")
+        if there:
+            self.warn(f"has {there[0][1]} on {names}: none of them is read")
+        return None
+
+    def messages(self, wanted: Collection[Topic], most: int | None = None) -> Iterator[Heard]:
+        """Yield the messages of topics, those of one time in the order in which they were written.
+
+        Args:
+          wanted: the topics.
+          most: stop after so many.
+        """
+        numbers = [number for number, topic in enumerate(self._topics) if topic in wanted]
+        lost: dict[Topic, int] = {}
+        count = 0
+        with self.blame():
+            for row in self._sequence[np.isin(self._owners[self._sequence], numbers)][:most].tolist():
+                file = self._files[self._file_of[row]]
+                line = row - self._begins[self._file_of[row]]
+                channel = file.channels[file.owners[line]]
+                topic = (channel.kind, channel.topic)
+                try:
+                    message = self._decoder(channel)(uncompressed(file.data(line)))
+                except FgMujocoError:
+                    raise
+                except Exception:  # of bytes that are not what the type says
+                    lost[topic] = lost.get(topic, 0) + 1
+                    continue
+                count += 1
+                yield Heard(topic=topic, received=int(file.times[line]), time=int(self._times[row]), message=message)
+        for (kind, name), missing in lost.items():
+            if missing == self.counts[kind, name]:
+                raise BagError(f"{self.path}: none of the messages on {name} can be read; accepted: messages of {kind}")
+            self.warn(f"{missing} messages on {name} are damaged and left out")
+
+    @contextmanager
+    def blame(self) -> Iterator[None]:
+        """Turn whatever reading the bag raises into one line that names it."""
+        try:
+            yield
+        except FgMujocoError as error:
+            if isinstance(error, BagError) and not str(error).startswith(str(self.path)):
+                raise BagError(f"{self.path}: {error}") from error
+            raise
+        except Exception as error:
+            reason = " ".join(f"{type(error).__name__}: {error}".split())
+            raise BagError(f"{self.path}: cannot be read: {reason}; accepted: {ACCEPTED}") from error
+
+    def _paths(self) -> list[Path]:
+        """Return the files of the bag in their order."""
+        if not self.path.exists():
+            raise BagError(f"{self.path}: cannot be read: no such file or folder; accepted: {ACCEPTED}")
+        if not self.path.is_dir():
+            return [self.path]
+        files = {path.name: path for path in sorted(self.path.iterdir()) if is_storage(path)}
+        told = self._metadata()
+        if told:
+            missing = [name for name in told if name not in files]
+            if missing:
+                self.warn(f"{_METADATA} names {', '.join(missing)}, which cannot be read or is not there")
+            files = {name: files[name] for name in told if name in files} or files
+        if not files:
+            raise BagError(f"{self.path}: cannot be read: it has no file of a bag; accepted: {ACCEPTED}")
+        if told or len(files) == 1:
+            return list(files.values())
+        stems = {name: name.split(".")[0] for name in files}
+        numbers = {name: _NUMBERED.match(stem) for name, stem in stems.items()}
+        if len({match["stem"] if match else name for name, match in numbers.items()}) > 1:
+            raise BagError(f"{self.path}: holds several bags: {', '.join(files)}; accepted: one of them")
+        return sorted(files.values(), key=lambda path: int(numbers[path.name]["number"]))  # type: ignore[index]
+
+    def _metadata(self) -> list[str]:
+        """Return the names of the files that a folder's metadata.yaml tells of, and note its distribution."""
+        path = self.path / _METADATA
+        if not path.is_file():
+            return []
+        import yaml
+
+        try:
+            about = yaml.safe_load(path.read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
+            self._distribution = str(about.get("ros_distro") or "")
+            return [Path(str(name)).name for name in about["relative_file_paths"]]
+        except Exception as error:  # whatever is in it
+            self.warn(f"{_METADATA} cannot be read ({type(error).__name__}); the folder's files are")
+            return []
+
+    def _order(self) -> None:
+        """Order all messages by time. A clock that was set back while recording goes on."""
+        counts = [len(file) for file in self._files]
+        if not sum(counts) and any(file.damage for file in self._files):
+            damage = next(file.damage for file in self._files if file.damage)
+            raise BagError(f"{self.path}: cannot be read: {damage}; accepted: {ACCEPTED}")
+        self._begins = np.cumsum([0, *counts])[:-1].tolist()
+        self._file_of = np.repeat(np.arange(len(counts)), counts)
+        self._times = np.concatenate(
+            [np.array(file.times, np.int64) for file in self._files] or [np.empty(0, np.int64)]
+        )
+        topics: dict[Topic, int] = {}
+        owners = []
+        for file in self._files:
+            number = {
+                owner: topics.setdefault((channel.kind, channel.topic), len(topics))
+                for owner, channel in file.channels.items()
+            }
+            owners.append(np.array([number[owner] for owner in file.owners], np.int64))
+        self._owners = np.concatenate(owners or [np.empty(0, np.int64)])
+        self._topics = list(topics)
+        found = np.bincount(self._owners, minlength=len(topics)).tolist()
+        self.counts = {topic: count for topic, count in zip(self._topics, found, strict=True) if count}
+        for begin, back in _set_back(self._times, self._owners):
+            shift = self._times[:begin].max() + _GOES_ON - self._times[begin]
+            self._times[begin:] += shift
+            after = (self._times[begin] - self._times.min()) / 1e9
+            self.warn(
+                f"the recorder's clock was set back by {back / 1e9:.1f} s after {after:.1f} s; time goes on there"
+            )
+        self._sequence: NDArray[np.int64] = np.argsort(self._times, kind="stable")
+
+    def _decoder(self, channel: Channel) -> Callable[[bytes], Any]:
+        """Return what turns the bytes of a channel's messages into messages."""
+        if channel not in self._decoders:
+            store = self._store(channel)
+            if channel.encoding == "ros1":
+                self._decoders[channel] = lambda data: store.deserialize_ros1(data, channel.kind)
+            elif channel.encoding == "cdr":
+                self._decoders[channel] = lambda data: store.deserialize_cdr(data, channel.kind)
+            else:
+                said = f"{self.path}: {channel.topic} is written in {channel.encoding!r}"
+                raise BagError(f"{said}; accepted: 'cdr', as ROS 2 writes messages, or 'ros1'")
+        return self._decoders[channel]
+
+    def _store(self, channel: Channel) -> Any:
+        """Return the types of a channel: the bag's own definition, or those of a distribution of ROS."""
+        from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+
+        wrong = ""
+        if channel.definition:
+            try:
+                store = get_typestore(Stores.EMPTY)
+                if "idl" in channel.language:
+                    for text in re.split(r"^=+\n", channel.definition, flags=re.MULTILINE):
+                        body = re.sub(r"\AIDL: .*\n", "", text)
+                        if body.strip():
+                            store.register(get_types_from_idl(body))
+                else:
+                    store.register(get_types_from_msg(channel.definition, channel.kind))
+                _ = store.fielddefs[channel.kind]
+                return store
+            except Exception as error:  # of whatever is written there
+                wrong = f"its definition in the bag cannot be read ({type(error).__name__})"
+        distribution = next((file.distribution for file in self._files if file.distribution), self._distribution)
+        store = type_store(distribution)
+        if channel.kind not in store.fielddefs:
+            wrong = wrong or "the bag has no definition of it"
+            raise BagError(f"{self.path}: {channel.kind} on {channel.topic}: {wrong}; accepted: a bag that has one")
+        if wrong:
+            self.warn(f"{channel.kind} on {channel.topic}: {wrong}; the usual one is taken")
+        return store
+
+
+def _set_back(times: NDArray[np.int64], owners: NDArray[np.int64]) -> list[tuple[int, int]]:
+    """Return where the recorder's clock was set back, and by how much [ns]: where the times of one topic go back.
+
+    Times of different topics say nothing: some tools write topic by topic.
+    """
+    falls = []  # (first row after it, last row before it, by how much)
+    for owner in np.unique(owners).tolist():
+        rows = np.flatnonzero(owners == owner)
+        back = -np.diff(times[rows])
+        falls += [(int(rows[at + 1]), int(rows[at]), int(back[at])) for at in np.flatnonzero(back > _SET_BACK)]
+    found: list[tuple[int, int]] = []
+    for after, before, fall in sorted(falls):
+        if not found or found[-1][0] <= before:
+            found.append((after, fall))
+    return found
