@@ -12,7 +12,6 @@ import warnings
 from collections.abc import Callable, Iterator
 from typing import Any
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,10 +23,19 @@ MODES = ("human", "human_fast", "rgb_array")
 
 CAR_LENGTH, CAR_WIDTH = 0.58, 0.31  # [m] as the gym draws cars
 _SCALE = 50.0  # [px / m]
-_PICTURE = (480, 640)  # [px] rows, columns
+_PICTURE = (640, 480)  # [px] columns, rows
 
 
-class Nothing:
+class Permissive(type):
+    """The type of what has every name, itself, too: pyglet.window.key.UP."""
+
+    def __getattr__(cls, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return Nothing()
+
+
+class Nothing(metaclass=Permissive):
     """A thing that is drawn nowhere: it takes whatever is done to it. Its attributes can be set, and read again."""
 
     def __init__(self, *_: Any, **named: Any) -> None:
@@ -150,6 +158,7 @@ class View:
     def __init__(self, driving: Driving) -> None:
         self._driving = driving
         self._window: Any = None
+        self._renderer: Any = None
         self._told = False
 
     def show(self, *, paced: bool) -> None:
@@ -166,25 +175,25 @@ class View:
         self._window.show()
 
     def picture(self, ego: int) -> NDArray[np.uint8]:
-        """Return what is seen from above the ego, black where nothing can be drawn. Shape (480, 640, 3)."""
+        """Return what is seen from behind the ego, black where nothing can be drawn. Shape (480, 640, 3)."""
         if not self._told:
             try:
-                with mujoco.Renderer(self._driving.world.model, *_PICTURE) as renderer:
-                    camera = mujoco.MjvCamera()
-                    camera.lookat[:] = (*self._driving.pose(ego)[:2], 0.0)
-                    camera.distance, camera.elevation, camera.azimuth = 8.0, -60.0, 90.0
-                    renderer.update_scene(self._driving.data, camera)
-                    picture: NDArray[np.uint8] = renderer.render()
-                    return picture
+                if self._renderer is None:
+                    from ..viz.rendering import Renderer  # on the GPU, or on the CPU where there is none
+
+                    self._renderer = Renderer(self._driving.world, size=_PICTURE, quality="draft", car=ego)
+                picture: NDArray[np.uint8] = self._renderer.rgb(self._driving.data, "chase")
+                return picture
             except Exception as error:  # of OpenGL, of any kind
                 self._tell(error)
-        return np.zeros((*_PICTURE, 3), np.uint8)
+        return np.zeros((*_PICTURE[::-1], 3), np.uint8)
 
     def close(self) -> None:
-        """Close the window, if there is one."""
-        if self._window is not None:
-            self._window.close()
-            self._window = None
+        """Close the window and what draws pictures, if they are there."""
+        for opened in (self._window, self._renderer):
+            if opened is not None:
+                opened.close()
+        self._window = self._renderer = None
 
     def _open(self, paced: bool) -> Any:
         if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):

@@ -134,6 +134,59 @@ def get_vertices(pose: FloatArray, length: float, width: float) -> FloatArray:
     return corners
 
 
+@kernel
+def check_ttc_jit(
+    scan: FloatArray, vel: float, scan_angles: FloatArray, cosines: FloatArray, side_distances: FloatArray,
+    ttc_thresh: float,
+) -> bool:  # fmt: skip
+    """Say whether a car would touch what a beam sees sooner than a time [s], going on at its speed [m/s]."""
+    if vel == 0.0:
+        return False
+    for beam in range(len(scan)):
+        closing = vel * cosines[beam]
+        if closing != 0.0:
+            time = (scan[beam] - side_distances[beam]) / closing
+            if 0.0 <= time < ttc_thresh:
+                return True
+    return False
+
+
+@kernel
+def ray_cast(pose: FloatArray, scan: FloatArray, scan_angles: FloatArray, vertices: FloatArray) -> FloatArray:
+    """Return a scan from a pose with a convex shape of corners (4, 2) in it."""
+    for beam in range(len(scan)):
+        dx, dy = math.cos(pose[2] + scan_angles[beam]), math.sin(pose[2] + scan_angles[beam])
+        for corner in range(4):
+            a, b = vertices[corner], vertices[(corner + 1) % 4]
+            across = dx * (b[1] - a[1]) - dy * (b[0] - a[0])
+            if across != 0.0:
+                distance = ((a[0] - pose[0]) * (b[1] - a[1]) - (a[1] - pose[1]) * (b[0] - a[0])) / across
+                share = ((a[0] - pose[0]) * dy - (a[1] - pose[1]) * dx) / across
+                if distance >= 0.0 and 0.0 <= share <= 1.0:
+                    scan[beam] = min(scan[beam], distance)
+    return scan
+
+
+@kernel
+def xy_2_rc(
+    x: float, y: float, orig_x: float, orig_y: float, orig_c: float, orig_s: float, height: int, width: int,
+    resolution: float,
+) -> tuple[int, int]:  # fmt: skip
+    """Return row and column of the pixel at a place of a map, -1 and -1 outside of it."""
+    along = (x - orig_x) * orig_c + (y - orig_y) * orig_s
+    across = (y - orig_y) * orig_c - (x - orig_x) * orig_s
+    if along < 0.0 or across < 0.0 or along >= width * resolution or across >= height * resolution:
+        return -1, -1
+    return int(across / resolution), int(along / resolution)
+
+
+def get_dt(bitmap: FloatArray, resolution: float) -> FloatArray:
+    """Return the distance from each pixel to the nearest that is 0 [m]."""
+    from scipy.ndimage import distance_transform_edt
+
+    return np.asarray(resolution * distance_transform_edt(bitmap), np.float64)
+
+
 def collision(vertices1: FloatArray, vertices2: FloatArray) -> bool:
     """Say whether two convex shapes, corners (n, 2) and (m, 2), overlap."""
     for shape in (vertices1, vertices2):

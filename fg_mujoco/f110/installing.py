@@ -16,6 +16,7 @@ import importlib.abc
 import importlib.machinery
 import os
 import sys
+import sysconfig
 from collections.abc import Sequence
 from pathlib import Path
 from types import FrameType, ModuleType
@@ -30,7 +31,8 @@ from .maps import FOLDER
 from .module_tables import GYMS, RACING, module_tables
 from .pyglet_stand_in import Pyglet, names_of
 
-_HERE = str(Path(__file__).parent)
+_PACKAGE = str(Path(__file__).parents[1])
+_LIBRARIES = tuple({sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")})
 
 
 def install(
@@ -176,12 +178,16 @@ def _register_with(library: Any, id: str, entry: str) -> None:
         pass  # it is registered
 
 
+def is_of_the_script(file: str) -> bool:
+    """Say whether a file of a frame is a script's own, and not of Python, of this package, or of a library."""
+    return not (file.startswith(("<", _PACKAGE, *_LIBRARIES)) or "site-packages" in file)
+
+
 def _asker() -> str:
     """Return the file and the line of the script that asks, as the beginning of a message."""
     frame: FrameType | None = sys._getframe(1)
     while frame is not None:
-        file = frame.f_code.co_filename
-        if not file.startswith(("<frozen", _HERE)) and not file.endswith("importlib/__init__.py"):
-            return f"{file}:{frame.f_lineno}: "
+        if is_of_the_script(frame.f_code.co_filename):
+            return f"{frame.f_code.co_filename}:{frame.f_lineno}: "
         frame = frame.f_back
     return ""

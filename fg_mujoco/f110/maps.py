@@ -165,11 +165,13 @@ def _read(path: Path, image: Path | None, car: CarParameters) -> Course:
 
 
 def ground_among_walls(occupancy: OccupancyMap) -> Scene:
-    """Return the free ground of a map with walls round it, the image's border among them; its line means nothing.
+    """Return the free ground of a map with walls round it, the image's border among them; its line is short.
 
     Raises:
       TrackError: no free ground.
     """
+    from scipy.ndimage import distance_transform_edt
+
     free = occupancy.with_walled_border().free
     least = _LEAST_GROUND / occupancy.resolution**2
     edges = outlines(free)
@@ -178,11 +180,12 @@ def ground_among_walls(occupancy: OccupancyMap) -> Scene:
         raise TrackError(f"{occupancy.path}: no free ground of {_LEAST_GROUND:g} m^2; accepted: a map of a course")
     holes = [edge for edge in edges if enclosed_area(edge) < 0.0]
     walls = [occupancy.to_world(trace(edge))[::-1] for edge in (*grounds, *holes)]
-    low, high = (np.concatenate(walls).min(axis=0), np.concatenate(walls).max(axis=0))
-    reach = max(float(high[0] - low[0]), 2.0 * (BEHIND + BEYOND))
-    way = np.array([low, (low[0] + reach, low[1])])
-    feet: list[Any] = [foot for wall in walls for foot in wall_footprints(wall)]
+    row, column = np.unravel_index(int(np.argmax(distance_transform_edt(free))), free.shape)
+    x, y = occupancy.to_world((column + 0.5, row + 0.5))  # furthest from all walls: the car starts there
+    way = np.array([(x - BEHIND, y), (x + 1.0 + BEYOND, y)])
+    # a pixel thick, because the free ground beyond a wall has a wall of its own there
+    feet: list[Any] = [foot for wall in walls for foot in wall_footprints(wall, occupancy.resolution)]
     return Scene(
-        name=occupancy.path.stem, way=way, start=BEHIND, goal=reach - BEYOND, time_limit=_FOREVER,
+        name=occupancy.path.stem, way=way, start=BEHIND, goal=BEHIND + 1.0, time_limit=_FOREVER,
         walls=tuple(Prism(footprint=tuple(map(tuple, foot))) for foot in feet),
     )  # fmt: skip

@@ -30,10 +30,14 @@ _MODELS = {name: f"gym_functions:{name}" for name in (
 _COLLISIONS = {name: f"gym_functions:{name}" for name in (
     "get_vertices", "get_trmtx", "collision", "collision_multiple",
 )} | {"CollisionCheckMode": "config:CollisionCheckMode"}  # fmt: skip
-_LASERS = {"ScanSimulator2D": "simulator:ScanSimulator2D", "LiDARConfig": "config:LiDARConfig"}
+_LASERS = {"ScanSimulator2D": "simulator:ScanSimulator2D", "LiDARConfig": "config:LiDARConfig"} | {
+    name: f"gym_functions:{name}" for name in ("check_ttc_jit", "ray_cast", "get_dt", "xy_2_rc")
+}  # fmt: skip
 _TRACKS = {name: f"track:{name}" for name in ("Track", "TrackSpec", "Raceline", "CubicSpline2D", "find_track_dir")}
 _ACTIONS = {"CarAction": "new_api:CarAction"} | {
     name: f"config:{name}" for name in ("LongitudinalActionType", "SteerActionType")
+} | {
+    "LongitudinalActionEnum": "config:LongitudinalActionType", "SteerActionEnum": "config:SteerActionType",
 }  # fmt: skip
 _RENDERING = {
     "EnvRenderer": "drawing:EnvRenderer", "RenderSpec": "drawing:Nothing", "make_renderer": "drawing:Nothing",

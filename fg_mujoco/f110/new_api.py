@@ -96,7 +96,9 @@ class F110Env(RaceEnvironment, installed_base("gymnasium")):  # type: ignore[mis
     Args:
       config: settings over `default_config`, or an EnvConfig of the later releases.
       render_mode: human, human_fast, rgb_array, or None, with which `render` does nothing.
-      vehicle, tires, maps: as of the environment of v0.2; not in the gym.
+      vehicle: as of the environment of v0.2; not in the gym.
+      tires: the same.
+      maps: the same.
       settings: of `config`, one by one.
 
     Raises:
@@ -127,7 +129,7 @@ class F110Env(RaceEnvironment, installed_base("gymnasium")):  # type: ignore[mis
         say_of_model(model)
         self.observation_config = dict(setting["observation_config"])
         sim = simulator_of(
-            params=setting["params"], num_agents=setting["num_agents"], seed=setting["seed"],
+            params=given.get("params"), num_agents=setting["num_agents"], seed=setting["seed"],
             integrator=Integrator.from_string(integrator) if isinstance(integrator, str) else integrator, model=model,
             time_step=setting["timestep"], ego_idx=setting["ego_idx"], lidar_dist=setting["lidar_dist"],
             num_beams=setting["num_beams"], fov=setting["fov"], vehicle=vehicle, tires=tires, maps=maps,
@@ -261,7 +263,7 @@ class F110Env(RaceEnvironment, installed_base("gymnasium")):  # type: ignore[mis
         if kind not in _RESETS:
             raise SettingsError(f"reset_config has type {kind!r}; {accepted_names(kind, _RESETS)}")
         token, where, order = kind.split("_")
-        if not self.driving.world.track.closed:
+        if not (self.driving.world.track.closed or self.track.has_lines):
             return self._grid()
         line = self.track.raceline if token == "rl" else self.track.centerline
         poses = self._poses_on(line, everywhere=where == "random" or token == "map")

@@ -36,7 +36,8 @@ class F110Env(RaceEnvironment, installed_base("gym")):  # type: ignore[misc]
       timestep: of a step [s].
       ego_idx: the car whose collision ends an episode, from 0.
       seed: of the scans' noise.
-      integrator, model: of the gym; MuJoCo has its own integrator, and the car is its model.
+      integrator: of the gym, kept as an attribute; MuJoCo has its own.
+      model: of the gym, likewise; the car is MuJoCo's model.
       lidar_dist: of the LiDAR ahead of the rear axle [m]; None: .275 m, as on the car.
       num_beams: of a scan.
       fov: of a scan [rad].

@@ -22,7 +22,7 @@ from ..vehicle.car import car_parameters
 from ..vehicle.changes import GREATEST_MU
 from ..vehicle.fitting import fit
 from ..vehicle.tires import LINEAR, Tires
-from ..vehicle.vehicle import Vehicle
+from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 
 F1TENTH = {
     "mu": 1.0489, "C_Sf": 4.718, "C_Sr": 5.4562, "lf": 0.15875, "lr": 0.17145, "h": 0.074, "m": 3.74, "I": 0.04712,
@@ -80,6 +80,9 @@ def car_of(
         raise SettingsError(f"lidar_dist is {lidar_dist!r} m; accepted: 0 to 1 m ahead of the rear axle")
     own_tires = tires or vehicle.tires
     own = own_params(vehicle)
+    if vehicle.name != DEFAULT_VEHICLE:  # what a script carries with it as the gym's default is the vehicle's own
+        numbers = {name: value for name, value in numbers.items() if value != F1TENTH.get(name)}
+        mu = None if mu == F1TENTH["mu"] else mu
     differ = {
         name: value
         for name, value in numbers.items()
@@ -112,6 +115,13 @@ def own_params(vehicle: Vehicle) -> dict[str, float]:
         "v_switch": car.power_limit_speed, "a_max": car.max_acceleration, "v_min": car.min_speed,
         "v_max": car.max_speed, "width": car.width, "length": car.length,
     }  # fmt: skip
+
+
+def all_params(params: Mapping[str, Any] | None, vehicle: Vehicle) -> dict[str, Any]:
+    """Return parameters with those that are missing as the vehicle has them, or, within 1 %, as the gym has them."""
+    own = own_params(vehicle) | {"mu": vehicle.nominal_mu}
+    near = {name: F1TENTH[name] for name in own if math.isclose(own[name], F1TENTH[name], rel_tol=_SAME)}
+    return F1TENTH | own | near | dict(params or {})
 
 
 def physics_timestep(timestep: float, vehicle: Vehicle) -> float:
@@ -184,6 +194,9 @@ def _change_body(spec: Any, params: Mapping[str, float], own: Mapping[str, float
     heavier = params["m"] / own["m"]
     if not 1.0 / _LARGEST <= heavier <= _LARGEST:
         raise SettingsError(f"m is {params['m']:g} kg; accepted: {own['m']:g} kg by {_LARGEST:g} at most, up or down")
+    for name in ("length", "width"):
+        if not own[name] / _LARGEST <= params[name] <= _LARGEST * own[name]:
+            raise SettingsError(f"{name} is {params[name]:g} m; accepted: {own[name]:g} m by {_LARGEST:g} at most")
     wheelbase = params["lf"] + params["lr"]
     if not 0.1 <= wheelbase <= 5.0 * (own["lf"] + own["lr"]):
         raise SettingsError(f"lf + lr is {wheelbase:g} m; accepted: 0.1 to {5.0 * (own['lf'] + own['lr']):.2g} m")

@@ -5,6 +5,7 @@ OpenGL's constants have their values, so that a script can put them into arrays.
 
 from __future__ import annotations
 
+import importlib
 from types import ModuleType
 from typing import Any
 
@@ -35,6 +36,11 @@ _FUNCTIONS = (
     "glRectf", "glMultMatrixf", "glLoadMatrixf",
 )  # fmt: skip
 
+_MODULES = (
+    "app", "canvas", "clock", "display", "event", "font", "gl", "graphics", "gui", "image", "input", "key", "math",
+    "media", "mouse", "resource", "shapes", "sprite", "text", "util", "window",
+)  # fmt: skip
+
 _TYPES = ("GLfloat", "GLdouble", "GLint", "GLuint", "GLubyte", "GLenum")
 
 
@@ -44,6 +50,8 @@ class Pyglet(ModuleType):
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
             raise AttributeError(name)
+        if name in _MODULES:
+            return importlib.import_module(f"{self.__name__}.{name}")
         return _CONSTANTS.get(name, 0) if name.startswith("GL_") else Nothing
 
 

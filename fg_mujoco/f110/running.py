@@ -11,13 +11,13 @@ import os
 import sys
 import traceback
 from pathlib import Path
-from types import FrameType, ModuleType
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 
 from ..errors import FgMujocoError
-from .installing import install
+from .installing import install, is_of_the_script
 
 _REMOVED = {"float": float, "int": int, "bool": bool, "object": object, "str": str, "complex": complex}
 _HERE = str(Path(__file__).parent)
@@ -88,22 +88,12 @@ def _is_ours(error: ImportError) -> bool:
     return bool(frames) and frames[-1][0].f_code.co_filename.startswith(_HERE)
 
 
-def _script_frames(error: BaseException) -> list[tuple[FrameType, int]]:
-    """Return the frames of an error from the script on."""
-    return [(frame, line) for frame, line in traceback.walk_tb(error.__traceback__) if not _is_here(frame)]
-
-
-def _is_here(frame: FrameType) -> bool:
-    return frame.f_code.co_filename == __file__
-
-
 def _place(error: BaseException) -> str:
-    """Return file and line of the last place outside of this package from which an error came."""
-    package = str(Path(__file__).parents[1])
+    """Return file and line of the last place of the script from which an error came."""
     places = [
         (frame.f_code.co_filename, line)
-        for frame, line in _script_frames(error)
-        if not frame.f_code.co_filename.startswith((package, "<"))
+        for frame, line in traceback.walk_tb(error.__traceback__)
+        if is_of_the_script(frame.f_code.co_filename)
     ]
     return f"{places[-1][0]}:{places[-1][1]}: " if places else ""
 
@@ -111,6 +101,6 @@ def _place(error: BaseException) -> str:
 def _print(error: BaseException) -> None:
     """Print a traceback as Python does, from the script on."""
     kept: Any = error.__traceback__
-    while kept is not None and _is_here(kept.tb_frame):
+    while kept is not None and kept.tb_frame.f_code.co_filename == __file__:
         kept = kept.tb_next
     traceback.print_exception(type(error), error, kept)

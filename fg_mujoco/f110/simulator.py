@@ -29,7 +29,7 @@ from ..vehicle.tires import Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .driving import BEAMS, FIELD_OF_VIEW, Driving
 from .maps import find_map
-from .params import F1TENTH, car_of, physics_timestep
+from .params import all_params, car_of, physics_timestep
 from .track import Track
 
 MOST_AGENTS = 8
@@ -136,10 +136,10 @@ class Simulator:
         require_whole("ego_idx", ego_idx, 0, num_agents - 1)
         self.num_agents, self.seed, self.ego_idx, self.time_step = num_agents, seed, ego_idx, float(time_step)
         self.integrator, self.model, self.action_type = integrator, model, action_type
-        self.params = dict(F1TENTH) if params is None else params
         self.num_beams, self.fov, self.lidar_dist = num_beams, fov, lidar_dist
         self._vehicle, self._tires = Vehicle.load(vehicle), None if tires is None else Tires.load(tires)
         self._maps = maps
+        self.params = all_params(params, self._vehicle)
         self._params_of: list[dict[str, Any] | None] = [params] * num_agents
         self._physics = physics_timestep(self.time_step, self._vehicle)
         self._builds = self._cars()
@@ -190,7 +190,7 @@ class Simulator:
         """
         require_whole("index", agent_idx, -1, self.num_agents - 1)
         if agent_idx == -1:
-            self.params = params
+            self.params = all_params(params, self._vehicle)
         self._params_of = [
             params if agent_idx in (-1, agent) else own for agent, own in enumerate(self._params_of)
         ]  # fmt: skip
@@ -318,8 +318,7 @@ class RaceCar:
     @property
     def params(self) -> dict[str, Any]:
         """Its parameters, by the gym's names."""
-        own = self._sim._params_of[self._index]
-        return self._sim.params if own is None else own
+        return all_params(self._sim._params_of[self._index], self._sim.vehicle)
 
     @property
     def state(self) -> FloatArray:

@@ -284,6 +284,12 @@ class Track:
         pixels = np.asarray(Image.open(f"{self.filepath}{self.ext}").convert("L"))
         return np.where(pixels > 128, 255.0, 0.0).astype(np.float32)
 
+    @property
+    def has_lines(self) -> bool:
+        """Whether it has lines of its own, and not only those that are found in the map."""
+        files = (self._beside("centerline.csv"), self._beside("raceline.csv"))
+        return "centerline" in vars(self) or files != (None, None)
+
     def frenet_to_cartesian(self, s: float, ey: float, ephi: float) -> tuple[float, float, float]:
         """Return x, y and heading at a progress on the centreline, an offset to its left and a relative heading."""
         spline = self.centerline.spline
