@@ -122,6 +122,7 @@ class Driving:
         # the noise of a car is the same, however many others there are
         self._noise = [np.random.default_rng([self._seed, agent] if agent else self._seed) for agent in self._agents]
         self.laps = [LapCount(self.world.track, *pose) for pose in poses]
+        self.poses = [(x, y, heading) for x, y, heading in poses]
 
     def put(self, agent: int, state: Sequence[float]) -> None:
         """Put one car into a state of the gym, as `state` returns it, while the others go on."""

@@ -34,7 +34,7 @@ class RaceEnvironment:
       sim: the Simulator.
       params, map_name, map_path, map_ext, num_agents, timestep, ego_idx, seed, integrator, model: as asked for.
       poses_x, poses_y, poses_theta: of the cars after the last step.
-      collisions, lap_times, lap_counts, near_starts, toggle_list: of the cars, (num_agents,).
+      collisions, lap_times, lap_counts, near_starts: of the cars, (num_agents,).
       current_time: simulated since the reset [s].
       start_xs, start_ys, start_thetas, start_rot: where they started.
       render_obs: what is drawn.
@@ -78,6 +78,11 @@ class RaceEnvironment:
         """The world that is driven in, with its engine."""
         assert self.sim.driving is not None
         return self.sim.driving
+
+    @property
+    def toggle_list(self) -> FloatArray:
+        """How often each car has left or come back to its start, as the gym counts, (num_agents,)."""
+        return 2.0 * self.lap_counts
 
     @property
     def world(self) -> World:
@@ -147,7 +152,7 @@ class RaceEnvironment:
         count = self.num_agents
         self.current_time, self.num_toggles, self.near_start = 0.0, 0, True
         self.collisions, self.near_starts = np.zeros(count), np.ones(count, np.bool_)
-        self.toggle_list, self.lap_times, self.lap_counts = np.zeros((3, count))
+        self.lap_times, self.lap_counts = np.zeros((2, count))
 
     def _place(self, poses: ArrayLike) -> None:
         """Place the cars, and remember where."""
@@ -177,7 +182,6 @@ class RaceEnvironment:
     def _check_done(self) -> tuple[bool, Any]:
         """Return whether the ego has collided or all cars have driven two laps, and which cars have."""
         finished = self.lap_counts >= LAPS
-        self.toggle_list = 2.0 * self.lap_counts
         return bool(self.collisions[self.ego_idx]) or bool(finished.all()), finished
 
     def _grid(self) -> FloatArray:

@@ -103,10 +103,8 @@ class Simulator:
 
     Attributes:
       agents: RaceCar of each car.
-      agent_poses: after the last step, (num_agents, 3).
       agent_scans: the last scans, a list of (beams,).
       collisions: whether each car has touched something in the last step, 0 or 1, (num_agents,).
-      collision_idx: with which car, else -1, (num_agents,).
       driving: the Driving that they are in; None: there is no map yet.
 
     Raises:
@@ -146,9 +144,9 @@ class Simulator:
         self.driving: Driving | None = None
         self.map_file: Path | None = None
         self.course: Course | None = None
-        self.agent_poses = np.zeros((num_agents, 3))
         self.agent_scans: list[FloatArray] = [np.zeros(num_beams)] * num_agents
-        self.collisions, self.collision_idx = np.zeros(num_agents), np.full(num_agents, -1.0)
+        self.collisions = np.zeros(num_agents)
+        self.read: list[RaceCar] = []
         self.agents = [RaceCar.of(self, agent) for agent in range(num_agents)]
 
     def __repr__(self) -> str:
@@ -158,6 +156,23 @@ class Simulator:
     def vehicle(self) -> Vehicle:
         """That the parameters change."""
         return self._vehicle
+
+    @property
+    def agent_poses(self) -> FloatArray:
+        """Poses of the cars after the last step, (num_agents, 3)."""
+        poses = np.array(self.driving.poses if self.driving is not None else []).reshape(-1, 3)
+        if len(poses) != self.num_agents:
+            return np.zeros((self.num_agents, 3))
+        poses[:, 2] %= math.tau
+        return poses
+
+    @property
+    def collision_idx(self) -> FloatArray:
+        """With which car each car touches after the last step, else -1, (num_agents,)."""
+        if self.driving is None:
+            return np.full(self.num_agents, -1.0)
+        touched = self.driving.engine.touched_at >= self.driving.time
+        return np.where(touched.any(axis=1), touched.argmax(axis=1), -1).astype(np.float64)
 
     @property
     def agent_steerings(self) -> FloatArray:
@@ -209,10 +224,9 @@ class Simulator:
         placed = checked(poses, self.num_agents, 3, "poses", "x, y, heading")
         assert self.driving is not None
         self.driving.place(placed)
-        self.agent_poses = np.array(placed)
         self.collisions = np.zeros(self.num_agents)
-        for agent in self.agents:
-            agent.forget()
+        while self.read:
+            self.read.pop().forget()
 
     def step(self, control_inputs: ArrayLike) -> dict[str, Any]:
         """Hold steering angle [rad] and speed [m/s] of each car, (num_agents, 2), for a step; return what is observed.
@@ -223,14 +237,14 @@ class Simulator:
         commands = checked(control_inputs, self.num_agents, 2, "action", "steering angle, speed")
         driving = self.driving
         assert driving is not None
-        for agent in self.agents:
-            agent.write_back()
+        while self.read:
+            self.read.pop().write_back()
         collided = driving.drive(commands)
         poses = driving.poses
         self.collisions = collided.astype(np.float64)
         self.agent_scans = [driving.scan(agent) for agent in range(self.num_agents)]
         velocities = [driving.velocity(agent, poses[agent][2]) for agent in range(self.num_agents)]
-        observation = {
+        return {
             "ego_idx": self.ego_idx,
             "scans": self.agent_scans,
             "poses_x": [x for x, _, _ in poses],
@@ -241,12 +255,6 @@ class Simulator:
             "ang_vels_z": [yaw_rate for _, _, yaw_rate in velocities],
             "collisions": self.collisions,
         }
-        poses_of = np.array(poses)
-        poses_of[:, 2] %= math.tau
-        self.agent_poses = poses_of
-        if collided.any():
-            self._find_partners()
-        return observation
 
     def _cars(self) -> list[WorldCar]:
         return [
@@ -259,13 +267,6 @@ class Simulator:
             self.course, self._builds, timestep=self.time_step, physics=self._physics, seed=self.seed,
             beams=self.num_beams, field_of_view=self.fov,
         )  # fmt: skip
-
-    def _find_partners(self) -> None:
-        """Write with which car each car collides into `collision_idx`."""
-        assert self.driving is not None
-        engine = self.driving.engine
-        touched = engine.touched_at >= engine.time(0)
-        self.collision_idx = np.where(touched.any(axis=1), touched.argmax(axis=1), -1).astype(np.float64)
 
 
 class RaceCar:
@@ -328,6 +329,7 @@ class RaceCar:
             placed = driving is not None and bool(driving.laps)
             self._read = driving.state(self._index) if placed and driving is not None else np.zeros(7)
             self._kept = self._read.copy()
+            self._sim.read.append(self)
         return self._read
 
     @state.setter
