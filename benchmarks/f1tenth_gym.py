@@ -2,7 +2,7 @@
 
     python benchmarks/f1tenth_gym.py --gym PATH --map MAP.yaml [--speed 3] [--rounds 5] [--json FILE]
 
-PATH is your own checkout of f1tenth_gym v1.0, its main branch. Only its simulator is imported, which needs numba,
+PATH is your own checkout of f1tenth_gym v0.2, its main branch. Only its simulator is imported, which needs numba,
 scipy, pillow and PyYAML, but neither gym nor pyglet. The map's image must have the name of its YAML file.
 
 f1tenth_gym and `fg_mujoco.f110` advance one car by 10 ms a step and measure 1080 noisy beams after each; `Simulation`
@@ -108,7 +108,7 @@ class Driven:
 def theirs(checkout: Path, map_file: Path, extension: str) -> Driven:
     """Return f1tenth_gym's simulator as it ships: its own integrator and beams."""
     if not (file := checkout / PACKAGE / "base_classes.py").is_file():
-        raise SystemExit(f"--gym: no file {file}; accepted: a checkout of f1tenth_gym v1.0")
+        raise SystemExit(f"--gym: no file {file}; accepted: a checkout of f1tenth_gym v0.2")
     for name, folder in (("f110_gym", PACKAGE.parent), ("f110_gym.envs", PACKAGE)):
         package = types.ModuleType(name)  # in the place of its own, which imports gym and pyglet
         package.__path__ = [str(checkout / folder)]
@@ -184,7 +184,7 @@ def measure(checkout: Path, map_file: Path, *, speed: float, rounds: int) -> dic
 def main() -> None:
     """Print the table."""
     arguments = parser(__doc__)
-    arguments.add_argument("--gym", type=Path, required=True, metavar="PATH", help="a checkout of f1tenth_gym v1.0")
+    arguments.add_argument("--gym", type=Path, required=True, metavar="PATH", help="a checkout of f1tenth_gym v0.2")
     arguments.add_argument("--map", type=Path, required=True, metavar="FILE", help="map_server YAML of a closed course")
     arguments.add_argument("--speed", type=float, default=3.0, help="of both cars [m/s], default 3")
     arguments.add_argument("--rounds", type=int, default=5, help="of one lap each, default 5")

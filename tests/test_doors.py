@@ -117,8 +117,11 @@ def test_a_controllers_brackets_are_its_planner_settings():
 def test_the_f110_environment_drives_the_vehicle():
     env = f110.make(vehicle="nuc2", params={"m": 4.5, "mu": 0.8})
     assert env.world.xml == CarSettings(vehicle="nuc2", mu=0.8).world("oval").xml
-    with pytest.raises(fg.SettingsError, match=r"params\['m'\] is 3.74; accepted: 4.5, as nuc2 has it"):
-        env.update_params({"m": 3.74})
+    env.update_params({"m": 4.0})
+    assert env.world.parameters.mass == pytest.approx(4.0)
+    env.update_params({"m": 3.74})  # the gym's default, which scripts carry with them: the vehicle's own
+    assert env.world.parameters.mass == pytest.approx(4.5)
+    assert env.world.parameters.wheelbase == fg.Vehicle.load("nuc2").parameters.wheelbase
 
 
 # -- the same names

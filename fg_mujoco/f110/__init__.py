@@ -1,0 +1,31 @@
+"""The interfaces of f1tenth_gym round this simulator, so that scripts written for the 2D gym run in 3D.
+
+    from fg_mujoco import f110 as gym
+
+    env = gym.make("f110_gym:f110-v0", map="maps/aut", map_ext=".png", num_agents=1)
+    obs, reward, done, info = env.reset(np.array([[0.0, 0.0, 0.0]]))
+    while not done:
+        obs, reward, done, info = env.step(np.array([[steering_angle, speed]]))
+
+A script that nobody edits runs by `python -m fg_mujoco.f110 script.py`, or after `f110.install()`.
+
+What is as there: names, shapes, units and order of actions, observations and results; 1080 beams over 4.7 rad, with
+noise of 10 mm; a step of 10 ms, after each of which there is a scan; `done` on a collision or after two laps,
+`lap_times` that run until then; `map` without its extension; with more cars than one, whose the rows of poses and
+actions are, `done` when the ego has collided or all cars have driven two laps, and collisions with other cars.
+
+What is not: this is a car with tires and a suspension. `linear_vels_y` is its lateral velocity, which there is zero.
+Poses and velocities are those of the rear axle, and the LiDAR is where it is on the car, 0.275 m ahead of it; steering
+and speed follow their commands as servo and motor let them. The map's thresholds are honoured. Cars that touch push
+each other and drive on; each carries the box that makes it visible.
+
+Written afresh from the documentation of f1tenth_gym.
+"""
+
+from __future__ import annotations
+
+from .installing import install
+from .making import make
+from .old_api import F110Env
+
+__all__ = ["F110Env", "install", "make"]

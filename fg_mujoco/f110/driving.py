@@ -1,0 +1,260 @@
+"""What both interfaces of f1tenth_gym drive: a world, its engine, the noise of its scans, and the laps of its cars.
+
+driving = Driving(course, [WorldCar()], timestep=0.01)
+driving.place([[0.0, 0.0, 0.0]])
+collided = driving.drive([[0.1, 2.0]])      # steering angle [rad] and speed [m/s] of each car, held for a step
+driving.pose(0), driving.scan(0), driving.laps[0].completed
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ..course.course import Course
+from ..course.track import follow
+from ..display import brief
+from ..errors import SettingsError
+from ..lidar.beams import lidar_of
+from ..lidar.lidar import Lidar, RaycastLidar
+from ..messages import FloatArray
+from ..simulation.cars import WorldCar, first_overlap, lidar_prefix
+from ..simulation.engine import Engine
+from ..simulation.settings import Start
+from ..simulation.simulation import complete_state
+from ..simulation.world import World
+from ..vehicle import motion as car_motion
+
+BEAMS = 1080
+FIELD_OF_VIEW = 4.7
+"""[rad] From the first beam, the rightmost, to the last."""
+SCAN_NOISE = 0.01
+"""[m] Standard deviation of each range."""
+LAPS = 2
+"""After how many an episode is done."""
+
+_NEAR_LINE, _BESIDE_LINE = 0.1, 2.0  # [m^2, m] f1tenth_gym: a car this near to its start is at the start line
+
+
+class Driving:
+    """Some cars on a course, driven step by step.
+
+    Args:
+      course: that they drive on.
+      builds: the cars.
+      timestep: of a step [s].
+      physics: timestep of the physics, which divides it [s]; None: the vehicle's own.
+      seed: of the scans' noise.
+      beams: of each scan.
+      field_of_view: of each scan [rad].
+
+    Attributes:
+      world: the World; its LiDARs have these beams.
+      engine: its Engine.
+      laps: of each car, since they were placed.
+      poses: of the cars' rear axles after the last step, x [m], y [m] and heading [rad].
+    """
+
+    def __init__(
+        self,
+        course: Course,
+        builds: Sequence[WorldCar],
+        *,
+        timestep: float,
+        physics: float | None = None,
+        seed: int = 12345,
+        beams: int = BEAMS,
+        field_of_view: float = FIELD_OF_VIEW,
+    ) -> None:
+        first = builds[0]
+        self.world = GymWorld(
+            course, first.vehicle, mu=first.mu, tires=first.tires, changes=first.changes, others=builds[1:],
+            beams=beams, field_of_view=field_of_view,
+        )  # fmt: skip
+        if physics is not None:
+            self.world.model.opt.timestep = physics  # all digits, of which MJCF text has six
+        self._seed, self._beams = seed, beams
+        self._agents = range(len(builds))
+        self._every = np.ones(len(builds), np.bool_)  # of the engine's rows
+        self._data = mujoco.MjData(self.world.model)
+        self.engine = Engine(self.world, period=timestep)
+        self.laps: list[LapCount] = []
+        self.poses: list[tuple[float, float, float]] = []
+
+    def __repr__(self) -> str:
+        return brief(self, repr(self.world), f"step {self.engine.period:g} s")
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """The world's mujoco.MjData at the present state, which is written when it is asked for: one object."""
+        self.engine.read(0, self._data)
+        return self._data
+
+    @property
+    def time(self) -> float:
+        """Simulated since the cars were placed [s]."""
+        return self.engine.time(0)
+
+    def place(self, poses: Sequence[Sequence[float]]) -> None:
+        """Let the cars stand at poses of their rear axles, x [m], y [m], heading [rad]; begin their laps and noise.
+
+        Raises:
+          SettingsError: two cars in one place.
+        """
+        cars = self.world.cars
+        pair = first_overlap(poses, [car.parameters for car in cars])
+        if pair is not None:
+            said = " and ".join(str(list(poses[agent])) for agent in pair)
+            raise SettingsError(
+                f"poses of the cars {pair[0]} and {pair[1]} are {said}, where they touch; accepted: poses apart"
+            )
+        self.engine.place([Start()] * len(cars))
+        data = self.data
+        for car, pose in zip(cars, poses, strict=True):
+            car.set_pose(data, *pose)
+        self.engine.load(complete_state(self.world.model, data))
+        # the noise of a car is the same, however many others there are
+        self._noise = [np.random.default_rng([self._seed, agent] if agent else self._seed) for agent in self._agents]
+        self.laps = [LapCount(self.world.track, *pose) for pose in poses]
+        self.poses = [(x, y, heading) for x, y, heading in poses]
+
+    def put(self, agent: int, state: Sequence[float]) -> None:
+        """Put one car into a state of the gym, as `state` returns it, while the others go on."""
+        x, y, steering, speed, heading, yaw_rate, slip = (float(value) for value in state[:7])
+        car, data, time = self.world.cars[agent], self.data, self.time
+        car.write_pose(data, x, y, heading, speed)
+        constants = car.constants
+        free, at = int(constants["free_dof"][0]), int(constants["steering_qpos"][0])
+        cos, sin, left = math.cos(heading), math.sin(heading), speed * math.tan(slip)
+        data.qvel[free : free + 2] = speed * cos - left * sin, speed * sin + left * cos
+        data.qvel[free + 5], data.qpos[at] = yaw_rate, steering
+        data.time = time
+        mujoco.mj_forward(self.world.model, data)
+        self.engine.load(complete_state(self.world.model, data))
+
+    def drive(self, commands: Any) -> NDArray[np.bool_]:
+        """Hold commands for a step, count the laps, and return whether each car touches something. Shape (cars,).
+
+        Args:
+          commands: steering angle [rad] and speed [m/s] of each car, shape (cars, 2), held within its limits.
+        """
+        engine = self.engine
+        engine.commands[:] = commands
+        engine.drive()
+        engine.sense(self._every)
+        time = engine.time(0)
+        collided: NDArray[np.bool_] = engine.crashed | (engine.touched_at >= time).any(axis=1) | engine.unstable(0)
+        self.poses = [self.pose(agent) for agent in self._agents]
+        for laps, (x, y, _) in zip(self.laps, self.poses, strict=True):
+            laps.count(time, x, y)
+        return collided
+
+    def scan(self, agent: int) -> FloatArray:
+        """Return a car's ranges, noisy; `range_max` where nothing is, 0 where it is too near. Shape (beams,) [m]."""
+        noisy: FloatArray = self.engine.ranges[agent] + self._noise[agent].normal(0.0, SCAN_NOISE, self._beams)
+        return np.clip(noisy, 0.0, self.engine.beams.range_max, out=noisy)
+
+    def pose(self, agent: int) -> tuple[float, float, float]:
+        """Return x [m], y [m] and heading [rad] of a car's rear axle."""
+        return car_motion.planar_pose(self.engine.qpos(0), self.world.cars[agent].constants)
+
+    def velocity(self, agent: int, heading: float) -> tuple[float, float, float]:
+        """Return a car's velocity ahead and to the left [m/s], and its yaw rate [rad/s]."""
+        free = int(self.world.cars[agent].constants["free_dof"][0])
+        east, north, *_, yaw_rate = self.engine.qvel(0)[free : free + 6].tolist()
+        cos, sin = math.cos(heading), math.sin(heading)
+        return east * cos + north * sin, north * cos - east * sin, yaw_rate
+
+    def steering(self, agent: int) -> float:
+        """Return a car's steering angle [rad]."""
+        return float(self.engine.qpos(0)[int(self.world.cars[agent].constants["steering_qpos"][0])])
+
+    def state(self, agent: int) -> FloatArray:
+        """Return a car's state as the gym has it: x, y, steering angle, speed, heading, yaw rate, slip angle. (7,)."""
+        x, y, heading = self.pose(agent)
+        ahead, left, yaw_rate = self.velocity(agent, heading)
+        slip = math.atan2(left, ahead) if math.hypot(ahead, left) >= car_motion.SIDESLIP_SPEED else 0.0
+        return np.array([x, y, self.steering(agent), ahead, heading % math.tau, yaw_rate, slip])
+
+
+class LapCount:
+    """Counts the laps of a car: by progress on a closed course, in the direction in which it was placed.
+
+    On a course without a loop they are counted as f1tenth_gym does: by how often the car comes back to its start.
+
+    Args:
+      track: the course.
+      x: where the car is placed [m].
+      y: the same [m].
+      heading: its own [rad].
+
+    Attributes:
+      completed: laps.
+      time: when the second was completed, and until then the present time [s].
+      at_start: whether the car is near the line that it started from, on a course without a loop.
+    """
+
+    def __init__(self, track: Course, x: float, y: float, heading: float) -> None:
+        self._track, self._start = track, (x, y, heading)
+        self._place = float(track.project([[x, y]])[0][0])
+        self._progress = self._greatest_progress = 0.0
+        self.completed, self.time, self.at_start = 0, 0.0, True
+        along = track.start_pose(self._place - (track.origin or 0.0))[2]
+        self._forward = math.copysign(1.0, math.cos(heading - along))  # laps count in the direction that it looks in
+
+    def count(self, time: float, x: float, y: float) -> None:
+        """Take where the car is at a time."""
+        if self.completed < LAPS:
+            self.time = time
+        track = self._track
+        if not track.closed:
+            near = self._near(x, y)
+            self.completed += near and not self.at_start
+            self.at_start = near
+            return
+        place, _ = follow(x, y, self._place, track.table, track.modulus)
+        self._progress += self._forward * math.remainder(place - self._place, track.length)
+        self._place = place
+        self._greatest_progress = max(self._greatest_progress, self._progress)
+        self.completed = int(self._greatest_progress // track.length)
+
+    def _near(self, x: float, y: float) -> bool:
+        start_x, start_y, heading = self._start
+        cos, sin, x, y = math.cos(heading), math.sin(heading), x - start_x, y - start_y
+        beside = max(abs(y * cos - x * sin) - _BESIDE_LINE, 0.0)
+        return (x * cos + y * sin) ** 2 + beside**2 <= _NEAR_LINE
+
+
+class GymWorld(World):
+    """A world whose LiDARs measure along the 2D gym's beams, in the range of their own.
+
+    Args:
+      beams: of a scan.
+      field_of_view: of a scan [rad].
+      course, vehicle, settings: as of World.
+    """
+
+    def __init__(
+        self, course: Course, vehicle: Any, *, beams: int = BEAMS, field_of_view: float = FIELD_OF_VIEW, **settings: Any
+    ) -> None:
+        self._count, self._field_of_view = beams, field_of_view
+        super().__init__(course, vehicle, **settings)
+
+    def make_lidar(self, car: int = 0) -> Lidar:
+        """Return the LiDAR, where the car has its own."""
+        own = lidar_of(self.model, lidar_prefix(car)).beams
+        count, half = self._count, 0.5 * self._field_of_view
+        bearings = np.linspace(-half, half, count)
+        increment = self._field_of_view / (count - 1)
+        beams = replace(
+            own, directions=np.column_stack((np.cos(bearings), np.sin(bearings), np.zeros(count))),
+            origins=np.zeros((count, 3)), bearings=bearings, angle_min=-half, angle_max=half,
+            angle_increment=increment, time_increment=own.period * increment / math.tau,
+        )  # fmt: skip
+        return RaycastLidar(self.model, lidar_prefix(car), beams=beams)
