@@ -26,6 +26,7 @@ BEGIN = 1_000_000_000 * 1_000_000_000
 
 _MOST_ROUNDS = 100_000  # resumptions at one instant before a node is said to let no time pass
 _MOST_QUESTIONS = 1000  # whether it is over, at one instant, before time goes on
+_COMMANDS = ("ackermann_msgs/", "std_msgs/Float", "geometry_msgs/Twist")  # types of topics that command a car
 _CLOSING = 0.2  # [s] that a thread has to end
 
 
@@ -66,6 +67,11 @@ class Publication:
     node: str
     place: str
     count: int = 0  # of messages so far
+
+    @property
+    def commands(self) -> bool:
+        """Whether its messages may command a car."""
+        return getattr(self.kind, "_type", "").startswith(_COMMANDS)
 
 
 class Process:
@@ -274,13 +280,16 @@ class Graph:
 
     def publish(self, publication: Publication, message: Any, *, latch: bool = False) -> None:
         """Send a copy of a message to all who listen."""
-        kept = self.newest[publication.topic] = copy.deepcopy(message)
         publication.count += 1
+        listened = self.listens(publication.topic)
+        if not (publication.commands or latch or listened or self.journal is not None):
+            return  # nobody sees it
+        kept = self.newest[publication.topic] = copy.deepcopy(message)
         if self.journal is not None:
             self.journal.append((self.now, publication.topic, kept))
         if latch:
             self.latched[publication.topic] = kept
-        if self.listens(publication.topic):
+        if listened:
             self.deliver(publication.topic, copy.deepcopy(kept))
 
     def listens(self, topic: str) -> bool:

@@ -77,8 +77,6 @@ class Message:
             if len(values) > len(self._makers):
                 raise TypeError(f"{self._type} has {len(self._makers)} fields; {len(values)} values are given")
             named = {**dict(zip(self._makers, values, strict=False)), **named}
-        for name, make in self._makers.items():
-            object.__setattr__(self, name, make())
         for name, value in named.items():
             setattr(self, name, value)
 
@@ -89,6 +87,12 @@ class Message:
         object.__setattr__(self, name, check(value))
 
     def __getattr__(self, name: str) -> Any:
+        """Return the default of a field that has not been set: it is made when it is asked for first."""
+        make = self._makers.get(name)
+        if make is not None:
+            value = make()
+            object.__setattr__(self, name, value)
+            return value
         if name.startswith("__"):
             raise AttributeError(name)
         raise AttributeError(f"{self._type} has no field {name!r}; {self._accepted(name)}")
@@ -108,7 +112,11 @@ class Message:
     def __deepcopy__(self, memo: Any) -> Message:
         copy = object.__new__(type(self))
         for name in self._makers:
-            object.__setattr__(copy, name, _copied(getattr(self, name), memo))
+            try:
+                value = object.__getattribute__(self, name)
+            except AttributeError:
+                continue  # it has its default
+            object.__setattr__(copy, name, _copied(value, memo))
         return copy
 
     __copy__ = None
@@ -158,8 +166,8 @@ class Message2(Message):
 def made(kind: type[Message], **values: Any) -> Any:
     """Return a message of fields that are known to be right, without looking at them."""
     message = object.__new__(kind)
-    for name, make in kind._makers.items():
-        object.__setattr__(message, name, values[name] if name in values else make())
+    for name, value in values.items():
+        object.__setattr__(message, name, value)
     return message
 
 
