@@ -242,7 +242,7 @@ def test_a_pose_that_is_none_is_refused():
 
 def test_other_ways_to_render_are_refused():
     env = f110.make(map="oval")
-    with pytest.raises(SettingsError, match="render mode 'ansi'; accepted: human, human_fast, rgb_array"):
+    with pytest.raises(SettingsError, match="render mode 'ansi'; accepted: human, human_fast, unlimited, rgb_array"):
         env.render("ansi")
     env.close()
 

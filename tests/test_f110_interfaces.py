@@ -372,3 +372,14 @@ def test_footprints_and_servos_are_the_gyms():
     assert not gym_functions.collision(corners, corners + np.array([0.25, 0.0]))
     assert gym_functions.pid(2.0, 0.1, 1.0, 0.0, 3.2, 9.51, 20.0, -5.0) == pytest.approx((10 * 9.51 / 20, 3.2))
     assert gym_functions.pid(0.0, 0.0, 1.0, 0.0, 3.2, 9.51, 20.0, -5.0) == pytest.approx((-10 * 9.51 / 5, 0.0))
+
+
+def test_rays_pixels_and_times_to_collision_are_the_gyms():
+    square = np.array([[1.0, -0.5], [2.0, -0.5], [2.0, 0.5], [1.0, 0.5]])
+    scan = gym_functions.ray_cast(np.zeros(3), np.full(3, 9.0), np.array([-1.5, 0.0, 0.25]), square)
+    assert scan.tolist() == pytest.approx([9.0, 1.0, 1.0 / math.cos(0.25)])
+    assert gym_functions.xy_2_rc(1.06, 2.49, 1.0, 2.0, 1.0, 0.0, 20, 10, 0.05) == (9, 1)
+    assert gym_functions.xy_2_rc(0.99, 2.0, 1.0, 2.0, 1.0, 0.0, 20, 10, 0.05) == (-1, -1)
+    near, angles, sides = np.full(3, 0.5), np.array([-0.1, 0.0, 0.1]), np.full(3, 0.2)
+    for speed, touches in ((0.0, False), (10.0, True), (2.0, False), (-10.0, False)):
+        assert gym_functions.check_ttc_jit(near, speed, angles, np.cos(angles), sides, 0.05) is touches

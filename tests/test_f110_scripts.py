@@ -256,3 +256,63 @@ def test_gymnasium_stays_itself_and_has_the_environments(folder):
     """
     out, error, status = run(folder, text)
     assert (out, status) == ("True True 1\n[False, False, True] True\n(2, 1, 1080)\n", 0), error
+
+
+def test_names_of_pyglet_take_whatever_is_done_with_them(folder):
+    text = """
+        import pyglet
+        from pyglet import gl
+        from pyglet.gl import *
+        from pyglet.window import key
+        pyglet.options["debug_gl"] = False
+        class Window(pyglet.window.Window):
+            def __init__(self):
+                super().__init__(200, 100, "mine", resizable=True)
+            def on_draw(self):
+                self.clear()
+        window = Window()
+        @window.event
+        def on_key_press(symbol, modifiers):
+            return symbol == key.ESCAPE
+        glMatrixMode(GL_PROJECTION)
+        gluOrtho2D(0, window.width, 0, window.height)
+        gl.glPointSize(4)
+        batch = pyglet.graphics.Batch()
+        line = pyglet.shapes.Line(0, 0, 1, 1, width=2, color=(255, 0, 0), batch=batch)
+        line.x2 = 5
+        label = pyglet.text.Label("a", font_size=12, x=0, y=0, batch=batch)
+        label.text = "b"
+        points = batch.add(2, gl.GL_LINES, None, ("v2f/stream", [0, 0, 1, 1]), ("c3B", (0,) * 6))
+        points.vertices[0] = 3.0
+        for each in window.get_children():
+            each.draw()
+        batch.draw(), window.on_draw(), window.flip(), pyglet.clock.tick(), pyglet.app.run()
+        print(line.x2, label.text, points.vertices, GL_QUADS, GL_POINTS, len(window.list))
+    """
+    out, error, status = run(folder, text, hidden=ALL)
+    assert (out, status) == ("5 b [3.0, 0.0, 0.0, 0.0] 7 0 0\n", 0), error
+
+
+def test_configuration_objects_of_later_releases(folder):
+    text = """
+        import gymnasium as gym
+        from f1tenth_gym.envs.action import LongitudinalActionType
+        from f1tenth_gym.envs.contact import ContactConfig
+        from f1tenth_gym.envs.dynamic_models import DynamicModel, F1TENTH_VEHICLE_PARAMETERS
+        from f1tenth_gym.envs.env_config import ControlConfig, EnvConfig, ObservationConfig, RewardConfig, RewardMode
+        from f1tenth_gym.envs.integrators import IntegratorType
+        from f1tenth_gym.envs.observation import ObservationType
+        from f1tenth_gym.envs.reset import ResetStrategy
+        cfg = EnvConfig(map_name="drawn", num_agents=1, params=F1TENTH_VEHICLE_PARAMETERS.with_updates(mu=0.9),
+                        control_config=ControlConfig(longitudinal_mode=LongitudinalActionType.SPEED),
+                        observation_config=ObservationConfig(type=ObservationType.KINEMATIC_STATE),
+                        reward_config=RewardConfig(mode=RewardMode.SURVIVAL),
+                        contact_config=ContactConfig(friction=0.6))
+        env = gym.make("f1tenth_gym:f1tenth-v0", config=cfg, render_mode="unlimited")
+        obs, info = env.reset(seed=cfg.seed)
+        env.render()
+        print(sorted(obs["agent_0"]), env.unwrapped.config["max_laps"], env.unwrapped.params["mu"])
+    """
+    out, error, status = run(folder, text)
+    assert (out, status) == ("['delta', 'linear_vel_x', 'pose_theta', 'pose_x', 'pose_y'] 1 0.9\n", 0), error
+    assert "config: not here: reward_config, contact_config, mode, friction" in error

@@ -206,6 +206,10 @@ class RenderConfig(Settings):
     defaults = {"render_fps": 60, "real_time_factor": 1.0, "frame_output_method": "auto"}  # noqa: RUF012
 
 
+class OtherConfig(Settings):
+    """Settings of what is not here: rewards, ends, contacts, randomization; they are named in a warning."""
+
+
 class EnvConfig(Settings):
     """All settings of an environment."""
 

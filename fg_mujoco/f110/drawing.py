@@ -19,7 +19,7 @@ from ..errors import SettingsError, accepted_names
 from .driving import Driving
 from .gym_functions import get_vertices
 
-MODES = ("human", "human_fast", "rgb_array")
+MODES = ("human", "human_fast", "unlimited", "rgb_array")
 
 CAR_LENGTH, CAR_WIDTH = 0.58, 0.31  # [m] as the gym draws cars
 _SCALE = 50.0  # [px / m]
@@ -153,17 +153,21 @@ class View:
 
     Args:
       driving: to be shown.
+      told: whether it was said already that nothing can be shown.
+
+    Attributes:
+      told: the same.
     """
 
-    def __init__(self, driving: Driving) -> None:
+    def __init__(self, driving: Driving, *, told: bool = False) -> None:
         self._driving = driving
         self._window: Any = None
         self._renderer: Any = None
-        self._told = False
+        self.told = told
 
     def show(self, *, paced: bool) -> None:
         """Show the present state in a window, at the pace of real time or as fast as it can be drawn."""
-        if self._told:
+        if self.told:
             return
         if self._window is None:
             try:
@@ -176,7 +180,7 @@ class View:
 
     def picture(self, ego: int) -> NDArray[np.uint8]:
         """Return what is seen from behind the ego, black where nothing can be drawn. Shape (480, 640, 3)."""
-        if not self._told:
+        if not self.told:
             try:
                 if self._renderer is None:
                     from ..viz.rendering import Renderer  # on the GPU, or on the CPU where there is none
@@ -203,7 +207,7 @@ class View:
         return Window(self._driving.world, self._driving.data, self._driving.engine.period if paced else 0.0)
 
     def _tell(self, error: Exception) -> None:
-        self._told = True
+        self.told = True
         warnings.warn(f"render shows nothing and goes on: {error}", stacklevel=5)
 
 

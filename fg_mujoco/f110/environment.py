@@ -43,6 +43,7 @@ class RaceEnvironment:
 
     renderer: Any = None
     current_obs: Any = None
+    _told = False
     _own_track: Track | None = None
     _scale: float = 1.0
 
@@ -57,7 +58,6 @@ class RaceEnvironment:
         self.render_callbacks: list[Callable[[Any], Any]] = []
         self.render_obs: dict[str, Any] | None = None
         self._view: View | None = None
-        self._told_callbacks = False
         count = self.num_agents
         self.poses_x: Any = []
         self.poses_y: Any = []
@@ -78,6 +78,11 @@ class RaceEnvironment:
         """The world that is driven in, with its engine."""
         assert self.sim.driving is not None
         return self.sim.driving
+
+    @property
+    def num_beams(self) -> int:
+        """Beams of a scan."""
+        return self.sim.num_beams
 
     @property
     def toggle_list(self) -> FloatArray:
@@ -203,7 +208,7 @@ class RaceEnvironment:
         for callback in (*self.render_callbacks, *self.renderer.callbacks):
             callback(self.renderer)
         if self._view is None:
-            self._view = View(self.driving)
+            self._view = View(self.driving, told=self._told)
         if mode == "rgb_array":
             return self._view.picture(self.ego_idx)
         self._view.show(paced=mode == "human")
@@ -216,6 +221,7 @@ class RaceEnvironment:
     def _close_view(self) -> None:
         view = getattr(self, "_view", None)
         if view is not None:
+            self._told = view.told
             view.close()
             self._view = None
 

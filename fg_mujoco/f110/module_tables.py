@@ -44,10 +44,13 @@ _RENDERING = {
     "CAR_LENGTH": "drawing:CAR_LENGTH", "CAR_WIDTH": "drawing:CAR_WIDTH", "ZOOM_IN_FACTOR": 1.2,
     "ZOOM_OUT_FACTOR": 1.0 / 1.2, "make_lidar_scan_callback": "drawing:Nothing",
 }  # fmt: skip
+_OTHERS = dict.fromkeys(
+    ("TerminationConfig", "RewardConfig", "DomainRandomizationConfig", "ContactConfig"), "config:OtherConfig"
+) | {"RewardMode": "drawing:Nothing", "ScanBackend": "drawing:Nothing"}
 _CONFIG = {name: f"config:{name}" for name in (
     "EnvConfig", "ControlConfig", "SimulationConfig", "ObservationConfig", "ResetConfig", "RenderConfig",
     "LoopCounterMode",
-)} | _LASERS | _ACTIONS | _MODELS  # fmt: skip
+)} | _OTHERS | _LASERS | _ACTIONS | _MODELS  # fmt: skip
 _OBSERVATIONS = {
     "Observation": "observations:Observation", "observation_factory": "observations:Observation",
     "ObservationType": "config:ObservationType",
@@ -68,8 +71,9 @@ _RACING: dict[str, Table] = {
     "envs.dynamic_models.utils": _MODELS,
     "envs.collision_models": _COLLISIONS,
     "envs.laser_models": _LASERS,
-    "envs.lidar": _LASERS,
-    "envs.lidar.config": _LASERS,
+    "envs.lidar": _LASERS | _OTHERS,
+    "envs.lidar.config": _LASERS | _OTHERS,
+    "envs.contact": _OTHERS,
     "envs.integrator": _INTEGRATORS,
     "envs.integrators": _INTEGRATORS,
     "envs.action": _ACTIONS,
