@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..course.files import read_text
 from ..errors import BagError, FgMujocoError
 from .bag_messages import require_ros_extra, type_store
 from .bag_storage import ACCEPTED, Channel, Storage, is_storage, open_storage, uncompressed
@@ -35,6 +36,10 @@ Topic = tuple[str, str]
 _METADATA = "metadata.yaml"
 _SET_BACK = 500_000_000  # [ns] that a topic's times go back by where the recorder's clock was set, and not late
 _GOES_ON = 25_000_000  # [ns] after a clock was set back
+_MOST_METADATA = 2**24  # bytes
+_FILES = re.compile(r"^ *relative_file_paths:[ \t]*\n((?:[ \t]*-[ \t].*(?:\n|\Z))+)", re.MULTILINE)
+_ITEM = re.compile(r"^[ \t]*-[ \t]+(.+?)[ \t\r]*$", re.MULTILINE)
+_DISTRIBUTION = re.compile(r"^ *ros_distro: *[\"']?(\w+)", re.MULTILINE)
 _NUMBERED = re.compile(r"(?P<stem>.*?)_(?P<number>\d+)$")
 
 
@@ -225,15 +230,14 @@ class Recording:
         path = self.path / _METADATA
         if not path.is_file():
             return []
-        import yaml
-
         try:
-            about = yaml.safe_load(path.read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
-            self._distribution = str(about.get("ros_distro") or "")
-            return [Path(str(name)).name for name in about["relative_file_paths"]]
-        except Exception as error:  # whatever is in it
-            self.warn(f"{_METADATA} cannot be read ({type(error).__name__}); the folder's files are")
+            text = read_text(path, _MOST_METADATA)
+        except (OSError, ValueError) as error:
+            self.warn(f"{_METADATA} cannot be read ({error}); the folder's files are")
             return []
+        self._distribution = found[1] if (found := _DISTRIBUTION.search(text)) else ""
+        listed = _FILES.search(text)
+        return [Path(name.strip("'\" ")).name for name in _ITEM.findall(listed[1])] if listed else []
 
     def _order(self) -> None:
         """Order all messages by time. A clock that was set back while recording goes on."""
