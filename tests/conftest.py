@@ -2,8 +2,8 @@ import contextlib
 import os
 import signal
 
-# Two workers on two cores: one thread each, for numpy's linear algebra, too, whose threads wait by spinning. It counts
-# them when it is imported. And processes that the tests start find the modules of the package compiled, as users do.
+# Workers share the cores: each has one thread for numpy's linear algebra, too, whose threads wait by spinning; numpy
+# reads this when it is imported. And processes that the tests start find the package's modules compiled, as users do.
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
@@ -15,6 +15,7 @@ import pytest
 from hypothesis import settings
 
 import fg_mujoco as fg
+from fg_mujoco.studies.worker_processes import usable_cores
 
 # The same examples in every run, so that a change that passes here passes everywhere; `make fuzz` tries others.
 settings.register_profile("repeatable", derandomize=True, deadline=None)
@@ -33,6 +34,12 @@ SLOWEST = (
     "test_hostile_runs.py", "test_leaks.py", "test_debug.py", "test_every_track.py", "test_compare_cli.py",
     "test_two_policies_example.py", "test_tight_tracks.py",
 )  # fmt: skip
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers():
+    """One more than there are cores: some tests wait, for a process, a browser or a limit of time."""
+    return usable_cores() + 1
 
 
 def pytest_configure(config):
