@@ -13,9 +13,13 @@ noise of 10 mm; a step of 10 ms, after each of which there is a scan; `done` on 
 actions are, `done` when the ego has collided or all cars have driven two laps, and collisions with other cars.
 
 What is not: this is a car with tires and a suspension. `linear_vels_y` is its lateral velocity, which there is zero.
-Poses and velocities are those of the rear axle, and the LiDAR is where it is on the car, 0.275 m ahead of it; steering
-and speed follow their commands as servo and motor let them. The map's thresholds are honoured. `num_agents` is 1 unless
-another number is given. Cars that touch push each other and drive on; each carries the box that makes it visible.
+Poses and velocities are those of the rear axle, and the LiDAR is where it is on the car, 0.275 m ahead of it. Steering
+follows its command as the servo lets it; speed follows by the gains of the 2D gym's controller. With linear tires, as
+`tires="f1tenth_gym"` puts them on, the car resembles the gym's single-track model: poses and velocities are those of
+the centre of gravity, which is near the ground, so that no load moves from tire to tire, and the controller makes up
+for the tires' slip and drag, which that model does not have, either. The map's thresholds are honoured. `num_agents` is
+1 unless another number is given. Cars that touch push each other and drive on; each carries the box that makes it
+visible.
 
 Written afresh from the documentation of f1tenth_gym.
 """
@@ -48,6 +52,9 @@ from .simulation.simulation import complete_state
 from .simulation.world import World
 from .vehicle import motion as car_motion
 from .vehicle.car import Car
+from .vehicle.changes import CarChanges
+from .vehicle.speed_controller import SpeedController
+from .vehicle.tires import LINEAR, Tires
 from .vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 
 Observation = dict[str, Any]
@@ -61,6 +68,7 @@ LAPS = 2
 """After how many an episode is done."""
 
 _STIFFNESSES = {"C_Sf": 4.718, "C_Sr": 5.4562}  # [1/rad] of the 2D gym's linear tires; these here have none to set
+_GROUND = 0.002  # [m] height of a centre of gravity near the ground, so that hardly any load moves
 _SAME = 0.01  # share by which a parameter may differ from that of the car
 _MOST_AGENTS = 8
 
@@ -90,13 +98,16 @@ class F110Env:
       integrator: accepted and not used, for MuJoCo has its own.
       vehicle: of all cars: a bundled name, the path of a vehicle's MJCF file, or a Vehicle; the 2D gym does not have
         this keyword.
+      tires: of all cars: a bundled set, as "f1tenth_gym" with the linear tires of the 2D gym's single-track model; the
+        path of a TOML file, or Tires. None: the vehicle's; those of the bundled car are MuJoCo's contacts, which let
+        go at `mu`, as the gym's never do. The 2D gym does not have this keyword.
 
     Attributes:
       world: the World; its LiDAR has the 1080 beams.
 
     Raises:
-      SettingsError: no such number of agents, or no such ego; a timestep that is no multiple of the physics' own, or
-        other parameters than the car has.
+      SettingsError: no such number of agents, no such ego, or no such tires; a timestep that is no multiple of the
+        physics' own, or other parameters than the car has.
       TrackError: a map that cannot be read.
     """
 
@@ -112,6 +123,7 @@ class F110Env:
         seed: int = 12345,
         integrator: object = None,
         vehicle: Vehicle | str | Path = DEFAULT_VEHICLE,
+        tires: Tires | str | Path | None = None,
     ) -> None:
         require_whole("num_agents", num_agents, 1, _MOST_AGENTS)
         require_whole("ego_idx", ego_idx, 0, num_agents - 1)
@@ -121,6 +133,7 @@ class F110Env:
         self._every = np.ones(num_agents, np.bool_)  # of the engine's rows
         self._map, self._params = (map, map_ext), [params] * num_agents
         self._vehicle = Vehicle.load(vehicle)
+        self._tires = self._vehicle.tires if tires is None else Tires.load(tires)
         self._viewer: Any = None
         self._build()
 
@@ -156,12 +169,18 @@ class F110Env:
         """Place the cars, let them stand for one step, and return what `step` returns.
 
         Args:
-          poses: of the rear axles, x [m], y [m], heading [rad], shape (num_agents, 3).
+          poses: of the rear axles, or with linear tires of the centres of gravity: x [m], y [m], heading [rad], of
+            shape (num_agents, 3).
 
         Raises:
           SettingsError: another shape, a number that is not finite, or two cars in one place.
         """
-        placed = self._checked(poses, 3, "poses", "x, y, heading")
+        placed = [
+            [x - ahead * math.cos(heading), y - ahead * math.sin(heading), heading]
+            for ahead, (x, y, heading) in zip(
+                self._ahead, self._checked(poses, 3, "poses", "x, y, heading"), strict=True
+            )
+        ]
         cars = self.world.cars
         pair = first_overlap(placed, [car.parameters for car in cars])
         if pair is not None:
@@ -174,6 +193,8 @@ class F110Env:
         for car, pose in zip(cars, placed, strict=True):
             car.set_pose(data, *pose)
         self._engine.load(complete_state(self.world.model, data))
+        for controller in self._controllers:
+            controller.reset()
         # the noise of a car is the same, however many others there are
         self._noise = [np.random.default_rng([self._seed, agent] if agent else self._seed) for agent in self._agents]
         self._laps = [_LapCount(self.world.track, *pose) for pose in placed]
@@ -194,7 +215,7 @@ class F110Env:
         """
         commands = self._checked(action, 2, "action", "steering angle, speed")
         engine = self._engine
-        engine.commands[:] = commands
+        engine.commands[:] = [self._driven(agent, *command) for agent, command in enumerate(commands)]
         engine.drive()
         engine.sense(self._every)
         time = engine.time(0)
@@ -245,18 +266,26 @@ class F110Env:
         self.close()
         course = _load(*self._map, self._vehicle.parameters)
         mus = [None if params is None else params.get("mu") for params in self._params]
+        single_track = self._tires.model == LINEAR
+        changes = CarChanges(center_of_gravity_height=_GROUND) if single_track else CarChanges()
+        others = [WorldCar(vehicle=self._vehicle, mu=mu, changes=changes, tires=self._tires) for mu in mus[1:]]
         self.world = _GymWorld(
-            course, self._vehicle, mu=mus[0], others=[WorldCar(vehicle=self._vehicle, mu=mu) for mu in mus[1:]]
-        )
+            course, self._vehicle, mu=mus[0], changes=changes, tires=self._tires, others=others
+        )  # fmt: skip
         for params, car in zip(self._params, self.world.cars, strict=True):
             if params is not None:
-                _check_parameters(params, car, self._vehicle.name)
+                _check_parameters(params, car, self._vehicle)
         self._data = mujoco.MjData(self.world.model)
         physics = float(self.world.model.opt.timestep)
         steps = round(self.timestep / physics)
         if steps < 1 or abs(steps * physics - self.timestep) > 1e-9:
             raise SettingsError(f"timestep is {self.timestep} s; accepted: a multiple of the physics' own, {physics} s")
         self._engine = Engine(self.world, period=self.timestep)
+        cars = [car.parameters for car in self.world.cars]
+        self._ahead = [car.rear_axle_distance if single_track else 0.0 for car in cars]  # [m] of poses, from rear axles
+        self._controllers = [
+            SpeedController(car, over_ground=single_track, timestep=self.timestep) for car in cars
+        ]  # fmt: skip
 
     def _observe(self, poses: list[tuple[float, float, float]], collided: NDArray[np.bool_]) -> Observation:
         velocities = [self._velocity(agent, poses[agent][2]) for agent in self._agents]
@@ -279,15 +308,24 @@ class F110Env:
         noisy: FloatArray = self._engine.ranges[agent] + self._noise[agent].normal(0.0, SCAN_NOISE, BEAMS)
         return np.clip(noisy, 0.0, self._engine.beams.range_max, out=noisy)
 
+    def _driven(self, agent: int, steering_angle: float, speed: float) -> tuple[float, float]:
+        """Return the command that has the engine drive a car as the 2D gym's controller would."""
+        ahead, left, _ = self._velocity(agent, self._pose(agent)[2])
+        over_ground = math.copysign(math.hypot(ahead, left), ahead)
+        wheels = car_motion.surface_speed(self._engine.qvel(0), self.world.cars[agent].constants)
+        return steering_angle, self._controllers[agent].set_point(speed, wheels, over_ground)
+
     def _pose(self, agent: int) -> tuple[float, float, float]:
-        return car_motion.planar_pose(self._engine.qpos(0), self.world.cars[agent].constants)
+        x, y, heading = car_motion.planar_pose(self._engine.qpos(0), self.world.cars[agent].constants)
+        ahead = self._ahead[agent]
+        return x + ahead * math.cos(heading), y + ahead * math.sin(heading), heading
 
     def _velocity(self, agent: int, heading: float) -> tuple[float, float, float]:
         """Return a car's velocity ahead and to the left [m/s], and its yaw rate [rad/s]."""
         free = int(self.world.cars[agent].constants["free_dof"][0])
         east, north, *_, yaw_rate = self._engine.qvel(0)[free : free + 6].tolist()
         cos, sin = math.cos(heading), math.sin(heading)
-        return east * cos + north * sin, north * cos - east * sin, yaw_rate
+        return east * cos + north * sin, north * cos - east * sin + self._ahead[agent] * yaw_rate, yaw_rate
 
     def _checked(self, values: ArrayLike, columns: int, name: str, meaning: str) -> list[list[float]]:
         """Return the rows of an array (num_agents, columns) of finite numbers."""
@@ -362,12 +400,12 @@ def _load(name: str, extension: str | None, car: CarParameters) -> Course:
     return load_track(name, car=car)
 
 
-def _check_parameters(params: dict[str, float], tested: Car, vehicle: str) -> None:
-    """Refuse parameters that a car of the world, a vehicle of that name, does not have."""
+def _check_parameters(params: dict[str, float], tested: Car, vehicle: Vehicle) -> None:
+    """Refuse parameters that a car of the world, of that vehicle, does not have."""
     car = tested.parameters
     own = {
         "mu": tested.mu, "lf": car.front_axle_distance, "lr": car.rear_axle_distance, "m": car.mass,
-        "h": car.center_of_gravity_height, "I": car.yaw_inertia, "s_min": -car.max_steering_angle,
+        "h": vehicle.parameters.center_of_gravity_height, "I": car.yaw_inertia, "s_min": -car.max_steering_angle,
         "s_max": car.max_steering_angle, "sv_min": -car.max_steering_rate, "sv_max": car.max_steering_rate,
         "v_switch": car.power_limit_speed, "a_max": car.max_acceleration, "v_min": car.min_speed,
         "v_max": car.max_speed, "width": car.width, "length": car.length, **_STIFFNESSES,
@@ -377,6 +415,6 @@ def _check_parameters(params: dict[str, float], tested: Car, vehicle: str) -> No
             raise SettingsError(f"params has {name!r}; {accepted_names(name, own)}")
         if not math.isclose(value, own[name], rel_tol=_SAME):
             raise SettingsError(
-                f"params[{name!r}] is {value!r}; accepted: {own[name]:.6g}, as {vehicle} has it; only mu "
+                f"params[{name!r}] is {value!r}; accepted: {own[name]:.6g}, as {vehicle.name} has it; only mu "
                 "can be set here, and `vehicle` gives another car"
             )
