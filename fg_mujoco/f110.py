@@ -42,6 +42,7 @@ from .course.track import follow
 from .display import brief
 from .errors import SettingsError, accepted_names
 from .lidar.beams import lidar_of
+from .lidar.effects import add_noise
 from .lidar.lidar import Lidar, RaycastLidar
 from .messages import CarParameters, FloatArray, require_whole
 from .simulation.cars import WorldCar, first_overlap, lidar_prefix
@@ -58,6 +59,7 @@ from .vehicle.tires import LINEAR, Tires
 from .vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 
 Observation = dict[str, Any]
+Motion = tuple[float, float, float, float, float, float]
 
 BEAMS = 1080
 FIELD_OF_VIEW = 4.7
@@ -219,16 +221,18 @@ class F110Env:
         engine.drive()
         engine.sense(self._every)
         time = engine.time(0)
-        collided = engine.crashed | (engine.touched_at >= time).any(axis=1) | engine.unstable(0)
-        poses = [self._pose(agent) for agent in self._agents]
-        for laps, (x, y, _) in zip(self._laps, poses, strict=True):
+        collided = engine.crashed | engine.unstable(0)
+        if len(self._agents) > 1:
+            collided |= (engine.touched_at >= time).any(axis=1)
+        motions = [self._motion(agent) for agent in self._agents]
+        for laps, (x, y, *_) in zip(self._laps, motions, strict=True):
             laps.count(time, x, y)
         finished = np.array([laps.completed >= LAPS for laps in self._laps])
         if self._viewer is not None:
             engine.read(0, self._data)
             self._viewer.sync()
         done = bool(collided[self._ego]) or bool(finished.all())
-        return self._observe(poses, collided), self.timestep, done, {"checkpoint_done": finished}
+        return self._observe(motions, collided), self.timestep, done, {"checkpoint_done": finished}
 
     def render(self, mode: str = "human") -> FloatArray | None:
         """Show the world: "human" or "human_fast" in MuJoCo's viewer, "rgb_array" as a picture (480, 640, 3).
@@ -239,7 +243,7 @@ class F110Env:
         if mode == "rgb_array":
             with mujoco.Renderer(self.world.model, 480, 640) as renderer:
                 camera = mujoco.MjvCamera()
-                camera.lookat[:] = (*self._pose(self._ego)[:2], 0.0)
+                camera.lookat[:] = (*self._motion(self._ego)[:2], 0.0)
                 camera.distance, camera.elevation, camera.azimuth = 8.0, -60.0, 90.0
                 renderer.update_scene(self.data, camera)
                 picture: FloatArray = renderer.render()
@@ -281,23 +285,24 @@ class F110Env:
         if steps < 1 or abs(steps * physics - self.timestep) > 1e-9:
             raise SettingsError(f"timestep is {self.timestep} s; accepted: a multiple of the physics' own, {physics} s")
         self._engine = Engine(self.world, period=self.timestep)
+        self._qpos, self._qvel = self._engine.qpos(0), self._engine.qvel(0)
         cars = [car.parameters for car in self.world.cars]
         self._ahead = [car.rear_axle_distance if single_track else 0.0 for car in cars]  # [m] of poses, from rear axles
         self._controllers = [
             SpeedController(car, over_ground=single_track, timestep=self.timestep) for car in cars
         ]  # fmt: skip
 
-    def _observe(self, poses: list[tuple[float, float, float]], collided: NDArray[np.bool_]) -> Observation:
-        velocities = [self._velocity(agent, poses[agent][2]) for agent in self._agents]
+    def _observe(self, motions: list[Motion], collided: NDArray[np.bool_]) -> Observation:
+        x, y, heading, ahead, left, yaw_rate = map(list, zip(*motions, strict=True))
         return {
             "ego_idx": self._ego,
             "scans": [self._scan(agent) for agent in self._agents],
-            "poses_x": [x for x, _, _ in poses],
-            "poses_y": [y for _, y, _ in poses],
-            "poses_theta": [heading % math.tau for _, _, heading in poses],
-            "linear_vels_x": [ahead for ahead, _, _ in velocities],
-            "linear_vels_y": [left for _, left, _ in velocities],
-            "ang_vels_z": [yaw_rate for _, _, yaw_rate in velocities],
+            "poses_x": x,
+            "poses_y": y,
+            "poses_theta": [angle % math.tau for angle in heading],
+            "linear_vels_x": ahead,
+            "linear_vels_y": left,
+            "ang_vels_z": yaw_rate,
             "collisions": collided.astype(np.float64),
             "lap_times": np.array([laps.time for laps in self._laps]),
             "lap_counts": np.array([float(laps.completed) for laps in self._laps]),
@@ -305,27 +310,21 @@ class F110Env:
 
     def _scan(self, agent: int) -> FloatArray:
         """Return a car's ranges, noisy; `range_max` where nothing is, 0 where it is too near. Shape (1080,) [m]."""
-        noisy: FloatArray = self._engine.ranges[agent] + self._noise[agent].normal(0.0, SCAN_NOISE, BEAMS)
-        return np.clip(noisy, 0.0, self._engine.beams.range_max, out=noisy)
+        noisy = self._noise[agent].standard_normal(BEAMS)
+        add_noise(self._engine.ranges[agent], SCAN_NOISE, self._engine.beams.range_max, noisy)
+        return noisy
 
     def _driven(self, agent: int, steering_angle: float, speed: float) -> tuple[float, float]:
         """Return the command that has the engine drive a car as the 2D gym's controller would."""
-        ahead, left, _ = self._velocity(agent, self._pose(agent)[2])
-        over_ground = math.copysign(math.hypot(ahead, left), ahead)
-        wheels = car_motion.surface_speed(self._engine.qvel(0), self.world.cars[agent].constants)
-        return steering_angle, self._controllers[agent].set_point(speed, wheels, over_ground)
+        _, _, _, ahead, left, _ = self._motion(agent)
+        wheels = car_motion.surface_speed(self._qvel, self.world.cars[agent].constants)
+        return steering_angle, self._controllers[agent].set_point(
+            speed, wheels, math.copysign(math.hypot(ahead, left), ahead)
+        )
 
-    def _pose(self, agent: int) -> tuple[float, float, float]:
-        x, y, heading = car_motion.planar_pose(self._engine.qpos(0), self.world.cars[agent].constants)
-        ahead = self._ahead[agent]
-        return x + ahead * math.cos(heading), y + ahead * math.sin(heading), heading
-
-    def _velocity(self, agent: int, heading: float) -> tuple[float, float, float]:
-        """Return a car's velocity ahead and to the left [m/s], and its yaw rate [rad/s]."""
-        free = int(self.world.cars[agent].constants["free_dof"][0])
-        east, north, *_, yaw_rate = self._engine.qvel(0)[free : free + 6].tolist()
-        cos, sin = math.cos(heading), math.sin(heading)
-        return east * cos + north * sin, north * cos - east * sin + self._ahead[agent] * yaw_rate, yaw_rate
+    def _motion(self, agent: int) -> Motion:
+        """Return a car's pose [m, m, rad], its velocity ahead and to the left [m/s], and its yaw rate [rad/s]."""
+        return car_motion.point_motion(self._qpos, self._qvel, self._ahead[agent], self.world.cars[agent].constants)
 
     def _checked(self, values: ArrayLike, columns: int, name: str, meaning: str) -> list[list[float]]:
         """Return the rows of an array (num_agents, columns) of finite numbers."""
