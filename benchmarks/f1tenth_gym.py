@@ -1,15 +1,17 @@
 """How fast `fg_mujoco.f110` steps beside f1tenth_gym's own simulator: both drive a lap of one map, in turns.
 
-    python benchmarks/f1tenth_gym.py --gym PATH --map MAP.yaml [--speed 3] [--rounds 5] [--json FILE]
+    python benchmarks/f1tenth_gym.py --gym PATH --map MAP.yaml [--agents 2] [--timestep 0.02] [--json FILE]
 
-PATH is your own checkout of f1tenth_gym v0.2, its main branch. Only its simulator is imported, which needs numba,
+PATH is your own checkout of f1tenth_gym 0.2.1, its main branch. Only its simulator is imported, which needs numba,
 scipy, pillow and PyYAML, but neither gym nor pyglet. The map's image must have the name of its YAML file.
 
 f1tenth_gym and `fg_mujoco.f110` advance one car by 10 ms a step and measure 1080 noisy beams after each; `Simulation`
 advances it by 25 ms and measures 1081. One pure pursuit planner follows the map's centreline in all three. They take
 turns of one simulated second on one core, and only the time inside `step` counts: a ratio is the median over the turns.
 After each lap, `race` drives one by gap_finder, and its times real time counts the planner too: its ratio is the median
-over the laps.
+over the laps. With `--agents` several cars follow each other in both, and only these two are compared; so they are with
+another `--timestep`, of which the gym makes one step of its integrator and `fg_mujoco.f110` one physics step for each
+5 ms.
 """
 
 from __future__ import annotations
@@ -30,7 +32,8 @@ from common import parser, report, stay_on_cores, table
 import fg_mujoco as fg
 from fg_mujoco import f110
 
-STEP = 0.01  # [s]
+STEP = 0.01  # [s] unless another is asked for
+GAP = 2.5  # [m] from car to car
 TURN = 1.0  # [s], simulated
 LOOKAHEAD, WHEELBASE = 0.9, 0.3302  # [m]
 PACKAGE = Path("gym", "f110_gym", "envs")  # in a checkout
@@ -57,20 +60,24 @@ class WaypointFollower:
         spacing = float(np.median(np.hypot(*np.diff(waypoints, axis=0).T)))
         self._ahead = max(1, round(LOOKAHEAD / spacing))
 
-    @property
-    def start(self) -> Any:
-        """The pose at the first waypoint, x, y, heading, shape (1, 3)."""
-        (x, y), (next_x, next_y) = self._waypoints[:2]
-        return np.array([[x, y, math.atan2(next_y - y, next_x - x)]])
+    def starts(self, agents: int) -> Any:
+        """Return poses at the first waypoint and behind it, x, y, heading, shape (agents, 3)."""
+        along = np.hypot(*np.diff(self._waypoints, axis=0).T).cumsum()
+        first = [0, *(-int(np.searchsorted(along, GAP * agent)) for agent in range(1, agents))]
+        pairs = [(self._waypoints[i], self._waypoints[i + 1]) for i in first]
+        return np.array([[*here, math.atan2(*(there - here)[::-1])] for here, there in pairs])
 
     def plan(self, observation: Observation) -> Any:
-        """Return steering angle and speed, shape (1, 2)."""
-        x, y, heading = (observation[name][0] for name in ("poses_x", "poses_y", "poses_theta"))
+        """Return steering angle and speed of each car, shape (agents, 2)."""
+        poses = zip(*(observation[name] for name in ("poses_x", "poses_y", "poses_theta")), strict=True)
+        return np.array([self._command(*pose) for pose in poses])
+
+    def _command(self, x: float, y: float, heading: float) -> tuple[float, float]:
         nearest = int(np.argmin(np.hypot(*(self._waypoints - (x, y)).T)))
         goal_x, goal_y = self._waypoints[(nearest + self._ahead) % len(self._waypoints)]
         left = math.cos(heading) * (goal_y - y) - math.sin(heading) * (goal_x - x)
         curvature = 2.0 * left / ((goal_x - x) ** 2 + (goal_y - y) ** 2)
-        return np.array([[math.atan(WHEELBASE * curvature), self._speed]])
+        return math.atan(WHEELBASE * curvature), self._speed
 
 
 class Driven:
@@ -80,17 +87,19 @@ class Driven:
       name: to be printed.
       period: of a step [s].
       reset: places the car and returns its first observation.
-      step: takes an action (1, 2) and returns an observation.
+      step: takes an action (agents, 2) and returns an observation.
+      agents: how many cars.
     """
 
     def __init__(
-        self, name: str, period: float, reset: Callable[[Any], Observation], step: Callable[[Any], Observation]
-    ) -> None:
-        self.name, self.period, self._reset, self._step = name, period, reset, step
+        self, name: str, period: float, reset: Callable[[Any], Observation], step: Callable[[Any], Observation],
+        agents: int = 1,
+    ) -> None:  # fmt: skip
+        self.name, self.period, self.reset, self.step, self._agents = name, period, reset, step, agents
 
     def begin(self, planner: WaypointFollower) -> None:
-        """Place the car at the first waypoint."""
-        self._planner, self._observation = planner, self._reset(planner.start)
+        """Place the cars at the first waypoint and behind it."""
+        self._planner, self._observation = planner, self.reset(planner.starts(self._agents))
 
     def turn(self) -> float:
         """Drive for a turn and return the time spent in its steps [s]."""
@@ -98,38 +107,47 @@ class Driven:
         for _ in range(round(TURN / self.period)):
             action = self._planner.plan(self._observation)
             started = time.perf_counter()
-            self._observation = self._step(action)
+            self._observation = self.step(action)
             spent += time.perf_counter() - started
         if np.any(self._observation["collisions"]):
             raise SystemExit(f"{self.name} has hit a wall; accepted: a --speed at which none does")
         return spent
 
 
-def theirs(checkout: Path, map_file: Path, extension: str) -> Driven:
-    """Return f1tenth_gym's simulator as it ships: its own integrator and beams."""
+def theirs(
+    checkout: Path, map_file: Path, extension: str, *, agents: int = 1, timestep: float = STEP, integrator: str = "RK4"
+) -> Driven:
+    """Return f1tenth_gym's simulator with its own beams."""
     if not (file := checkout / PACKAGE / "base_classes.py").is_file():
-        raise SystemExit(f"--gym: no file {file}; accepted: a checkout of f1tenth_gym v0.2")
+        raise SystemExit(f"--gym: no file {file}; accepted: a checkout of f1tenth_gym 0.2.1")
     for name, folder in (("f110_gym", PACKAGE.parent), ("f110_gym.envs", PACKAGE)):
         package = types.ModuleType(name)  # in the place of its own, which imports gym and pyglet
         package.__path__ = [str(checkout / folder)]
         sys.modules[name] = package
-    simulator_class = importlib.import_module("f110_gym.envs.base_classes").Simulator
+    classes = importlib.import_module("f110_gym.envs.base_classes")
+    settings = {} if integrator == "RK4" else {"integrator": getattr(classes.Integrator, integrator)}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # it says which integrator it takes
-        simulator = simulator_class(PARAMETERS, 1, 12345, time_step=STEP)
+        simulator = classes.Simulator(PARAMETERS, agents, 12345, time_step=timestep, **settings)
     simulator.set_map(str(map_file), extension)
 
     def reset(pose: Any) -> Observation:
         simulator.reset(pose)
-        return dict(simulator.step(np.zeros((1, 2))))
+        return dict(simulator.step(np.zeros((agents, 2))))
 
-    return Driven("f1tenth_gym", STEP, reset, simulator.step)
+    return Driven("f1tenth_gym", timestep, reset, simulator.step, agents)
 
 
-def ours(map_file: Path, extension: str) -> Driven:
+def ours(
+    map_file: Path, extension: str, *, agents: int = 1, timestep: float = STEP, tires: str | None = None
+) -> Driven:
     """Return this simulator behind f1tenth_gym's interface."""
-    env = f110.make(map=str(map_file.with_suffix("")), map_ext=extension, params=PARAMETERS, timestep=STEP)
-    return Driven("fg_mujoco.f110", STEP, lambda pose: env.reset(pose)[0], lambda action: env.step(action)[0])
+    env = f110.make(
+        map=str(map_file.with_suffix("")), map_ext=extension, params=PARAMETERS, timestep=timestep, num_agents=agents,
+        tires=tires,
+    )  # fmt: skip
+    name = "fg_mujoco.f110" if tires is None else f"fg_mujoco.f110, tires {tires}"
+    return Driven(name, timestep, lambda pose: env.reset(pose)[0], lambda action: env.step(action)[0], agents)
 
 
 def ours_at_25_ms(map_file: Path) -> Driven:
@@ -147,14 +165,26 @@ def ours_at_25_ms(map_file: Path) -> Driven:
     return Driven("fg_mujoco.Simulation", simulation.period, lambda pose: observation(simulation.reset()), step)
 
 
-def measure(checkout: Path, map_file: Path, *, speed: float, rounds: int) -> dict[str, Any]:
-    """Return the figures of the benchmark."""
+def image_extension(map_file: Path) -> str:
+    """Return the extension of a map's image."""
     lines = map_file.read_text(encoding="utf-8").splitlines()
-    extension = Path(next(line for line in lines if line.startswith("image:")).strip()).suffix
+    return Path(next(line for line in lines if line.startswith("image:")).strip()).suffix
+
+
+def measure(
+    checkout: Path, map_file: Path, *, speed: float, rounds: int, agents: int = 1, timestep: float = STEP,
+    integrator: str = "RK4",
+) -> dict[str, Any]:  # fmt: skip
+    """Return the figures of the benchmark."""
+    extension = image_extension(map_file)
     course = fg.load_track(str(map_file))
     planner = WaypointFollower(course.centreline, speed)
-    ways = [theirs(checkout, map_file, extension), ours(map_file, extension), ours_at_25_ms(map_file)]
-    fg.race(str(map_file), laps=1, time_limit=1.0)
+    both = {"agents": agents, "timestep": timestep}
+    ways = [theirs(checkout, map_file, extension, integrator=integrator, **both), ours(map_file, extension, **both)]
+    plain = agents == 1 and timestep == STEP
+    if plain:
+        ways.append(ours_at_25_ms(map_file))
+        fg.race(str(map_file), laps=1, time_limit=1.0)
     for way in ways:  # kernels are read from disk
         way.begin(planner)
         way.turn()
@@ -167,7 +197,8 @@ def measure(checkout: Path, map_file: Path, *, speed: float, rounds: int) -> dic
         for turn in range(turns):
             for row, way in enumerate(ways):
                 times[k, row, turn] = way.turn() / TURN
-        races[k] = fg.race(str(map_file), laps=1).realtime_factor
+        if plain:
+            races[k] = fg.race(str(map_file), laps=1).realtime_factor
     figures = {
         way.name: {
             "us_per_step": 1e6 * way.period * float(np.median(times[:, row])),
@@ -177,29 +208,38 @@ def measure(checkout: Path, map_file: Path, *, speed: float, rounds: int) -> dic
         }
         for row, way in enumerate(ways)
     }
-    race = {"realtime_factor": float(np.median(races)), "ratio": float(np.median(races * times[:, 0].mean(axis=1)))}
-    return {"map": map_file.stem, "speed_m_s": speed, "turns": rounds * turns, "ways": figures, "race": race}
+    result = {"map": map_file.stem, "speed_m_s": speed, "turns": rounds * turns, "ways": figures}
+    if plain:
+        ratio = float(np.median(races * times[:, 0].mean(axis=1)))
+        result["race"] = {"realtime_factor": float(np.median(races)), "ratio": ratio}
+    return result
 
 
 def main() -> None:
     """Print the table."""
     arguments = parser(__doc__)
-    arguments.add_argument("--gym", type=Path, required=True, metavar="PATH", help="a checkout of f1tenth_gym v0.2")
+    arguments.add_argument("--gym", type=Path, required=True, metavar="PATH", help="a checkout of f1tenth_gym 0.2.1")
     arguments.add_argument("--map", type=Path, required=True, metavar="FILE", help="map_server YAML of a closed course")
     arguments.add_argument("--speed", type=float, default=3.0, help="of both cars [m/s], default 3")
     arguments.add_argument("--rounds", type=int, default=5, help="of one lap each, default 5")
+    arguments.add_argument("--agents", type=int, default=1, help="cars in both, default 1")
+    arguments.add_argument("--timestep", type=float, default=STEP, help="of a step in both [s], default 0.01")
+    arguments.add_argument("--integrator", choices=("RK4", "Euler"), default="RK4", help="of f1tenth_gym, default RK4")
     options = arguments.parse_args()
     stay_on_cores(1)
-    figures = measure(options.gym.resolve(), options.map.resolve(), speed=options.speed, rounds=options.rounds)
+    figures = measure(
+        options.gym.resolve(), options.map.resolve(), speed=options.speed, rounds=options.rounds,
+        agents=options.agents, timestep=options.timestep, integrator=options.integrator,
+    )  # fmt: skip
     rows = [
         (name, *(f"{way[key]:.0f}" for key in ("us_per_step", "us_per_step_least", "realtime_factor")), way["ratio"])
         for name, way in figures["ways"].items()
     ]
-    race = figures["race"]
-    rows.append(("race, planner included", "", "", f"{race['realtime_factor']:.0f}", race["ratio"]))
-    text = f"{figures['map']} at {options.speed:g} m/s, one car, one core, {figures['turns']} turns each\n\n" + table(
-        ("", "us per step, median", "least", "times real time", "times f1tenth_gym's"), rows
-    )
+    if race := figures.get("race"):
+        rows.append(("race, planner included", "", "", f"{race['realtime_factor']:.0f}", race["ratio"]))
+    cars = "one car" if options.agents == 1 else f"{options.agents} cars"
+    title = f"{figures['map']} at {options.speed:g} m/s, {cars}, one core, {figures['turns']} turns each\n\n"
+    text = title + table(("", "us per step, median", "least", "times real time", "times f1tenth_gym's"), rows)
     report(figures, text, options.json)
 
 

@@ -139,6 +139,14 @@ def test_the_noise_of_a_scan_is_that_of_the_seed(drawn):
     assert np.std(scans[0] - scans[2]) == pytest.approx(math.sqrt(2.0) * driving.SCAN_NOISE, rel=0.1)
 
 
+def test_noise_is_that_of_the_published_generator_to_the_bit(drawn, monkeypatch):
+    pose, rng = np.array([[7.5, 2.25, 0.0]]), np.random.default_rng(5)
+    noisy = f110.make(map=str(drawn), seed=5).reset(pose)[0]["scans"][0]
+    monkeypatch.setattr(f110.driving, "SCAN_NOISE", 0.0)
+    plain = f110.make(map=str(drawn), seed=5).reset(pose)[0]["scans"][0]
+    np.testing.assert_array_equal(noisy, np.clip(plain + rng.normal(0.0, 0.01, 1080), 0.0, 10.0))
+
+
 def test_velocities_are_in_the_frame_of_the_car(drawn):
     env = f110.make(map=str(drawn))
     obs, *_ = env.reset(np.array([[7.0, 2.25, 0.0]]))

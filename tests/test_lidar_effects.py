@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from lidar_worlds import PREFIX, RIG, rig_spec, room
 
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.lidar.effects import GREATEST_NOISE, LidarEffects, PoseHistory, ScanPipeline
+from fg_mujoco.lidar.effects import GREATEST_NOISE, LidarEffects, PoseHistory, ScanPipeline, add_noise
 from fg_mujoco.lidar.lidar import lidar_spec, make_lidar
 
 PERIOD, STEP = 0.025, 0.0025
@@ -280,3 +280,10 @@ def test_any_effects_leave_readings_that_are_distances_infinite_or_failed(
     assert (np.isinf(ranges) | np.isnan(ranges) | ((ranges >= 0.02) & (ranges < 30.0))).all()
     if dropout == 0.0:
         assert not np.isnan(ranges).any()
+
+
+def test_noise_is_added_to_ranges_and_held_between_zero_and_range_max():
+    ranges = np.array([3.0, math.inf, -math.inf, 0.05, 9.99])
+    noise = np.array([1.0, -3.0, 3.0, -6.0, 2.0])
+    add_noise(ranges, 0.01, 10.0, noise)
+    assert noise.tolist() == [3.0 + 0.01 * 1.0, 10.0, 0.0, 0.0, 10.0]

@@ -3,7 +3,7 @@
 driving = Driving(course, [WorldCar()], timestep=0.01)
 driving.place([[0.0, 0.0, 0.0]])
 collided = driving.drive([[0.1, 2.0]])      # steering angle [rad] and speed [m/s] of each car, held for a step
-driving.pose(0), driving.scan(0), driving.laps[0].completed
+driving.motions[0], driving.scan(0), driving.laps[0].completed
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from ..course.track import follow
 from ..display import brief
 from ..errors import SettingsError
 from ..lidar.beams import lidar_of
+from ..lidar.effects import add_noise
 from ..lidar.lidar import Lidar, RaycastLidar
 from ..messages import FloatArray
 from ..simulation.cars import WorldCar, first_overlap, lidar_prefix
@@ -30,6 +31,11 @@ from ..simulation.settings import Start
 from ..simulation.simulation import complete_state
 from ..simulation.world import World
 from ..vehicle import motion as car_motion
+from ..vehicle.speed_controller import SpeedController
+from ..vehicle.tires import LINEAR
+
+Motion = tuple[float, float, float, float, float, float]
+"""Of a car: x [m], y [m], heading [rad], velocity ahead and to the left [m/s], yaw rate [rad/s]."""
 
 BEAMS = 1080
 FIELD_OF_VIEW = 4.7
@@ -45,6 +51,9 @@ _NEAR_LINE, _BESIDE_LINE = 0.1, 2.0  # [m^2, m] f1tenth_gym: a car this near to 
 class Driving:
     """Some cars on a course, driven step by step.
 
+    Poses and velocities are those of the rear axles. Cars on linear tires resemble the gym's single-track model: theirs
+    are those of the centre of gravity, and the speed controller makes up for the tires' slip and drag.
+
     Args:
       course: that they drive on.
       builds: the cars.
@@ -58,7 +67,8 @@ class Driving:
       world: the World; its LiDARs have these beams.
       engine: its Engine.
       laps: of each car, since they were placed.
-      poses: of the cars' rear axles after the last step, x [m], y [m] and heading [rad].
+      motions: of the cars after the last step.
+      ahead: how far ahead of each car's rear axle the point is whose poses are meant [m].
     """
 
     def __init__(
@@ -85,7 +95,14 @@ class Driving:
         self._data = mujoco.MjData(self.world.model)
         self.engine = Engine(self.world, period=timestep)
         self.laps: list[LapCount] = []
-        self.poses: list[tuple[float, float, float]] = []
+        self.motions: list[Motion] = []
+        self._qpos, self._qvel = self.engine.qpos(0), self.engine.qvel(0)
+        self._constants = [car.constants for car in self.world.cars]
+        self.ahead, self._controllers = [], []
+        for build, car in zip(builds, self.world.cars, strict=True):
+            single_track = build.tire_set.model == LINEAR
+            self.ahead.append(car.parameters.rear_axle_distance if single_track else 0.0)
+            self._controllers.append(SpeedController(car.parameters, over_ground=single_track, timestep=timestep))
 
     def __repr__(self) -> str:
         return brief(self, repr(self.world), f"step {self.engine.period:g} s")
@@ -102,13 +119,14 @@ class Driving:
         return self.engine.time(0)
 
     def place(self, poses: Sequence[Sequence[float]]) -> None:
-        """Let the cars stand at poses of their rear axles, x [m], y [m], heading [rad]; begin their laps and noise.
+        """Let the cars stand at poses x [m], y [m], heading [rad]; begin their laps and noise.
 
         Raises:
           SettingsError: two cars in one place.
         """
         cars = self.world.cars
-        pair = first_overlap(poses, [car.parameters for car in cars])
+        axles = [shifted(pose, -ahead) for pose, ahead in zip(poses, self.ahead, strict=True)]
+        pair = first_overlap(axles, [car.parameters for car in cars])
         if pair is not None:
             said = " and ".join(str(list(poses[agent])) for agent in pair)
             raise SettingsError(
@@ -116,22 +134,26 @@ class Driving:
             )
         self.engine.place([Start()] * len(cars))
         data = self.data
-        for car, pose in zip(cars, poses, strict=True):
+        for car, pose in zip(cars, axles, strict=True):
             car.set_pose(data, *pose)
         self.engine.load(complete_state(self.world.model, data))
+        for controller in self._controllers:
+            controller.reset()
         # the noise of a car is the same, however many others there are
         self._noise = [np.random.default_rng([self._seed, agent] if agent else self._seed) for agent in self._agents]
         self.laps = [LapCount(self.world.track, *pose) for pose in poses]
-        self.poses = [(x, y, heading) for x, y, heading in poses]
+        self.motions = [self.motion(agent) for agent in self._agents]
 
     def put(self, agent: int, state: Sequence[float]) -> None:
         """Put one car into a state of the gym, as `state` returns it, while the others go on."""
         x, y, steering, speed, heading, yaw_rate, slip = (float(value) for value in state[:7])
         car, data, time = self.world.cars[agent], self.data, self.time
-        car.write_pose(data, x, y, heading, speed)
+        car.write_pose(data, *shifted((x, y, heading), -self.ahead[agent]), speed)
+        self._controllers[agent].reset()
         constants = car.constants
         free, at = int(constants["free_dof"][0]), int(constants["steering_qpos"][0])
-        cos, sin, left = math.cos(heading), math.sin(heading), speed * math.tan(slip)
+        cos, sin = math.cos(heading), math.sin(heading)
+        left = speed * math.tan(slip) - self.ahead[agent] * yaw_rate  # of the rear axle
         data.qvel[free : free + 2] = speed * cos - left * sin, speed * sin + left * cos
         data.qvel[free + 5], data.qpos[at] = yaw_rate, steering
         data.time = time
@@ -145,31 +167,34 @@ class Driving:
           commands: steering angle [rad] and speed [m/s] of each car, shape (cars, 2), held within its limits.
         """
         engine = self.engine
-        engine.commands[:] = commands
+        engine.commands[:] = [
+            (steering, controller.set_point(speed, *self._speeds(agent)))
+            for agent, ((steering, speed), controller) in enumerate(zip(commands, self._controllers, strict=True))
+        ]
         engine.drive()
         engine.sense(self._every)
         time = engine.time(0)
-        collided: NDArray[np.bool_] = engine.crashed | (engine.touched_at >= time).any(axis=1) | engine.unstable(0)
-        self.poses = [self.pose(agent) for agent in self._agents]
-        for laps, (x, y, _) in zip(self.laps, self.poses, strict=True):
+        collided: NDArray[np.bool_] = engine.crashed | engine.unstable(0)
+        if len(self._agents) > 1:
+            collided |= (engine.touched_at >= time).any(axis=1)
+        self.motions = [self.motion(agent) for agent in self._agents]
+        for laps, (x, y, *_) in zip(self.laps, self.motions, strict=True):
             laps.count(time, x, y)
         return collided
 
+    def speed_for(self, agent: int, acceleration: float) -> float:
+        """Return the commanded speed [m/s] by which a car's controller asks for an acceleration [m/s^2] now."""
+        return self._controllers[agent].speed_for(acceleration, *self._speeds(agent))
+
     def scan(self, agent: int) -> FloatArray:
         """Return a car's ranges, noisy; `range_max` where nothing is, 0 where it is too near. Shape (beams,) [m]."""
-        noisy: FloatArray = self.engine.ranges[agent] + self._noise[agent].normal(0.0, SCAN_NOISE, self._beams)
-        return np.clip(noisy, 0.0, self.engine.beams.range_max, out=noisy)
+        noisy = self._noise[agent].standard_normal(self._beams)
+        add_noise(self.engine.ranges[agent], SCAN_NOISE, self.engine.beams.range_max, noisy)
+        return noisy
 
-    def pose(self, agent: int) -> tuple[float, float, float]:
-        """Return x [m], y [m] and heading [rad] of a car's rear axle."""
-        return car_motion.planar_pose(self.engine.qpos(0), self.world.cars[agent].constants)
-
-    def velocity(self, agent: int, heading: float) -> tuple[float, float, float]:
-        """Return a car's velocity ahead and to the left [m/s], and its yaw rate [rad/s]."""
-        free = int(self.world.cars[agent].constants["free_dof"][0])
-        east, north, *_, yaw_rate = self.engine.qvel(0)[free : free + 6].tolist()
-        cos, sin = math.cos(heading), math.sin(heading)
-        return east * cos + north * sin, north * cos - east * sin, yaw_rate
+    def motion(self, agent: int) -> Motion:
+        """Return how a car moves."""
+        return car_motion.point_motion(self._qpos, self._qvel, self.ahead[agent], self._constants[agent])
 
     def steering(self, agent: int) -> float:
         """Return a car's steering angle [rad]."""
@@ -177,10 +202,15 @@ class Driving:
 
     def state(self, agent: int) -> FloatArray:
         """Return a car's state as the gym has it: x, y, steering angle, speed, heading, yaw rate, slip angle. (7,)."""
-        x, y, heading = self.pose(agent)
-        ahead, left, yaw_rate = self.velocity(agent, heading)
+        x, y, heading, ahead, left, yaw_rate = self.motion(agent)
         slip = math.atan2(left, ahead) if math.hypot(ahead, left) >= car_motion.SIDESLIP_SPEED else 0.0
         return np.array([x, y, self.steering(agent), ahead, heading % math.tau, yaw_rate, slip])
+
+    def _speeds(self, agent: int) -> tuple[float, float]:
+        """Return how fast a car's wheels turn and how fast it goes over the ground [m/s]."""
+        _, _, _, ahead, left, _ = self.motion(agent)
+        wheels = car_motion.surface_speed(self._qvel, self._constants[agent])
+        return wheels, math.copysign(math.hypot(ahead, left), ahead)
 
 
 class LapCount:
@@ -258,3 +288,9 @@ class GymWorld(World):
             angle_increment=increment, time_increment=own.period * increment / math.tau,
         )  # fmt: skip
         return RaycastLidar(self.model, lidar_prefix(car), beams=beams)
+
+
+def shifted(pose: Sequence[float], ahead: float) -> tuple[float, float, float]:
+    """Return the pose of a point that is so far ahead of that of a pose [m]."""
+    x, y, heading = pose
+    return x + ahead * math.cos(heading), y + ahead * math.sin(heading), heading

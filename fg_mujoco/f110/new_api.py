@@ -248,12 +248,9 @@ class F110Env(RaceEnvironment, installed_base("gymnasium")):  # type: ignore[mis
             turned = self._steering + np.clip(action[:, 0], *kind.limits["steering_speed"]) * self.timestep
             commands[:, 0] = self._steering = np.clip(turned, low, high)
         if kind.longitudinal == "accl":
-            for agent, car in enumerate(self.driving.world.cars):
-                lag = car.parameters.speed_time_constant  # a servo of it gains this share of what it is told
-                share = -math.expm1(-self.timestep / lag)
-                speed = self.driving.velocity(agent, self.driving.pose(agent)[2])[0]
-                wanted = float(np.clip(action[agent, 1], *kind.limits["accl"])) * self.timestep
-                commands[agent, 1] = speed + wanted / share
+            for agent in range(self.num_agents):
+                wanted = float(np.clip(action[agent, 1], *kind.limits["accl"]))
+                commands[agent, 1] = self.driving.speed_for(agent, wanted)
         return commands
 
     def _drawn_poses(self) -> FloatArray:

@@ -19,7 +19,7 @@ from typing import Any
 from ..errors import FgMujocoError, SettingsError
 from ..simulation.cars import WorldCar
 from ..vehicle.car import car_parameters
-from ..vehicle.changes import GREATEST_MU
+from ..vehicle.changes import GREATEST_MU, CarChanges
 from ..vehicle.fitting import fit
 from ..vehicle.tires import LINEAR, Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
@@ -50,6 +50,7 @@ _STIFFNESSES = ("C_Sf", "C_Sr")
 _SAME = 0.01  # share by which a parameter may differ from that of the car
 _FRONT = ("steering", "front_left_carrier", "front_right_carrier")  # bodies that go with the front axle
 _SUSPENSIONS = ("front_left", "front_right", "rear_left", "rear_right")
+_GROUND = 0.002  # [m] height of a centre of gravity near the ground, so that hardly any load moves
 _LEAST_OFFSET = 1e-4  # [m] of the LiDAR ahead of the rear axle
 _LARGEST = 5.0  # times as heavy as the vehicle may a car be that is built from it: its wheels and axles stay
 
@@ -67,7 +68,8 @@ def car_of(
       params: by the gym's names; None, and those that are missing: as the vehicle has them.
       vehicle: that is changed.
       tires: that it stands on; None: the vehicle's.
-      lidar_dist: where the LiDAR is ahead of the rear axle [m]; None: where the vehicle has it.
+      lidar_dist: where the LiDAR is ahead of the rear axle [m], of a car on linear tires ahead of the centre of
+        gravity; None: where the vehicle has it, or there.
 
     Raises:
       SettingsError: a parameter that is no number, or a friction that no tire has.
@@ -77,7 +79,7 @@ def car_of(
     if mu is not None and not 0.0 < mu <= GREATEST_MU:
         raise SettingsError(f"params['mu'] is {mu!r}; accepted: above 0, up to {GREATEST_MU:g}")
     if lidar_dist is not None and not 0.0 <= lidar_dist <= 1.0:
-        raise SettingsError(f"lidar_dist is {lidar_dist!r} m; accepted: 0 to 1 m ahead of the rear axle")
+        raise SettingsError(f"lidar_dist is {lidar_dist!r} m; accepted: 0 to 1 m ahead of what poses are of")
     own_tires = tires or vehicle.tires
     own = own_params(vehicle)
     if vehicle.name != DEFAULT_VEHICLE:  # what a script carries with it as the gym's default is the vehicle's own
@@ -90,8 +92,12 @@ def car_of(
     }
     not_there = [name for name in numbers if name not in own and name not in _STIFFNESSES]
     stiffnesses = {name: numbers[name] for name in _STIFFNESSES if name in numbers}
+    changes = CarChanges()
     if own_tires.model == LINEAR:
-        tires = _stiff(own_tires, stiffnesses)
+        tires, changes = _stiff(own_tires, stiffnesses), CarChanges(center_of_gravity_height=_GROUND)
+        lidar_dist = (lidar_dist or 0.0) + numbers.get("lr", own["lr"])
+        if "h" in differ:
+            not_there.append("h (linear tires have no load that moves)")
     else:
         not_there += [f"{name} (tires='f1tenth_gym' has it)" for name in stiffnesses if _is_set(name, stiffnesses)]
     try:
@@ -102,7 +108,7 @@ def car_of(
         built = _built(vehicle, kept, lidar_dist)
     if not_there:
         _say(not_there, vehicle.name)
-    return WorldCar(vehicle=built, mu=mu, tires=tires)
+    return WorldCar(vehicle=built, mu=mu, tires=tires, changes=changes)
 
 
 def own_params(vehicle: Vehicle) -> dict[str, float]:

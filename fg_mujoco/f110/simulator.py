@@ -27,7 +27,7 @@ from ..messages import FloatArray, require_whole
 from ..simulation.cars import WorldCar
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
-from .driving import BEAMS, FIELD_OF_VIEW, Driving
+from .driving import BEAMS, FIELD_OF_VIEW, Driving, shifted
 from .maps import find_map
 from .params import all_params, car_of, physics_timestep
 from .track import Track
@@ -160,9 +160,10 @@ class Simulator:
     @property
     def agent_poses(self) -> FloatArray:
         """Poses of the cars after the last step, (num_agents, 3)."""
-        poses = np.array(self.driving.poses if self.driving is not None else []).reshape(-1, 3)
-        if len(poses) != self.num_agents:
+        motions = self.driving.motions if self.driving is not None else []
+        if len(motions) != self.num_agents:
             return np.zeros((self.num_agents, 3))
+        poses = np.array(motions)[:, :3]
         poses[:, 2] %= math.tau
         return poses
 
@@ -216,7 +217,7 @@ class Simulator:
                 self._build()
 
     def reset(self, poses: ArrayLike) -> None:
-        """Place the cars at poses (num_agents, 3) of their rear axles, x [m], y [m], heading [rad].
+        """Place the cars at poses (num_agents, 3), x [m], y [m], heading [rad], of what Driving says.
 
         Raises:
           SettingsError: another shape, a number that is not finite, or two cars in one place.
@@ -240,19 +241,18 @@ class Simulator:
         while self.read:
             self.read.pop().write_back()
         collided = driving.drive(commands)
-        poses = driving.poses
         self.collisions = collided.astype(np.float64)
         self.agent_scans = [driving.scan(agent) for agent in range(self.num_agents)]
-        velocities = [driving.velocity(agent, poses[agent][2]) for agent in range(self.num_agents)]
+        x, y, heading, ahead, left, yaw_rate = map(list, zip(*driving.motions, strict=True))
         return {
             "ego_idx": self.ego_idx,
             "scans": self.agent_scans,
-            "poses_x": [x for x, _, _ in poses],
-            "poses_y": [y for _, y, _ in poses],
-            "poses_theta": [heading % math.tau for _, _, heading in poses],
-            "linear_vels_x": [ahead for ahead, _, _ in velocities],
-            "linear_vels_y": [left for _, left, _ in velocities],
-            "ang_vels_z": [yaw_rate for _, _, yaw_rate in velocities],
+            "poses_x": x,
+            "poses_y": y,
+            "poses_theta": [angle % math.tau for angle in heading],
+            "linear_vels_x": ahead,
+            "linear_vels_y": left,
+            "ang_vels_z": yaw_rate,
             "collisions": self.collisions,
         }
 
@@ -450,9 +450,8 @@ class ScanSimulator2D:
                 self._sim.course, [WorldCar(vehicle=self._sim.vehicle)], timestep=0.05, beams=self.num_beams,
                 field_of_view=self.fov,
             )  # fmt: skip
-        x, y, heading = (float(value) for value in np.asarray(pose, np.float64).ravel()[:3])
-        back = self._driving.world.car.parameters.lidar_offset
-        self._driving.place([[x - back * math.cos(heading), y - back * math.sin(heading), heading]])
+        back = self._driving.ahead[0] - self._driving.world.car.parameters.lidar_offset
+        self._driving.place([shifted(np.asarray(pose, np.float64).ravel()[:3].tolist(), back)])
         self._driving.engine.sense(np.ones(1, np.bool_))
         ranges: FloatArray = np.clip(self._driving.engine.ranges[0], 0.0, self.max_range)
         return ranges if rng is None else ranges + rng.normal(0.0, std_dev, self.num_beams)

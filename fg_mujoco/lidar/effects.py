@@ -21,6 +21,7 @@ import mujoco
 import numpy as np
 
 from ..errors import SettingsError, accepted_names
+from ..kernels import kernel
 from ..messages import FloatArray, LaserScan, require
 from .beams import NO_RETURN_READINGS, Beams
 from .lidar import Lidar, RaycastLidar
@@ -197,3 +198,17 @@ def _rotated(vectors: FloatArray, quaternions: FloatArray) -> FloatArray:
     twice = 2.0 * np.cross(axis, vectors)
     turned: FloatArray = vectors + quaternions[:, :1] * twice + np.cross(axis, twice)
     return turned
+
+
+@kernel
+def add_noise(ranges: FloatArray, deviation: float, range_max: float, noise: FloatArray) -> None:
+    """Turn standard normal numbers into ranges with noise, 0 to `range_max`.
+
+    Args:
+      ranges: (n,) as a LiDAR measures them [m].
+      deviation: standard deviation of the noise [m].
+      range_max: that is read where nothing is [m].
+      noise: (n,) [-]; left with the noisy ranges [m].
+    """
+    for beam in range(len(noise)):
+        noise[beam] = min(max(ranges[beam] + deviation * noise[beam], 0.0), range_max)

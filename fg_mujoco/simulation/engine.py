@@ -178,7 +178,7 @@ class Engine:
     def unstable(self, i: int) -> bool:
         """Return whether MuJoCo has met a bad state in world i since it was placed, and so reset it by itself."""
         batch, place = self._place_of(i)
-        return bool(batch.physics.warned[place])
+        return batch.physics.has_warned(place)
 
     def state(self, i: int) -> FloatArray:
         """Return the complete state of world i (mjSTATE_INTEGRATION). Live: what is written there is driven from."""

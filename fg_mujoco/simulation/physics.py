@@ -197,6 +197,10 @@ class Batch:
         warned: NDArray[np.bool_] = np.any(self.warnings[:, BAD_WARNINGS], axis=1)
         return warned
 
+    def has_warned(self, i: int) -> bool:
+        """Return whether MuJoCo has met a bad state in state i."""
+        return bool(self.warnings[i, BAD_WARNINGS].any())
+
     def expand(self, name: str) -> Any:
         """Return the values of a field of the model, a row for each state, to be written to. Live."""
         return self._live("mjb_expand", name, np.shape(getattr(self.model, name)))

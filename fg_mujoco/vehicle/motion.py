@@ -95,6 +95,22 @@ def body_velocity(qpos: FloatArray, qvel: FloatArray, car: CarArray) -> tuple[fl
 
 
 @kernel
+def point_motion(
+    qpos: FloatArray, qvel: FloatArray, ahead: float, car: CarArray
+) -> tuple[float, float, float, float, float, float]:
+    """Return how a point of the car moves that is `ahead` [m] of base_link.
+
+    These are its x [m], y [m] and heading [rad] in the world, its velocity over the ground, forward and to the left of
+    that heading [m/s], and the yaw rate [rad/s].
+    """
+    x, y, heading = planar_pose(qpos, car)
+    i, cos, sin = car[0].free_dof, math.cos(heading), math.sin(heading)
+    east, north, yaw_rate = qvel[i], qvel[i + 1], qvel[i + 5]
+    left = north * cos - east * sin + ahead * yaw_rate
+    return x + ahead * cos, y + ahead * sin, heading, east * cos + north * sin, left, yaw_rate
+
+
+@kernel
 def sideslip_angle(vx: float, vy: float, yaw_rate: float, car: CarArray) -> float:
     """Return the sideslip angle at the centre of gravity [rad], NaN below SIDESLIP_SPEED.
 
