@@ -213,6 +213,8 @@ def test_named_maps_are_those_of_a_folder(drawn, monkeypatch, tmp_path):
     assert GymEnv().num_agents == 2  # on vegas, as the gym's own
     with pytest.raises(TrackError, match=r"neither berlin\.yaml nor berlin/berlin_map\.yaml in"):
         f110.make(map="berlin")
+    with pytest.warns(UserWarning, match="map '/opt/gym/maps/vegas' is not there; .*Vegas_map.yaml is"):
+        assert f110.make(map="/opt/gym/maps/vegas", map_ext=".png").world.track.name == "Vegas_map"
     track = f110.make("f1tenth_gym:f1tenth-v0", config={"map": "Vegas", "num_agents": 1}).track
     assert track.spec.name == "Vegas" and track.centerline.length == pytest.approx(29.2, rel=0.1)
 

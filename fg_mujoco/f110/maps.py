@@ -81,17 +81,23 @@ def find_map(
 
 
 def find_file(name: str, folder: str | Path | None = None) -> Path | None:
-    """Return the YAML of a map, by its path with or without `.yaml`, or by its name in the folder."""
+    """Return the YAML of a map, by its path with or without `.yaml`, or by its name in the folder.
+
+    A path that is not there is looked for in the folder, too, by the last of its names.
+    """
     for path in (Path(_with_yaml(name)), Path(name)):
         if path.suffix in (".yaml", ".yml") and path.is_file():
             return path
     chosen = folder or os.environ.get(FOLDER)
-    if chosen is None or _is_path(name):
+    if chosen is None:
         return None
+    missing, name = name, Path(name).name.removesuffix(".yaml").removesuffix("_map") if _is_path(name) else name
     for pattern in _PATTERNS:
         for spelling in dict.fromkeys((name, name.replace(" ", ""), name.lower(), name.capitalize())):
             path = Path(chosen).expanduser() / pattern.format(spelling)
             if path.is_file():
+                if missing != name:  # the map of another machine, as of a checkout of the gym
+                    warnings.warn(f"map {missing!r} is not there; {path} is, in the folder of maps", stacklevel=3)
                 return path
     return None
 
