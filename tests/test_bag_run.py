@@ -77,6 +77,8 @@ def test_reports_and_debugging_are_made_of_it(lap, tmp_path, capsys):
     text = page.read_text()
     assert "what its tires did, and whether it touched anything, is not known" in text
     assert "<span>greatest sliding</span>" not in text
+    assert "no tire slid" not in text and "Not known: a car recorded this run" in text
+    assert "<td>nan" not in text and "<td>-</td><td>-</td></tr>" in text
     assert "<span>collisions</span>" not in text
     assert main(["debug", str(folder), "--at", "5", "--out", str(tmp_path / "debug.html")]) == 0
     assert "A car recorded this drive" in capsys.readouterr().err

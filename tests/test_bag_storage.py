@@ -9,7 +9,7 @@ import warnings
 from pathlib import Path
 
 import pytest
-from bag_worlds import SECOND, robot_odometry, robot_scan, write_bag
+from bag_worlds import SECOND, robot_odometry, robot_scan, rotation, transforms, vector, write_bag
 
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import BagError
@@ -43,12 +43,14 @@ def nearest(path, **options):
 EXPECTED = [1.0 + 0.125 * number for number in range(40)]
 
 
-def of_ros1(path, found, *, compression=None, chunk=None):
+def of_ros1(path, found, *, compression=None, chunk=None, old_transforms=False):
     """Write entries as a .bag, by the library's own writer and types."""
     from rosbags.rosbag1 import Writer
-    from rosbags.typesys import Stores, get_typestore
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     ros1 = get_typestore(Stores.ROS1_NOETIC)
+    for name in ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"):
+        ros1.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms\n", name))
     writer = Writer(path)
     if compression:
         writer.set_compression(getattr(Writer.CompressionFormat, compression))
@@ -58,6 +60,8 @@ def of_ros1(path, found, *, compression=None, chunk=None):
         connections = {}
         for topic, time, message in found:
             kind = message.__msgtype__
+            if old_transforms and kind.endswith("TFMessage"):
+                kind = "tf/msg/tfMessage"
             if topic not in connections:
                 connections[topic] = writer.add_connection(topic, kind, typestore=ros1)
             writer.write(connections[topic], time, ros1.serialize_ros1(as_ros1(message, ros1), kind))
@@ -70,6 +74,8 @@ def as_ros1(message, store):
     values = {}
     for name, _ in store.fielddefs[kind][1]:
         value = getattr(message, name, 0)
+        if isinstance(value, list):
+            value = [as_ros1(each, store) if hasattr(each, "__msgtype__") else each for each in value]
         values[name] = as_ros1(value, store) if hasattr(value, "__msgtype__") else value
     return store.types[kind](**values)
 
@@ -146,6 +152,15 @@ def test_chunks_of_mcap_are_read_however_compressed(tmp_path, compression):
 @pytest.mark.parametrize("compression", [None, "BZ2", "LZ4"])
 def test_a_bag_of_ros_1_is_read_as_it_is(tmp_path, compression):
     assert nearest(of_ros1(tmp_path / "drive.bag", entries(), compression=compression)) == EXPECTED
+
+
+@pytest.mark.parametrize("old_transforms", [False, True])
+def test_transforms_of_ros_1_turn_the_lidar_as_they_say(tmp_path, old_transforms):
+    links = transforms(EPOCH, ("/base_link", "/laser", vector(), rotation(0.5)))
+    path = of_ros1(tmp_path / "drive.bag", [("/tf", EPOCH, links), *entries()], old_transforms=old_transforms)
+    with ScanBag(path, CAR) as bag:
+        scan = next(iter(bag)).scan
+    assert scan.angle_min == pytest.approx(-2.0 + 0.5, abs=1e-6)
 
 
 def test_a_single_file_that_is_compressed_as_a_whole_is_read(tmp_path):

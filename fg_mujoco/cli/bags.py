@@ -6,6 +6,7 @@ import argparse
 import contextlib
 import sys
 import tempfile
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -197,7 +198,7 @@ def _replay_scans(options: argparse.Namespace) -> int:
     # what a planner prints is not our output
     with bag, contextlib.redirect_stdout(sys.stderr), _progress("scan") as watch:
         if ODOMETRY not in bag.topics:
-            print(f"fg-mujoco: {options.bag}: no odometry; the speed is {bag.speed}", file=sys.stderr)
+            warnings.warn(f"{options.bag}: no odometry; the speed is {bag.speed}", stacklevel=2)
 
         def watched() -> Iterator[Any]:
             for count, delivery in enumerate(bag, start=1):

@@ -352,6 +352,8 @@ def _first_bytes(path: Path) -> bytes:
 def _normal(kind: str) -> str:
     """Return the name of a type as ROS 2 writes it."""
     package, _, name = kind.rpartition("/")
+    if name == "tfMessage":  # of tf, before tf2: the same message
+        return "tf2_msgs/msg/TFMessage"
     return kind if not package or "/" in package else f"{package}/msg/{name}"
 
 

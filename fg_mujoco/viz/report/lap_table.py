@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -67,6 +68,7 @@ def lap_table(
             continue
         sectors = _sectors(time, progress, length, number, start, finish if complete else None)
         speed = np.abs(columns["speed_m_s"][ticks])
+        steps = float(columns["steps"][ticks].sum())  # none where a car recorded the run: nothing is known of tires
         laps.append(
             Lap(
                 number=number,
@@ -74,8 +76,8 @@ def lap_table(
                 sectors=sectors,
                 top_speed=float(speed.max()),
                 mean_speed=float(speed.mean()),
-                friction_utilisation=float(columns["friction_use"][ticks].max()),
-                sliding_share=float(columns["sliding_steps"][ticks].sum() / columns["steps"][ticks].sum()),
+                friction_utilisation=float(columns["friction_use"][ticks].max()) if steps else math.nan,
+                sliding_share=float(columns["sliding_steps"][ticks].sum()) / steps if steps else math.nan,
             )
         )
     return tuple(laps)

@@ -19,7 +19,7 @@ from ...course.writing import write_file
 from ...errors import RunFolderError
 from ...racing.planner_choice import with_settings
 from ...racing.result import RaceResult
-from ...racing.run_folder import Run
+from ...racing.run_folder import RECORDED, Run
 from . import sections
 from .clip import clip_of_several, clip_start, make_clip
 from .field import STYLE, Field, cars_table, contact_pictures, contacts_table, field_plots, overtakes_table, said
@@ -165,7 +165,8 @@ def _page(
     unfinished = len(lap_times) < int(summary["laps_requested"])
     laps = lap_table(columns, lap_times, length, end=run.end if unfinished else None)
     events = slide_events(columns, length, tires=run.tires)
-    slides = sections.events(events, run.tires)
+    recorded = summary["end_reason"] == RECORDED
+    slides = sections.NOT_KNOWN if recorded else sections.events(events, run.tires)
     field = Field.of(run)
     film, whose = None, ""
     if clip_seconds is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
 from html import escape
 from typing import Any
@@ -19,6 +20,8 @@ from .lap_table import SECTORS, Lap
 from .recorded_run import RecordedRun
 from .slide_events import SlideEvent
 
+NOT_KNOWN = '<p class="note">Not known: a car recorded this run, and nobody measured its tires.</p>'
+"""In the place of the list of sliding."""
 _MOST_EVENTS = 200  # rows of the list of sliding
 
 
@@ -126,6 +129,10 @@ def switch(name: str, choices: Sequence[tuple[str, str]]) -> str:
     return f'<div class="switch" role="group">{buttons}</div>'
 
 
+def _known(value: float, form: str, unit: str = "") -> str:
+    return "-" if math.isnan(value) else f"{value:{form}}{unit}"
+
+
 def laps(laps: Sequence[Lap], summary: dict[str, Any]) -> str:
     """Return the table of the laps; a click on one puts the cursor on its start."""
     if not summary["laps_requested"]:
@@ -147,8 +154,9 @@ def laps(laps: Sequence[Lap], summary: dict[str, Any]) -> str:
         ending = "" if lap.time is not None else f", {str(summary['end_reason']).replace('_', ' ')}"
         rows.append(
             f'<tr class="here" data-time="{start:.3f}"><td>{lap.number}{escape(ending)}</td>{cells}'
-            f"<td>{lap.top_speed:.2f}</td><td>{lap.mean_speed:.2f}</td><td>{lap.friction_utilisation:.2f}</td>"
-            f"<td>{100 * lap.sliding_share:.1f} %</td></tr>"
+            f"<td>{lap.top_speed:.2f}</td><td>{lap.mean_speed:.2f}</td>"
+            f"<td>{_known(lap.friction_utilisation, '.2f')}</td>"
+            f"<td>{_known(100 * lap.sliding_share, '.1f', ' %')}</td></tr>"
         )
         start += lap.time or 0.0
     note = '<p class="note">Sectors are thirds of the lap by progress.</p>'
