@@ -19,6 +19,7 @@ from typing import Any
 from ...errors import ControllerError, accepted_names
 from .graph import Graph
 from .messages import SERVICE_PACKAGES, Definitions
+from .reconfigure import configurations
 from .source import Unused, own_folders, read_source
 
 _PARTS = ("Request", "Response", "Goal", "Result", "Feedback")
@@ -178,6 +179,9 @@ class Imports:
     def _stand_in(self, name: str) -> ModuleType | None:
         top, _, rest = name.partition(".")
         if name not in self._modules and rest in ("msg", "srv", "action") and self._package(top):
+            self._hang(name)
+        elif name not in self._modules and rest == "cfg" and (folders := self._message_folders(top, "cfg")):
+            self._modules[name] = StandIn(name, **configurations(folders))
             self._hang(name)
         elif name not in self._modules and not rest and self._package(top):
             self._modules[top] = StandIn(top)

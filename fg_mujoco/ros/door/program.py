@@ -9,6 +9,7 @@ A launch file is YAML, with paths from its own folder:
         parameters: {speed: 2.0}
         params_file: config.yaml      # as ROS has them
         remap: {/drive: /wall_drive}
+        args: car_1 --fast            # in its sys.argv
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from __future__ import annotations
 import ast
 import importlib.util
 import re
+import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,7 +31,7 @@ from .messages import ROS1, ROS2
 from .source import own_files, parse
 
 SCHEME = "ros:"
-_KEYS = ("file", "class", "name", "parameters", "params_file", "remap")
+_KEYS = ("file", "class", "name", "parameters", "params_file", "remap", "args")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,6 +48,7 @@ class NodeFile:
     name: str | None = None
     parameters: Mapping[str, Any] = field(default_factory=dict)
     remap: Mapping[str, str] = field(default_factory=dict)
+    arguments: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,6 +153,7 @@ def _read_launch(path: Path, said: str) -> Program:
             read_node_file(
                 path.parent / row["file"], str(row.get("class") or ""), where, name=row.get("name"),
                 parameters=flat(parameters), remap={str(key): str(value) for key, value in remap.items()},
+                arguments=read_arguments(row.get("args"), where),
             )
         )  # fmt: skip
     if len({node.flavour for node in nodes}) > 1:
@@ -189,6 +193,24 @@ def flat(values: Mapping[str, Any], before: str = "") -> dict[str, Any]:
     for name, value in values.items():
         found.update(flat(value, f"{before}{name}.") if isinstance(value, dict) else {f"{before}{name}": value})
     return found
+
+
+def read_arguments(given: Any, said: str) -> tuple[str, ...]:
+    """Return the arguments of a node, which are given as a shell takes them, or as a list.
+
+    Raises:
+      ControllerError: they are neither.
+    """
+    if given is None:
+        return ()
+    if isinstance(given, list) and not any(isinstance(each, (list, dict)) for each in given):
+        return tuple(str(each) for each in given)
+    try:
+        if isinstance(given, (list, dict)):
+            raise ValueError
+        return tuple(shlex.split(str(given)))
+    except ValueError:
+        raise ControllerError(f"{said}: args are {given!r}; accepted: words, such as car_1 --fast") from None
 
 
 def _yaml(path: Path, text: bytes, said: str) -> Any:

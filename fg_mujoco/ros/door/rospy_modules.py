@@ -71,7 +71,9 @@ class Rospy:
         return "/"
 
     def is_shutdown(self) -> bool:
-        self.graph.breathe()
+        if self.graph.breathe():
+            while self.session.run_next(self.session.subscriptions, self.session.timers):
+                pass
         return self.graph.closed or self.session.ended
 
     def signal_shutdown(self, reason: str = "") -> None:
@@ -409,7 +411,7 @@ def rospy_modules(session: Session) -> dict[str, ModuleType]:
         "get_param_names": rospy.get_param_names, "get_name": rospy.get_name, "get_namespace": rospy.get_namespace,
         "wait_for_message": rospy.wait_for_message, "get_published_topics": rospy.get_published_topics,
         "get_time": lambda: graph.now / NANOSECONDS, "get_rostime": lambda: RosTime.from_nanoseconds(graph.now),
-        "myargv": lambda argv=None: [str(session.file)], "resolve_name": rospy._full,
+        "myargv": lambda argv=None: session.argv, "resolve_name": rospy._full,
         "wait_for_service": rospy.wait_for_service, "ServiceProxy": type("ServiceProxy", (ServiceProxy,), bound),
         "Service": type("Service", (Service,), bound), "delete_param": rospy.delete_param,
         "get_caller_id": rospy.get_name, "get_node_uri": lambda: "", "TimerEvent": SimpleNamespace,
