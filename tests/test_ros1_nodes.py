@@ -106,6 +106,24 @@ def test_callbacks_come_while_a_loop_only_asks_whether_it_is_over(tmp_path):
     assert commands(write(tmp_path, text))[-1][0] == 1.0
 
 
+def test_a_callback_that_sleeps_is_not_called_again_before_it_has_come_back(tmp_path):
+    text = HEAD + "depths = []\ndef call(scan):\n    depths.append(len(depths))\n    drive(max(depths) + 1.0)\n"
+    text += '    rospy.sleep(0.06)\n    depths.pop()\nrospy.Subscriber("/scan", LaserScan, call)\n'
+    text += "def tick(event):\n    global ticks\n    ticks += 1\n    drive(3.0 if ticks > 8 else 1.0, ticks / 100)\n"
+    text += "ticks = 0\nrospy.Timer(rospy.Duration(0.02), tick)\nrospy.spin()\n"
+    found = commands(write(tmp_path, text), 10)
+    assert {speed for speed, _ in found[:-2]} == {1.0}
+    assert found[-1] == (3.0, pytest.approx(0.11))  # timers come while it sleeps
+
+
+def test_messages_beside_a_node_are_those_of_its_package_and_hide_no_module(tmp_path):
+    write(tmp_path, "float32 gain 1.5\n", "Gain.msg")
+    text = HEAD + "import collections, math\nfrom race.msg import Gain\nfrom collections import deque\n"
+    assert (
+        commands(write(tmp_path, text + LISTENS.format("drive(Gain(gain=1.5).gain + math.floor(1.2))")))[-1][0] == 2.5
+    )
+
+
 def test_time_has_passed_between_the_start_of_a_node_and_the_first_scan(tmp_path):
     text = HEAD + "began = rospy.get_time()\n" + LISTENS.format("drive(0.004 / (rospy.get_time() - began))")
     assert commands(write(tmp_path, text), 1)[0][0] == pytest.approx(4.0, rel=1e-3)
@@ -165,3 +183,9 @@ def test_a_transform_that_does_not_come_is_waited_for_no_longer_than_was_said(tm
     text += '    listener.waitForTransform("map", "nowhere", rospy.Time(0), rospy.Duration(0.02))\n'
     text += "except tf.Exception:\n    " + LISTENS.format("drive(1.0)").replace("\n", "\n    ")
     assert commands(write(tmp_path, text + "\n"), 3)[-1][0] == 1.0
+
+
+@pytest.mark.parametrize("line", ['print "started"', "try: pass\nexcept ValueError, error: pass", "mode = 0777"])
+def test_python_2_is_refused_with_its_line(tmp_path, line):
+    with pytest.raises(ControllerError, match=r"does not import: .* \(.*mine.py, line 1[34]\); it is Python 2$"):
+        commands(write(tmp_path, HEAD + line + "\n"))

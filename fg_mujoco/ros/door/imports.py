@@ -183,7 +183,7 @@ class Imports:
         elif name not in self._modules and rest == "cfg" and (folders := self._message_folders(top, "cfg")):
             self._modules[name] = StandIn(name, **configurations(folders))
             self._hang(name)
-        elif name not in self._modules and not rest and self._package(top):
+        elif name not in self._modules and not rest and self._package(top, beside=False):
             self._modules[top] = StandIn(top)
             self._hang(f"{top}.msg")
         elif name not in self._modules and rest in ("srv", "action") and top.endswith(_INTERFACES):
@@ -204,12 +204,17 @@ class Imports:
             return True
         return name in ("msg", "srv", "action") and self._stand_in(part) is not None
 
-    def _package(self, name: str) -> bool:
-        """Say whether there are messages of a package, and make its modules."""
+    def _package(self, name: str, *, beside: bool = True) -> bool:
+        """Say whether there are messages of a package, and make its modules.
+
+        Args:
+          name: of the package.
+          beside: whether `.msg` files that lie beside the node may be its: they do not say of which package they are.
+        """
         if f"{name}.msg" in self._modules:
             return True
         if not self._definitions.names(name):
-            for folder in self._message_folders(name):
+            for folder in self._message_folders(name, beside=beside):
                 self._definitions.add_files(name, folder)
         names = self._definitions.names(name)
         if not names and not self._has_services(name):
@@ -236,13 +241,13 @@ class Imports:
                 return self._definitions.parts(package, name, file.read_text("utf-8", "replace"), str(file))
         return self._definitions.parts(package, name)
 
-    def _message_folders(self, package: str, kind: str = "msg") -> list[Path]:
+    def _message_folders(self, package: str, kind: str = "msg", *, beside: bool = True) -> list[Path]:
         """Return the folders of a package's `.msg` files: of its own, of one beside it, or beside the node."""
         folder = self._node.resolve().parent
         above = [folder, *list(folder.parents)[:_LEVELS]]
         places = [place / package / kind for place in above]
         places += [place / kind for place in above if place.name == package or _is_package(place, package)]
-        if kind == "msg" and not any(place.is_dir() for place in places):
+        if beside and kind == "msg" and not any(place.is_dir() for place in places):
             local = folder / "msg"
             places = [local if local.is_dir() else folder]
         return [place for place in places if place.is_dir() and any(place.glob(f"*.{kind}"))]

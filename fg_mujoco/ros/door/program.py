@@ -32,6 +32,10 @@ from .source import own_files, parse
 
 SCHEME = "ros:"
 _KEYS = ("file", "class", "name", "parameters", "params_file", "remap", "args")
+_OF_PYTHON_2 = (
+    "Missing parentheses in call to", "exception types must be parenthesized", "leading zeros in decimal integer",
+)  # fmt: skip
+"""What Python says of the syntax of Python 2."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,7 +104,7 @@ def read_node_file(path: Path, class_name: str, said: str, **more: Any) -> NodeF
     except (SyntaxError, ValueError) as error:
         line = getattr(error, "lineno", None)
         where = f" ({path}, line {line})" if line else f" ({path})"
-        hint = "; it is Python 2" if b"print " in text and "Missing parentheses" in str(error) else ""
+        hint = "; it is Python 2" if any(each in str(error) for each in _OF_PYTHON_2) else ""
         raise ControllerError(f"{said} does not import: {getattr(error, 'msg', error)}{where}{hint}") from error
     classes = {each.name: each.lineno for each in tree.body if isinstance(each, ast.ClassDef)}
     named = {name for each in ast.walk(tree) for name in _imported(each)}
