@@ -189,3 +189,13 @@ def test_a_transform_that_does_not_come_is_waited_for_no_longer_than_was_said(tm
 def test_python_2_is_refused_with_its_line(tmp_path, line):
     with pytest.raises(ControllerError, match=r"does not import: .* \(.*mine.py, line 1[34]\); it is Python 2$"):
         commands(write(tmp_path, HEAD + line + "\n"))
+
+
+def test_names_that_numpy_has_no_longer_are_there_for_nodes(tmp_path):
+    text = HEAD + "import numpy as np\nassert np.isnan(np.NaN) and np.array([1], np.float).dtype == np.float64\n"
+    assert commands(write(tmp_path, text + LISTENS.format("drive(np.int(1.5))")))[-1][0] == 1.0
+
+
+def test_an_infinite_speed_is_limited_as_any_other(tmp_path):
+    text = HEAD + LISTENS.format("drive(float('inf'))")
+    assert commands(write(tmp_path, text))[-1][0] == 5.0

@@ -95,7 +95,8 @@ class Driving:
         drive = message.drive if kind == _STAMPED else message
         names = ("velocity", "angle") if topics[0].is_drive_param else ("speed", "steering_angle")
         for name in names:
-            if not math.isfinite(getattr(drive, name)):
+            value = getattr(drive, name)
+            if not (math.isfinite(value) or (name == names[0] and not math.isnan(value))):  # a speed is limited
                 raise NodeError(
                     f"{self._said()} has published {name} {getattr(drive, name)!r} on {topics[0].topic}"
                     f"{topics[0].place}; accepted: a finite number"

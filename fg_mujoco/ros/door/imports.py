@@ -20,7 +20,7 @@ from ...errors import ControllerError, accepted_names
 from .graph import Graph
 from .messages import SERVICE_PACKAGES, Definitions
 from .reconfigure import configurations
-from .source import Unused, own_folders, read_source
+from .source import OLD_NAMES, Unused, own_folders, read_source
 
 _PARTS = ("Request", "Response", "Goal", "Result", "Feedback")
 _INTERFACES = ("_msgs", "_srvs", "_interfaces")
@@ -96,7 +96,7 @@ class Imports:
         self._node, self._graph, self._definitions = node, graph, definitions
         self._modules: dict[str, ModuleType] = dict(modules)
         self._overlays, self._drawing = overlays, drawing
-        self._draws: set[str] = set()  # files that may draw random numbers
+        self._draws: set[str] = set()  # files that may draw random numbers, or use old names of NumPy
         self._own: dict[Path, ModuleType] = {}
         self._unused: dict[str, Unused] = {}  # by file
         self._builtins = {**vars(builtins), "__import__": self.import_module}
@@ -112,7 +112,7 @@ class Imports:
         self._graph.files.add(str(path))
         source = read_source(path, text, self._node)
         self._unused[str(path)] = source.unused
-        if b"random" in text:
+        if b"random" in text or OLD_NAMES.search(text):
             self._draws.add(str(path))
         for said in source.told:
             _warn(said)

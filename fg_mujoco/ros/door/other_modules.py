@@ -20,6 +20,11 @@ from .reconfigure import Config, server_of
 from .rospy_times import NANOSECONDS
 from .session import Session
 
+_OLD: dict[str, Any] = {  # names of NumPy, see OLD_NAMES
+    "float": float, "int": int, "bool": bool, "object": object, "str": str, "complex": complex, "NaN": np.nan,
+    "Inf": np.inf, "infty": np.inf, "float_": np.float64,
+}  # fmt: skip
+
 
 class PackageNotFoundError(KeyError):
     pass
@@ -107,7 +112,7 @@ def random_overlays(seed: int) -> dict[str, ModuleType]:
     """Return `random`, `numpy` and `numpy.random` as a node sees them that draws numbers without a seed of its own.
 
     Their generators are the node's own and begin at a seed, so that other nodes and threads draw none of its numbers.
-    What a node seeds itself has the numbers that it has anywhere.
+    What a node seeds itself has the numbers that it has anywhere. `numpy` also has the OLD_NAMES.
     """
     plain, legacy = random.Random(seed), np.random.RandomState(seed)
     children = np.random.SeedSequence(seed)
@@ -121,7 +126,7 @@ def random_overlays(seed: int) -> dict[str, ModuleType]:
     return {
         "random": Overlay(random, **{**of_plain, "Random": random.Random, "SystemRandom": random.SystemRandom}),
         "numpy.random": drawing,
-        "numpy": Overlay(np, **{**vars(np), "random": drawing}),  # as quick as the module itself
+        "numpy": Overlay(np, **{**_OLD, **vars(np), "random": drawing}),  # as quick as the module itself
     }
 
 

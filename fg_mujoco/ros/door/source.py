@@ -8,6 +8,7 @@ beside the node and in its package: `/home/me/ws/src/lab5/racelines/levine.csv` 
 from __future__ import annotations
 
 import ast
+import re
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -20,6 +21,8 @@ _DATA = {
     ".csv", ".txt", ".yaml", ".yml", ".json", ".npy", ".npz", ".pkl", ".pickle", ".pt", ".pth", ".onnx", ".zip", ".png",
     ".pgm", ".h5", ".mat", ".tum",
 }  # fmt: skip
+OLD_NAMES = re.compile(rb"\b(?:np|numpy)\.(?:float|int|bool|object|str|complex|NaN|Inf|infty|float_)\b")
+"""Names that NumPy had when many nodes were written, and has no longer."""
 _PACKAGE = ("package.xml", "setup.py")
 _JOINING = ("join", "joinpath")
 _READING = ("open", "loadtxt", "genfromtxt", "read_csv", "load")
