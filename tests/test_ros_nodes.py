@@ -297,8 +297,14 @@ def test_modules_of_a_package_are_found_from_deep_within_it(tmp_path):
 
 def test_topics_are_remapped(node):
     source = node("self.drive(1)", head=HEAD.replace("/scan", "/my_scan") + PUBLISHER.replace("/drive", "/nav"))
-    with pytest.warns(UserWarning, match=r"/my_scan has no publisher here; node 'mine' listens \(.*mine.py, line 12\)"):
-        assert speeds(make(source), 2) == [0.0, 0.0]
+    listens = '        self.create_subscription(LaserScan, "/no_scan", self.callback, 10)\n'
+    two = HEAD.replace("/scan", "/my_scan") + listens + PUBLISHER
+    with pytest.warns(
+        UserWarning, match=r"/my_scan has no publisher here, and is taken for /scan \(.*mine.py, line 12\)"
+    ):
+        assert speeds(make(source), 2) == [1.0, 1.0]
+    with pytest.warns(UserWarning, match=r"/no_scan has no publisher here; node 'mine' listens \(.*mine.py, line 13\)"):
+        assert speeds(make(node("self.drive(1)", head=two)), 2) == [0.0, 0.0]
     assert speeds(make(source, **{"remap./my_scan": "/scan"}), 2) == [1.0, 1.0]
     wrong = node("self.drive(1)", head=HEAD.replace("LaserScan", "Imu") + PUBLISHER)
     with pytest.warns(UserWarning, match=r"/scan is sensor_msgs/msg/LaserScan here; node 'mine' listens for Imu"):

@@ -1,7 +1,8 @@
 """How nodes drive: which of the topics that they publish on command the car, and what speed and angle they ask for.
 
-In this order: Ackermann messages, AutoDRIVE's throttle and steering, the VESC's motor and servo, a Twist. Of several
-Ackermann topics the first of KNOWN counts, as in the multiplexers of the field; /brake never stands alone.
+In this order: Ackermann messages, AutoDRIVE's throttle and steering, the VESC's motor and servo, the F1/10 course's
+drive_param, a Twist. Of several Ackermann topics the first of KNOWN counts, as in the multiplexers of the field; /brake
+never stands alone.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ KNOWN = (
 
 _STAMPED, _PLAIN = "ackermann_msgs/AckermannDriveStamped", "ackermann_msgs/AckermannDrive"
 _TWIST, _TWIST_STAMPED = "geometry_msgs/Twist", "geometry_msgs/TwistStamped"
+_DRIVE_PARAM = "drive_param"
 _AUTODRIVE = re.compile(r"/autodrive/\w+/(throttle|steering)_command")
 _VESC = re.compile(r"(?:/vesc)?/commands/(motor/speed|servo/position)")
 _SLOWEST = 0.05  # [m/s] below which a Twist's yaw rate says nothing of the steering angle
@@ -50,7 +52,7 @@ class Driving:
         Raises:
           NodeError: there are several drive topics, and it is not known which counts.
         """
-        for kinds in ((_STAMPED, _PLAIN), (), (_TWIST, _TWIST_STAMPED)):
+        for kinds in ((_STAMPED, _PLAIN), (), (_DRIVE_PARAM,), (_TWIST, _TWIST_STAMPED)):
             if not kinds:
                 for pattern in (_AUTODRIVE, _VESC):
                     pair = self._pair(pattern)
@@ -91,13 +93,15 @@ class Driving:
             angle = math.atan2(turning * self._car.wheelbase, abs(speed)) if abs(speed) > _SLOWEST else 0.0
             return speed, math.copysign(1.0, speed) * angle
         drive = message.drive if kind == _STAMPED else message
-        for name in ("speed", "steering_angle"):
-            if not math.isfinite(getattr(drive, name)):
+        names = ("velocity", "angle") if topics[0].is_drive_param else ("speed", "steering_angle")
+        for name in names:
+            value = getattr(drive, name)
+            if not (math.isfinite(value) or (name == names[0] and not math.isnan(value))):  # a speed is limited
                 raise NodeError(
                     f"{self._said()} has published {name} {getattr(drive, name)!r} on {topics[0].topic}"
                     f"{topics[0].place}; accepted: a finite number"
                 )
-        return drive.speed, drive.steering_angle
+        return getattr(drive, names[0]), getattr(drive, names[1])
 
     def _of_two(self, topics: Sequence[Publication], messages: Sequence[Any]) -> tuple[float, float]:
         """Return speed and angle of messages of numbers; a message that has not come yet is 0."""
@@ -117,7 +121,7 @@ class Driving:
         return [found[topic] for topic in sorted(found)][:2] if len(found) >= 2 else []
 
     def _of_kinds(self, kinds: Sequence[str]) -> dict[str, Publication]:
-        return self._of(lambda each: each.kind._type in kinds)
+        return self._of(lambda each: each.is_drive_param if kinds == (_DRIVE_PARAM,) else each.kind._type in kinds)
 
     def _of(self, wanted: Callable[[Any], bool]) -> dict[str, Publication]:
         """Return the last publisher of each topic that is wanted."""

@@ -24,6 +24,7 @@ from typing import Any
 BEGIN = 1_000_000_000 * 1_000_000_000
 """[ns] ROS time at which a race begins: nodes take 0 for "no time yet"."""
 
+_LEAD = 1_000_000  # [ns] before the race at which nodes start: some divide by the time since then at the first scan
 _MOST_ROUNDS = 100_000  # resumptions at one instant before a node is said to let no time pass
 _MOST_QUESTIONS = 1000  # whether it is over, at one instant, before time goes on
 _COMMANDS = ("ackermann_msgs/", "std_msgs/Float", "geometry_msgs/Twist")  # types of topics that command a car
@@ -71,7 +72,12 @@ class Publication:
     @property
     def commands(self) -> bool:
         """Whether its messages may command a car."""
-        return getattr(self.kind, "_type", "").startswith(_COMMANDS)
+        return getattr(self.kind, "_type", "").startswith(_COMMANDS) or self.is_drive_param
+
+    @property
+    def is_drive_param(self) -> bool:
+        """Whether its messages are like `drive_param` of the F1/10 course, which users define: velocity and angle."""
+        return {"velocity", "angle"} <= set(getattr(self.kind, "_makers", ()))
 
 
 class Process:
@@ -163,7 +169,7 @@ class Graph:
 
     def __init__(self, wall_limit: float) -> None:
         self.wall_limit = wall_limit
-        self.now = BEGIN - 1
+        self.now = BEGIN - _LEAD
         self.closed = False
         self.files: set[str] = set()  # of the nodes, as their code names them
         self.processes: list[Process] = []
@@ -243,15 +249,21 @@ class Graph:
         tick = self.ticks
         self.pause(wake, lambda: self.ticks > tick or ready())
 
-    def breathe(self) -> None:
-        """Let time go on for a loop that asks "is it over?" again and again, and waits for nothing."""
+    def breathe(self) -> bool:
+        """Let time go on for a loop that asks "is it over?" again and again, and waits for nothing.
+
+        Returns:
+          Whether time has gone on.
+        """
         if self.current is None or self.closed:
-            return
+            return False
         self._asked = self._asked + 1 if self._asked_at == self.now else 1
         self._asked_at = self.now
         if self._asked > _MOST_QUESTIONS:
             self._asked = 0
             self.poll()
+            return True
+        return False
 
     def deliver(self, topic: str, message: Any) -> None:
         """Put a message into the queues of those who listen; each but the first gets a copy of its own."""

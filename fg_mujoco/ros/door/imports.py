@@ -19,7 +19,8 @@ from typing import Any
 from ...errors import ControllerError, accepted_names
 from .graph import Graph
 from .messages import SERVICE_PACKAGES, Definitions
-from .source import Unused, own_folders, read_source
+from .reconfigure import configurations
+from .source import OLD_NAMES, Unused, own_folders, read_source
 
 _PARTS = ("Request", "Response", "Goal", "Result", "Feedback")
 _INTERFACES = ("_msgs", "_srvs", "_interfaces")
@@ -95,7 +96,7 @@ class Imports:
         self._node, self._graph, self._definitions = node, graph, definitions
         self._modules: dict[str, ModuleType] = dict(modules)
         self._overlays, self._drawing = overlays, drawing
-        self._draws: set[str] = set()  # files that may draw random numbers
+        self._draws: set[str] = set()  # files that may draw random numbers, or use old names of NumPy
         self._own: dict[Path, ModuleType] = {}
         self._unused: dict[str, Unused] = {}  # by file
         self._builtins = {**vars(builtins), "__import__": self.import_module}
@@ -111,7 +112,7 @@ class Imports:
         self._graph.files.add(str(path))
         source = read_source(path, text, self._node)
         self._unused[str(path)] = source.unused
-        if b"random" in text:
+        if b"random" in text or OLD_NAMES.search(text):
             self._draws.add(str(path))
         for said in source.told:
             _warn(said)
@@ -179,7 +180,10 @@ class Imports:
         top, _, rest = name.partition(".")
         if name not in self._modules and rest in ("msg", "srv", "action") and self._package(top):
             self._hang(name)
-        elif name not in self._modules and not rest and self._package(top):
+        elif name not in self._modules and rest == "cfg" and (folders := self._message_folders(top, "cfg")):
+            self._modules[name] = StandIn(name, **configurations(folders))
+            self._hang(name)
+        elif name not in self._modules and not rest and self._package(top, beside=False):
             self._modules[top] = StandIn(top)
             self._hang(f"{top}.msg")
         elif name not in self._modules and rest in ("srv", "action") and top.endswith(_INTERFACES):
@@ -200,12 +204,17 @@ class Imports:
             return True
         return name in ("msg", "srv", "action") and self._stand_in(part) is not None
 
-    def _package(self, name: str) -> bool:
-        """Say whether there are messages of a package, and make its modules."""
+    def _package(self, name: str, *, beside: bool = True) -> bool:
+        """Say whether there are messages of a package, and make its modules.
+
+        Args:
+          name: of the package.
+          beside: whether `.msg` files that lie beside the node may be its: they do not say of which package they are.
+        """
         if f"{name}.msg" in self._modules:
             return True
         if not self._definitions.names(name):
-            for folder in self._message_folders(name):
+            for folder in self._message_folders(name, beside=beside):
                 self._definitions.add_files(name, folder)
         names = self._definitions.names(name)
         if not names and not self._has_services(name):
@@ -232,13 +241,13 @@ class Imports:
                 return self._definitions.parts(package, name, file.read_text("utf-8", "replace"), str(file))
         return self._definitions.parts(package, name)
 
-    def _message_folders(self, package: str, kind: str = "msg") -> list[Path]:
+    def _message_folders(self, package: str, kind: str = "msg", *, beside: bool = True) -> list[Path]:
         """Return the folders of a package's `.msg` files: of its own, of one beside it, or beside the node."""
         folder = self._node.resolve().parent
         above = [folder, *list(folder.parents)[:_LEVELS]]
         places = [place / package / kind for place in above]
         places += [place / kind for place in above if place.name == package or _is_package(place, package)]
-        if kind == "msg" and not any(place.is_dir() for place in places):
+        if beside and kind == "msg" and not any(place.is_dir() for place in places):
             local = folder / "msg"
             places = [local if local.is_dir() else folder]
         return [place for place in places if place.is_dir() and any(place.glob(f"*.{kind}"))]

@@ -16,8 +16,14 @@ from typing import Any
 import numpy as np
 
 from .imports import Overlay, StandIn, package_folder
+from .reconfigure import Config, server_of
 from .rospy_times import NANOSECONDS
 from .session import Session
+
+_OLD: dict[str, Any] = {  # names of NumPy, see OLD_NAMES
+    "float": float, "int": int, "bool": bool, "object": object, "str": str, "complex": complex, "NaN": np.nan,
+    "Inf": np.inf, "infty": np.inf, "float_": np.float64,
+}  # fmt: skip
 
 
 class PackageNotFoundError(KeyError):
@@ -48,6 +54,10 @@ def other_modules(session: Session, modules: dict[str, ModuleType]) -> dict[str,
         "rospkg": StandIn("rospkg", RosPack=lambda: SimpleNamespace(get_path=folder_of)),
         "message_filters": _message_filters(modules),
     }
+    if "rospy" in modules:
+        server = server_of(modules["rospy"])
+        found["dynamic_reconfigure.server"] = StandIn("dynamic_reconfigure.server", Server=server)
+        found["dynamic_reconfigure.encoding"] = StandIn("dynamic_reconfigure.encoding", Config=Config)
     return found
 
 
@@ -102,7 +112,7 @@ def random_overlays(seed: int) -> dict[str, ModuleType]:
     """Return `random`, `numpy` and `numpy.random` as a node sees them that draws numbers without a seed of its own.
 
     Their generators are the node's own and begin at a seed, so that other nodes and threads draw none of its numbers.
-    What a node seeds itself has the numbers that it has anywhere.
+    What a node seeds itself has the numbers that it has anywhere. `numpy` also has the OLD_NAMES.
     """
     plain, legacy = random.Random(seed), np.random.RandomState(seed)
     children = np.random.SeedSequence(seed)
@@ -116,12 +126,12 @@ def random_overlays(seed: int) -> dict[str, ModuleType]:
     return {
         "random": Overlay(random, **{**of_plain, "Random": random.Random, "SystemRandom": random.SystemRandom}),
         "numpy.random": drawing,
-        "numpy": Overlay(np, **{**vars(np), "random": drawing}),  # as quick as the module itself
+        "numpy": Overlay(np, **{**_OLD, **vars(np), "random": drawing}),  # as quick as the module itself
     }
 
 
 def overlays(session: Session, sleep: Callable[[float], Any]) -> dict[str, ModuleType]:
-    """Return modules of Python as a node sees them: `time` is simulated, threads take turns, there are no arguments.
+    """Return modules of Python as a node sees them: `time` is simulated, threads take turns, arguments are the node's.
 
     Args:
       session: of the node.
@@ -204,10 +214,10 @@ def overlays(session: Session, sleep: Callable[[float], Any]) -> dict[str, Modul
                 self.function(*self.args, **self.kwargs)
 
     class Parser(argparse.ArgumentParser):
-        """Without arguments: those of this process are not the node's."""
+        """Of the node's arguments: those of this process are not the node's."""
 
         def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-            return super().parse_known_args([] if args is None else args, namespace)
+            return super().parse_known_args(list(session.arguments) if args is None else args, namespace)
 
     return {
         "time": Overlay(
@@ -216,7 +226,7 @@ def overlays(session: Session, sleep: Callable[[float], Any]) -> dict[str, Modul
             monotonic_ns=lambda: round(graph.wall_time() * NANOSECONDS),
             perf_counter_ns=lambda: round(graph.wall_time() * NANOSECONDS),
         ),
-        "sys": Overlay(sys, argv=[str(session.file)]),
+        "sys": Overlay(sys, argv=session.argv),
         "threading": Overlay(threading, Thread=Thread, Event=Event, Lock=Lock, RLock=RLock, Timer=Timer),
         "signal": Overlay(signal, signal=lambda *_: None),
         "argparse": Overlay(argparse, ArgumentParser=Parser),

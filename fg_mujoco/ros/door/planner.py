@@ -33,7 +33,7 @@ from .graph import BEGIN, Graph, NodeError
 from .imports import Imports
 from .messages import ROS1, Definitions, message_class, require_rosbags
 from .other_modules import other_modules, overlays, random_overlays
-from .program import NodeFile, Program, read_parameters, read_program
+from .program import NodeFile, Program, read_arguments, read_parameters, read_program
 from .rclpy_modules import rclpy_modules
 from .rospy_modules import rospy_modules
 from .rospy_times import NANOSECONDS
@@ -45,6 +45,7 @@ from .transform_modules import transform_modules
 WALL_LIMIT = 30.0
 """[s] of wall time that a node may take for what is due at one instant: numba may compile in there."""
 _SEED = 0  # of random numbers that a node draws without a seed of its own
+_PLAIN = {"scan": "/scan", "odometry": "/odom"}  # topics that others may be taken for
 _MOST_KEPT = 10_000  # messages, for who asks what has been published
 PATIENCE = 5.0
 """[s] simulated in which a node must have published its first command."""
@@ -57,7 +58,7 @@ class RosPlanner:
       car: parameters of the car.
       max_speed: fastest that is commanded, whatever the nodes ask for [m/s].
       settings: parameters of the nodes, by name; `remap./scan` is another name for a topic, `door.params` a file of
-        parameters, `door.wall_limit` the wall time that a node may take [s].
+        parameters, `door.args` the arguments of a node, `door.wall_limit` the wall time that a node may take [s].
 
     Raises:
       ControllerError: a parameter that no node has, or a node that cannot drive.
@@ -129,6 +130,7 @@ class RosPlanner:
         if not isinstance(limit, (int, float)) or not 0.0 < limit < math.inf:
             raise ControllerError(f"door.wall_limit is {limit!r}; accepted: a positive number of seconds")
         file = given.pop("door.params", None)
+        arguments = read_arguments(given.pop("door.args", None), "door.args")
         remap = {name.removeprefix("remap."): str(given.pop(name)) for name in list(given) if name.startswith("remap.")}
         self._graph = Graph(float(limit))
         self._close = weakref.finalize(self, self._graph.close)
@@ -137,13 +139,15 @@ class RosPlanner:
         message_class("std_msgs/msg/Header", self._flavour)  # definitions are read here, and not in a node's time
         self._sensing = Sensing(self._graph, self._flavour, self._car)
         self._driving = Driving(self._graph, self._car, partial(_said, self._graph, self._program))
-        self._sessions = []
+        self._sessions, definitions = [], Definitions(self._flavour)
         for node in self._program.nodes:
             of_file = {} if file is None else read_parameters(Path(file), node.name or "", self._said())
             own = {**node.parameters, **of_file, **given}
-            session = Session(self._graph, node.path, own, {**node.remap, **remap}, node.name)
+            session = Session(
+                self._graph, node.path, own, {**node.remap, **remap}, node.name, arguments or node.arguments
+            )
             self._sessions.append(session)
-            self._graph.start(node.name or node.class_name or node.path.stem, _starter(session, node))
+            self._graph.start(node.name or node.class_name or node.path.stem, _starter(session, node, definitions))
         try:
             self._run(self._graph.settle)
             self._check()
@@ -220,6 +224,10 @@ class RosPlanner:
             kind = self._sensing.kind_of(each.topic)
             if kind is None:
                 said = f"{each.topic} has no publisher here; node {each.node!r} listens"
+            elif each.topic in self._sensing.taken():
+                said = (
+                    f"{each.topic} has no publisher here, and is taken for {_PLAIN[self._sensing.taken()[each.topic]]}"
+                )
             elif each.kind is not message_class(kind, self._flavour):
                 said = f"{each.topic} is {kind} here; node {each.node!r} listens for {each.kind.__name__}"
             else:
@@ -261,8 +269,8 @@ def source_text(source: str) -> bytes:
     return read_program(source).text
 
 
-def _starter(session: Session, node: NodeFile) -> Callable[[], None]:
-    """Return what the thread of a node does."""
+def _starter(session: Session, node: NodeFile, definitions: Definitions) -> Callable[[], None]:
+    """Return what the thread of a node does; nodes that talk to each other share the definitions of messages."""
     rospy = node.flavour == ROS1
     modules = rospy_modules(session) if rospy else rclpy_modules(session)
     modules.update(transform_modules(session, node.flavour))
@@ -276,7 +284,7 @@ def _starter(session: Session, node: NodeFile) -> Callable[[], None]:
             graph.pause(graph.now + max(1, round(float(seconds) * NANOSECONDS)))
 
     imports = Imports(
-        node.path, graph, Definitions(node.flavour), modules, overlays(session, sleep), random_overlays(_SEED)
+        node.path, graph, definitions, modules, overlays(session, sleep), random_overlays(_SEED)
     )  # fmt: skip
 
     def run() -> None:

@@ -9,6 +9,7 @@ A launch file is YAML, with paths from its own folder:
         parameters: {speed: 2.0}
         params_file: config.yaml      # as ROS has them
         remap: {/drive: /wall_drive}
+        args: car_1 --fast            # in its sys.argv
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from __future__ import annotations
 import ast
 import importlib.util
 import re
+import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,7 +31,11 @@ from .messages import ROS1, ROS2
 from .source import own_files, parse
 
 SCHEME = "ros:"
-_KEYS = ("file", "class", "name", "parameters", "params_file", "remap")
+_KEYS = ("file", "class", "name", "parameters", "params_file", "remap", "args")
+_OF_PYTHON_2 = (
+    "Missing parentheses in call to", "exception types must be parenthesized", "leading zeros in decimal integer",
+)  # fmt: skip
+"""What Python says of the syntax of Python 2."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,6 +52,7 @@ class NodeFile:
     name: str | None = None
     parameters: Mapping[str, Any] = field(default_factory=dict)
     remap: Mapping[str, str] = field(default_factory=dict)
+    arguments: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,7 +104,7 @@ def read_node_file(path: Path, class_name: str, said: str, **more: Any) -> NodeF
     except (SyntaxError, ValueError) as error:
         line = getattr(error, "lineno", None)
         where = f" ({path}, line {line})" if line else f" ({path})"
-        hint = "; it is Python 2" if b"print " in text and "Missing parentheses" in str(error) else ""
+        hint = "; it is Python 2" if any(each in str(error) for each in _OF_PYTHON_2) else ""
         raise ControllerError(f"{said} does not import: {getattr(error, 'msg', error)}{where}{hint}") from error
     classes = {each.name: each.lineno for each in tree.body if isinstance(each, ast.ClassDef)}
     named = {name for each in ast.walk(tree) for name in _imported(each)}
@@ -150,6 +157,7 @@ def _read_launch(path: Path, said: str) -> Program:
             read_node_file(
                 path.parent / row["file"], str(row.get("class") or ""), where, name=row.get("name"),
                 parameters=flat(parameters), remap={str(key): str(value) for key, value in remap.items()},
+                arguments=read_arguments(row.get("args"), where),
             )
         )  # fmt: skip
     if len({node.flavour for node in nodes}) > 1:
@@ -189,6 +197,24 @@ def flat(values: Mapping[str, Any], before: str = "") -> dict[str, Any]:
     for name, value in values.items():
         found.update(flat(value, f"{before}{name}.") if isinstance(value, dict) else {f"{before}{name}": value})
     return found
+
+
+def read_arguments(given: Any, said: str) -> tuple[str, ...]:
+    """Return the arguments of a node, which are given as a shell takes them, or as a list.
+
+    Raises:
+      ControllerError: they are neither.
+    """
+    if given is None:
+        return ()
+    if isinstance(given, list) and not any(isinstance(each, (list, dict)) for each in given):
+        return tuple(str(each) for each in given)
+    try:
+        if isinstance(given, (list, dict)):
+            raise ValueError
+        return tuple(shlex.split(str(given)))
+    except ValueError:
+        raise ControllerError(f"{said}: args are {given!r}; accepted: words, such as car_1 --fast") from None
 
 
 def _yaml(path: Path, text: bytes, said: str) -> Any:

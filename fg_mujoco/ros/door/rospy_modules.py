@@ -57,6 +57,7 @@ class Rospy:
     def __init__(self, session: Session) -> None:
         self.session, self.graph = session, session.graph
         self.name = "unnamed"
+        self.running: set[Any] = set()  # subscriptions and timers in whose callbacks the node is
         self._logger = NodeLogger(self.graph, self.name)
 
     def init_node(self, name: str, *_: Any, **__: Any) -> None:
@@ -71,7 +72,9 @@ class Rospy:
         return "/"
 
     def is_shutdown(self) -> bool:
-        self.graph.breathe()
+        if self.graph.breathe():
+            while self.session.run_next(*self._free()):
+                pass
         return self.graph.closed or self.session.ended
 
     def signal_shutdown(self, reason: str = "") -> None:
@@ -117,7 +120,10 @@ class Rospy:
         if value is KeyError:
             value = self._below(short) or default
         if value is KeyError:
-            raise MissingParameter(f"parameter {name} is not given, and has no default; accepted: [{short}=VALUE]")
+            raise MissingParameter(
+                f"parameter {name} is not given, and has no default; accepted: [{short}=VALUE], or a file: "
+                "[door.params=FILE.yaml]"
+            )
         return float(value) if isinstance(default, float) and type(value) is int else value
 
     def _below(self, short: str) -> dict[str, Any]:
@@ -198,8 +204,25 @@ class Rospy:
 
     def _once(self, until: int | None, *, spinning: bool = True) -> None:
         session = self.session
-        if not session.run_next(session.subscriptions, session.timers):
-            session.wait(session.subscriptions, session.timers, until, spinning=spinning)
+        subscriptions, timers = self._free()
+        if not session.run_next(subscriptions, timers):
+            session.wait(subscriptions, timers, until, spinning=spinning)
+
+    def _free(self) -> tuple[list[Subscription], list[Timer]]:
+        """Return who may be called: a callback that waits is not called again before it has come back."""
+        session, running = self.session, self.running
+        if not running:
+            return session.subscriptions, session.timers
+        subscriptions = [each for each in session.subscriptions if each not in running]
+        return subscriptions, [each for each in session.timers if each not in running]
+
+    def call(self, source: Any, callback: Callable[..., Any], *values: Any) -> None:
+        """Call back for a subscription or a timer."""
+        self.running.add(source)
+        try:
+            callback(*values)
+        finally:
+            self.running.discard(source)
 
 
 class Publisher:
@@ -252,7 +275,8 @@ class Subscriber:
             if hasattr(data_class, "_plain"):
                 message.__class__ = data_class
             if callback is not None:
-                callback(message) if callback_args is None else callback(message, callback_args)
+                values = (message,) if callback_args is None else (message, callback_args)
+                rospy.call(self._subscription, callback, *values)
 
         self._subscription = Subscription(
             rospy._full(name), _kind(data_class, name), call, queue_size or 1000, rospy.name, rospy.graph.place()
@@ -307,7 +331,7 @@ class TimerHandle:
                 current_real=now, current_expected=now, last_real=last[0], last_expected=last[0], last_duration=0.0
             )
             last[0] = now
-            callback(event)
+            self._rospy.call(self._timer, callback, event)
 
         self._timer: Timer = self._rospy.session.add_timer(round(period.to_sec() * NANOSECONDS), call, oneshot=oneshot)
 
@@ -409,7 +433,7 @@ def rospy_modules(session: Session) -> dict[str, ModuleType]:
         "get_param_names": rospy.get_param_names, "get_name": rospy.get_name, "get_namespace": rospy.get_namespace,
         "wait_for_message": rospy.wait_for_message, "get_published_topics": rospy.get_published_topics,
         "get_time": lambda: graph.now / NANOSECONDS, "get_rostime": lambda: RosTime.from_nanoseconds(graph.now),
-        "myargv": lambda argv=None: [str(session.file)], "resolve_name": rospy._full,
+        "myargv": lambda argv=None: session.argv, "resolve_name": rospy._full,
         "wait_for_service": rospy.wait_for_service, "ServiceProxy": type("ServiceProxy", (ServiceProxy,), bound),
         "Service": type("Service", (Service,), bound), "delete_param": rospy.delete_param,
         "get_caller_id": rospy.get_name, "get_node_uri": lambda: "", "TimerEvent": SimpleNamespace,

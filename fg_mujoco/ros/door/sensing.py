@@ -103,6 +103,8 @@ class Sensing:
         self._turned = np.zeros(4)  # [rad] of the wheels, since the start
         self._mapped: Any = None  # the model whose map has been published
         self._known: tuple[Any, dict[str, str]] | None = None
+        self._listened: set[tuple[str, str]] = set()  # topics and their types, when was asked for `taken` last
+        self._taken: dict[str, str] = {}
         graph.provided.update({topic: kind for topic, (kind, _) in TOPICS.items()})
         mount = matrix((car.lidar_offset, 0.0, 0.0), _UPRIGHT)
         for child, parent, found in (
@@ -126,7 +128,8 @@ class Sensing:
         listened = {each.topic for each in self._graph.subscriptions}
         self._map(listened)
         made_already: dict[str, Any] = {}
-        for topic, maker in self._topics().items():
+        topics = {**self._topics(), **self.taken()}
+        for topic, maker in sorted(topics.items(), key=lambda found: found[1] == "scan"):  # scans come last
             if topic in listened and maker not in ("map", "map_info"):
                 if maker not in made_already:
                     kind, _, number = maker.partition(" ")
@@ -138,10 +141,28 @@ class Sensing:
         """Return the type of a topic that is published here; None where it is not."""
         if topic in ("/map", "/map_metadata") and self.surroundings is None:
             return None
-        maker = self._topics().get(topic)
+        maker = self._topics().get(topic) or self.taken().get(topic)
         if maker is None:
             return None
         return TOPICS[topic][0] if topic in TOPICS else "sensor_msgs/msg/LaserScan" if maker == "scan" else _ODOMETRY
+
+    def taken(self) -> dict[str, str]:
+        """Return the topics of other names that are taken for the scan or the odometry, and what makes their messages.
+
+        Such a topic is the only one of its type that the nodes listen to, and no node publishes it: `/car_1/scan`.
+        """
+        listened = {(each.topic, getattr(each.kind, "_type", "")) for each in self._graph.subscriptions}
+        if listened != self._listened:
+            self._listened, self._taken = listened, {}
+            others = {topic for names in OTHERS for topic in names}
+            for kind, maker in (("nav_msgs/Odometry", "odometry"), ("sensor_msgs/LaserScan", "scan")):
+                topics = [topic for topic, found in listened if found == kind]
+                if len(topics) == 1 and topics[0] not in {*self._topics(), *others, *self._published()}:
+                    self._taken[topics[0]] = maker
+        return self._taken
+
+    def _published(self) -> set[str]:
+        return {each.topic for each in self._graph.publications}
 
     def _topics(self) -> dict[str, str]:
         """Return the topics that are published now, and what makes their messages."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import accepted_names
-from .graph import Graph, Subscription, next_message
+from .graph import BEGIN, Graph, Subscription, next_message
 
 
 @dataclass(eq=False)
@@ -37,6 +37,7 @@ class Session:
       given: parameters, by name, which differ from the node's own.
       remaps: names of topics, as the node says them, and what they are here.
       name: of the node; None: its own.
+      arguments: in its `sys.argv`, behind the file.
     """
 
     graph: Graph
@@ -44,6 +45,7 @@ class Session:
     given: dict[str, Any]
     remaps: Mapping[str, str]
     name: str | None = None
+    arguments: tuple[str, ...] = ()
     ok: bool = False
     ended: bool = False
     subscriptions: list[Subscription] = field(default_factory=list)
@@ -53,6 +55,11 @@ class Session:
     takes_all: bool = False  # whether any parameter is accepted
     hooks: list[Callable[[], Any]] = field(default_factory=list)  # on shutdown
     waits: str = ""  # for what, where it has not come yet
+
+    @property
+    def argv(self) -> list[str]:
+        """What the node finds in `sys.argv`."""
+        return [str(self.file), *self.arguments]
 
     def topic(self, name: str, node: str, namespace: str = "") -> str:
         """Return the full name of a topic that a node names."""
@@ -88,8 +95,9 @@ class Session:
         return ""
 
     def add_timer(self, period: int, callback: Callable[[], Any], *, oneshot: bool = False) -> Timer:
-        """Add a timer whose first call is a period [ns] from now."""
-        timer = Timer(max(1, period), callback, self.graph.now + max(1, period), oneshot=oneshot)
+        """Add a timer whose first call is a period [ns] from now, and not before the first scan."""
+        since = max(self.graph.now, BEGIN - 1)  # timers of a node that starts before the race count from there
+        timer = Timer(max(1, period), callback, since + max(1, period), oneshot=oneshot)
         self.timers.append(timer)
         return timer
 

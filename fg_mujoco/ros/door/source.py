@@ -8,6 +8,7 @@ beside the node and in its package: `/home/me/ws/src/lab5/racelines/levine.csv` 
 from __future__ import annotations
 
 import ast
+import re
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -20,6 +21,8 @@ _DATA = {
     ".csv", ".txt", ".yaml", ".yml", ".json", ".npy", ".npz", ".pkl", ".pickle", ".pt", ".pth", ".onnx", ".zip", ".png",
     ".pgm", ".h5", ".mat", ".tum",
 }  # fmt: skip
+OLD_NAMES = re.compile(rb"\b(?:np|numpy)\.(?:float|int|bool|object|str|complex|NaN|Inf|infty|float_)\b")
+"""Names that NumPy had when many nodes were written, and has no longer."""
 _PACKAGE = ("package.xml", "setup.py")
 _JOINING = ("join", "joinpath")
 _READING = ("open", "loadtxt", "genfromtxt", "read_csv", "load")
@@ -53,6 +56,8 @@ def read_source(path: Path, text: bytes, node: Path) -> Source:
     told: list[str] = []
     with _ONE_AT_A_TIME:
         tree = parse(text, path)
+        if mixes_tabs(text, path):
+            told.append(f"{path} mixes tabs and spaces, and is read as Python 2 does: a tab ends at a multiple of 8")
         unused = unused_imports(tree)
         relocate_files(tree, node, lambda said, line: told.append(f"{said} ({path}, line {line})"))
         code = _despite_depth(lambda: compile(tree, str(path), "exec"))
@@ -65,7 +70,28 @@ def parse(text: bytes, path: Path) -> ast.Module:
     Raises:
       SyntaxError, ValueError: it is no Python.
     """
-    return _despite_depth(lambda: ast.parse(text, str(path)))
+    return _despite_depth(lambda: _parse(text, path))
+
+
+def _parse(text: bytes, path: Path) -> ast.Module:
+    try:
+        return ast.parse(text, str(path))
+    except TabError:
+        lines = text.splitlines(keepends=True)
+        heads = [line[: len(line) - len(line.lstrip(b" \t"))] for line in lines]
+        spaced = [head.expandtabs() + line[len(head) :] for head, line in zip(heads, lines, strict=True)]
+        return ast.parse(b"".join(spaced), str(path))
+
+
+def mixes_tabs(text: bytes, path: Path) -> bool:
+    """Say whether the lines of a file are indented as only Python 2 allows."""
+    try:
+        _despite_depth(lambda: ast.parse(text, str(path)))
+    except TabError:
+        return True
+    except (SyntaxError, ValueError):
+        pass
+    return False
 
 
 def _despite_depth(work: Callable[[], T]) -> T:

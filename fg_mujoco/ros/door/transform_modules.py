@@ -381,8 +381,13 @@ def transform_modules(session: Session, flavour: int) -> dict[str, ModuleType]:
             return found[:3, 3].tolist(), quaternion_from_matrix(found).tolist()
 
         def waitForTransform(self, target: str, source: str, time: Any, timeout: Any = None, *_: Any) -> None:  # noqa: N802
+            until = None if timeout is None else graph.now + round(timeout.to_sec() * NANOSECONDS)
             while not self.canTransform(target, source):
-                graph.poll()
+                if until is not None and graph.now >= until:
+                    raise TransformException(
+                        f"no transform from {source!r} to {target!r} within {timeout.to_sec():g} s"
+                    )
+                graph.poll(wake=until)
 
         def canTransform(self, target: str, source: str, time: Any = None) -> bool:  # noqa: N802
             return Buffer().can_transform(target, source)
