@@ -144,7 +144,7 @@ def test_timers_come_at_their_simulated_times_between_the_ticks(node):
         assert [t - first for t in self.times] == [10_000_000 * i for i in range(len(self.times))]
         self.drive(len(self.times) / 10)
 """
-    # made 1 ns before the first tick: at 0.025 s two calls were due, at 0.05 s all five
+    # made 1 ms before the first tick: at 0.025 s two calls were due, at 0.05 s all five
     assert speeds(make(node("pass", more, head)), 4) == pytest.approx([0.0, 0.2, 0.5, 0.7], abs=1e-6)
 
 
@@ -296,13 +296,75 @@ def test_modules_of_a_package_are_found_from_deep_within_it(tmp_path):
 
 
 def test_topics_are_remapped(node):
-    source = node("self.drive(1)", head=HEAD.replace("/scan", "/my_scan") + PUBLISHER.replace("/drive", "/nav"))
-    with pytest.warns(UserWarning, match=r"/my_scan has no publisher here; node 'mine' listens \(.*mine.py, line 12\)"):
+    source = node("self.drive(1)", head=HEAD.replace("/scan", "/ahead") + PUBLISHER.replace("/drive", "/nav"))
+    with pytest.warns(UserWarning, match=r"/ahead has no publisher here; node 'mine' listens \(.*mine.py, line 12\)"):
         assert speeds(make(source), 2) == [0.0, 0.0]
-    assert speeds(make(source, **{"remap./my_scan": "/scan"}), 2) == [1.0, 1.0]
+    assert speeds(make(source, **{"remap./ahead": "/scan"}), 2) == [1.0, 1.0]
     wrong = node("self.drive(1)", head=HEAD.replace("LaserScan", "Imu") + PUBLISHER)
     with pytest.warns(UserWarning, match=r"/scan is sensor_msgs/msg/LaserScan here; node 'mine' listens for Imu"):
         speeds(make(wrong), 1)
+
+
+_ODOMETRY_ON = """        from nav_msgs.msg import Odometry
+        self.create_subscription(Odometry, "{}", self.odom, 1)
+"""
+_TELLS_ODOMETRY = """
+    def odom(self, message):
+        self.drive(message.twist.twist.linear.x)
+"""
+
+
+def test_the_only_topic_of_a_type_is_taken_for_the_one_that_is_here(node):
+    head = HEAD.replace("/scan", "/car7/scan") + PUBLISHER.replace("/drive", "/car7/drive")
+    source = node("self.drive(2)", head=head)
+    with pytest.warns(UserWarning, match=r"/car7/scan has no publisher here, and is taken for /scan; node 'mine' lis"):
+        assert speeds(make(source), 2) == [2.0, 2.0]
+    source = node("pass", _TELLS_ODOMETRY, HEAD + PUBLISHER + _ODOMETRY_ON.format("/odometry/filtered"))
+    with pytest.warns(
+        UserWarning, match=r"/odometry/filtered has no publisher here, and is taken for /odom; .*line 15"
+    ):
+        assert speeds(make(source), 2) == [1.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    "more",
+    [_ODOMETRY_ON.format("/opp2/odom"), _ODOMETRY_ON.format("/a/odom") + _ODOMETRY_ON.format("/b/odom")],
+    ids=["another car's", "two"],
+)
+def test_a_topic_that_may_be_something_else_stays_silent(node, more):
+    source = node("pass", _TELLS_ODOMETRY, HEAD + PUBLISHER + more)
+    with pytest.warns(UserWarning, match=r"/odom has no publisher here; node 'mine' listens"):
+        assert speeds(make(source), 2) == [0.0, 0.0]
+
+
+def test_a_topic_of_the_nodes_own_is_not_taken_for_ours(node):
+    head = HEAD.replace("/scan", "/own_scan") + PUBLISHER
+    head += "        self.relay = self.create_publisher(LaserScan, '/own_scan', 1)\n"
+    head += "        self.create_timer(0.03, lambda: self.relay.publish(LaserScan(range_max=4.0)))\n"
+    assert speeds(make(node("self.drive(message.range_max)", head=head)), 3) == [0.0, 0.0, 4.0]
+
+
+def test_wheels_of_f1tenth_gym_ros_have_frames(node):
+    body = """
+at = lambda name: self.buffer.lookup_transform("map", f"ego_racecar/{name}_wheel", rclpy.time.Time()).transform
+front, back = (at("front_left"), at("back_right"))
+self.drive(math.hypot(front.translation.x - back.translation.x, front.translation.y - back.translation.y))
+"""
+    head = "import math\n" + HEAD + PUBLISHER + "        import tf2_ros\n        self.buffer = tf2_ros.Buffer()\n"
+    assert speeds(make(node(body, head=head)), 1) == pytest.approx(
+        [math.hypot(CAR.wheelbase, CAR.track_width)], abs=1e-6
+    )
+
+
+def test_time_passes_between_a_nodes_making_and_its_first_scan_and_between_two_readings(node):
+    head = HEAD + PUBLISHER + "        self.before = self.get_clock().now()\n"
+    body = """
+now, later = self.get_clock().now(), self.get_clock().now()
+assert (later - now).nanoseconds == 1000
+since, self.before = now - self.before, now
+self.drive(since.nanoseconds / 1e9)
+"""
+    assert speeds(make(node(body, head=head)), 3) == pytest.approx([0.001, 0.025, 0.025], abs=1e-6)
 
 
 def test_poses_and_transforms_are_those_of_the_car(node):

@@ -88,6 +88,7 @@ class RosPlanner:
         if not self._ticked:
             self._ticked, self._began = True, scan.stamp
             self._sensing.opponent = any(each.topic == OPPONENT_DRIVE for each in self._driving.topics())
+            self._take_others_names()
             self._warn_of_silence()
         time = BEGIN + nanoseconds(max(scan.stamp, odometry.stamp))
         self._run(lambda: self._graph.tick(time, self._sensing.messages(scan, odometry)))
@@ -210,6 +211,21 @@ class RosPlanner:
         return (
             f"{self._said()} has published nothing on {drives[0].topic} within {PATIENCE:g} s{drives[0].place}{waits}"
         )
+
+    def _take_others_names(self) -> None:
+        """Give a topic that nobody publishes on what is published here in its type, where it is the only one of it."""
+        published = {each.topic for each in self._graph.publications}
+        listened = {each.topic: each.kind for each in self._graph.subscriptions}
+        for topic, kind in listened.items():
+            alike = [each for each in listened if listened[each] is kind and each not in published]
+            ours = self._sensing.taken_for(topic, kind)
+            if ours is None or alike != [topic] or self._sensing.kind_of(topic) is not None:
+                continue
+            for each in self._graph.subscriptions:
+                if each.topic == topic:
+                    each.topic = ours
+                    said = f"{topic} has no publisher here, and is taken for {ours}; node {each.node!r} listens"
+                    warnings.warn(f"{said}{each.place}", stacklevel=2)
 
     def _warn_of_silence(self) -> None:
         """Warn of topics that nodes listen to and nobody publishes on, or not in that type."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import array
 import math
+import re
 from collections.abc import Iterator
 from functools import lru_cache
 from types import SimpleNamespace
@@ -71,6 +72,13 @@ OTHERS = (
     ("/opp_racecar3/odom", "/ego_racecar/opp_odom3"),
 )
 """Odometry of the other cars: the names for the first, the second and the third."""
+TAKEN_FOR = {
+    "/scan": re.compile(r"scan|laser|lidar"),
+    "/odom": re.compile(r"odom"),
+    "/pf/viz/inferred_pose": re.compile(r"pose"),
+}
+"""Topics that one of another name is taken for, where a node listens to no other of the type, and what it must name."""
+_NOT_OWN = re.compile(r"opp|goal|initial")  # in names of what is another car's, or a person's
 MAP_SERVICES = ("/map_server/map", "/static_map", "/map_server/static_map", "/map_server/get_map")
 
 _EGO = "ego_racecar/"
@@ -95,6 +103,7 @@ class Sensing:
 
     def __init__(self, graph: Graph, flavour: int, car: CarParameters) -> None:
         self._graph, self._flavour, self._wheel_radius = graph, flavour, car.wheel_radius
+        self._wheelbase, self._half_track = car.wheelbase, car.track_width / 2
         self._pose = np.zeros(3)  # by dead reckoning, where there is no map
         self._before: float | None = None
         self.surroundings: Surroundings | None = None
@@ -111,6 +120,8 @@ class Sensing:
             ("lidar", AUTODRIVE_VEHICLES[-1], mount), (_EGO + "laser_model", _EGO + BASE_FRAME, mount),
         ):  # fmt: skip
             graph.transforms[child] = parent, found
+        for side, y in (("left", self._half_track), ("right", -self._half_track)):
+            graph.transforms[f"{_EGO}back_{side}_wheel"] = _EGO + BASE_FRAME, matrix((0.0, y, 0.0), _UPRIGHT)
 
     def messages(self, scan: LaserScan, odometry: Odometry) -> Iterator[tuple[str, Any]]:
         """Make the messages of one tick, in the order of TOPICS, and take the pose as the newest transform."""
@@ -123,6 +134,10 @@ class Sensing:
         self._graph.transforms[_EGO + BASE_FRAME] = MAP_FRAME, found
         for frame in AUTODRIVE_VEHICLES:
             self._graph.transforms[frame] = "world", found
+        half = self.command[1] / 2
+        for side, y in (("left", self._half_track), ("right", -self._half_track)):
+            turned = matrix((self._wheelbase, y, 0.0), (0.0, 0.0, math.sin(half), math.cos(half)))
+            self._graph.transforms[f"{_EGO}front_{side}_wheel"] = _EGO + BASE_FRAME, turned
         listened = {each.topic for each in self._graph.subscriptions}
         self._map(listened)
         made_already: dict[str, Any] = {}
@@ -142,6 +157,13 @@ class Sensing:
         if maker is None:
             return None
         return TOPICS[topic][0] if topic in TOPICS else "sensor_msgs/msg/LaserScan" if maker == "scan" else _ODOMETRY
+
+    def taken_for(self, topic: str, kind: type) -> str | None:
+        """Return the topic that a node means by one of another name, where it is the only one of its type."""
+        for ours, names in TAKEN_FOR.items():
+            if kind is message_class(TOPICS[ours][0], self._flavour):
+                return ours if names.search(topic) and not _NOT_OWN.search(topic) else None
+        return None
 
     def _topics(self) -> dict[str, str]:
         """Return the topics that are published now, and what makes their messages."""
