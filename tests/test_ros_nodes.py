@@ -570,6 +570,36 @@ def test_the_hash_of_a_node_covers_the_modules_of_its_own(tmp_path, capsys):
     assert planner_choice.ControllerChoice.of(source).sha256 != hashed
 
 
+_SWITCH = """
+import rclpy
+from rclpy.node import Node
+from ackermann_msgs.msg import AckermannDriveStamped
+
+rclpy.init()
+node = Node("switch")
+out = node.create_publisher(AckermannDriveStamped, "/control/drive", 1)
+{hears}
+rclpy.spin(node)
+"""
+_HEARS = "node.create_subscription(AckermannDriveStamped, '/{}/drive', {}, 1)\n"
+
+
+def test_the_last_drive_topic_behind_a_switch_counts(node, tmp_path):
+    planners = ""
+    for name in ("slow", "fast"):
+        source = node("self.drive(1)" if name == "slow" else "self.drive(3)")
+        Path(source[4:-5]).rename(tmp_path / f"{name}.py")
+        planners += f"- {{file: {name}.py, class: Mine, name: {name}, remap: {{/drive: /{name}/drive}}}}\n"
+    launch = tmp_path / "launch.yaml"
+    launch.write_text(f"nodes:\n{planners}- {{file: switch.py}}\n")
+    hears = [_HEARS.format("slow", "lambda message: None"), _HEARS.format("fast", "out.publish")]
+    (tmp_path / "switch.py").write_text(_SWITCH.format(hears="".join(hears)))
+    assert speeds(make(f"ros:{launch}"), 2) == [3.0, 3.0]
+    (tmp_path / "switch.py").write_text(_SWITCH.format(hears=hears[1]))
+    with pytest.raises(ControllerError, match=r"has 3 drive topics, /control/drive and /fast/drive and /slow/drive"):
+        make(f"ros:{launch}")
+
+
 def test_a_node_of_several_files_is_not_sent_to_a_cluster(tmp_path):
     launch = tmp_path / "launch.yaml"
     launch.write_text(f"nodes:\n- {{file: {NODES / 'wall_follow.py'}}}\n")

@@ -1,7 +1,8 @@
 """How nodes drive: which of the topics that they publish on command the car, and what speed and angle they ask for.
 
 In this order: Ackermann messages, AutoDRIVE's throttle and steering, the VESC's motor and servo, a Twist. Of several
-Ackermann topics the first of KNOWN counts, as in the multiplexers of the field; /brake never stands alone.
+Ackermann topics the first of KNOWN counts, as in the multiplexers of the field, else the one that no node listens to;
+/brake never stands alone.
 """
 
 from __future__ import annotations
@@ -64,8 +65,9 @@ class Driving:
                 if topic in found:
                     return [found[topic]]
             found.pop(OPPONENT_DRIVE, None)  # of the other car
-            if len(found) == 1:
-                return list(found.values())
+            last = [topic for topic in found if not self._graph.listens(topic)]  # none goes on to another node
+            if len(found) == 1 or len(last) == 1:
+                return [found[topic] for topic in (last or found)]
             if found:
                 places = "".join(each.place for each in found.values())
                 topics = sorted(found)
