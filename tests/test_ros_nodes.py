@@ -671,6 +671,43 @@ def test_a_file_of_data_that_lies_elsewhere_is_found_in_the_package(tmp_path):
         assert speeds(make(f"ros:{path}:Mine"), 1) == [1.5]
 
 
+@pytest.mark.parametrize(
+    "read",
+    [
+        "open(os.path.join('/home/me/ws', 'src', name + '.csv')).read()",
+        "open(file=f'src/{name}.csv', mode='r').read()",
+        "np.loadtxt(os.path.abspath('src') + '/' + name + '.csv')",
+        "np.genfromtxt(Path('~') / 'ws' / 'src' / f'{name}.csv')",
+    ],
+)
+def test_a_file_of_data_at_a_path_that_is_put_together_is_found_when_it_is_read(node, tmp_path, read):
+    (tmp_path / "src").mkdir()
+    (tmp_path / "src" / "levine.csv").write_text("1.5\n")
+    head = f"import os\nfrom pathlib import Path\nimport numpy as np\n{HEAD}{PUBLISHER}"
+    source = node(
+        "self.drive(self.speed)", head=head + f"        name = 'levine'\n        self.speed = float({read})\n"
+    )
+    with pytest.warns(UserWarning, match=r"levine.csv is not there; .*/src/levine.csv is taken \(.*mine.py, line 18\)"):
+        assert speeds(make(source), 1) == [1.5]
+
+
+def test_a_file_that_is_written_is_not_another_of_that_name(node, tmp_path):
+    (tmp_path / "log.csv").write_text("kept")
+    body = """
+for name, mode in (("/nowhere/log", "w"), ("/nowhere/log", "a")):
+    try:
+        open(name + ".csv", mode)
+    except FileNotFoundError:
+        self.drive(1)
+try:
+    open("/nowhere/log.csv", "w")
+except FileNotFoundError:
+    self.drive(2)
+"""
+    assert speeds(make(node(body)), 1) == [2.0]
+    assert (tmp_path / "log.csv").read_text() == "kept"
+
+
 def test_attributes_of_a_nodes_own_are_in_nobodys_way(node):
     names = [
         "_session",
