@@ -344,6 +344,18 @@ def test_a_topic_of_the_nodes_own_is_not_taken_for_ours(node):
     assert speeds(make(node("self.drive(message.range_max)", head=head)), 3) == [0.0, 0.0, 4.0]
 
 
+@pytest.mark.parametrize(("topic", "other"), [("/sensors/core", "temp_fet"), ("/vesc/sensors/core", "avg_vq")])
+def test_the_state_of_the_motor_has_its_speed(node, topic, other):
+    head = HEAD + PUBLISHER + "        from vesc_msgs.msg import VescStateStamped\n"
+    head += f"        self.create_subscription(VescStateStamped, '{topic}', self.core, 1)\n"
+    more = f"""
+    def core(self, message):
+        assert message.state.{other} == 0.0 and message.state.fault_code == message.state.FAULT_CODE_NONE
+        self.drive(message.state.speed / 4614.0)
+"""
+    assert speeds(make(node("pass", more, head)), 2) == pytest.approx([1.0, 1.0], abs=1e-6)
+
+
 def test_wheels_of_f1tenth_gym_ros_have_frames(node):
     body = """
 at = lambda name: self.buffer.lookup_transform("map", f"ego_racecar/{name}_wheel", rclpy.time.Time()).transform

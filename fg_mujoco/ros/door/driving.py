@@ -14,7 +14,7 @@ from typing import Any
 
 from ...messages import CarParameters
 from .graph import Graph, NodeError, Publication
-from .sensing import STEERING, THROTTLE
+from .sensing import SPEED_TO_ERPM, STEERING, THROTTLE
 
 DRIVE, OPPONENT_DRIVE = "/drive", "/opp_drive"
 KNOWN = (
@@ -29,7 +29,6 @@ _AUTODRIVE = re.compile(r"/autodrive/\w+/(throttle|steering)_command")
 _VESC = re.compile(r"(?:/vesc)?/commands/(motor/speed|servo/position)")
 _SLOWEST = 0.05  # [m/s] below which a Twist's yaw rate says nothing of the steering angle
 
-_SPEED_TO_ERPM = 4614.0  # f1tenth_system, f1tenth_stack/config/vesc.yaml
 _STEERING_TO_SERVO, _SERVO_OFFSET = -1.2135, 0.5304  # the same
 
 
@@ -109,7 +108,7 @@ class Driving:
             throttle, steering = limited
             return throttle * THROTTLE, steering * STEERING
         angle = 0.0 if second is None else (second - _SERVO_OFFSET) / _STEERING_TO_SERVO
-        return (first or 0.0) / _SPEED_TO_ERPM, angle
+        return (first or 0.0) / SPEED_TO_ERPM, angle
 
     def _pair(self, pattern: re.Pattern[str]) -> list[Publication]:
         """Return the publishers of two topics of numbers, by their names; none where one of them is missing."""

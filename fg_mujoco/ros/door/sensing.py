@@ -37,6 +37,8 @@ TOPICS: dict[str, tuple[str, str]] = {
     "/imu": ("sensor_msgs/msg/Imu", "imu"),
     "/imu/data": ("sensor_msgs/msg/Imu", "imu"),
     "/sensors/imu/raw": ("sensor_msgs/msg/Imu", "imu"),
+    "/sensors/core": ("vesc_msgs/msg/VescStateStamped", "vesc_state"),
+    "/vesc/sensors/core": ("vesc_msgs/msg/VescStateStamped", "vesc_state"),
     "/odom": (_ODOMETRY, "odometry"),
     "/ego_racecar/odom": (_ODOMETRY, "odometry"),
     "/vesc/odom": (_ODOMETRY, "odometry"),
@@ -65,6 +67,9 @@ TOPICS |= {f"/autodrive/{car}/{name}": made for car in AUTODRIVE_VEHICLES for na
 
 THROTTLE, STEERING = 22.88, 0.5236
 """[m/s], [rad] at a command of 1. Source: AutoDRIVE, RoboRacer Sim Racing League, technical guide of 2026."""
+
+SPEED_TO_ERPM = 4614.0
+"""[1/m 1/min s] of the motor. Source: f1tenth_system, f1tenth_stack/config/vesc.yaml."""
 
 OTHERS = (
     ("/opp_racecar/odom", "/ego_racecar/opp_odom", "/opp_odom", "/opponent_odom", "/opponent/odom"),
@@ -266,6 +271,13 @@ class Sensing:
             pose=made(self._kind("geometry_msgs/msg/PoseWithCovariance"), pose=self._plain_pose(*at)),
             twist=made(self._kind("geometry_msgs/msg/TwistWithCovariance"), twist=twist),
         )
+
+    def _make_vesc_state(self) -> Any:
+        """All but the speed stays 0: there is no battery here."""
+        return made(
+            self._kind("vesc_msgs/msg/VescStateStamped"), header=self._header(self._odometry.stamp, ""),
+            state=made(self._kind("vesc_msgs/msg/VescState"), speed=self._odometry.speed * SPEED_TO_ERPM),
+        )  # fmt: skip
 
     def _make_pose(self) -> Any:
         return made(
