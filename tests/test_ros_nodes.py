@@ -346,7 +346,8 @@ def test_a_topic_of_the_nodes_own_is_not_taken_for_ours(node):
 
 @pytest.mark.parametrize(("topic", "other"), [("/sensors/core", "temp_fet"), ("/vesc/sensors/core", "avg_vq")])
 def test_the_state_of_the_motor_has_its_speed(node, topic, other):
-    head = HEAD + PUBLISHER + "        from vesc_msgs.msg import VescStateStamped\n"
+    head = HEAD + PUBLISHER + "        from vesc_msgs.msg import VescImuStamped, VescStateStamped\n"
+    head += "        assert VescImuStamped().imu.orientation.w == 1.0\n"
     head += f"        self.create_subscription(VescStateStamped, '{topic}', self.core, 1)\n"
     more = f"""
     def core(self, message):

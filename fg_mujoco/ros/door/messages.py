@@ -64,6 +64,12 @@ def _vesc(flavour: int) -> dict[str, str]:
     return {
         "vesc_msgs/msg/VescStateStamped": "std_msgs/Header header\nvesc_msgs/VescState state\n",
         "vesc_msgs/msg/VescState": "\n".join(lines) + "\n",
+        "vesc_msgs/msg/VescImuStamped": "std_msgs/Header header\nvesc_msgs/VescImu imu\n",
+        "vesc_msgs/msg/VescImu": (
+            "geometry_msgs/Vector3 ypr\ngeometry_msgs/Vector3 linear_acceleration\n"
+            "geometry_msgs/Vector3 angular_velocity\ngeometry_msgs/Vector3 compass\n"
+            "geometry_msgs/Quaternion orientation\n"
+        ),
     }
 
 
