@@ -144,7 +144,7 @@ def test_timers_come_at_their_simulated_times_between_the_ticks(node):
         assert [t - first for t in self.times] == [10_000_000 * i for i in range(len(self.times))]
         self.drive(len(self.times) / 10)
 """
-    # made 1 ns before the first tick: at 0.025 s two calls were due, at 0.05 s all five
+    # made 1 ms before the first tick: at 0.025 s two calls were due, at 0.05 s all five
     assert speeds(make(node("pass", more, head)), 4) == pytest.approx([0.0, 0.2, 0.5, 0.7], abs=1e-6)
 
 
@@ -300,7 +300,8 @@ def test_topics_are_remapped(node):
     listens = '        self.create_subscription(LaserScan, "/no_scan", self.callback, 10)\n'
     two = HEAD.replace("/scan", "/my_scan") + listens + PUBLISHER
     with pytest.warns(
-        UserWarning, match=r"/my_scan has no publisher here, and is taken for /scan \(.*mine.py, line 12\)"
+        UserWarning,
+        match=r"/my_scan has no publisher here, and is taken for /scan; node 'mine' listens \(.*mine.py, line 12\)",
     ):
         assert speeds(make(source), 2) == [1.0, 1.0]
     with pytest.warns(UserWarning, match=r"/no_scan has no publisher here; node 'mine' listens \(.*mine.py, line 13\)"):
@@ -309,6 +310,81 @@ def test_topics_are_remapped(node):
     wrong = node("self.drive(1)", head=HEAD.replace("LaserScan", "Imu") + PUBLISHER)
     with pytest.warns(UserWarning, match=r"/scan is sensor_msgs/msg/LaserScan here; node 'mine' listens for Imu"):
         speeds(make(wrong), 1)
+
+
+_ODOMETRY_ON = """        from nav_msgs.msg import Odometry
+        self.create_subscription(Odometry, "{}", self.odom, 1)
+"""
+_TELLS_ODOMETRY = """
+    def odom(self, message):
+        self.drive(message.twist.twist.linear.x)
+"""
+
+
+def test_the_only_topic_of_a_type_is_taken_for_the_one_that_is_here(node):
+    head = HEAD.replace("/scan", "/car7/scan") + PUBLISHER.replace("/drive", "/car7/drive")
+    source = node("self.drive(2)", head=head)
+    with pytest.warns(UserWarning, match=r"/car7/scan has no publisher here, and is taken for /scan; node 'mine' lis"):
+        assert speeds(make(source), 2) == [2.0, 2.0]
+    source = node("pass", _TELLS_ODOMETRY, HEAD + PUBLISHER + _ODOMETRY_ON.format("/odometry/filtered"))
+    with pytest.warns(
+        UserWarning, match=r"/odometry/filtered has no publisher here, and is taken for /odom; .*line 15"
+    ):
+        assert speeds(make(source), 2) == [1.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    "more",
+    [_ODOMETRY_ON.format("/opp2/odom"), _ODOMETRY_ON.format("/a/odom") + _ODOMETRY_ON.format("/b/odom")],
+    ids=["another car's", "two"],
+)
+def test_a_topic_that_may_be_something_else_stays_silent(node, more):
+    source = node("pass", _TELLS_ODOMETRY, HEAD + PUBLISHER + more)
+    with pytest.warns(UserWarning, match=r"/odom has no publisher here; node 'mine' listens"):
+        assert speeds(make(source), 2) == [0.0, 0.0]
+
+
+def test_a_topic_of_the_nodes_own_is_not_taken_for_ours(node):
+    head = HEAD.replace("/scan", "/own_scan") + PUBLISHER
+    head += "        self.relay = self.create_publisher(LaserScan, '/own_scan', 1)\n"
+    head += "        self.create_timer(0.03, lambda: self.relay.publish(LaserScan(range_max=4.0)))\n"
+    assert speeds(make(node("self.drive(message.range_max)", head=head)), 3) == [0.0, 0.0, 4.0]
+
+
+@pytest.mark.parametrize(("topic", "other"), [("/sensors/core", "temp_fet"), ("/vesc/sensors/core", "avg_vq")])
+def test_the_state_of_the_motor_has_its_speed(node, topic, other):
+    head = HEAD + PUBLISHER + "        from vesc_msgs.msg import VescImuStamped, VescStateStamped\n"
+    head += "        assert VescImuStamped().imu.orientation.w == 1.0\n"
+    head += f"        self.create_subscription(VescStateStamped, '{topic}', self.core, 1)\n"
+    more = f"""
+    def core(self, message):
+        assert message.state.{other} == 0.0 and message.state.fault_code == message.state.FAULT_CODE_NONE
+        self.drive(message.state.speed / 4614.0)
+"""
+    assert speeds(make(node("pass", more, head)), 2) == pytest.approx([1.0, 1.0], abs=1e-6)
+
+
+def test_wheels_of_f1tenth_gym_ros_have_frames(node):
+    body = """
+at = lambda name: self.buffer.lookup_transform("map", f"ego_racecar/{name}_wheel", rclpy.time.Time()).transform
+front, back = (at("front_left"), at("back_right"))
+self.drive(math.hypot(front.translation.x - back.translation.x, front.translation.y - back.translation.y))
+"""
+    head = "import math\n" + HEAD + PUBLISHER + "        import tf2_ros\n        self.buffer = tf2_ros.Buffer()\n"
+    assert speeds(make(node(body, head=head)), 1) == pytest.approx(
+        [math.hypot(CAR.wheelbase, CAR.track_width)], abs=1e-6
+    )
+
+
+def test_time_passes_between_a_nodes_making_and_its_first_scan_and_between_two_readings(node):
+    head = HEAD + PUBLISHER + "        self.before = self.get_clock().now()\n"
+    body = """
+now, later = self.get_clock().now(), self.get_clock().now()
+assert (later - now).nanoseconds == 1000
+since, self.before = now - self.before, now
+self.drive(since.nanoseconds / 1e9)
+"""
+    assert speeds(make(node(body, head=head)), 3) == pytest.approx([0.001, 0.025, 0.025], abs=1e-6)
 
 
 def test_poses_and_transforms_are_those_of_the_car(node):
@@ -514,6 +590,36 @@ def test_the_hash_of_a_node_covers_the_modules_of_its_own(tmp_path, capsys):
     assert planner_choice.ControllerChoice.of(source).sha256 != hashed
 
 
+_SWITCH = """
+import rclpy
+from rclpy.node import Node
+from ackermann_msgs.msg import AckermannDriveStamped
+
+rclpy.init()
+node = Node("switch")
+out = node.create_publisher(AckermannDriveStamped, "/control/drive", 1)
+{hears}
+rclpy.spin(node)
+"""
+_HEARS = "node.create_subscription(AckermannDriveStamped, '/{}/drive', {}, 1)\n"
+
+
+def test_the_last_drive_topic_behind_a_switch_counts(node, tmp_path):
+    planners = ""
+    for name in ("slow", "fast"):
+        source = node("self.drive(1)" if name == "slow" else "self.drive(3)")
+        Path(source[4:-5]).rename(tmp_path / f"{name}.py")
+        planners += f"- {{file: {name}.py, class: Mine, name: {name}, remap: {{/drive: /{name}/drive}}}}\n"
+    launch = tmp_path / "launch.yaml"
+    launch.write_text(f"nodes:\n{planners}- {{file: switch.py}}\n")
+    hears = [_HEARS.format("slow", "lambda message: None"), _HEARS.format("fast", "out.publish")]
+    (tmp_path / "switch.py").write_text(_SWITCH.format(hears="".join(hears)))
+    assert speeds(make(f"ros:{launch}"), 2) == [3.0, 3.0]
+    (tmp_path / "switch.py").write_text(_SWITCH.format(hears=hears[1]))
+    with pytest.raises(ControllerError, match=r"has 3 drive topics, /control/drive and /fast/drive and /slow/drive"):
+        make(f"ros:{launch}")
+
+
 def test_a_node_of_several_files_is_not_sent_to_a_cluster(tmp_path):
     launch = tmp_path / "launch.yaml"
     launch.write_text(f"nodes:\n- {{file: {NODES / 'wall_follow.py'}}}\n")
@@ -583,6 +689,43 @@ def test_a_file_of_data_that_lies_elsewhere_is_found_in_the_package(tmp_path):
         UserWarning, match=r"/sim_ws/src/lab5/racelines/levine.csv is not there; .*ws.* is taken .*line 14"
     ):
         assert speeds(make(f"ros:{path}:Mine"), 1) == [1.5]
+
+
+@pytest.mark.parametrize(
+    "read",
+    [
+        "open(os.path.join('/home/me/ws', 'src', name + '.csv')).read()",
+        "open(file=f'src/{name}.csv', mode='r').read()",
+        "np.loadtxt(os.path.abspath('src') + '/' + name + '.csv')",
+        "np.genfromtxt(Path('~') / 'ws' / 'src' / f'{name}.csv')",
+    ],
+)
+def test_a_file_of_data_at_a_path_that_is_put_together_is_found_when_it_is_read(node, tmp_path, read):
+    (tmp_path / "src").mkdir()
+    (tmp_path / "src" / "levine.csv").write_text("1.5\n")
+    head = f"import os\nfrom pathlib import Path\nimport numpy as np\n{HEAD}{PUBLISHER}"
+    source = node(
+        "self.drive(self.speed)", head=head + f"        name = 'levine'\n        self.speed = float({read})\n"
+    )
+    with pytest.warns(UserWarning, match=r"levine.csv is not there; .*/src/levine.csv is taken \(.*mine.py, line 18\)"):
+        assert speeds(make(source), 1) == [1.5]
+
+
+def test_a_file_that_is_written_is_not_another_of_that_name(node, tmp_path):
+    (tmp_path / "log.csv").write_text("kept")
+    body = """
+for name, mode in (("/nowhere/log", "w"), ("/nowhere/log", "a")):
+    try:
+        open(name + ".csv", mode)
+    except FileNotFoundError:
+        self.drive(1)
+try:
+    open("/nowhere/log.csv", "w")
+except FileNotFoundError:
+    self.drive(2)
+"""
+    assert speeds(make(node(body)), 1) == [2.0]
+    assert (tmp_path / "log.csv").read_text() == "kept"
 
 
 def test_attributes_of_a_nodes_own_are_in_nobodys_way(node):

@@ -11,8 +11,8 @@ from scan_worlds import CAR, corridor, odometry_of
 import fg_mujoco as fg
 from fg_mujoco.errors import ControllerError
 from fg_mujoco.racing.planner_loading import make_controller
-from fg_mujoco.ros.door.driving import _SERVO_OFFSET, _SPEED_TO_ERPM, _STEERING_TO_SERVO
-from fg_mujoco.ros.door.sensing import STEERING, THROTTLE
+from fg_mujoco.ros.door.driving import _SERVO_OFFSET, _STEERING_TO_SERVO
+from fg_mujoco.ros.door.sensing import SPEED_TO_ERPM, STEERING, THROTTLE
 
 SCAN, ODOMETRY = corridor(1.0, 1.0, 5.0), odometry_of(1.0)
 NODE = """
@@ -252,7 +252,7 @@ def test_a_node_that_commands_motor_and_servo_drives(tmp_path):
             '[self.create_publisher(Float64, f"/commands/{each}", 1) for each in ("motor/speed", "servo/position")]',
         )
         + "\n    def callback(self, message):\n"
-        f"        values = (2.0 * {_SPEED_TO_ERPM}, {_SERVO_OFFSET} + 0.1 * {_STEERING_TO_SERVO})\n"
+        f"        values = (2.0 * {SPEED_TO_ERPM}, {_SERVO_OFFSET} + 0.1 * {_STEERING_TO_SERVO})\n"
         "        for publisher, value in zip(self.publisher, values):\n"
         "            publisher.publish(Float64(data=value))\n"
     )  # fmt: skip

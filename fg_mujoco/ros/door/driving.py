@@ -1,8 +1,8 @@
 """How nodes drive: which of the topics that they publish on command the car, and what speed and angle they ask for.
 
 In this order: Ackermann messages, AutoDRIVE's throttle and steering, the VESC's motor and servo, the F1/10 course's
-drive_param, a Twist. Of several Ackermann topics the first of KNOWN counts, as in the multiplexers of the field; /brake
-never stands alone.
+drive_param, a Twist. Of several Ackermann topics the first of KNOWN counts, as in the multiplexers of the field, else
+the one that no node listens to; /brake never stands alone.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 
 from ...messages import CarParameters
 from .graph import Graph, NodeError, Publication
-from .sensing import STEERING, THROTTLE
+from .sensing import SPEED_TO_ERPM, STEERING, THROTTLE
 
 DRIVE, OPPONENT_DRIVE = "/drive", "/opp_drive"
 KNOWN = (
@@ -30,7 +30,6 @@ _AUTODRIVE = re.compile(r"/autodrive/\w+/(throttle|steering)_command")
 _VESC = re.compile(r"(?:/vesc)?/commands/(motor/speed|servo/position)")
 _SLOWEST = 0.05  # [m/s] below which a Twist's yaw rate says nothing of the steering angle
 
-_SPEED_TO_ERPM = 4614.0  # f1tenth_system, f1tenth_stack/config/vesc.yaml
 _STEERING_TO_SERVO, _SERVO_OFFSET = -1.2135, 0.5304  # the same
 
 
@@ -66,8 +65,9 @@ class Driving:
                 if topic in found:
                     return [found[topic]]
             found.pop(OPPONENT_DRIVE, None)  # of the other car
-            if len(found) == 1:
-                return list(found.values())
+            last = [topic for topic in found if not self._graph.listens(topic)]  # none goes on to another node
+            if len(found) == 1 or len(last) == 1:
+                return [found[topic] for topic in (last or found)]
             if found:
                 places = "".join(each.place for each in found.values())
                 topics = sorted(found)
@@ -111,7 +111,7 @@ class Driving:
             throttle, steering = limited
             return throttle * THROTTLE, steering * STEERING
         angle = 0.0 if second is None else (second - _SERVO_OFFSET) / _STEERING_TO_SERVO
-        return (first or 0.0) / _SPEED_TO_ERPM, angle
+        return (first or 0.0) / SPEED_TO_ERPM, angle
 
     def _pair(self, pattern: re.Pattern[str]) -> list[Publication]:
         """Return the publishers of two topics of numbers, by their names; none where one of them is missing."""

@@ -24,7 +24,8 @@ from typing import Any
 BEGIN = 1_000_000_000 * 1_000_000_000
 """[ns] ROS time at which a race begins: nodes take 0 for "no time yet"."""
 
-_LEAD = 1_000_000  # [ns] before the race at which nodes start: some divide by the time since then at the first scan
+_LEAD = 1_000_000  # [ns] from when nodes are made to the first scan: some divide by the time between
+_READING = 1_000  # [ns] from one reading of the clock to the next at the same instant
 _MOST_ROUNDS = 100_000  # resumptions at one instant before a node is said to let no time pass
 _MOST_QUESTIONS = 1000  # whether it is over, at one instant, before time goes on
 _COMMANDS = ("ackermann_msgs/", "std_msgs/Float", "geometry_msgs/Twist")  # types of topics that command a car
@@ -182,7 +183,7 @@ class Graph:
         self.provided: dict[str, str] = {}  # types of the topics that the door publishes on
         self.answers: dict[str, Callable[[Any], Any]] = {}  # services that the door answers, by name
         self.transforms: dict[str, tuple[str, Any]] = {}  # child frame -> parent frame, matrix (4, 4)
-        self.readings = 0  # of the wall clock, each a microsecond after the one before
+        self._read = 0  # [ns] last time that a node has read
         self.ticks = 0
         self._count = self._asked = 0
         self._asked_at = 0
@@ -308,10 +309,14 @@ class Graph:
         """Say whether a node listens to a topic."""
         return any(subscription.topic == topic for subscription in self.subscriptions)
 
+    def read(self) -> int:
+        """Return what a node reads off a clock [ns]: simulated time, at one instant a microsecond later each time."""
+        self._read = max(self.now, self._read + _READING)
+        return self._read
+
     def wall_time(self) -> float:
-        """Return what a node reads off the wall clock [s]: simulated time, a microsecond later each time."""
-        self.readings += 1
-        return (self.now + 1000 * self.readings) / 1e9
+        """Return what a node reads off the wall clock [s]."""
+        return self.read() / 1e9
 
     def place(self) -> str:
         """Return the line of a node's file that is being executed: " (file, line n)"."""
@@ -325,7 +330,7 @@ class Graph:
 
     def _go_on_to(self, time: int) -> None:
         if time > self.now:
-            self.now, self.readings = time, 0
+            self.now = time
 
 
 def next_message(subscriptions: Sequence[Subscription]) -> Subscription | None:

@@ -20,7 +20,7 @@ from ...errors import ControllerError, accepted_names
 from .graph import Graph
 from .messages import SERVICE_PACKAGES, Definitions
 from .reconfigure import configurations
-from .source import OLD_NAMES, Unused, own_folders, read_source
+from .source import FINDER, OLD_NAMES, Unused, data_file, own_folders, read_source
 
 _PARTS = ("Request", "Response", "Goal", "Result", "Feedback")
 _INTERFACES = ("_msgs", "_srvs", "_interfaces")
@@ -99,7 +99,7 @@ class Imports:
         self._draws: set[str] = set()  # files that may draw random numbers, or use old names of NumPy
         self._own: dict[Path, ModuleType] = {}
         self._unused: dict[str, Unused] = {}  # by file
-        self._builtins = {**vars(builtins), "__import__": self.import_module}
+        self._builtins = {**vars(builtins), "__import__": self.import_module, FINDER: self._find_data}
         self._folders = own_folders(node)
         for name in list(self._modules):
             self._hang(name)
@@ -148,6 +148,14 @@ class Imports:
             return found
         _warn(f"{name} has no {', '.join(lacking)}, and nothing uses it ({file}, line {line})")
         return Overlay(found, **{each: Absent(f"{name}.{each}") for each in lacking})
+
+    def _find_data(self, said: Any) -> Any:
+        """Return where a file of data is that a node reads: elsewhere, where it is not where the node says."""
+        found = data_file(str(said), self._node) if isinstance(said, (str, Path)) else None
+        if found is None:
+            return said
+        _warn(f"{said} is not there; {found} is taken{self._graph.place()}")
+        return type(said)(found) if isinstance(said, str) else found
 
     def _find(
         self,

@@ -222,9 +222,9 @@ def overlays(session: Session, sleep: Callable[[float], Any]) -> dict[str, Modul
     return {
         "time": Overlay(
             time, time=graph.wall_time, monotonic=graph.wall_time, perf_counter=graph.wall_time, sleep=sleep,
-            time_ns=lambda: round(graph.wall_time() * NANOSECONDS), clock=graph.wall_time,
-            monotonic_ns=lambda: round(graph.wall_time() * NANOSECONDS),
-            perf_counter_ns=lambda: round(graph.wall_time() * NANOSECONDS),
+            time_ns=graph.read, clock=graph.wall_time,
+            monotonic_ns=graph.read,
+            perf_counter_ns=graph.read,
         ),
         "sys": Overlay(sys, argv=session.argv),
         "threading": Overlay(threading, Thread=Thread, Event=Event, Lock=Lock, RLock=RLock, Timer=Timer),

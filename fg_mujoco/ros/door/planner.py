@@ -45,7 +45,6 @@ from .transform_modules import transform_modules
 WALL_LIMIT = 30.0
 """[s] of wall time that a node may take for what is due at one instant: numba may compile in there."""
 _SEED = 0  # of random numbers that a node draws without a seed of its own
-_PLAIN = {"scan": "/scan", "odometry": "/odom"}  # topics that others may be taken for
 _MOST_KEPT = 10_000  # messages, for who asks what has been published
 PATIENCE = 5.0
 """[s] simulated in which a node must have published its first command."""
@@ -89,6 +88,7 @@ class RosPlanner:
         if not self._ticked:
             self._ticked, self._began = True, scan.stamp
             self._sensing.opponent = any(each.topic == OPPONENT_DRIVE for each in self._driving.topics())
+            self._take_others_names()
             self._warn_of_silence()
         time = BEGIN + nanoseconds(max(scan.stamp, odometry.stamp))
         self._run(lambda: self._graph.tick(time, self._sensing.messages(scan, odometry)))
@@ -215,6 +215,21 @@ class RosPlanner:
             f"{self._said()} has published nothing on {drives[0].topic} within {PATIENCE:g} s{drives[0].place}{waits}"
         )
 
+    def _take_others_names(self) -> None:
+        """Give a topic that nobody publishes on what is published here in its type, where it is the only one of it."""
+        published = {each.topic for each in self._graph.publications}
+        listened = {each.topic: each.kind for each in self._graph.subscriptions}
+        for topic, kind in listened.items():
+            alike = [each for each in listened if listened[each] is kind and each not in published]
+            ours = self._sensing.taken_for(topic, kind)
+            if ours is None or alike != [topic] or self._sensing.kind_of(topic) is not None:
+                continue
+            for each in self._graph.subscriptions:
+                if each.topic == topic:
+                    each.topic = ours
+                    said = f"{topic} has no publisher here, and is taken for {ours}; node {each.node!r} listens"
+                    warnings.warn(f"{said}{each.place}", stacklevel=2)
+
     def _warn_of_silence(self) -> None:
         """Warn of topics that nodes listen to and nobody publishes on, or not in that type."""
         published = {each.topic for each in self._graph.publications}
@@ -224,10 +239,6 @@ class RosPlanner:
             kind = self._sensing.kind_of(each.topic)
             if kind is None:
                 said = f"{each.topic} has no publisher here; node {each.node!r} listens"
-            elif each.topic in self._sensing.taken():
-                said = (
-                    f"{each.topic} has no publisher here, and is taken for {_PLAIN[self._sensing.taken()[each.topic]]}"
-                )
             elif each.kind is not message_class(kind, self._flavour):
                 said = f"{each.topic} is {kind} here; node {each.node!r} listens for {each.kind.__name__}"
             else:

@@ -16,7 +16,7 @@ class Clock:
         self._graph, self.clock_type = graph, clock_type
 
     def now(self) -> Time:
-        return Time(nanoseconds=self._graph.now, clock_type=self.clock_type)
+        return Time(nanoseconds=self._graph.read(), clock_type=self.clock_type)
 
     def sleep_for(self, duration: Duration) -> bool:
         self._graph.pause(self._graph.now + duration.nanoseconds)

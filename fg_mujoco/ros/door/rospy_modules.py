@@ -404,7 +404,7 @@ def _kind(found: Any, topic: str) -> type:
 def _time_kind(graph: Graph) -> Any:
     """Return rospy.Time, whose `now` is the simulated one."""
     return type("Time", (RosTime,), {
-        "now": staticmethod(lambda: RosTime.from_nanoseconds(graph.now)), "from_seconds": RosTime.from_sec,
+        "now": staticmethod(lambda: RosTime.from_nanoseconds(graph.read())), "from_seconds": RosTime.from_sec,
     })  # fmt: skip
 
 
@@ -432,7 +432,7 @@ def rospy_modules(session: Session) -> dict[str, ModuleType]:
         "set_param": rospy.set_param, "has_param": rospy.has_param, "search_param": rospy.search_param,
         "get_param_names": rospy.get_param_names, "get_name": rospy.get_name, "get_namespace": rospy.get_namespace,
         "wait_for_message": rospy.wait_for_message, "get_published_topics": rospy.get_published_topics,
-        "get_time": lambda: graph.now / NANOSECONDS, "get_rostime": lambda: RosTime.from_nanoseconds(graph.now),
+        "get_time": lambda: graph.read() / NANOSECONDS, "get_rostime": lambda: RosTime.from_nanoseconds(graph.read()),
         "myargv": lambda argv=None: session.argv, "resolve_name": rospy._full,
         "wait_for_service": rospy.wait_for_service, "ServiceProxy": type("ServiceProxy", (ServiceProxy,), bound),
         "Service": type("Service", (Service,), bound), "delete_param": rospy.delete_param,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import array
 import math
+import re
 from collections.abc import Iterator
 from functools import lru_cache
 from types import SimpleNamespace
@@ -36,6 +37,8 @@ TOPICS: dict[str, tuple[str, str]] = {
     "/imu": ("sensor_msgs/msg/Imu", "imu"),
     "/imu/data": ("sensor_msgs/msg/Imu", "imu"),
     "/sensors/imu/raw": ("sensor_msgs/msg/Imu", "imu"),
+    "/sensors/core": ("vesc_msgs/msg/VescStateStamped", "vesc_state"),
+    "/vesc/sensors/core": ("vesc_msgs/msg/VescStateStamped", "vesc_state"),
     "/odom": (_ODOMETRY, "odometry"),
     "/ego_racecar/odom": (_ODOMETRY, "odometry"),
     "/vesc/odom": (_ODOMETRY, "odometry"),
@@ -65,12 +68,18 @@ TOPICS |= {f"/autodrive/{car}/{name}": made for car in AUTODRIVE_VEHICLES for na
 THROTTLE, STEERING = 22.88, 0.5236
 """[m/s], [rad] at a command of 1. Source: AutoDRIVE, RoboRacer Sim Racing League, technical guide of 2026."""
 
+SPEED_TO_ERPM = 4614.0
+"""[1/m 1/min s] of the motor. Source: f1tenth_system, f1tenth_stack/config/vesc.yaml."""
+
 OTHERS = (
     ("/opp_racecar/odom", "/ego_racecar/opp_odom", "/opp_odom", "/opponent_odom", "/opponent/odom"),
     ("/opp_racecar2/odom", "/ego_racecar/opp_odom2"),
     ("/opp_racecar3/odom", "/ego_racecar/opp_odom3"),
 )
 """Odometry of the other cars: the names for the first, the second and the third."""
+TAKEN_FOR = {"/scan": "", "/odom": "", "/pf/viz/inferred_pose": "pose"}
+"""Topics that one of another name is taken for, where a node listens to no other of the type, and what it must say."""
+_NOT_OWN = re.compile(r"opp|goal|initial")  # in names of what is another car's, or a person's
 MAP_SERVICES = ("/map_server/map", "/static_map", "/map_server/static_map", "/map_server/get_map")
 
 _EGO = "ego_racecar/"
@@ -95,6 +104,7 @@ class Sensing:
 
     def __init__(self, graph: Graph, flavour: int, car: CarParameters) -> None:
         self._graph, self._flavour, self._wheel_radius = graph, flavour, car.wheel_radius
+        self._wheelbase, self._half_track = car.wheelbase, car.track_width / 2
         self._pose = np.zeros(3)  # by dead reckoning, where there is no map
         self._before: float | None = None
         self.surroundings: Surroundings | None = None
@@ -103,8 +113,6 @@ class Sensing:
         self._turned = np.zeros(4)  # [rad] of the wheels, since the start
         self._mapped: Any = None  # the model whose map has been published
         self._known: tuple[Any, dict[str, str]] | None = None
-        self._listened: set[tuple[str, str]] = set()  # topics and their types, when was asked for `taken` last
-        self._taken: dict[str, str] = {}
         graph.provided.update({topic: kind for topic, (kind, _) in TOPICS.items()})
         mount = matrix((car.lidar_offset, 0.0, 0.0), _UPRIGHT)
         for child, parent, found in (
@@ -113,6 +121,8 @@ class Sensing:
             ("lidar", AUTODRIVE_VEHICLES[-1], mount), (_EGO + "laser_model", _EGO + BASE_FRAME, mount),
         ):  # fmt: skip
             graph.transforms[child] = parent, found
+        for side, y in (("left", self._half_track), ("right", -self._half_track)):
+            graph.transforms[f"{_EGO}back_{side}_wheel"] = _EGO + BASE_FRAME, matrix((0.0, y, 0.0), _UPRIGHT)
 
     def messages(self, scan: LaserScan, odometry: Odometry) -> Iterator[tuple[str, Any]]:
         """Make the messages of one tick, in the order of TOPICS, and take the pose as the newest transform."""
@@ -125,11 +135,14 @@ class Sensing:
         self._graph.transforms[_EGO + BASE_FRAME] = MAP_FRAME, found
         for frame in AUTODRIVE_VEHICLES:
             self._graph.transforms[frame] = "world", found
+        half = self.command[1] / 2
+        for side, y in (("left", self._half_track), ("right", -self._half_track)):
+            turned = matrix((self._wheelbase, y, 0.0), (0.0, 0.0, math.sin(half), math.cos(half)))
+            self._graph.transforms[f"{_EGO}front_{side}_wheel"] = _EGO + BASE_FRAME, turned
         listened = {each.topic for each in self._graph.subscriptions}
         self._map(listened)
         made_already: dict[str, Any] = {}
-        topics = {**self._topics(), **self.taken()}
-        for topic, maker in sorted(topics.items(), key=lambda found: found[1] == "scan"):  # scans come last
+        for topic, maker in self._topics().items():
             if topic in listened and maker not in ("map", "map_info"):
                 if maker not in made_already:
                     kind, _, number = maker.partition(" ")
@@ -141,28 +154,17 @@ class Sensing:
         """Return the type of a topic that is published here; None where it is not."""
         if topic in ("/map", "/map_metadata") and self.surroundings is None:
             return None
-        maker = self._topics().get(topic) or self.taken().get(topic)
+        maker = self._topics().get(topic)
         if maker is None:
             return None
         return TOPICS[topic][0] if topic in TOPICS else "sensor_msgs/msg/LaserScan" if maker == "scan" else _ODOMETRY
 
-    def taken(self) -> dict[str, str]:
-        """Return the topics of other names that are taken for the scan or the odometry, and what makes their messages.
-
-        Such a topic is the only one of its type that the nodes listen to, and no node publishes it: `/car_1/scan`.
-        """
-        listened = {(each.topic, getattr(each.kind, "_type", "")) for each in self._graph.subscriptions}
-        if listened != self._listened:
-            self._listened, self._taken = listened, {}
-            others = {topic for names in OTHERS for topic in names}
-            for kind, maker in (("nav_msgs/Odometry", "odometry"), ("sensor_msgs/LaserScan", "scan")):
-                topics = [topic for topic, found in listened if found == kind]
-                if len(topics) == 1 and topics[0] not in {*self._topics(), *others, *self._published()}:
-                    self._taken[topics[0]] = maker
-        return self._taken
-
-    def _published(self) -> set[str]:
-        return {each.topic for each in self._graph.publications}
+    def taken_for(self, topic: str, kind: type) -> str | None:
+        """Return the topic that a node means by one of another name, where it is the only one of its type."""
+        for ours, said in TAKEN_FOR.items():
+            if kind is message_class(TOPICS[ours][0], self._flavour):
+                return ours if said in topic and not _NOT_OWN.search(topic) else None
+        return None
 
     def _topics(self) -> dict[str, str]:
         """Return the topics that are published now, and what makes their messages."""
@@ -265,6 +267,13 @@ class Sensing:
             pose=made(self._kind("geometry_msgs/msg/PoseWithCovariance"), pose=self._plain_pose(*at)),
             twist=made(self._kind("geometry_msgs/msg/TwistWithCovariance"), twist=twist),
         )
+
+    def _make_vesc_state(self) -> Any:
+        """All but the speed stays 0: there is no battery here."""
+        return made(
+            self._kind("vesc_msgs/msg/VescStateStamped"), header=self._header(self._odometry.stamp, ""),
+            state=made(self._kind("vesc_msgs/msg/VescState"), speed=self._odometry.speed * SPEED_TO_ERPM),
+        )  # fmt: skip
 
     def _make_pose(self) -> Any:
         return made(

@@ -2,7 +2,8 @@
 
 On the machine that a node was written on all its imports are installed and its files lie where it says. Here an import
 that fails does no harm where nothing uses what it binds. A file of data that is not where the node says is looked for
-beside the node and in its package: `/home/me/ws/src/lab5/racelines/levine.csv` is `racelines/levine.csv` there.
+beside the node and in its package: `/home/me/ws/src/lab5/racelines/levine.csv` is `racelines/levine.csv` there. A path
+that is written out is looked up before the file is executed, one that it puts together when it is read.
 """
 
 from __future__ import annotations
@@ -26,6 +27,9 @@ OLD_NAMES = re.compile(rb"\b(?:np|numpy)\.(?:float|int|bool|object|str|complex|N
 _PACKAGE = ("package.xml", "setup.py")
 _JOINING = ("join", "joinpath")
 _READING = ("open", "loadtxt", "genfromtxt", "read_csv", "load")
+_FILE = ("file", "fname", "filepath_or_buffer")  # what these call their first argument
+FINDER = "__fg_mujoco_found__"
+"""What a path that a node reads goes through when it is executed: a function of the door's, among the builtins."""
 _LEVELS = 4  # folders above the node's in which files are looked for
 
 _TRIES = 20
@@ -60,6 +64,7 @@ def read_source(path: Path, text: bytes, node: Path) -> Source:
             told.append(f"{path} mixes tabs and spaces, and is read as Python 2 does: a tab ends at a multiple of 8")
         unused = unused_imports(tree)
         relocate_files(tree, node, lambda said, line: told.append(f"{said} ({path}, line {line})"))
+        find_what_is_read(tree)
         code = _despite_depth(lambda: compile(tree, str(path), "exec"))
     return Source(code=code, unused=unused, told=tuple(told))
 
@@ -195,8 +200,8 @@ def relocate_files(tree: ast.Module, node: Path, tell: Callable[[str, int], None
     """
     for parent in ast.walk(tree):
         called = _called(parent)
-        if isinstance(parent, (ast.BinOp, ast.JoinedStr)) or called in _JOINING:
-            continue  # a part of a path
+        if isinstance(parent, (ast.BinOp, ast.JoinedStr)) or called in _JOINING or _writes(parent):
+            continue  # a part of a path, or a file that need not be there
         for each in ast.iter_child_nodes(parent):
             if not isinstance(each, ast.Constant) or not isinstance(each.value, str):
                 continue
@@ -206,6 +211,32 @@ def relocate_files(tree: ast.Module, node: Path, tell: Callable[[str, int], None
             if found is not None:
                 tell(f"{each.value} is not there; {found} is taken", each.lineno)
                 each.value = str(found)
+
+
+def find_what_is_read(tree: ast.Module) -> None:
+    """Let a path that a file puts together, and then reads, go through FINDER."""
+    for call in ast.walk(tree):
+        if not isinstance(call, ast.Call) or _called(call) not in _READING or _writes(call):
+            continue
+        if call.args and not isinstance(call.args[0], (ast.Constant, ast.Starred)):
+            call.args[0] = _found(call.args[0])
+        for each in call.keywords:
+            if each.arg in _FILE:
+                each.value = _found(each.value)
+
+
+def _found(path: ast.expr) -> ast.expr:
+    return ast.fix_missing_locations(
+        ast.copy_location(ast.Call(ast.copy_location(ast.Name(FINDER, ast.Load()), path), [path], []), path)
+    )
+
+
+def _writes(node: ast.AST) -> bool:
+    """Say whether a call opens a file to write, or may."""
+    if not isinstance(node, ast.Call) or _called(node) != "open":
+        return False
+    modes = [*node.args[1:2], *(each.value for each in node.keywords if each.arg == "mode")]
+    return any(not (isinstance(each, ast.Constant) and str(each.value).startswith("r")) for each in modes)
 
 
 def _called(node: ast.AST) -> str:
