@@ -391,3 +391,15 @@ CLASSES = """
 def test_classes_of_the_gym_that_scripts_use_by_themselves(folder):
     printed, errors, status = run(folder, CLASSES)
     assert (printed.split(), status) == (["done"], 0), errors
+
+
+def test_importing_both_packages_registers_the_environments_once(folder):
+    text = """
+        import gymnasium, f110_gym, f1tenth_gym
+        for name in ("f110_gym:f110-v0", "f1tenth_gym:f1tenth-v0"):
+            gymnasium.make(name, config={"map": "drawn", "num_agents": 1}, render_mode="unlimited")
+        print("done")
+    """
+    out, error, status = run(folder, text)
+    assert (out, status) == ("done\n", 0), error
+    assert "WARN" not in error

@@ -107,7 +107,7 @@ class F110Env(RaceEnvironment, installed_base("gymnasium")):  # type: ignore[mis
       TrackError: a map that cannot be read.
     """
 
-    metadata = {"render_modes": ["human", "human_fast", "rgb_array"], "render_fps": 100}  # noqa: RUF012
+    metadata = {"render_modes": ["human", "human_fast", "unlimited", "rgb_array"], "render_fps": 100}  # noqa: RUF012
 
     def __init__(
         self,
