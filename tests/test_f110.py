@@ -376,13 +376,44 @@ def test_parameters_can_be_those_of_one_car():
     ("poses", "message"),
     [
         ([[0.0, 0.0, 0.0]], r"accepted: finite numbers of shape \(2, 3\), x, y, heading"),
-        ([[0.0, 0.0, 0.0]] * 2, r"poses of the cars 0 and 1 are .* where they touch; accepted: poses apart"),
-        ([[0.0, 0.0, 0.0], [0.2, 0.25, 1.5]], "where they touch"),
+        ([[0.0, 0.0, float("nan")]] * 2, "accepted: finite numbers"),
     ],
 )
 def test_poses_that_are_wrong_for_two_cars_are_refused(poses, message):
     with pytest.raises(SettingsError, match=message):
         f110.make(map="oval", num_agents=2).reset(np.array(poses))
+
+
+@pytest.mark.parametrize("second", [(0.0, 0.0, 0.0), (0.2, 0.25, 1.5)])
+def test_cars_that_are_placed_in_each_other_collide_at_once_and_come_apart(second):
+    env = f110.make(map="oval", num_agents=3)
+    poses = np.array([(2.0, 0.0, 0.0), np.add((2.0, 0.0, 0.0), second), (6.0, 0.0, 0.0)])
+    with pytest.warns(UserWarning, match=r"poses of the cars 0 and 1 are .*, where they touch: they collide at once"):
+        observation, _, done, _ = env.reset(poses)
+    assert done
+    assert observation["collisions"].tolist() == [1.0, 1.0, 0.0]
+    for _ in range(100):
+        env.step(np.zeros((3, 2)))
+    ends = np.column_stack((env.poses_x, env.poses_y))
+    assert np.hypot(*(ends[0] - ends[1])) > np.hypot(*second[:2])
+    assert np.abs(ends - poses[:, :2]).max() < 3.0
+    assert ends[2] == pytest.approx((6.0, 0.0), abs=1e-3)
+
+
+def test_what_a_script_writes_into_the_parameters_holds_from_the_next_reset_on():
+    env = f110.make(map="oval", num_agents=2)
+    poses = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
+    env.params["mu"] = 0.3
+    assert [car.mu for car in env.world.cars] == pytest.approx([1.0489, 1.0489])
+    env.reset(poses)
+    assert [car.mu for car in env.world.cars] == pytest.approx([0.3, 0.3])
+    env.update_params(dict(env.params), index=1)
+    env.sim.agents[1].params.update(mu=0.6)
+    env.reset(poses)
+    assert [car.mu for car in env.world.cars] == pytest.approx([0.3, 0.6])
+    world = env.world
+    env.reset(poses)
+    assert env.world is world
 
 
 def test_footprints_touch_where_mujoco_finds_contacts():

@@ -31,6 +31,19 @@ def new_env(drawn, **config):
     return f110.make("f1tenth_gym:f1tenth-v0", config={"map": str(drawn), "num_agents": 1} | config)
 
 
+def test_a_blank_map_is_the_ground_of_the_map_without_its_walls(drawn):
+    turns = np.linspace(0.0, math.tau, 50, endpoint=False)
+    rows = [f"0; {4.0 * math.cos(turn)}; {4.0 * math.sin(turn)}; 0; 0; 3; 0" for turn in turns]
+    drawn.with_name("drawn_raceline.csv").write_text("\n".join(rows) + "\n")
+    with pytest.warns(UserWarning, match=r"drawn_blank' is not there; open ground with the lines of .*drawn.yaml"):
+        env = new_env(f"{drawn}_blank", observation_config={"type": "rl"}, scale=10.0)
+    scan, _ = env.reset(seed=1)
+    assert scan.min() > 25.0
+    assert np.hypot(env.track.raceline.xs, env.track.raceline.ys) == pytest.approx(40.0, rel=1e-5)
+    walled, _ = new_env(drawn, observation_config={"type": "rl"}).reset(seed=1)
+    assert walled.min() < 5.0
+
+
 # Parameters
 
 

@@ -316,3 +316,90 @@ def test_configuration_objects_of_later_releases(folder):
     out, error, status = run(folder, text)
     assert (out, status) == ("['delta', 'linear_vel_x', 'pose_theta', 'pose_x', 'pose_y'] 1 0.9\n", 0), error
     assert "config: not here: reward_config, contact_config, mode, friction" in error
+
+
+PROCESSES = """
+    import multiprocessing
+    import gym
+    import numpy as np
+
+    OF_THE_TIME = np.float(2.0)
+
+    def work(seed, answers):
+        env = gym.make("f110_gym:f110-v0", map="./drawn", map_ext=".png", num_agents=1, seed=seed)
+        scan = env.reset(np.array([[0.0, 0.0, 0.0]]))[0]["scans"][0]
+        answers.put((seed, len(scan), float(scan.sum()), OF_THE_TIME))
+
+    if __name__ == "__main__":
+        found = []
+        for method in ("fork", "spawn", "forkserver"):
+            context = multiprocessing.get_context(method)
+            answers = context.Queue()
+            processes = [context.Process(target=work, args=(seed, answers)) for seed in range(2)]
+            for process in processes:
+                process.start()
+            found.append(sorted(answers.get(timeout=200) for _ in processes))
+            for process in processes:
+                process.join()
+        print(found[0] == found[1] == found[2], found[0][0][1], found[0][0][2] != found[0][1][2])
+"""
+
+
+def test_processes_that_a_script_starts_have_the_modules_too(folder):
+    printed, errors, status = run(folder, PROCESSES)
+    assert (printed.split(), status) == (["True", "1080", "True"], 0), errors
+
+
+CLASSES = """
+    import gym
+    import numpy as np
+    from f110_gym.envs.base_classes import RaceCar, Simulator
+    from f110_gym.envs.f110_env import F110Env
+    from f110_gym.envs.laser_models import ScanSimulator2D
+
+    env = gym.make("f110_gym:f110-v0", map="./drawn", map_ext=".png", num_agents=1)
+    assert RaceCar.scan_angles.shape == RaceCar.cosines.shape == RaceCar.side_distances.shape == (1080,)
+    assert np.allclose(RaceCar.scan_angles[[0, -1]], [-2.35, 2.35])
+    assert np.isclose(RaceCar.side_distances.min(), 0.155)
+
+    car = RaceCar(env.params, 12345, is_ego=True, time_step=0.02)
+    car.set_map("./drawn.yaml", ".png")
+    car.reset(np.array([0.5, 0.0, 0.1]))
+    assert np.allclose(car.state, [0.5, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0])
+    for _ in range(100):
+        scan = car.update_pose(0.0, 1.0)
+    assert scan.shape == (1080,) and 1.5 < np.hypot(car.state[0] - 0.5, car.state[1]) < 2.0
+
+    ground = Simulator(F110Env.f1tenth_vehicle_params(), 1, seed=42)
+    ground.reset(np.array([[1.0, 2.0, 0.5]]))
+    assert np.allclose(ground.agent_poses, [[1.0, 2.0, 0.5]])
+
+    RaceCar.scan_simulator = ScanSimulator2D(1440, 4.0)
+    RaceCar.scan_simulator.set_map(env.map_path, env.map_ext)
+    obs, *_ = env.reset(np.array([[0.0, 0.0, 0.0]]))
+    agent = env.sim.agents[0]
+    assert len(obs["scans"][0]) == agent.num_beams == env.num_beams == 1440
+    assert np.isclose(agent.scan_angles[-1], 2.0)
+    other = gym.make("f110_gym:f110-v0", map="./drawn", map_ext=".png", num_agents=1)
+    assert len(other.reset(np.array([[0.0, 0.0, 0.0]]))[0]["scans"][0]) == 1440
+    env.render()
+    assert F110Env.renderer is env.renderer
+    print("done")
+"""
+
+
+def test_classes_of_the_gym_that_scripts_use_by_themselves(folder):
+    printed, errors, status = run(folder, CLASSES)
+    assert (printed.split(), status) == (["done"], 0), errors
+
+
+def test_importing_both_packages_registers_the_environments_once(folder):
+    text = """
+        import gymnasium, f110_gym, f1tenth_gym
+        for name in ("f110_gym:f110-v0", "f1tenth_gym:f1tenth-v0"):
+            gymnasium.make(name, config={"map": "drawn", "num_agents": 1}, render_mode="unlimited")
+        print("done")
+    """
+    out, error, status = run(folder, text)
+    assert (out, status) == ("done\n", 0), error
+    assert "WARN" not in error

@@ -9,6 +9,7 @@ driving.motions[0], driving.scan(0), driving.laps[0].completed
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -20,7 +21,6 @@ from numpy.typing import NDArray
 from ..course.course import Course
 from ..course.track import follow
 from ..display import brief
-from ..errors import SettingsError
 from ..lidar.beams import lidar_of
 from ..lidar.effects import add_noise
 from ..lidar.lidar import Lidar, RaycastLidar
@@ -121,16 +121,16 @@ class Driving:
     def place(self, poses: Sequence[Sequence[float]]) -> None:
         """Let the cars stand at poses x [m], y [m], heading [rad]; begin their laps and noise.
 
-        Raises:
-          SettingsError: two cars in one place.
+        Of two cars that stand in each other a warning says that they collide at once, and they push each other apart.
         """
         cars = self.world.cars
         axles = [shifted(pose, -ahead) for pose, ahead in zip(poses, self.ahead, strict=True)]
         pair = first_overlap(axles, [car.parameters for car in cars])
         if pair is not None:
             said = " and ".join(str(list(poses[agent])) for agent in pair)
-            raise SettingsError(
-                f"poses of the cars {pair[0]} and {pair[1]} are {said}, where they touch; accepted: poses apart"
+            warnings.warn(
+                f"poses of the cars {pair[0]} and {pair[1]} are {said}, where they touch: they collide at once",
+                stacklevel=4,
             )
         self.engine.place([Start()] * len(cars))
         data = self.data

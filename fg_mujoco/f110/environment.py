@@ -201,8 +201,8 @@ class RaceEnvironment:
     def _draw(self, mode: str) -> Any:
         """Call the callbacks, and show the world."""
         require_mode(mode)
-        if self.renderer is None:
-            self.renderer = self._make_renderer()
+        if "renderer" not in vars(self):
+            self.renderer = RaceEnvironment.renderer = self._make_renderer()  # of the class, too, as v0.2 has it
         if self.render_obs is not None:
             self.renderer.update_obs(self.render_obs)
         for callback in (*self.render_callbacks, *self.renderer.callbacks):

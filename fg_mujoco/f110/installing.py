@@ -170,6 +170,9 @@ class StandIn(ModuleType):
 
 def _register_with(library: Any, id: str, entry: str) -> None:
     """Register an environment with a library that is installed, bare: scripts read its own attributes."""
+    known = getattr(library, "registry", None)
+    if isinstance(known, dict) and id in known:
+        return
     try:
         library.register(id=id, entry_point=entry, order_enforce=False, disable_env_checker=True)
     except TypeError:  # of older releases

@@ -26,6 +26,7 @@ from ..course.maps.map_server import OccupancyMap, plain_yaml, read_map_file
 from ..course.maps.map_track import is_map, read_map
 from ..course.maps.walls import outlines, trace
 from ..course.obstacles import Prism
+from ..course.open_ground import OpenGround
 from ..course.polyline import enclosed_area
 from ..course.scene import BEHIND, BEYOND, Scene
 from ..course.track_mesh import wall_footprints
@@ -40,6 +41,7 @@ _PATTERNS = ("{0}/{0}_map.yaml", "{0}_map.yaml", "{0}.yaml", "{0}/{0}.yaml", "ma
 _IMAGES = (".png", ".pgm")
 _LEAST_GROUND = 1.0  # [m^2] of free ground that walls are put round, where no course is found
 _FOREVER = 1e6  # [s]
+_BLANK = "_blank"  # of the gym's tracks that are without walls, as Spielberg_blank
 
 
 def find_map(
@@ -66,6 +68,10 @@ def find_map(
     if is_map(name) and not name.endswith((".yaml", ".yml")):  # with settings in brackets
         return load_track(name, car=car), None
     path = find_file(name, folder)
+    walled = find_file(name.removesuffix(_BLANK), folder) if path is None and name.endswith(_BLANK) else None
+    if walled is not None:
+        warnings.warn(f"map {name!r} is not there; open ground with the lines of {walled} is", stacklevel=3)
+        return load_track(OpenGround(seconds=_FOREVER)), walled
     if path is None:
         if extension is not None and _is_path(name):
             raise TrackError(f"{_with_yaml(name)}: no such file; accepted: a map_server .yaml")

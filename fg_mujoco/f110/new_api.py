@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from ..errors import SettingsError, accepted_names
 from ..messages import FloatArray
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import Vehicle
-from .config import plain_config
+from .config import VehicleParameters, plain_config
 from .driving import BEAMS, FIELD_OF_VIEW
 from .environment import RaceEnvironment, say_of_others, simulator_of
 from .gym_functions import deep_update
@@ -106,7 +107,7 @@ class F110Env(RaceEnvironment, installed_base("gymnasium")):  # type: ignore[mis
       TrackError: a map that cannot be read.
     """
 
-    metadata = {"render_modes": ["human", "human_fast", "rgb_array"], "render_fps": 100}  # noqa: RUF012
+    metadata = {"render_modes": ["human", "human_fast", "unlimited", "rgb_array"], "render_fps": 100}  # noqa: RUF012
 
     def __init__(
         self,
@@ -166,6 +167,11 @@ class F110Env(RaceEnvironment, installed_base("gymnasium")):  # type: ignore[mis
         """Simulated since the reset [s]."""
         return self.current_time
 
+    @property
+    def vehicle_params(self) -> VehicleParameters:
+        """The parameters of the cars, as the later releases have them."""
+        return VehicleParameters(**{each.name: self.params[each.name] for each in fields(VehicleParameters)})
+
     def configure(self, config: Any) -> None:
         """Take other settings; of those the parameters are for the next reset, and how actions are meant."""
         given = plain_config(config)
@@ -190,7 +196,7 @@ class F110Env(RaceEnvironment, installed_base("gymnasium")):  # type: ignore[mis
             as `reset_config` says.
 
         Raises:
-          SettingsError: poses of another shape, or two cars in one place.
+          SettingsError: poses of another shape.
         """
         super().reset(seed=seed)
         if seed is not None:

@@ -103,7 +103,7 @@ class F110Env(RaceEnvironment, installed_base("gym")):  # type: ignore[misc]
           poses: of the rear axles, x [m], y [m], heading [rad], shape (num_agents, 3); None: at the course's start.
 
         Raises:
-          SettingsError: another shape, a number that is not finite, or two cars in one place.
+          SettingsError: another shape, or a number that is not finite.
         """
         self._place(self._grid() if poses is None else poses)
         return self.step(np.zeros((self.num_agents, 2)))

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import builtins
+import multiprocessing.spawn
 import os
 import sys
 import traceback
@@ -21,6 +22,11 @@ from .installing import install, is_of_the_script
 
 _REMOVED = {"float": float, "int": int, "bool": bool, "object": object, "str": str, "complex": complex}
 _HERE = str(Path(__file__).parent)
+_SPAWNED = f"{__package__}.spawned"
+_preparation_data = multiprocessing.spawn.get_preparation_data
+
+SCRIPT = "FG_MUJOCO_SCRIPT"
+"""Environment variable: the script that runs, for the processes that it spawns."""
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -53,6 +59,8 @@ def run(script: Path, name: str, text: bytes, arguments: list[str]) -> int:
     """Run a script as `__main__`, and return the exit status; what this package refuses is told in one line."""
     module = ModuleType("__main__")
     vars(module).update(__file__=name, __builtins__=builtins, __cached__=None, __annotations__={})
+    multiprocessing.spawn.get_preparation_data = preparation_data
+    os.environ[SCRIPT] = str(script.resolve())
     sys.modules["__main__"] = module
     sys.argv[:] = arguments
     sys.path[0] = str(script.resolve().parent)  # in the place of the working directory, as `python script.py` does
@@ -73,6 +81,14 @@ def run(script: Path, name: str, text: bytes, arguments: list[str]) -> int:
         _print(error)
         return 1
     return 0
+
+
+def preparation_data(name: str) -> dict[str, Any]:
+    """Return what multiprocessing tells a process that it spawns: in the place of the script comes `spawned`."""
+    data = _preparation_data(name)
+    if data.pop("init_main_from_path", None) is not None:
+        data["init_main_from_name"] = _SPAWNED
+    return data
 
 
 def bring_back_names() -> None:

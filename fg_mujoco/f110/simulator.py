@@ -106,6 +106,7 @@ class Simulator:
       agent_scans: the last scans, a list of (beams,).
       collisions: whether each car has touched something in the last step, 0 or 1, (num_agents,).
       driving: the Driving that they are in; None: there is no map yet.
+      agent_params: parameters of each car; one dictionary for all, unless a car has its own.
 
     Raises:
       SettingsError: no such number of cars, no such ego, or parameters that are no numbers.
@@ -138,7 +139,9 @@ class Simulator:
         self._vehicle, self._tires = Vehicle.load(vehicle), None if tires is None else Tires.load(tires)
         self._maps = maps
         self.params = all_params(params, self._vehicle)
+        self.agent_params = [self.params] * num_agents
         self._params_of: list[dict[str, Any] | None] = [params] * num_agents
+        self._known_params = [dict(self.params)] * num_agents
         self._physics = physics_timestep(self.time_step, self._vehicle)
         self._builds = self._cars()
         self.driving: Driving | None = None
@@ -148,6 +151,7 @@ class Simulator:
         self.collisions = np.zeros(num_agents)
         self.read: list[RaceCar] = []
         self.agents = [RaceCar.of(self, agent) for agent in range(num_agents)]
+        self.agents[0].share()
 
     def __repr__(self) -> str:
         return brief(self, f"{self.num_agents} cars", repr(self.driving))
@@ -205,11 +209,26 @@ class Simulator:
           SettingsError: no such car, or parameters that are no numbers.
         """
         require_whole("index", agent_idx, -1, self.num_agents - 1)
+        taken = all_params(params, self._vehicle)
         if agent_idx == -1:
-            self.params = all_params(params, self._vehicle)
-        self._params_of = [
-            params if agent_idx in (-1, agent) else own for agent, own in enumerate(self._params_of)
-        ]  # fmt: skip
+            self.params = taken
+        for agent in range(self.num_agents):
+            if agent_idx in (-1, agent):
+                self._params_of[agent], self.agent_params[agent] = params, taken
+                self._known_params[agent] = dict(taken)
+        self._rebuild()
+
+    def _heed_params(self) -> None:
+        """Take what a script has written into the dictionaries of parameters since they were taken."""
+        if self.agent_params == self._known_params:
+            return
+        for agent, (own, known) in enumerate(zip(self.agent_params, self._known_params, strict=True)):
+            if own != known:
+                self._params_of[agent] = self._known_params[agent] = dict(own)
+        self._rebuild()
+
+    def _rebuild(self) -> None:
+        """Build the cars, where their parameters make others of them."""
         builds = self._cars()
         if builds != self._builds:
             self._builds = builds
@@ -219,10 +238,16 @@ class Simulator:
     def reset(self, poses: ArrayLike) -> None:
         """Place the cars at poses (num_agents, 3), x [m], y [m], heading [rad], of what Driving says.
 
+        Without a map they stand on open ground.
+
         Raises:
-          SettingsError: another shape, a number that is not finite, or two cars in one place.
+          SettingsError: another shape, or a number that is not finite.
         """
         placed = checked(poses, self.num_agents, 3, "poses", "x, y, heading")
+        if self.course is None:
+            self.set_map(Track.from_refline([0.0, 10.0], [0.0, 0.0], [1.0, 1.0]))  # open ground, as a gym without a map
+        self._take_scanner()
+        self._heed_params()
         assert self.driving is not None
         self.driving.place(placed)
         self.collisions = np.zeros(self.num_agents)
@@ -233,11 +258,12 @@ class Simulator:
         """Hold steering angle [rad] and speed [m/s] of each car, (num_agents, 2), for a step; return what is observed.
 
         Raises:
-          SettingsError: another shape, or a number that is not finite.
+          SettingsError: another shape, a number that is not finite, or no reset before.
         """
         commands = checked(control_inputs, self.num_agents, 2, "action", "steering angle, speed")
         driving = self.driving
-        assert driving is not None
+        if driving is None or not driving.laps:
+            raise SettingsError("a step before a reset; accepted: reset first")
         while self.read:
             self.read.pop().write_back()
         collided = driving.drive(commands)
@@ -261,6 +287,18 @@ class Simulator:
             car_of(params, self._vehicle, tires=self._tires, lidar_dist=self.lidar_dist) for params in self._params_of
         ]
 
+    def _take_scanner(self) -> None:
+        """Measure by the beams of the scanner that a script has put into the class RaceCar, where it has put one."""
+        scanner = RaceCar.scan_simulator
+        if not isinstance(scanner, ScanSimulator2D) or scanner.of_cars:
+            return
+        if (scanner.num_beams, scanner.fov) != (self.num_beams, self.fov):
+            self.num_beams, self.fov = scanner.num_beams, scanner.fov
+            self.agent_scans = [np.zeros(self.num_beams)] * self.num_agents
+            for agent in self.agents:
+                agent.take_beams()
+            self._build()
+
     def _build(self) -> None:
         assert self.course is not None
         self.driving = Driving(
@@ -270,34 +308,30 @@ class Simulator:
 
 
 class RaceCar:
-    """One car of a Simulator, as planners read it.
+    """One car of a Simulator, as planners read it. A car that a script makes has a Simulator of its own.
+
+    In the gym all cars have the beams of the class. A ScanSimulator2D that a script puts into the class is heeded: the
+    next reset of a Simulator takes its number of beams and its field of view.
+
+    Args:
+      params: by the gym's names; None: those of the vehicle.
+      seed: of the scans' noise.
+      settings: as of Simulator, by name; `is_ego` is kept.
 
     Attributes:
       params: its parameters, by the gym's names.
       scan_simulator: measures a scan from any pose of the map.
       scan_angles, cosines: of the beams, (beams,).
+      side_distances: from the car's middle to its edge, along each beam, (beams,) [m].
       num_beams, fov, time_step, seed, is_ego, integrator, model: as of the Simulator.
     """
 
     scan_simulator: Any = None
+    scan_angles: FloatArray = np.zeros(0)
+    cosines: FloatArray = np.zeros(0)
+    side_distances: FloatArray = np.zeros(0)
     _kept: FloatArray | None = None
     _read: FloatArray | None = None
-
-    def __init__(self, *_: Any, **__: Any) -> None:
-        raise SettingsError("a RaceCar of its own has no world here; accepted: a Simulator, and its agents")
-
-    @classmethod
-    def of(cls, sim: Simulator, index: int) -> RaceCar:
-        """Return a car of a simulator."""
-        car = cls.__new__(cls)
-        car._sim, car._index = sim, index
-        car.num_beams, car.fov, car.time_step, car.seed = sim.num_beams, sim.fov, sim.time_step, sim.seed
-        car.is_ego, car.integrator, car.model = index == sim.ego_idx, sim.integrator, sim.model
-        car.scan_angles = np.linspace(-0.5 * sim.fov, 0.5 * sim.fov, sim.num_beams)
-        car.cosines = np.cos(car.scan_angles)
-        car.scan_simulator = ScanSimulator2D(sim.num_beams, sim.fov, seed=sim.seed, sim=sim)
-        car.accel = car.steer_angle_vel = 0.0
-        return car
 
     _sim: Simulator
     _index: int
@@ -308,18 +342,53 @@ class RaceCar:
     is_ego: bool
     integrator: Any
     model: Any
-    scan_angles: FloatArray
-    cosines: FloatArray
     accel: float
     steer_angle_vel: float
+
+    def __init__(self, params: dict[str, Any] | None = None, seed: int = 12345, *_: Any, **settings: Any) -> None:
+        self._join(Simulator(params, 1, seed, **settings), 0)
+        self._sim.agents = [self]
+        self.is_ego = bool(settings.get("is_ego", False))
+
+    @classmethod
+    def of(cls, sim: Simulator, index: int) -> RaceCar:
+        """Return a car of a simulator."""
+        car = cls.__new__(cls)
+        car._join(sim, index)
+        return car
+
+    def _join(self, sim: Simulator, index: int) -> None:
+        self._sim, self._index, self.time_step, self.seed = sim, index, sim.time_step, sim.seed
+        self.is_ego, self.integrator, self.model = index == sim.ego_idx, sim.integrator, sim.model
+        self.accel = self.steer_angle_vel = 0.0
+        self.take_beams()
+
+    def take_beams(self) -> None:
+        """Have the beams of its Simulator."""
+        sim, params = self._sim, self.params
+        self.num_beams, self.fov = sim.num_beams, sim.fov
+        self.scan_angles = np.linspace(-0.5 * sim.fov, 0.5 * sim.fov, sim.num_beams)
+        self.cosines = np.cos(self.scan_angles)
+        with np.errstate(divide="ignore"):  # to the edge of the car, along each beam
+            to_side = 0.5 * params["width"] / np.abs(np.sin(self.scan_angles))
+            to_end = 0.5 * (params["lf"] + params["lr"]) / np.abs(self.cosines)
+        self.side_distances = np.minimum(to_side, to_end)
+        self.scan_simulator = ScanSimulator2D(sim.num_beams, sim.fov, seed=sim.seed, sim=sim)
+
+    def share(self) -> None:
+        """Let the class have its scanner and its beams, too, where scripts read and set them."""
+        scanner = RaceCar.scan_simulator
+        if scanner is None or getattr(scanner, "of_cars", False):
+            RaceCar.scan_simulator, RaceCar.scan_angles = self.scan_simulator, self.scan_angles
+            RaceCar.cosines, RaceCar.side_distances = self.cosines, self.side_distances
 
     def __repr__(self) -> str:
         return brief(self, f"car {self._index}")
 
     @property
     def params(self) -> dict[str, Any]:
-        """Its parameters, by the gym's names."""
-        return all_params(self._sim._params_of[self._index], self._sim.vehicle)
+        """Its parameters, by the gym's names; what a script writes into them holds from the next reset on."""
+        return self._sim.agent_params[self._index]
 
     @property
     def state(self) -> FloatArray:
@@ -367,7 +436,26 @@ class RaceCar:
     def reset(self, pose: ArrayLike) -> None:
         """Go on from a standstill at a pose (3,)."""
         x, y, heading = (float(value) for value in np.asarray(pose, np.float64).ravel()[:3])
+        sim = self._sim
+        if sim.num_agents == 1 and (sim.driving is None or not sim.driving.laps):
+            sim.reset([[x, y, heading]])
+            return
         self.state = np.array([x, y, 0.0, 0.0, heading, 0.0, 0.0])
+
+    def update_pose(self, raw_steer: float, vel: float) -> FloatArray:
+        """Drive a car of its own for a step, and return its scan.
+
+        Args:
+          raw_steer: steering angle [rad].
+          vel: speed [m/s].
+
+        Raises:
+          SettingsError: a car among others, which move at the same time.
+        """
+        if self._sim.num_agents != 1:
+            raise SettingsError("update_pose of a car among others; accepted: step of their Simulator")
+        scan: FloatArray = self._sim.step([[raw_steer, vel]])["scans"][0]
+        return scan
 
     def forget(self) -> None:
         """Drop what was read and written."""
@@ -413,6 +501,9 @@ class ScanSimulator2D:
       eps, theta_dis, max_range: accepted as in the gym; the greatest range is the LiDAR's own.
       seed: of the noise.
       sim: whose map is measured; None: `set_map` says which.
+
+    Attributes:
+      of_cars: whether it is a Simulator's own, and not a script's.
     """
 
     def __init__(
@@ -430,7 +521,7 @@ class ScanSimulator2D:
         self.max_range = Vehicle.load().lidar.beams.range_max if sim is not None else max_range
         self.angle_increment = fov / (num_beams - 1)
         self.scan_rng = np.random.default_rng(seed)
-        self._sim, self._driving = sim, None
+        self._sim, self._driving, self.of_cars = sim, None, sim is not None
 
     _driving: Driving | None
 

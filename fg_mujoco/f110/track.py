@@ -67,7 +67,8 @@ class CubicSpline2D:
     def calc_curvature(self, s: float) -> float:
         """Return the curvature at a progress [1/m]."""
         (dx, dy), (ddx, ddy) = self.spline(s, 1), self.spline(s, 2)
-        return float((ddy * dx - ddx * dy) / (dx * dx + dy * dy) ** 1.5)
+        squared = dx * dx + dy * dy  # 0 where a line turns back on itself
+        return float((ddy * dx - ddx * dy) / squared**1.5) if squared > 0.0 else 0.0
 
     def find_curvature(self, s: float) -> float:
         """Return the curvature at a progress [1/m]."""

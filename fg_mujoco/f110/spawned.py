@@ -1,0 +1,19 @@
+"""What a process that a script starts by `spawn` or `forkserver` imports in place of the script.
+
+Python lets such a process run the script again, as `__mp_main__`, so that what the script defines is there. It finds
+this module by the name that `running` has it told. The modules of f1tenth_gym are installed first, with the
+settings that `install` keeps in environment variables, and then the script is run.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from .installing import install
+from .running import SCRIPT, bring_back_names
+
+install()
+bring_back_names()
+__file__ = os.environ[SCRIPT]
+exec(compile(Path(__file__).read_bytes(), __file__, "exec"), globals())
