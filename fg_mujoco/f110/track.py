@@ -27,6 +27,7 @@ from ..simulation.course_loading import default_car, load_track
 from .maps import find_file, find_map
 
 _SPACING = 0.1  # [m] of the points of a line without a raceline's file, as in the gym
+_MOST_POINTS = 100_000  # of such a line: that of open ground is some hundred kilometres long
 _GUESS = 5.0  # [m] to either side of a guessed progress that is searched
 
 
@@ -59,18 +60,21 @@ class CubicSpline2D:
         """Return x and y at a progress [m]."""
         return self.spline(s)
 
-    def calc_yaw(self, s: float) -> float:
-        """Return the heading at a progress, from 0 to 2 pi [rad]."""
-        dx, dy = self.spline(s, 1)
-        return math.atan2(dy, dx) % math.tau
+    def calc_yaw(self, s: Any) -> Any:
+        """Return the heading at a progress, or at each of many [m], from 0 to 2 pi [rad]."""
+        dx, dy = self.spline(s, 1).T
+        headings = np.arctan2(dy, dx) % math.tau
+        return headings if np.ndim(s) else float(headings)
 
-    def calc_curvature(self, s: float) -> float:
-        """Return the curvature at a progress [1/m]."""
-        (dx, dy), (ddx, ddy) = self.spline(s, 1), self.spline(s, 2)
-        squared = dx * dx + dy * dy  # 0 where a line turns back on itself
-        return float((ddy * dx - ddx * dy) / squared**1.5) if squared > 0.0 else 0.0
+    def calc_curvature(self, s: Any) -> Any:
+        """Return the curvature at a progress, or at each of many [1/m]."""
+        (dx, dy), (ddx, ddy) = self.spline(s, 1).T, self.spline(s, 2).T
+        squared = np.asarray(dx * dx + dy * dy)  # 0 where a line turns back on itself
+        turned = np.asarray(ddy * dx - ddx * dy)
+        curvatures = np.divide(turned, squared**1.5, out=np.zeros_like(squared), where=squared > 0.0)
+        return curvatures if np.ndim(s) else float(curvatures)
 
-    def find_curvature(self, s: float) -> float:
+    def find_curvature(self, s: Any) -> Any:
         """Return the curvature at a progress [1/m]."""
         return self.calc_curvature(s)
 
@@ -132,10 +136,9 @@ class Raceline:
     def from_points(cls, points: FloatArray, speed: float = 1.0) -> Raceline:
         """Return the closed line of some points (n, 2) [m], driven at one speed [m/s], every 0.1 m."""
         spline = CubicSpline2D(*np.asarray(points).T)
-        ss = np.arange(0.0, spline.s[-1], _SPACING)
+        ss = np.arange(0.0, spline.s[-1], max(_SPACING, spline.s[-1] / _MOST_POINTS))
         xs, ys = spline.calc_position(ss).T
-        headings = np.array([spline.calc_yaw(s) for s in ss])
-        curvatures = np.array([spline.calc_curvature(s) for s in ss])
+        headings, curvatures = spline.calc_yaw(ss), spline.calc_curvature(ss)
         ss, xs, ys, headings, curvatures = (
             values.astype(np.float32) for values in (ss, xs, ys, headings, curvatures)
         )  # fmt: skip
