@@ -31,9 +31,9 @@ os.environ["FG_MUJOCO_COMPILING"] = "in tests"
 SLOWEST = (
     "test_fuzz.py", "test_kernels.py", "test_rollout_ray.py", "test_identification.py", "test_mission.py",
     "test_controller_contract.py", "test_hostile_planners.py", "test_every_course.py", "test_kills.py",
-    "test_report_pages.py", "test_live_view.py", "test_readme.py", "test_replay_proof.py", "test_cli.py", "test_docs.py",
-    "test_hostile_runs.py", "test_leaks.py", "test_debug.py", "test_every_track.py", "test_compare_cli.py",
-    "test_two_policies_example.py", "test_tight_tracks.py",
+    "test_report_pages.py", "test_live_view.py", "test_readme.py", "test_replay_proof.py", "test_cli.py",
+    "test_docs.py", "test_hostile_runs.py", "test_leaks.py", "test_debug.py", "test_every_track.py",
+    "test_compare_cli.py", "test_two_policies_example.py", "test_tight_tracks.py",
 )  # fmt: skip
 
 

@@ -99,7 +99,7 @@ def test_growth_that_repeats_counts_and_growth_that_does_not_is_no_leak(monkeypa
         found = iter(
             [SimpleNamespace(kib_per_call=1024.0 * mib, descriptors=(4, 4), threads=(8, 8)) for mib in end_mib]
         )
-        monkeypatch.setitem(globals(), "once_measured", lambda *settings: next(found))
+        monkeypatch.setattr(sys.modules[__name__], "once_measured", lambda *settings: next(found))
         return measured(None, "renderers", 0.2)
 
     assert is_flat(growths(0.6, 0.0))

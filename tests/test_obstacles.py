@@ -143,6 +143,14 @@ def test_an_obstacle_nowhere_is_refused(name, value):
 SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
 
 
+def test_a_footprint_is_copied():
+    corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]
+    prism = Prism(footprint=corners)
+    corners[1][0] = 9.0
+    assert prism == Prism(footprint=((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)))
+    assert hash(prism) == hash(Prism(footprint=np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])))
+
+
 @pytest.mark.parametrize(
     "footprint",
     (

@@ -84,6 +84,7 @@ class Prism:
             raise SettingsError(
                 f"Prism.footprint is {self.footprint!r}; accepted: three or more (x, y) [m], counterclockwise, convex"
             )
+        object.__setattr__(self, "footprint", tuple(map(tuple, self.footprint)))  # a list could be written to
 
     def __repr__(self) -> str:
         x, y = self.corners().mean(axis=0)

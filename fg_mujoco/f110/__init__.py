@@ -15,9 +15,11 @@ noise of 10 mm; a step of 10 ms, after each of which there is a scan; `done` on 
 actions are, `done` when the ego has collided or all cars have driven two laps, and collisions with other cars.
 
 What is not: this is a car with tires and a suspension. `linear_vels_y` is its lateral velocity, which there is zero.
-Poses and velocities are those of the rear axle, and the LiDAR is where it is on the car, 0.275 m ahead of it; steering
-and speed follow their commands as servo and motor let them. The map's thresholds are honoured. Cars that touch push
-each other and drive on; each carries the box that makes it visible.
+Poses and velocities are those of the rear axle, and the LiDAR is where it is on the car, 0.275 m ahead of it. Steering
+follows its command as the servo lets it; speed follows by the gains of the 2D gym's controller. With linear tires, as
+`tires="f1tenth_gym"` puts them on, the car resembles the gym's single-track model, and poses and scans are those of the
+centre of gravity. The map's thresholds are honoured. Cars that touch push each other and drive on; each carries the box
+that makes it visible.
 
 Written afresh from the documentation of f1tenth_gym.
 """

@@ -67,7 +67,7 @@ class Driving:
       world: the World; its LiDARs have these beams.
       engine: its Engine.
       laps: of each car, since they were placed.
-      motions: of the cars after the last step.
+      motions: of the cars now.
       ahead: how far ahead of each car's rear axle the point is whose poses are meant [m].
     """
 
@@ -159,6 +159,7 @@ class Driving:
         data.time = time
         mujoco.mj_forward(self.world.model, data)
         self.engine.load(complete_state(self.world.model, data))
+        self.motions[agent] = self.motion(agent)
 
     def drive(self, commands: Any) -> NDArray[np.bool_]:
         """Hold commands for a step, count the laps, and return whether each car touches something. Shape (cars,).
@@ -193,7 +194,7 @@ class Driving:
         return noisy
 
     def motion(self, agent: int) -> Motion:
-        """Return how a car moves."""
+        """Return how a car moves, read off the engine."""
         return car_motion.point_motion(self._qpos, self._qvel, self.ahead[agent], self._constants[agent])
 
     def steering(self, agent: int) -> float:
@@ -202,13 +203,13 @@ class Driving:
 
     def state(self, agent: int) -> FloatArray:
         """Return a car's state as the gym has it: x, y, steering angle, speed, heading, yaw rate, slip angle. (7,)."""
-        x, y, heading, ahead, left, yaw_rate = self.motion(agent)
+        x, y, heading, ahead, left, yaw_rate = self.motions[agent]
         slip = math.atan2(left, ahead) if math.hypot(ahead, left) >= car_motion.SIDESLIP_SPEED else 0.0
         return np.array([x, y, self.steering(agent), ahead, heading % math.tau, yaw_rate, slip])
 
     def _speeds(self, agent: int) -> tuple[float, float]:
         """Return how fast a car's wheels turn and how fast it goes over the ground [m/s]."""
-        _, _, _, ahead, left, _ = self.motion(agent)
+        _, _, _, ahead, left, _ = self.motions[agent]
         wheels = car_motion.surface_speed(self._qvel, self._constants[agent])
         return wheels, math.copysign(math.hypot(ahead, left), ahead)
 

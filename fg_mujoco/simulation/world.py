@@ -181,6 +181,7 @@ def _compiled(xml: str) -> mujoco.MjModel:
     return mujoco.MjModel.from_xml_string(xml)  # never given away, because a model's arrays can be written to
 
 
+@lru_cache(maxsize=8)
 def _text_of(
     track: Course,
     builds: tuple[WorldCar, ...],
@@ -189,20 +190,6 @@ def _text_of(
     patches: tuple[Patch, ...],
 ) -> str:
     """Return the MJCF text of a world. Writing it takes as long as compiling it, so the last few are kept."""
-    try:
-        return _written(track, builds, lidar, obstacles, patches)
-    except TypeError:  # an obstacle without hash: a list for its corners
-        return _written.__wrapped__(track, builds, lidar, obstacles, patches)
-
-
-@lru_cache(maxsize=8)
-def _written(
-    track: Course,
-    builds: tuple[WorldCar, ...],
-    lidar: str,
-    obstacles: tuple[Obstacle, ...],
-    patches: tuple[Patch, ...],
-) -> str:
     spec = _compose(track, builds, lidar, obstacles)
     add_patches(spec, patches)
     return str(spec.to_xml())

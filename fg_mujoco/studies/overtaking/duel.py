@@ -222,16 +222,17 @@ def drive_duel(duel: Duel, watch: Any = None) -> DuelFigures:
     half = 0.5 * world.parameters.length
     timers, since = engine.monitor.timers, math.nan
     outcome, blame, closing = "", None, None
+    progress = timers["progress"]  # of both, from the planner's start
+    ahead = float(progress[_PLANNER] - progress[_OPPONENT])
     while not outcome:
         now = engine.time(0)
-        ahead = float(timers["progress"][_PLANNER] - timers["progress"][_OPPONENT])  # both from the planner's start
         if isinstance(opponent, Blocking):
             opponent.follower = (-ahead, float(timers["offset"][_PLANNER]))
         if watch is not None:
             watch(engine)
         engine.tick()
         touched = engine.touched_at[_PLANNER, _OPPONENT] > now
-        ahead = float(timers["progress"][_PLANNER] - timers["progress"][_OPPONENT])
+        ahead = float(progress[_PLANNER] - progress[_OPPONENT])
         if math.isnan(since) or ahead < half:
             since = engine.time(0) if ahead >= half else math.nan
         if touched:
@@ -243,15 +244,15 @@ def drive_duel(duel: Duel, watch: Any = None) -> DuelFigures:
             outcome = "wall" if engine.crashed[_PLANNER] else "stopped"
         elif engine.time(0) - since >= AHEAD_FOR:
             outcome = "overtaken"
-        elif timers["progress"][_PLANNER] >= settings.laps * track.length:
+        elif progress[_PLANNER] >= settings.laps * track.length:
             outcome = "behind"
-    taken, progress = engine.time(0), float(timers["progress"][_PLANNER])
-    lost = taken - time_alone(duel, start, progress) if outcome == "overtaken" else None
+    taken, driven = engine.time(0), float(progress[_PLANNER])
+    lost = taken - time_alone(duel, start, driven) if outcome == "overtaken" else None
     ends = [END_REASONS[reason] or None for reason in engine.monitor.reasons.tolist()]
     failure = timed.failures.get(0)
     return DuelFigures(
         outcome=outcome, message=str(failure) if failure else ends[_PLANNER], ratio=ratio, headway_m=headway,
-        start_s_m=start, time_s=taken, progress_m=progress, time_lost_s=lost, to_blame=blame,
+        start_s_m=start, time_s=taken, progress_m=driven, time_lost_s=lost, to_blame=blame,
         touch_ahead_m=ahead if outcome == "touch" else None, closing_speed_m_s=closing, opponent_end=ends[_OPPONENT],
         decision_median_s=float(np.median(timed.times)), decision_longest_s=float(np.max(timed.times)),
     )  # fmt: skip
