@@ -16,6 +16,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arguments import Suggesting
 from .display import Drawing, Shown, brief, paragraph
 from .errors import MessageError, SettingsError
 
@@ -166,7 +167,7 @@ _NO_POSE = read_only((math.nan, math.nan, math.nan))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Odometry:
+class Odometry(Suggesting):
     """What the car's own sensors say between scans: wheel encoders, steering sensor, IMU; and where it is on the map.
 
     The pose is that of an ideal localisation: the true one, of base_link, at the time of the stamp. No reactive planner
@@ -225,6 +226,9 @@ class DriveCommand:
             if type(getattr(self, name)) is not float:
                 object.__setattr__(self, name, float(getattr(self, name)))
 
+
+A_COMMAND = "a DriveCommand, such as DriveCommand(steering_angle=0.1, speed=1.0)"
+"""What messages call it that a planner is to answer."""
 
 STOP = DriveCommand(steering_angle=0.0, speed=0.0)
 
