@@ -10,11 +10,13 @@ What loads slowly (trimesh, embreex, matplotlib) is imported where it is used.
 
 from importlib.metadata import version as _version
 from types import FunctionType as _FunctionType
+from types import ModuleType as _ModuleType
 from typing import Any as _Any
 
 from .simulation import mujoco_import as _mujoco_import  # noqa: F401  # first: it chooses how pictures are drawn
 
 # isort: split
+from . import tracks as _tracks
 from .arguments import explain_class as _explain_class
 from .arguments import explained as _explained
 from .course.centreline_csv import read_centreline, write_centreline
@@ -223,5 +225,13 @@ def _explain() -> None:
             _explain_class(found)
 
 
+class _Tracks(_ModuleType):
+    """The folder of tracks, of which newcomers think as a function."""
+
+    def __call__(self) -> _Any:
+        raise TypeError("fg_mujoco.tracks is a folder; did you mean 'track_names'?")
+
+
+_tracks.__class__ = _Tracks
 _explain()
 _register_once_imported()

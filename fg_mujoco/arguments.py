@@ -86,10 +86,11 @@ def _refusal(function: Callable[..., Any], name: str, args: tuple[Any, ...], nam
 
 def explain_class(kind: type) -> None:
     """Explain the arguments of a class and of its public methods, in place."""
+    made = "__init__"  # its own or that of a base
+    if isinstance(getattr(kind, made), types.FunctionType):
+        setattr(kind, made, explained(getattr(kind, made), kind.__name__))
     for name, member in list(vars(kind).items()):
-        if name == "__init__" and isinstance(member, types.FunctionType):
-            setattr(kind, name, explained(member, kind.__name__))
-        elif not name.startswith("_") and isinstance(member, types.FunctionType):
+        if not name.startswith("_") and isinstance(member, types.FunctionType):
             setattr(kind, name, explained(member, f"{kind.__name__}.{name}"))
 
 

@@ -30,6 +30,36 @@ def read_only(values: ArrayLike) -> FloatArray:
     return array
 
 
+def _writing(name: str) -> Any:
+    """Return a method of arrays that writes to its own, and says what to do where that is read-only."""
+    plain = getattr(np.ndarray, name)
+
+    def write(self: Any, *args: Any, **named: Any) -> Any:
+        if not self.flags.writeable:
+            raise MessageError("the ranges of a scan are read-only; accepted: a copy, ranges = scan.ranges.copy()")
+        return plain(self, *args, **named)
+
+    return write
+
+
+class _Ranges(np.ndarray):
+    """The ranges of a scan: read-only, and the refusal says what to do. What is computed of them is a plain array."""
+
+    __setitem__ = _writing("__setitem__")
+    __iadd__, __isub__, __imul__ = _writing("__iadd__"), _writing("__isub__"), _writing("__imul__")
+    fill, put, sort = _writing("fill"), _writing("put"), _writing("sort")
+
+    def copy(self, order: Any = "C") -> Any:
+        """Return a copy that can be written to, a plain array."""
+        return np.array(self, order=order)
+
+    def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
+        return array[()] if return_scalar else np.asarray(array)
+
+    def __repr__(self) -> str:
+        return repr(np.asarray(self))
+
+
 def shown(value: object) -> str:
     """Return how Python writes a value, without the middle of what is long; of a huge number, how long it is."""
     try:
@@ -120,7 +150,7 @@ class LaserScan(Shown):
     no_return: float = math.inf  # [m] what a beam without a return reads: inf or range_max
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "ranges", read_only(self.ranges))
+        object.__setattr__(self, "ranges", read_only(self.ranges).view(_Ranges))
         require_finite(
             self, self.stamp, self.angle_min, self.angle_max, self.angle_increment, self.range_min, self.range_max,
             self.time_increment, self.scan_time, names=_SCAN_NUMBERS,

@@ -80,9 +80,7 @@ def require_entries(entries: Sequence[Entry]) -> tuple[Entry, ...]:
         raise SettingsError(f"entries is {shown(entries)}; accepted: a sequence of Entry, such as [Entry(), Entry()]")
     for entry in entries:
         if not isinstance(entry, Entry):
-            raise SettingsError(
-                f"an entry is {entry!r}; accepted: an Entry, such as Entry(controller='gap_finder')"
-            )
+            raise SettingsError(f"an entry is {entry!r}; accepted: an Entry, such as Entry(controller='gap_finder')")
     if not 1 <= len(entries) <= GREATEST_CARS:
         raise SettingsError(f"{len(entries)} entries; accepted: 1 to {GREATEST_CARS}")
     named = tuple(replace(entry, name=entry.name or f"car_{index}") for index, entry in enumerate(entries))

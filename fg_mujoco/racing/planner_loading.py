@@ -334,7 +334,7 @@ def _planners_in(module: ModuleType) -> list[str]:
     """Return the names of the classes and functions of a user's file that plan; of all its classes where none does."""
     own = [value for value in vars(module).values() if getattr(value, "__module__", None) == module.__name__]
     classes = [value for value in own if isinstance(value, type)]
-    planners = [each for each in classes if any("__call__" in vars(base) for base in each.__mro__)]
+    planners: list[Any] = [each for each in classes if any("__call__" in vars(base) for base in each.__mro__)]
     planners += [each for each in own if inspect.isfunction(each) and list(inspect.signature(each).parameters) == _TOLD]
     return [each.__name__ for each in planners or classes]
 

@@ -283,7 +283,7 @@ def _race_of_entries(
     return race_field(
         course, entries, laps=laps_to_drive(course, laps), grid=grid, rules=rules, lidar=lidar,
         time_limit=checked.time_limit, decision_limit=checked.decision_limit, obstacles=obstacles,
-        obstacle_seed=drawn, patches=checked.patches, watch=watch,
+        obstacle_seed=drawn, patches=tuple(checked.patches), watch=watch,
     )  # fmt: skip
 
 

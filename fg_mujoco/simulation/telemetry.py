@@ -68,6 +68,8 @@ def column_meant(name: str, other: str | None) -> str | None:
       name: of the attribute.
       other: attribute that is most similar, if any. A column whose unit is left out is more so.
     """
+    if other is not None and name in other:
+        return other
     found = with_unit(name, TELEMETRY) or (nearest(name, TELEMETRY) if other is None else None)
     return other if found is None else f"column({found!r})"
 
