@@ -8,6 +8,7 @@
 What loads slowly (trimesh, embreex, matplotlib) is imported where it is used.
 """
 
+import sys as _sys
 from importlib.metadata import version as _version
 from types import FunctionType as _FunctionType
 from types import ModuleType as _ModuleType
@@ -16,7 +17,7 @@ from typing import Any as _Any
 from .simulation import mujoco_import as _mujoco_import  # noqa: F401  # first: it chooses how pictures are drawn
 
 # isort: split
-from . import tracks as _tracks
+from . import tracks as _tracks  # noqa: F401
 from .arguments import explain_class as _explain_class
 from .arguments import explained as _explained
 from .course.centreline_csv import read_centreline, write_centreline
@@ -232,6 +233,6 @@ class _Tracks(_ModuleType):
         raise TypeError("fg_mujoco.tracks is a folder; did you mean 'track_names'?")
 
 
-_tracks.__class__ = _Tracks
+_sys.modules["fg_mujoco.tracks"].__class__ = _Tracks
 _explain()
 _register_once_imported()

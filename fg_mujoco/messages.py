@@ -257,7 +257,7 @@ class DriveCommand:
                 object.__setattr__(self, name, float(getattr(self, name)))
 
 
-A_COMMAND = "a DriveCommand, such as DriveCommand(steering_angle=0.1, speed=1.0)"
+A_COMMAND = "a DriveCommand(steering_angle=0.1, speed=1.0)"
 """What messages call it that a planner is to answer."""
 
 STOP = DriveCommand(steering_angle=0.0, speed=0.0)

@@ -26,6 +26,7 @@ from ..lidar.beams import LidarModel
 from .actions import ActionBounds
 from .episodes import Episodes
 from .observations import ObservationLayout
+from .registration import ID as ID
 from .registration import register
 from .rendering import ChaseView, Window
 from .settings import EnvironmentSettings

@@ -40,7 +40,7 @@ GROUP = "fg_mujoco.controllers"
 ROS = "ros:"
 """Before the path of a node of ROS, see docs/ros_nodes.md."""
 
-_A_PLANNER = "a class with __call__(self, scan, odometry) and reset(self), or a function (scan, odometry)"
+_A_PLANNER = "one with __call__(scan, odometry) and reset(), or a function of (scan, odometry)"
 _TOLD = ["scan", "odometry"]  # names of a planner's arguments
 _NODE = re.compile(r":\w*$")  # the class, behind a path
 
@@ -280,6 +280,9 @@ def _find_class(source: str, said: str) -> Any:
     if source.startswith(ROS):
         return _ros_door().find_node(source)
     path, _, class_name = (source, "", "") if is_file(source) or source.endswith(".py") else source.rpartition(":")
+    if source.endswith(".py") and not is_file(source):
+        known = accepted_names(source, controller_names(), ", or path/to/file.py:ClassName")
+        raise ControllerError(f"{said}: there is no file {source}; {known}")
     if not path.endswith(".py"):
         return _load(_registered(source, said), said)
     module = _import_file(Path(path), said)
@@ -437,10 +440,9 @@ def _checked(controller: Any, origin: str) -> Controller:
         )
     lacking = [name for name in ("__call__", "reset") if not callable(getattr(controller, name, None))]
     if lacking == ["reset"]:
-        raise ControllerError(
-            f"{origin} has no reset(), which is called before each race and forgets all; accepted: one that has, "
-            "such as `def reset(self): pass` where it keeps nothing"
-        )
+        said = f"{origin} is no controller: it has no reset(), which is called before each race and forgets all"
+        accepted = "accepted: __call__(scan, odometry) and reset(), `def reset(self): pass` where it keeps nothing"
+        raise ControllerError(f"{said}; {accepted}")
     if lacking:
         raise ControllerError(f"{origin} is no controller; accepted: {_A_PLANNER}")
     return controller  # type: ignore[no-any-return]
