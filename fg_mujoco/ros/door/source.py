@@ -214,11 +214,11 @@ def relocate_files(tree: ast.Module, node: Path, tell: Callable[[str, int], None
 
 
 def find_what_is_read(tree: ast.Module) -> None:
-    """Let a path that a file puts together, and then reads, go through FINDER."""
+    """Let each path that a file reads go through FINDER: it may lie elsewhere, and is kept with what was read."""
     for call in ast.walk(tree):
         if not isinstance(call, ast.Call) or _called(call) not in _READING or _writes(call):
             continue
-        if call.args and not isinstance(call.args[0], (ast.Constant, ast.Starred)):
+        if call.args and not isinstance(call.args[0], ast.Starred):
             call.args[0] = _found(call.args[0])
         for each in call.keywords:
             if each.arg in _FILE:

@@ -25,6 +25,7 @@ from ...messages import require_whole
 from ...racing.entries import Entry
 from ...racing.opponents import Opponents, entry_of
 from ...racing.planner_choice import ControllerChoice
+from ...racing.planner_files import files_sha256
 from ...racing.planner_loading import controller_names
 from ...simulation.settings import FASTEST
 from ...vehicle.changes import CarChanges
@@ -175,7 +176,7 @@ def compare(
     chosen = [ControllerChoice.of(text) for text in (controller_names() if controllers is None else controllers)]
     runs = plan_runs(chosen, [*tracks, *(f"{PREFIX}{name}" for name in scenes)], max_speeds, seeds, settings)
     with claimed(out, ACCEPTED):
-        return _drive(runs, settings, ComparisonFolder(out), workers, pictures=pictures, watch=watch)
+        return _drive(runs, runs[0].settings, ComparisonFolder(out), workers, pictures=pictures, watch=watch)
 
 
 def _drive(
@@ -223,7 +224,7 @@ def plan_runs(
     seeds: Sequence[int],
     settings: ComparisonSettings,
 ) -> list[Run]:
-    """Return the runs of a grid, in its order.
+    """Return the runs of a grid, in its order; their settings have the files that the opponents' planners read.
 
     Args:
       controllers: which.
@@ -251,14 +252,18 @@ def plan_runs(
     for course in courses:
         check_course(course, settings.obstacles, car=car)
         if settings.opponents.entries:
-            settings.opponents.check(course_ground(course, seeds[0], car=car).course)
-    for choice in controllers:
-        choice.check(course_ground(courses[0], seeds[0], car=car).course, settings.drive(max_speed=max_speeds[0]))
+            checked = settings.opponents.checked(course_ground(course, seeds[0], car=car).course)
+            settings = replace(settings, opponents=checked)
+    first = course_ground(courses[0], seeds[0], car=car).course
+    files = {
+        choice: files_sha256(choice.check(first, settings.drive(max_speed=max_speeds[0]))) for choice in controllers
+    }
     axis: dict[str, Sequence[int | None]] = {course: _seeds(course, seeds, settings) for course in courses}
     runs = [
         Run(
             RunKey(
-                choice.label, choice.sha256, names[course], ground_sha256(course, seed, car=car), float(speed), seed
+                choice.label, choice.sha256, names[course], ground_sha256(course, seed, car=car), float(speed), seed,
+                files[choice],
             ),
             choice, course, settings,
         )

@@ -28,6 +28,7 @@ from ...course.scenes.catalogue import PREFIX
 from ...course.writing import write_file
 from ...errors import ControllerError, FgMujocoError, RunFolderError
 from ...racing.planner_choice import ControllerChoice
+from ...racing.planner_files import files_sha256
 from ...racing.planner_trust import require_trusted
 from ...viz.report.page import LIBRARY, library, page_frame, write_page, write_report
 from ...viz.report.plot_style import require_bokeh
@@ -140,16 +141,35 @@ def _find_run(key: RunKey, settings: ComparisonSettings, *, trust: bool) -> Run:
     """
     choice = ControllerChoice.of(key.controller)
     require_trusted(choice.source, key.controller_sha256, trust=trust, where=_RUNS)
-    for label, sha256 in zip(settings.opponents.labels, settings.opponents.recorded, strict=True):
-        require_trusted(ControllerChoice.of(label).source, sha256, trust=trust, where=_MANIFEST)
+    opponents = settings.opponents
+    for label, sha256, files in zip(opponents.labels, opponents.recorded, opponents.files, strict=True):
+        require_trusted(ControllerChoice.of(label).source, sha256, trust=trust, where=_MANIFEST, files=files)
     for course in (key.course, f"{key.course}.csv"):
         try:
-            if ground_sha256(course, key.seed, car=settings.car.parameters) == key.course_sha256:
-                return Run(key, choice, course, settings)
+            if ground_sha256(course, key.seed, car=settings.car.parameters) != key.course_sha256:
+                continue
+            run = Run(key, choice, course, settings)
         except FgMujocoError:
             continue
+        _require_same_files(run)
+        return run
     missing = key.course if key.course.startswith(PREFIX) else f"{key.course}.csv"
     raise RunFolderError(f"{missing}: is not in this folder as it was; accepted: call from where its file is")
+
+
+def _require_same_files(run: Run) -> None:
+    """Refuse a planner that reads other files now than in the run of the table.
+
+    Raises:
+      ControllerError: it does.
+    """
+    drive = run.settings.drive(max_speed=run.key.max_speed_m_s)
+    found = run.controller.check(run.ground().course, drive)
+    if files_sha256(found) != run.key.controller_files_sha256:
+        raise ControllerError(
+            f"{_RUNS}: planner {run.key.controller!r}: {', '.join(found) or 'a file'}, which it reads, is another one "
+            "now; accepted: the files as they were raced"
+        )
 
 
 def _index(folder: Path, settings: ComparisonSettings, rows: Sequence[RunRow], pages: Mapping[RunKey, _Page]) -> str:

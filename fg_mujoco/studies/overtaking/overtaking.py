@@ -21,6 +21,7 @@ from ...display import Shown, brief, paragraph, quoted, table
 from ...errors import SettingsError, TrackError
 from ...messages import require_whole
 from ...racing.planner_choice import ControllerChoice
+from ...racing.planner_files import files_sha256
 from ...simulation.course_loading import load_track
 from ...simulation.settings import FASTEST, DriveSettings
 from ...vehicle.tires import Tires
@@ -168,10 +169,9 @@ def plan_duels(
         if not course.closed:
             raise TrackError(f"track {track!r} is no circuit; accepted: a closed track")
     drive = DriveSettings(vehicle=settings.vehicle, tires=settings.tires, mu=settings.mu, max_speed=settings.max_speed)
-    for choice in planners:
-        choice.check(courses[tracks[0]], drive)
+    files = {choice: files_sha256(choice.check(courses[tracks[0]], drive)) for choice in planners}
     return [
-        Duel(DuelKey(choice.label, choice.sha256, track, opponent, seed), choice, settings)
+        Duel(DuelKey(choice.label, choice.sha256, track, opponent, seed, files[choice]), choice, settings)
         for choice in planners
         for track in tracks
         for opponent in opponents
