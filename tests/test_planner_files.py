@@ -323,3 +323,57 @@ def test_a_summary_whose_files_are_none_is_refused(here, without_pictures):
     path.write_text(json.dumps(summary))
     with pytest.raises(RunFolderError, match=r"controller_origin is .*accepted: texts by name"):
         fg.read_run("run")
+
+
+# nodes of ROS
+
+
+NODE = """
+import os
+import numpy as np
+import rclpy
+from rclpy.node import Node
+from ackermann_msgs.msg import AckermannDriveStamped
+
+
+class Mine(Node):
+    def __init__(self):
+        super().__init__("mine")
+        self.declare_parameter("gain", 1.0)
+        self.publisher = self.create_publisher(AckermannDriveStamped, "/drive", 10)
+        folder = os.path.join("maps")
+        {read}
+"""
+
+
+@pytest.mark.parametrize(
+    ("read", "files"),
+    [
+        ("pass", []),
+        ("np.loadtxt('maps/line.csv', delimiter=',')", ["maps/line.csv"]),
+        ("np.loadtxt(os.path.join(folder, 'line.csv'), delimiter=',')", ["maps/line.csv"]),
+        ("open(folder + '/line.csv').read()", ["maps/line.csv"]),
+        ("self.later = 'maps/line.csv'", ["maps/line.csv"]),  # it may be read in a callback
+        ("open('maps/line.csv', 'a').close()", []),
+    ],
+)
+def test_the_files_of_data_that_a_node_reads_count(here, read, files):
+    pytest.importorskip("rosbags")
+    (here / "maps").mkdir()
+    line(here / "maps" / "line.csv", 5)
+    (here / "node.py").write_text(NODE.format(read=read))
+    before = read_by("ros:node.py:Mine")
+    assert list(before) == files
+    line(here / "maps" / "line.csv", 6)
+    assert (read_by("ros:node.py:Mine") == before) == (not files)
+
+
+def test_parameters_in_a_file_count_as_a_setting_and_in_a_launch_file(here):
+    pytest.importorskip("rosbags")
+    (here / "node.py").write_text(NODE.format(read="pass"))
+    (here / "params.yaml").write_text("mine: {ros__parameters: {gain: 1.0}}\n")
+    (here / "launch.yaml").write_text("nodes: [{file: node.py, class: Mine, params_file: params.yaml}]\n")
+    launch = ControllerChoice.of("ros:launch.yaml").sha256
+    assert list(read_by("ros:node.py:Mine[door.params=params.yaml]")) == ["params.yaml"]
+    (here / "params.yaml").write_text("mine: {ros__parameters: {gain: 2.0}}\n")
+    assert ControllerChoice.of("ros:launch.yaml").sha256 != launch

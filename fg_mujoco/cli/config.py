@@ -78,16 +78,12 @@ def parse(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> a
     if is_folder(options.config) and options.controller == given.get("controller"):
         summary, where = read_summary(options.config), f"{Path(options.config) / SUMMARY}, settings"
         source = ControllerChoice.of(options.controller).source
-        require_trusted(
-            source, recorded_sha256(summary), trust=options.trust, where=where, files=files_of(summary)
-        )
+        require_trusted(source, recorded_sha256(summary), trust=options.trust, where=where, files=files_of(summary))
         rows = (summary.get("cars") or [])[1:]
         if options.opponent == given.get("opponent") and rows:
             for text, row in zip(options.opponent or [], rows, strict=False):
                 opponent = ControllerChoice.of(text).source
-                require_trusted(
-                    opponent, recorded_sha256(row), trust=options.trust, where=where, files=files_of(row)
-                )
+                require_trusted(opponent, recorded_sha256(row), trust=options.trust, where=where, files=files_of(row))
     return options
 
 

@@ -7,6 +7,8 @@ import io
 from collections.abc import Collection, Iterable, Sequence
 from typing import Any
 
+import numpy as np
+
 
 def csv_text(header: Sequence[str], rows: Iterable[Iterable[Any]]) -> str:
     """Return a CSV; None is empty."""
@@ -15,6 +17,16 @@ def csv_text(header: Sequence[str], rows: Iterable[Iterable[Any]]) -> str:
     writer.writerow(header)
     writer.writerows(["" if value is None else value for value in row] for row in rows)
     return file.getvalue()
+
+
+def quantile(values: Sequence[float], share: float) -> float | None:
+    """Return a quantile of some values, linear between two of them; None of no values."""
+    return float(np.quantile(values, share)) if len(values) else None
+
+
+def quartiles(low: float | None, high: float | None) -> str:
+    """Return two quartiles as a text for tables."""
+    return "-" if low is None or high is None else f"{low:.2f} to {high:.2f}"
 
 
 def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]], words: Collection[str]) -> str:

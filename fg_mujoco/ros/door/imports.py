@@ -112,6 +112,7 @@ class Imports:
         self._graph.files.add(str(path))
         source = read_source(path, text, self._node)
         self._unused[str(path)] = source.unused
+        self._graph.data |= source.data
         if b"random" in text or OLD_NAMES.search(text):
             self._draws.add(str(path))
         for said in source.told:

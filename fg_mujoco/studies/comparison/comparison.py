@@ -37,11 +37,21 @@ from ..folders import blame, claimed
 from ..grid import require_axes, time_left
 from ..rollout.job import versions
 from ..worker_processes import usable_cores, work_off
+from .differences import HEADER as DIFFERENCES
+from .differences import LEGEND as DIFFERENCES_LEGEND
+from .differences import (
+    PairedDifference,
+    difference_rows,
+    differences_csv,
+    differences_markdown,
+    paired_differences,
+    shown_differences,
+)
 from .ground import check_course, course_ground, course_name, ground_sha256
 from .pictures import table_picture, trace_pictures
 from .run import ComparisonSettings, Run, RunKey, RunRow
 from .store import ACCEPTED, ComparisonFolder
-from .tables import Cell, cells_csv, header_of, make_cells, markdown, runs_csv, table_rows
+from .tables import LEGEND, Cell, cells_csv, header_of, make_cells, markdown, runs_csv, table_rows
 
 DEFAULT_SEEDS = range(10)
 
@@ -79,13 +89,20 @@ class Comparison(Shown):
         return brief(self, grid, f"in {quoted(self.folder)}")
 
     def _repr_html_(self) -> str:
-        return table(header_of(self.cells), table_rows(self.cells)) + paragraph(
-            f"{len(self.rows)} runs in {self.folder}"
-        )
+        cells = table(header_of(self.cells), table_rows(self.cells)) + paragraph(LEGEND)
+        shown = shown_differences(self.differences) if self.differences else []
+        pairs = table(DIFFERENCES, difference_rows(shown)) + paragraph(DIFFERENCES_LEGEND) if shown else ""
+        return cells + pairs + paragraph(f"{len(self.rows)} runs in {self.folder}")
+
+    @property
+    def differences(self) -> tuple[PairedDifference, ...]:
+        """How each two controllers differ in the runs that both drove."""
+        return paired_differences(self.rows)
 
     def markdown(self) -> str:
-        """Return the table."""
-        return markdown(self.cells)
+        """Return the table, and that of the differences from the first controller, each with its legend."""
+        pairs = differences_markdown(self.differences)
+        return f"{markdown(self.cells)}\n{LEGEND}\n" + (f"\n{pairs}" if pairs else "")
 
     def summary(self) -> dict[str, Any]:
         """Return the figures, as JSON has them."""
@@ -94,6 +111,7 @@ class Comparison(Shown):
             "runs_driven": self.runs_driven,
             "wall_time_s": self.wall_time_s,
             "table": [cell.as_dict() for cell in self.cells],
+            "differences": [difference.as_dict() for difference in self.differences],
         }
 
 
@@ -293,6 +311,7 @@ def _write_report(comparison: Comparison, runs: Sequence[Run], folder: Compariso
             picture.unlink(missing_ok=True)
         write_file(out / "runs.csv", runs_csv(comparison.rows).encode())
         write_file(out / "table.csv", cells_csv(comparison.cells).encode())
+        write_file(out / "differences.csv", differences_csv(comparison.differences).encode())
         write_file(out / "table.md", comparison.markdown().encode())
         if pictures:
             table_picture(comparison.cells, out / "table.png")
