@@ -445,7 +445,7 @@ def test_the_markdown_table_has_a_row_a_cell_and_says_the_speed_where_there_are_
     header, rule, first, second = markdown(cells).splitlines()
     assert header.count(" | ") == rule.count(" | ") == second.count(" | ")
     assert " ".join(first.split()).startswith(
-        "| a[x=1\\|2] | oval, 8 m/s | 1/1 | 21 to 100 % | 1/1 | 9.00 | 9.00 to 9.00 | 9.50 | 1 | - | 0 | 0.0 % | 0.300 |"
+        "| a[x=1\\|2] | oval, 8 m/s | 1/1 | 21 to 100 % | 1/1 | 9.00 | 9.00 to 9.00 | 9.50 | 1 | - | 0 | 0.0 % |"
     )
     assert " ".join(second.split()).startswith(
         "| b | u_turn, 4 m/s | 0/1 | 0 to 79 % | 0/1 | - | - | - | 0 | 1 crash | 1 |"

@@ -55,7 +55,7 @@ def test_the_interval_of_a_median_does_not_care_for_the_order():
 
 
 def test_a_share_covers_what_it_should():
-    """How often Wilson's interval of 10 runs covers a true share of .3 is counted exactly: in 92.4 % of the outcomes."""
+    """How often Wilson's interval of 10 runs covers a share of .3 is counted exactly: in 92.4 % of the outcomes."""
     covered = [k for k in range(11) if wilson(k, 10)[0] <= 0.3 <= wilson(k, 10)[1]]
     assert sum(math.comb(10, k) * 0.3**k * 0.7 ** (10 - k) for k in covered) == pytest.approx(0.924, abs=5e-4)
     assert per_cent(*wilson(8, 10)) == "49 to 94 %"

@@ -142,14 +142,14 @@ _NUMBERS: tuple[str, Accepts] = (
 )  # fmt: skip
 
 
-def _are_texts(value: Any) -> bool:
+def _are_texts_by_name(value: Any) -> bool:
     return isinstance(value, dict) and all(each is None or isinstance(each, str) for each in value.values())
 
 
 def _is_origin(value: Any) -> bool:
     """Say whether this is where a planner comes from; older versions have no `files`."""
     texts = {name: each for name, each in value.items() if name != "files"} if isinstance(value, dict) else value
-    return _are_texts(texts) and (value.get("files") is None or _are_texts(value["files"]))
+    return _are_texts_by_name(texts) and (value.get("files") is None or _are_texts_by_name(value["files"]))
 
 
 _BY_NAME: tuple[str, Accepts] = ("values by name", lambda value: isinstance(value, dict))

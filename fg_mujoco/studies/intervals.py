@@ -47,7 +47,7 @@ def share_difference(pairs: Sequence[tuple[bool, bool]]) -> tuple[float, float, 
     share, other = (both + first) / count, (both + second) / count
     (low, high), (other_low, other_high) = wilson(both + first, count), wilson(both + second, count)
     product = (both + first) * (second + neither) * (both + second) * (first + neither)
-    excess = both * neither - first * second
+    excess: float = both * neither - first * second
     if excess > 0:  # corrected for continuity
         excess = max(excess - count / 2.0, 0.0)
     phi = excess / math.sqrt(product) if product else 0.0

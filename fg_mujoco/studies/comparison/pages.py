@@ -43,6 +43,7 @@ from .tables import LEGEND, Cell, header_of, make_cells, table_rows
 
 _FOLDER, _MANIFEST, _RUNS = "report", "manifest.json", "runs.jsonl"
 _ACCEPTED = "a folder that `compare --out` wrote"
+_LINKS = 4  # columns before that of the runs, which is to be seen without scrolling
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -179,7 +180,8 @@ def _index(folder: Path, settings: ComparisonSettings, rows: Sequence[RunRow], p
     by_key = {named.key: pages.get(row.key, _Page()) for named, row in zip(told, rows, strict=True)}
     cells = make_cells(told)
     kept = [place for place, name in enumerate(header_of(cells)) if name != "not finished"]  # which the marks say
-    header = (*(header_of(cells)[place] for place in kept), "runs, by seed")
+    header = [header_of(cells)[place] for place in kept]
+    header.insert(_LINKS, "runs, by seed")
     lines = [
         _row(cell, [texts[place] for place in kept], told, by_key)
         for cell, texts in zip(cells, table_rows(cells), strict=True)
@@ -212,7 +214,9 @@ def _row(cell: Cell, texts: Sequence[str], rows: Sequence[RunRow], pages: Mappin
         == (cell.controller, cell.course, cell.max_speed_m_s)
     ]  # fmt: skip
     links = " ".join(_link(row, pages[row.key]) for row in own)
-    return f'<tr>{"".join(f"<td>{escape(text)}</td>" for text in texts)}<td class="left">{links}</td></tr>'
+    parts = [f"<td>{escape(text)}</td>" for text in texts]
+    parts.insert(_LINKS, f'<td class="left" style="white-space:normal;min-width:10em">{links}</td>')
+    return f"<tr>{''.join(parts)}</tr>"
 
 
 def _differences(rows: Sequence[RunRow]) -> str:

@@ -78,8 +78,8 @@ def table_picture(cells: Sequence[Cell], path: Path) -> None:
         axes.tick_params(which="minor", length=0.0, top=False)
         axes.spines[:].set_visible(False)
         label = "best lap over the course's fastest" if by_lap else "share of successes"
-        said = "" if by_lap else "successes of the runs, 95 % interval of their share; "
-        figure.supxlabel(f"{said}best lap: median of the successes", fontsize=7.0)
+        said = "" if by_lap else "successes of the runs, 95 % interval of their share,\n"
+        figure.supxlabel(f"{said}median of the successes' best laps", fontsize=7.0)
         scale = figure.colorbar(image, ax=axes, label=label, pad=0.01)
         if by_lap:
             scale.ax.set_ylim(1.0, slowest)

@@ -280,6 +280,9 @@ class FolderStore:
         for name in (*ours, *theirs):
             there, here = theirs.get(name), ours.get(name)
             if there != here:
+                if isinstance(there, dict) and isinstance(here, dict):  # of many files those that are others
+                    both = {key for key in there if key in here and there[key] == here[key]}
+                    there, here = ({k: v for k, v in each.items() if k not in both} for each in (there, here))
                 raise RunFolderError(
                     f"{self.folder}: holds another rollout: {name} is {_short(there)} there and {_short(here)} here; "
                     "accepted: the same settings, or a new or empty folder"
