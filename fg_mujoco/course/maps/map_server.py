@@ -23,13 +23,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...errors import MissingExtraError, TrackError, accepted_names, nearest
+from ...errors import TrackError, accepted_names, missing_extra, nearest
 from ...messages import FloatArray
 from ..files import read_text, require_regular
 
 BoolArray = NDArray[np.bool_]
 
-INSTALL_COMMAND = "pip install 'fg-mujoco[maps]'"
 MOST_PIXELS = 4096**2
 """Images of more pixels are refused."""
 
@@ -96,7 +95,7 @@ def require_maps_extra() -> None:
       MissingExtraError: a part is not installed; the message has the command that installs it.
     """
     if any(importlib.util.find_spec(name) is None for name in ("PIL", "yaml", "scipy")):
-        raise MissingExtraError(f"ROS maps need Pillow, PyYAML and SciPy: {INSTALL_COMMAND}")
+        raise missing_extra("ROS maps need Pillow, PyYAML and SciPy", "maps")
 
 
 def read_map_file(path: str | Path, *, image: str | Path | None = None, outside_folder: bool = False) -> OccupancyMap:
