@@ -242,7 +242,7 @@ def test_links_out_of_the_docs_become_names(hooks):
 def test_site_builds_without_a_warning_and_fetches_nothing(tmp_path):
     for module in ("mkdocs", "material", "mkdocstrings_handlers"):
         if find_spec(module) is None:
-            pytest.skip(f"no {module}: pip install 'fg-mujoco[docs]'")
+            pytest.skip(f"no {module}: pip install -e '.[docs]'")
     build = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path / "site")]
     made = subprocess.run(build, cwd=ROOT, capture_output=True, text=True)
     assert made.returncode == 0, made.stderr[-3000:]
