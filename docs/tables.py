@@ -118,11 +118,6 @@ def scenes(figures: dict[str, Any]) -> str:
     return _table(("", *SCENES.values()), rows)
 
 
-def wrong_side_speeds(figures: dict[str, Any]) -> str:
-    """Return the planners' successes in the wrong-side chicane by greatest speed."""
-    return _by_speed(figures, "wrong_side_chicane")
-
-
 def thresholds(figures: dict[str, Any]) -> str:
     """Return the best laps of threshold_gap by its threshold."""
     rows = []
@@ -141,21 +136,9 @@ TABLES: dict[str, Callable[[dict[str, Any]], str]] = {
         published,
         planners,
         scenes,
-        wrong_side_speeds,
         thresholds,
     )
 }
-
-
-def _by_speed(figures: dict[str, Any], scene: str) -> str:
-    """Return successes of five seeds, one row for all planners that have the same."""
-    speeds = list(next(iter(figures["speeds"].values()))[scene])
-    alike: dict[tuple[int, ...], list[str]] = {}
-    for name, found in figures["speeds"].items():
-        label = f"`{name}`{' (with a map)' if name in WITH_A_MAP else ''}"
-        alike.setdefault(tuple(found[scene][speed] for speed in speeds), []).append(label)
-    rows = [(", ".join(names), *counts) for counts, names in sorted(alike.items(), reverse=True)]
-    return _table(("m/s", *speeds), rows)
 
 
 def _lap(run: dict[str, Any]) -> str:
