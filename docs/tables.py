@@ -118,15 +118,6 @@ def scenes(figures: dict[str, Any]) -> str:
     return _table(("", *SCENES.values()), rows)
 
 
-def thresholds(figures: dict[str, Any]) -> str:
-    """Return the best laps of threshold_gap by its threshold."""
-    rows = []
-    for name, runs in figures["thresholds"].items():
-        t = name.partition("=")[2].rstrip("]")
-        rows.append((f"{t} (default)" if t == "2" else t, *(_lap(runs[circuit]) for circuit in BUNDLED)))
-    return _table(("t [m]", *BUNDLED), rows)
-
-
 TABLES: dict[str, Callable[[dict[str, Any]], str]] = {
     function.__name__: function
     for function in (
@@ -136,7 +127,6 @@ TABLES: dict[str, Callable[[dict[str, Any]], str]] = {
         published,
         planners,
         scenes,
-        thresholds,
     )
 }
 
