@@ -14,7 +14,9 @@ Statistics 7, 1936.
 from __future__ import annotations
 
 import math
+import statistics
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 _Z = 1.959963984540054  # of 95 %
 _TAIL = 40  # one part in so many, on either side: 2.5 %
@@ -68,6 +70,44 @@ def median_interval(values: Sequence[float]) -> tuple[float, float] | None:
     while place < count and (ways := ways + math.comb(count, place)) * _TAIL <= 2**count:
         place += 1
     return (order[place - 1], order[count - place]) if place else None
+
+
+Outcome = tuple[bool, float | None]
+"""Of a run: whether it succeeded, and a figure of those that did, such as its best lap."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Paired:
+    """How one planner differs from another one, the reference, in the same runs: its figure minus the other's."""
+
+    pairs: int
+    successes: int
+    reference_successes: int
+    share: float  # of the successes; NaN of no pairs
+    share_low: float
+    share_high: float
+    values: int  # pairs in which both succeeded and have a figure
+    value: float | None  # median of its differences over these
+    value_low: float | None  # None of fewer than six
+    value_high: float | None
+
+
+def paired(outcomes: Sequence[Outcome], reference: Sequence[Outcome]) -> Paired:
+    """Return the differences of the outcomes of two planners, run by run, with their intervals."""
+    succeeded = [(ours, theirs) for (ours, _), (theirs, _) in zip(outcomes, reference, strict=True)]
+    share, share_low, share_high = share_difference(succeeded)
+    values = [
+        value - other
+        for (ours, value), (theirs, other) in zip(outcomes, reference, strict=True)
+        if ours and theirs and value is not None and other is not None
+    ]
+    low, high = median_interval(values) or (None, None)
+    return Paired(
+        pairs=len(succeeded), successes=sum(ours for ours, _ in succeeded),
+        reference_successes=sum(theirs for _, theirs in succeeded), share=share, share_low=share_low,
+        share_high=share_high, values=len(values), value=statistics.median(values) if values else None,
+        value_low=low, value_high=high,
+    )  # fmt: skip
 
 
 def per_cent(low: float, high: float) -> str:

@@ -29,6 +29,15 @@ def quartiles(low: float | None, high: float | None) -> str:
     return "-" if low is None or high is None else f"{low:.2f} to {high:.2f}"
 
 
+def difference_texts(
+    value: float | None, low: float | None, high: float | None, *, scale: float = 1.0
+) -> tuple[str, str]:
+    """Return a difference and its interval for tables, with their signs; `scale` 100 for shares: percentage points."""
+    form = "{:+.0f}" if scale == 100.0 else "{:+.2f}"
+    ends = "-" if low is None or high is None else f"{form.format(scale * low)} to {form.format(scale * high)}"
+    return "-" if value is None else form.format(scale * value), ends
+
+
 def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]], words: Collection[str]) -> str:
     """Return a Markdown table, its columns as wide as they must be for a terminal, too.
 

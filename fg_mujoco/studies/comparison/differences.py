@@ -6,14 +6,13 @@ of two averages does. Intervals are those of `studies.intervals`, at 95 %, of ea
 
 from __future__ import annotations
 
-import statistics
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from itertools import combinations
 from typing import Any
 
-from ..intervals import median_interval, share_difference
-from ..tables import csv_text, markdown_table
+from ..intervals import Outcome, paired
+from ..tables import csv_text, difference_texts, markdown_table
 from .run import RunFigures, RunKey, RunRow
 
 ALL = "all"
@@ -75,21 +74,18 @@ def _difference(
     speed: float | None,
     pairs: Sequence[tuple[RunFigures, RunFigures]],
 ) -> PairedDifference:
-    succeeded = [(ours.success, theirs.success) for ours, theirs in pairs]
-    difference, low, high = share_difference(succeeded)
-    laps = [
-        ours.best_lap_s - theirs.best_lap_s
-        for ours, theirs in pairs
-        if ours.success and theirs.success and ours.best_lap_s is not None and theirs.best_lap_s is not None
-    ]
-    lap_low, lap_high = median_interval(laps) or (None, None)
+    found = paired([_outcome(ours) for ours, _ in pairs], [_outcome(theirs) for _, theirs in pairs])
     return PairedDifference(
-        controller=controller, reference=reference, course=course, max_speed_m_s=speed, pairs=len(pairs),
-        successes=sum(ours for ours, _ in succeeded), reference_successes=sum(theirs for _, theirs in succeeded),
-        success_difference=difference, success_difference_low=low, success_difference_high=high, lap_pairs=len(laps),
-        best_lap_difference_s=statistics.median(laps) if laps else None, best_lap_difference_low_s=lap_low,
-        best_lap_difference_high_s=lap_high,
+        controller=controller, reference=reference, course=course, max_speed_m_s=speed, pairs=found.pairs,
+        successes=found.successes, reference_successes=found.reference_successes, success_difference=found.share,
+        success_difference_low=found.share_low, success_difference_high=found.share_high, lap_pairs=found.values,
+        best_lap_difference_s=found.value, best_lap_difference_low_s=found.value_low,
+        best_lap_difference_high_s=found.value_high,
     )  # fmt: skip
+
+
+def _outcome(run: RunFigures) -> Outcome:
+    return run.success, run.best_lap_s
 
 
 def differences_csv(differences: Sequence[PairedDifference]) -> str:
@@ -119,13 +115,14 @@ def difference_rows(differences: Sequence[PairedDifference]) -> list[tuple[str, 
     """Return a row a difference, as the table for people has it."""
     return [
         (
-            each.controller, each.reference, str(each.pairs), f"{100.0 * each.success_difference:+.0f}",
-            f"{100.0 * each.success_difference_low:+.0f} to {100.0 * each.success_difference_high:+.0f}",
+            each.controller, each.reference, str(each.pairs),
+            *difference_texts(
+                each.success_difference, each.success_difference_low, each.success_difference_high, scale=100.0
+            ),
             str(each.lap_pairs),
-            "-" if each.best_lap_difference_s is None else f"{each.best_lap_difference_s:+.2f}",
-            "-"
-            if each.best_lap_difference_low_s is None
-            else f"{each.best_lap_difference_low_s:+.2f} to {each.best_lap_difference_high_s:+.2f}",
+            *difference_texts(
+                each.best_lap_difference_s, each.best_lap_difference_low_s, each.best_lap_difference_high_s
+            ),
         )
         for each in differences
     ]  # fmt: skip

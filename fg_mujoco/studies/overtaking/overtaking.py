@@ -31,10 +31,13 @@ from ..folders import blame, claimed
 from ..grid import require_axes, time_left
 from ..rollout.job import versions
 from ..worker_processes import usable_cores, work_off
+from .differences import HEADER as DIFFERENCES
+from .differences import LEGEND as DIFFERENCES_LEGEND
+from .differences import DuelDifference, difference_rows, differences_csv, differences_markdown, paired_differences
 from .duel import Duel, DuelKey, DuelRow, DuelSettings
 from .opponents import OPPONENTS
 from .store import ACCEPTED, DuelFolder
-from .tables import HEADER, DuelCell, cells_csv, duels_csv, make_cells, markdown, ratio_picture, table_rows
+from .tables import HEADER, LEGEND, DuelCell, cells_csv, duels_csv, make_cells, markdown, ratio_picture, table_rows
 
 DEFAULT_TRACKS = ("oval", "l_corridor", "hairpins", "chicanes", "fast", "tight")
 DEFAULT_SEEDS = range(50)
@@ -71,11 +74,20 @@ class Overtaking(Shown):
         return brief(self, f"{len(self.rows)} duels, {overtaken} overtakes", f"in {quoted(self.folder)}")
 
     def _repr_html_(self) -> str:
-        return table(HEADER, table_rows(self.cells)) + paragraph(f"{len(self.rows)} duels in {self.folder}")
+        pairs = difference_rows(self.differences)
+        differences = table(DIFFERENCES, pairs) + paragraph(DIFFERENCES_LEGEND) if pairs else ""
+        cells = table(HEADER, table_rows(self.cells))
+        return cells + differences + paragraph(f"{len(self.rows)} duels in {self.folder}")
+
+    @property
+    def differences(self) -> tuple[DuelDifference, ...]:
+        """How each two planners differ in the duels that both drove."""
+        return paired_differences(self.rows)
 
     def markdown(self) -> str:
-        """Return the table."""
-        return markdown(self.cells)
+        """Return the table, and that of the differences from the first planner, each with its legend."""
+        pairs = differences_markdown(self.differences)
+        return f"{markdown(self.cells)}\n{LEGEND}\n" + (f"\n{pairs}" if pairs else "")
 
     def summary(self) -> dict[str, Any]:
         """Return the figures, as JSON has them."""
@@ -84,6 +96,7 @@ class Overtaking(Shown):
             "duels_driven": self.duels_driven,
             "wall_time_s": self.wall_time_s,
             "table": [asdict(cell) for cell in self.cells],
+            "differences": [difference.as_dict() for difference in self.differences],
         }
 
 
@@ -215,6 +228,7 @@ def _drive(
     with blame(folder.folder, "a folder that can be written"):
         write_file(folder.folder / "duels.csv", duels_csv(rows).encode())
         write_file(folder.folder / "table.csv", cells_csv(study.cells).encode())
+        write_file(folder.folder / "differences.csv", differences_csv(study.differences).encode())
         write_file(folder.folder / "table.md", study.markdown().encode())
         if pictures:
             ratio_picture(rows, settings.slowest, settings.fastest, folder.folder / "table.png")

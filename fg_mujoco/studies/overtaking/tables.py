@@ -1,9 +1,10 @@
 """The report of an overtaking study: CSV, Markdown, and a picture.
 
-    duels.csv     a row a duel
-    table.csv     a row for each planner and opponent on each track, and over all tracks
-    table.md      the same over all tracks, and by track, as Markdown
-    table.png     the share of overtakes by the ratio of the speeds, for each opponent, with its interval
+    duels.csv         a row a duel
+    table.csv         a row for each planner and opponent on each track, and over all tracks
+    table.md          the same over all tracks, and by track, as Markdown; and the differences over all tracks
+    differences.csv   a row for each two planners on each track, over the duels that both drove: see `differences`
+    table.png         the share of overtakes by the ratio of the speeds, for each opponent, with its interval
 
 Intervals are those of `studies.intervals`, at 95 %. Times lost are of the overtakes alone: their median, its quartiles,
 and how many they are.
@@ -123,6 +124,13 @@ HEADER = (
     "otherwise ended", "median time lost [s]", "quartiles [s]", "of overtakes", "median decision [us]",
 )  # fmt: skip
 """Of the table for people."""
+
+LEGEND = (
+    "The interval is Wilson's at 95 %, of the share of duels that end with an overtake without a touch. Times lost are "
+    'of these overtakes alone, "of overtakes" says of how many: their median with its quartiles. Decisions are the '
+    "median of each duel's median."
+)
+"""What stands below the table."""
 
 
 def table_rows(cells: Sequence[DuelCell]) -> list[tuple[str, ...]]:
