@@ -89,8 +89,8 @@ HEADER = (
 
 LEGEND = (
     "Differences are within pairs of duels on the same track, behind the same opponent, with the same seed: of the "
-    "share of overtakes in percentage points, with Newcombe's interval, and the median of those of the times lost where "
-    "both overtook, with its interval by order statistics, which needs six pairs. All intervals are at 95 %."
+    "share of overtakes in percentage points, with Newcombe's interval, and the median of those of the times lost "
+    "where both overtook, with its interval by order statistics, which needs six pairs. All intervals are at 95 %."
 )
 """What stands below the table."""
 
@@ -100,7 +100,9 @@ def difference_rows(differences: Sequence[DuelDifference]) -> list[tuple[str, ..
     return [
         (
             each.planner, each.reference, str(each.pairs),
-            *difference_texts(each.share_difference, each.share_difference_low, each.share_difference_high, scale=100.0),
+            *difference_texts(
+                each.share_difference, each.share_difference_low, each.share_difference_high, scale=100.0
+            ),
             str(each.time_pairs),
             *difference_texts(
                 each.time_lost_difference_s, each.time_lost_difference_low_s, each.time_lost_difference_high_s
