@@ -4,6 +4,7 @@ import hashlib
 import json
 import os
 import shutil
+from dataclasses import replace
 
 import pytest
 from refusals import refused
@@ -198,6 +199,19 @@ def test_pages_of_a_comparison_say_that_the_weights_are_others_now(here):
     assert "policy.txt, which it reads, is another one now" in page.read_text("utf-8")
     (here / "policy.txt").write_text("1.0")
     assert "another one now" not in write_comparison_report("out", trust=True).read_text("utf-8")
+
+
+def test_a_comparison_of_a_version_that_did_not_ask_for_files_is_reported(here):
+    pytest.importorskip("bokeh")
+    row = compare().rows[0]
+    old = replace(row, key=replace(row.key, controller_files_sha256=None))
+    values = old.as_dict()
+    del values["controller_files_sha256"]
+    (here / "out" / "runs.jsonl").write_text(json.dumps(values) + "\n")
+    (poses,) = (here / "out" / "poses").iterdir()
+    poses.rename(poses.with_name(f"{old.key.sha256[:24]}.npy"))
+    pages = sorted(write_comparison_report("out", trust=True).parent.glob("oval-*.html"))
+    assert len(pages) == 1 and "the same run, bit for bit" in pages[0].read_text("utf-8")
 
 
 def test_rows_of_versions_that_did_not_ask_for_files_are_read():

@@ -161,11 +161,13 @@ def _find_run(key: RunKey, settings: ComparisonSettings, *, trust: bool) -> Run:
 
 
 def _require_same_files(run: Run) -> None:
-    """Refuse a planner that reads other files now than in the run of the table.
+    """Refuse a planner that reads other files now than in the run of the table; older versions did not keep which.
 
     Raises:
       ControllerError: it does.
     """
+    if run.key.controller_files_sha256 is None:
+        return
     drive = run.settings.drive(max_speed=run.key.max_speed_m_s)
     found = run.controller.check(run.ground().course, drive)
     if files_sha256(found) != run.key.controller_files_sha256:

@@ -108,8 +108,8 @@ class FolderStore:
             numbers, path = _numbers(tracks), self.folder / _MANIFEST
             if path.exists():
                 manifest = self._read_manifest()
+                self._require_same(manifest["versions"], versions)  # of which settings there are depends on them
                 self._require_same(manifest["settings"], settings)
-                self._require_same(manifest["versions"], versions)
             elif self.folder.exists() and any(self.folder.iterdir()):
                 raise RunFolderError(f"{self.folder}: is not empty; accepted: {ACCEPTED}")
             else:
