@@ -172,6 +172,23 @@ def test_a_folder_of_too_many_files_is_refused_with_what_to_do(here, monkeypatch
         read_by("mine.py:Learned[weights=net]")
 
 
+def test_the_current_folder_is_a_place_to_look_in_and_no_data(here):
+    (here / "speed").write_text("1.0")
+    for around in (".", str(here), str(here.parent)):
+        (here.parent / "speed").write_text("1.0")
+        assert read_by(f"mine.py:Learned[weights={around}]") == {}
+
+
+def test_a_race_is_driven_though_a_folder_has_too_many_files(here, monkeypatch):
+    monkeypatch.setattr("fg_mujoco.racing.planner_files.MOST_FILES", 2)
+    (here / "net").mkdir()
+    for name in ("speed", "a", "b"):
+        (here / "net" / name).write_text("1.0")
+    with pytest.warns(UserWarning, match=r"controller Learned: net: has more than 2 files; accepted: .*`files`"):
+        raced = fg.race("oval", "mine.py:Learned[weights=net]", laps=1, time_limit=0.1)
+    assert raced.controller_origin["files"] == {}
+
+
 # the studies
 
 
@@ -199,6 +216,19 @@ def test_pages_of_a_comparison_say_that_the_weights_are_others_now(here):
     assert "policy.txt, which it reads, is another one now" in page.read_text("utf-8")
     (here / "policy.txt").write_text("1.0")
     assert "another one now" not in write_comparison_report("out", trust=True).read_text("utf-8")
+
+
+def test_pages_of_a_comparison_say_that_the_weights_of_an_opponent_are_others_now(here):
+    pytest.importorskip("bokeh")
+    (here / "nets").mkdir()
+    (here / "nets" / "a.txt").write_text("1.0")
+    opponents = ["mine.py:Learned[weights=nets/a]"]
+    fg.compare(["gap_finder"], out="out", opponents=opponents, **SHORT)
+    assert "another one now" not in write_comparison_report("out", trust=True).read_text("utf-8")
+    shutil.rmtree(here / "out" / "report")
+    (here / "nets" / "a.txt").write_text("3.0")
+    with pytest.warns(UserWarning, match=r"planner 'mine.py:Learned.*a.txt, which it reads, is another one now"):
+        write_comparison_report("out", trust=True)
 
 
 def test_a_comparison_of_a_version_that_did_not_ask_for_files_is_reported(here):

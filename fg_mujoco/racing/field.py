@@ -80,7 +80,7 @@ def race_field(
         entry_planner(entry, car=car, map_line=course.map_line) for entry, car in zip(entries, cars, strict=True)
     ]
     files = [
-        planner_files(planner, split_controller(entry.controller, entry.planner_settings)[1])
+        planner_files(planner, split_controller(entry.controller, entry.planner_settings)[1], warn=True)
         for planner, entry in zip(planners, entries, strict=True)
     ]
     engine = Engine(world, laps=laps, time_limit=time_limit)

@@ -10,9 +10,9 @@ A file that one of the planner's settings names counts always. A planner that re
             weights = Path(settings.weights).with_suffix(".npz")
             self.files = [weights]
 
-Without that attribute a folder that a setting names counts, too, with all that is in it, and so do the files that a
-setting names without their ending. A file is looked for in the current folder and beside the planner's own file. It is
-another one when its contents are, whatever its time is.
+Without that attribute the files that a setting names without their ending count, too, and so does a folder that it names,
+with all that is in it, unless it is the current folder or one around that. A file is looked for in the current folder
+and beside the planner's own file. It is another one when its contents are, whatever its time is.
 """
 
 from __future__ import annotations
@@ -20,8 +20,10 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import warnings
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from glob import escape
 from pathlib import Path
@@ -43,12 +45,13 @@ _BUNDLED = "fg_mujoco.controllers."
 _ACCEPTED = "an attribute `files` that is a list of paths"
 
 
-def planner_files(planner: Controller, settings: Mapping[str, Any]) -> Files:
+def planner_files(planner: Controller, settings: Mapping[str, Any], *, warn: bool = False) -> Files:
     """Return the hashes of the files that a planner reads, by their paths.
 
     Args:
       planner: built and not yet driven.
       settings: those that differ from its own; the others are those of its class.
+      warn: leave out what cannot be read, with a warning, as a race does, which reads no results of earlier ones.
 
     Raises:
       ControllerError: an attribute `files` that is no list of paths, or a file that cannot be read.
@@ -58,7 +61,15 @@ def planner_files(planner: Controller, settings: Mapping[str, Any]) -> Files:
     found: dict[str, None] = dict.fromkeys(said or ())
     for text in _texts(planner, settings):
         found |= dict.fromkeys(path for folder in _folders(planner) for path in _named(text, folder, exact=exact))
-    return {path: path_sha256(path) for path in found}
+    hashes = Files()
+    for path in found:
+        try:
+            hashes[path] = path_sha256(path)
+        except ControllerError as error:
+            if not warn:
+                raise
+            warnings.warn(f"controller {type(planner).__name__}: {error}", stacklevel=3)
+    return hashes
 
 
 def path_sha256(path: str | Path) -> str | None:
@@ -140,9 +151,11 @@ def _texts(planner: Controller, settings: Mapping[str, Any]) -> list[str]:
 
 def _folders(planner: Controller) -> list[Path]:
     """Return the folders in which a planner may look for its files: the current one, and that of its own file."""
-    own = source_file(type(planner))
-    here = [Path()]
-    return here if own is None or own.parent.resolve() == Path.cwd() else [*here, own.parent]
+    here, own = Path(), source_file(type(planner))
+    with suppress(OSError):
+        if own is not None and not own.parent.samefile(here):
+            return [here, own.parent]
+    return [here]
 
 
 def _named(text: str, folder: Path, *, exact: bool) -> Iterator[str]:
@@ -154,10 +167,18 @@ def _named(text: str, folder: Path, *, exact: bool) -> Iterator[str]:
     if is_file(place):
         yield str(place)
     elif not exact:
-        if is_folder(place):
+        if is_folder(place) and not _is_around(place):
             yield str(place)
         if place.name:
             yield from sorted(str(each) for each in _beginning(place))
+
+
+def _is_around(folder: Path) -> bool:
+    """Say whether a folder is the current one or around it: a place to look in, and not a planner's data."""
+    try:
+        return Path.cwd().is_relative_to(folder.resolve())
+    except OSError:
+        return False
 
 
 def _beginning(place: Path) -> list[Path]:

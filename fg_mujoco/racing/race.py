@@ -182,7 +182,7 @@ def race(
         settings=settings.planner_settings, map_line=world.track.map_line,
     )  # fmt: skip
     start_planner(planner)
-    files = planner_files(planner, settings.planner_settings)  # before the race: what it has read
+    files = planner_files(planner, settings.planner_settings, warn=True)  # before the race: what it has read
     engine = Engine(world, laps=laps, time_limit=settings.time_limit)
     engine.planners = adapt([planner], arrays=isinstance(controller, str), raises=True)
     engine.place(

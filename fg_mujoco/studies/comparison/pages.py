@@ -145,8 +145,8 @@ def _find_run(key: RunKey, settings: ComparisonSettings, *, trust: bool) -> Run:
     choice = ControllerChoice.of(key.controller)
     require_trusted(choice.source, key.controller_sha256, trust=trust, where=_RUNS)
     opponents = settings.opponents
-    for label, sha256, files in zip(opponents.labels, opponents.recorded, opponents.files, strict=True):
-        require_trusted(ControllerChoice.of(label).source, sha256, trust=trust, where=_MANIFEST, files=files)
+    for label, sha256 in zip(opponents.labels, opponents.recorded, strict=True):
+        require_trusted(ControllerChoice.of(label).source, sha256, trust=trust, where=_MANIFEST)
     for course in (key.course, f"{key.course}.csv"):
         try:
             if ground_sha256(course, key.seed, car=settings.car.parameters) != key.course_sha256:
@@ -166,14 +166,19 @@ def _require_same_files(run: Run) -> None:
     Raises:
       ControllerError: it does.
     """
-    if run.key.controller_files_sha256 is None:
-        return
-    drive = run.settings.drive(max_speed=run.key.max_speed_m_s)
-    found = run.controller.check(run.ground().course, drive)
-    if files_sha256(found) != run.key.controller_files_sha256:
+    opponents, course = run.settings.opponents, run.ground().course
+    changed = []
+    if run.key.controller_files_sha256 is not None:
+        found = run.controller.check(course, run.settings.drive(max_speed=run.key.max_speed_m_s))
+        if files_sha256(found) != run.key.controller_files_sha256:
+            changed.append((run.key.controller, found))
+    if any(opponents.files):
+        both = zip(opponents.labels, opponents.checked(course).files, opponents.files, strict=True)
+        changed += [(label, found) for label, found, recorded in both if found != recorded]
+    for label, found in changed:
         raise ControllerError(
-            f"{_RUNS}: planner {run.key.controller!r}: {', '.join(found) or 'a file'}, which it reads, is another one "
-            "now; accepted: the files as they were raced"
+            f"{_RUNS}: planner {label!r}: {', '.join(found) or 'a file'}, which it reads, is another one now; "
+            "accepted: the files as they were raced"
         )
 
 
