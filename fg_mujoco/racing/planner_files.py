@@ -10,9 +10,9 @@ A file that one of the planner's settings names counts always. A planner that re
             weights = Path(settings.weights).with_suffix(".npz")
             self.files = [weights]
 
-Without that attribute the files that a setting names without their ending count, too, and so does a folder that it names,
-with all that is in it, unless it is the current folder or one around that. A file is looked for in the current folder
-and beside the planner's own file. It is another one when its contents are, whatever its time is.
+Without that attribute the files that a setting names without their ending count, too, and so does a folder that it
+names, with all that is in it, unless it is the current folder or one around that. A file is looked for in the current
+folder and beside the planner's own file. It is another one when its contents are, whatever its time is.
 """
 
 from __future__ import annotations
