@@ -237,7 +237,7 @@ class ShownValues:
                 raise SettingsError(f"the planner has shown {_MOST_NAMES} others; accepted: that many names")
             before = self._kinds[name] = kind, _COLOURS[len(self._kinds) % len(_COLOURS)]
         if before[0] != kind:
-            raise SettingsError(f"it is of kind {kind}, and was of kind {before[0]} before; accepted: one kind for a name")
+            raise SettingsError(f"it is of kind {kind}, and was {before[0]} before; accepted: one kind for a name")
         return ShownValue(
             name=name, kind=kind, array=read_only(array), draw=draw or "polygon", frame=frame, colour=before[1]
         )

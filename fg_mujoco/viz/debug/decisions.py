@@ -28,7 +28,7 @@ from ...display import brief
 from ...errors import ControllerError
 from ...messages import CarParameters, Controller, DriveCommand, FloatArray, LaserScan, Odometry, Sketch
 from ...showing import BASE, MAP, NUMBER, SCAN, ShownValues, moved
-from ...simulation.planner_adapter import plan, short_text
+from ...simulation.planner_adapter import Surroundings, plan, short_text
 from ...simulation.planner_failure import one_line
 from ..rendering.planner_view import intermediate_scans
 
@@ -161,6 +161,11 @@ class Witness:
 
     def __post_init__(self) -> None:
         self._sketches = self._ask(self._drawings, [])  # nodes keep theirs from the first question on
+
+    def look_round(self, surroundings: Surroundings) -> None:
+        """Tell a planner that asks for it what surrounds the car, before `decide`."""
+        if hasattr(self.planner, "look_round"):
+            self._ask(lambda: self.planner.look_round(surroundings), None)  # type: ignore[union-attr]
 
     def decide(self, scan: LaserScan, odometry: Odometry, command: DriveCommand | None) -> DriveCommand | None:
         """Return the planner's answer, and compare it with the recorded command; None: it does not answer."""

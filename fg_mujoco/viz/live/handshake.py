@@ -21,7 +21,6 @@ from contextlib import contextmanager
 from typing import Any
 from urllib.parse import urlsplit
 
-
 _METHODS = ("GET", "HEAD")
 _LONGEST_METHOD = 16  # letters
 
