@@ -133,7 +133,7 @@ def test_no_text_of_a_trace_picture_is_cut(lap, tires, monkeypatch):
 def test_no_name_of_many_cars_is_cut_in_a_trace_picture(monkeypatch):
     drawn = []
     monkeypatch.setattr("fg_mujoco.viz.plots.save_figure", lambda figure, path: drawn.append(figure))
-    entries = [fg.Entry(controller=Straight(), name=f"a car of a long name {number}") for number in range(4)]
+    entries = [fg.Entry(controller=Straight(), name=f"a car of a long name {number}") for number in range(8)]
     fg.trace_picture(fg.race("oval", entries=entries, time_limit=0.1), "not written")
     assert cut_off(drawn[0]) == []
 
