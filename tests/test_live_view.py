@@ -335,7 +335,7 @@ def answer(port, request):
 
 
 def test_head_is_answered_as_get_without_the_body_and_other_methods_are_refused(session, free):
-    pytest.importorskip("viser", reason="no viser here: pip install 'fg-mujoco[live]'")
+    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
     host = f"Host: localhost:{free}\r\n"
     with served(session, free):
         status, whole, page = answer(free, [f"GET / HTTP/1.1\r\n{host}\r\n"])
@@ -354,7 +354,7 @@ def test_head_is_answered_as_get_without_the_body_and_other_methods_are_refused(
 
 
 def test_a_race_that_waits_stands_until_a_browser_comes_and_ends_without_one(session, free):
-    pytest.importorskip("viser", reason="no viser here: pip install 'fg-mujoco[live]'")
+    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
     from fg_mujoco.viz.live.browser import LiveView
 
     with LiveView(session, port=free) as view:
@@ -370,7 +370,7 @@ def test_a_race_that_waits_stands_until_a_browser_comes_and_ends_without_one(ses
 
 @pytest.mark.parametrize(("options", "waits"), [([], True), (["--no-wait"], False)])
 def test_the_command_waits_for_a_browser_unless_told_otherwise(options, waits, free, monkeypatch, capsys):
-    pytest.importorskip("viser", reason="no viser here: pip install 'fg-mujoco[live]'")
+    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
     told = []
     monkeypatch.setattr("fg_mujoco.viz.live.browser.LiveView.run", lambda view, *, wait: told.append(wait))
     assert main(["view", "--web", "--port", str(free), *options]) == 0
@@ -379,7 +379,7 @@ def test_the_command_waits_for_a_browser_unless_told_otherwise(options, waits, f
 
 
 def test_the_plots_have_the_speed_over_time_and_the_lap_times(session, free):
-    pytest.importorskip("viser", reason="no viser here: pip install 'fg-mujoco[live]'")
+    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
     from fg_mujoco.viz.live.browser import LiveView
 
     with LiveView(session, port=free) as view:

@@ -93,8 +93,8 @@ def _draw_top(axes: Axes, seen: Window, decision: Decision) -> None:
         if drawn.points.ndim == 2:
             axes.scatter(-drawn.points[:, 1], drawn.points[:, 0], s=14, color=colour, label=drawn.name, zorder=5)
         else:  # pieces of lines, with a gap between each and the next
-            ends = np.concatenate((drawn.points, np.full_like(drawn.points[:, :1], np.nan)), axis=1).reshape(-1, 2)
-            axes.plot(-ends[:, 1], ends[:, 0], color=colour, linewidth=1.5, label=drawn.name, zorder=5)
+            joined = np.concatenate((drawn.points, np.full_like(drawn.points[:, :1], np.nan)), axis=1).reshape(-1, 2)
+            axes.plot(-joined[:, 1], joined[:, 0], color=colour, linewidth=1.5, label=drawn.name, zorder=5)
     if len(decision.motion) > 1:
         axes.plot(-decision.motion[:, 1], decision.motion[:, 0], color=MOTION, linewidth=3.0, alpha=0.7,
                   label="motion of guidance", zorder=4)  # fmt: skip
