@@ -42,9 +42,13 @@ LASER, BASE, MAP = "laser", "base_link", "map"
 """Frames of points, as in ROS: the LiDAR, the rear axle, both x ahead and y to the left (REP 103), and the map."""
 FRAMES = (LASER, BASE, MAP)
 
+FARTHEST = 1e6
+"""[m] Points that are farther, or not finite, are left out."""
+
 _MOST_NAMES = 60  # of a planner
 _LONGEST_NAME = 60  # characters
-_MOST_POINTS = 4000  # of one value
+_LONGEST_REMARK = 300  # characters
+_MOST_NUMBERS = 8000  # of one value, two a point
 _HEIGHT = 0.08  # [m] above the ground at which values are drawn in the world
 _LINE, _POINT = 0.03, 0.08  # [m] width of a line, size of a point
 _COLOURS = (
@@ -64,7 +68,7 @@ def show(name: str, value: Any, *, draw: str | None = None, frame: str = LASER) 
     Args:
       name: of the value, at most 60 characters. Of one name the last value of a decision counts.
       value: a number; a point (2,) or points (m, 2) [m]; ranges (n,) [m] of all beams of the scan; or None, which
-        shows nothing. Points that are not finite are left out.
+        shows nothing. Points that are not finite are left out, or farther than 1000 km.
       draw: of points: "points", "line" or "polygon"; None: a polygon.
       frame: of points: "laser" (the LiDAR) or "base_link" (the rear axle), x ahead and y to the left; or "map".
     """
@@ -117,7 +121,7 @@ class ShownValue:
             return points
         ends = np.roll(points, -1, axis=0) if self.draw == "polygon" and len(points) > 2 else points[1:]
         pieces: FloatArray = np.stack((points[: len(ends)], ends), axis=1)
-        return pieces[np.isfinite(pieces).all(axis=(1, 2))]
+        return pieces[(np.abs(pieces) <= FARTHEST).all(axis=(1, 2))]
 
     def sketch(self, scan: LaserScan, pose: FloatArray, lidar_offset: float) -> Sketch | None:
         """Return it as drawn in the map; None of a number, of no points, and where the pose is not known.
@@ -128,7 +132,7 @@ class ShownValue:
           lidar_offset: LiDAR ahead of the rear axle [m].
         """
         points = moved(self.drawing(scan), self.frame, MAP, pose, lidar_offset)
-        if not points.size or not np.isfinite(points).all():
+        if not points.size or not (np.abs(points) <= FARTHEST).all():
             return None
         raised = np.concatenate((points, np.full((*points.shape[:-1], 1), _HEIGHT)), axis=-1)
         size = _LINE if points.ndim == 3 else _POINT
@@ -193,7 +197,7 @@ class ShownValues:
             if key not in self._refused and len(self._refused) < _MOST_NAMES:
                 self._refused.add(key)
                 why = str(error) if type(error) is SettingsError else f"reading it raised {type(error).__name__}"
-                self.remarks.append(f"value {key!r} is not shown: {why}")
+                self.remarks.append(f"value {key!r} is not shown: {' '.join(why.split())[:_LONGEST_REMARK]}")
             return
         if read is not None:
             found[read.name] = read
@@ -207,7 +211,7 @@ class ShownValues:
         """
         if not isinstance(name, str) or not 0 < len(str.__str__(name)) <= _LONGEST_NAME:
             raise SettingsError(f"its name is {shown(name)}; accepted: a text of 1 to {_LONGEST_NAME} characters")
-        name = str.__str__(name)
+        name = str.__str__(name).encode(errors="backslashreplace").decode()  # half a pair of UTF-16 is no text
         if draw is not None and draw not in DRAWN_AS:
             raise SettingsError(f"draw is {shown(draw)}; {accepted_names(draw, DRAWN_AS)}")
         if frame not in FRAMES:
@@ -218,15 +222,15 @@ class ShownValues:
         accepted = f"accepted: a number, a point (2,), points (m, 2), or ranges ({beams},) as the scan has them"
         if array.dtype.kind not in "biuf":
             raise SettingsError(f"it is of type {type(value).__name__}; {accepted}")
-        if array.size > _MOST_POINTS:
-            raise SettingsError(f"it has shape {array.shape}; accepted: at most {_MOST_POINTS} numbers")
+        if array.size > _MOST_NUMBERS:
+            raise SettingsError(f"it has shape {array.shape}; accepted: at most {_MOST_NUMBERS} numbers")
         if array.shape == () and draw is None:
             kind = NUMBER
         elif array.shape == (beams,) != (2,) and draw is None:
             kind, frame, draw = SCAN, LASER, "line"
         elif array.shape == (2,) or (array.ndim == 2 and array.shape[1] == 2):
             kind, array = POINTS, array.reshape(-1, 2)
-            array = array[np.isfinite(array).all(axis=1)]
+            array = array[(np.abs(array) <= FARTHEST).all(axis=1)]
         elif array.size == 0:
             return None
         else:

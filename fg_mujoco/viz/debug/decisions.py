@@ -27,7 +27,7 @@ import numpy as np
 from ...display import brief
 from ...errors import ControllerError
 from ...messages import CarParameters, Controller, DriveCommand, FloatArray, LaserScan, Odometry, Sketch
-from ...showing import BASE, MAP, NUMBER, SCAN, ShownValues, moved
+from ...showing import BASE, FARTHEST, MAP, NUMBER, SCAN, ShownValues, moved
 from ...simulation.planner_adapter import Surroundings, plan, short_text
 from ...simulation.planner_failure import one_line
 from ..rendering.planner_view import intermediate_scans
@@ -273,7 +273,7 @@ class Witness:
 
 def _finite(drawn: Drawn) -> Iterator[Drawn]:
     """Yield what is drawn where there is something, and its place is known."""
-    if drawn.points.size and np.isfinite(drawn.points).all():
+    if drawn.points.size and (np.abs(drawn.points) <= FARTHEST).all():
         yield drawn
 
 
