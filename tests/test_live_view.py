@@ -403,6 +403,21 @@ def test_the_plots_have_the_speed_over_time_and_the_lap_times(session, free):
         assert len(view._speed_plot.data[0]) == 1 and not view._lap_plot.visible
 
 
+def test_the_numbers_that_a_planner_shows_stand_in_the_panel(session, free):
+    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
+    from fg_mujoco.viz.live.browser import LiveView
+
+    with LiveView(session, port=free) as view:
+        view._show_texts()
+        assert not view._values.visible
+        with session.values.of(session.scan):
+            fg.show("gap_width | m", 0.51234)
+            fg.show("goal", (1.0, 2.0))
+        view._show_texts()
+        assert view._values.visible
+        assert view._values.content.splitlines()[2:] == ["| gap&#95;width &#124; m | 0.5123 |"]
+
+
 def test_a_server_that_cannot_be_guarded_is_not_used(session, free, monkeypatch):
     viser = pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
     from fg_mujoco.viz.live.browser import LiveView
@@ -435,6 +450,9 @@ def test_in_a_browser_the_car_moves_and_pause_and_knobs_and_keys_do_what_they_sa
         wait_until(lambda: session.simulation.time > at + 1.0)
         page.wait_for_timeout(500)
         assert page.screenshot() != before
+
+        session.message = "my_own_planner{ <b>x</b> *_ $a$ | \\ [y](z)"  # as an error's text may be
+        page.get_by_text(session.message, exact=True).wait_for()
 
         page.get_by_role("button", name="pause").click()
         wait_until(lambda: session.paused)

@@ -283,7 +283,7 @@ class LiveView:
         limit = session.limit_speed
         best = f", best lap {min(session.laps.lap_times):.3f} s" if session.laps.lap_times else ""
         self._label_pause()
-        state = "\n\n".join(text for text in ("paused" if session.paused else "", session.message) if text)
+        state = "\n\n".join(_plain(text) for text in ("paused" if session.paused else "", session.message) if text)
         if session.failure is not None and session.failure.traceback:
             state += f"\n\n```\n{session.failure.traceback}```"
         self._status.content = (
