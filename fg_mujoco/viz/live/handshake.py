@@ -15,6 +15,7 @@ from __future__ import annotations
 import functools
 import http
 import ipaddress
+import logging
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -92,14 +93,23 @@ def own_pages_only(host: str) -> Iterator[list[str]]:
 
         guarded.append(host)
         return serve(
-            *arguments, process_request=check, process_response=without_body, create_connection=Connection, **settings
-        )
+            *arguments, process_request=check, process_response=without_body, create_connection=Connection,
+            **{"logger": _log(), **settings},
+        )  # fmt: skip
 
     library.serve = guarded_serve  # type: ignore[assignment, misc]
     try:
         yield guarded
     finally:
         library.serve = serve  # type: ignore[misc]
+
+
+def _log() -> logging.Logger:
+    """Return where the server tells of requests that are none: nowhere, unless Python's logging is set up."""
+    logger = logging.getLogger("fg_mujoco.live")
+    if not logger.handlers:
+        logger.addHandler(logging.NullHandler())
+    return logger
 
 
 def _is_address(name: str) -> bool:
