@@ -46,7 +46,9 @@ def add_bags(add: Any, commands: Any) -> None:
     command.add_argument("--out", metavar="FILE.mcap", type=Path, help="default: the folder's name, here")
     command.add_argument("--force", action="store_true", help="replace the file if it exists")
     command.add_argument(
-        "--trust", action="store_true", help="run the ROS nodes of the run once more: what they publish is written, too"
+        "--trust",
+        action="store_true",
+        help="run the planner once more: what it shows by fg.show, and what nodes publish, is written, too",
     )
 
     command = add(commands, "bag", _bag, "say what a robot's bag holds, and make a map of it that --track takes")

@@ -26,6 +26,7 @@ import numpy as np
 from ...course.files import is_file
 from ...errors import ControllerError
 from ...messages import STOP, CarParameters, DriveCommand, LaserScan, Odometry, Sketch
+from ...showing import listener
 from ...simulation.planner_adapter import Surroundings
 from ..bag_messages import nanoseconds
 from .drawings import Drawings, for_bag
@@ -92,6 +93,7 @@ class RosPlanner:
             self._take_others_names()
             self._warn_of_silence()
         time = BEGIN + nanoseconds(max(scan.stamp, odometry.stamp))
+        self._graph.listener = listener()
         self._run(lambda: self._graph.tick(time, self._sensing.messages(scan, odometry)))
         if all(process.done for process in self._graph.processes):
             raise NodeError(f"{self._said()} has ended, and a planner may not{self._line()}")
