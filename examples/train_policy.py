@@ -1,6 +1,6 @@
 """Trains a small policy on the vector environment: 15 numbers, by CMA-ES, in a minute.
 
-    pip install 'fg-mujoco[gym]' cma
+    pip install -e '.[gym]' cma
     python examples/train_policy.py --out policy.npz
     fg-mujoco race --controller 'examples/train_policy.py:LearnedPolicy[weights=policy]' --laps 3
 
@@ -66,7 +66,9 @@ class LearnedPolicy:
     Settings = Settings
 
     def __init__(self, settings: Settings) -> None:
-        with np.load(Path(settings.weights).with_suffix(".npz")) as stored:
+        file = Path(settings.weights).with_suffix(".npz")
+        self.files = [file]  # a comparison or a rollout that is gone on with asks whether it is the same file
+        with np.load(file) as stored:
             self.parameters = stored["parameters"][np.newaxis]
 
     def reset(self) -> None:

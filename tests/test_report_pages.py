@@ -13,10 +13,10 @@ from browsers import page_of  # noqa: F401 - a fixture
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
-from fg_mujoco.errors import MissingExtraError, RunFolderError
+from fg_mujoco.errors import MissingExtraError, RunFolderError, install_command
 from fg_mujoco.racing.run_folder import summary_json
 
-pytest.importorskip("bokeh", reason="no bokeh here: pip install 'fg-mujoco[report]'")
+pytest.importorskip("bokeh", reason="no bokeh here: pip install -e '.[report]'")
 
 from fg_mujoco.studies.comparison.pages import write_comparison_report
 from fg_mujoco.studies.comparison.run import RunRow
@@ -194,11 +194,11 @@ def test_without_bokeh_the_race_is_written_all_the_same(here, monkeypatch, capsy
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     assert main(["race", "--laps", "1", "--time-limit", "0.2", "--out", "run"]) == 1
     assert (
-        "report.html is left out; report pages need Bokeh: pip install 'fg-mujoco[report]'" in capsys.readouterr().err
+        f"report.html is left out; report pages need Bokeh: {install_command('report')}" in capsys.readouterr().err
     )
     assert not (here / "run" / "report.html").exists()
     assert main(["report", "run"]) == 2
-    assert complaint(capsys) == "fg-mujoco: report pages need Bokeh: pip install 'fg-mujoco[report]'"
+    assert complaint(capsys) == f"fg-mujoco: report pages need Bokeh: {install_command('report')}"
 
 
 def test_race_leaves_a_report_in_its_folder(here, capsys):
@@ -320,6 +320,31 @@ def test_cursor_of_one_plot_is_that_of_all_and_nothing_is_asked_of_the_network(r
     assert asked == [report.as_uri()]
 
 
+_LEGENDS = """(() => {
+    const found = [];
+    const look = (view) => {
+        if (view.model.name === "legend") found.push([view.bbox.left, view.bbox.right, view.parent.bbox.width, view.model.items.map((i) => i.label.value)]);
+        for (const child of view.child_views || []) look(child);
+        for (const child of (view.renderer_views ? view.renderer_views.values() : [])) look(child);
+    };
+    for (const root of Bokeh.index.roots) look(root);
+    return found;
+})()"""  # noqa: E501
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_page_fits_the_screen_and_no_legend_is_cut(report, width, page_of):  # noqa: F811
+    with page_of(viewport={"width": width, "height": 900}) as page:
+        page.goto(report.as_uri())
+        page.wait_for_selector("html[data-ready=yes]")
+        page.wait_for_timeout(500)
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        legends = page.evaluate(_LEGENDS)
+    assert len(legends) == 4
+    for left, right, room, names in legends:
+        assert 0.0 <= left < right <= room, names
+
+
 MARKUP = "<script>alert(1)</script><img src=x onerror=alert(1)>'\"&"
 
 
@@ -425,7 +450,10 @@ def test_no_value_of_a_comparison_becomes_markup(comparison, tmp_path, capsys):
     lines = (out / "runs.jsonl").read_text("utf-8").splitlines()
     row = json.loads(lines[0])
     del row["sha256"], row["poses_sha256"]  # as of an older version
-    texts = ("controller", "controller_sha256", "course", "course_sha256", "end_reason", "message", "trajectory_sha256")
+    texts = (
+        "controller", "controller_sha256", "controller_files_sha256", "course", "course_sha256", "end_reason",
+        "message", "trajectory_sha256",
+    )  # fmt: skip
     shown = refused = 0
     for name in row:
         changed = row | {name: MARKUP}

@@ -24,8 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from ...course.maps.map_server import plain_yaml
-from ...errors import ControllerError, MissingExtraError, accepted_names
-from ..bag_messages import INSTALL_COMMAND
+from ...errors import ControllerError, accepted_names, missing_extra
 from .imports import read_node
 from .messages import ROS1, ROS2
 from .source import own_files, parse
@@ -139,7 +138,7 @@ def _read_launch(path: Path, said: str) -> Program:
     rows = found.get("nodes") if isinstance(found, dict) else found
     if not isinstance(rows, list) or not rows or not all(isinstance(row, dict) for row in rows):
         raise ControllerError(f"{said}: {path} has no list of nodes; accepted: nodes: with a list of {{file: ...}}")
-    nodes = []
+    nodes, parts = [], [text]
     for number, row in enumerate(rows, start=1):
         where = f"{said}: {path}, node {number}"
         for key in row:
@@ -153,6 +152,7 @@ def _read_launch(path: Path, said: str) -> Program:
         if row.get("params_file"):
             file = path.parent / str(row["params_file"])
             parameters = {**read_parameters(file, str(row.get("name") or ""), where), **parameters}
+            parts.append(b"\n# " + file.name.encode() + b"\n" + read_node(file, where))
         nodes.append(
             read_node_file(
                 path.parent / row["file"], str(row.get("class") or ""), where, name=row.get("name"),
@@ -162,7 +162,7 @@ def _read_launch(path: Path, said: str) -> Program:
         )  # fmt: skip
     if len({node.flavour for node in nodes}) > 1:
         raise ControllerError(f"{said}: {path} has nodes of ROS 1 and of ROS 2; accepted: all of one")
-    parts = [text, *(b"\n# " + node.path.name.encode() + b"\n" + _with_modules(node) for node in nodes)]
+    parts += [b"\n# " + node.path.name.encode() + b"\n" + _with_modules(node) for node in nodes]
     return Program(path=path, text=b"".join(parts), nodes=tuple(nodes))
 
 
@@ -219,7 +219,7 @@ def read_arguments(given: Any, said: str) -> tuple[str, ...]:
 
 def _yaml(path: Path, text: bytes, said: str) -> Any:
     if importlib.util.find_spec("yaml") is None:
-        raise MissingExtraError(f"{path} needs PyYAML: {INSTALL_COMMAND}")
+        raise missing_extra(f"{path} needs PyYAML", "ros")
     try:
         return plain_yaml(text)
     except Exception as error:  # YAML's own, and whatever its values' readers raise
