@@ -450,7 +450,10 @@ def test_no_value_of_a_comparison_becomes_markup(comparison, tmp_path, capsys):
     lines = (out / "runs.jsonl").read_text("utf-8").splitlines()
     row = json.loads(lines[0])
     del row["sha256"], row["poses_sha256"]  # as of an older version
-    texts = ("controller", "controller_sha256", "course", "course_sha256", "end_reason", "message", "trajectory_sha256")
+    texts = (
+        "controller", "controller_sha256", "controller_files_sha256", "course", "course_sha256", "end_reason",
+        "message", "trajectory_sha256",
+    )  # fmt: skip
     shown = refused = 0
     for name in row:
         changed = row | {name: MARKUP}

@@ -176,6 +176,7 @@ class Graph:
         self.now = BEGIN - _LEAD
         self.closed = False
         self.files: set[str] = set()  # of the nodes, as their code names them
+        self.data: set[str] = set()  # paths of files that the nodes have read
         self.processes: list[Process] = []
         self.current: Process | None = None
         self.subscriptions: list[Subscription] = []
