@@ -264,11 +264,12 @@ def test_site_builds_without_a_warning_and_fetches_nothing(site):
 
 
 @pytest.mark.slow
-def test_search_of_the_site_works_from_the_disk_without_network(site, page_of):
+def test_search_of_the_site_works_from_the_disk_without_network(site, page_of):  # noqa: F811
     with page_of() as page:
         page.context.set_offline(True)
         page.goto((site / "howto" / "own_map.html").as_uri())
-        page.locator("input[name=query]").fill("hairpins")
+        page.locator("input[name=query]").click()
+        page.keyboard.type("hairpins")
         results = page.locator(".md-search-result__link")
         results.first.wait_for(timeout=20_000)
         links = [link.get_attribute("href") for link in results.all()]
