@@ -244,7 +244,7 @@ def site(tmp_path_factory):
     """The folder of the site."""
     for module in ("mkdocs", "material", "mkdocstrings_handlers"):
         if find_spec(module) is None:
-            pytest.skip(f"no {module}: the extra docs is missing")
+            pytest.skip(f"no {module}: pip install -e '.[docs]'")
     folder = tmp_path_factory.mktemp("docs") / "site"
     build = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)]
     made = subprocess.run(build, cwd=ROOT, capture_output=True, text=True)
