@@ -82,5 +82,7 @@ def test_no_file_says_that_the_package_can_be_had_from_pypi():
     files += [
         path for folder in ("fg_mujoco", "controllers", "examples", "tests") for path in (ROOT / folder).rglob("*.py")
     ]
+    files += [path for pattern in ("*.md", "docs/**/*.md", "docs/*.ipynb") for path in ROOT.glob(pattern)]
+    files.remove(ROOT / "CONTRIBUTING.md")  # which says what it becomes with a release
     wrong = re.compile("pip install ['\"]?" + "fg-mujoco")
     assert [str(path) for path in files if wrong.search(path.read_text(encoding="utf-8"))] == []
