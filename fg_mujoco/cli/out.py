@@ -61,9 +61,9 @@ def chosen_folder(options: argparse.Namespace, kind: str | None) -> Iterator[Non
     given = str(options.out)
     folder, there = Path(given), _kind_of(given)
     parent = folder.parent if folder.parent != Path() else Path("runs")
-    ways = f"--out {parent}/, which numbers itself"
+    ways = f"or --out {parent}/, which numbers itself"
     if there == kind:
-        ways = f"--force to replace it, or {ways}"
+        ways = f"--force to replace it, {ways}"
     if there is None:
         if given.endswith(("/", os.sep)) or (is_folder(folder) and any(folder.iterdir())):
             with _numbered(folder) as options.out:

@@ -163,7 +163,8 @@ def write_run(
         sha256s = {name: file_sha256(staging / name) for name in read_back if (staging / name).exists()}
         summary = json.loads(summary_json(result, settings)) | {"files": sha256s}
         (staging / SUMMARY).write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
-        remember_run(staging)
+        if (staging / _CONTROLLER).exists():
+            remember_run(staging)
         if add is not None:
             try:
                 add(staging)
