@@ -27,7 +27,7 @@ RUN_ELSEWHERE = {"docs/training.md": "tests/test_training_example.py"}
 ONLY_IMPORTED = {
     "docs/rendering.md": "goes on from a run folder, a world and a simulation of the reader's, with OpenGL"
 }
-NEEDS = {"docs/maps.md": ("PIL", "yaml", "scipy"), "docs/howto/training.md": ("gymnasium",)}
+NEEDS = {"docs/maps.md": ("PIL", "yaml", "scipy")}
 GREATEST_DIAGRAM = 60_000  # [bytes]
 
 ENTRY_POINT_GROUPS = {"fg_mujoco.scenes", "fg_mujoco.controllers"}  # names for other packages, not modules
