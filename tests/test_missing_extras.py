@@ -54,6 +54,7 @@ def test_a_missing_extra_is_named_with_what_needs_it(require, extra, what):
         assert re.search(rf"^{extra} = \[", PYPROJECT.read_text(), re.MULTILINE)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not PYPROJECT.exists(), reason="not a clone of the repository")
 def test_the_command_installs_from_the_clone_for_the_python_that_runs_and_works_from_any_folder(tmp_path):
     words = shlex.split(install_command("plot"))

@@ -59,6 +59,7 @@ from .options import (
     opponents_of,
     whole,
 )
+from .out import RUN, add_out_options, chosen_folder
 from .overtake import add_overtake
 from .progress import ProgressLine
 from .render import add_render, check_film, film_race
@@ -80,7 +81,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             parser = _parser()
             complete(parser)
             options = parse(parser, arguments)
-            code: int = options.run(options)
+            with chosen_folder(options, getattr(options, "folder_kind", None)):
+                code: int = options.run(options)
         sys.stdout.flush()
     except FgMujocoError as error:
         said = str(error) if options is None else in_options(str(error), options.command)
@@ -244,7 +246,7 @@ def _add_race(commands: Any) -> None:
         "--decision-limit", type=number, metavar="S",
         help="of wall time for each decision; a planner that takes longer, or never answers, ends the race",
     )  # fmt: skip
-    add("--out", metavar="DIR", help="write a run folder here; it must be new or empty")
+    add_out_options(command, RUN, "write a run folder here")
     add("--video", type=Path, metavar="FILE", help="write a video of the race, .mp4 or .gif; see the command render")
     add("--json", action="store_true", help="print one JSON object and nothing else")
     add("--traceback", action="store_true", help="of a planner that fails, print the whole traceback, not its own part")

@@ -27,9 +27,10 @@ import math
 import os
 import platform
 import re
+import stat
 from array import array
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field, fields
 from importlib.metadata import version
 from pathlib import Path
@@ -44,6 +45,7 @@ from ..course.mjcf import MOST_MJCF
 from ..course.writing import claimed_folder, require_writable, staged_folder
 from ..display import brief, quoted
 from ..errors import FgMujocoError, RunFolderError, SettingsError, accepted_names, nearest, with_unit
+from ..kernels import own_folder
 from ..messages import FloatArray, LaserScan, Odometry, shown
 from ..simulation.planner_failure import PlannerFailure
 from ..simulation.telemetry import ALWAYS_NUMBERS, RECORDED_ALWAYS, TELEMETRY, column_meant
@@ -52,6 +54,8 @@ from .run_checks import check_summary, checked_scene
 
 SCHEMA = 1
 """Of the run folder; a reader refuses any other."""
+
+_RACED = "raced"  # folder in the user's cache of notes about runs
 
 _MOST_SUMMARY = 2**20  # bytes
 _MOST_TELEMETRY = 512 * 2**20  # bytes, of about ten hours
@@ -165,12 +169,41 @@ def write_run(
         sha256s = {name: file_sha256(staging / name) for name in read_back if (staging / name).exists()}
         summary = json.loads(summary_json(result, settings)) | {"files": sha256s}
         (staging / SUMMARY).write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+        if (staging / _CONTROLLER).exists():
+            remember_run(staging)
         if add is not None:
             try:
                 add(staging)
             except RunFolderError as error:
                 raise RunFolderError(str(error).replace(str(staging), str(folder))) from error
     return folder
+
+
+def remember_run(folder: Path) -> None:
+    """Note in this user's cache that this user raced a run: its planner's code was run by this user already.
+
+    The note is an empty file with the name of the summary's SHA-256, so it holds for this run and no other.
+    """
+    own = own_folder(_RACED, "races are not noted there, so `debug` needs --trust")
+    if own is not None:
+        with suppress(OSError):
+            (own / file_sha256(folder / SUMMARY)).touch(mode=0o600)
+
+
+def was_raced_here(folder: Path, summary: Mapping[str, Any]) -> bool:
+    """Say whether this user raced a run, whose summary was read: only `write_run` notes that, and nobody else can.
+
+    The folder itself proves nothing: whoever made it wrote all of it.
+    """
+    own = own_folder(_RACED, "what is noted there is not believed")
+    try:
+        content = read_bytes(folder / SUMMARY, _MOST_SUMMARY)
+        note = (own or folder) / hashlib.sha256(content).hexdigest()
+        status = note.lstat()
+        mine = not hasattr(os, "geteuid") or status.st_uid == os.geteuid()
+        return own is not None and mine and stat.S_ISREG(status.st_mode) and json.loads(content) == summary
+    except (OSError, ValueError, RecursionError):
+        return False
 
 
 def of_car(file: str, index: int) -> str:
