@@ -15,15 +15,11 @@ from typing import Any
 
 import numpy as np
 
+from ...simulation.old_numpy import BEFORE_1_24, BEFORE_2
 from .imports import Overlay, StandIn, package_folder
-from .reconfigure import Config, server_of
+from .reconfigure import Config, client_of, server_of
 from .rospy_times import NANOSECONDS
 from .session import Session
-
-_OLD: dict[str, Any] = {  # names of NumPy, see OLD_NAMES
-    "float": float, "int": int, "bool": bool, "object": object, "str": str, "complex": complex, "NaN": np.nan,
-    "Inf": np.inf, "infty": np.inf, "float_": np.float64,
-}  # fmt: skip
 
 
 class PackageNotFoundError(KeyError):
@@ -57,6 +53,7 @@ def other_modules(session: Session, modules: dict[str, ModuleType]) -> dict[str,
     if "rospy" in modules:
         server = server_of(modules["rospy"])
         found["dynamic_reconfigure.server"] = StandIn("dynamic_reconfigure.server", Server=server)
+        found["dynamic_reconfigure.client"] = StandIn("dynamic_reconfigure.client", Client=client_of(modules["rospy"]))
         found["dynamic_reconfigure.encoding"] = StandIn("dynamic_reconfigure.encoding", Config=Config)
     return found
 
@@ -112,7 +109,7 @@ def random_overlays(seed: int) -> dict[str, ModuleType]:
     """Return `random`, `numpy` and `numpy.random` as a node sees them that draws numbers without a seed of its own.
 
     Their generators are the node's own and begin at a seed, so that other nodes and threads draw none of its numbers.
-    What a node seeds itself has the numbers that it has anywhere. `numpy` also has the OLD_NAMES.
+    What a node seeds itself has the numbers that it has anywhere. `numpy` also has the names of `old_numpy`.
     """
     plain, legacy = random.Random(seed), np.random.RandomState(seed)
     children = np.random.SeedSequence(seed)
@@ -126,7 +123,7 @@ def random_overlays(seed: int) -> dict[str, ModuleType]:
     return {
         "random": Overlay(random, **{**of_plain, "Random": random.Random, "SystemRandom": random.SystemRandom}),
         "numpy.random": drawing,
-        "numpy": Overlay(np, **{**_OLD, **vars(np), "random": drawing}),  # as quick as the module itself
+        "numpy": Overlay(np, **{**BEFORE_1_24, **BEFORE_2, **vars(np), "random": drawing}),  # as quick as it
     }
 
 

@@ -98,6 +98,25 @@ class Inside:
         return refused[0] if refused else set_result(successful=True)
 
 
+class Handle:
+    """What rclpy's `node.handle` is: a context of the node, of which the C library knows more."""
+
+    def __init__(self, name: str, namespace: str) -> None:
+        self.name, self.namespace = name, namespace
+
+    def __enter__(self) -> Handle:
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        pass
+
+    def get_namespace(self) -> str:
+        return self.namespace
+
+    def get_fully_qualified_name(self) -> str:
+        return f"{self.namespace.rstrip('/')}/{self.name}"
+
+
 class Node:
     """rclpy.node.Node."""
 
@@ -134,6 +153,26 @@ class Node:
                 self._fg.declare(each, value)
         if "use_sim_time" not in self._fg.parameters:
             self._fg.declare("use_sim_time", True)
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what rclpy keeps under such a name, where the node's author has not given it to something of his own.
+
+        Humble has `_logger`, `_clock` and `_parameters`, and the others with a second underscore, Jazzy with one.
+        """
+        if name == "_fg":  # not made yet
+            raise AttributeError("a node is used before super().__init__(name)")
+        inside = self._fg
+        known: dict[str, Callable[[], Any]] = {
+            "_logger": lambda: inside.logger, "_clock": lambda: inside.clock, "_parameters": lambda: inside.parameters,
+            "_publishers": lambda: self.publishers, "_subscriptions": lambda: self.subscriptions,
+            "_timers": lambda: self.timers, "_clients": lambda: self.clients, "_services": lambda: self.services,
+            "handle": lambda: Handle(inside.name, inside.namespace), "_context": lambda: self.context,
+            "_default_callback_group": lambda: inside.group, "_allow_undeclared_parameters": lambda: inside.undeclared,
+        }  # fmt: skip
+        found = known.get(name.replace("_Node__", "_", 1))
+        if found is None:
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+        return found()
 
     def __enter__(self) -> Node:
         return self

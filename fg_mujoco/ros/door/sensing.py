@@ -31,6 +31,7 @@ _FLOAT = "std_msgs/msg/Float32"
 
 TOPICS: dict[str, tuple[str, str]] = {
     "/clock": ("rosgraph_msgs/msg/Clock", "clock"),
+    "/scan": ("sensor_msgs/msg/LaserScan", "scan"),
     "/tf": ("tf2_msgs/msg/TFMessage", "transforms"),
     "/map": ("nav_msgs/msg/OccupancyGrid", "map"),
     "/map_metadata": ("nav_msgs/msg/MapMetaData", "map_info"),
@@ -46,9 +47,12 @@ TOPICS: dict[str, tuple[str, str]] = {
     "/pf/viz/inferred_pose": ("geometry_msgs/msg/PoseStamped", "pose"),
     "/gt_pose": ("geometry_msgs/msg/PoseStamped", "pose"),
     "/amcl_pose": ("geometry_msgs/msg/PoseWithCovarianceStamped", "pose_with_covariance"),
-    "/scan": ("sensor_msgs/msg/LaserScan", "scan"),
 }
-"""What is published each tick, in this order: type, and the method that makes it. The map is published once."""
+"""What is published each tick: type, and the method that makes it. The map is published once.
+
+The order is this one, and scans come before all else but the clock, as in f1tenth_gym_ros: a node that drives when its
+scan comes knows the pose of the tick before.
+"""
 
 _OF_AUTODRIVE = {
     "ips": ("geometry_msgs/msg/Point", "position"),
@@ -77,11 +81,12 @@ OTHERS = (
     ("/opp_racecar3/odom", "/ego_racecar/opp_odom3"),
 )
 """Odometry of the other cars: the names for the first, the second and the third."""
-TAKEN_FOR = {"/scan": "", "/odom": "", "/pf/viz/inferred_pose": "pose"}
+TAKEN_FOR = {"/scan": "", "/odom": "", "/pf/viz/inferred_pose": "pose", "/amcl_pose": ""}
 """Topics that one of another name is taken for, where a node listens to no other of the type, and what it must say."""
 _NOT_OWN = re.compile(r"opp|goal|initial")  # in names of what is another car's, or a person's
 MAP_SERVICES = ("/map_server/map", "/static_map", "/map_server/static_map", "/map_server/get_map")
 
+_EARLY = {"clock": 0, "scan": 1}  # what is delivered before the rest of a tick
 _EGO = "ego_racecar/"
 _UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 
@@ -163,7 +168,7 @@ class Sensing:
         """Return the topic that a node means by one of another name, where it is the only one of its type."""
         for ours, said in TAKEN_FOR.items():
             if kind is message_class(TOPICS[ours][0], self._flavour):
-                return ours if said in topic and not _NOT_OWN.search(topic) else None
+                return ours if said in topic and not is_anothers(topic) else None
         return None
 
     def _topics(self) -> dict[str, str]:
@@ -177,6 +182,7 @@ class Sensing:
                 found.update({"/opp_scan": "scan", "/opp_racecar/odom": "odometry", "/opponent/odom": "odometry"})
                 if others:
                     found.update({"/opp_racecar/opp_odom": "other 0", "/ego_racecar/odom": "other 0"})
+            found = dict(sorted(found.items(), key=lambda entry: _EARLY.get(entry[1], len(_EARLY))))
             self._known = (others, self.opponent), found
         return self._known[1]
 
@@ -376,6 +382,11 @@ class Sensing:
     def _vector(self, values: Any) -> Any:
         x, y, z = map(float, values)
         return made(self._kind("geometry_msgs/msg/Vector3"), x=x, y=y, z=z)
+
+
+def is_anothers(topic: str) -> bool:
+    """Say whether a topic, by its name, is of another car, or of a person: not what this car senses."""
+    return bool(_NOT_OWN.search(topic))
 
 
 @lru_cache(maxsize=2)
