@@ -146,7 +146,8 @@ class Imports:
         try:
             found = self._find(name, globals, locals, wanted, level, unused)
         except ImportError as error:
-            if not (name in unused or (wanted and unused.issuperset(wanted) and not name.endswith(".msg"))):
+            unknown = isinstance(error, ModuleNotFoundError) or not name.endswith(".msg")  # else it is a misspelling
+            if not (name in unused or (wanted and unused.issuperset(wanted) and unknown)):
                 raise
             _warn(f"{error}, and nothing uses it ({file}, line {line})")
             return Absent(name if wanted else name.partition(".")[0])

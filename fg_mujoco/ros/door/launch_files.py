@@ -94,7 +94,7 @@ class LaunchFiles:
             for each in action:
                 self._take(each, program, depth)
         elif isinstance(action, Unknown):
-            self.left_out.append(f"{action.text} ({program.path}, line {action.line})")
+            self.left_out.append(f"{action.text} ({action.file}, line {action.line})")
         if not isinstance(action, Made) or not self._applies(action):
             return
         place = f" ({action.file}, line {action.line})"
@@ -140,7 +140,7 @@ class LaunchFiles:
             return True
         place = f" ({action.file}, line {action.line})"
         if not isinstance(condition, Made):
-            self._refuse(condition, action)
+            self._refuse(condition)
             return True
         values = [*condition.values, *condition.named.values()]
         if condition.kind in ("IfCondition", "UnlessCondition"):
@@ -194,17 +194,17 @@ class LaunchFiles:
             return
         given = action.named.get("launch_arguments") or []
         rows = given.items() if isinstance(given, dict) else given
-        self._refuse(given, action)
+        self._refuse(given)
         for row in rows:
             if isinstance(row, (list, tuple)) and len(row) == 2:
-                self._refuse(row[1], action)
+                self._refuse(row[1])
                 self.configurations[self._text(row[0])] = self._text(row[1])
         self.include(path, depth + 1)
 
     def _node(self, action: Made, place: str) -> None:
         named = {**dict(zip(("executable", "package"), action.values, strict=False)), **action.named}
         for name in ("package", "executable", "node_executable", "name", "namespace"):
-            self._refuse(named.get(name), action)
+            self._refuse(named.get(name))
         package = self._text(named.get("package") or "")
         said = self._text(named.get("executable") or named.get("node_executable") or "")
         folder = self._known.get(package)
@@ -220,24 +220,24 @@ class LaunchFiles:
             return
         parameters, files = dict(self._everywhere), []
         rows = named.get("parameters") or []
-        self._refuse(rows, action)
+        self._refuse(rows)
         for row in rows if isinstance(rows, (list, tuple)) else [rows]:
-            self._refuse(row, action)
+            self._refuse(row)
             if isinstance(row, dict):
                 for name, value in flat(row).items():
-                    self._refuse(value, action)
+                    self._refuse(value)
                     parameters[name] = self._parameter(value)
             else:
                 file = self._parameter_file(row, place)
                 files += [] if file is None else [file]
         remap = dict(self._remaps)
         rows = named.get("remappings") or named.get("ros_arguments_remap") or []
-        self._refuse(rows, action)
+        self._refuse(rows)
         for row in rows:
             if not isinstance(row, (list, tuple)) or len(row) != 2:
                 raise ControllerError(f"{self.said}: a remapping is {row!r}{place}; accepted: (from, to)")
             for each in row:
-                self._refuse(each, action)
+                self._refuse(each)
             remap[self._text(row[0])] = self._text(row[1])
         arguments = [self._text(each) for each in named.get("arguments") or () if not isinstance(each, Unknown)]
         plain, more = _without_ros_arguments(arguments, remap)
@@ -298,7 +298,7 @@ class LaunchFiles:
         if isinstance(value, (list, tuple)):
             return "".join(self._text(each) for each in value)
         if isinstance(value, Unknown):
-            raise ControllerError(f"{self.said}: {refusal(value, self.first)}")
+            raise ControllerError(f"{self.said}: {refusal(value)}")
         if value is None or isinstance(value, (str, int, float, Path)):
             return "" if value is None else str(value)
         if not isinstance(value, Made):
@@ -347,9 +347,9 @@ class LaunchFiles:
             "FindPackageShare, TextSubstitution, PythonExpression, EnvironmentVariable, ThisLaunchFileDir"
         )
 
-    def _refuse(self, value: Any, action: Made) -> None:
+    def _refuse(self, value: Any) -> None:
         if isinstance(value, Unknown):
-            raise ControllerError(f"{self.said}: {refusal(value, action.file)}")
+            raise ControllerError(f"{self.said}: {refusal(value)}")
 
 
 def read_launch_python(path: Path, given: Mapping[str, Any], said: str) -> LaunchFiles:

@@ -55,6 +55,7 @@ class Unknown:
 
     text: str
     line: int
+    file: Path
     why: str = "is not understood"
 
 
@@ -133,6 +134,8 @@ class LaunchProgram:
         if not isinstance(function, _Function):
             return function
         arguments = [each.arg for each in (*function.arguments.posonlyargs, *function.arguments.args)]
+        for each, value in zip(function.arguments.kwonlyargs, function.arguments.kw_defaults, strict=True):
+            named = {each.arg: None if value is None else self._value(value, function.names), **named}
         defaults = function.arguments.defaults
         names = dict(function.names)
         for name, default in zip(arguments[len(arguments) - len(defaults) :], defaults, strict=True):
@@ -140,6 +143,10 @@ class LaunchProgram:
         names.update(zip(arguments, values, strict=False))
         if function.arguments.vararg is not None:
             names[function.arguments.vararg.arg] = values[len(arguments) :]
+        if function.arguments.kwarg is not None:
+            known = {*arguments, *(each.arg for each in function.arguments.kwonlyargs)}
+            names[function.arguments.kwarg.arg] = {name: value for name, value in named.items() if name not in known}
+            named = {name: value for name, value in named.items() if name in known}
         names.update(named)
         try:
             self._block(function.body, names)
@@ -217,10 +224,10 @@ class LaunchProgram:
         self._block([*statement.body, *statement.orelse, *statement.finalbody], names)
 
     def _do_raise(self, statement: ast.Raise, names: dict[str, Any]) -> None:
-        self._refuse(Unknown(ast.unparse(statement), statement.lineno, "is reached"))
+        self._refuse(Unknown(ast.unparse(statement), statement.lineno, self.path, "is reached"))
 
     def _do_while(self, statement: ast.While, names: dict[str, Any]) -> None:
-        self._refuse(Unknown(ast.unparse(statement.test), statement.lineno, "of a while loop is not understood"))
+        self._refuse(Unknown(f"while {ast.unparse(statement.test)}", statement.lineno, self.path))
 
     def _bind(self, target: ast.expr, value: Any, names: dict[str, Any]) -> None:
         if isinstance(target, ast.Name):
@@ -394,7 +401,9 @@ class LaunchProgram:
         named: dict[str, Any] = {}
         for each in node.keywords:
             value = self._value(each.value, names)
-            named.update({each.arg: value} if each.arg else value if isinstance(value, dict) else {})
+            if each.arg is None and not isinstance(value, dict):
+                return value if isinstance(value, Unknown) else self._unknown(node)
+            named.update(value if each.arg is None else {each.arg: value})
         if isinstance(node.func, ast.Attribute):
             inside = self._value(node.func.value, names)
             if not isinstance(inside, _Module):
@@ -437,7 +446,9 @@ class LaunchProgram:
             package = [*values, *named.values()][0] if values or named else ""
             found = self.share(str(package)) if _plain(package) else None
             if found is None:
-                return Unknown(ast.unparse(node), node.lineno, f"names package {package!r}, which is not here")
+                return Unknown(
+                    ast.unparse(node), node.lineno, self.path, f"names package {package!r}, which is not here"
+                )
             return found if last == "get_package_share_path" else str(found)
         if name.startswith("os.path.") and last in _PATHS:
             texts = [self.perform(each) if isinstance(each, Made) else each for each in values]
@@ -463,7 +474,7 @@ class LaunchProgram:
             return plain_yaml(path.read_bytes())
         except Exception as error:  # YAML's own, too
             said = " ".join(str(error).split())
-            return Unknown(ast.unparse(node), node.lineno, f"reads {path}, which cannot be read: {said}")
+            return Unknown(ast.unparse(node), node.lineno, self.path, f"reads {path}, which cannot be read: {said}")
 
     def _operate(self, sign: Any, left: Any, right: Any, node: Any) -> Any:
         bad = next((each for each in (left, right) if isinstance(each, Unknown)), None)
@@ -481,28 +492,32 @@ class LaunchProgram:
         try:
             found = work()
         except Exception as error:
-            return Unknown(ast.unparse(node), getattr(node, "lineno", 0), f"fails: {type(error).__name__}: {error}")
+            return Unknown(
+                ast.unparse(node), getattr(node, "lineno", 0), self.path, f"fails: {type(error).__name__}: {error}"
+            )
         if (isinstance(found, int) and abs(found) > _LARGEST) or (hasattr(found, "__len__") and len(found) > _LARGEST):
-            return Unknown(ast.unparse(node), getattr(node, "lineno", 0), "is too large")
+            return Unknown(ast.unparse(node), getattr(node, "lineno", 0), self.path, "is too large")
         return found
 
     def _unknown(self, node: Any) -> Unknown:
-        return Unknown(ast.unparse(node), getattr(node, "lineno", 0))
+        return Unknown(ast.unparse(node), getattr(node, "lineno", 0), self.path)
 
     def _refuse(self, value: Unknown) -> NoReturn:
-        raise ControllerError(refusal(value, self.path))
+        raise ControllerError(refusal(value))
 
     def _step(self, node: ast.AST) -> None:
         self.steps += 1
         if self.steps > _MOST_STEPS:
-            self._refuse(Unknown("the file", getattr(node, "lineno", 0), f"takes more than {_MOST_STEPS} steps"))
+            self._refuse(
+                Unknown("the file", getattr(node, "lineno", 0), self.path, f"takes more than {_MOST_STEPS} steps")
+            )
 
 
-def refusal(value: Unknown, path: Path) -> str:
+def refusal(value: Unknown) -> str:
     """Return what is said of a value that a node depends on and that is not worked out."""
     text = value.text if len(value.text) <= 80 else value.text[:77] + "..."
     return (
-        f"{' '.join(text.split())} {value.why} ({path}, line {value.line}); accepted: Python of constants, paths, YAML "
+        f"{' '.join(text.split())} {value.why} ({value.file}, line {value.line}); accepted: Python of constants, paths, YAML "
         "files and launch arguments, or a file of the door's own: ros:launch.yaml"
     )
 

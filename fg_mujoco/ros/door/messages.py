@@ -105,6 +105,7 @@ class Message:
     _type: ClassVar[str]  # as package/Name
     _makers: ClassVar[dict[str, Callable[[], Any]]]
     _checks: ClassVar[dict[str, Callable[[Any], Any]]]
+    _fields_and_field_types: ClassVar[dict[str, str]]
 
     def __init__(self, *values: Any, **named: Any) -> None:
         if values:
@@ -174,7 +175,7 @@ class Message:
     @classmethod
     def get_fields_and_field_types(cls) -> dict[str, str]:
         """Return the fields, in their order, and the names of their types."""
-        return {name: getattr(make, "__name__", "") for name, make in cls._makers.items()}
+        return dict(cls._fields_and_field_types)
 
 
 class Message1(Message):
@@ -351,7 +352,11 @@ def _built(
     body = {
         "__slots__": tuple(makers), "__doc__": f"{name} of ROS {flavour}.",
         "__module__": f"{name.partition('/')[0]}.msg",
-        "_type": short, "_makers": makers, "_checks": checks,
+        "_type": short, "_makers": makers, "_checks": checks, "_md5sum": "*", "_full_text": "",
+        "_slot_types": [_type_name(described) for field, described in fields if field in makers],
+        "_fields_and_field_types": {
+            field: _type_name(described) for field, described in fields if field in makers
+        },
         **{constant: value for constant, _, value in constants},
     }  # fmt: skip
     return type(name.rpartition("/")[2], (Message1 if flavour == ROS1 else Message2,), body)
@@ -392,6 +397,17 @@ def _field(said: str, described: Any, flavour: int, kind_of: Callable[[str], Any
         kind = np.dtype(base)
         return (lambda: np.zeros(fixed, kind)), _fixed_array(said, kind, fixed)
     return (lambda: array.array(code)), _numbers(said, code, float if code in "fd" else int)
+
+
+def _type_name(described: Any) -> str:
+    """Return the name of a field's type as rclpy has it: `double`, `sequence<float>`, `std_msgs/Header`."""
+    node, inside = int(described[0]), described[1]
+    if node == _NAME:
+        return f"{inside.partition('/')[0]}/{inside.rpartition('/')[2]}"
+    if node == _BASE:
+        return {"float64": "double", "float32": "float", "bool": "boolean"}.get(inside[0], str(inside[0]))
+    element, length = inside
+    return f"{_type_name(element)}[{length}]" if node == _ARRAY else f"sequence<{_type_name(element)}>"
 
 
 def _constant(value: Any) -> Callable[[], Any]:

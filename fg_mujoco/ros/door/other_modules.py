@@ -8,6 +8,7 @@ import signal
 import sys
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -20,6 +21,7 @@ from .imports import Overlay, StandIn, package_folder
 from .reconfigure import Config, client_of, server_of
 from .rospy_times import NANOSECONDS
 from .session import Session
+from .workspace import packages as packages_of
 
 
 class PackageNotFoundError(KeyError):
@@ -47,7 +49,11 @@ def other_modules(session: Session, modules: dict[str, ModuleType]) -> dict[str,
         "ament_index_python": StandIn("ament_index_python", **_public(packages)),
         "roslib": StandIn("roslib", load_manifest=lambda name: None),
         "roslib.packages": StandIn("roslib.packages", get_pkg_dir=folder_of),
-        "rospkg": StandIn("rospkg", RosPack=lambda: SimpleNamespace(get_path=folder_of)),
+        "rospkg": StandIn(
+            "rospkg", RosPack=lambda *_: SimpleNamespace(get_path=folder_of, list=lambda: list(packages_of(session.file))),
+            ResourceNotFound=PackageNotFoundError,
+        ),
+        "rosgraph": StandIn("rosgraph", is_master_online=lambda *_: True),
         "message_filters": _message_filters(modules),
     }
     if "rospy" in modules:
@@ -99,8 +105,36 @@ def _message_filters(modules: dict[str, ModuleType]) -> ModuleType:
                 newest, self._newest = self._newest, [None] * len(self._newest)
                 self.signal_message(*newest)
 
+    class Cache(Filter):
+        """Keeps the last messages of another filter."""
+
+        def __init__(self, f: Any = None, cache_size: int = 1, allow_headerless: bool = False) -> None:
+            super().__init__()
+            self._kept: deque[Any] = deque(maxlen=cache_size)
+            if f is not None:
+                f.registerCallback(self._take)
+
+        def _take(self, message: Any) -> None:
+            self._kept.append(message)
+            self.signal_message(message)
+
+        def getInterval(self, from_stamp: Any, to_stamp: Any) -> list[Any]:  # noqa: N802
+            first, last = _any_seconds(from_stamp), _any_seconds(to_stamp)
+            return [each for each in self._kept if first <= _seconds(each.header.stamp) <= last]
+
+        def getElemBeforeTime(self, stamp: Any) -> Any:  # noqa: N802
+            at = _any_seconds(stamp)
+            return next((each for each in reversed(self._kept) if _seconds(each.header.stamp) <= at), None)
+
+        def getElemAfterTime(self, stamp: Any) -> Any:  # noqa: N802
+            at = _any_seconds(stamp)
+            return next((each for each in self._kept if _seconds(each.header.stamp) >= at), None)
+
+        def getLast(self) -> Any:  # noqa: N802
+            return self._kept[-1] if self._kept else None
+
     return StandIn(
-        "message_filters", Subscriber=Subscriber, TimeSynchronizer=Synchronizer,
+        "message_filters", Subscriber=Subscriber, TimeSynchronizer=Synchronizer, Cache=Cache,
         ApproximateTimeSynchronizer=Synchronizer, SimpleFilter=Filter,
     )  # fmt: skip
 
@@ -232,6 +266,11 @@ def overlays(session: Session, sleep: Callable[[float], Any]) -> dict[str, Modul
 
 def _seconds(stamp: Any) -> float:
     return float(stamp.to_sec() if hasattr(stamp, "to_sec") else stamp.sec + stamp.nanosec / NANOSECONDS)
+
+
+def _any_seconds(time: Any) -> float:
+    """Return the seconds of a stamp, or of a Time of rclpy."""
+    return float(time.nanoseconds) / NANOSECONDS if hasattr(time, "nanoseconds") else _seconds(time)
 
 
 def _public(module: ModuleType) -> dict[str, Any]:

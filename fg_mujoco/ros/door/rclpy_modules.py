@@ -178,6 +178,7 @@ def rclpy_modules(session: Session) -> dict[str, ModuleType]:
             "init": init, "create_node": create_node, "spin": spin, "spin_once": spin_once, "shutdown": shutdown,
             "spin_until_future_complete": spin_until_future_complete, "Parameter": Parameter, "Node": node_kind,
             "get_global_executor": get_global_executor, "Context": Context, "Future": Future, **contexts,
+            "get_rmw_implementation_identifier": lambda: "fg_mujoco", "uninstall_signal_handlers": lambda: None,
         },
         "rclpy.node": {"Node": node_kind, "Parameter": Parameter, "Clock": clock, **handles, **groups},
         "rclpy.qos": QOS_MEMBERS,
@@ -215,6 +216,9 @@ def rclpy_modules(session: Session) -> dict[str, ModuleType]:
         },
         "rclpy.wait_for_message": {"wait_for_message": wait_for_message},
         "rclpy.signals": {"SignalHandlerOptions": enum.Enum("SignalHandlerOptions", "NO ALL SIGINT SIGTERM")},
+        **dict.fromkeys(("rclpy.qos_event", "rclpy.event_handler"), dict.fromkeys(
+            ("SubscriptionEventCallbacks", "PublisherEventCallbacks", "QoSSubscriptionEventType",
+             "QoSPublisherEventType"), SimpleNamespace)),
         "rclpy.constants": {"S_TO_NS": NANOSECONDS},
     }  # fmt: skip
     return {name: StandIn(name, **members) for name, members in of_modules.items()}

@@ -51,6 +51,20 @@ class ServiceException(Exception):
     pass
 
 
+class TransportException(ROSException):
+    pass
+
+
+class SubscribeListener:
+    """What a publisher tells of its subscribers: nothing here."""
+
+    def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:
+        pass
+
+    def peer_unsubscribe(self, topic_name: str, num_peers: int) -> None:
+        pass
+
+
 class MissingParameter(KeyError):
     def __str__(self) -> str:
         return str(self.args[0])
@@ -272,7 +286,8 @@ class Publisher:
         self._publication = Publication(self._rospy._full(name), kind, self._rospy.name, graph.place())
         self._latch = latch
         graph.publications.append(self._publication)
-        self.name, self.data_class = self._publication.topic, kind
+        self.name = self.resolved_name = self._publication.topic
+        self.data_class, self.type, self.impl = kind, kind._type, self  # type: ignore[attr-defined]
 
     def publish(self, *values: Any, **named: Any) -> None:
         if len(values) == 1 and not named and isinstance(values[0], self.data_class):
@@ -318,7 +333,9 @@ class Subscriber:
         )
         rospy.session.subscriptions.append(self._subscription)
         rospy.graph.subscribe(self._subscription)
-        self.name, self.data_class, self.callback = self._subscription.topic, data_class, callback
+        self.name = self.resolved_name = self._subscription.topic
+        self.data_class, self.callback, self.impl = data_class, callback, self
+        self.type = getattr(data_class, "_type", "*")
 
     def unregister(self) -> None:
         if self._subscription in self._rospy.session.subscriptions:
@@ -462,6 +479,8 @@ def rospy_modules(session: Session) -> dict[str, ModuleType]:
         "ROSInterruptException": ROSInterruptException,
         "ROSTimeMovedBackwardsException": ROSTimeMovedBackwardsException,
         "ROSSerializationException": ROSSerializationException, "ROSInternalException": ROSInternalException,
+        "TransportException": TransportException, "TransportInitError": TransportException,
+        "TransportTerminated": TransportException,
     }  # fmt: skip
 
     members: dict[str, Any] = {
@@ -474,7 +493,9 @@ def rospy_modules(session: Session) -> dict[str, ModuleType]:
         "myargv": lambda argv=None: session.argv, "resolve_name": rospy._full,
         "wait_for_service": rospy.wait_for_service, "ServiceProxy": type("ServiceProxy", (ServiceProxy,), bound),
         "Service": type("Service", (Service,), bound), "delete_param": rospy.delete_param,
-        "get_caller_id": rospy.get_name, "get_node_uri": lambda: "", "TimerEvent": SimpleNamespace,
+        "is_initialized": lambda: session.ok, "add_preshutdown_hook": rospy.on_shutdown, "remap_name": rospy._full,
+        "add_client_shutdown_hook": rospy.on_shutdown, "SubscribeListener": SubscribeListener,
+        "get_ros_root": lambda *_, **__: "", "get_caller_id": rospy.get_name, "get_node_uri": lambda: "", "TimerEvent": SimpleNamespace,
         "names": SimpleNamespace(get_namespace=rospy.get_namespace, get_name=rospy.get_name),
         "Time": _time_kind(graph), "Duration": RosDuration, "Publisher": type("Publisher", (Publisher,), bound),
         "Subscriber": type("Subscriber", (Subscriber,), bound), "Rate": type("Rate", (Rate,), bound),
@@ -486,7 +507,10 @@ def rospy_modules(session: Session) -> dict[str, ModuleType]:
         "rospy": members,
         "rospy.numpy_msg": {"numpy_msg": numpy_message},
         "rospy.exceptions": exceptions,
-        "rospy.rostime": {name: members[name] for name in ("Time", "Duration", "get_time", "get_rostime")},
+        "rospy.rostime": {
+            "wallsleep": rospy.sleep, "is_wallclock": lambda: False, "is_rostime_initialized": lambda: True,
+            **{name: members[name] for name in ("Time", "Duration", "get_time", "get_rostime")},
+        },
         "rospy.names": {"get_namespace": rospy.get_namespace, "get_name": rospy.get_name},
         **{f"rospy.{part}": members for part in parts},
         "genpy": {"Time": RosTime, "Duration": RosDuration},

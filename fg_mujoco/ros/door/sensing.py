@@ -51,7 +51,7 @@ TOPICS: dict[str, tuple[str, str]] = {
 """What is published each tick: type, and the method that makes it. The map is published once.
 
 The order is this one, and scans come before all else but the clock, as in f1tenth_gym_ros: a node that drives when its
-scan comes knows the pose of the tick before.
+scan comes knows the pose of the tick before. AutoDRIVE sends its scan last.
 """
 
 _OF_AUTODRIVE = {
@@ -86,7 +86,7 @@ TAKEN_FOR = {"/scan": "", "/odom": "", "/pf/viz/inferred_pose": "pose", "/amcl_p
 _NOT_OWN = re.compile(r"opp|goal|initial")  # in names of what is another car's, or a person's
 MAP_SERVICES = ("/map_server/map", "/static_map", "/map_server/static_map", "/map_server/get_map")
 
-_EARLY = {"clock": 0, "scan": 1}  # what is delivered before the rest of a tick
+_EARLY, _LATE = {"clock": 0, "scan": 1}, 2  # places in a tick
 _EGO = "ego_racecar/"
 _UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 
@@ -182,7 +182,7 @@ class Sensing:
                 found.update({"/opp_scan": "scan", "/opp_racecar/odom": "odometry", "/opponent/odom": "odometry"})
                 if others:
                     found.update({"/opp_racecar/opp_odom": "other 0", "/ego_racecar/odom": "other 0"})
-            found = dict(sorted(found.items(), key=lambda entry: _EARLY.get(entry[1], len(_EARLY))))
+            found = dict(sorted(found.items(), key=_rank))
             self._known = (others, self.opponent), found
         return self._known[1]
 
@@ -382,6 +382,12 @@ class Sensing:
     def _vector(self, values: Any) -> Any:
         x, y, z = map(float, values)
         return made(self._kind("geometry_msgs/msg/Vector3"), x=x, y=y, z=z)
+
+
+def _rank(entry: tuple[str, str]) -> int:
+    """Return when in a tick a topic's message comes: the clock, the scan, the rest, AutoDRIVE's in its own order."""
+    topic, maker = entry
+    return _LATE if topic.startswith("/autodrive/") else _EARLY.get(maker, _LATE)
 
 
 def is_anothers(topic: str) -> bool:

@@ -160,10 +160,14 @@ class NodeLogger:
         self._graph, self.name = graph, name
         self._logger = logging.getLogger(f"fg_mujoco.ros.{name}")
         self._last: dict[str, int] = {}
+        self._skipped: set[str] = set()  # places whose first message has been left out
 
     def log(self, level: int, message: object, *values: object, **options: Any) -> bool:
         """Log a message; `once` and `throttle_duration_sec` [s simulated] are as in rclpy."""
         every = options.get("throttle_duration_sec")
+        if options.get("skip_first") and self._graph.place() not in self._skipped:
+            self._skipped.add(self._graph.place())
+            return False
         if every is not None or options.get("once"):
             place, now = self._graph.place(), self._graph.now
             if place in self._last and (options.get("once") or now - self._last[place] < float(every or 0.0) * 1e9):
@@ -199,6 +203,14 @@ class NodeLogger:
     def set_level(self, level: Any) -> None:
         """Show messages from a level on."""
         self._logger.setLevel(int(getattr(level, "value", level)))
+
+    def get_effective_level(self) -> int:
+        """Return the level from which on messages are shown."""
+        return self._logger.getEffectiveLevel()
+
+    def is_enabled_for(self, level: Any) -> bool:
+        """Say whether messages of a level are shown."""
+        return self._logger.isEnabledFor(int(getattr(level, "value", level)))
 
     def get_child(self, name: str) -> NodeLogger:
         """Return the logger of a part of the node."""
