@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 
 from ...messages import CarParameters
+from ..autodrive import STEERING, THROTTLE
 from .graph import Graph, NodeError, Publication
-from .sensing import SPEED_TO_ERPM, STEERING, THROTTLE
+from .sensing import SPEED_TO_ERPM
 
 DRIVE, OPPONENT_DRIVE = "/drive", "/opp_drive"
 KNOWN = (

@@ -19,6 +19,7 @@ import numpy as np
 from ...messages import CarParameters, LaserScan, Odometry
 from ...simulation.planner_adapter import Surroundings
 from ...simulation.world import World
+from ..autodrive import STEERING, THROTTLE, cars_in
 from ..bag_messages import BASE_FRAME, IMU_FRAME, LASER_FRAME, MAP_FRAME, ODOM_FRAME, nanoseconds
 from ..grid import Grid, grid_of
 from .graph import BEGIN, Graph
@@ -69,9 +70,6 @@ AUTODRIVE_VEHICLES = ("f1tenth_1", "roboracer_1")
 """Names of the car in AutoDRIVE's releases."""
 TOPICS |= {f"/autodrive/{car}/{name}": made for car in AUTODRIVE_VEHICLES for name, made in _OF_AUTODRIVE.items()}
 
-THROTTLE, STEERING = 22.88, 0.5236
-"""[m/s], [rad] at a command of 1. Source: AutoDRIVE, RoboRacer Sim Racing League, technical guide of 2026."""
-
 SPEED_TO_ERPM = 4614.0
 """[1/m 1/min s] of the motor. Source: f1tenth_system, f1tenth_stack/config/vesc.yaml."""
 
@@ -118,6 +116,7 @@ class Sensing:
         self._turned = np.zeros(4)  # [rad] of the wheels, since the start
         self._mapped: Any = None  # the model whose map has been published
         self._known: tuple[Any, dict[str, str]] | None = None
+        self._cars: tuple[str, ...] = AUTODRIVE_VEHICLES
         graph.provided.update({topic: kind for topic, (kind, _) in TOPICS.items()})
         mount = matrix((car.lidar_offset, 0.0, 0.0), _UPRIGHT)
         for child, parent, found in (
@@ -138,7 +137,7 @@ class Sensing:
         found = matrix((x, y, 0.0), (0.0, 0.0, self._at[2], self._at[3]))
         self._graph.transforms[BASE_FRAME] = ODOM_FRAME, found
         self._graph.transforms[_EGO + BASE_FRAME] = MAP_FRAME, found
-        for frame in AUTODRIVE_VEHICLES:
+        for frame in self._cars:
             self._graph.transforms[frame] = "world", found
         half = self.command[1] / 2
         for side, y in (("left", self._half_track), ("right", -self._half_track)):
@@ -162,7 +161,12 @@ class Sensing:
         maker = self._topics().get(topic)
         if maker is None:
             return None
-        return TOPICS[topic][0] if topic in TOPICS else "sensor_msgs/msg/LaserScan" if maker == "scan" else _ODOMETRY
+        if topic in TOPICS:
+            return TOPICS[topic][0]
+        of_autodrive = _OF_AUTODRIVE.get(topic.rpartition("/")[2]) if topic.startswith("/autodrive/") else None
+        if of_autodrive is not None:
+            return of_autodrive[0]
+        return "sensor_msgs/msg/LaserScan" if maker == "scan" else _ODOMETRY
 
     def taken_for(self, topic: str, kind: type) -> str | None:
         """Return the topic that a node means by one of another name, where it is the only one of its type."""
@@ -174,8 +178,12 @@ class Sensing:
     def _topics(self) -> dict[str, str]:
         """Return the topics that are published now, and what makes their messages."""
         others = 0 if self.surroundings is None else len(self.surroundings.others)
-        if self._known is None or self._known[0] != (others, self.opponent):
+        count = len(self._graph.subscriptions)
+        if self._known is None or self._known[0] != (others, self.opponent, count):
             found = {topic: maker for topic, (_, maker) in TOPICS.items()}
+            self._cars = (*AUTODRIVE_VEHICLES, *self._other_cars())
+            for car in self._cars[len(AUTODRIVE_VEHICLES) :]:
+                found.update({f"/autodrive/{car}/{name}": maker for name, (_, maker) in _OF_AUTODRIVE.items()})
             for number, names in enumerate(OTHERS[:others]):
                 found.update(dict.fromkeys(names, f"other {number}"))
             if self.opponent:  # the other car is the ego
@@ -183,8 +191,14 @@ class Sensing:
                 if others:
                     found.update({"/opp_racecar/opp_odom": "other 0", "/ego_racecar/odom": "other 0"})
             found = dict(sorted(found.items(), key=_rank))
-            self._known = (others, self.opponent), found
+            self._known = (others, self.opponent, count), found
         return self._known[1]
+
+    def _other_cars(self) -> list[str]:
+        """Return the name that nodes give their AutoDRIVE car, where it is the only one and none of the releases'."""
+        topics = [each.topic for each in self._graph.subscriptions]
+        cars = cars_in([*topics, *(each.topic for each in self._graph.publications)])
+        return cars if len(cars) == 1 and cars[0] not in AUTODRIVE_VEHICLES else []
 
     def _map(self, listened: set[str]) -> None:
         """Publish the map of a world that is new, and answer who asks for it."""
