@@ -34,7 +34,8 @@ def joint(name, time, angle):
 def imu(time, heading):
     return make(
         "sensor_msgs/msg/Imu", header=header(time, "imu"), orientation=rotation(heading),
-        orientation_covariance=np.zeros(9), angular_velocity=vector(z=YAW_RATE), angular_velocity_covariance=np.zeros(9),
+        orientation_covariance=np.zeros(9), angular_velocity=vector(z=YAW_RATE),
+        angular_velocity_covariance=np.zeros(9),
         linear_acceleration=vector(y=SPEED * YAW_RATE), linear_acceleration_covariance=np.zeros(9),
     )  # fmt: skip
 
@@ -53,9 +54,11 @@ def entries(car, count=60, still=0):
             (f"{at}/throttle", time, number(0.05)), (f"{at}/steering", time, number(0.1)),
             (f"{at}/speed", time, number(SPEED)), (f"{at}/left_encoder", time, joint("left_encoder", time, angle)),
             (f"{at}/right_encoder", time, joint("right_encoder", time, 1.02 * angle)),
-            (f"{at}/ips", time, make("geometry_msgs/msg/Point", x=x, y=y, z=0.0)), (f"{at}/imu", time, imu(time, heading)),
+            (f"{at}/ips", time, make("geometry_msgs/msg/Point", x=x, y=y, z=0.0)),
+            (f"{at}/imu", time, imu(time, heading)),
             (f"{at}/lidar", time, robot_scan(np.full(41, 5.0), time=time, frame="lidar")),
-            (f"{at}/throttle_command", time, number(0.06)), (f"{at}/steering_command", time, number(0.2 + 0.001 * tick)),
+            (f"{at}/throttle_command", time, number(0.06)),
+            (f"{at}/steering_command", time, number(0.2 + 0.001 * tick)),
         ]  # fmt: skip
     return found
 
@@ -88,7 +91,8 @@ def test_a_planner_over_the_scans_gets_pose_speed_and_commands(tmp_path):
 
 def test_a_command_has_the_throttle_last_heard_and_none_is_beyond_full(tmp_path):
     at = "/autodrive/c/"
-    rows = [(EPOCH, "throttle_command", 0.5), (EPOCH + 1, "steering_command", -3.0), (EPOCH + 2, "steering_command", math.nan),
+    rows = [(EPOCH, "throttle_command", 0.5), (EPOCH + 1, "steering_command", -3.0),
+            (EPOCH + 2, "steering_command", math.nan),
             (EPOCH + 3, "throttle_command", -2.0), (EPOCH + 4, "steering_command", 0.5)]  # fmt: skip
     with Recording(
         write_bag(tmp_path / "bag", [(at + name, time, number(value)) for time, name, value in rows])
@@ -98,7 +102,10 @@ def test_a_command_has_the_throttle_last_heard_and_none_is_beyond_full(tmp_path)
         assert bag.table()[-1].split() == [
             at + "command",
             DRIVE,
-            *"composed of steering_command, throttle_command".split(),
+            "composed",
+            "of",
+            "steering_command,",
+            "throttle_command",
         ]
     asked = [(each.message.drive.steering_angle, each.message.drive.speed) for each in heard]
     assert asked == [pytest.approx((-STEERING, 0.5 * THROTTLE)), pytest.approx((0.5 * STEERING, -THROTTLE))]
@@ -140,9 +147,7 @@ def test_a_map_says_how_many_scans_it_is_of_and_why_not_of_the_others(tmp_path, 
         "taken within 0.05 m and 1.1 degrees of the one before": standing,
     }
     assert dict(made.left_out) == why
-    begin = (
-        f"{len(made.numbers)} of 67 scans at the odometry on /autodrive/our_car/odometry; left out: 3 recorded twice, "
-    )
+    begin = f"{len(made.numbers)} of 67 scans at the poses on /autodrive/our_car/odometry; left out: 3 recorded twice, "
     assert made.text.startswith(begin)
     main(["bag", str(bag), "--map", str(tmp_path / "map.yaml")])
     assert made.text in capsys.readouterr().out

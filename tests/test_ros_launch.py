@@ -1,4 +1,4 @@
-"""Launch files of ROS 2 in Python, and workspaces of several packages: what is started, left out, and not understood."""
+"""Launch files of ROS 2 in Python, and workspaces of several packages: what they start and leave out."""
 
 import re
 from dataclasses import replace
@@ -135,13 +135,15 @@ def speeds(source, count=2, **settings):
             2.25,
         ),
         (
-            "back = LaunchConfiguration('back')\nreturn LaunchDescription([DeclareLaunchArgument('back', default_value='true'),\n"
+            "back = LaunchConfiguration('back')\nreturn LaunchDescription([\n"
+            "    DeclareLaunchArgument('back', default_value='true'),\n"
             "    drive(parameters=[{'back': ParameterValue(back, value_type=bool)}], condition=IfCondition(back)),\n"
             "    drive(package='nothing', condition=UnlessCondition(back))])",
             -1.0,
         ),
         (
-            "mode = LaunchConfiguration('mode')\nreturn LaunchDescription([DeclareLaunchArgument('mode', default_value='slow'),\n"
+            "mode = LaunchConfiguration('mode')\nreturn LaunchDescription([\n"
+            "    DeclareLaunchArgument('mode', default_value='slow'),\n"
             "    drive(parameters=[{'speed': 4.0}], condition=LaunchConfigurationEquals('mode', 'fast')),\n"
             "    drive(parameters=[{'speed': 0.5}],\n"
             "          condition=IfCondition(PythonExpression([\"'\", mode, \"' == 'slow'\"])))])",
@@ -209,19 +211,19 @@ def test_nodes_that_are_not_here_are_left_out_with_a_warning(workspace):
 @pytest.mark.parametrize(
     ("body", "said"),
     [
-        ("return LaunchDescription([drive(parameters=[{'speed': guess()}])])", r"guess is not understood \(.*, line 19\)"),
-        ("name = os.popen('ls').read()\nreturn LaunchDescription([drive(executable=name)])", r"os.popen\('ls'\).* line 19"),
-        ("if guess():\n    pass\nreturn LaunchDescription([drive()])", r"guess is not understood \(.*, line 19\)"),
+        ("return LaunchDescription([drive(parameters=[{'speed': guess()}])])", r"guess is not .*, line 19\)"),
+        ("n = os.popen('ls').read()\nreturn LaunchDescription([drive(executable=n)])", r"os.popen\('ls'\).* line 19"),
+        ("if guess():\n    pass\nreturn LaunchDescription([drive()])", r"guess is not understood .*, line 19\)"),
         ("while True:\n    pass", r"while True is not understood \(.*, line 19\)"),
-        ("return LaunchDescription([drive(condition=IfCondition('maybe'))])", r"a condition is 'maybe' \(.*, line 16\)"),
+        ("return LaunchDescription([drive(condition=IfCondition('maybe'))])", r"a condition is 'maybe' .*, line 16\)"),
         ("return LaunchDescription([drive(condition=IfCondition(LaunchConfiguration('x')))])", "'x' is not declared"),
         ("return LaunchDescription([DeclareLaunchArgument('x'), drive()])", r"'x' has no default .*\[launch.x=VALUE\]"),
-        ("return LaunchDescription([])", "starts no node that is here; accepted: nodes in Python of a package"),
-        ("return LaunchDescription([drive(package='gone')])", "starts no node .*left out are drive of gone, whose package"),
+        ("return LaunchDescription([])", "starts no node that is here; accepted: nodes in Python"),
+        ("return LaunchDescription([drive(package='gone')])", "no node .*left out are drive of gone, whose package"),
         ("return LaunchDescription([drive(remappings=['out'])])", r"a remapping is 'out' .*accepted: \(from, to\)"),
         ("x = 'a' * 999 * 999 * 999\nreturn LaunchDescription([drive(name=x)])", "is too large"),
         ("def f():\n    return f()\nf()\nreturn LaunchDescription([drive()])", "cannot be followed: RecursionError"),
-        ("for i in range(1000):\n    for j in range(1000):\n        pass\nreturn LaunchDescription([drive()])", "more than 100000 steps"),
+        ("for i in range(999):\n    for j in range(999):\n        i = j\nreturn [drive()]", "more than 100000 steps"),
     ],
 )  # fmt: skip
 def test_a_line_on_which_a_node_depends_and_that_is_not_understood_is_named(workspace, body, said):

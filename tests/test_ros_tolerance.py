@@ -1,4 +1,4 @@
-"""What the door lets nodes of others do, as ROS does: failing callbacks, single NaN, NumPy's scalars, brakes, private names."""
+"""What the door lets nodes do, as ROS does: failing callbacks, a single NaN, NumPy's scalars, brakes, private names."""
 
 import logging
 import math
@@ -143,7 +143,9 @@ def answer(request):
 rospy.Service("/ask", Trigger, answer)
 ask = rospy.ServiceProxy("/ask", Trigger)
 """
-    body = "try:\n    ask()\nexcept rospy.ServiceException as error:\n    drive(len(ticks) + float('KeyError' in str(error)))"
+    body = (
+        "try:\n    ask()\nexcept rospy.ServiceException as error:\n    drive(len(ticks) + ('KeyError' in str(error)))"
+    )
     with caplog.at_level(logging.ERROR, "fg_mujoco.ros"):
         assert speeds(make(node1(body, more)), 4)[-1] == 2.0
 
@@ -209,8 +211,9 @@ def test_ten_commands_in_a_row_that_are_no_numbers_fail(node2):
 
 
 def test_a_nan_throttle_is_held_and_never_full_throttle(tmp_path):
-    text = HEAD2.replace('self.create_publisher(AckermannDriveStamped, "/drive", 10)', "[self.create_publisher(Float32, "
-                         'f"/autodrive/roboracer_1/{each}_command", 1) for each in ("throttle", "steering")]')  # fmt: skip
+    made = '[self.create_publisher(Float32, f"/autodrive/roboracer_1/{each}_command", 1) for each in TOPICS]'
+    text = HEAD2.replace('self.create_publisher(AckermannDriveStamped, "/drive", 10)', made)
+    text += '\nTOPICS = "throttle", "steering"\n\nclass Mine(Mine):'
     body = "\n    def callback(self, message):\n        self.count += 1\n"
     body += "        value = float('nan') if self.count == 2 else 0.1\n"
     body += "        self.publisher[0].publish(Float32(data=value))\n        self.publisher[1].publish(Float32())\n"
@@ -280,7 +283,8 @@ def test_a_switch_that_a_node_listens_to_is_that_nodes_business(node2):
 
 
 def test_scans_are_delivered_before_odometry_and_poses(node2):
-    init = "for kind, topic in ((Odometry, '/odom'), (PoseStamped, '/gt_pose'), (PoseWithCovarianceStamped, '/amcl_pose')):\n"
+    init = "kinds = {'/odom': Odometry, '/gt_pose': PoseStamped, '/amcl_pose': PoseWithCovarianceStamped}\n"
+    init += "for topic, kind in kinds.items():\n"
     init += "    self.create_subscription(kind, topic, lambda m: self.order.append(type(m).__name__), 1)"
     body = (
         "assert self.count == 1 or self.order == ['Odometry', 'PoseStamped', 'PoseWithCovarianceStamped'], self.order\n"
@@ -343,3 +347,62 @@ def test_other_errors_get_no_advice_of_numpy():
         == ""
     )
     assert advice(ValueError("NumPy 2.0"), "NumPy 2.0") == ""
+
+
+# Lifecycle nodes
+
+LIFECYCLE = """
+import rclpy
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from ackermann_msgs.msg import AckermannDriveStamped
+from sensor_msgs.msg import LaserScan
+
+class Mine(LifecycleNode):
+    def __init__(self):
+        super().__init__("mine")
+        self.declare_parameter("speed", 1.5)
+
+    def on_configure(self, state: LifecycleState):
+        self.publisher = self.create_lifecycle_publisher(AckermannDriveStamped, "/drive", 1)
+        self.create_subscription(LaserScan, "/scan", self.callback, 1)
+        self.publisher.publish(AckermannDriveStamped())  # is not heard
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_activate(self, state):
+        assert state.label == "inactive" and not self.publisher.is_activated
+        return super().on_activate(state)
+
+    def callback(self, message):
+        out = AckermannDriveStamped()
+        out.drive.speed = self.get_parameter("speed").value
+        self.publisher.publish(out)
+
+def main():
+    rclpy.init()
+    rclpy.spin(Mine())
+"""
+
+
+def test_a_lifecycle_node_is_configured_and_activated_when_it_is_spun(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(LIFECYCLE)
+    assert speeds(make(f"ros:{path}", speed=2.0), 2) == [2.0, 2.0]
+    path.write_text(LIFECYCLE.replace("return super().on_activate(state)", "return TransitionCallbackReturn.FAILURE"))
+    with pytest.raises(Exception, match="lifecycle node 'mine' does not activate: on_activate has not"):
+        make(f"ros:{path}")
+
+
+# The beams of f1tenth_gym_ros
+
+
+def test_a_node_for_1080_beams_is_told_of_the_setting_and_drives_with_it(node2):
+    source = node2("assert len(message.ranges) > 1\nself.drive(float((np.array(message.ranges) + np.ones(1080))[540]))")
+    told = pytest.warns(UserWarning, match=r"written for the 1080 beams of f1tenth_gym_ros.*\[door.beams=1080\]")
+    with told, pytest.raises(ValueError, match="1081"):
+        commands(make(source), 1)
+    assert speeds(make(source, **{"door.beams": 1080}), 1)[0] > 1.0
+    body = "angles = message.angle_min + message.angle_increment * np.arange(len(message.ranges))\n"
+    wall = node2(body + "self.drive(float(np.array(message.ranges)[np.argmin(abs(angles - np.pi / 2))]))")
+    assert speeds(make(wall, **{"door.beams": 720}), 1)[0] == pytest.approx(speeds(make(wall), 1)[0], abs=1e-3)
+    with pytest.raises(Exception, match=r"door\.beams is 1; accepted: a whole number from 2"):
+        make(source, **{"door.beams": 1})

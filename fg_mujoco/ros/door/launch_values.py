@@ -517,8 +517,8 @@ def refusal(value: Unknown) -> str:
     """Return what is said of a value that a node depends on and that is not worked out."""
     text = value.text if len(value.text) <= 80 else value.text[:77] + "..."
     return (
-        f"{' '.join(text.split())} {value.why} ({value.file}, line {value.line}); accepted: Python of constants, paths, YAML "
-        "files and launch arguments, or a file of the door's own: ros:launch.yaml"
+        f"{' '.join(text.split())} {value.why} ({value.file}, line {value.line}); accepted: Python of constants, "
+        "paths, YAML files and launch arguments, or a file of the door's own: ros:launch.yaml"
     )
 
 

@@ -45,6 +45,8 @@ from .transform_modules import transform_modules
 
 WALL_LIMIT = 30.0
 """[s] of wall time that a node may take for what is due at one instant: numba may compile in there."""
+_MOST_BEAMS = 100_000
+_OF_GYM = "1080"  # beams of f1tenth_gym_ros, which many nodes have in them
 _SEED = 0  # of random numbers that a node draws without a seed of its own
 _MOST_KEPT = 10_000  # messages, for who asks what has been published
 PATIENCE = 5.0
@@ -58,7 +60,8 @@ class RosPlanner:
       car: parameters of the car.
       max_speed: fastest that is commanded, whatever the nodes ask for [m/s].
       settings: parameters of the nodes, by name; `remap./scan` is another name for a topic, `door.params` a file of
-        parameters, `door.args` the arguments of a node, `launch.NAME` an
+        parameters, `door.args` the arguments of a node, `door.beams` how many beams a
+        scan has, `launch.NAME` an
         argument of a launch file in Python, `door.wall_limit` the wall time that a node may take [s].
 
     Raises:
@@ -131,6 +134,9 @@ class RosPlanner:
         limit = given.pop("door.wall_limit", WALL_LIMIT)
         if not isinstance(limit, (int, float)) or not 0.0 < limit < math.inf:
             raise ControllerError(f"door.wall_limit is {limit!r}; accepted: a positive number of seconds")
+        beams = given.pop("door.beams", None)
+        if beams is not None and not (isinstance(beams, int) and 2 <= beams <= _MOST_BEAMS):
+            raise ControllerError(f"door.beams is {beams!r}; accepted: a whole number from 2 to {_MOST_BEAMS}")
         file = given.pop("door.params", None)
         arguments = read_arguments(given.pop("door.args", None), "door.args")
         remap = {name.removeprefix("remap."): str(given.pop(name)) for name in list(given) if name.startswith("remap.")}
@@ -142,7 +148,7 @@ class RosPlanner:
         self._drawings, self._fresh = Drawings(self._graph), []
         self._flavour = self._program.nodes[0].flavour
         message_class("std_msgs/msg/Header", self._flavour)  # definitions are read here, and not in a node's time
-        self._sensing = Sensing(self._graph, self._flavour, self._car)
+        self._sensing = Sensing(self._graph, self._flavour, self._car, beams)
         self._driving = Driving(self._graph, self._car, partial(_said, self._graph, self._program))
         self._sessions, definitions = [], Definitions(self._flavour)
         for node in self._program.nodes:
@@ -166,6 +172,13 @@ class RosPlanner:
         try:
             act()
         except Exception as error:
+            of_shape = isinstance(error, (IndexError, ValueError)) and _OF_GYM in str(error)
+            if of_shape and "door.beams" not in self._settings:
+                warnings.warn(
+                    f"{self._said()} may have been written for the {_OF_GYM} beams of f1tenth_gym_ros, and a scan has "
+                    f"another number here: [door.beams={_OF_GYM}]",
+                    stacklevel=2,
+                )
             if len(self._program.nodes) == 1 or isinstance(error, NodeError):
                 raise
             raise NodeError(f"{one_line(error)}{self._graph.place_of_error(error)}") from error

@@ -19,6 +19,7 @@ from .rclpy_executors import (
     TimeoutException,
 )
 from .rclpy_handles import Clock, Publisher, Rate, SubscriptionHandle, TimerHandle
+from .rclpy_lifecycle import LifecycleNodeMixin, LifecyclePublisher, State, TransitionCallbackReturn
 from .rclpy_node import Node, wait_for_message
 from .rclpy_parameters import (
     InvalidParameterException,
@@ -81,6 +82,7 @@ def rclpy_modules(session: Session) -> dict[str, ModuleType]:
     """Return the modules of rclpy, for one node."""
     graph = session.graph
     node_kind = type("Node", (Node,), {"_fg_session": session, "__doc__": Node.__doc__})
+    lifecycle_kind = type("LifecycleNode", (LifecycleNodeMixin, node_kind), {"__doc__": LifecycleNodeMixin.__doc__})
     executor_kind = type("Executor", (Executor,), {"_session": session})
     single = type("SingleThreadedExecutor", (executor_kind,), {})
     several = type("MultiThreadedExecutor", (executor_kind,), {})
@@ -219,6 +221,12 @@ def rclpy_modules(session: Session) -> dict[str, ModuleType]:
         **dict.fromkeys(("rclpy.qos_event", "rclpy.event_handler"), dict.fromkeys(
             ("SubscriptionEventCallbacks", "PublisherEventCallbacks", "QoSSubscriptionEventType",
              "QoSPublisherEventType"), SimpleNamespace)),
+        "rclpy.lifecycle": {
+            "LifecycleNode": lifecycle_kind, "Node": lifecycle_kind, "LifecycleState": State, "State": State,
+            "TransitionCallbackReturn": TransitionCallbackReturn, "LifecyclePublisher": LifecyclePublisher,
+            "Publisher": LifecyclePublisher,
+        },
+        "rclpy.lifecycle.node": {"LifecycleNode": lifecycle_kind, "TransitionCallbackReturn": TransitionCallbackReturn},
         "rclpy.constants": {"S_TO_NS": NANOSECONDS},
     }  # fmt: skip
     return {name: StandIn(name, **members) for name, members in of_modules.items()}

@@ -222,9 +222,7 @@ class Rospy:
     def _full(self, topic: str) -> str:
         return self.session.topic(topic, self.name)
 
-    def _once(
-        self, until: int | None, *, spinning: bool = True, ready: Callable[[], bool] = lambda: False
-    ) -> None:
+    def _once(self, until: int | None, *, spinning: bool = True, ready: Callable[[], bool] = lambda: False) -> None:
         session = self.session
         subscriptions, timers = self._free()
         if not session.run_next(subscriptions, timers):
@@ -495,7 +493,8 @@ def rospy_modules(session: Session) -> dict[str, ModuleType]:
         "Service": type("Service", (Service,), bound), "delete_param": rospy.delete_param,
         "is_initialized": lambda: session.ok, "add_preshutdown_hook": rospy.on_shutdown, "remap_name": rospy._full,
         "add_client_shutdown_hook": rospy.on_shutdown, "SubscribeListener": SubscribeListener,
-        "get_ros_root": lambda *_, **__: "", "get_caller_id": rospy.get_name, "get_node_uri": lambda: "", "TimerEvent": SimpleNamespace,
+        "get_ros_root": lambda *_, **__: "", "get_caller_id": rospy.get_name, "get_node_uri": lambda: "",
+        "TimerEvent": SimpleNamespace,
         "names": SimpleNamespace(get_namespace=rospy.get_namespace, get_name=rospy.get_name),
         "Time": _time_kind(graph), "Duration": RosDuration, "Publisher": type("Publisher", (Publisher,), bound),
         "Subscriber": type("Subscriber", (Subscriber,), bound), "Rate": type("Rate", (Rate,), bound),
@@ -508,7 +507,9 @@ def rospy_modules(session: Session) -> dict[str, ModuleType]:
         "rospy.numpy_msg": {"numpy_msg": numpy_message},
         "rospy.exceptions": exceptions,
         "rospy.rostime": {
-            "wallsleep": rospy.sleep, "is_wallclock": lambda: False, "is_rostime_initialized": lambda: True,
+            "wallsleep": rospy.sleep,
+            "is_wallclock": lambda: False,
+            "is_rostime_initialized": lambda: True,
             **{name: members[name] for name in ("Time", "Duration", "get_time", "get_rostime")},
         },
         "rospy.names": {"get_namespace": rospy.get_namespace, "get_name": rospy.get_name},

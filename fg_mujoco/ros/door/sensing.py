@@ -10,6 +10,7 @@ import array
 import math
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import lru_cache
 from types import SimpleNamespace
 from typing import Any
@@ -99,13 +100,15 @@ class Sensing:
       graph: who listens.
       flavour: of the messages.
       car: whose LiDAR is ahead of the rear axle.
+      beams: of a scan, spread evenly over the LiDAR's angles, each with the nearest beam's range; None: the LiDAR's.
 
     Attributes:
       surroundings: of the car, last told; None: they are not known.
       opponent: whether the nodes drive as the opponent of f1tenth_gym_ros does, by the names of that car.
     """
 
-    def __init__(self, graph: Graph, flavour: int, car: CarParameters) -> None:
+    def __init__(self, graph: Graph, flavour: int, car: CarParameters, beams: int | None = None) -> None:
+        self._beams = beams
         self._graph, self._flavour, self._wheel_radius = graph, flavour, car.wheel_radius
         self._wheelbase, self._half_track = car.wheelbase, car.track_width / 2
         self._pose = np.zeros(3)  # by dead reckoning, where there is no map
@@ -250,7 +253,7 @@ class Sensing:
         self._before = stamp
 
     def _make_scan(self) -> Any:
-        scan = self._scan
+        scan = self._scan if self._beams is None else resampled(self._scan, self._beams)
         numbers = array.array("f")
         numbers.frombytes(scan.ranges.astype(np.float32).tobytes())
         first = scan.stamp - scan.time_increment * max(0, len(scan.ranges) - 1)
@@ -402,6 +405,19 @@ def _rank(entry: tuple[str, str]) -> int:
     """Return when in a tick a topic's message comes: the clock, the scan, the rest, AutoDRIVE's in its own order."""
     topic, maker = entry
     return _LATE if topic.startswith("/autodrive/") else _EARLY.get(maker, _LATE)
+
+
+def resampled(scan: LaserScan, beams: int) -> LaserScan:
+    """Return a scan of another number of beams over the same angles; each has the range of the nearest there was."""
+    count = len(scan.ranges)
+    if count < 2 or beams == count:
+        return scan
+    nearest = np.round(np.linspace(0.0, count - 1.0, beams)).astype(int)
+    ratio = (count - 1) / (beams - 1)
+    return replace(
+        scan, ranges=scan.ranges[nearest], angle_increment=scan.angle_increment * ratio,
+        time_increment=scan.time_increment * ratio,
+    )  # fmt: skip
 
 
 def is_anothers(topic: str) -> bool:
