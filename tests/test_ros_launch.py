@@ -269,7 +269,7 @@ def test_a_node_alone_imports_what_other_packages_of_its_workspace_have(workspac
     assert speeds(f"ros:{launch.parents[1] / 'my_car' / 'alone.py'}")[0] == 1.0
 
 
-@pytest.mark.parametrize("name", ["control_msgs", "my_car"])
+@pytest.mark.parametrize("name", ["shape_msgs", "my_car"])
 def test_a_module_beside_a_node_comes_before_messages_of_its_name(workspace, name):
     launch = Path(workspace("pass").removeprefix("ros:"))
     car = launch.parents[1]
@@ -279,8 +279,8 @@ def test_a_module_beside_a_node_comes_before_messages_of_its_name(workspace, nam
         (car / "my_car" / "tuned.py").write_text("def gain():\n    return 1.5\n")
         wanted = "from my_car.msg import Wish\nfrom my_car.tuned import gain\nassert Wish().speed == 0.5"
     else:
-        (car / "my_car" / "control_msgs.py").write_text("def gain():\n    return 1.5\n")
-        wanted = "from control_msgs import gain"
+        (car / "my_car" / "shape_msgs.py").write_text("def gain():\n    return 1.5\n")
+        wanted = "from shape_msgs import gain"
     text = DRIVE.replace("from my_lib.numbers import gain", wanted).replace('"out"', '"/drive"')
     (car / "my_car" / "alone.py").write_text(text + "\nstart()\n")
     assert speeds(f"ros:{car / 'my_car' / 'alone.py'}")[0] == 1.5

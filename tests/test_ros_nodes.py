@@ -5,6 +5,7 @@ import copy
 import gc
 import logging
 import math
+import random
 import re
 import sys
 import threading
@@ -645,7 +646,8 @@ import numpy as np
 import numpy.random as npr
 from numpy.random import uniform
 from random import choice
-draws = (random.random(), np.random.rand(), npr.normal(), uniform(), choice(range(9)), np.random.default_rng().random())
+draws = (random.random(), np.random.rand(), npr.normal(), uniform(), choice(range(9)), np.random.default_rng().random(),
+         random.Random().random(), np.random.RandomState().rand())
 self.drive(1.0 + sum(draws) / 100 + float(np.float64(0.0)))
 """
     source = node(body)
@@ -656,8 +658,11 @@ self.drive(1.0 + sum(draws) / 100 + float(np.float64(0.0)))
     assert speeds(other, 4) == first
     one.reset()
     assert speeds(one, 4) == first
-    seeded = node("import numpy as np\nnp.random.seed(5)\nself.drive(np.random.rand())")
-    assert speeds(make(seeded), 1) == [float(np.float32(np.random.RandomState(5).rand()))]
+    for draw in ("np.random.seed(5) or np.random.rand()", "np.random.RandomState(5).rand()"):
+        seeded = node(f"import numpy as np\nself.drive({draw})")
+        assert speeds(make(seeded), 1) == [float(np.float32(np.random.RandomState(5).rand()))]
+    seeded = node("import random\nself.drive(random.Random(5).random())")
+    assert speeds(make(seeded), 1) == [float(np.float32(random.Random(5).random()))]
 
 
 def test_an_import_that_fails_and_that_nothing_uses_does_no_harm(node):

@@ -82,7 +82,13 @@ class LaunchFiles:
         self.read[path.resolve()] = None
         self._known = self._known or packages(path)
         program = LaunchProgram(path, tree, self._share, self._text)
-        self._take(program.description(), program, depth)
+        try:
+            self._take(program.description(), program, depth)
+        except ControllerError:
+            raise
+        except Exception as error:  # arguments that an action of launch does not take
+            said = " ".join(f"{type(error).__name__}: {error}".split())
+            raise ControllerError(f"{self.said}: {path} cannot be followed: {said}") from error
 
     def _share(self, package: str) -> Path | None:
         return self._known.get(package)

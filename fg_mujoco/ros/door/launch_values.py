@@ -199,7 +199,7 @@ class LaunchProgram:
         self._block(statement.body if self._known(statement.test, names) else statement.orelse, names)
 
     def _do_for(self, statement: ast.For, names: dict[str, Any]) -> None:
-        for each in list(self._known(statement.iter, names)):
+        for each in self._several(statement.iter, names):
             self._bind(statement.target, each, names)
             try:
                 self._block(statement.body, names)
@@ -255,6 +255,13 @@ class LaunchProgram:
         if isinstance(value, (Unknown, Made, _Module, _Function)):
             self._refuse(value if isinstance(value, Unknown) else self._unknown(node))
         return value
+
+    def _several(self, node: ast.expr, names: dict[str, Any]) -> list[Any]:
+        """Return what a loop goes over."""
+        value = self._known(node, names)
+        if not isinstance(value, (list, tuple, dict, str, set)):
+            self._refuse(self._unknown(node))
+        return list(value)
 
     def _of_constant(self, node: ast.Constant, names: dict[str, Any]) -> Any:
         return node.value
@@ -376,7 +383,7 @@ class LaunchProgram:
         if not loops:
             act(names)
             return
-        for each in list(self._known(loops[0].iter, names)):
+        for each in self._several(loops[0].iter, names):
             self._bind(loops[0].target, each, names)
             if all(self._known(test, names) for test in loops[0].ifs):
                 self._each(loops[1:], names, act)
@@ -480,8 +487,10 @@ class LaunchProgram:
         bad = next((each for each in (left, right) if isinstance(each, Unknown)), None)
         if bad is not None:
             return bad
-        if isinstance(sign, ast.Mult) and isinstance(left, (str, list)) and isinstance(right, int):
-            right = min(right, 1000)
+        if isinstance(sign, ast.Mult):
+            for many, times in ((left, right), (right, left)):
+                if hasattr(many, "__len__") and isinstance(times, int) and len(many) * times > _LARGEST:
+                    return Unknown(ast.unparse(node), getattr(node, "lineno", 0), self.path, "is too large")
         if isinstance(sign, ast.Mod) and isinstance(left, str) and _WIDE.search(left):
             return self._unknown(node)
         if type(sign) not in _OPERATORS or any(isinstance(each, (Made, _Function, _Module)) for each in (left, right)):

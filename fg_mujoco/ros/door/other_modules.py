@@ -152,11 +152,23 @@ def random_overlays(seed: int) -> dict[str, ModuleType]:
     def default_rng(given: Any = None) -> np.random.Generator:
         return np.random.default_rng(children.spawn(1)[0] if given is None else given)
 
+    class Unseeded(random.Random):
+        """random.Random, which begins at a seed where a node gives it none."""
+
+        def __init__(self, x: Any = None) -> None:
+            super().__init__(plain.getrandbits(64) if x is None else x)
+
+    class UnseededState(np.random.RandomState):
+        """numpy.random.RandomState, the same."""
+
+        def __init__(self, seed: Any = None) -> None:
+            super().__init__(int(legacy.randint(2**31)) if seed is None else seed)
+
     of_plain = {name: getattr(plain, name) for name in random.__all__ if callable(getattr(plain, name, None))}
     of_legacy = {name: getattr(legacy, name) for name in np.random.__all__ if callable(getattr(legacy, name, None))}
-    drawing = Overlay(np.random, **{**vars(np.random), **of_legacy, "default_rng": default_rng})
+    drawing = Overlay(np.random, **{**vars(np.random), **of_legacy, "default_rng": default_rng, "RandomState": UnseededState})
     return {
-        "random": Overlay(random, **{**of_plain, "Random": random.Random, "SystemRandom": random.SystemRandom}),
+        "random": Overlay(random, **{**of_plain, "Random": Unseeded, "SystemRandom": random.SystemRandom}),
         "numpy.random": drawing,
         "numpy": Overlay(np, **{**BEFORE_1_24, **BEFORE_2, **vars(np), "random": drawing}),  # as quick as it
     }
