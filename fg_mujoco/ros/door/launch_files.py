@@ -8,7 +8,6 @@ as RViz, a driver or the simulator, are left out, and a warning names them.
 
 from __future__ import annotations
 
-import ast
 import os
 import warnings
 from collections.abc import Callable, Mapping
@@ -19,7 +18,7 @@ from typing import Any
 from ...course.maps.map_server import plain_yaml
 from ...errors import ControllerError, accepted_names
 from .launch_values import LaunchProgram, Made, Unknown, expression, refusal
-from .source import data_file
+from .source import data_file, parse
 from .workspace import executable, executables, packages
 
 _DEEPEST = 10  # launch files that include each other
@@ -76,7 +75,7 @@ class LaunchFiles:
         if depth > _DEEPEST:
             raise ControllerError(f"{self.said}: launch files include each other more than {_DEEPEST} deep ({path})")
         try:
-            tree = ast.parse(path.read_bytes(), str(path))
+            tree = parse(path.read_bytes(), path)
         except (OSError, SyntaxError, ValueError) as error:
             raise ControllerError(f"{self.said}: {path} cannot be read: {error}") from error
         self.read[path.resolve()] = None

@@ -166,7 +166,8 @@ def random_overlays(seed: int) -> dict[str, ModuleType]:
 
     of_plain = {name: getattr(plain, name) for name in random.__all__ if callable(getattr(plain, name, None))}
     of_legacy = {name: getattr(legacy, name) for name in np.random.__all__ if callable(getattr(legacy, name, None))}
-    drawing = Overlay(np.random, **{**vars(np.random), **of_legacy, "default_rng": default_rng, "RandomState": UnseededState})
+    made = {"default_rng": default_rng, "RandomState": UnseededState}
+    drawing = Overlay(np.random, **{**vars(np.random), **of_legacy, **made})
     return {
         "random": Overlay(random, **{**of_plain, "Random": Unseeded, "SystemRandom": random.SystemRandom}),
         "numpy.random": drawing,

@@ -72,9 +72,12 @@ def parse(text: bytes, path: Path) -> ast.Module:
     """Return the tree of a file.
 
     Raises:
-      SyntaxError, ValueError: it is no Python.
+      SyntaxError, ValueError: it is no Python, or is nested too deeply.
     """
-    return _despite_depth(lambda: _parse(text, path))
+    try:
+        return _despite_depth(lambda: _parse(text, path))
+    except (MemoryError, RecursionError) as error:
+        raise ValueError("is nested too deeply") from error
 
 
 def _parse(text: bytes, path: Path) -> ast.Module:
@@ -188,15 +191,19 @@ def _of_import(statement: ast.AST, path: Path, folders: list[Path], others: list
             if folder in others and not is_package_of_python(folder / parts[0]):
                 continue
             place = folder.joinpath(*parts)
-            file = place.with_suffix(".py") if place.with_suffix(".py").is_file() else place / "__init__.py"
-            if file.is_file():
-                yield file.resolve()
-                break
+            with suppress(OSError):  # of a name that is too long
+                file = place.with_suffix(".py") if place.with_suffix(".py").is_file() else place / "__init__.py"
+                if file.is_file():
+                    yield file.resolve()
+                    break
 
 
 def is_package_of_python(folder: Path) -> bool:
     """Say whether a folder of another package is what an import statement may name."""
-    return (folder / "__init__.py").is_file()
+    try:
+        return (folder / "__init__.py").is_file()
+    except OSError:  # a name that is too long
+        return False
 
 
 def _imports(node: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:
