@@ -238,12 +238,14 @@ class RosPlanner:
             others = published | {each for each in listened if is_anothers(each)}
             alike = [each for each in listened if listened[each] is kind and each not in others]
             ours = self._sensing.taken_for(topic, kind)
-            if ours is None or alike != [topic] or self._sensing.kind_of(topic) is not None:
+            here = self._sensing.kind_of(topic)
+            if ours is None or alike != [topic] or (here and message_class(here, self._flavour) is kind):
                 continue
+            lacks = f"is {here} here" if here else "has no publisher here"
             for each in self._graph.subscriptions:
                 if each.topic == topic:
                     each.topic = ours
-                    said = f"{topic} has no publisher here, and is taken for {ours}; node {each.node!r} listens"
+                    said = f"{topic} {lacks}, and is taken for {ours}; node {each.node!r} listens"
                     warnings.warn(f"{said}{each.place}", stacklevel=2)
 
     def _warn_of_silence(self) -> None:
