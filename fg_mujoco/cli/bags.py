@@ -145,8 +145,7 @@ def _bag(options: argparse.Namespace) -> int:
         write_map(made, path, f"made by: fg-mujoco bag {bag.path.name}")
         rows, columns = made.cells.shape
         size = f"{columns * made.resolution:.1f} x {rows * made.resolution:.1f} m"
-        by = ", corrected by the scans" if made.matched else ""
-        print(f"{options.map or 'map'}: {size}, of {len(made.numbers)} scans at {made.source}{by}")
+        print(f"{options.map or 'map'}: {size}, of {made.text}")
         if options.map is not None:
             print(_course_of(options.map))
         if options.out is not None:
