@@ -24,6 +24,7 @@ import csv
 import hashlib
 import json
 import math
+import os
 import platform
 import re
 from array import array
@@ -37,14 +38,15 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from ..arguments import Suggesting
 from ..course.files import file_sha256, is_file, read_arrays, read_bytes, read_text, require_regular
 from ..course.mjcf import MOST_MJCF
 from ..course.writing import claimed_folder, require_writable, staged_folder
 from ..display import brief, quoted
-from ..errors import FgMujocoError, RunFolderError, SettingsError, accepted_names
-from ..messages import FloatArray, LaserScan, Odometry
+from ..errors import FgMujocoError, RunFolderError, SettingsError, accepted_names, nearest, with_unit
+from ..messages import FloatArray, LaserScan, Odometry, shown
 from ..simulation.planner_failure import PlannerFailure
-from ..simulation.telemetry import ALWAYS_NUMBERS, RECORDED_ALWAYS, TELEMETRY
+from ..simulation.telemetry import ALWAYS_NUMBERS, RECORDED_ALWAYS, TELEMETRY, column_meant
 from .result import RaceResult
 from .run_checks import check_summary, checked_scene
 
@@ -71,7 +73,7 @@ _READ_BACK = (_SCENE, _STATES, _TELEMETRY, _CONTROLLER, FAILED_SCAN)  # pictures
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Run:
+class Run(Suggesting):
     """A run folder, read back. Arrays are as in RaceResult."""
 
     folder: Path
@@ -89,23 +91,28 @@ class Run:
         drive = f"{quoted(found['controller'])} on {quoted(found['track'])}: {found['end_reason']}"
         return brief(self, quoted(self.folder), drive, f"{len(self.ctrl)} ticks, {self.time[-1]:.2f} s")
 
+    def _meant(self, name: str) -> str | None:
+        found = nearest(name, self.summary)
+        return column_meant(name, super()._meant(name) or (None if found is None else f"summary[{found!r}]"))
+
     @property
     def scene(self) -> Path:
         """The MJCF file of the world, whose text is `xml`."""
         return self.folder / _SCENE
 
     def column(self, name: str) -> FloatArray:
-        """Return one column of the telemetry, shape (ticks,).
+        """Return one column of the telemetry by its name, with or without its unit. Shape (ticks,).
 
         Raises:
           SettingsError: there is none of that name, or an older version wrote the run without it.
         """
-        if name not in self.columns:
+        found = with_unit(name, self.columns)
+        if found is None:
             why = " (written by an older version)" if name in TELEMETRY else ""
             raise SettingsError(
                 f"{self.folder / _TELEMETRY}{why} has no column {name!r}; {accepted_names(name, self.columns)}"
             )
-        return self.telemetry[:, TELEMETRY.index(name)]
+        return self.telemetry[:, TELEMETRY.index(found)]
 
 
 def check_run_folder(folder: str | Path) -> None:
@@ -206,6 +213,8 @@ def read_summary(folder: str | Path) -> dict[str, Any]:
     Raises:
       RunFolderError: it is not one, or its summary is damaged.
     """
+    if not isinstance(folder, (str, os.PathLike)):
+        raise RunFolderError(f"the run is {shown(folder)}; accepted: the path of a folder that `race --out` wrote")
     path = Path(folder) / SUMMARY
     if not is_file(path):
         raise RunFolderError(f"{folder}: has no {SUMMARY}; accepted: a folder that `race --out` wrote")
@@ -248,8 +257,7 @@ def read_run(folder: str | Path) -> Run:
     Raises:
       RunFolderError: it is not one, or a file in it is missing or damaged.
     """
-    folder = Path(folder)
-    summary = read_summary(folder)
+    summary, folder = read_summary(folder), Path(folder)
     cars = car_count(summary)
     telemetries = [folder / of_car(_TELEMETRY, index) for index in range(cars)]
     for path in (folder / _SCENE, folder / _STATES, *telemetries):

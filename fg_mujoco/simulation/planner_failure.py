@@ -10,7 +10,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import FrozenInstanceError, dataclass, field
 from dis import opname
 from pathlib import Path
 from types import FunctionType, TracebackType
@@ -61,7 +61,14 @@ def one_line(error: BaseException) -> str:
         saying = [line for line in lines if line.strip() and not line.startswith("Failed in ")]
         ends = (i for i, line in enumerate(saying) if line.startswith(("During: ", "File ")))
         lines = saying[: next(ends, None)] or lines
-    return f"{class_name(error)}: {' '.join(' '.join(lines).split())}"
+    return f"{class_name(error)}: {' '.join(' '.join(lines).split())}{_advice(error)}"
+
+
+def _advice(error: BaseException) -> str:
+    """Return what to do about an error that NumPy or Python raises of a message that is written to."""
+    if type(error) is FrozenInstanceError or (type(error) is ValueError and "read-only" in _message(error)):
+        return "; scans and odometry are read-only: change a copy, such as ranges = scan.ranges.copy()"
+    return ""
 
 
 def is_of_planner(error: BaseException) -> bool:
