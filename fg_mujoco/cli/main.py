@@ -33,6 +33,7 @@ from ..racing.replay import replay
 from ..racing.result import RaceResult
 from ..racing.run_folder import check_run_folder, summary_json
 from ..simulation.planner_failure import whole_traceback
+from ..simulation.settings import friction_text
 from ..vehicle.tire_slip import sliding_rule
 from ..viz.plots import write_run
 from .bags import add_bags
@@ -323,6 +324,7 @@ def _table(result: RaceResult, out: str | None) -> str:
         ("greatest sliding", f"{result.max_slide_m_s:.4f} m/s (a tire slides {sliding_rule(result.tires)})"),
         ("sliding sideways", f"{result.max_lateral_slide_m_s:.4f} m/s at most"),
         ("time sliding", f"{100.0 * result.slide_time_fraction:.2f} %"),
+        ("friction", friction_text(result.mu, result.planner_mu)),
         ("top speed", f"{result.max_speed_m_s:.2f} m/s"),
         ("mean speed", f"{result.mean_speed_m_s:.2f} m/s"),
         ("clamped commands", f"{result.clamped_commands} of {len(result.telemetry)}"),

@@ -123,7 +123,8 @@ def race(
       tires: a bundled set, the path of a TOML file, or Tires; None: the vehicle's.
       mu: friction coefficient of the tires, or the greatest peak of those with a curve; None: as in their file.
       changes: what else differs from the vehicle's MJCF.
-      planner_mu: friction coefficient that the planner assumes; None: the least peak of the tires; inf: no limits.
+      planner_mu: friction coefficient that the planner assumes; None: the least peak of the tires, as `mu` sets it;
+        inf: no limits.
       max_speed: fastest that the planner may command [m/s].
       lidar: back end, "raycast" or "rangefinder".
       seed: of the LiDAR's noise and dropouts.

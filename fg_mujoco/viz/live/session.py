@@ -269,7 +269,11 @@ class LiveSession:
 
     def _change(self, name: str, value: Any) -> None:
         if name == "mu":
-            self._change_mu(replace(self.settings, mu=value, changes=replace(self.settings.changes, mu=None)))
+            settings = replace(self.settings, mu=value, changes=replace(self.settings.changes, mu=None))
+            told = settings.assumed_mu != self.settings.assumed_mu
+            planner = self._make_planner(self.planner_settings, settings) if told else self._planner
+            self._change_mu(settings)
+            self._planner = planner
         elif name in ("max_speed", "planner_mu"):
             settings = replace(self.settings, **{name: value})
             self._planner = self._make_planner(self.planner_settings, settings)

@@ -55,6 +55,9 @@ def head(run: RecordedRun, title: str, notes: Sequence[str]) -> str:
     if clamped is not None and not recorded:
         boxes.append((f"{clamped}", "commands clamped"))
     planned = not recorded and not is_driven_by_commands(str(summary["controller"]))
+    if planned and "planner_mu" in summary:
+        assumed = summary["planner_mu"]  # None: infinity, which JSON has not
+        boxes.append(("off" if assumed is None else f"{assumed:.4g}", "μ that the planner assumes"))
     if planned and decisions is not None and decisions["decisions"]:
         times = (decisions[name] for name in ("median_s", "percentile_99_s", "worst_s"))
         boxes.append((" / ".join(f"{1e3 * time:.2f}" for time in times) + " ms", "decisions: median / 99 % / worst"))
