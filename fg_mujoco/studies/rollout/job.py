@@ -25,6 +25,7 @@ from ...course.definitions import course_sha256
 from ...errors import ControllerError, SettingsError, accepted_names
 from ...kernels import package_files
 from ...messages import require_whole
+from ...racing.entries import check_starts
 from ...racing.opponents import Opponents, entry_of
 from ...racing.planner_choice import Value
 from ...racing.planner_loading import build_controller, find_controller, text_of
@@ -239,12 +240,17 @@ class RolloutJob:
             scenario = self.scenario(world)
             course = self.tracks[world % len(self.tracks)]
             try:
-                self.opponents.line_up(course, entry_of(scenario, self.controller), scenario.obstacles)
+                self.opponents.line_up(course, entry_of(scenario, self.controller), scenario.obstacles, drawn=drawn)
             except SettingsError as error:
                 raise SettingsError(f"world {world}, seed {scenario.seed}: {error}" if drawn else str(error)) from error
 
     def _check_starts(self, course: Course) -> None:
-        """Refuse starts that are not on an open course; round a closed one progress may be any number."""
+        """Refuse starts that are not on an open course, and one of all worlds at which the car cannot stand.
+
+        Round a closed course progress may be any number. A car that cannot stand where a start was drawn has crashed.
+        """
+        if not any(name.startswith("start_") for name in self.randomization.ranges):
+            check_starts(course, [self.base.start], [self.base.car.parameters], [""])
         starts = self.randomization.ranges.get("start_s")
         for start in () if starts is None or course.closed else starts.extremes:
             if not 0.0 <= float(start) < course.length:

@@ -315,12 +315,13 @@ class LiveSession:
         """Put each opponent without a start on the grid, and return the start of the own car.
 
         Raises:
-          SettingsError: an unknown grid, or one that does not fit.
+          SettingsError: an unknown grid, or one that does not fit; a start beyond the walls, or in one.
         """
         own = self.settings.start
-        if not self._opponents:
-            return own
         cars = [car.parameters for car in self.world.cars]
+        if not self._opponents:
+            check_starts(self._course, [own], cars, [""], self._obstacles)
+            return own
         first, *behind = grid_starts(self._course, cars, self.settings.grid)
         own = first if own == Start() else own
         self._opponents = tuple(
