@@ -80,7 +80,7 @@ def test_a_moving_obstacle_is_in_the_way_where_it_is_at_the_beginning():
 
 @pytest.mark.parametrize(("start", "obstacles", "said"), FAULTS)
 def test_a_race_refuses_it(start, obstacles, said):
-    with pytest.raises(SettingsError, match=f"the car starts .*{said}.* of 'oval' at s = .*; accepted: a start"):
+    with pytest.raises(SettingsError, match=f"the car does not fit on 'oval' at s = .*{said}.*; accepted: a start"):
         fg.race("oval", start=start, obstacles=obstacles, time_limit=0.1)
 
 
@@ -91,14 +91,14 @@ def test_a_race_starts_close_to_a_wall_and_beside_an_obstacle():
 
 
 def test_a_scene_refuses_it():
-    with pytest.raises(SettingsError, match="the car starts beyond the walls of 'scene:corridor_sparse:0'"):
+    with pytest.raises(SettingsError, match=r"does not fit on 'scene:corridor_sparse:0' at .*, beyond the walls"):
         fg.race("scene:corridor_sparse:0", start=fg.Start(s=1.0, offset=9.0))
 
 
 @pytest.mark.parametrize(("start", "obstacles", "said"), FAULTS)
 def test_several_cars_are_refused_with_the_name(start, obstacles, said):
     entries = [fg.Entry(start=start), fg.Entry(start=fg.Start(s=9.0))]
-    with pytest.raises(SettingsError, match=f"'car_0' starts .*{said}"):
+    with pytest.raises(SettingsError, match=f"'car_0' does not fit on 'oval' at s = .*{said}"):
         fg.race("oval", entries=entries, obstacles=obstacles, time_limit=0.1)
 
 
@@ -109,9 +109,9 @@ def test_several_cars_may_start_beside_an_obstacle():
 
 @pytest.mark.parametrize("start", [BEYOND, IN_WALL])
 def test_a_rollout_and_the_live_view_refuse_it(start):
-    with pytest.raises(SettingsError, match="the car starts "):
+    with pytest.raises(SettingsError, match="the car does not fit on "):
         fg.rollout("oval", n=2, start=start, duration=0.1)
-    with pytest.raises(SettingsError, match="the car starts "):
+    with pytest.raises(SettingsError, match="the car does not fit on "):
         LiveSession(LiveSettings(start=start))
 
 

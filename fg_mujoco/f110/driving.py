@@ -147,14 +147,14 @@ class Driving:
         self.motions = [self.motion(agent) for agent in self._agents]
 
     def _warn_of_walls(self, poses: Sequence[Sequence[float]], axles: Sequence[Sequence[float]]) -> None:
-        """Warn of poses in a wall, and of those beyond the walls, where a script drives as in the gym and hits nothing."""
+        """Warn of poses in a wall, and of those beyond the walls, where a script drives as in the gym."""
         course = self.world.track
         for agent, (pose, axle, car) in enumerate(zip(poses, axles, self.world.cars, strict=True)):
             along = float(course.project([axle[:2]])[0][0]) - (course.origin or 0.0)
             said = ""
             if stands_in_something(course, axle, car.parameters):
                 said = f"in a wall of {course.name!r}: it collides at once"
-            elif off_course(course, axle, course.start_pose(along)):
+            elif course.edges and off_course(course, axle, course.start_pose(along)):
                 said = f"beyond the walls of {course.name!r}: there it collides with nothing, and its laps mean nothing"
             if said:
                 warnings.warn(f"pose of car {agent} is {list(map(float, pose))}, {said}", stacklevel=5)

@@ -184,13 +184,13 @@ def check_starts(
             )
         x, y, along = course.start_pose(start.s, start.offset)
         pose, on_line = np.array([x, y, along + start.heading]), course.start_pose(start.s)
-        where = f"of {course.name!r} at s = {start.s:g} m, {start.offset:g} m to the left"
+        where = f"on {course.name!r} at s = {start.s:g} m, {start.offset:g} m to the left"
         more = "" if len(cars) == 1 else ", another grid, or fewer cars"
         accepted = f"accepted: a start clear of walls and obstacles{more}"
         if not drawn and stands_in_something(course, pose, car, obstacles):
-            raise SettingsError(f"{who} starts in a wall or an obstacle {where}; {accepted}")
+            raise SettingsError(f"{who} does not fit {where}, in a wall or an obstacle; {accepted}")
         if not drawn and off_course(course, pose, on_line, lane=len(cars) > 1):
-            raise SettingsError(f"{who} starts beyond the walls {where}; {accepted}")
+            raise SettingsError(f"{who} does not fit {where}, beyond the walls; {accepted}")
         for other_pose, other_car, other in zip(poses, cars, names, strict=False):
             if first_overlap((other_pose, pose), (other_car, car)) is not None:
                 raise SettingsError(

@@ -286,9 +286,12 @@ class DriveSettings(CarSettings):
         Up to version 0.1.0 a planner was not told of `mu`: a description with it and without `planner_mu` is of then.
         """
         settings = super().of(description)
-        if settings.all_changes.mu is None or settings.planner_mu is not None:
+        if settings.all_changes.mu is None:
             return settings
-        return replace(settings, planner_mu=settings.car.reliable_mu(settings.tire_set))
+        unsaid = replace(settings, planner_mu=None)
+        if settings.planner_mu is None:
+            return replace(settings, planner_mu=settings.car.reliable_mu(settings.tire_set))
+        return unsaid if settings.planner_mu == unsaid.assumed_mu else settings
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

@@ -235,12 +235,13 @@ class RolloutJob:
             return
         for track in self.tracks:
             self.opponents.check(track)
-        drawn = any(name == "obstacles" or name.startswith("start_") for name in self.randomization.ranges)
+        starts = any(name.startswith("start_") for name in self.randomization.ranges)
+        drawn = starts or "obstacles" in self.randomization.ranges
         for world in range(len(self.seeds) if drawn else min(len(self.seeds), len(self.tracks))):
             scenario = self.scenario(world)
             course = self.tracks[world % len(self.tracks)]
             try:
-                self.opponents.line_up(course, entry_of(scenario, self.controller), scenario.obstacles, drawn=drawn)
+                self.opponents.line_up(course, entry_of(scenario, self.controller), scenario.obstacles, drawn=starts)
             except SettingsError as error:
                 raise SettingsError(f"world {world}, seed {scenario.seed}: {error}" if drawn else str(error)) from error
 
