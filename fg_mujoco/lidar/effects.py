@@ -30,7 +30,7 @@ from .lidar import Lidar, RaycastLidar
 GREATEST_NOISE = 10.0
 """[m] Greatest standard deviation of a range that is accepted."""
 
-_JUMP = 1.0  # [m] between two physics steps, of 5 ms: nothing drives as far
+_FASTEST = 200.0  # [m/s] that anything moves; what is elsewhere sooner was put there
 
 LONGEST_LATENCY = 1.0
 """[s] Longest latency that is accepted, forty sweeps."""
@@ -158,8 +158,9 @@ class PoseHistory:
         before = np.minimum(place.astype(np.intp), max(len(known) - 2, 0))
         after = np.minimum(before + 1, len(known) - 1)
         share = (place - before)[:, np.newaxis]
-        far = np.abs(positions[after] - positions[before]).max(axis=1, keepdims=True) > _JUMP
-        share = np.where(far & (share < 1.0), 0.0, share)
+        moved = np.abs(positions[after] - positions[before]).max(axis=1)
+        put = moved > _FASTEST * (known[after] - known[before])
+        share = np.where(put[:, np.newaxis] & (share < 1.0), 0.0, share)
         position = (1.0 - share) * positions[before] + share * positions[after]
         first, second = quaternions[before], quaternions[after]
         cosine = np.einsum("ij,ij->i", first, second)[:, np.newaxis]
