@@ -26,6 +26,7 @@ from ..lidar.lidar import LIDAR_BACKENDS
 from ..racing.decisions import decision_limit_text
 from ..racing.entries import Entry
 from ..racing.field import FieldProgress
+from ..racing.hints import race_hints
 from ..racing.planner_choice import with_settings
 from ..racing.race import RaceProgress, race
 from ..racing.race_control import RULES, find_rules
@@ -264,6 +265,8 @@ def _race(options: argparse.Namespace) -> int:
             print("fg-mujoco:", in_one_line(str(error)), file=sys.stderr)  # the run folder is written, and stays
             code = _NOT_DONE
     print(summary_json(result, settings) if options.json else _table(result, options.out))
+    for hint in race_hints(result):
+        print("fg-mujoco: hint:", in_one_line(hint), file=sys.stderr)
     return code
 
 
