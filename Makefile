@@ -13,7 +13,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 RUN := runs/$(notdir $(basename $(TRACK)))-$(shell date +%Y%m%d-%H%M%S)
 
-.PHONY: help race test quick unit fuzz lint bench figures friction docs picture clean
+.PHONY: help race test quick unit fuzz lint bench figures friction docs picture dist clean
 .DEFAULT_GOAL := help
 
 help:
@@ -81,6 +81,14 @@ picture: $(READY)
 	    "from PIL import Image; Image.open('$$folder/trace.png').convert('RGB').quantize(256).save('$(PICTURE)')" \
 	    && rm -r $$folder
 	$(BIN)/python docs/diagrams/race.py
+
+## make dist    the wheel and the sdist of a release, in dist/
+dist: $(READY)
+	rm -rf dist build/lib build/bdist.*  # a file that was removed since would stay in the wheel
+	$(BIN)/python -c "from setuptools import build_meta as build; build.build_sdist('dist'); build.build_wheel('dist')" \
+	    > /dev/null
+	@rm -rf build/lib build/bdist.*
+	@ls dist/*
 
 ## make clean   removes everything that was made, except runs/
 clean:

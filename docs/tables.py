@@ -100,12 +100,13 @@ def published(figures: dict[str, Any]) -> str:
 
 
 def planners(figures: dict[str, Any]) -> str:
-    """Return each planner's best lap and greatest slide on each bundled circuit."""
+    """Return each planner's best lap on each bundled circuit, and its greatest slide on all of them."""
     rows = [
-        (f"`{name}`", *(f"{_lap(runs[circuit])} / {_short(runs[circuit]['max_slide_m_s'], 3)}" for circuit in BUNDLED))
+        (f"`{name}`", *(_lap(runs[circuit]) for circuit in BUNDLED),
+         _short(max(runs[circuit]["max_slide_m_s"] for circuit in BUNDLED), 3))
         for name, runs in figures["planners"].items()
-    ]
-    return _table(("", *BUNDLED), rows)
+    ]  # fmt: skip
+    return _table(("", *BUNDLED, "greatest slide [m/s]"), rows)
 
 
 def scenes(figures: dict[str, Any]) -> str:
@@ -117,25 +118,6 @@ def scenes(figures: dict[str, Any]) -> str:
     return _table(("", *SCENES.values()), rows)
 
 
-def trap_speeds(figures: dict[str, Any]) -> str:
-    """Return the planners' successes in the U-turn trap by greatest speed."""
-    return _by_speed(figures, "u_turn_trap")
-
-
-def wrong_side_speeds(figures: dict[str, Any]) -> str:
-    """Return the planners' successes in the wrong-side chicane by greatest speed."""
-    return _by_speed(figures, "wrong_side_chicane")
-
-
-def thresholds(figures: dict[str, Any]) -> str:
-    """Return the best laps of threshold_gap by its threshold."""
-    rows = []
-    for name, runs in figures["thresholds"].items():
-        t = name.partition("=")[2].rstrip("]")
-        rows.append((f"{t} (default)" if t == "2" else t, *(_lap(runs[circuit]) for circuit in BUNDLED)))
-    return _table(("t [m]", *BUNDLED), rows)
-
-
 TABLES: dict[str, Callable[[dict[str, Any]], str]] = {
     function.__name__: function
     for function in (
@@ -145,22 +127,8 @@ TABLES: dict[str, Callable[[dict[str, Any]], str]] = {
         published,
         planners,
         scenes,
-        trap_speeds,
-        wrong_side_speeds,
-        thresholds,
     )
 }
-
-
-def _by_speed(figures: dict[str, Any], scene: str) -> str:
-    """Return successes of five seeds, one row for all planners that have the same."""
-    speeds = list(next(iter(figures["speeds"].values()))[scene])
-    alike: dict[tuple[int, ...], list[str]] = {}
-    for name, found in figures["speeds"].items():
-        label = f"`{name}`{' (with a map)' if name in WITH_A_MAP else ''}"
-        alike.setdefault(tuple(found[scene][speed] for speed in speeds), []).append(label)
-    rows = [(", ".join(names), *counts) for counts, names in sorted(alike.items(), reverse=True)]
-    return _table(("m/s", *speeds), rows)
 
 
 def _lap(run: dict[str, Any]) -> str:

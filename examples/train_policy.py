@@ -1,6 +1,6 @@
 """Trains a small policy on the vector environment: 15 numbers, by CMA-ES, in a minute.
 
-    pip install 'fg-mujoco[gym]' cma
+    pip install -e '.[gym]' cma
     python examples/train_policy.py --out policy.npz
     fg-mujoco race --controller 'examples/train_policy.py:LearnedPolicy[weights=policy]' --laps 3
 

@@ -1,6 +1,6 @@
 """Trains two small policies against each other, and measures both against gap_finder, which they never meet.
 
-    pip install 'fg-mujoco[gym]' cma
+    pip install -e '.[gym]' cma
     python examples/train_two_policies.py --out two
     fg-mujoco race --controller 'examples/train_policy.py:LearnedPolicy[weights=two_0]' --laps 3
 

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import difflib
+import shlex
+import sys
 from collections.abc import Iterable
+from importlib import metadata
+from pathlib import Path
 from typing import Any
 
 _LEAST_PART = 3  # letters of a part by which a name is found
@@ -95,6 +99,31 @@ class BagError(FgMujocoError, OSError):
 
 class MissingExtraError(FgMujocoError, ImportError):
     """An optional part that is not installed; the message says what needs it, and the command that installs it."""
+
+
+def missing_extra(needs: str, extra: str) -> MissingExtraError:
+    """Return the error for an extra that is not installed.
+
+    Args:
+      needs: what needs which packages, such as "pictures need matplotlib".
+      extra: its name in pyproject.toml.
+    """
+    return MissingExtraError(f"{needs}: {install_command(extra)}")
+
+
+def install_command(extra: str) -> str:
+    """Return the shell command that installs an extra for the Python that runs, from any folder.
+
+    Nothing is published yet. So it installs from the clone that this package was imported from; without a clone it
+    names the packages of the extra. Once there is a release, this function is the only code to change.
+    """
+    clone = Path(__file__).parents[1]
+    if (clone / "pyproject.toml").is_file():
+        what = ["-e", f"{clone}[{extra}]"]
+    else:
+        marker = f'extra == "{extra}"'
+        what = [line.partition(";")[0].strip() for line in metadata.requires("fg-mujoco") or () if marker in line]
+    return shlex.join([sys.executable or "python3", "-m", "pip", "install", *what])
 
 
 class EngineError(FgMujocoError, RuntimeError):

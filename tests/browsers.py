@@ -13,7 +13,7 @@ def _missing():
     try:
         import playwright.sync_api  # noqa: F401
     except ImportError:
-        return "no playwright here: pip install 'fg-mujoco[dev]'"
+        return "no playwright here: pip install -e '.[dev]'"
     with contextlib.suppress(Exception), open_page() as page:
         page.goto("about:blank")
         return ""

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
 from bag_worlds import SECOND, make, robot_odometry, robot_scan, rotation, transforms, vector, write_bag
 
 from fg_mujoco.cli.main import main
-from fg_mujoco.errors import BagError, MissingExtraError
+from fg_mujoco.errors import BagError, MissingExtraError, install_command
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.ros.bag_messages import drive_message
 from fg_mujoco.ros.bag_reader import ScanBag
@@ -164,5 +165,5 @@ def test_a_message_that_no_lidar_sends_is_refused_with_its_bag(tmp_path):
 
 def test_without_the_extra_the_message_has_the_command_that_installs_it(tmp_path, monkeypatch):
     monkeypatch.setattr("fg_mujoco.ros.bag_messages.importlib.util.find_spec", lambda name: None)
-    with pytest.raises(MissingExtraError, match=r"^ROS bags need .*: pip install 'fg-mujoco\[ros\]'$"):
+    with pytest.raises(MissingExtraError, match=rf"^ROS bags need .*: {re.escape(install_command('ros'))}$"):
         ScanBag(tmp_path, CAR)

@@ -14,7 +14,7 @@ from terminals import read_to_the_end
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
-from fg_mujoco.errors import SettingsError
+from fg_mujoco.errors import SettingsError, install_command
 
 SQUARE = "0,0,1,1\n10,0,1,1\n10,10,1,1\n0,10,1,1\n"
 STRAIGHT = """
@@ -402,12 +402,12 @@ def test_without_extras_the_rest_is_written_and_the_commands_that_install_them_a
     assert main(["race", "--laps", "1", "--out", "run"]) == 0
     err = capsys.readouterr().err
     assert err.count("\n") == 2
-    assert "pip install 'fg-mujoco[plot]'" in err and "pip install 'fg-mujoco[report]'" in err
+    assert install_command("plot") in err and install_command("report") in err
     assert {path.name for path in (here / "run").iterdir()} == {
         "summary.json", "scene.xml", "states.npz", "telemetry.csv",
     }  # fmt: skip
     assert main(["track", "show", "oval"]) == 2
-    assert "pip install 'fg-mujoco[plot]'" in capsys.readouterr().err
+    assert install_command("plot") in capsys.readouterr().err
 
 
 def test_progress_is_shown_on_a_terminal_and_not_in_a_pipe(here):

@@ -17,6 +17,7 @@ from terminals import read_to_the_end
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.course.scenes.catalogue import scene_names
+from fg_mujoco.errors import install_command
 
 SHORT = ["--tracks", "oval", "--laps", "1", "--time-limit", "0.6", "--workers", "1", "--out", "out"]
 
@@ -109,7 +110,7 @@ def test_without_matplotlib_the_tables_are_written_and_the_install_command_is_sa
     find = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "matplotlib" else find(name))
     assert main(["compare", "--controllers", "planners.py:Gentle", *SHORT]) == 0
-    assert "pip install 'fg-mujoco[plot]'" in capsys.readouterr().err
+    assert install_command("plot") in capsys.readouterr().err
     assert (here / "out/table.md").exists()
     assert not (here / "out/table.png").exists()
 

@@ -8,7 +8,7 @@ import pytest
 
 import fg_mujoco as fg
 
-pytest.importorskip("argcomplete", reason="no argcomplete here: pip install 'fg-mujoco[completion]'")
+pytest.importorskip("argcomplete", reason="no argcomplete here: pip install -e '.[completion]'")
 
 
 def completions(line, folder):

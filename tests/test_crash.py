@@ -111,7 +111,7 @@ def test_a_race_that_ends_otherwise_has_no_crash(lap):
 
 
 def test_table_json_report_and_picture_tell_of_the_crash(tmp_path, monkeypatch, capsys):
-    pytest.importorskip("bokeh", reason="no bokeh here: pip install 'fg-mujoco[report]'")
+    pytest.importorskip("bokeh", reason="no bokeh here: pip install -e '.[report]'")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "planner.py").write_text(PLANNER)
     drawn = []
@@ -135,7 +135,7 @@ def test_table_json_report_and_picture_tell_of_the_crash(tmp_path, monkeypatch, 
 
 
 def test_the_headings_of_table_and_report_have_the_planners_settings(tmp_path, monkeypatch, capsys):
-    pytest.importorskip("bokeh", reason="no bokeh here: pip install 'fg-mujoco[report]'")
+    pytest.importorskip("bokeh", reason="no bokeh here: pip install -e '.[report]'")
     monkeypatch.chdir(tmp_path)
     chosen = "gap_finder[lookahead=4.0,guidance=false]"
     main(["race", "--controller", chosen, "--time-limit", "0.5", "--out", "run"])
@@ -144,7 +144,7 @@ def test_the_headings_of_table_and_report_have_the_planners_settings(tmp_path, m
 
 
 def test_a_report_of_a_run_from_before_says_nothing(lap, tmp_path):
-    pytest.importorskip("bokeh", reason="no bokeh here: pip install 'fg-mujoco[report]'")
+    pytest.importorskip("bokeh", reason="no bokeh here: pip install -e '.[report]'")
     from fg_mujoco.viz.report.recorded_run import read_recorded
 
     folder = fg.write_run(lap, tmp_path / "run", picture=False)

@@ -27,7 +27,7 @@ RUN_ELSEWHERE = {"docs/training.md": "tests/test_training_example.py"}
 ONLY_IMPORTED = {
     "docs/rendering.md": "goes on from a run folder, a world and a simulation of the reader's, with OpenGL"
 }
-NEEDS = {"docs/maps.md": ("PIL", "yaml", "scipy"), "docs/howto/training.md": ("gymnasium",)}
+NEEDS = {"docs/maps.md": ("PIL", "yaml", "scipy")}
 GREATEST_DIAGRAM = 60_000  # [bytes]
 
 ENTRY_POINT_GROUPS = {"fg_mujoco.scenes", "fg_mujoco.controllers"}  # names for other packages, not modules
@@ -242,7 +242,7 @@ def test_links_out_of_the_docs_become_names(hooks):
 def test_site_builds_without_a_warning_and_fetches_nothing(tmp_path):
     for module in ("mkdocs", "material", "mkdocstrings_handlers"):
         if find_spec(module) is None:
-            pytest.skip(f"no {module}: pip install 'fg-mujoco[docs]'")
+            pytest.skip(f"no {module}: pip install -e '.[docs]'")
     build = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path / "site")]
     made = subprocess.run(build, cwd=ROOT, capture_output=True, text=True)
     assert made.returncode == 0, made.stderr[-3000:]

@@ -15,6 +15,7 @@ from refusals import refused
 from terminals import read_to_the_end
 
 from fg_mujoco.cli.main import _parser, main
+from fg_mujoco.errors import install_command
 from fg_mujoco.studies.friction_lab import lab
 from fg_mujoco.studies.friction_lab.experiment import LabSettings
 from fg_mujoco.studies.friction_lab.lab import run_lab
@@ -133,7 +134,7 @@ def test_without_matplotlib_the_tables_are_written_and_the_install_command_is_sa
     find = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "matplotlib" else find(name))
     assert main(["friction", "squares", "--workers", "1", "--out", "out"]) == 0
-    assert "pip install 'fg-mujoco[plot]'" in capsys.readouterr().err
+    assert install_command("plot") in capsys.readouterr().err
     assert (here / "out/report.html").exists() and not list(here.glob("out/*.svg"))
 
 

@@ -17,6 +17,7 @@ from lab_experiments import BAD, COUNT, DIES, FAILS, SLOW
 
 import fg_mujoco as fg
 from fg_mujoco.course.writing import claimed_folder
+from fg_mujoco.errors import install_command
 from fg_mujoco.studies.friction_lab import lab
 from fg_mujoco.studies.friction_lab.experiment import LabSettings
 from fg_mujoco.studies.friction_lab.lab import EXPERIMENTS, load_experiment, run_lab
@@ -297,7 +298,7 @@ def test_without_pictures_the_captions_stay(tmp_path):
 def test_without_matplotlib_figures_are_refused_before_anything_is_measured(tmp_path, monkeypatch):
     find = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "matplotlib" else find(name))
-    with pytest.raises(fg.MissingExtraError, match=r"pip install 'fg-mujoco\[plot\]'"):
+    with pytest.raises(fg.MissingExtraError, match=re.escape(install_command("plot"))):
         run_lab(["squares"], out=tmp_path / "out")
     assert not (tmp_path / "out").exists()
 

@@ -15,6 +15,7 @@ from fg_mujoco.envs.observations import ObservationLayout
 from fg_mujoco.envs.reward_kernels import reward_ticks
 from fg_mujoco.envs.rewards import Rewards
 from fg_mujoco.envs.starts import draw_start
+from fg_mujoco.errors import install_command
 from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.messages import ODOMETRY
 
@@ -71,7 +72,7 @@ def test_importing_fg_mujoco_does_not_import_gymnasium():
 def test_without_gymnasium_the_message_is_the_command_that_installs_it(module):
     code = f"import sys; sys.modules['gymnasium'] = None\nimport fg_mujoco.envs.{module}"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert "pip install 'fg-mujoco[gym]'" in run.stderr.splitlines()[-1]
+    assert install_command("gym") in run.stderr.splitlines()[-1]
 
 
 @pytest.mark.parametrize("kind", [F1TenthEnv, F1TenthVectorEnv])

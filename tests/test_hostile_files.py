@@ -88,7 +88,7 @@ MAPS = {
 
 @pytest.mark.parametrize("name", MAPS)
 def test_maps_that_are_too_much(name, here, capsys):
-    pytest.importorskip("yaml", reason="no yaml here: pip install 'fg-mujoco[maps]'")
+    pytest.importorskip("yaml", reason="no yaml here: pip install -e '.[maps]'")
     text, *said = MAPS[name]
     (here / "mine.yaml").write_text(text, "utf-8")
     os.mkfifo(here / "pipe")
@@ -100,7 +100,7 @@ def test_maps_that_are_too_much(name, here, capsys):
 
 def test_an_image_is_refused_by_its_header_alone(here, capsys):
     """It has no pixels at all behind it: decoding it would be said to fail."""
-    pytest.importorskip("PIL", reason="no Pillow here: pip install 'fg-mujoco[maps]'")
+    pytest.importorskip("PIL", reason="no Pillow here: pip install -e '.[maps]'")
     (here / "mine.yaml").write_text(map_of(image="map.pgm"), "utf-8")
     (here / "map.pgm").write_bytes(b"P5 10000 10000 255\n")
     err = refused(here, capsys, "track", "show", "mine.yaml")

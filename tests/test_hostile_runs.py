@@ -14,7 +14,8 @@ from vehicle_worlds import made_file
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.course.files import read_arrays
-from fg_mujoco.racing.run_checks import MOST_ELEMENTS, check_scene
+from fg_mujoco.course.mjcf import MOST_BODIES, MOST_ELEMENTS
+from fg_mujoco.racing.run_checks import checked_scene
 from fg_mujoco.racing.run_folder import read_summary
 
 DOORS = {
@@ -207,25 +208,36 @@ SCENES = {
     "a mesh's file": (added('<asset><mesh name="a" file="/etc/passwd"/></asset>'), "names a file"),
     "a texture's file": (added('<asset><texture type="cube" fileup="a.png"/></asset>'), "names a file"),
     "a height field's file": (added('<asset><hfield name="a" file="a.png" size="1 1 1 1"/></asset>'), "names a file"),
-    "a skin's file": (added('<asset><skin file="a.skn"/></asset>'), "names a file"),
+    "a skin's file": (added('<asset><skin file="a.skn"/></asset>'), "<skin>"),
     "a folder": (scene(lambda xml: xml.replace("<compiler ", '<compiler meshdir="/etc" ')), "names a file"),
     "a folder of all": (scene(lambda xml: xml.replace("<compiler ", '<compiler assetdir="/etc" ')), "names a file"),
     "a model": (added('<asset><model name="a" file="b.xml"/></asset>'), "<model>"),
     "a plugin": (added('<extension><plugin plugin="mujoco.elasticity.cable"/></extension>'), "<extension>"),
-    "copies": (added('<worldbody><replicate count="1000000"><geom size="1"/></replicate></worldbody>'), "<replicate>"),
+    "copies": (added('<worldbody><replicate count="1000000"><geom size="1"/></replicate></worldbody>'), "count='1000000'"),
+    "copies of copies": (
+        added("<worldbody>" + 2 * '<replicate count="200">' + '<geom size="1"/>' + 2 * "</replicate>" + "</worldbody>"),
+        "<replicate> makes more than",
+    ),
     "a composite": (added('<worldbody><composite count="9999 9999 1"/></worldbody>'), "<composite>"),
     "a made mesh": (added('<asset><mesh name="a" builtin="sphere" params="9"/></asset>'), "<mesh>"),
-    "a look beside": (scene(lambda xml: xml.replace('"f1tenth_look.xml"', '"../evil.xml"')), "the look is"),
-    "bodies": (added("<worldbody>" + "<body/>" * (MOST_ELEMENTS + 1) + "</worldbody>"), f"more than {MOST_ELEMENTS}"),
-    "levels": (added("<worldbody>" + "<body>" * 1000 + "</body>" * 1000 + "</worldbody>"), "or 100 levels"),
+    "a look beside": (scene(lambda xml: xml.replace('"f1tenth_look.xml"', '"../evil.xml"')), "text 'car/look' is"),
+    "a LiDAR beside": (
+        scene(lambda xml: xml.replace('file" data="hokuyo_ust10lx.xml"', 'file" data="../evil.xml"')), "'car/lidar/file' is"
+    ),
+    "bodies": (added("<worldbody>" + "<body/>" * (MOST_BODIES + 1) + "</worldbody>"), f"more than {MOST_BODIES} bod"),
+    "elements": (added("<worldbody>" + "<geom/>" * (MOST_ELEMENTS + 1) + "</worldbody>"), f"more than {MOST_ELEMENTS}"),
+    "levels": (added("<worldbody>" + "<body>" * 1000 + "</body>" * 1000 + "</worldbody>"), "more than 100 levels"),
     "a large file": (scene(lambda xml: xml + " " * 2**24), "has more than 16777216 bytes"),
     "a timestep of nothing": (scene(lambda xml: xml.replace("0.005", "1e-300", 1)), "<option timestep> has 1e-300"),
     "a small timestep": (scene(lambda xml: xml.replace("0.005", "0.00001", 1)), "accepted: 0.0001 to 0.1"),
     "another timestep": (scene(lambda xml: xml.replace("0.005", "0.007", 1)), "a whole fraction"),
+    "no tolerance": (added('<option tolerance="0"/>'), "accepted: 1e-15 to 1"),
     "iterations": (added('<option iterations="100000000"/>'), "accepted: 0 to 1000"),
     "memory": (scene(lambda xml: xml.replace('memory="2M"', 'memory="900G"')), "accepted: at most 1G"),
     "a texture": (added('<asset><texture name="t" builtin="flat" width="99999" height="9"/></asset>'), "width='99999'"),
     "a height field": (added('<asset><hfield name="h" nrow="99999" ncol="99999" size="1 1 1 1"/></asset>'), "nrow"),
+    "numbers": (added('<custom><numeric name="n" size="2000000000"/></custom>'), "arrays of more than"),
+    "samples": (added('<sensor><clock nsample="10000"/></sensor>' * 300), "arrays of more than"),
     "NaN": (added('<worldbody><geom size="nan"/></worldbody>'), "has nan"),
     "a number beyond floats": (added('<worldbody><geom size="1e999"/></worldbody>'), "has 1e999"),
     "another car": (scene(lambda xml: xml.replace('name="car/chassis"', 'name="car/other"')), "chassis"),
@@ -334,9 +346,9 @@ def test_a_vehicle_with_meshes_in_its_file_and_a_look_beside_it_is_read(tmp_path
 
 def test_scenes_name_their_limits_and_not_others():
     text = '<custom><text name="a" data="inf"/></custom>'
-    check_scene(f'<mujoco><option timestep="0.0001"/><size memory="1G"/>{text}</mujoco>')
+    checked_scene(f'<mujoco><option timestep="0.0001"/><size memory="1G"/>{text}</mujoco>')
     with pytest.raises(ValueError, match="100 levels"):
-        check_scene("<mujoco>" + "<body>" * 100 + "</body>" * 100 + "</mujoco>")
+        checked_scene("<mujoco>" + "<body>" * 100 + "</body>" * 100 + "</mujoco>")
 
 
 def test_arrays_are_those_that_numpy_wrote(tmp_path):

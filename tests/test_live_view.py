@@ -13,7 +13,7 @@ from browsers import page_of  # noqa: F401 - a fixture
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
-from fg_mujoco.errors import EngineError, SettingsError
+from fg_mujoco.errors import EngineError, SettingsError, install_command
 from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.viz.live.browser_scene import LEGEND
 from fg_mujoco.viz.live.hand_driver import HandDriver
@@ -211,7 +211,7 @@ def free():
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(arguments, said, taken, free, monkeypatch, capsys):
-    pytest.importorskip("viser", reason="no viser here: pip install 'fg-mujoco[live]'")
+    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     monkeypatch.setattr("platform.system", lambda: "Linux")
@@ -233,7 +233,7 @@ def test_without_viser_the_message_is_what_installs_it(monkeypatch, capsys):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     assert main(["view", "--web"]) == 2
     assert (
-        capsys.readouterr().err == "fg-mujoco: the live view in a browser needs viser: pip install 'fg-mujoco[live]'\n"
+        capsys.readouterr().err == f"fg-mujoco: the live view in a browser needs viser: {install_command('live')}\n"
     )
 
 
@@ -260,7 +260,7 @@ def wait_until(holds, seconds=30.0):
 
 
 def test_view_listens_on_this_machine_alone_and_ends(session, free):
-    pytest.importorskip("viser", reason="no viser here: pip install 'fg-mujoco[live]'")
+    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
     with served(session, free) as view:
         assert view.url == f"http://localhost:{free}"
         wait_until(lambda: session.simulation.time > 0.2)
@@ -301,7 +301,7 @@ def test_a_request_is_of_the_views_own_page_or_of_none(hosts, origins, own):
 
 
 def test_pages_of_other_sites_are_refused_before_they_are_answered(session, free):
-    pytest.importorskip("viser", reason="no viser here: pip install 'fg-mujoco[live]'")
+    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
     upgrade = (
         "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
         "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Protocol: viser-v0\r\n"
@@ -322,7 +322,7 @@ def test_pages_of_other_sites_are_refused_before_they_are_answered(session, free
 
 
 def test_a_server_that_cannot_be_guarded_is_not_used(session, free, monkeypatch):
-    viser = pytest.importorskip("viser", reason="no viser here: pip install 'fg-mujoco[live]'")
+    viser = pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
     from fg_mujoco.viz.live.browser import LiveView
 
     stopped = []
@@ -341,7 +341,7 @@ def test_a_server_that_cannot_be_guarded_is_not_used(session, free, monkeypatch)
 
 
 def test_in_a_browser_the_car_moves_and_pause_and_knobs_and_keys_do_what_they_say(session, free, page_of):  # noqa: F811
-    pytest.importorskip("viser", reason="no viser here: pip install 'fg-mujoco[live]'")
+    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
     asked = []
     with served(session, free) as view, page_of(viewport={"width": 700, "height": 400}) as page:
         page.on("request", lambda request: asked.append(request.url))

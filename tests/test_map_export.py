@@ -18,7 +18,7 @@ from fg_mujoco.course.maps import map_server as map_file
 from fg_mujoco.course.maps.export import export_track, occupancy_image
 from fg_mujoco.course.maps.map_track import read_map
 from fg_mujoco.course.track_mesh import WALL_HEIGHT, WALL_THICKNESS
-from fg_mujoco.errors import MissingExtraError, SettingsError, TrackError
+from fg_mujoco.errors import MissingExtraError, SettingsError, TrackError, install_command
 
 
 def own_settings(path):
@@ -141,7 +141,7 @@ def test_the_command_refuses_a_scene_in_one_line(tmp_path, capsys):
 
 def test_without_the_extra_a_map_is_not_written(tmp_path, monkeypatch):
     monkeypatch.setattr(map_file.importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(MissingExtraError, match=r"pip install 'fg-mujoco\[maps\]'"):
+    with pytest.raises(MissingExtraError, match=re.escape(install_command("maps"))):
         export_track(fg.load_track("oval"), tmp_path / "oval.yaml")
     assert os.listdir(tmp_path) == []
 

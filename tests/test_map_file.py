@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from PIL import Image
 
 from fg_mujoco.course.maps import map_server as map_file
 from fg_mujoco.course.maps.map_server import OccupancyMap, read_map_file
-from fg_mujoco.errors import MissingExtraError, TrackError
+from fg_mujoco.errors import MissingExtraError, TrackError, install_command
 
 GREYS = np.arange(256, dtype=np.uint8)[None]
 
@@ -210,5 +211,5 @@ def test_a_link_that_leads_outside_is_refused_unless_allowed(tmp_path):
 
 def test_without_the_extra_the_message_has_the_command_that_installs_it(tmp_path, monkeypatch):
     monkeypatch.setattr(map_file.importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(MissingExtraError, match=r"^ROS maps need .*: pip install 'fg-mujoco\[maps\]'$"):
+    with pytest.raises(MissingExtraError, match=rf"^ROS maps need .*: {re.escape(install_command('maps'))}$"):
         read_map_file(draw_map(tmp_path, box_room()))

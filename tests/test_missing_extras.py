@@ -2,12 +2,17 @@
 
 import importlib.util
 import re
+import shlex
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 import fg_mujoco as fg
+from fg_mujoco import errors
 from fg_mujoco.course.maps.map_server import require_maps_extra
+from fg_mujoco.errors import install_command
 from fg_mujoco.ros.bag_messages import require_ros_extra
 from fg_mujoco.studies.identification.fit import require_scipy
 from fg_mujoco.studies.rollout.ray_cluster import require_ray
@@ -17,7 +22,8 @@ from fg_mujoco.viz.rendering.telemetry_strip import require_pillow
 from fg_mujoco.viz.rendering.video import require_encoder
 from fg_mujoco.viz.report.plot_style import require_bokeh
 
-PYPROJECT = Path(__file__).parent.parent / "pyproject.toml"
+ROOT = Path(__file__).parent.parent
+PYPROJECT = ROOT / "pyproject.toml"
 
 
 @pytest.fixture(autouse=True)
@@ -43,6 +49,38 @@ def bare(monkeypatch):
 def test_a_missing_extra_is_named_with_what_needs_it(require, extra, what):
     with pytest.raises(fg.MissingExtraError) as missing:
         require()
-    assert str(missing.value) == f"{what}: pip install 'fg-mujoco[{extra}]'"
+    assert str(missing.value) == f"{what}: {install_command(extra)}"
     if PYPROJECT.exists():
         assert re.search(rf"^{extra} = \[", PYPROJECT.read_text(), re.MULTILINE)
+
+
+@pytest.mark.skipif(not PYPROJECT.exists(), reason="not a clone of the repository")
+def test_the_command_installs_from_the_clone_for_the_python_that_runs_and_works_from_any_folder(tmp_path):
+    words = shlex.split(install_command("plot"))
+    assert words == [sys.executable, "-m", "pip", "install", "-e", f"{ROOT}[plot]"]
+    dry = [*words[:4], "--dry-run", "--no-deps", "--no-build-isolation", "--no-index", "--quiet", *words[4:]]
+    done = subprocess.run(dry, cwd=tmp_path, capture_output=True, text=True)
+    assert (done.returncode, "does not provide the extra" in done.stderr) == (0, False), done.stderr
+
+
+def test_a_clone_with_a_blank_in_its_path_is_quoted(tmp_path, monkeypatch):
+    clone = tmp_path / "my clone"
+    (clone / "fg_mujoco").mkdir(parents=True)
+    (clone / "pyproject.toml").touch()
+    monkeypatch.setattr(errors, "__file__", str(clone / "fg_mujoco" / "errors.py"))
+    assert shlex.split(install_command("maps"))[-1] == f"{clone}[maps]"
+
+
+def test_without_a_clone_the_packages_of_the_extra_are_named(tmp_path, monkeypatch):
+    monkeypatch.setattr(errors, "__file__", str(tmp_path / "fg_mujoco" / "errors.py"))
+    assert shlex.split(install_command("maps"))[4:] == ["pillow>=10.1", "pyyaml>=6", "scipy>=1.11"]
+
+
+@pytest.mark.skipif(not PYPROJECT.exists(), reason="not a clone of the repository")
+def test_no_file_says_that_the_package_can_be_had_from_pypi():
+    files = [*ROOT.glob("*file"), *ROOT.glob("*.toml")]
+    files += [
+        path for folder in ("fg_mujoco", "controllers", "examples", "tests") for path in (ROOT / folder).rglob("*.py")
+    ]
+    wrong = re.compile("pip install ['\"]?" + "fg-mujoco")
+    assert [str(path) for path in files if wrong.search(path.read_text(encoding="utf-8"))] == []

@@ -14,6 +14,7 @@ import fg_mujoco as fg
 
 ROOT = Path(__file__).parent.parent
 FOLDERS = ("fg_mujoco", "models", "tracks", "controllers")
+BESIDE = ("pyproject.toml", "README.md", "LICENSE", "MANIFEST.in", "CHANGELOG.md", "CITATION.cff", "constraints.txt")
 PYPROJECT = (ROOT / "pyproject.toml").read_text() if (ROOT / "pyproject.toml").exists() else ""
 
 needs_checkout = pytest.mark.skipif(not PYPROJECT, reason="not a checkout of the repository")
@@ -54,8 +55,10 @@ def built(tmp_path_factory):
     source = folder / "source"
     for name in FOLDERS:
         shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
+    for name in BESIDE:
         shutil.copy(ROOT / name, source)
+    (source / "tests").mkdir()
+    shutil.copy(ROOT / "tests" / "test_packaging.py", source / "tests")  # of which nothing belongs into either
     build = "from setuptools import build_meta as b; b.build_sdist({0!r}); b.build_wheel({0!r})".format(str(folder))
     made = subprocess.run([sys.executable, "-c", build], cwd=source, capture_output=True, text=True)
     assert made.returncode == 0, made.stderr[-2000:]
@@ -71,8 +74,27 @@ def test_wheel_and_sdist_hold_every_file_and_nothing_else(built):
         assert any(name.endswith("licenses/LICENSE") for name in archive.namelist())
     (sdist,) = built.glob("*.tar.gz")
     with tarfile.open(sdist) as archive:
-        names = {name.partition("/")[2] for name in archive.getnames()}
-    assert package_files() | {"pyproject.toml", "README.md", "LICENSE"} <= names
+        names = {member.name.partition("/")[2] for member in archive.getmembers() if member.isfile()}
+    made = {name for name in names if name.startswith("fg_mujoco.egg-info/")} | {"PKG-INFO", "setup.cfg"}
+    assert names - made == package_files() | set(BESIDE)
+
+
+@needs_checkout
+def test_the_version_of_pyproject_is_that_of_the_archives_and_of_the_changelog(built):
+    version = re.search(r'^version = "(.*)"$', PYPROJECT, re.MULTILINE)[1]
+    assert {path.name for path in built.iterdir() if path.is_file()} == {
+        f"fg_mujoco-{version}-py3-none-any.whl", f"fg_mujoco-{version}.tar.gz",
+    }  # fmt: skip
+    newest = re.search(r"^## (.*)$", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)[1]
+    assert newest.split(" ")[0] == version
+    assert fg.__version__ == version
+
+
+@needs_checkout
+def test_make_dist_leaves_out_what_an_older_build_has_left(tmp_path):
+    made = subprocess.run(["make", "-n", "dist", "VENV=there"], cwd=ROOT, capture_output=True, text=True).stdout
+    assert "rm -rf dist build/lib build/bdist.*" in made
+    assert made.index("rm -rf") < made.index("build_sdist('dist'); build.build_wheel('dist')")
 
 
 @needs_checkout

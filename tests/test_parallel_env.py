@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from fg_mujoco.errors import install_command
 
 pytest.importorskip("pettingzoo", reason="the extra pettingzoo is not installed; make test installs it")
 
@@ -186,5 +187,5 @@ def test_without_pettingzoo_the_message_is_the_command_that_installs_it():
     code = "import sys; sys.modules['pettingzoo'] = None\nimport fg_mujoco as fg\nprint('in')\nfg.parallel_env()"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert run.stdout == "in\n"
-    needs = "PettingZoo environments need PettingZoo: pip install 'fg-mujoco[pettingzoo]'"
+    needs = f"PettingZoo environments need PettingZoo: {install_command('pettingzoo')}"
     assert run.stderr.splitlines()[-1].endswith(needs)

@@ -74,7 +74,7 @@ def failing(name):
 
 
 def test_the_command_says_the_line_and_writes_the_run_up_to_there(here, capsys):
-    pytest.importorskip("bokeh", reason="no bokeh here: pip install 'fg-mujoco[report]'")
+    pytest.importorskip("bokeh", reason="no bokeh here: pip install -e '.[report]'")
     assert main(["race", "--controller", "mine.py:Late", "--out", "runs/late"]) == 1
     out, err = capsys.readouterr()
     said = "TypeError: Axis must be specified when shapes of a and weights differ. (mine.py, line 15), t = 0.500 s"
@@ -193,7 +193,7 @@ def test_a_live_planner_that_cannot_be_reset_pauses_and_a_goal_that_fails_is_non
 
 
 def test_the_browser_shows_the_failure_beside_the_pause():
-    pytest.importorskip("viser", reason="no viser here: pip install 'fg-mujoco[live]'")
+    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
     from fg_mujoco.viz.live.browser import LiveView
 
     with socket.create_server(("127.0.0.1", 0)) as server:

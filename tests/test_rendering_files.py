@@ -17,12 +17,13 @@ from terminals import read_to_the_end
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
+from fg_mujoco.errors import install_command
 from fg_mujoco.viz.rendering import video
 from fg_mujoco.viz.rendering.gl import INSTALL_COMMAND
 from fg_mujoco.viz.rendering.video import write_picture, write_video
 
-Image = pytest.importorskip("PIL.Image", reason="pip install 'fg-mujoco[render]'")
-imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="pip install 'fg-mujoco[render]'")
+Image = pytest.importorskip("PIL.Image", reason="pip install -e '.[render]'")
+imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="pip install -e '.[render]'")
 
 SMALL = ["--size", "64x48", "--quality", "draft"]
 
@@ -113,7 +114,7 @@ def test_no_encoder_is_the_command_that_installs_one(here, monkeypatch, run, cap
     monkeypatch.setattr(
         video.importlib.util, "find_spec", lambda name: None if name == "imageio_ffmpeg" else find_spec(name)
     )
-    assert complaint(capsys, run, *SMALL) == "fg-mujoco: videos need ffmpeg: pip install 'fg-mujoco[render]'"
+    assert complaint(capsys, run, *SMALL) == f"fg-mujoco: videos need ffmpeg: {install_command('render')}"
 
 
 @needs_gl

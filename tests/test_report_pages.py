@@ -13,10 +13,10 @@ from browsers import page_of  # noqa: F401 - a fixture
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
-from fg_mujoco.errors import MissingExtraError, RunFolderError
+from fg_mujoco.errors import MissingExtraError, RunFolderError, install_command
 from fg_mujoco.racing.run_folder import summary_json
 
-pytest.importorskip("bokeh", reason="no bokeh here: pip install 'fg-mujoco[report]'")
+pytest.importorskip("bokeh", reason="no bokeh here: pip install -e '.[report]'")
 
 from fg_mujoco.studies.comparison.pages import write_comparison_report
 from fg_mujoco.studies.comparison.run import RunRow
@@ -194,11 +194,11 @@ def test_without_bokeh_the_race_is_written_all_the_same(here, monkeypatch, capsy
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     assert main(["race", "--laps", "1", "--time-limit", "0.2", "--out", "run"]) == 1
     assert (
-        "report.html is left out; report pages need Bokeh: pip install 'fg-mujoco[report]'" in capsys.readouterr().err
+        f"report.html is left out; report pages need Bokeh: {install_command('report')}" in capsys.readouterr().err
     )
     assert not (here / "run" / "report.html").exists()
     assert main(["report", "run"]) == 2
-    assert complaint(capsys) == "fg-mujoco: report pages need Bokeh: pip install 'fg-mujoco[report]'"
+    assert complaint(capsys) == f"fg-mujoco: report pages need Bokeh: {install_command('report')}"
 
 
 def test_race_leaves_a_report_in_its_folder(here, capsys):

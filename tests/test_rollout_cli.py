@@ -15,7 +15,7 @@ from terminals import read_to_the_end
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
-from fg_mujoco.errors import EngineError
+from fg_mujoco.errors import EngineError, install_command
 
 SLOW = """
 import time
@@ -155,7 +155,7 @@ def test_a_folder_of_another_rollout_is_refused(no_engine, here, capsys):
 
 def test_without_ray_the_command_that_installs_it_is_said(no_engine, here, capsys, monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    assert "pip install 'fg-mujoco[cluster]'" in refusal(here, capsys, "--engine", "ray")
+    assert install_command("cluster") in refusal(here, capsys, "--engine", "ray")
 
 
 def test_a_cluster_that_fails_exits_1(no_engine, capsys, monkeypatch):

@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -11,7 +12,7 @@ import time
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.errors import ControllerError, EngineError, MissingExtraError
+from fg_mujoco.errors import ControllerError, EngineError, MissingExtraError, install_command
 
 pytestmark = pytest.mark.slow
 
@@ -46,7 +47,7 @@ FAST_DEATH = {  # nodes that are gone are missed within seconds
 @pytest.fixture(scope="module")
 def ray():
     os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
-    return pytest.importorskip("ray", reason="the extra `cluster` is not installed: pip install 'fg-mujoco[cluster]'")
+    return pytest.importorskip("ray", reason="the extra `cluster` is not installed: pip install -e '.[cluster]'")
 
 
 @pytest.fixture
@@ -182,6 +183,6 @@ def test_a_cluster_that_does_not_answer_is_named_at_once(ray, monkeypatch):
 def test_without_ray_the_command_that_installs_it_is_said(monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(
-        MissingExtraError, match=r"^rollouts on a cluster need Ray: pip install 'fg-mujoco\[cluster\]'$"
+        MissingExtraError, match=rf"^rollouts on a cluster need Ray: {re.escape(install_command('cluster'))}$"
     ):
         fg.rollout("oval", engine="ray", n=1)

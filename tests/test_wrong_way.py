@@ -206,7 +206,7 @@ def here(tmp_path, monkeypatch):
 
 
 def test_table_json_report_and_picture_say_where_the_car_turned(here, capsys, monkeypatch):
-    pytest.importorskip("bokeh", reason="no bokeh here: pip install 'fg-mujoco[report]'")
+    pytest.importorskip("bokeh", reason="no bokeh here: pip install -e '.[report]'")
     drawn = []
     monkeypatch.setattr("fg_mujoco.viz.plots.save_figure", lambda figure, path: drawn.append(figure))
     monkeypatch.setattr("fg_mujoco.viz.report.page.make_clip", lambda *_: None)
@@ -244,7 +244,7 @@ def test_a_rollout_ends_for_the_same_reason(here):
 
 
 def test_an_environment_is_truncated(here):
-    pytest.importorskip("gymnasium", reason="no gymnasium here: pip install 'fg-mujoco[gym]'")
+    pytest.importorskip("gymnasium", reason="no gymnasium here: pip install -e '.[gym]'")
     from fg_mujoco.envs.gym_environment import F1TenthEnv
 
     env = F1TenthEnv(beam_step=540, start="line")
@@ -258,7 +258,7 @@ def test_an_environment_is_truncated(here):
 
 
 def test_a_report_of_a_run_from_before_says_nothing(lap, tmp_path):
-    pytest.importorskip("bokeh", reason="no bokeh here: pip install 'fg-mujoco[report]'")
+    pytest.importorskip("bokeh", reason="no bokeh here: pip install -e '.[report]'")
     from fg_mujoco.viz.report.recorded_run import read_recorded
 
     folder = fg.write_run(lap, tmp_path / "run", picture=False)

@@ -77,6 +77,7 @@ _LEAST_LOOP = 3.0  # [m] to the far side of a closed path
 _LEAST_AGE = 5.0  # [m] of the part of the path that the car comes upon there
 _FREE_START = 4  # cells from the car that may be near a wall
 _BUCKETS = 64  # above the greatest cost of a step
+_LAST = SIZE * SIZE - 1
 
 WAY_ON = np.dtype(
     [
@@ -212,7 +213,7 @@ def _find(memory: Record, lidar_offset: float) -> None:
 
 @kernel
 def _mark_walls(world: Record, walls: NDArray[np.uint8], near: NDArray[np.uint8]) -> None:
-    """Write the bits of cells near walls, and near how far they are: 2 within 4 cells, 1 within 6, else 0."""
+    """Write the bits of cells near walls, and near how far they are: 3 within 4 cells, 1 within 6, else 0."""
     padded = np.zeros(SIZE + 12, np.uint8)
     one, two = np.zeros((SIZE, SIZE), np.uint8), np.zeros((SIZE, SIZE), np.uint8)
     four, six = np.zeros((SIZE, SIZE), np.uint8), np.zeros((SIZE, SIZE), np.uint8)
@@ -239,14 +240,39 @@ def _mark_walls(world: Record, walls: NDArray[np.uint8], near: NDArray[np.uint8]
             at_wall = one[i, j] | (world.cells[b, j] == WALL) | (world.cells[c, j] == WALL)
             hole = holes[i, j] | ((world.cells[a, j] == WALL) & (world.cells[d, j] == WALL))
             walls[i, j] = octagon * NEAR_WALL | at_wall * AT_WALL | hole * HOLE
-        for offset in range(-6, 7):
-            k = (i + offset) & RING
-            if abs(offset) <= 4:
-                for j in range(SIZE):
-                    near[i, j] |= four[k, j] * 2 | six[k, j]
-            else:
-                for j in range(SIZE):
-                    near[i, j] |= six[k, j]
+    _mark_distances(four, six, near)
+
+
+@kernel
+def _mark_distances(four: NDArray[np.uint8], six: NDArray[np.uint8], near: NDArray[np.uint8]) -> None:
+    """Write 3 to `near` where a wall is within 4 cells, 1 where it is within 6, else 0.
+
+    A row of `four` or `six` says where a wall is so near within the same row. Rows are joined in steps of 2 and 4, so
+    that each is read a few times instead of thirteen.
+
+    Args:
+      four: (SIZE, SIZE), 1 where a wall is within 4 cells in the same row; overwritten.
+      six: the same within 6 cells; overwritten.
+      near: written to.
+    """
+    both = four  # bits: 2, within 4 cells; 1, within 6
+    for i in range(SIZE):
+        for j in range(SIZE):
+            both[i, j] = four[i, j] << np.uint8(1) | six[i, j]
+    two_rows, four_rows = np.empty((SIZE, SIZE), np.uint8), six  # of this row and the next one or three
+    for i in range(SIZE):
+        k = (i + 1) & RING
+        for j in range(SIZE):
+            two_rows[i, j] = both[i, j] | both[k, j]
+    for i in range(SIZE):
+        k = (i + 2) & RING
+        for j in range(SIZE):
+            four_rows[i, j] = two_rows[i, j] | two_rows[k, j]
+    for i in range(SIZE):
+        a, b, c, d = (i - 6) & RING, (i - 4) & RING, (i + 4) & RING, (i + 5) & RING
+        for j in range(SIZE):
+            outer = (two_rows[a, j] | two_rows[d, j]) & np.uint8(1)
+            near[i, j] = four_rows[b, j] | four_rows[i, j] | both[c, j] | outer
 
 
 @kernel
@@ -264,10 +290,11 @@ def _close_way_back(world: Record, blocked: NDArray[np.uint8], opened: float, cl
             break
         if point[ALONG] > until:
             continue
+        sin, cos = math.sin(point[2]), math.cos(point[2])
         for side in (1, -1):
             room = point[LEFT] if side == 1 else point[RIGHT]
             for step in range(int((_WIDEST if open_ground else room) / (0.5 * CELL)) + 1):
-                i, j = _beside(point, side * 0.5 * CELL * step)
+                i, j = _aside(point, sin, cos, side * 0.5 * CELL * step)
                 if not in_window(world, i, j):
                     break
                 if open_ground and 0.5 * CELL * step > room and world.cells[i & RING, j & RING] == WALL:
@@ -277,10 +304,12 @@ def _close_way_back(world: Record, blocked: NDArray[np.uint8], opened: float, cl
 
 
 @kernel
-def _beside(point: FloatArray, aside: float) -> tuple[int, int]:
-    """Return the column and row of the cell beside a point of the path [m], left positive."""
-    x, y = point[0] - aside * math.sin(point[2]), point[1] + aside * math.cos(point[2])
-    return math.floor(x / CELL), math.floor(y / CELL)
+def _aside(point: FloatArray, sin: float, cos: float, aside: float) -> tuple[int, int]:
+    """Return the column and row of the cell beside a point of the path [m], left positive.
+
+    The caller computes the sine and cosine of the point's heading once for all cells of a line.
+    """
+    return math.floor((point[0] - aside * sin) / CELL), math.floor((point[1] + aside * cos) / CELL)
 
 
 @kernel
@@ -294,11 +323,12 @@ def _is_open_ground(world: Record, distance: NDArray[np.uint16]) -> bool:
             break
         if age > 2.0:
             points += 1
+            sin, cos = math.sin(point[2]), math.cos(point[2])
             for side in (1, -1):
                 room = point[LEFT] if side == 1 else point[RIGHT]
                 walled = False  # the ground behind a thin barrier is another lane
                 for cells in range(-1, 3):
-                    i, j = _beside(point, side * (room + cells * CELL))
+                    i, j = _aside(point, sin, cos, side * (room + cells * CELL))
                     walled = walled or not in_window(world, i, j) or world.cells[i & RING, j & RING] == WALL
                 if not walled and distance[i & RING, j & RING] != FAR:
                     passed += 1
@@ -506,12 +536,14 @@ def _spread(
 ) -> None:
     """Write the way to go [UNIT] from all free cells to the nearest of `count` cells of `goal`."""
     heads = np.full(_BUCKETS, -1, np.int32)  # of the lists of cells that wait, by their way to go modulo _BUCKETS
-    cells, links = np.empty((4 * SIZE * SIZE, 2), np.int32), np.empty(4 * SIZE * SIZE, np.int32)
+    cells, links = np.empty(4 * SIZE * SIZE, np.int32), np.empty(4 * SIZE * SIZE, np.int32)
+    kinds, straight, diagonal = _kinds(world, blocked, near, WAY_BACK | impassable)
+    flat = to_go.reshape(SIZE * SIZE)  # a cell is a number: its column in the ring times SIZE, and its row
     made = 0
     for k in range(count):
-        i, j = goal[k, 0], goal[k, 1]
-        to_go[i & RING, j & RING] = 0
-        cells[made, 0], cells[made, 1], links[made] = i, j, heads[0]
+        cell = (goal[k, 0] & RING) * SIZE + (goal[k, 1] & RING)
+        flat[cell] = 0
+        cells[made], links[made] = cell, heads[0]
         heads[0] = made
         made += 1
     level, empty = 0, 0
@@ -522,22 +554,47 @@ def _spread(
             continue
         empty = 0
         heads[level % _BUCKETS] = links[place]
-        i, j = cells[place, 0], cells[place, 1]
-        if to_go[i & RING, j & RING] != level:
+        cell = cells[place]
+        if flat[cell] != level:
             continue  # it was reached by a shorter way meanwhile
-        for k in range(8):
-            di, dj = _neighbour(k)
-            a, b = i + di, j + dj
-            p, q = a & RING, b & RING
-            bits = blocked[p, q]
-            if world.cells[p, q] != FREE or bits & (WAY_BACK | impassable) != 0:
+        column, row = cell & ~RING, cell & RING
+        left, right = (column - SIZE) & _LAST, (column + SIZE) & _LAST
+        up, down = (row + 1) & RING, (row - 1) & RING
+        beside = (left | row, right | row, column | up, column | down)
+        across = (left | up, left | down, right | up, right | down)
+        for k, neighbour in enumerate(beside + across):
+            kind = kinds[neighbour]
+            if kind == 0:
                 continue
-            cost = level + _cost(10 if k < 4 else 14, near[p, q], bits)
-            if cost < to_go[p, q]:
-                to_go[p, q] = cost
-                cells[made, 0], cells[made, 1], links[made] = a, b, heads[cost % _BUCKETS]
+            cost = level + (straight[kind] if k < 4 else diagonal[kind])
+            if cost < flat[neighbour]:
+                flat[neighbour] = cost
+                cells[made], links[made] = neighbour, heads[cost % _BUCKETS]
                 heads[cost % _BUCKETS] = made
                 made += 1
+
+
+@kernel
+def _kinds(
+    world: Record, blocked: NDArray[np.uint8], near: NDArray[np.uint8], impassable: int
+) -> tuple[NDArray[np.uint8], NDArray[np.int64], NDArray[np.int64]]:
+    """Return the kind of each cell (SIZE * SIZE,), and what a straight and a diagonal step onto each kind cost.
+
+    Kind 0 cannot be driven on. The others are 1 plus `near` (0, 1 or 3), plus 4 within two cells of a wall. Distances
+    spread faster over one byte for each cell than over the three arrays.
+    """
+    kinds = np.empty(SIZE * SIZE, np.uint8)
+    shut = np.uint8(impassable)
+    for i in range(SIZE):
+        for j in range(SIZE):
+            free = world.cells[i, j] == FREE and blocked[i, j] & shut == 0
+            kind = 1 + near[i, j] + 4 * (blocked[i, j] & NEAR_WALL)
+            kinds[i * SIZE + j] = kind if free else 0
+    straight, diagonal = np.zeros(9, np.int64), np.zeros(9, np.int64)
+    for kind in range(1, 9):
+        straight[kind] = _cost(10, (kind - 1) & 3, NEAR_WALL * ((kind - 1) >> 2))
+        diagonal[kind] = _cost(14, (kind - 1) & 3, NEAR_WALL * ((kind - 1) >> 2))
+    return kinds, straight, diagonal
 
 
 @kernel

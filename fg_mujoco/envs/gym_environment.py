@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..display import brief
-from ..errors import MissingExtraError, SettingsError, accepted_names
+from ..errors import SettingsError, accepted_names, missing_extra
 from ..lidar.beams import LidarModel
 from .actions import ActionBounds
 from .episodes import Episodes
@@ -34,7 +34,7 @@ from .worlds import Worlds
 try:
     import gymnasium
 except ImportError as error:
-    raise MissingExtraError("Gymnasium environments need Gymnasium: pip install 'fg-mujoco[gym]'") from error
+    raise missing_extra("Gymnasium environments need Gymnasium", "gym") from error
 
 ID = "fg_mujoco/F1Tenth-v0"
 RENDER_MODES = ("human", "rgb_array")

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..display import brief
-from ..errors import MessageError, MissingExtraError, SettingsError, accepted_names
+from ..errors import MessageError, SettingsError, accepted_names, missing_extra
 from ..messages import require_whole, shown
 from ..simulation.cars import GREATEST_CARS
 from .actions import one_action
@@ -34,7 +34,7 @@ try:
     import gymnasium
     import pettingzoo
 except ImportError as error:
-    raise MissingExtraError("PettingZoo environments need PettingZoo: pip install 'fg-mujoco[pettingzoo]'") from error
+    raise missing_extra("PettingZoo environments need PettingZoo", "pettingzoo") from error
 
 # isort: split
 # where Gymnasium is missing, the line above has said which command installs both

@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from importlib.resources import files
+from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
 
+from ..course.files import read_text
+from ..course.mjcf import MOST_MJCF, checked_mjcf
 from ..display import brief
 from ..errors import ModelError, SettingsError, accepted_names
 from ..messages import FloatArray, LaserScan, ScanGeometry, read_only
@@ -183,7 +185,7 @@ class LidarModel:
 
     @cached_property
     def _parsed(self) -> Any:
-        return mujoco.MjSpec.from_string(self.text)
+        return mujoco.MjSpec.from_string(checked_mjcf(self.text).text)
 
     @cached_property
     def _without_sensors(self) -> Any:
@@ -233,12 +235,13 @@ def _as_it_was(file: str, text: str) -> LidarModel:
 
 @lru_cache(maxsize=32)
 def _bundled(file: str) -> LidarModel:
-    return _read(file, files("fg_mujoco.models") / file)
+    with as_file(files("fg_mujoco.models") / file) as path:
+        return _read(file, path)
 
 
-def _read(file: str, source: Any) -> LidarModel:
+def _read(file: str, source: Path) -> LidarModel:
     try:
-        return _checked(file, source.read_text("utf-8"))
+        return _checked(file, read_text(source, MOST_MJCF))
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
         raise ModelError(f"LiDAR file {file}: {reason}; accepted: {DEFAULT_LIDAR}, or a path") from error

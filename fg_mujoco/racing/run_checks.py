@@ -1,27 +1,24 @@
 """What the files of a run folder may hold: a folder can come from anybody, and is checked before anything reads it.
 
     check_summary(summary)
-    check_scene(xml)
+    xml = checked_scene(xml)
 
-Each raises a ValueError that says what is wrong and what is accepted. A scene that `race --out` writes names no file
-and lists all that it has, so that what MuJoCo makes of it is about as large as its text.
+Each raises a ValueError that says what is wrong and what is accepted.
 """
 
 from __future__ import annotations
 
-import math
-import re
 from collections.abc import Callable, Mapping
 from dataclasses import fields
 from pathlib import PurePath
 from typing import Any
-from xml.parsers import expat
 
+from ..course.mjcf import checked_mjcf
 from ..errors import SettingsError
 from ..lidar.effects import LidarEffects
 from ..lidar.lidar import LIDAR_BACKENDS
 from ..simulation.cars import GREATEST_CARS
-from ..simulation.planner_adapter import short, short_text
+from ..simulation.planner_adapter import short
 from ..simulation.settings import GREATEST_LAPS
 from ..simulation.termination import WrongWay
 from .crash import Crash
@@ -191,83 +188,18 @@ def check_summary(summary: Mapping[str, Any]) -> None:
             raise ValueError(f"{name} is {short(value)}; accepted: {accepted}")
 
 
-MOST_ELEMENTS = 100_000
-_MOST_LEVELS = 100
-_REFUSED = ("include", "replicate", "composite", "flexcomp", "attach", "model", "plugin", "extension")
-_FOLDERS = ("assetdir", "meshdir", "texturedir")
-_RANGES: dict[str, tuple[float, float]] = {
-    "timestep": (1e-4, 0.1),  # [s]
-    **dict.fromkeys(("iterations", "ls_iterations", "noslip_iterations", "ccd_iterations"), (0.0, 1000.0)),
-    **dict.fromkeys(("sdf_iterations", "sdf_initpoints"), (0.0, 1000.0)),
-    **dict.fromkeys(("width", "height", "nrow", "ncol", "resolution", "offwidth", "offheight"), (0.0, 4096.0)),
-    **dict.fromkeys(("shadowsize", "numslices", "numstacks", "numquads"), (0.0, 8192.0)),
-    **dict.fromkeys(("offsamples", "octree_maxdepth"), (0.0, 16.0)),
-    **dict.fromkeys(("nuserdata", "njmax", "nconmax", "nkey", "dim", "num", "nsample"), (-1.0, 10_000.0)),
-    **{
-        f"nuser_{part}": (-1.0, 100.0)
-        for part in ("body", "jnt", "geom", "site", "cam", "tendon", "actuator", "sensor")
-    },
-}
-"""Within what attributes have to be that say how much MuJoCo makes or does."""
+def checked_scene(xml: str) -> str:
+    """Return the text of a scene, written anew from what was checked of it.
 
-_MEMORY = re.compile(r"-1|\d{1,9}K?|\d{1,4}M|1G")
-_NO_NUMBER = re.compile(r"(?i)(?<!\S)(?:[+-]?(?:nan|inf|infinity)|[+-]?[\d.]+e[+-]?\d{3,})(?!\S)")
+    Raises:
+      ValueError: it names other files, or MuJoCo would make far more of it than it lists.
+    """
+    scene = checked_mjcf(xml)
+    for name, data in scene.texts:
+        path = PurePath(data)
+        if name.endswith(_NAMING) and not path.is_absolute() and path.name != str(path):
+            raise ValueError(f"text {short(name)} is {short(data)}; accepted: a bundled file, or an absolute path")
+    return scene.text
 
 
-def check_scene(xml: str) -> None:
-    """Raise ValueError for the text of a scene that names other files, or of which MuJoCo would make far more."""
-    counts = {"elements": 0, "levels": 0}
-
-    def refuse_document_type(*_: Any) -> None:
-        raise ValueError("it declares a document type; accepted: MJCF alone")
-
-    def begin(tag: str, attributes: dict[str, str]) -> None:
-        counts["elements"] += 1
-        counts["levels"] += 1
-        if counts["elements"] > MOST_ELEMENTS or counts["levels"] > _MOST_LEVELS:
-            raise ValueError(f"more than {MOST_ELEMENTS} elements or {_MOST_LEVELS} levels")
-        if (tag == "mujoco") != (counts["levels"] == 1):
-            raise ValueError(f"<{short_text(tag)}> in level {counts['levels']}; accepted: one <mujoco> with all else")
-        if tag in _REFUSED or (tag == "mesh" and "builtin" in attributes):
-            raise ValueError(f"<{tag}> makes parts that it does not list; accepted: all parts by themselves")
-        for name, value in attributes.items():
-            _check_attribute(tag, name, value)
-        if tag == "text" and attributes.get("name", "").endswith("look"):
-            look = PurePath(attributes.get("data", ""))
-            if not look.is_absolute() and look.name != str(look):
-                raise ValueError(f"the look is {short(str(look))}; accepted: a bundled one, or an absolute path")
-
-    def end(_: str) -> None:
-        counts["levels"] -= 1
-
-    parser = expat.ParserCreate("utf-8")
-    parser.StartDoctypeDeclHandler = refuse_document_type
-    parser.StartElementHandler, parser.EndElementHandler = begin, end
-    try:
-        parser.Parse(xml.encode(), True)
-    except expat.ExpatError as error:
-        raise ValueError(f"no XML: {error}") from error
-
-
-def _check_attribute(tag: str, name: str, value: str) -> None:
-    """Raise ValueError for an attribute that names a file, or asks for too much."""
-    called = f"<{short_text(tag)} {short_text(name)}={short(value)}>"
-    if name.startswith("file") or name in _FOLDERS:
-        raise ValueError(f"{called} names a file; accepted: a scene that refers to no other file")
-    if name == "memory" and not _MEMORY.fullmatch(value):
-        raise ValueError(f"{called}; accepted: at most 1G")
-    found = None if name in ("name", "data") and tag == "text" else _NO_NUMBER.search(value)
-    if found is not None:
-        raise ValueError(f"<{short_text(tag)} {short_text(name)}> has {found[0]}; accepted: numbers up to 1e99")
-    if name in _RANGES:
-        low, high = _RANGES[name]
-        for number in value.split():
-            if not low <= _number(number) <= high:
-                raise ValueError(f"{called}; accepted: {low:g} to {high:g}")
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return math.nan
+_NAMING = ("look", "file")  # ends of the names of texts that name a look, or a LiDAR

@@ -38,6 +38,7 @@ import mujoco
 import numpy as np
 
 from ..course.files import file_sha256, is_file, read_arrays, read_bytes, read_text, require_regular
+from ..course.mjcf import MOST_MJCF
 from ..course.writing import claimed_folder, require_writable, staged_folder
 from ..display import brief, quoted
 from ..errors import FgMujocoError, RunFolderError, SettingsError, accepted_names
@@ -45,13 +46,12 @@ from ..messages import FloatArray, LaserScan, Odometry
 from ..simulation.planner_failure import PlannerFailure
 from ..simulation.telemetry import ALWAYS_NUMBERS, RECORDED_ALWAYS, TELEMETRY
 from .result import RaceResult
-from .run_checks import check_scene, check_summary
+from .run_checks import check_summary, checked_scene
 
 SCHEMA = 1
 """Of the run folder; a reader refuses any other."""
 
 _MOST_SUMMARY = 2**20  # bytes
-_MOST_SCENE = 16 * 2**20  # bytes
 _MOST_TELEMETRY = 512 * 2**20  # bytes, of about ten hours
 _MOST_STATES = 2 * 2**30  # bytes, uncompressed
 _MOST_OF_A_STATE = 20_000  # numbers; those of the rangefinders are 4482
@@ -76,7 +76,7 @@ class Run:
 
     folder: Path
     summary: dict[str, Any]
-    xml: str = field(repr=False)  # of its scene
+    xml: str = field(repr=False)  # of its scene, as it was checked
     time: FloatArray = field(repr=False)  # (ticks + 1,) [s]
     states: FloatArray = field(repr=False)  # (ticks + 1, k)
     ctrl: FloatArray = field(repr=False)  # (ticks, 2 cars)
@@ -257,8 +257,7 @@ def read_run(folder: str | Path) -> Run:
             require_regular(path)
         _require_unchanged(path, summary)
     with _blame(folder / _SCENE):
-        xml = read_text(folder / _SCENE, _MOST_SCENE)
-        check_scene(xml)
+        xml = checked_scene(read_text(folder / _SCENE, MOST_MJCF))
     with _blame(folder / _TELEMETRY):
         telemetry, columns = _read_telemetry(folder / _TELEMETRY)
     others = []

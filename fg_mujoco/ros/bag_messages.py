@@ -19,11 +19,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import MissingExtraError
+from ..errors import missing_extra
 from ..messages import DriveCommand, FloatArray, LaserScan, Odometry
 from ..simulation.telemetry import recorded_command
-
-INSTALL_COMMAND = "pip install 'fg-mujoco[ros]'"
 
 SCAN, ODOMETRY = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"
 IMU, JOINTS = "sensor_msgs/msg/Imu", "sensor_msgs/msg/JointState"
@@ -52,7 +50,7 @@ def require_ros_extra() -> None:
       MissingExtraError: a part is not installed; the message has the command that installs it.
     """
     if any(importlib.util.find_spec(name) is None for name in ("mcap", "rosbags", "scipy")):
-        raise MissingExtraError(f"ROS bags need mcap, rosbags and SciPy: {INSTALL_COMMAND}")
+        raise missing_extra("ROS bags need mcap, rosbags and SciPy", "ros")
 
 
 @lru_cache(maxsize=4)

@@ -6,6 +6,7 @@ The MJCF is the source of every constant. Names are resolved once, when a `Car` 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -72,7 +73,7 @@ def car_parameters(model: mujoco.MjModel, prefix: str = "") -> CarParameters:
     front_left, front_right, rear_left, _ = (data.xpos[wheels] - origin) @ axes
     drivetrain = element_id(model, mujoco.mjtObj.mjOBJ_TENDON, f"{prefix}drive")
     wraps = slice(model.tendon_adr[drivetrain], model.tendon_adr[drivetrain] + model.tendon_num[drivetrain])
-    wheel_radius = float(model.wrap_prm[wraps].sum())  # that they roll on
+    wheel_radius = _positive(model.wrap_prm[wraps].sum(), "the sum of tendon 'drive'")  # that they roll on
     chassis = element_id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{prefix}chassis")
     half_length, half_width = (float(half) for half in model.geom_size[chassis, :2])
 
@@ -82,8 +83,9 @@ def car_parameters(model: mujoco.MjModel, prefix: str = "") -> CarParameters:
     steering = element_id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, f"{prefix}steering")
     steered = ("steering", "front_left_kingpin", "front_right_kingpin")  # turn together, one to one in the middle
     steered_joints = [element_id(model, mujoco.mjtObj.mjOBJ_JOINT, f"{prefix}{joint}") for joint in steered]
-    steering_damping = float(model.dof_damping[model.jnt_dofadr[steered_joints]].sum())
+    steering_damping = _positive(model.dof_damping[model.jnt_dofadr[steered_joints]].sum(), "damping of the steering")
     drive = element_id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, f"{prefix}speed")
+    speed_gain = _positive(model.actuator_gainprm[drive, 0], "gain of actuator 'speed'")
     power_limit = element_id(model, mujoco.mjtObj.mjOBJ_NUMERIC, f"{prefix}power_limit_speed")
     lidar_mount = element_id(model, mujoco.mjtObj.mjOBJ_SITE, f"{prefix}lidar_mount")
 
@@ -106,11 +108,22 @@ def car_parameters(model: mujoco.MjModel, prefix: str = "") -> CarParameters:
         max_speed=float(model.actuator_ctrlrange[drive, 1]),
         max_acceleration=float(model.actuator_forcerange[drive, 1]) / effective_mass,
         power_limit_speed=float(model.numeric_data[model.numeric_adr[power_limit]]),
-        speed_time_constant=effective_mass / float(model.actuator_gainprm[drive, 0]),
+        speed_time_constant=effective_mass / speed_gain,
         lidar_offset=float(model.site_pos[lidar_mount, 0]),
         gravity=-float(model.opt.gravity[2]),
         **tires_of(model, prefix).told(),
     )
+
+
+def _positive(value: Any, what: str) -> float:
+    """Return a number by which others are divided.
+
+    Raises:
+      ModelError: it is not above 0.
+    """
+    if not 0.0 < value < math.inf:
+        raise ModelError(f"{what} is {value:g}; accepted: a number above 0")
+    return float(value)
 
 
 class Car:

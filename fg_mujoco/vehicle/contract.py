@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 import re
 import warnings
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.resources import files
@@ -18,6 +17,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from ..course.files import is_file
+from ..course.mjcf import checked_mjcf, inside, short_text
 from ..errors import FgMujocoError, ModelError, SettingsError, nearest
 from ..lidar.beams import DEFAULT_LIDAR, LidarModel
 from ..messages import CarParameters, FloatArray
@@ -31,6 +32,7 @@ _PLANE, _BOX = mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_BOX
 
 _GAP, _DEPTH = 0.001, 0.005  # [m] of a tire over the ground, and in it, before the car has settled
 _SETTLING, _SETTLED = 0.5, 0.005  # [s] that a car is given to come to rest, and [m] by which it may move meanwhile
+_MOST_DOFS, _MOST_CONTACTS = 200, 200  # of a vehicle alone on its ground
 _STEERING_TOLERANCE = 0.005  # [rad] of a front wheel's angle at the steering's limit, from Ackermann's
 _RADIUS_TOLERANCE = 0.05  # [-] of the radius that wheels roll on, from the height of their middles
 
@@ -79,31 +81,18 @@ PARTS = tuple(_parts())
 """All that the MJCF of a vehicle must name; docs/howto/own_car.md shows it."""
 
 
-_NOT_FINITE = re.compile(r"[-+]?(?:nan.*|inf|infinity)", re.IGNORECASE)
-
-
 def parsed(text: str, where: str) -> Any:
     """Return the mujoco.MjSpec of an MJCF text.
 
     Raises:
-      ModelError: no XML, no MJCF, a name that is there twice, or a reference to another file.
+      ModelError: no XML, no MJCF, a name that is there twice, or what `checked_mjcf` refuses.
     """
     try:
-        root = ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
-        raise ModelError(f"{where} is no XML: {error}; accepted: an MJCF file") from error
-    for element in root.iter():
-        called = f"{element.tag} {element.get('name')!r}" if element.get("name") else element.tag
-        for attribute, value in element.attrib.items():
-            if attribute == "file":
-                raise ModelError(
-                    f"{where}: {called} refers to file {value!r}; accepted: one file that refers to no other (meshes "
-                    "belong to the look)"
-                )
-            if any(_NOT_FINITE.fullmatch(word) for word in value.split()):
-                raise ModelError(f"{where}: {attribute} of {called} is {value!r}; accepted: finite numbers")
+        document = checked_mjcf(text)
+    except ValueError as error:
+        raise ModelError(f"{where}: {error}") from error
     try:
-        return mujoco.MjSpec.from_string(text)
+        return mujoco.MjSpec.from_string(document.text)
     except ValueError as error:
         raise ModelError(f"{where}: {_reason(error)}") from error
 
@@ -116,11 +105,11 @@ def compiled(spec: Any, where: str) -> Any:
     """
     try:
         return spec.compile()
-    except ValueError as error:
+    except (ValueError, mujoco.FatalError) as error:
         raise ModelError(f"{where}: {_reason(error)}") from error
 
 
-def _reason(error: ValueError) -> str:
+def _reason(error: Exception) -> str:
     """Return what MuJoCo refuses, in one line, and what it would accept."""
     text = " ".join(str(error).split())
     line = re.search(r"line (\d+)", text)
@@ -191,10 +180,16 @@ def find_tires(spec: Any, folder: Path | None, where: str) -> Tires:
     if element is None:
         return Tires()
     name = str(element.data)
+    beside = None if folder is None else inside(folder, name)
     try:
-        return Tires.load(folder / name if folder is not None and (folder / name).is_file() else name)
+        if beside is not None and is_file(beside):
+            return Tires.load(beside)
+        if "/" not in name and not name.endswith(".toml"):
+            return Tires.load(name)
     except SettingsError as error:
         raise ModelError(f"{where}: text 'tires': {error}") from error
+    named = short_text(repr(name))
+    raise ModelError(f"{where}: text 'tires' names {named}; accepted: a file beside it, or a bundled set")
 
 
 def _named_file(spec: Any, text: str, folder: Path | None, where: str, default: str | None = None) -> str | None:
@@ -202,11 +197,13 @@ def _named_file(spec: Any, text: str, folder: Path | None, where: str, default: 
     if element is None:
         return default
     name = str(element.data)
-    if folder is not None and (folder / name).is_file():
-        return str(folder / name)
-    if Path(name).name == name and (files("fg_mujoco.models") / name).is_file():
+    beside = None if folder is None else inside(folder, name)
+    if beside is not None and is_file(beside):
+        return str(beside)
+    if Path(name).name == name and is_file(str(files("fg_mujoco.models") / name)):
         return name
-    raise ModelError(f"{where}: text {text!r} names {name!r}; accepted: a file beside it, or a bundled one")
+    named = short_text(repr(name))
+    raise ModelError(f"{where}: text {text!r} names {named}; accepted: a file beside it, or a bundled one")
 
 
 def check_model(model: Any, where: str) -> None:
@@ -217,6 +214,16 @@ def check_model(model: Any, where: str) -> None:
     Raises:
       ModelError: saying which, and what is accepted.
     """
+    if model.nv > _MOST_DOFS:
+        raise ModelError(f"{where}: {model.nv} degrees of freedom; accepted: {_MOST_DOFS} at most")
+    try:
+        _check_drive(model, where)
+    except mujoco.FatalError as error:  # as of too little memory
+        raise ModelError(f"{where}: {' '.join(str(error).split())}; accepted: a car that MuJoCo simulates") from error
+
+
+def _check_drive(model: Any, where: str) -> None:
+    """Refuse a compiled vehicle of a bounded size that could not be driven."""
     if not (np.isfinite(model.body_mass).all() and np.isfinite(model.body_inertia).all()):
         raise ModelError(f"{where}: a mass or inertia is not finite; accepted: numbers above 0 [kg, kg m^2]")
     _check_places(model, where)
@@ -281,6 +288,8 @@ def _check_stance(model: Any, wheel_radius: float, where: str) -> None:
             )
     drawn = _chassis_places(data)
     for _ in range(math.ceil(_SETTLING / model.opt.timestep)):
+        if data.ncon > _MOST_CONTACTS:
+            raise ModelError(f"{where}: {data.ncon} contacts at rest; accepted: {_MOST_CONTACTS} at most")
         mujoco.mj_step(model, data)
     moved = float(np.abs(_chassis_places(data) - drawn).max())
     for wheel in WHEELS:

@@ -20,6 +20,7 @@ from typing import Any
 import mujoco
 
 from ..course.files import read_text
+from ..course.mjcf import MOST_MJCF, checked_mjcf
 from ..errors import SettingsError, accepted_names
 from ..lidar.beams import LidarModel
 from ..messages import CarParameters
@@ -81,7 +82,7 @@ class Vehicle:
             return _bundled(source)
         path = Path(source).expanduser()
         try:
-            text = read_text(path)
+            text = read_text(path, MOST_MJCF)
         except (OSError, UnicodeDecodeError) as error:
             reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
             raise SettingsError(f"vehicle file {source}: {reason}; accepted: an MJCF file") from error
@@ -143,7 +144,7 @@ class Vehicle:
             raise SettingsError(
                 f"mu is {mu!r} and CarChanges.mu is {changes.mu!r}; accepted: one of them, or the same in both"
             )
-        spec = mujoco.MjSpec.from_string(self.text)
+        spec = mujoco.MjSpec.from_string(checked_mjcf(self.text).text)
         put_on(spec, tires or self.tires)
         if mu is not None:
             set_mu(spec, mu)

@@ -1,4 +1,4 @@
-"""Pictures of tracks and races, as PNG files. They need matplotlib: pip install 'fg-mujoco[plot]'.
+"""Pictures of tracks and races, as PNG files. They need matplotlib, of the extra `plot`.
 
 track_picture(load_track("oval"), "oval.png")
 trace_picture(race("oval"), "trace.png")
@@ -16,7 +16,7 @@ import numpy as np
 
 from ..course.course import Course, describe_course
 from ..course.writing import write_file
-from ..errors import MissingExtraError
+from ..errors import missing_extra
 from ..messages import CarParameters, FloatArray
 from ..racing import run_folder
 from ..racing.result import RaceResult
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-INSTALL_COMMAND = "pip install 'fg-mujoco[plot]'"
 
 _WIDTH = 7.2  # [in] two columns of a paper
 _MAP_HEIGHT = (2.2, 5.5)  # [in] least and greatest
@@ -56,7 +55,7 @@ def require_matplotlib() -> None:
       MissingExtraError: matplotlib is not installed; the message has the command that installs it.
     """
     if importlib.util.find_spec("matplotlib") is None:
-        raise MissingExtraError(f"pictures need matplotlib: {INSTALL_COMMAND}")
+        raise missing_extra("pictures need matplotlib", "plot")
 
 
 def track_picture(track: Course, path: str | Path | BinaryIO) -> None:

@@ -32,7 +32,7 @@ def run(samples: Path) -> None:
     without_checksums(write_run(result, samples / "run", settings=settings))  # what is read is checked for itself
 
 
-def _read(here: Path, rng: Generator) -> Attempt:
+def read(here: Path, rng: Generator) -> Attempt:
     readers = (
         ("replay", "run"), ("export", "run", "--out", "run.mcap"), ("race", "--config", "run", *SHORT),
         ("report", "run", "--no-clip"),
@@ -45,7 +45,7 @@ def _run_file(name: str) -> Callable[[Path, Path, Generator], Attempt]:
         shutil.copytree(samples / "run", here / "run")
         path = here / "run" / name
         path.write_bytes(mutated(path.read_bytes(), rng))
-        return _read(here, rng)
+        return read(here, rng)
 
     return attempt
 
@@ -69,15 +69,25 @@ def _any_json(value: Any, rng: Generator) -> Any:
 
 def _summary(samples: Path, here: Path, rng: Generator) -> Attempt:
     shutil.copytree(samples / "run", here / "run")
-    path = here / "run" / "summary.json"
-    if rng.random() < 0.3:
+    any_json_file(here / "run" / "summary.json", rng)
+    return read(here, rng)
+
+
+def any_json_file(path: Path, rng: Generator) -> None:
+    """Change a file of JSON: its text, one of its values, or which names it has."""
+    content = json.loads(path.read_text(encoding="utf-8"))
+    change = rng.random()
+    if change < 0.3:
         path.write_bytes(mutated(path.read_bytes(), rng))
-    else:
-        path.write_text(json.dumps(_any_json(json.loads(path.read_text()), rng)), encoding="utf-8")
-    return _read(here, rng)
+        return
+    if change < 0.6:
+        del content[one_of(rng, list(content))]
+    if change > 0.5:
+        content = _any_json(content, rng)
+    path.write_text(json.dumps(content), encoding="utf-8")
 
 
-def _arrays(path: Path, rng: Generator) -> None:
+def changed_arrays(path: Path, rng: Generator) -> None:
     """Change a file of arrays: its bytes, or one of its arrays."""
     if rng.random() < 0.3:
         path.write_bytes(mutated_binary(path.read_bytes(), rng))
@@ -113,8 +123,8 @@ def _arrays(path: Path, rng: Generator) -> None:
 
 def _states(samples: Path, here: Path, rng: Generator) -> Attempt:
     shutil.copytree(samples / "run", here / "run")
-    _arrays(here / "run" / "states.npz", rng)
-    return _read(here, rng)
+    changed_arrays(here / "run" / "states.npz", rng)
+    return read(here, rng)
 
 
 def _study(samples: Path, here: Path, rng: Generator, again: tuple[str, ...]) -> Attempt:
@@ -129,7 +139,7 @@ def _study(samples: Path, here: Path, rng: Generator, again: tuple[str, ...]) ->
         shutil.copy(one_of(rng, parts), path.parent / "copied")
         (path.parent / "copied").replace(path)
     elif path.suffix in (".npz",):
-        _arrays(path, rng)
+        changed_arrays(path, rng)
     elif path.suffix in (".npy",):
         path.write_bytes(mutated_binary(path.read_bytes(), rng))
     else:

@@ -91,17 +91,24 @@ def _watershed(clearance: FloatArray, inside: BoolArray, outside: BoolArray) -> 
 
 def _ways(number: NDArray[Any], clearance: FloatArray) -> tuple[NDArray[Any], NDArray[Any], FloatArray]:
     """Return which numbers meet, the lower one first, and how wide the widest place is where they do, (m,) each."""
-    pairs, ways = [], []
+    starts, ends, ways = [], [], []
+    widest = np.zeros((2, number.max() + 1), clearance.dtype)  # where a pixel meets one of the two wide parts
     for one, other in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
         a, b = number[one], number[other]
         used = (np.minimum(a, b) >= 0) & (np.maximum(a, b) > _OUTSIDE)
-        pairs.append(np.sort(np.stack((a[used], b[used]), axis=-1), axis=-1))
-        ways.append(np.minimum(clearance[one][used], clearance[other][used]))
-    pair, way = np.concatenate(pairs), np.concatenate(ways)
-    order = np.argsort(-way, kind="stable")
-    _, first = np.unique(pair[order] @ (number.max() + 1, 1), return_index=True)
-    start, end = pair[order][first].T
-    return start, end, way[order][first]
+        start, end = np.minimum(a[used], b[used]), np.maximum(a[used], b[used])
+        way = np.minimum(clearance[one][used], clearance[other][used])
+        wide = start <= _OUTSIDE
+        np.maximum.at(widest, (start[wide], end[wide]), way[wide])
+        starts.append(start[~wide])  # two single pixels meet once
+        ends.append(end[~wide])
+        ways.append(way[~wide])
+    start, end = np.nonzero(widest)
+    return (
+        np.append(start, np.concatenate(starts)),
+        np.append(end, np.concatenate(ends)),
+        np.append(widest[start, end], np.concatenate(ways)),
+    )
 
 
 def _parts(mask: BoolArray, seeds: BoolArray) -> BoolArray:

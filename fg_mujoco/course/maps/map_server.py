@@ -13,25 +13,29 @@ Source: the ROS packages map_server and nav2_map_server, whose documentation def
 
 from __future__ import annotations
 
+import glob
 import importlib.util
 import math
 import warnings
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...errors import MissingExtraError, TrackError, accepted_names, nearest
+from ...errors import TrackError, accepted_names, missing_extra, nearest
 from ...messages import FloatArray
-from ..files import read_text, require_regular
+from ..files import is_file, read_text, require_regular
 
 BoolArray = NDArray[np.bool_]
 
-INSTALL_COMMAND = "pip install 'fg-mujoco[maps]'"
 MOST_PIXELS = 4096**2
 """Images of more pixels are refused."""
+
+SPECK = 9
+"""[pixel] Islands of fewer are named when a map is loaded: a laser, a brush and a lossy image leave such specks."""
 
 _RESOLUTIONS = (0.001, 1.0)  # [m] of a pixel: from a millimetre to more than a car
 _FURTHEST = 1e6  # [m] from the world's origin: numbers there are still true to 1e-9 m
@@ -41,6 +45,7 @@ _MOST_BYTES, _MOST_CHARACTERS, _DEEPEST = 2**20, 1000, 20  # of a YAML, of one v
 _REQUIRED = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
 _STARTS = ("starting_positions", "starting_angle")  # not of map_server, but of maps that are raced on
 _MODES = ("trinary", "scale", "raw")  # the first two differ in what lies between the thresholds, which is unknown here
+_IMAGES = (".png", ".pgm", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 _SIXTEEN_BITS = ("I;16", "I;16B", "I")  # kinds of images of one channel, as Pillow names them
 
 
@@ -57,6 +62,8 @@ class OccupancyMap:
     origin: tuple[float, float, float]  # x [m], y [m], yaw [rad] of the lower left corner in the world
     start: tuple[float, float] | None = None  # x and y [m], where the file has them
     heading: float | None = None  # [rad] at the start, where the file has it
+    shares: str = ""  # of free, occupied and unknown pixels, in words
+    given: Mapping[str, str] = field(default_factory=dict)  # settings of the map's name that it was read with
 
     def to_world(self, points: ArrayLike) -> FloatArray:
         """Turn points (..., 2), columns and rows in pixels from the lower left corner, into the world's [m]."""
@@ -82,6 +89,27 @@ class OccupancyMap:
         free[1:-1, 1:-1] = self.free[1:-1, 1:-1]
         return replace(self, free=free)
 
+    def sizes(self) -> tuple[NDArray[np.int32], NDArray[np.intp]]:
+        """Return the number of each pixel's group of pixels that are not free, and how many pixels each group has.
+
+        Pixels that meet at a corner are of one group. Number 0 is what is free, and counts as endless.
+        """
+        from scipy import ndimage
+
+        labels, count = ndimage.label(~self.free, np.ones((3, 3)))
+        sizes = np.bincount(labels.ravel(), minlength=count + 1)
+        sizes[0] = self.free.size
+        return labels, sizes
+
+    def without_specks(self, pixels: int) -> OccupancyMap:
+        """Return the map in which groups of fewer than so many pixels that are not free are free."""
+        labels, sizes = self.sizes()
+        return replace(self, free=self.free | (sizes < pixels)[labels])
+
+    def named(self, **settings: str) -> str:
+        """Return the name of the map with the settings that it was read with, and other ones."""
+        return f"{self.path.name}[{','.join(f'{name}={value}' for name, value in {**self.given, **settings}.items())}]"
+
     def place(self, point: ArrayLike) -> str:
         """Say where a point (2,), column and row in pixels, is: in the world and in the image, rows from above."""
         column, row = np.asarray(point, np.float64)
@@ -96,7 +124,7 @@ def require_maps_extra() -> None:
       MissingExtraError: a part is not installed; the message has the command that installs it.
     """
     if any(importlib.util.find_spec(name) is None for name in ("PIL", "yaml", "scipy")):
-        raise MissingExtraError(f"ROS maps need Pillow, PyYAML and SciPy: {INSTALL_COMMAND}")
+        raise missing_extra("ROS maps need Pillow, PyYAML and SciPy", "maps")
 
 
 def read_map_file(path: str | Path, *, image: str | Path | None = None, outside_folder: bool = False) -> OccupancyMap:
@@ -150,11 +178,21 @@ def read_map_file(path: str | Path, *, image: str | Path | None = None, outside_
     return OccupancyMap(
         path=path,
         free=np.ascontiguousarray(is_free[levels[::-1]]),
+        shares=_shares(levels, is_free, occupancy > occupied, np.isnan(values)),
         resolution=resolution,
         origin=(x, y, yaw),
         start=start,
         heading=heading,
     )
+
+
+def _shares(levels: NDArray[Any], free: BoolArray, occupied: BoolArray, transparent: BoolArray) -> str:
+    """Return how many pixels are free, occupied, unknown and transparent, by what each level of brightness is."""
+    counts = np.bincount(levels.ravel(), minlength=len(free)) / levels.size
+    kinds = {"free": free, "occupied": occupied & ~free, "unknown": ~(free | occupied | transparent)}
+    if counts[transparent].sum() > 0.0:
+        kinds["transparent, which is unknown"] = transparent
+    return ", ".join(f"{100.0 * counts[which].sum():.1f} % {kind}" for kind, which in kinds.items())
 
 
 def _start(path: Path, settings: dict[str, Any]) -> tuple[tuple[float, float] | None, float | None]:
@@ -267,7 +305,12 @@ def _image_path(path: Path, name: Any, outside_folder: bool) -> Path:
     image = path.parent / name
     if "\0" in name or len(name) > _MOST_CHARACTERS:
         raise TrackError(f"{path}: image is {name[:60]!r}; accepted: the name of a file beside it")
-    if not outside_folder and not image.resolve().is_relative_to(path.parent.resolve()):
+    beside = path.parent / Path(name.replace("\\", "/")).name
+    inside, is_beside = (file.resolve().is_relative_to(path.parent.resolve()) for file in (image, beside))
+    if not (is_file(image) if inside else outside_folder) and is_beside and is_file(beside):  # as map_saver wrote it
+        warnings.warn(f"{path}: image is {name!r}, which is not there; {beside.name} beside it is read", stacklevel=4)
+        return beside
+    if not outside_folder and not inside:
         raise TrackError(
             f"{path}: image {name!r} is outside of the YAML's folder; accepted: a file inside it, or outside_folder=yes"
         )
@@ -296,7 +339,11 @@ def _read_image(path: Path) -> tuple[NDArray[Any], FloatArray]:
                     return np.clip(np.asarray(image), 0, 65535).astype(np.uint16), np.arange(65536.0) / 257.0
             pixels = np.asarray(image.convert("RGBA"))
     except FileNotFoundError:
-        raise TrackError(f"{path}: no such file; accepted: a PNG or PGM image of the map") from None
+        there = sorted(
+            other.name for other in path.parent.glob(f"{glob.escape(path.stem)}.*") if other.suffix in _IMAGES
+        )
+        hint = f"; did you mean {there[0]!r}?" if there else ""
+        raise TrackError(f"{path}: no such file; accepted: a PNG or PGM image of the map{hint}") from None
     except Image.DecompressionBombError:
         raise _too_large(path, "hundreds of millions of") from None
     except TrackError:

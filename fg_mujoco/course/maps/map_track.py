@@ -16,7 +16,7 @@ import math
 import re
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -32,8 +32,8 @@ from ..polyline import enclosed_area, resample, smooth, step_lengths, steps, sub
 from ..scene import BEHIND, BEYOND, Scene
 from ..track import Track
 from ..track_mesh import wall_footprints
-from .map_server import OccupancyMap, read_map_file
-from .region import MapCourse, course_of, encloses, find_course, find_loops
+from .map_server import SPECK, OccupancyMap, read_map_file
+from .region import SHORTEST_WAY, MapCourse, course_of, encloses, find_course, find_loops, pixels_within
 from .walls import trace
 
 SPACING = 0.2
@@ -152,6 +152,7 @@ _SETTINGS: dict[str, tuple[str, Callable[[str], Any]]] = {
     "direction": ("clockwise or counterclockwise", str),
     "loop": ("NUMBER", int),
     "close": ("METRES", float),
+    "specks": ("PIXELS", int),
     "border": ("wall", {"wall": True}.__getitem__),
     "outside_folder": ("yes or no", {"yes": True, "no": False}.__getitem__),
 }
@@ -166,6 +167,7 @@ def read_map(
     direction: Direction | None = None,
     loop: int = 1,
     close: float = 0.0,
+    specks: int = 0,
     border_wall: bool = False,
     image: str | Path | None = None,
     outside_folder: bool = False,
@@ -180,6 +182,7 @@ def read_map(
       direction: None: as the module says; a given centreline is driven in the order of its points.
       loop: which loop is driven, as `map_loops` and `fg-mujoco track show` count them.
       close: holes in the course's wall of up to this width [m] are closed, where free ground runs out of the image.
+      specks: islands of fewer pixels than this are taken for noise, and are free ground.
       border_wall: whether the image's border is a wall.
       image: in place of the one that the YAML names.
       outside_folder: whether the YAML may name an image outside of its own folder.
@@ -192,15 +195,18 @@ def read_map(
     if direction is not None and direction not in DIRECTIONS:
         raise TrackError(f"{path}: direction is {direction!r}; {accepted_names(direction, DIRECTIONS)}")
     occupancy, place = _occupancy(
-        path, start=start, close=close, border_wall=border_wall, image=image, outside_folder=outside_folder
-    )
+        path, start=start, close=close, specks=specks, border_wall=border_wall, image=image,
+        outside_folder=outside_folder,
+    )  # fmt: skip
     if centreline is not None:
         line = read_points(centreline)
         outlines = course_of(occupancy, line, close=close)
+        _warn_of_specks(occupancy, outlines)
         if start is not None or direction is not None:
             line = _oriented(line, line[0] if start is None else np.array(start), direction, _heading(line))
         return _map_track(occupancy, outlines, line)
     course = find_course(occupancy, place, loop=loop, close=close)
+    _warn_of_specks(occupancy, course.outlines)
     near = np.zeros(2) if place is None else place
     if not course.closed:
         if direction is not None:
@@ -216,6 +222,7 @@ def _occupancy(
     *,
     start: tuple[float, float] | None = None,
     close: float = 0.0,
+    specks: int = 0,
     border_wall: bool = False,
     image: str | Path | None = None,
     outside_folder: bool = False,
@@ -226,7 +233,16 @@ def _occupancy(
         raise TrackError(f"{path}: start is {start!r}; accepted: x and y in metres")
     if not 0.0 <= close < math.inf:
         raise TrackError(f"{path}: close is {close!r}; accepted: a width in metres, as 1.5")
+    if specks < 0:
+        raise TrackError(f"{path}: specks is {specks!r}; accepted: a number of pixels, as {SPECK}")
+    given = {
+        "start": start and f"{start[0]:g}:{start[1]:g}", "close": close, "specks": specks,
+        "border": border_wall and "wall", "outside_folder": outside_folder and "yes",
+    }  # fmt: skip
     occupancy = read_map_file(path, image=image, outside_folder=outside_folder)
+    occupancy = replace(occupancy, given={name: str(value) for name, value in given.items() if value})
+    if specks:
+        occupancy = occupancy.without_specks(specks)
     if border_wall:
         occupancy = occupancy.with_walled_border()
     if start is None and occupancy.start is not None:
@@ -235,6 +251,20 @@ def _occupancy(
         else:
             warnings.warn(f"{path}: ignored: the starting position {occupancy.start} is not free", stacklevel=3)
     return occupancy, None if start is None else np.array(start)
+
+
+def _warn_of_specks(occupancy: OccupancyMap, outlines: list[FloatArray]) -> None:
+    """Say how many islands of a course are so small that they may be noise."""
+    if len(outlines) == 1:
+        return
+    labels, sizes = occupancy.sizes()
+    found = sizes[labels[pixels_within(occupancy.free, outlines[1:])]]
+    small = found[found < SPECK]
+    if len(small):
+        below = f"{len(small)} island{'s' if len(small) > 1 else ''} of fewer than {small.max() + 1} pixels"
+        kept = "is kept as an obstacle" if len(small) == 1 else "are kept as obstacles"
+        option = occupancy.named(specks=f"{small.max() + 1}")
+        warnings.warn(f"{occupancy.path}: {below} {kept}; {option} drops what is so small", stacklevel=3)
 
 
 def _map_track(occupancy: OccupancyMap, outlines: list[FloatArray], line: FloatArray) -> MapTrack:
@@ -268,10 +298,10 @@ def _map_track(occupancy: OccupancyMap, outlines: list[FloatArray], line: FloatA
 def _map_scene(occupancy: OccupancyMap, course: MapCourse, start: FloatArray) -> Scene:
     """Return the scene of an open way, from the end that is nearer to `start` (2,) [m]."""
     lengths = np.hypot(*np.diff(course.line, axis=0).T) * occupancy.resolution
-    if lengths.sum() < BEHIND + BEYOND + SPACING:
+    if lengths.sum() < SHORTEST_WAY:
         raise TrackError(
             f"{occupancy.path}: no closed course, and the longest open way is of {lengths.sum():.1f} m; accepted: "
-            f"walls with a way round, or a way of {BEHIND + BEYOND + SPACING:.1f} m"
+            f"walls with a way round, or a way of {SHORTEST_WAY:.1f} m"
         )
     way = _clear_line(occupancy, course)
     if np.hypot(*(way[-1] - start)) < np.hypot(*(way[0] - start)):

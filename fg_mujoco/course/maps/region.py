@@ -12,24 +12,29 @@ the region, and `loop` another loop.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...errors import TrackError
 from ...messages import FloatArray
 from ..polyline import enclosed_area, step_lengths
+from ..scene import BEHIND, BEYOND
 from .centreline import MedialAxis, medial_axis
 from .closing import Hole, close_holes, find_hole
-from .map_server import BoolArray, OccupancyMap
+from .map_server import SPECK, BoolArray, OccupancyMap
 from .walls import outlines
 
 SHORTEST_LAP = 9.0
 """[m] A shorter loop is no course but the way round an obstacle: the car at full lock goes round in 4.7 m."""
+
+SHORTEST_WAY = BEHIND + BEYOND + 0.2
+"""[m] Of an open way: what is before its start, and beyond its goal."""
 
 ROOM = 0.35
 """[m] Least distance from the walls of an open way: the car's length and a bit, over two."""
@@ -39,8 +44,15 @@ DOOR = 1.2
 
 _LARGEST = 5  # obstacles that a loop round is looked for, in each region, with doors open and with doors shut
 _MOST_SIDES = 300_000  # of pixels along the walls of a region: some 3 s
+_MOST_SIDES_IN_ALL = 2 * _MOST_SIDES  # along those of all regions together
+_MOST_SPECKS = 1000  # of a map that is looked through for a setting that helps; one of more is noise
+_DOUBLE_DOOR = 2.0  # [m] a hole no wider is one in a wall, however narrow the course is
+_WIDEST_HOLE = 2.0  # times the width of the course at its widest place; where more of a wall is missing, it has none
+_CORRIDOR = 4.0  # an open way is longer than wide by this at least; a shorter one is a hall
 _ROUNDING = 1e-6  # [m]
 _NEIGHBOURS = np.ones((3, 3))
+_NEXT = ((np.s_[:, 1:], np.s_[:, :-1]), (np.s_[1:], np.s_[:-1]))  # pixels, and those to their left and below
+_BESIDE = np.array([(dx, dy) for dx in (-0.25, 0.25) for dy in (-0.25, 0.25)])  # from an outline to a pixel
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -48,13 +60,8 @@ class Obstacle:
     """Holes of a region that a loop may go round. Lengths in pixels."""
 
     outlines: list[FloatArray]
+    box: FloatArray  # (2, 2) least and greatest column and row
     least_clearance: float  # of the loop
-
-    @cached_property
-    def box(self) -> FloatArray:
-        """Least and greatest column and row. Shape (2, 2)."""
-        points = np.concatenate(self.outlines)
-        return np.stack((points.min(axis=0), points.max(axis=0)))
 
     @cached_property
     def extent(self) -> float:
@@ -133,6 +140,14 @@ def course_of(occupancy: OccupancyMap, line: FloatArray, *, close: float = 0.0) 
     return region.outlines
 
 
+def pixels_within(free: BoolArray, holes: list[FloatArray]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return row and column of a pixel of each hole: its outline is half way to one that is free. Shapes (k,)."""
+    first = np.array([hole[0] for hole in holes]).reshape(-1, 1, 2)
+    columns, rows = np.moveaxis(np.floor(first + _BESIDE).astype(np.intp), -1, 0)
+    each = np.arange(len(first)), np.argmax(~free[rows, columns], axis=1)
+    return rows[each], columns[each]
+
+
 def encloses(loop: FloatArray, point: FloatArray) -> bool:
     """Say whether a closed polyline (n, 2) goes round a point (2,): a ray from it crosses an odd number of times."""
     a, b = loop, np.roll(loop, -1, axis=0)
@@ -161,20 +176,30 @@ class _Region:
         self._loops: dict[int, FloatArray | None] = {}  # by the obstacle's id
 
     @cached_property
+    def sides(self) -> int:
+        """How many sides of pixels the walls have."""
+        return _sides(self.mask)
+
+    @cached_property
     def outlines(self) -> list[FloatArray]:
         """The outer edge, then the holes by area, in pixels of the image.
 
         Raises:
           TrackError: so many of them that finding a line would take minutes.
         """
-        sides = sum(int(np.count_nonzero(np.diff(self.mask, axis=axis))) for axis in range(2))
-        if sides > _MOST_SIDES:
-            raise TrackError(
-                f"{self.occupancy.path}: walls of {sides} sides of pixels; accepted: {_MOST_SIDES} at most, a map "
-                "without noise"
-            )
+        if self.sides > _MOST_SIDES:
+            raise _too_noisy(self.occupancy, self.sides, _MOST_SIDES)
         edges = sorted(outlines(self.mask), key=enclosed_area)
         return [edge + self.corner[::-1] for edge in (edges.pop(), *edges)]
+
+    @cached_property
+    def boxes(self) -> FloatArray:
+        """Least and greatest column and row of each hole. Shape (holes, 2, 2)."""
+        holes = self.outlines[1:]
+        if not holes:
+            return np.empty((0, 2, 2))
+        points, first = np.concatenate(holes), np.cumsum([0, *map(len, holes[:-1])])
+        return np.stack((np.minimum.reduceat(points, first), np.maximum.reduceat(points, first)), axis=1)
 
     @cached_property
     def clearance(self) -> FloatArray:
@@ -204,16 +229,22 @@ class _Region:
 
         holes = self.outlines[1:]
         if len(holes) < 2:
-            return [Obstacle(outlines=[hole], least_clearance=0.0) for hole in holes]
+            return [self._obstacle([k], 0.0) for k in range(len(holes))]
         least = 0.5 * DOOR / self.occupancy.resolution
         solid, _ = ndimage.label(self.clearance < least, _NEIGHBOURS)
-        groups: dict[int, list[FloatArray]] = {}
-        for hole in holes:
-            groups.setdefault(int(solid[self._pixel_of(hole)]), []).append(hole)
+        groups: dict[int, list[int]] = {}
+        for k, number in enumerate(solid[self._pixels_within(holes)].tolist()):
+            groups.setdefault(number, []).append(k)
         groups.pop(int(solid[0, 0]), None)  # together with what is round the region
-        single = [Obstacle(outlines=[hole], least_clearance=0.0) for hole in holes]
-        joined = [Obstacle(outlines=group, least_clearance=least) for group in groups.values()]
-        return [obstacle for kind in (single, joined) for obstacle in sorted(kind, key=lambda one: one.rank)[:_LARGEST]]
+        largest = np.argsort(-np.hypot(*np.ptp(self.boxes, axis=1).T), kind="stable")[:_LARGEST]
+        joined = sorted((self._obstacle(group, least) for group in groups.values()), key=lambda one: one.rank)
+        return [*(self._obstacle([k], 0.0) for k in largest.tolist()), *joined[:_LARGEST]]
+
+    def _obstacle(self, holes: list[int], least_clearance: float) -> Obstacle:
+        """Return the obstacle that has these holes."""
+        low, high = self.boxes[holes, 0].min(axis=0), self.boxes[holes, 1].max(axis=0)
+        outlines = [self.outlines[1 + k] for k in holes]
+        return Obstacle(outlines=outlines, box=np.stack((low, high)), least_clearance=least_clearance)
 
     def loop_round(self, obstacle: Obstacle) -> FloatArray | None:
         """Return the loop round an obstacle, (n, 2) in pixels of the image; None where there is none that is a lap."""
@@ -235,11 +266,9 @@ class _Region:
         free[row, column] = False
         return replace(self.occupancy, free=free)
 
-    def _pixel_of(self, hole: FloatArray) -> tuple[int, int]:
-        """Return row and column, in the window, of a pixel of a hole: its outline is half way to one that is free."""
-        column, row = hole[0] - self.corner[::-1]
-        beside = [(math.floor(row + dy), math.floor(column + dx)) for dx in (-0.25, 0.25) for dy in (-0.25, 0.25)]
-        return next(pixel for pixel in beside if not self.mask[pixel])
+    def _pixels_within(self, holes: list[FloatArray]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Return row and column, in the window, of a pixel of each hole."""
+        return pixels_within(self.mask, [hole[:1] - self.corner[::-1] for hole in holes])
 
     def ring(self) -> tuple[FloatArray, BoolArray]:
         """Return the clearance, and which pixels have the largest hole as their nearest wall: a ring round it.
@@ -253,12 +282,12 @@ class _Region:
         if len(self.outlines) < 2:
             return clearance, np.zeros_like(self.mask)
         solid, _ = ndimage.label(~self.mask, _NEIGHBOURS)
-        return clearance, np.asarray(self.mask & (solid[row, column] == solid[self._pixel_of(self.outlines[1])]))
+        return clearance, np.asarray(self.mask & (solid[row, column] == solid[self._pixels_within(self.outlines[1:2])]))
 
     @property
     def extent(self) -> float:
         """The diagonal of the box of its largest hole, 0 without, in pixels."""
-        return max((float(np.hypot(*np.ptp(hole, axis=0))) for hole in self.outlines[1:]), default=0.0)
+        return float(np.hypot(*np.ptp(self.boxes, axis=1).T).max(initial=0.0))
 
 
 def _regions(occupancy: OccupancyMap, at: FloatArray | None) -> list[_Region]:
@@ -310,30 +339,61 @@ def _loops(regions: list[_Region]) -> Iterator[MapCourse]:
 
 
 @dataclass(frozen=True, kw_only=True)
+class _Tight:
+    """The regions that may be the course, and the width of the widest hole that was closed to make them so [m]."""
+
+    regions: list[_Region]
+    closed: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class _Leak:
-    """A course that reaches the image's border, and through which hole; None, if it is not known what is inside."""
+    """A course that reaches the image's border, and through which hole."""
 
     region: _Region
-    hole: Hole | None
+    clearance: FloatArray  # of the region's pixels, as in `closing`
+    inside: BoolArray  # pixels of the region that are of the course for sure
+    hole: Hole | None  # the widest; None: it is not known what is inside
+    closed: float = 0.0  # [m] width of the widest hole that was closed before
+
+    @property
+    def width(self) -> float:
+        """Of the hole [m]; infinity where none is known."""
+        return math.inf if self.hole is None else self.hole.width * self.region.occupancy.resolution
+
+    def walled(self) -> OccupancyMap:
+        """Return the map with a wall across each way out, where it is narrowest."""
+        assert self.hole is not None
+        closed = close_holes(self.clearance, self.inside, self.region.border, self.hole.width)
+        return self.region.replaced(closed)
 
 
-def _tight_regions(occupancy: OccupancyMap, at: FloatArray | None, close: float) -> list[_Region] | _Leak:
-    """Return the regions that may be the course, after holes of up to `close` [m] have been closed; or a wider hole."""
-    while True:
-        regions = _regions(occupancy, at)
-        region = _leaking_course(regions)
-        if region is None:
-            return [region for region in regions if not region.leaks]
-        clearance, inside = region.ring()
-        if at is not None:
-            inside[region.pixel(_require_free(occupancy, at))] = True
-        if not inside.any() or (inside & region.border).any():
-            return _Leak(region=region, hole=None)
-        hole = find_hole(clearance, inside, region.border)
-        if hole.width * occupancy.resolution > close + _ROUNDING:
-            return _Leak(region=region, hole=hole)
-        closed = close_holes(clearance, inside, region.border, hole.width)
-        occupancy = region.replaced(closed)
+def _look(occupancy: OccupancyMap, at: FloatArray | None) -> _Tight | _Leak:
+    """Return the regions that may be the course, or how the course leaks.
+
+    Raises:
+      TrackError: so many sides of pixels that finding a line would take minutes.
+    """
+    regions = _regions(occupancy, at)
+    sides = sum(region.sides for region in regions if region.sides <= _MOST_SIDES)  # the others are refused alone
+    if sides > _MOST_SIDES_IN_ALL:
+        raise _too_noisy(occupancy, sides, _MOST_SIDES_IN_ALL)
+    region = _leaking_course(regions)
+    if region is None:
+        return _Tight(regions=[region for region in regions if not region.leaks])
+    clearance, inside = region.ring()
+    if at is not None:
+        inside[region.pixel(_require_free(occupancy, at))] = True
+    known = inside.any() and not (inside & region.border).any()
+    hole = find_hole(clearance, inside, region.border) if known else None
+    return _Leak(region=region, clearance=clearance, inside=inside, hole=hole)
+
+
+def _close(found: _Tight | _Leak, at: FloatArray | None, close: float) -> _Tight | _Leak:
+    """Return what is found after holes of up to `close` [m] have been closed. Errors as of `_look`."""
+    while isinstance(found, _Leak) and found.hole is not None and found.width <= close + _ROUNDING:
+        found = replace(_look(found.walled(), at), closed=max(found.closed, found.width))
+    return found
 
 
 def _leaking_course(regions: list[_Region]) -> _Region | None:
@@ -341,13 +401,15 @@ def _leaking_course(regions: list[_Region]) -> _Region | None:
     tight = [region for region in regions if not region.leaks]
     leaking = [region for region in regions if region.leaks]
     course = next(_loops(tight), None) if leaking else None
-    for region in leaking:
-        if course is None:
-            if not tight or region.extent * region.occupancy.resolution >= 0.5 * SHORTEST_LAP:  # there and back
-                return region
-        elif region.extent > course.extent and not any(encloses(hole, course.line[0]) for hole in region.outlines[1:]):
-            return region
-    return None
+    if course is None:
+        least = 0.5 * SHORTEST_LAP if tight else 0.0  # [m] there and back
+        return next((one for one in leaking if one.extent * one.occupancy.resolution >= least), None)
+    larger = [
+        region
+        for region in leaking
+        if region.extent > course.extent and not any(encloses(hole, course.line[0]) for hole in region.outlines[1:])
+    ]
+    return max(larger, key=lambda region: region.extent, default=None)
 
 
 def _closed_regions(occupancy: OccupancyMap, at: FloatArray | None, close: float) -> list[_Region]:
@@ -356,34 +418,104 @@ def _closed_regions(occupancy: OccupancyMap, at: FloatArray | None, close: float
     Raises:
       TrackError: there is none; or the course has a wider hole. The message has an option with which it has none.
     """
-    regions = _tight_regions(occupancy, at, close)
-    if isinstance(regions, _Leak):
-        raise _refusal(occupancy, regions, at)
-    if not regions:
+    found = _close(_look(occupancy, at), at, close)
+    if isinstance(found, _Leak):
+        raise _refusal(occupancy, found, at)
+    if not found.regions:
         raise TrackError(
-            f"{occupancy.path}: no free ground is large enough for a course of {SHORTEST_LAP:.0f} m; accepted: a map "
-            "with free ground between walls"
+            f"{occupancy.path}: no free ground is large enough for a course of {SHORTEST_LAP:.0f} m: of the pixels "
+            f"{occupancy.shares}; accepted: a map with free ground between walls"
         )
-    return regions
+    return found.regions
 
 
 def _refusal(occupancy: OccupancyMap, leak: _Leak, at: FloatArray | None) -> TrackError:
     """Return the error for a course that reaches the image's border, with an option that helps where there is one."""
     region, hole = leak.region, leak.hole
-    option = None
     if hole is None:
         row, column = np.argwhere(region.border)[0] + region.corner
         what = f"no closed course: free ground runs out of the image at {occupancy.place((column + 0.5, row + 0.5))}"
-        walled = _tight_regions(occupancy.with_walled_border(), at, 0.0)
-        if not isinstance(walled, _Leak) and next(_loops(walled), None) is not None:
-            option = "border=wall"
     else:
-        width = hole.width * occupancy.resolution
         row, column = np.array((hole.row, hole.column)) + region.corner
         what = (
-            f"the wall has a hole, {width:.2f} m wide, at {occupancy.place((column + 0.5, row + 0.5))}: free ground "
-            "runs on from the course out of the image"
+            f"the wall has a hole, {leak.width:.2f} m wide, at {occupancy.place((column + 0.5, row + 0.5))}: free "
+            "ground runs on from the course out of the image"
         )
-        option = f"close={math.floor(10.0 * width + _ROUNDING) / 10.0 + 0.1:.1f}"
-    accepted = "a course with walls all round" + (f", or {occupancy.path.name}[{option}]" if option else "")
+    options = _options(occupancy, leak, at)
+    accepted = "a course with walls all round" + (f", or {occupancy.named(**options)}" if options else "")
     return TrackError(f"{occupancy.path}: {what}; accepted: {accepted}")
+
+
+def _options(occupancy: OccupancyMap, leak: _Leak, at: FloatArray | None) -> dict[str, str]:
+    """Return the settings of a map's name with which a map that leaks has a course; none where none give it one.
+
+    A hole is closed if it is at most twice as wide as the course is at its widest place. Where more of the wall is
+    missing, the course is open ground there, and the image's border has to be the wall. A map of noise is looked at
+    without its specks first.
+    """
+    bordered = occupancy.with_walled_border()
+    if np.count_nonzero(occupancy.sizes()[1] < SPECK) <= _MOST_SPECKS:
+        closed, width = _course(lambda: _close(leak, at, math.inf))
+        if closed <= max(_DOUBLE_DOOR, _WIDEST_HOLE * width):
+            return {"close": _rounded_up(closed)}
+    else:
+        clean = occupancy.without_specks(SPECK)
+        closed, width = _course(lambda: _close(_look(clean, at), at, math.inf))
+        if closed <= max(_DOUBLE_DOOR, _WIDEST_HOLE * width):
+            return {"specks": f"{SPECK}"} | ({"close": _rounded_up(closed)} if closed else {})
+        if _course(lambda: _look(clean.with_walled_border(), at), hall=False)[1]:
+            return {"specks": f"{SPECK}", "border": "wall"}
+        if leak.width <= _DOUBLE_DOOR:  # without a try: in so much noise one takes long
+            return {"close": _rounded_up(leak.width)}
+    return {"border": "wall"} if _course(lambda: _look(bordered, at), hall=False)[1] else {}
+
+
+def _rounded_up(width: float) -> str:
+    """Return a setting that closes a hole of a width [m]."""
+    return f"{math.floor(10.0 * width + _ROUNDING) / 10.0 + 0.1:.1f}"
+
+
+def _course(find: Callable[[], _Tight | _Leak], *, hall: bool = True) -> tuple[float, float]:
+    """Return how wide a hole was closed for the course that is found, and how wide the course is at its widest [m].
+
+    Args:
+      find: finds it.
+      hall: whether a course may be an open way that is less than `_CORRIDOR` times as long as it is wide.
+
+    Returns:
+      Infinity and 0 where there is no course.
+    """
+    from scipy.spatial import cKDTree
+
+    none = math.inf, 0.0
+    try:
+        found = find()
+        if isinstance(found, _Leak) or not found.regions:
+            return none
+        region, loop = found.regions[0], next(_loops(found.regions), None)
+        resolution = region.occupancy.resolution
+        line = region.axis.longest_way(ROOM / resolution) if loop is None else loop.line
+    except TrackError:  # too much noise; or the point of the course is in the border, which is a wall
+        return none
+    if len(line) == 0:
+        return none
+    walls = region.outlines if loop is None else loop.outlines
+    width = 2.0 * float(cKDTree(np.concatenate(walls)).query(line)[0].max()) * resolution
+    length = float(np.hypot(*np.diff(line, axis=0).T).sum()) * resolution
+    if loop is None and length < (SHORTEST_WAY if hall else max(SHORTEST_WAY, _CORRIDOR * width)):
+        return none
+    return found.closed, width
+
+
+def _sides(free: BoolArray) -> int:
+    """Return how many sides of pixels are between free and other ones."""
+    return sum(int(np.count_nonzero(free[one] != free[other])) for one, other in _NEXT)
+
+
+def _too_noisy(occupancy: OccupancyMap, sides: int, most: int) -> TrackError:
+    """Return the error for so many sides of pixels, with the setting that helps if they are those of specks."""
+    helps = _sides(occupancy.without_specks(SPECK).free) <= _MOST_SIDES
+    option = f", or {occupancy.named(specks=f'{SPECK}')}" if helps else ""
+    return TrackError(
+        f"{occupancy.path}: walls of {sides} sides of pixels; accepted: {most} at most, a map without noise{option}"
+    )

@@ -19,8 +19,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ...errors import ControllerError, MissingExtraError, accepted_names
-from ..bag_messages import INSTALL_COMMAND, type_store
+from ...errors import ControllerError, accepted_names, missing_extra
+from ..bag_messages import type_store
 from .rospy_times import RosDuration, RosTime
 
 ROS1, ROS2 = 1, 2
@@ -93,7 +93,7 @@ def require_rosbags() -> None:
       MissingExtraError: the extra `ros` is not installed; the message has the command that installs it.
     """
     if importlib.util.find_spec("rosbags") is None:
-        raise MissingExtraError(f"ROS nodes need rosbags, for the definitions of messages: {INSTALL_COMMAND}")
+        raise missing_extra("ROS nodes need rosbags, for the definitions of messages", "ros")
 
 
 class Message:

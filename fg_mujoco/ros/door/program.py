@@ -24,8 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from ...course.maps.map_server import plain_yaml
-from ...errors import ControllerError, MissingExtraError, accepted_names
-from ..bag_messages import INSTALL_COMMAND
+from ...errors import ControllerError, accepted_names, missing_extra
 from .imports import read_node
 from .messages import ROS1, ROS2
 from .source import own_files, parse
@@ -219,7 +218,7 @@ def read_arguments(given: Any, said: str) -> tuple[str, ...]:
 
 def _yaml(path: Path, text: bytes, said: str) -> Any:
     if importlib.util.find_spec("yaml") is None:
-        raise MissingExtraError(f"{path} needs PyYAML: {INSTALL_COMMAND}")
+        raise missing_extra(f"{path} needs PyYAML", "ros")
     try:
         return plain_yaml(text)
     except Exception as error:  # YAML's own, and whatever its values' readers raise

@@ -15,12 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import MissingExtraError
+from ...errors import missing_extra
 from ...messages import FloatArray
 from .problem import PARAMETERS, DriveProblem, assumed_noise, huber, measured_noise
 from .single_track import STATES, axle_loads, friction_curve
-
-INSTALL_COMMAND = "pip install 'fg-mujoco[ros]'"
 
 _LEAST = np.array((1.0, 1.0, 0.1, -4.0) * 2 + (0.5, -0.2, 0.0, 0.0, 0.01, -0.2, -2.0, 0.7, -0.1, -0.1))
 _GREATEST = np.array((150.0, 5.0, 3.0, 1.5) * 2 + (1.5, 0.2, 0.6, 0.4, 0.5, 0.2, 2.0, 1.3, 0.1, 0.1))
@@ -42,7 +40,7 @@ def require_scipy() -> None:
       MissingExtraError: SciPy is not installed; the message has the command that installs it.
     """
     if importlib.util.find_spec("scipy") is None:
-        raise MissingExtraError(f"identification needs SciPy: {INSTALL_COMMAND}")
+        raise missing_extra("identification needs SciPy", "ros")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -21,13 +21,11 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import ControllerError, EngineError, FgMujocoError, MissingExtraError
+from ...errors import ControllerError, EngineError, FgMujocoError, missing_extra
 from ...racing.planner_loading import file_in, moved_to
 from ..worker_processes import usable_cores
 from .job import Arrays, RolloutJob, versions
 from .local import PULSE
-
-INSTALL_COMMAND = "pip install 'fg-mujoco[cluster]'"
 
 RETRIES = 5
 """How often a chunk is driven again after its worker was lost."""
@@ -155,7 +153,7 @@ def require_ray() -> Any:
       MissingExtraError: it is not installed; the message has the command that installs it.
     """
     if importlib.util.find_spec("ray") is None:
-        raise MissingExtraError(f"rollouts on a cluster need Ray: {INSTALL_COMMAND}")
+        raise missing_extra("rollouts on a cluster need Ray", "cluster")
     return importlib.import_module("ray")
 
 

@@ -20,14 +20,13 @@ import typing
 from dataclasses import fields
 from typing import Any
 
-from ...errors import EngineError, MissingExtraError, SettingsError
+from ...errors import EngineError, SettingsError, missing_extra
 from ...simulation.settings import friction_text
 from .browser_scene import CAMERAS, LEGEND, LiveScene, camera_view
 from .hand_driver import ARROWS, KEYS, WASD
 from .handshake import own_pages_only
 from .session import LiveSession
 
-INSTALL_COMMAND = "pip install 'fg-mujoco[live]'"
 HOST, PORT = "127.0.0.1", 8080
 
 _GREATEST_MU = 1.5  # of the sliders
@@ -42,7 +41,7 @@ def require_viser() -> None:
       MissingExtraError: viser is not installed; the message has the command that installs it.
     """
     if importlib.util.find_spec("viser") is None:
-        raise MissingExtraError(f"the live view in a browser needs viser: {INSTALL_COMMAND}")
+        raise missing_extra("the live view in a browser needs viser", "live")
 
 
 def check_port(host: str, port: int) -> None:

@@ -13,6 +13,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from ...course.files import is_file, read_text
+from ...course.mjcf import MOST_MJCF, checked_mjcf
 from ...course.moving_obstacles import PREFIX as MOVING_PREFIX
 from ...errors import ModelError
 from ...messages import FloatArray
@@ -120,7 +122,14 @@ def _load_look(spec: Any, prefix: str) -> Any:
         return None
     with as_file(files("fg_mujoco.models")) as folder:  # a bundled name, or an absolute path
         path = folder / text.data
-        return mujoco.MjSpec.from_file(str(path)) if path.is_file() else None
+        if not is_file(path):
+            return None
+        try:
+            look = checked_mjcf(read_text(path, MOST_MJCF), folder=path.parent)
+            spec.assets.update(look.files)  # which is what compiles them
+            return mujoco.MjSpec.from_string(look.text, assets=dict(look.files))
+        except (OSError, ValueError) as error:
+            raise ModelError(f"look {path}: {' '.join(str(error).split())}; accepted: as f1tenth_look.xml") from error
 
 
 def _dress_course(spec: Any, start: tuple[float, float] | None) -> None:

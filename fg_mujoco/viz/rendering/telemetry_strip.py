@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import MissingExtraError
+from ...errors import missing_extra
 from ...messages import CarParameters
 from ...simulation.telemetry import TELEMETRY
 from ...vehicle.car import WHEELS
@@ -21,8 +21,6 @@ from ...vehicle.tire_slip import slides_above
 from ...vehicle.tires import CONTACT
 from .colours import STAGES, friction_colour
 from .drive import Drive
-
-INSTALL_COMMAND = "pip install 'fg-mujoco[render]'"
 
 _BACK = np.array((16.0, 20.0, 27.0))
 _COVER = 0.80  # of the picture under the strip
@@ -42,7 +40,7 @@ def require_pillow() -> None:
     import importlib.util
 
     if importlib.util.find_spec("PIL") is None:
-        raise MissingExtraError(f"3D pictures and videos need Pillow and ffmpeg: {INSTALL_COMMAND}")
+        raise missing_extra("3D pictures and videos need Pillow and ffmpeg", "render")
 
 
 def strip_height(height: int) -> int:

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...course.writing import require_writable, staged_file, write_file
-from ...errors import FgMujocoError, MissingExtraError, SettingsError
-from .telemetry_strip import INSTALL_COMMAND, require_pillow
+from ...errors import FgMujocoError, SettingsError, missing_extra
+from .telemetry_strip import require_pillow
 
 VIDEO_ENDINGS = (".mp4", ".gif")
 """Of files that frames can be written to."""
@@ -43,13 +43,13 @@ def require_encoder() -> str:
       MissingExtraError: there is none; the message has the command that installs it.
     """
     if importlib.util.find_spec("imageio_ffmpeg") is None:
-        raise MissingExtraError(f"videos need ffmpeg: {INSTALL_COMMAND}")
+        raise missing_extra("videos need ffmpeg", "render")
     import imageio_ffmpeg
 
     try:
         return str(imageio_ffmpeg.get_ffmpeg_exe())
     except RuntimeError as error:
-        raise MissingExtraError(f"videos need ffmpeg: {INSTALL_COMMAND}") from error
+        raise missing_extra("videos need ffmpeg", "render") from error
 
 
 def check_video(path: str | Path, size: tuple[int, int]) -> Path:

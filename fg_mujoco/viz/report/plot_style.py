@@ -11,14 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...errors import MissingExtraError
+from ...errors import missing_extra
 from ...messages import FloatArray
 
 if TYPE_CHECKING:
     from bokeh.models import ColumnDataSource
     from bokeh.plotting import figure as Figure  # noqa: N812 - a class, whatever its name
 
-INSTALL_COMMAND = "pip install 'fg-mujoco[report]'"
 
 CAR, LAW, COMMAND, ALERT = "#2f7ed8", "#e07b00", "#8a8f98", "#e0314b"
 TIRE_COLOURS = ("#0a84c6", "#59b4e0", "#d55e00", "#e69f00")  # front blue, rear orange; after Okabe and Ito
@@ -39,7 +38,7 @@ def require_bokeh() -> None:
       MissingExtraError: bokeh is not installed; the message has the command that installs it.
     """
     if importlib.util.find_spec("bokeh") is None:
-        raise MissingExtraError(f"report pages need Bokeh: {INSTALL_COMMAND}")
+        raise missing_extra("report pages need Bokeh", "report")
 
 
 def tick_source(columns: dict[str, FloatArray]) -> ColumnDataSource:
