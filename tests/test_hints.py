@@ -147,7 +147,7 @@ class Degrees:
 
 
 def test_command_line_and_report_say_it_in_a_line(tmp_path, monkeypatch, capsys):
-    pytest.importorskip("bokeh", reason="no bokeh here: pip install 'fg-mujoco[report]'")
+    pytest.importorskip("bokeh", reason="no bokeh here: pip install -e '.[report]'")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.py").write_text(PLANNER)
     main(["race", "--controller", "mine.py:Degrees", "--time-limit", "1", "--out", "run", "--json"])

@@ -95,7 +95,7 @@ def test_debug_shows_it_and_says_what_was_asked_and_what_the_car_holds(runs, cap
 
 
 def test_a_bag_has_it_as_it_is_recorded(runs):
-    pytest.importorskip("rosbags", reason="no rosbags here: pip install 'fg-mujoco[ros]'")
+    pytest.importorskip("rosbags", reason="no rosbags here: pip install -e '.[ros]'")
     from rosbags.highlevel import AnyReader
 
     bag = runs / "run.mcap"

@@ -119,7 +119,7 @@ def test_a_rollout_and_the_live_view_refuse_it(start):
 def test_an_environment_refuses_it_in_its_settings_and_in_a_reset(start):
     with pytest.raises(SettingsError, match="the car touches a wall or an obstacle, or is beyond the walls"):
         load("oval", start=start).reset()
-    pytest.importorskip("gymnasium", reason="no gymnasium here: pip install 'fg-mujoco[gym]'")
+    pytest.importorskip("gymnasium", reason="no gymnasium here: pip install -e '.[gym]'")
     from fg_mujoco.envs.gym_environment import F1TenthEnv
 
     env = F1TenthEnv(track="oval")

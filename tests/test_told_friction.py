@@ -3,6 +3,7 @@
 import argparse
 import json
 import math
+import socket
 
 import numpy as np
 import pytest
@@ -137,6 +138,27 @@ def test_a_live_view_whose_tires_change_tells_the_planner_until_it_was_given_ano
         assert session.simulation.engine.commands[0, 1] == expected and session.message == ""
 
 
+def test_the_view_in_a_browser_shows_both_and_its_slider_follows_while_it_is_untouched():
+    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
+    from fg_mujoco.viz.live.browser import LiveView
+
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    session = LiveSession(LiveSettings(mu=0.6))
+    with LiveView(session, port=port) as view:
+        for name, value, text, slider in (
+            ("max_speed", 5.0, "mu 0.6; the planner assumes 0.6", 0.6),
+            ("mu", 0.4, "mu 0.4; the planner assumes 0.4", 0.4),
+            ("planner_mu", 0.9, "mu 0.4; the planner assumes 0.9", 0.4),  # not by the slider
+        ):
+            session.change(name, value)
+            session.tick()
+            view._show_texts()
+            assert text in view._status.content and view._planner_mu.value == slider
+    assert session.settings.planner_mu == 0.9  # what the slider shows is no wish
+
+
 # -- what was written before planners were told
 
 
@@ -176,7 +198,7 @@ def test_a_run_of_an_earlier_version_is_raced_again_as_it_was(here, without_pict
     ("told_mu", "text"), [((), "0.6"), (("--planner-mu", "0.8"), "0.8"), (("--planner-mu", "off"), "off")]
 )
 def test_table_and_report_show_both(told_mu, text, here, capsys):
-    pytest.importorskip("bokeh", reason="no bokeh here: pip install 'fg-mujoco[report]'")
+    pytest.importorskip("bokeh", reason="no bokeh here: pip install -e '.[report]'")
     main(["race", "--mu", "0.6", *told_mu, "--time-limit", "0.3", "--out", "run"])
     said = {"off": "has no limit"}.get(text, f"assumes {text}")
     assert f"  friction          mu 0.6; the planner {said}\n" in capsys.readouterr().out

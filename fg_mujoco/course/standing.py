@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..messages import CarParameters, FloatArray
 from .clearance import least_clearance, outline
@@ -17,7 +18,7 @@ from .course import Course, wall_outlines
 from .obstacles import Obstacle
 
 
-def off_course(course: Course, place: Sequence[float], on_line: Sequence[float], *, lane: bool = False) -> bool:
+def off_course(course: Course, place: ArrayLike, on_line: ArrayLike, *, lane: bool = False) -> bool:
     """Return whether a place is outside the walls, or within an island: no floor of the course.
 
     Args:
@@ -28,14 +29,14 @@ def off_course(course: Course, place: Sequence[float], on_line: Sequence[float],
       lane: whether the same holds on any course: then a place between the walls of another stretch is off it, too.
     """
     sides = _sides(course)
-    point = np.array(place[:2], np.float64)
+    point, beside = (np.asarray(each, np.float64)[:2] for each in (place, on_line))
     if len(course.edges) and not _enclosed(point, sides):
         return True
-    return (lane or not course.edges) and _crosses(sides, np.array(on_line[:2], np.float64), point)
+    return (lane or not course.edges) and _crosses(sides, beside, point)
 
 
 def stands_in_something(
-    course: Course, pose: Sequence[float], car: CarParameters, obstacles: Sequence[Obstacle] = ()
+    course: Course, pose: ArrayLike, car: CarParameters, obstacles: Sequence[Obstacle] = ()
 ) -> bool:
     """Return whether a car at a pose touches a wall or an obstacle, or stands within one; moving ones as at 0 s.
 
@@ -47,7 +48,7 @@ def stands_in_something(
     """
     solids = [solid.corners() for solid in (*course.obstacles, *obstacles)]
     solids += [moving.box(0.0).corners() for moving in course.moving]
-    placed = np.array([pose[:3]], np.float64)
+    placed = np.asarray(pose, np.float64)[np.newaxis, :3]
     if any(_enclosed(placed[0, :2], outline(solid)) for solid in solids):
         return True
     sides = np.concatenate([_sides(course), *map(outline, solids)])
