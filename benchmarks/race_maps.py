@@ -13,7 +13,6 @@ column is the best flying lap as a multiple of that lap. Ctrl-C prints what is f
 from __future__ import annotations
 
 import argparse
-import sys
 import warnings
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -22,7 +21,7 @@ from pathlib import Path
 from common import parser, report, table
 
 import fg_mujoco as fg
-from fg_mujoco.cli.options import ProgressLine
+from fg_mujoco.cli.progress import ProgressLine
 from fg_mujoco.errors import ControllerError, FgMujocoError
 from fg_mujoco.studies.worker_processes import work_off
 
@@ -199,20 +198,18 @@ def find_maps(data: Path, names: Sequence[str] | None) -> list[Path]:
 def drive_all(jobs: Sequence[Job], workers: int) -> list[Row]:
     """Drive the races, and return their rows in the order of the jobs; after Ctrl-C, of those that are finished."""
     rows: dict[Job, Row] = {}
-    line = ProgressLine(show=sys.stderr.isatty())
+    with ProgressLine("preparing races") as line:
 
-    def pulse() -> None:
-        if line.due:
-            line.write(f"{len(rows)}/{len(jobs)} races")
+        def pulse() -> None:
+            if line.due:
+                line.write(f"{len(rows)}/{len(jobs)} races")
 
-    driven = work_off(drive, jobs, workers=workers, pulse=pulse)
-    try:
-        for job, row in driven:
-            rows[job] = row
-    except KeyboardInterrupt:
-        driven.close()
-    finally:
-        line.clear()
+        driven = work_off(drive, jobs, workers=workers, pulse=pulse)
+        try:
+            for job, row in driven:
+                rows[job] = row
+        except KeyboardInterrupt:
+            driven.close()
     return [rows[job] for job in jobs if job in rows]
 
 

@@ -66,7 +66,9 @@ class LearnedPolicy:
     Settings = Settings
 
     def __init__(self, settings: Settings) -> None:
-        with np.load(Path(settings.weights).with_suffix(".npz")) as stored:
+        file = Path(settings.weights).with_suffix(".npz")
+        self.files = [file]  # a comparison or a rollout that is gone on with asks whether it is the same file
+        with np.load(file) as stored:
             self.parameters = stored["parameters"][np.newaxis]
 
     def reset(self) -> None:

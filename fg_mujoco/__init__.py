@@ -58,6 +58,7 @@ from .racing.resimulation import scan_at
 from .racing.result import CarResult, RaceResult
 from .racing.run_folder import Run, check_run_folder, read_failed_scan, read_run
 from .ros.bag_drive import identify
+from .showing import show
 from .simulation.cars import WorldCar
 from .simulation.course_loading import load_track
 from .simulation.settings import Scenario, Start
@@ -179,6 +180,7 @@ __all__ = [
     "rollout",
     "scan_at",
     "scene_names",
+    "show",
     "tire_names",
     "trace_picture",
     "track_names",

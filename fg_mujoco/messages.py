@@ -260,6 +260,7 @@ class Sketch:
     points: FloatArray  # (k, 3), or (k, 2, 3): the ends of pieces of lines [m], in the map frame
     colour: tuple[int, int, int]  # red, green, blue in 0..255
     size: float  # [m] of a point; of a line its width
+    name: str = ""  # of what it shows: a topic, or the name in `fg_mujoco.show`
 
 
 _OF_TIRES = ("cornering_stiffness", "peak", "peak_slip")

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from fg_mujoco.course.moving_obstacles import MovingObstacle
 from fg_mujoco.course.scene import Scene
 from fg_mujoco.course.writing import claimed_folder
 from fg_mujoco.racing.planner_choice import ControllerChoice
+from fg_mujoco.studies.comparison.differences import differences_markdown, paired_differences, shown_differences
 from fg_mujoco.studies.comparison.ground import Ground, course_ground
 from fg_mujoco.studies.comparison.pages import write_comparison_report
 from fg_mujoco.studies.comparison.pictures import table_picture
@@ -25,6 +27,7 @@ from fg_mujoco.studies.comparison.run import (
     wrong_way_time,
 )
 from fg_mujoco.studies.comparison.tables import make_cells, markdown
+from fg_mujoco.studies.intervals import wilson
 
 CAR = fg.Vehicle.load().parameters
 GRID = ["planners.py:Gentle", "planners.py:Gentle[speed=2,steering=0.1]", "planners.py:Broken"]
@@ -364,7 +367,77 @@ def test_a_cell_sums_up_the_runs_of_a_controller_on_a_course():
     assert cell.wrong_way_time_s == 1.5
     assert cell.max_slide_m_s == 0.4
     assert cell.slide_time_fraction == pytest.approx(0.5 / 3)
-    assert (other.controller, other.best_lap_s) == ("b", None)
+    assert (cell.success_low, cell.success_high) == wilson(3, 4)
+    assert (cell.runs_with_laps, cell.best_lap_q25_s, cell.best_lap_q75_s) == (3, 10.0, 12.5)  # 9, 11 and 14 s
+    assert cell.mean_lap_std_s == pytest.approx(3.0**0.5)  # 12, 12 and 15 s
+    assert (other.controller, other.best_lap_s, other.runs_with_laps) == ("b", None, 0)
+    assert (other.best_lap_q25_s, other.mean_lap_std_s) == (None, None)
+
+
+def test_differences_are_within_pairs_of_runs(capsys):
+    """Of what hard seeds do to both planners nothing is left: each is 0.5 s slower than the reference."""
+    laps = [9.0, 14.0, 21.0, 9.5, 30.0, 12.0]
+    rows = [row(seed=seed, best_lap_s=lap) for seed, lap in enumerate(laps)]
+    rows += [row("b", seed=seed, best_lap_s=lap + 0.5) for seed, lap in enumerate(laps)]
+    rows += [row("b", seed=6, best_lap_s=99.0), row(seed=7), row(seed=8), row("b", seed=8, **CRASH)]
+    (found,) = paired_differences(rows)
+    assert (found.controller, found.reference, found.course) == ("b", "a", "all")
+    assert (found.pairs, found.successes, found.reference_successes) == (7, 6, 7)  # seeds 6 and 7 have one run
+    assert found.success_difference == pytest.approx(-1 / 7)
+    assert (found.lap_pairs, found.best_lap_difference_s) == (6, 0.5)
+    assert (found.best_lap_difference_low_s, found.best_lap_difference_high_s) == (0.5, 0.5)
+    _, _, line = differences_markdown([found]).splitlines()[:3]
+    low, high = round(100 * found.success_difference_low), round(100 * found.success_difference_high)
+    said = f"| b | a | 7 | -14 | {low:+d} to {high:+d} | 6 | +0.50 | +0.50 to +0.50 |"
+    assert " ".join(line.split()) == said
+
+
+def test_differences_are_of_each_two_planners_and_of_each_course():
+    rows = [row(name, course=course) for name in "abc" for course in ("oval", "tight")]
+    found = paired_differences(rows)
+    assert [(each.reference, each.controller, each.course) for each in found] == [
+        (reference, controller, course)
+        for reference, controller in ("ab", "ac", "bc")
+        for course in ("all", "oval", "tight")
+    ]
+    assert [each.controller for each in shown_differences(found)] == ["b", "c"]
+    assert paired_differences(rows[:2]) == () and differences_markdown(()) == ""
+
+
+def test_runs_on_another_course_of_the_same_name_are_no_pair():
+    other = row("b")
+    other = replace(other, key=replace(other.key, course_sha256="1"))
+    assert paired_differences([row(), other]) == ()
+
+
+def test_the_files_and_the_page_have_intervals_counts_and_differences(here):
+    pytest.importorskip("bokeh")
+    comparison = compare(GRID[:2])
+    with open("out/table.csv", encoding="utf-8") as file:
+        (first, _) = csv.DictReader(file)
+    assert (first["success_low"], first["success_high"], first["runs_with_laps"]) == ("0.0", repr(wilson(0, 2)[1]), "0")
+    with open("out/differences.csv", encoding="utf-8") as file:
+        (pair,) = csv.DictReader(file)
+    assert (pair["controller"], pair["reference"], pair["pairs"]) == (GRID[1], GRID[0], "2")
+    assert comparison.summary()["differences"][0]["pairs"] == 2
+    text = (here / "out" / "table.md").read_text("utf-8")
+    assert text == comparison.markdown()
+    assert "Wilson's at 95 %" in text and "Newcombe's interval" in text and "minus" in text
+    page = write_comparison_report("out", trust=True).read_text("utf-8")
+    for said in ("<th>95 % interval</th>", "<th>of runs</th>", "Wilson&#x27;s", "Paired differences", "Newcombe"):
+        assert said in page
+    assert "95 % interval" in comparison._repr_html_() and "Newcombe" in comparison._repr_html_()
+
+
+def test_a_page_tells_runs_of_an_edited_planner_apart(here):
+    pytest.importorskip("bokeh")
+    for speed in ("1.0", "1.5"):
+        (here / "planners.py").write_text(PLANNERS.replace("speed: float = 1.0", f"speed: float = {speed}"))
+        compare(GRID[:1], seeds=[0])
+    with pytest.warns(UserWarning, match="sha256"):
+        page = write_comparison_report("out", trust=True).read_text("utf-8")
+    names = set(re.findall(r"<td>(planners.py:Gentle \(code [0-9a-f]{8}\))</td>", page))
+    assert len(names) == 2 and "0/2" not in page
 
 
 def test_the_markdown_table_has_a_row_a_cell_and_says_the_speed_where_there_are_several():
@@ -372,9 +445,11 @@ def test_the_markdown_table_has_a_row_a_cell_and_says_the_speed_where_there_are_
     header, rule, first, second = markdown(cells).splitlines()
     assert header.count(" | ") == rule.count(" | ") == second.count(" | ")
     assert " ".join(first.split()).startswith(
-        "| a[x=1\\|2] | oval, 8 m/s | 1/1 | 1/1 | 9.00 | 9.50 | - | 0 | 0.0 % | 0.300 | 0.0 |"
+        "| a[x=1\\|2] | oval, 8 m/s | 1/1 | 21 to 100 % | 1/1 | 9.00 | 9.00 to 9.00 | 9.50 | 1 | - | 0 | 0.0 % |"
     )
-    assert " ".join(second.split()).startswith("| b | u_turn, 4 m/s | 0/1 | 0/1 | - | - | 1 crash | 1 |")
+    assert " ".join(second.split()).startswith(
+        "| b | u_turn, 4 m/s | 0/1 | 0 to 79 % | 0/1 | - | - | - | 0 | 1 crash | 1 |"
+    )
     assert "| oval   |" in markdown(cells[:1])
 
 
@@ -397,11 +472,11 @@ def test_the_table_picture_tells_lap_times_where_all_succeed(tmp_path, monkeypat
     axes, scale = drawn[0].axes
     texts, (image,) = [text.get_text() for text in axes.texts], axes.images
     if crashed:
-        assert texts == ["1/1\n9.00 s", "0/1"]
+        assert texts == ["1/1\n21 to 100 %\n9.00 s", "0/1\n0 to 79 %"]
         assert image.get_array().ravel().tolist() == [1.0, 0.0]
         assert scale.get_ylabel() == "share of successes"
     else:
-        assert texts == ["9.00 s\nmean 9.50", "9.90 s\nmean 12.25"]
+        assert texts == ["9.00 s\nmean 9.50\nn = 1", "9.90 s\nmean 12.25\nn = 1"]
         np.testing.assert_allclose(image.get_array().ravel(), [1.0, 1.1])
         assert "fastest" in scale.get_ylabel()
 

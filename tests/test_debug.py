@@ -11,7 +11,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from browsers import page_of  # noqa: F401 - a fixture
+from browsers import WRITTEN, outside_or_over_another, page_of  # noqa: F401 - a fixture
 from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
 
 import fg_mujoco as fg
@@ -392,3 +392,21 @@ def test_the_command_says_what_held(folder, tmp_path, capsys):
     chosen = fg.debug(folder, at=1.0).chosen
     out = capsys.readouterr().out
     assert chosen.why_speed in out and chosen.why_steering in out and "80 decisions from 0.000 to 1.975 s" in out
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_the_page_fits_the_screen_and_no_label_is_cut_or_lies_on_another(folder, tmp_path, width, page_of):  # noqa: F811
+    path = fg.debug(folder, at=1.0, window=1.0).write_page(tmp_path / "debug.html")
+    with page_of(viewport={"width": width, "height": 900}) as page:
+        page.add_init_script(WRITTEN)
+        page.goto(path.as_uri())
+        page.wait_for_selector("html[data-ready=yes]")
+        page.evaluate(
+            "document.querySelector('h1').textContent = 'oval, /a/path/' + 'to/'.repeat(30) + 'planner.py:Mine'"
+        )
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        written = page.evaluate("window.written")
+    assert {"135°", "-135°", "0°"} <= {each["text"] for each in written["ranges"]}
+    for name in ("ranges", "strip"):
+        assert len(written[name]) > 4
+        assert outside_or_over_another(written[name]) == []

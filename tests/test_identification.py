@@ -409,3 +409,10 @@ def test_a_run_has_the_sensors_that_its_car_had(tmp_path):
     assert drive.speed.values[forward, 0] == pytest.approx(run.column("speed_m_s")[forward], abs=0.2)
     turning = (run.column("yaw_rate_rad_s") * run.column("speed_m_s"))[20:]
     assert np.corrcoef(drive.acceleration.values[20:, 1], turning)[0, 1] > 0.9
+
+
+def test_it_is_told_how_far_it_is(gentle_drive):
+    said = []
+    identify_drives([gentle_drive], linear=True, watch=said.append)
+    assert said[0] == "inverse dynamics"
+    assert said[1] == "output error: fit 1/3, step 1" and said[-1].startswith("output error: fit 3/3, step ")

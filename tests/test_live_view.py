@@ -6,6 +6,7 @@ import platform
 import socket
 import threading
 import time
+import types
 
 import numpy as np
 import pytest
@@ -238,12 +239,12 @@ def test_without_viser_the_message_is_what_installs_it(monkeypatch, capsys):
 
 
 @contextlib.contextmanager
-def served(session, port):
+def served(session, port, wait=False):
     """A view that drives on."""
     from fg_mujoco.viz.live.browser import LiveView
 
     with LiveView(session, port=port) as view:
-        thread = threading.Thread(target=view.run)
+        thread = threading.Thread(target=lambda: view.run(wait=wait))
         thread.start()
         try:
             yield view
@@ -321,6 +322,102 @@ def test_pages_of_other_sites_are_refused_before_they_are_answered(session, free
         assert status(f"evil.example:{free}") == 403
 
 
+def answer(port, request):
+    """The status, the headers and the body that the server sends to a request until it ends the connection."""
+    with socket.create_connection(("127.0.0.1", port), 10.0) as connection:
+        for part in request:
+            connection.sendall(part.encode())
+            time.sleep(0.05)
+        text = b"".join(iter(lambda: connection.recv(65536), b""))
+    head, _, body = text.partition(b"\r\n\r\n")
+    first, *lines = head.decode().split("\r\n")
+    return int(first.split()[1]), {name.lower(): value for name, value in (line.split(": ", 1) for line in lines)}, body
+
+
+def test_head_is_answered_as_get_without_the_body_and_other_methods_are_refused(session, free):
+    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
+    host = f"Host: localhost:{free}\r\n"
+    with served(session, free):
+        status, whole, page = answer(free, [f"GET / HTTP/1.1\r\n{host}\r\n"])
+        assert (status, whole["content-length"]) == (200, str(len(page)))
+        for request in ([f"HEAD / HTTP/1.1\r\n{host}\r\n"], ["HE", f"AD / HTTP/1.1\r\n{host}\r\n"]):
+            status, headers, body = answer(free, request)
+            assert (status, headers["content-length"], body) == (200, str(len(page)), b"")
+            assert headers["content-type"].startswith("text/html")
+        assert answer(free, [f"HEAD /no/such HTTP/1.1\r\n{host}\r\n"])[0] == 404
+        assert answer(free, ["HEAD / HTTP/1.1\r\nHost: evil.example\r\n\r\n"])[::2] == (403, b"")
+        upgrade = "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
+        assert answer(free, [f"HEAD / HTTP/1.1\r\n{host}{upgrade}Sec-WebSocket-Version: 13\r\n\r\n"])[0] == 405
+        for method in ("POST", "OPTIONS", "DELETE"):
+            status, headers, _ = answer(free, [f"{method} / HTTP/1.1\r\n{host}\r\n"])
+            assert (status, headers["allow"]) == (405, "GET, HEAD")
+
+
+def test_a_race_that_waits_stands_until_a_browser_comes_and_ends_without_one(session, free):
+    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
+    from fg_mujoco.viz.live.browser import LiveView
+
+    with LiveView(session, port=free) as view:
+        thread = threading.Thread(target=lambda: view.run(wait=True))
+        thread.start()
+        time.sleep(0.5)
+        assert answer(free, [f"GET / HTTP/1.1\r\nHost: localhost:{free}\r\n\r\n"])[0] == 200  # no browser yet
+        assert session.simulation.time == 0.0
+        view.close()
+        thread.join(10.0)
+        assert not thread.is_alive()
+
+
+@pytest.mark.parametrize(("options", "waits"), [([], True), (["--no-wait"], False)])
+def test_the_command_waits_for_a_browser_unless_told_otherwise(options, waits, free, monkeypatch, capsys):
+    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
+    told = []
+    monkeypatch.setattr("fg_mujoco.viz.live.browser.LiveView.run", lambda view, *, wait: told.append(wait))
+    assert main(["view", "--web", "--port", str(free), *options]) == 0
+    assert told == [waits]
+    assert ("the race starts when a browser opens it" in capsys.readouterr().out) == waits
+
+
+def test_the_plots_have_the_speed_over_time_and_the_lap_times(session, free):
+    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
+    from fg_mujoco.viz.live.browser import LiveView
+
+    with LiveView(session, port=free) as view:
+        commands = []
+        for _ in range(60):
+            session.tick()
+            commands.append((session.simulation.time, session.simulation.speed))
+        view._show_plots()
+        seconds, speeds, commanded = view._speed_plot.data
+        assert list(zip(seconds.tolist(), speeds.tolist(), strict=True)) == commands[1::2]
+        assert commanded.max() > 5.0
+        assert not view._lap_plot.visible
+        laps, session.laps = session.laps, types.SimpleNamespace(lap_times=(10.5, 9.25))
+        view._show_plots()
+        assert view._lap_plot.visible
+        assert [column.tolist() for column in view._lap_plot.data] == [[1.0, 2.0], [10.5, 9.25]]
+        session.laps = laps
+        session.reset()
+        session.tick()
+        view._show_plots()
+        assert len(view._speed_plot.data[0]) == 1 and not view._lap_plot.visible
+
+
+def test_the_numbers_that_a_planner_shows_stand_in_the_panel(session, free):
+    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
+    from fg_mujoco.viz.live.browser import LiveView
+
+    with LiveView(session, port=free) as view:
+        view._show_texts()
+        assert not view._values.visible
+        with session.values.of(session.scan):
+            fg.show("gap_width | m", 0.51234)
+            fg.show("goal", (1.0, 2.0))
+        view._show_texts()
+        assert view._values.visible
+        assert view._values.content.splitlines()[2:] == ["| gap&#95;width &#124; m | 0.5123 |"]
+
+
 def test_a_server_that_cannot_be_guarded_is_not_used(session, free, monkeypatch):
     viser = pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
     from fg_mujoco.viz.live.browser import LiveView
@@ -343,8 +440,9 @@ def test_a_server_that_cannot_be_guarded_is_not_used(session, free, monkeypatch)
 def test_in_a_browser_the_car_moves_and_pause_and_knobs_and_keys_do_what_they_say(session, free, page_of):  # noqa: F811
     pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
     asked = []
-    with served(session, free) as view, page_of(viewport={"width": 700, "height": 400}) as page:
+    with served(session, free, wait=True) as view, page_of(viewport={"width": 700, "height": 400}) as page:
         page.on("request", lambda request: asked.append(request.url))
+        assert session.simulation.time == 0.0  # it waits for its first browser
         page.goto(view.url)
         page.wait_for_selector("text=friction utilisation", timeout=60000)
         page.wait_for_selector("canvas")
@@ -352,6 +450,9 @@ def test_in_a_browser_the_car_moves_and_pause_and_knobs_and_keys_do_what_they_sa
         wait_until(lambda: session.simulation.time > at + 1.0)
         page.wait_for_timeout(500)
         assert page.screenshot() != before
+
+        session.message = "my_own_planner{ <b>x</b> *_ $a$ | \\ [y](z)"  # as an error's text may be
+        page.get_by_text(session.message, exact=True).wait_for()
 
         page.get_by_role("button", name="pause").click()
         wait_until(lambda: session.paused)

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -15,10 +16,21 @@ from fg_mujoco.racing.planner_choice import ControllerChoice
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.planner_adapter import adapt
 from fg_mujoco.simulation.settings import Start
-from fg_mujoco.studies.overtaking.duel import AHEAD_FOR, Duel, DuelKey, DuelSettings, drive_duel, pace
+from fg_mujoco.studies.intervals import wilson
+from fg_mujoco.studies.overtaking.differences import differences_markdown, paired_differences
+from fg_mujoco.studies.overtaking.duel import (
+    AHEAD_FOR,
+    Duel,
+    DuelFigures,
+    DuelKey,
+    DuelRow,
+    DuelSettings,
+    drive_duel,
+    pace,
+)
 from fg_mujoco.studies.overtaking.opponents import OPPONENTS, Pace, least_curvature, make_opponent
 from fg_mujoco.studies.overtaking.overtaking import overtake
-from fg_mujoco.studies.overtaking.tables import make_cells, wilson
+from fg_mujoco.studies.overtaking.tables import make_cells
 
 SHORT = {"tracks": ["oval"], "opponents": ["centreline"], "workers": 1, "pictures": False}
 
@@ -156,7 +168,10 @@ def test_the_command_is_the_function(tmp_path, monkeypatch, capsys):
     assert (summary["duels"], summary["table"][0]["planner"]) == (1, "gap_finder")
     assert (tmp_path / "out" / "table.png").is_file()
     assert main(["overtake", *arguments, "--planner", "gap_finder", "--workers", "1", "--out", "out"]) == 0
-    assert "1 duels, 1 of them by an earlier call; written to out" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "1 duels, 1 of them by an earlier call; written to out" in out and "Wilson's at 95 %" in out
+    assert (tmp_path / "out" / "differences.csv").read_text("utf-8").count("\n") == 1  # of one planner none
+    assert "| median time lost [s] | quartiles [s] | of overtakes | median decision [us] |" in " ".join(out.split())
 
 
 @pytest.mark.parametrize(
@@ -172,6 +187,46 @@ def test_the_command_is_the_function(tmp_path, monkeypatch, capsys):
 def test_what_cannot_be_driven_is_refused_in_a_line(tmp_path, monkeypatch, capsys, arguments, said):
     monkeypatch.chdir(tmp_path)
     assert said in refused(tmp_path, capsys, "overtake", *arguments, "--out", "out")
+
+
+def test_times_lost_are_of_the_overtakes_alone_and_it_is_said_of_how_many():
+    nothing = dict.fromkeys(field.name for field in fields(DuelFigures))
+    lost = [("overtaken", 1.0), ("overtaken", 2.0), ("overtaken", 6.0), ("overtaken", math.nan), ("behind", 40.0)]
+    rows = [
+        DuelRow(
+            DuelKey("a", None, "oval", "centreline", seed),
+            DuelFigures(**nothing | {"outcome": how, "time_lost_s": seconds}),
+        )
+        for seed, (how, seconds) in enumerate(lost)
+    ]
+    cell = make_cells(rows)[-1]
+    assert (cell.overtaken, cell.time_lost_count) == (4, 3)
+    assert (cell.time_lost_s, cell.time_lost_q25_s, cell.time_lost_q75_s) == (2.0, 1.5, 4.0)
+
+
+def test_differences_are_within_pairs_of_duels():
+    nothing = dict.fromkeys(field.name for field in fields(DuelFigures))
+    rows = [
+        DuelRow(
+            DuelKey(planner, None, track, "centreline", seed),
+            DuelFigures(**nothing | {"outcome": how, "time_lost_s": seconds + later}),
+        )
+        for planner, later in (("a", 0.0), ("b", 0.25))
+        for track in ("oval", "tight")
+        for seed, (how, seconds) in enumerate([("overtaken", 1.0), ("overtaken", 4.0), ("overtaken", 9.0)])
+    ]
+    rows.append(replace(rows[0], key=replace(rows[0].key, seed=9)))  # which b has not driven
+    found = paired_differences(rows)
+    assert [(each.planner, each.reference, each.track, each.pairs) for each in found] == [
+        ("b", "a", "all", 6), ("b", "a", "oval", 3), ("b", "a", "tight", 3)
+    ]  # fmt: skip
+    assert (found[0].share_difference, found[0].time_pairs, found[0].time_lost_difference_s) == (0.0, 6, 0.25)
+    assert (found[0].time_lost_difference_low_s, found[0].time_lost_difference_high_s) == (0.25, 0.25)
+    assert found[1].time_lost_difference_low_s is None  # of three pairs there is no such interval
+    low, high = (f"{100.0 * end:+.0f}" for end in (found[0].share_difference_low, found[0].share_difference_high))
+    line = " ".join(differences_markdown(found).splitlines()[2].split())
+    assert line == f"| b | a | 6 | +0 | {low} to {high} | 6 | +0.25 | +0.25 to +0.25 |"
+    assert differences_markdown(()) == ""
 
 
 def test_errors_are_of_the_one_tree():

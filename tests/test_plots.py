@@ -110,6 +110,35 @@ def test_trace_picture_lays_laps_over_each_other_and_marks_where_a_tire_slid(lap
     assert set(np.unique(values)) == {0.25, 0.75}
 
 
+def cut_off(figure):
+    """Return the texts of a figure that are not wholly in it."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.text import Text
+
+    FigureCanvasAgg(figure).draw()
+    low, high = np.zeros(2) - 0.5, np.array([figure.bbox.width, figure.bbox.height]) + 0.5
+    ticks = {label for axes in figure.axes for axis in (axes.xaxis, axes.yaxis) for label in axis.get_ticklabels()}
+    texts = [each for each in figure.findobj(Text) if each.get_text() and each.get_visible() and each not in ticks]
+    boxes = {text: text.get_window_extent() for text in texts}
+    return [text.get_text() for text, box in boxes.items() if (box.min < low).any() or (box.max > high).any()]
+
+
+@pytest.mark.parametrize("tires", ["contact", "f1tenth_gym"])
+def test_no_text_of_a_trace_picture_is_cut(lap, tires, monkeypatch):
+    drawn = []
+    monkeypatch.setattr("fg_mujoco.viz.plots.save_figure", lambda figure, path: drawn.append(figure))
+    fg.trace_picture(replace(lap, tires=tires, controller=f"{'path/to/' * 12}planner.py:Planner"), "not written")
+    assert cut_off(drawn[0]) == []
+
+
+def test_no_name_of_many_cars_is_cut_in_a_trace_picture(monkeypatch):
+    drawn = []
+    monkeypatch.setattr("fg_mujoco.viz.plots.save_figure", lambda figure, path: drawn.append(figure))
+    entries = [fg.Entry(controller=Straight(), name=f"a car of a long name {number}") for number in range(8)]
+    fg.trace_picture(fg.race("oval", entries=entries, time_limit=0.1), "not written")
+    assert cut_off(drawn[0]) == []
+
+
 def test_trace_picture_of_a_race_of_one_tick():
     def interrupt(progress):
         raise KeyboardInterrupt

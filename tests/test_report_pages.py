@@ -320,6 +320,31 @@ def test_cursor_of_one_plot_is_that_of_all_and_nothing_is_asked_of_the_network(r
     assert asked == [report.as_uri()]
 
 
+_LEGENDS = """(() => {
+    const found = [];
+    const look = (view) => {
+        if (view.model.name === "legend") found.push([view.bbox.left, view.bbox.right, view.parent.bbox.width, view.model.items.map((i) => i.label.value)]);
+        for (const child of view.child_views || []) look(child);
+        for (const child of (view.renderer_views ? view.renderer_views.values() : [])) look(child);
+    };
+    for (const root of Bokeh.index.roots) look(root);
+    return found;
+})()"""  # noqa: E501
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_page_fits_the_screen_and_no_legend_is_cut(report, width, page_of):  # noqa: F811
+    with page_of(viewport={"width": width, "height": 900}) as page:
+        page.goto(report.as_uri())
+        page.wait_for_selector("html[data-ready=yes]")
+        page.wait_for_timeout(500)
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        legends = page.evaluate(_LEGENDS)
+    assert len(legends) == 4
+    for left, right, room, names in legends:
+        assert 0.0 <= left < right <= room, names
+
+
 MARKUP = "<script>alert(1)</script><img src=x onerror=alert(1)>'\"&"
 
 
@@ -425,7 +450,10 @@ def test_no_value_of_a_comparison_becomes_markup(comparison, tmp_path, capsys):
     lines = (out / "runs.jsonl").read_text("utf-8").splitlines()
     row = json.loads(lines[0])
     del row["sha256"], row["poses_sha256"]  # as of an older version
-    texts = ("controller", "controller_sha256", "course", "course_sha256", "end_reason", "message", "trajectory_sha256")
+    texts = (
+        "controller", "controller_sha256", "controller_files_sha256", "course", "course_sha256", "end_reason",
+        "message", "trajectory_sha256",
+    )  # fmt: skip
     shown = refused = 0
     for name in row:
         changed = row | {name: MARKUP}

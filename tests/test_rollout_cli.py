@@ -3,6 +3,7 @@
 import json
 import os
 import pty
+import re
 import signal
 import subprocess
 import sys
@@ -16,6 +17,7 @@ from terminals import read_to_the_end
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import EngineError, install_command
+from fg_mujoco.studies.intervals import wilson
 
 SLOW = """
 import time
@@ -91,7 +93,22 @@ def test_json_is_one_object_without_nan(no_engine, here, capsys):
     assert summary["n"] == 20
     assert sum(summary["end_reasons"].values()) == 20
     assert summary["end_reasons"]["crash"] > 0  # and yet it exits 0: all worlds were driven
+    finished = summary["end_reasons"]["finished"]
+    assert (summary["finished_count"], summary["finished_interval"]) == (finished, list(wilson(finished, 20)))
+    assert summary["first_lap_s"]["count"] == summary["best_lap_s"]["count"] == finished  # the others drove no lap
+    assert summary["max_slide_m_s"]["count"] == 20
     assert summary["world_seconds_per_second"] > 0
+
+
+def test_the_table_says_of_how_many_worlds_its_figures_are(no_engine, capsys):
+    assert main(["rollout", "--n", "20", "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert main(["rollout", "--n", "20"]) == 0
+    out = capsys.readouterr().out
+    low, high = (f"{100.0 * end:.1f}" for end in summary["finished_interval"])
+    assert f" %; 95 % interval: {low} to {high} %\n" in out
+    assert re.search(rf"first lap +median [0-9.]+ s; 5 to 95 %: .*; {summary['finished_count']} of 20 worlds\n", out)
+    assert re.search(r"greatest sliding .*; 20 of 20 worlds\n", out)
 
 
 def test_the_default_is_a_lap_of_the_oval_in_1024_worlds(no_engine, capsys):

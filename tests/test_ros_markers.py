@@ -82,7 +82,7 @@ def test_the_live_view_draws_what_a_node_shows(source, page_of):  # noqa: F811
     assert len(session.drawings()) == 4
     with LiveView(session, port=8097) as view:
         view._scene.show_drawings()
-        assert sorted(view._scene._shown) == [f"/shown_{number}" for number in range(3)]
+        assert sorted(name for name, _ in view._scene._shown.values()) == [f"/shown_{number}" for number in range(3)]
         session.reset()
         session.tick()
         view._scene.show_drawings()

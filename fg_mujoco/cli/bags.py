@@ -21,7 +21,8 @@ from ..ros.bag_messages import ODOMETRY, SCAN, require_ros_extra
 from ..ros.grid import RESOLUTION
 from ..simulation.course_loading import load_track
 from ..simulation.settings import DriveSettings
-from .options import ProgressLine, add_controller_option, add_drive_options, drive_options, in_one_line, number
+from .options import add_controller_option, add_drive_options, drive_options, in_one_line, number
+from .progress import ProgressLine
 from .report import report_race
 
 if TYPE_CHECKING:
@@ -45,7 +46,9 @@ def add_bags(add: Any, commands: Any) -> None:
     command.add_argument("--out", metavar="FILE.mcap", type=Path, help="default: the folder's name, here")
     command.add_argument("--force", action="store_true", help="replace the file if it exists")
     command.add_argument(
-        "--trust", action="store_true", help="run the ROS nodes of the run once more: what they publish is written, too"
+        "--trust",
+        action="store_true",
+        help="run the planner once more: what it shows by fg.show, and what nodes publish, is written, too",
     )
 
     command = add(commands, "bag", _bag, "say what a robot's bag holds, and make a map of it that --track takes")
@@ -221,13 +224,10 @@ def _check_new(path: Path, *, force: bool) -> None:
 
 @contextlib.contextmanager
 def _progress(what: str) -> Iterator[Any]:
-    line = ProgressLine(show=sys.stderr.isatty())
+    with ProgressLine(f"reading {what}s") as line:
 
-    def watch(count: int, total: int) -> None:
-        if line.due:
-            line.write(f"{what} {count}/{total}")
+        def watch(count: int, total: int) -> None:
+            if line.due:
+                line.write(f"{what} {count}/{total}")
 
-    try:
         yield watch
-    finally:
-        line.clear()

@@ -28,10 +28,9 @@ from .options import (
     drive_options,
     number,
     opponents_of,
-    shown_as,
-    to_go,
     whole,
 )
+from .progress import shown_as, to_go
 
 _DONE, _NOT_DONE = 0, 1
 _DRIVE = ("vehicle", "tires", "mu", "planner_mu")  # of each run; the speeds are a list
@@ -82,7 +81,7 @@ def _compare(options: argparse.Namespace) -> int:
     first = Entry(**drive_options(options, *_DRIVE), effects=LidarEffects(range_noise_std=options.lidar_noise))
     with (
         contextlib.redirect_stdout(sys.stderr),
-        shown_as(_progress, show=sys.stderr.isatty() and not options.json) as watch,
+        shown_as(_progress, "preparing runs", show=not options.json) as watch,
     ):
         try:
             result = compare(

@@ -29,7 +29,7 @@ from ..lidar.lidar import LIDAR_BACKENDS
 from ..messages import require_whole
 from ..racing.planner_choice import ControllerChoice
 from ..racing.planner_loading import find_controller
-from ..racing.planner_trust import controller_of, recorded_sha256, require_trusted
+from ..racing.planner_trust import controller_of, files_of, recorded_sha256, require_trusted
 from ..racing.race import RaceSettings
 from ..racing.race_control import find_rules
 from ..racing.run_folder import SUMMARY, read_summary
@@ -78,12 +78,12 @@ def parse(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> a
     if is_folder(options.config) and options.controller == given.get("controller"):
         summary, where = read_summary(options.config), f"{Path(options.config) / SUMMARY}, settings"
         source = ControllerChoice.of(options.controller).source
-        require_trusted(source, recorded_sha256(summary), trust=options.trust, where=where)
+        require_trusted(source, recorded_sha256(summary), trust=options.trust, where=where, files=files_of(summary))
         rows = (summary.get("cars") or [])[1:]
         if options.opponent == given.get("opponent") and rows:
             for text, row in zip(options.opponent or [], rows, strict=False):
                 opponent = ControllerChoice.of(text).source
-                require_trusted(opponent, recorded_sha256(row), trust=options.trust, where=where)
+                require_trusted(opponent, recorded_sha256(row), trust=options.trust, where=where, files=files_of(row))
     return options
 
 

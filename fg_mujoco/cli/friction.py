@@ -15,7 +15,8 @@ from typing import Any
 from ..errors import EngineError, SettingsError
 from ..studies.friction_lab.experiment import OF_TIRES, ON_CIRCLES, LabSettings
 from ..studies.friction_lab.lab import EXPERIMENTS, LabProgress, run_lab
-from .options import can_draw, number, shown_as, to_go, whole
+from .options import can_draw, number, whole
+from .progress import shown_as, to_go
 
 _DONE, _NOT_DONE = 0, 1
 _ALL = "all"
@@ -58,7 +59,7 @@ def _friction(options: argparse.Namespace) -> int:
     settings = LabSettings(
         quick=options.quick, seed=options.seed, mus=options.mu, steerings=options.steering, tires=options.tires
     )
-    with contextlib.redirect_stdout(sys.stderr), shown_as(_progress, show=sys.stderr.isatty()) as watch:
+    with contextlib.redirect_stdout(sys.stderr), shown_as(_progress, "preparing cells") as watch:
         try:
             result = run_lab(
                 names,

@@ -9,6 +9,7 @@ from typing import Any
 
 from ..errors import SettingsError
 from .options import number
+from .progress import shown_as
 
 _DONE = 0
 
@@ -57,17 +58,19 @@ def _identify(options: argparse.Namespace) -> int:
             raise SettingsError(f"{options.report}: is no name for a page; accepted: one that ends in .html")
         if options.report.exists() and not options.force:
             raise SettingsError(f"{options.report}: exists; accepted: a new file, or --force to replace it")
-    found = identify(
-        *options.sources,
-        vehicle=options.vehicle,
-        linear=options.linear,
-        front_drive=options.front_drive,
-        single_track=options.single_track,
-        pose_topic=options.pose_topic,
-        drive_topic=options.drive_topic,
-        imu_topic=options.imu_topic,
-        odometry_topic=options.odom_topic,
-    )
+    with shown_as(str, "reading drives") as watch:
+        found = identify(
+            *options.sources,
+            vehicle=options.vehicle,
+            linear=options.linear,
+            front_drive=options.front_drive,
+            single_track=options.single_track,
+            pose_topic=options.pose_topic,
+            drive_topic=options.drive_topic,
+            imu_topic=options.imu_topic,
+            odometry_topic=options.odom_topic,
+            watch=watch,
+        )
     write_tires(found, options.out, force=options.force)
     print(found.summary())
     print(f"written to {options.out}")

@@ -47,7 +47,6 @@ from .drive import add_drive
 from .friction import add_friction
 from .identify import add_identify
 from .options import (
-    ProgressLine,
     add_controller_option,
     add_drive_options,
     add_opponent_options,
@@ -61,6 +60,7 @@ from .options import (
     whole,
 )
 from .overtake import add_overtake
+from .progress import ProgressLine
 from .render import add_render, check_film, film_race
 from .report import PAGE, add_report, report_race
 from .rollout import add_rollout
@@ -238,7 +238,7 @@ def _race(options: argparse.Namespace) -> int:
     else:
         race_settings |= {"controller": options.controller, **own}
     # what a planner prints is not our output
-    with contextlib.redirect_stdout(sys.stderr), _Watcher(show=sys.stderr.isatty() and not options.json) as watch:
+    with contextlib.redirect_stdout(sys.stderr), _Watcher(show=not options.json) as watch:
         try:
             result = race(options.track, **race_settings, watch=watch)
         except PlannerError as error:  # what was driven is kept
@@ -283,18 +283,19 @@ class _Watcher:
     """
 
     def __init__(self, *, show: bool) -> None:
-        self._line, self._show = ProgressLine(show=show), show
+        self._line, self._show = ProgressLine("preparing the race", show=show), show
         self._time: float | None = None  # [s] simulated; None: no tick is done
         self._started = time.perf_counter()
         self._interrupted = False
 
     def __enter__(self) -> _Watcher:
         self._before = signal.signal(signal.SIGINT, self._interrupt)
+        self._line.__enter__()
         return self
 
     def __exit__(self, *exception: object) -> None:
         signal.signal(signal.SIGINT, self._before)
-        self._line.clear()
+        self._line.__exit__(*exception)
 
     def _interrupt(self, *signal_and_frame: object) -> None:
         self._interrupted = True
@@ -302,7 +303,7 @@ class _Watcher:
         first = "the first tick: the world, kernels to be compiled, and the planner's first command"
         waits_for = first if self._time is None else f"the planner's command at t = {self._time:.3f} s"
         said = f"fg-mujoco: interrupted; waiting for {waits_for}. Ctrl-C once more ends the race at once.\n"
-        clear = "\r\x1b[K" if self._show else ""
+        clear = "\r\x1b[K" if self._show and self._line.terminal else ""
         with contextlib.suppress(OSError):
             os.write(2, (clear + said).encode())  # print may be interrupted in the midst of printing
 

@@ -1,16 +1,14 @@
-"""Options of the command line: texts to numbers, each refusal in the words of all others; and a line of progress."""
+"""Options of the command line: texts to numbers, each refusal in the words of all others."""
 
 from __future__ import annotations
 
 import argparse
-import contextlib
 import math
 import re
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any
 
 from ..errors import MissingExtraError, SettingsError
 from ..racing.entries import GRIDS, Entry
@@ -19,13 +17,10 @@ from ..vehicle.tires import tire_names
 from ..vehicle.vehicle import DEFAULT_VEHICLE, vehicle_names
 from ..viz.plots import require_matplotlib
 
-_Progress = TypeVar("_Progress")
-
 DRIVE = ("vehicle", "tires", "mu", "planner_mu", "max_speed")
 """Settings that are spelt alike at every door."""
 
 _LONGEST_WORD, _LONGEST_LINE = 400, 4000  # characters of a message
-_REDRAW = 0.1  # [s] of wall time between two lines of progress
 
 _OPTION_OF = {
     "range_noise_std": "lidar_noise", "dropout_probability": "lidar_dropout", "latency": "lidar_latency",
@@ -174,53 +169,6 @@ def opponents_of(options: argparse.Namespace, first: Entry) -> tuple[Entry, ...]
 def drive_options(options: argparse.Namespace, *names: str) -> dict[str, Any]:
     """Return what `add_drive_options` added, as keywords of a race."""
     return {name: getattr(options, name) for name in names or DRIVE}
-
-
-class ProgressLine:
-    """A line on stderr that is written over and over, several times a second."""
-
-    def __init__(self, *, show: bool) -> None:
-        self._show = show
-        self._shown = time.perf_counter()
-
-    @property
-    def due(self) -> bool:
-        """Whether it is time for another text."""
-        return self._show and time.perf_counter() - self._shown >= _REDRAW
-
-    def write(self, text: str) -> None:
-        """Show a text in place of the last one."""
-        self._shown = time.perf_counter()
-        print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
-
-    def clear(self) -> None:
-        """Leave the line empty."""
-        if self._show:
-            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
-
-
-@contextlib.contextmanager
-def shown_as(text: Callable[[_Progress], str], *, show: bool) -> Iterator[Callable[[_Progress], None]]:
-    """Yield what takes the progress of some work and shows it as a text."""
-    line = ProgressLine(show=show)
-
-    def watch(progress: _Progress) -> None:
-        if line.due:
-            line.write(text(progress))
-
-    try:
-        yield watch
-    finally:
-        line.clear()
-
-
-def to_go(remaining: float | None) -> str:
-    """Return the end of a progress line: the time that is left [s], in hours, minutes and seconds; None: not known."""
-    if remaining is None:
-        return ""
-    minutes, rest = divmod(round(remaining), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"  {hours}:{minutes:02}:{rest:02} to go"
 
 
 def can_draw(what: str, *, several: bool = True) -> bool:

@@ -25,7 +25,8 @@ from ..studies.overtaking.overtaking import (
     overtake,
 )
 from .compare import names_in, seeds_in
-from .options import add_drive_options, can_draw, drive_options, number, shown_as, to_go, whole
+from .options import add_drive_options, can_draw, drive_options, number, whole
+from .progress import shown_as, to_go
 
 _DONE, _NOT_DONE = 0, 1
 _DRIVE = ("vehicle", "tires", "mu", "planner_mu", "max_speed")
@@ -69,7 +70,7 @@ def add_overtake(add_command: Callable[..., argparse.ArgumentParser], commands: 
 def _overtake(options: argparse.Namespace) -> int:
     with (
         contextlib.redirect_stdout(sys.stderr),
-        shown_as(_progress, show=sys.stderr.isatty() and not options.json) as watch,
+        shown_as(_progress, "preparing duels", show=not options.json) as watch,
     ):
         try:
             result = overtake(

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import SettingsError
 from ..racing.run_folder import read_summary
-from .options import ProgressLine, add_trust_option, number, whole
+from .options import add_trust_option, number, whole
+from .progress import ProgressLine, to_go
 
 if TYPE_CHECKING:
     from ..racing.result import RaceResult
@@ -115,19 +116,16 @@ def _write(film: Film, path: Path, *, fps: float, quality: str, start: float, en
 
     count = len(film.times(fps, start, end))
     began = time.perf_counter()
-    line = ProgressLine(show=sys.stderr.isatty())
+    with ProgressLine("preparing frames") as line:
 
-    def watched() -> Iterator[Any]:
-        for index, frame in enumerate(film.frames(fps, start, end), start=1):
-            yield frame
-            if line.due:
-                rate = index / (time.perf_counter() - began)
-                line.write(f"frame {index}/{count}  {rate:5.1f} frames/s  {(count - index) / rate:4.0f} s to go")
+        def watched() -> Iterator[Any]:
+            for index, frame in enumerate(film.frames(fps, start, end), start=1):
+                yield frame
+                if line.due:
+                    rate = index / (time.perf_counter() - began)
+                    line.write(f"frame {index}/{count}  {rate:5.1f} frames/s{to_go((count - index) / rate)}")
 
-    try:
         write_video(path, watched(), size=film.size, fps=fps, quality=quality)
-    finally:
-        line.clear()
     rate = count / (time.perf_counter() - began)
     width, height = film.size
     print(

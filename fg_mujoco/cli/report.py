@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import MissingExtraError, SettingsError
-from .options import ProgressLine, add_trust_option, number, to_go
+from .options import add_trust_option, number
+from .progress import ProgressLine, to_go
 
 PAGE = "report.html"
 """Name of the report in a run folder."""
@@ -49,15 +50,14 @@ def _report(options: argparse.Namespace) -> int:
 
     if not 0.0 < options.clip <= 600.0:
         raise SettingsError(f"--clip is {options.clip:g}; accepted: seconds above 0, at most 600")
-    line = ProgressLine(show=sys.stderr.isatty())
     began = time.perf_counter()
+    with ProgressLine("preparing pages") as line:
 
-    def watch(done: int, of: int, what: str) -> None:
-        if line.due:
-            left = (time.perf_counter() - began) / max(done, 1) * (of - done)
-            line.write(f"{what} {done}/{of}{to_go(left)}")
+        def watch(done: int, of: int, what: str) -> None:
+            if line.due:
+                left = (time.perf_counter() - began) / max(done, 1) * (of - done)
+                line.write(f"{what} {done}/{of}{to_go(left)}")
 
-    try:
         if is_comparison(options.folder):
             if options.out is not None:
                 raise SettingsError("--out is of the page of a run; accepted: without, pages go to DIR/report/")
@@ -68,7 +68,5 @@ def _report(options: argparse.Namespace) -> int:
                 raise SettingsError(f"{path}: is no name for a page; accepted: one that ends in .html")
             clip = None if options.no_clip else options.clip
             page, pages = write_report(options.folder, path, clip_seconds=clip, watch=watch), ""
-    finally:
-        line.clear()
     print(f"{page}: {page.stat().st_size / 1e6:.1f} MB{', ' + pages if pages else ''}")
     return _DONE

@@ -38,10 +38,9 @@ from .options import (
     drive_options,
     number,
     opponents_of,
-    shown_as,
-    to_go,
     whole,
 )
+from .progress import shown_as, to_go
 
 _DONE, _NOT_DONE = 0, 1
 _MIB = 2**20
@@ -95,7 +94,7 @@ def _rollout(options: argparse.Namespace) -> int:
     first = Entry(controller=options.controller, **drive_options(options))
     with (
         contextlib.redirect_stdout(sys.stderr),
-        shown_as(_progress, show=sys.stderr.isatty() and not options.json) as watch,
+        shown_as(_progress, "preparing worlds", show=not options.json) as watch,
     ):
         try:
             result = rollout(
@@ -156,13 +155,14 @@ def _progress(progress: RolloutProgress) -> str:
 def _table(result: RolloutResult, out: str | None) -> str:
     summary = result.summary()
     reasons = ", ".join(f"{count} {reason.replace('_', ' ')}" for reason, count in summary["end_reasons"].items())
+    low, high = summary["finished_interval"]
     rule = f"{sliding_rule(CONTACT)}; one with a curve past its peak"
     rows = [
         ("worlds", f"{len(result)}: {reasons}"),
-        ("finished", f"{100.0 * summary['finished']:.1f} %"),
-        ("first lap", _spread(summary["first_lap_s"], "s")),
-        ("best lap", _spread(summary["best_lap_s"], "s")),
-        ("greatest sliding", _spread(summary["max_slide_m_s"], f"m/s (a tire slides {rule})")),
+        ("finished", f"{100.0 * summary['finished']:.1f} %; 95 % interval: {100.0 * low:.1f} to {100.0 * high:.1f} %"),
+        ("first lap", _spread(summary["first_lap_s"], "s", len(result))),
+        ("best lap", _spread(summary["best_lap_s"], "s", len(result))),
+        ("greatest sliding", _spread(summary["max_slide_m_s"], f"m/s (a tire slides {rule})", len(result))),
         ("friction", _friction(result)),
         ("simulated", f"{summary['world_seconds']:.1f} s"),
     ]
@@ -199,7 +199,9 @@ def _among(summary: dict[str, Any]) -> list[tuple[str, str]]:
     ]
 
 
-def _spread(quantiles: dict[str, float] | None, unit: str) -> str:
+def _spread(quantiles: dict[str, float] | None, unit: str, worlds: int) -> str:
+    """Return the median of some figure, where nine of ten worlds lie, and of how many worlds it is known."""
     if quantiles is None:
         return "none"
-    return f"{quantiles['q50']:.3f} {unit}; 5 to 95 %: {quantiles['q5']:.3f} to {quantiles['q95']:.3f}"
+    spread = f"median {quantiles['q50']:.3f} {unit}; 5 to 95 %: {quantiles['q5']:.3f} to {quantiles['q95']:.3f}"
+    return f"{spread}; {quantiles['count']} of {worlds} worlds"

@@ -26,6 +26,7 @@ def add_view(add_command: Callable[..., argparse.ArgumentParser], commands: Any)
     add("--web", action="store_true", help="serve the view to a browser; without it, a window is opened")
     add("--host", metavar="ADDRESS", help="with --web: listen there; default: 127.0.0.1, this machine alone")
     add("--port", type=whole, metavar="N", help="with --web; default: 8080")
+    add("--no-wait", action="store_true", help="with --web: start at once, and not when the first browser has come")
 
 
 def _view(options: argparse.Namespace) -> int:
@@ -45,8 +46,8 @@ def _view(options: argparse.Namespace) -> int:
     if options.web:
         require_viser()
         check_port(host, port)  # before the world is built
-    elif options.host is not None or options.port is not None:
-        raise SettingsError("--host and --port say where a browser is served; accepted: with --web")
+    elif options.host is not None or options.port is not None or options.no_wait:
+        raise SettingsError("--host, --port and --no-wait are of a browser; accepted: with --web")
     else:
         require_display()
     session = LiveSession(settings)
@@ -55,8 +56,9 @@ def _view(options: argparse.Namespace) -> int:
         return _DONE
     with LiveView(session, host=host, port=port) as view:
         try:
-            print(f"{view.url}; Ctrl-C ends it", flush=True)
-            view.run()
+            waits = "" if options.no_wait else "; the race starts when a browser opens it (--no-wait: at once)"
+            print(f"{view.url}{waits}; Ctrl-C ends it", flush=True)
+            view.run(wait=not options.no_wait)
         except KeyboardInterrupt:
             print(file=sys.stderr)
     return _DONE

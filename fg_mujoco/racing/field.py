@@ -26,6 +26,7 @@ from .decisions import DecisionClock, DecisionTimes
 from .entries import Entry, check_starts, entry_planner, grid_starts
 from .figures import course_figures, driven_figures
 from .planner_choice import split_controller
+from .planner_files import Files, planner_files
 from .planner_loading import origin, source_code
 from .race_control import RaceControl, find_rules
 from .result import CarResult, History, RaceResult
@@ -78,6 +79,10 @@ def race_field(
     planners = [
         entry_planner(entry, car=car, map_line=course.map_line) for entry, car in zip(entries, cars, strict=True)
     ]
+    files = [
+        planner_files(planner, split_controller(entry.controller, entry.planner_settings)[1], warn=True)
+        for planner, entry in zip(planners, entries, strict=True)
+    ]
     engine = Engine(world, laps=laps, time_limit=time_limit)
     clock = DecisionClock(decision_limit)
     timed = [
@@ -127,8 +132,9 @@ def race_field(
         failure = planners_of_each.failures.get(row)
         results.append(
             _car_result(
-                engine, history, row, entry, planners[row], start=starts[row], position=order.index(row) + 1,
-                ticks=int(ended[row]), failure=None if failure is None else failure.failure,
+                engine, history, row, entry, planners[row], files[row], start=starts[row],
+                position=order.index(row) + 1, ticks=int(ended[row]),
+                failure=None if failure is None else failure.failure,
                 decision_times=DecisionTimes.of(timed[row].seconds, engine.beams.period),
                 touched=sum(str(entry.name) in contact.cars for contact in control.contacts),
             )
@@ -199,6 +205,7 @@ def _car_result(
     row: int,
     entry: Entry,
     planner: Controller,
+    files: Files,
     *,
     start: Any,
     position: int,
@@ -221,7 +228,8 @@ def _car_result(
         name=str(entry.name), position=position, vehicle=entry.car.name, vehicle_sha256=entry.car.sha256,
         tires=entry.tire_set.name, tires_sha256=entry.tire_set.sha256,
         controller=source if isinstance(source, str) else type(source).__name__,
-        controller_origin=origin(source, type(planner)), controller_source=source_code(type(planner)),
+        controller_origin=origin(source, type(planner)) | {"files": files},
+        controller_source=source_code(type(planner)),
         planner_failure=failure, collisions_wall=int(engine.crashed[row]), collisions_car=touched,
         decision_times=decision_times, planner_mu=float(entry.assumed_mu), speed_limit_m_s=float(entry.max_speed),
         seed=entry.seed, lidar_effects=entry.effects, odometry_drift=float(entry.odometry_drift),

@@ -19,7 +19,8 @@ from ..display import quoted
 from ..errors import ControllerError, SettingsError
 from ..simulation.settings import DriveSettings, Start
 from .entries import Entry, check_starts, entry_planner, grid_starts, require_entries, require_grid
-from .planner_choice import ControllerChoice
+from .planner_choice import ControllerChoice, split_controller
+from .planner_files import Files, by_name, planner_files
 from .race_control import Contact, Overtake
 
 FIRST = "car_0"
@@ -63,6 +64,7 @@ class Opponents:
     entries: tuple[Entry, ...] = ()
     grid: str = "staggered"
     recorded: tuple[str | None, ...] = ()  # of those that were read: hash of each planner's file, None of a bundled one
+    files: tuple[Files, ...] = ()  # that each planner reads, by name; none before `checked`
 
     @classmethod
     def of(cls, opponents: Sequence[Entry | str], *, first: Entry, grid: str = "staggered") -> Opponents:
@@ -108,16 +110,19 @@ class Opponents:
             entry.effects.range_noise_std > 0.0 or entry.effects.dropout_probability > 0.0 for entry in self.entries
         )
 
-    def check(self, course: Course) -> None:
-        """Build each planner once, for a race on a course.
+    def checked(self, course: Course) -> Opponents:
+        """Build each planner once, for a race on a course, and return the opponents with the files that these read.
 
         Raises:
-          ControllerError: one cannot be built; the message says whose it is.
+          ControllerError: one cannot be built, or a file of it cannot be read; the message says whose it is.
           TrackError: a car that the course is too narrow for.
         """
+        files = []
         for entry in self.entries:
             course.check_car(entry.car.parameters)
-            entry_planner(entry, car=entry.car.parameters, map_line=course.map_line)
+            planner = entry_planner(entry, car=entry.car.parameters, map_line=course.map_line)
+            files.append(by_name(planner_files(planner, split_controller(entry.controller, entry.planner_settings)[1])))
+        return replace(self, files=tuple(files))
 
     def line_up(
         self, course: Course, first: Entry, obstacles: Sequence[Obstacle] = (), *, drawn: bool = False
@@ -150,8 +155,12 @@ class Opponents:
         choices = [ControllerChoice.of(str(entry.controller)) for entry in self.entries]
         hashes = self.recorded or [choice.sha256 for choice in choices]
         rows = [
-            entry.described() | {"controller": choice.label, "controller_sha256": sha256}
-            for entry, choice, sha256 in zip(self.entries, choices, hashes, strict=True)
+            entry.described()
+            | {"controller": choice.label, "controller_sha256": sha256}
+            | ({"controller_files": files} if files else {})
+            for entry, choice, sha256, files in zip(
+                self.entries, choices, hashes, self.files or [{}] * len(self.entries), strict=True
+            )
         ]
         return {"opponents": rows, "grid": self.grid}
 
@@ -169,8 +178,9 @@ class Opponents:
         """
         rows = [dict(row) for row in described.get("opponents", ())]
         recorded = tuple(row.pop("controller_sha256") for row in rows)
+        files = tuple(dict(row.pop("controller_files", {})) for row in rows)
         grid = described.get("grid", cls.grid)
-        return cls(entries=tuple(Entry.of(row) for row in rows), grid=grid, recorded=recorded)
+        return cls(entries=tuple(Entry.of(row) for row in rows), grid=grid, recorded=recorded, files=files)
 
 
 def entry_of(settings: DriveSettings, controller: str) -> Entry:

@@ -15,6 +15,7 @@ from ..course.files import LONGEST_NAME, file_sha256
 from ..errors import SettingsError
 from ..messages import Controller
 from ..simulation.settings import DriveSettings
+from .planner_files import Files, planner_files
 from .planner_loading import ROS, build_controller, file_in, find_controller, text_of
 
 Value = float | int | bool | str
@@ -84,17 +85,22 @@ class ControllerChoice:
             )
         return {**dict(self.settings), **others}
 
-    def check(self, course: Course, drive: DriveSettings) -> None:
+    def check(self, course: Course, drive: DriveSettings) -> Files:
         """Build it once, for a race on `course`, as `drive` says which car and what it is told.
 
+        Returns:
+          The hashes of the files that it reads, by their paths.
+
         Raises:
-          ControllerError: it cannot be loaded, or not with these settings.
+          ControllerError: it cannot be loaded, or not with these settings, or a file of it cannot be read.
           SettingsError: a setting that is given twice.
         """
-        build_controller(
+        settings = self.settings_with(drive.planner_settings)
+        planner = build_controller(
             find_controller(self.source), self.source, car=drive.car.parameters, mu=drive.assumed_mu,
-            max_speed=drive.max_speed, settings=self.settings_with(drive.planner_settings), map_line=course.map_line,
+            max_speed=drive.max_speed, settings=settings, map_line=course.map_line,
         )  # fmt: skip
+        return planner_files(planner, settings)
 
 
 def with_settings(source: str, settings: Mapping[str, Any]) -> str:

@@ -69,7 +69,7 @@ def origin(source: str | Controller, found: Any = None) -> dict[str, str | None]
     if found is None:
         found = find_controller(source) if isinstance(source, str) else type(source)
     text = source_code(found)
-    place = _file_of(found)
+    place = source_file(found)
     distribution = _distribution_of(found, source)
     return {
         "distribution": distribution,
@@ -86,7 +86,7 @@ def source_code(found: Any) -> bytes | None:
     """
     module = sys.modules.get(getattr(found, "__module__", ""))
     read: bytes | None = getattr(module, _READ, None)
-    place = _file_of(found)
+    place = source_file(found)
     if read is None and place is not None and place.is_file():
         read = place.read_bytes()
     return read
@@ -372,7 +372,8 @@ def _distributions() -> Mapping[str, Sequence[str]]:
     return packages_distributions()
 
 
-def _file_of(found: Any) -> Path | None:
+def source_file(found: Any) -> Path | None:
+    """Return the file that a controller's class is defined in; None where there is none."""
     path = getattr(sys.modules.get(getattr(found, "__module__", "")), "__file__", None)
     return None if path is None else Path(path)
 

@@ -18,6 +18,7 @@ from ..simulation.course_loading import load_track
 from ..simulation.planner_adapter import start
 from .manoeuvres import is_driven_by_commands
 from .planner_choice import ControllerChoice
+from .planner_files import Files, changed_file, changed_text, recorded_files
 from .planner_loading import bundled_names, file_in, make_controller, moved_to, origin, text_of
 from .run_folder import kept_controller
 
@@ -29,7 +30,14 @@ def recorded_sha256(summary: Mapping[str, Any]) -> str | None:
     return sha256 if isinstance(sha256, str) else None
 
 
-def require_trusted(source: str, sha256: str | None, *, trust: bool, where: str) -> None:
+def files_of(summary: Mapping[str, Any]) -> Files:
+    """Return the files that a run's planner read, as its summary has them; none of older versions."""
+    return recorded_files(summary.get("controller_origin"))
+
+
+def require_trusted(
+    source: str, sha256: str | None, *, trust: bool, where: str, files: Mapping[str, str | None] | None = None
+) -> None:
     """Refuse a planner that a file names and that may not be loaded. Without `trust` nothing of it is imported.
 
     Args:
@@ -37,11 +45,14 @@ def require_trusted(source: str, sha256: str | None, *, trust: bool, where: str)
       sha256: of the planner's file, as it was recorded.
       trust: whether the user trusts the code.
       where: the planner was named, for the message.
+      files: that it read, as they were recorded; None: it read none.
 
     Raises:
-      ControllerError: it is not bundled, and it is not trusted, or its file is not the one that was recorded.
+      ControllerError: it is not bundled, and it is not trusted, or its file is not the one that was recorded; or a file
+        that it read is another one now.
     """
     if source in bundled_names():
+        _require_same(source, files, where, "accepted: the file as it was raced")
         return
     if is_driven_by_commands(source):
         raise ControllerError(f"{where}: {source!r} has no planner; its commands were made beforehand")
@@ -62,6 +73,17 @@ def require_trusted(source: str, sha256: str | None, *, trust: bool, where: str)
         raise ControllerError(
             f"{said} has sha256 {str(found)[:12]}, recorded is {sha256 and sha256[:12]}; accepted with --trust: the "
             "file as it was raced"
+        )
+    _require_same(source, files, where, "accepted with --trust: the file as it was raced")
+
+
+def _require_same(source: str, files: Mapping[str, str | None] | None, where: str, accepted: str) -> None:
+    """Refuse a planner that would read other files now than were recorded."""
+    changed = changed_file(files or {})
+    if changed is not None:
+        path, now = changed
+        raise ControllerError(
+            f"{where}: planner {source!r}: {changed_text(path, (files or {})[path], now)}; {accepted}"
         )
 
 
@@ -100,7 +122,7 @@ def recorded_planner(
     source = str(summary["controller"])
     if trust and folder is not None:
         source = controller_of(folder, summary, source)
-    require_trusted(source, recorded_sha256(summary), trust=trust, where=where)
+    require_trusted(source, recorded_sha256(summary), trust=trust, where=where, files=files_of(summary))
     mu = summary.get("planner_mu")
     course = None  # a user's own track or map is not found by its name, and few planners drive by a map
     with suppress(TrackError):

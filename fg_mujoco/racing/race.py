@@ -37,6 +37,7 @@ from .entries import Entry, check_starts, require_entries
 from .field import race_field
 from .figures import course_figures, driven_figures
 from .planner_choice import split_controller
+from .planner_files import planner_files
 from .planner_loading import make_controller, origin, source_code
 from .result import History, RaceResult
 
@@ -182,6 +183,7 @@ def race(
         settings=settings.planner_settings, map_line=world.track.map_line,
     )  # fmt: skip
     start_planner(planner)
+    files = planner_files(planner, settings.planner_settings, warn=True)  # before the race: what it has read
     engine = Engine(world, laps=laps, time_limit=settings.time_limit)
     engine.planners = adapt([planner], arrays=isinstance(controller, str), raises=True)
     engine.place(
@@ -216,7 +218,7 @@ def race(
         tires=settings.tire_set.name,
         tires_sha256=settings.tire_set.sha256,
         controller=controller if isinstance(controller, str) else type(controller).__name__,
-        controller_origin=origin(controller, type(planner)),
+        controller_origin=origin(controller, type(planner)) | {"files": files},
         controller_source=source_code(type(planner)),
         laps_requested=laps,
         planner_failure=None if failed is None else failed.failure,

@@ -12,6 +12,7 @@ of MuJoCo, each tick starts again from its recorded state.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
@@ -26,7 +27,7 @@ from ..lidar.effects import LidarEffects
 from ..messages import DriveCommand, FloatArray, LaserScan, Odometry
 from ..simulation.engine import Engine, whole_steps
 from ..simulation.physics import STATE
-from ..simulation.planner_adapter import odometry_message
+from ..simulation.planner_adapter import OtherCar, Surroundings, odometry_message
 from ..simulation.world import World
 from .result import RaceResult
 from .run_folder import Run
@@ -71,6 +72,10 @@ class Tick:
     command: DriveCommand  # that the planner answered
     state: FloatArray  # (k,) at its end
     sensed_by_each: tuple[Sensed, ...] = ()  # what every car sensed, car 0 the first; empty where nothing was to be
+
+    def surroundings(self, world: World) -> Surroundings:
+        """Return what surrounded car 0 of a world at the start of the tick, for planners that ask by `look_round`."""
+        return Surroundings(world=world, others=tuple(_other_car(sensed) for sensed in self.sensed_by_each[1:]))
 
 
 def load_world(run: Run) -> World:
@@ -156,6 +161,13 @@ def scan_at(run: RaceResult | Run, time: float | None = None) -> tuple[LaserScan
     sensed = next(islice(resimulate(recording, world), place, None)).sensed
     assert sensed is not None  # it was asked for
     return sensed.scan, sensed.odometry
+
+
+def _other_car(sensed: Sensed) -> OtherCar:
+    x, y, _ = sensed.position.tolist()
+    w, qx, qy, z = sensed.quaternion.tolist()
+    heading = math.atan2(2.0 * (w * z + qx * qy), 1.0 - 2.0 * (qy * qy + z * z))
+    return OtherCar(pose=(x, y, heading), speed=sensed.odometry.speed, yaw_rate=sensed.odometry.yaw_rate)
 
 
 def _sense(engine: Engine) -> tuple[Sensed, ...]:

@@ -39,7 +39,7 @@ class CarResult:
     tires: str
     tires_sha256: str
     controller: str
-    controller_origin: dict[str, str | None]
+    controller_origin: dict[str, Any]
     laps_completed: int
     lap_times_s: tuple[float, ...]
     finished: bool
@@ -107,7 +107,7 @@ class RaceResult(Shown):
     tires: str  # their name, `contact` for MuJoCo's contacts
     tires_sha256: str  # of their numbers
     controller: str
-    controller_origin: dict[str, str | None]  # distribution and version, or file, of the planner; hash of its source
+    controller_origin: dict[str, Any]  # of the planner: distribution and version, or file; hashes of source and `files`
     laps_requested: int
     laps_completed: int
     finished: bool

@@ -137,6 +137,18 @@ _POSITIVE: tuple[str, Accepts] = (
 _NUMBERS: tuple[str, Accepts] = (
     "a list of numbers", lambda value: isinstance(value, list) and all(map(is_figure, value))
 )  # fmt: skip
+
+
+def _are_texts_by_name(value: Any) -> bool:
+    return isinstance(value, dict) and all(each is None or isinstance(each, str) for each in value.values())
+
+
+def _is_origin(value: Any) -> bool:
+    """Say whether this is where a planner comes from; older versions have no `files`."""
+    texts = {name: each for name, each in value.items() if name != "files"} if isinstance(value, dict) else value
+    return _are_texts_by_name(texts) and (value.get("files") is None or _are_texts_by_name(value["files"]))
+
+
 _BY_NAME: tuple[str, Accepts] = ("values by name", lambda value: isinstance(value, dict))
 _SUMMARY: dict[str, tuple[str, Accepts]] = {
     "track": _TEXT, "vehicle": _TEXT, "vehicle_sha256": _TEXT, "controller": _TEXT, "end_reason": _TEXT,
@@ -152,10 +164,7 @@ _SUMMARY: dict[str, tuple[str, Accepts]] = {
     "laps_requested": (
         f"a whole number from 0 to {GREATEST_LAPS}", lambda value: _is_count(value) and value <= GREATEST_LAPS
     ),
-    "controller_origin": (
-        "texts by name",
-        lambda value: isinstance(value, dict) and all(each is None or isinstance(each, str) for each in value.values()),
-    ),
+    "controller_origin": ("texts by name, and files as texts by name", _is_origin),
     "decision_times": (
         "the fields of DecisionTimes",
         _is_times,

@@ -15,7 +15,7 @@ Times are those of the messages' headers, or of the recorder where a header has 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -63,6 +63,7 @@ def identify(
     drive_topic: str | None = None,
     imu_topic: str | None = None,
     odometry_topic: str | None = None,
+    watch: Callable[[str], None] | None = None,
 ) -> Identification:
     """Return the tires and the steering of a car, identified from drives that it recorded.
 
@@ -76,6 +77,7 @@ def identify(
       drive_topic: of the commands in a bag; None: /drive, or the only one there is.
       imu_topic: None: /imu, or the only one there is.
       odometry_topic: None: /odom, or the only one there is.
+      watch: told in words how far it is.
 
     Raises:
       MissingExtraError: the extra `ros` is not installed.
@@ -87,8 +89,12 @@ def identify(
     topics = {
         "pose_topic": pose_topic, "drive_topic": drive_topic, "imu_topic": imu_topic, "odometry_topic": odometry_topic
     }  # fmt: skip
-    drives = [read_drive(source, vehicle=vehicle, **topics) for source in sources]
-    return identify_drives(drives, linear=linear, front_drive=front_drive, single_track=single_track)
+    drives = []
+    for count, source in enumerate(sources, start=1):
+        if watch is not None:
+            watch(f"reading drive {count}/{len(sources)}")
+        drives.append(read_drive(source, vehicle=vehicle, **topics))
+    return identify_drives(drives, linear=linear, front_drive=front_drive, single_track=single_track, watch=watch)
 
 
 def read_drive(

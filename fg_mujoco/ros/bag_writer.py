@@ -11,6 +11,12 @@
     /tf_static     tf2_msgs/TFMessage                    map -> odom, base_link -> laser, base_link -> imu; latched
     /map           nav_msgs/OccupancyGrid                frame map; latched
 
+With the planner run once more (`trust`), also what it shows by `fg_mujoco.show`:
+
+    /show          visualization_msgs/MarkerArray        points, lines and polygons, one namespace a name
+    /show/NAME     std_msgs/Float64                      a number
+    /show/NAME     sensor_msgs/LaserScan                 an array of the scan's length
+
 Of several cars, car 0 has these topics. The others have topics of the same kinds by their own names, those of
 f1tenth_gym_ros for two cars, with frames of their own under map:
 
@@ -29,10 +35,11 @@ gym_bridge.py (names).
 from __future__ import annotations
 
 import json
-import math
+import re
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -42,12 +49,16 @@ import numpy as np
 
 from ..course.writing import staged_file
 from ..errors import BagError, PlannerError, SettingsError
-from ..messages import DriveCommand
+from ..messages import DriveCommand, LaserScan
+from ..racing.planner_loading import bundled_names
 from ..racing.planner_trust import recorded_planner
 from ..racing.resimulation import Sensed, Tick, load_world, resimulate
 from ..racing.run_folder import Run, read_run
+from ..showing import NUMBER as SHOWN_NUMBER
+from ..showing import SCAN as SHOWN_SCAN
+from ..showing import ShownValue, ShownValues
 from ..simulation.cars import car_prefix
-from ..simulation.planner_adapter import OtherCar, Surroundings, plan
+from ..simulation.planner_adapter import plan
 from ..simulation.telemetry import COMMAND
 from ..simulation.world import World
 from ..vehicle.car import car_parameters, element_id
@@ -69,7 +80,9 @@ from .bag_messages import (
     grid_message,
     imu_message,
     joints_message,
+    markers_message,
     nanoseconds,
+    number_message,
     odometry_message,
     require_ros_extra,
     scan_message,
@@ -82,6 +95,8 @@ TOPICS = {
     "/scan": SCAN, "/odom": ODOMETRY, "/imu": IMU, "/joint_states": JOINTS, "/drive": DRIVE, "/tf": TRANSFORMS,
     "/tf_static": TRANSFORMS, "/map": GRID,
 }  # fmt: skip
+SHOWN = "/show"
+"""Topic of the markers that a planner shows; its numbers and scans are below it."""
 LATCHED = ("/tf_static", "/map")
 """Topics whose last message late subscribers get, too: durability "transient local"."""
 
@@ -127,7 +142,7 @@ class BagWriter:
                 self._writer.add_metadata("fg_mujoco", metadata)
             self._staged = stack.pop_all()
         self._schemas: dict[str, int] = {}
-        self._channels: dict[str, int] = {}
+        self._channels: dict[tuple[str, str], int] = {}
         self._counts: dict[str, int] = {}
 
     def __enter__(self) -> BagWriter:
@@ -165,15 +180,15 @@ class BagWriter:
             raise BagError(f"{self._path}: cannot be written: {reason}; accepted: a file that can be") from error
 
     def _channel(self, topic: str, kind: str) -> int:
-        if topic not in self._channels:
+        if (topic, kind) not in self._channels:
             if kind not in self._schemas:
                 self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", definition(kind).encode())
             latched = topic in LATCHED
             qos = _QOS.format(depth=1 if latched else 10, durability=1 if latched else 2)
-            self._channels[topic] = self._writer.register_channel(
+            self._channels[topic, kind] = self._writer.register_channel(
                 topic, "cdr", self._schemas[kind], {"offered_qos_profiles": qos}
             )
-        return self._channels[topic]
+        return self._channels[topic, kind]
 
 
 def export_bag(
@@ -185,11 +200,12 @@ def export_bag(
       folder: as `race --out` wrote it.
       path: of the MCAP file; one that exists is replaced.
       watch: called once a tick with its number, from 1, and how many there are.
-      trust: run the nodes of the run once more, for what they publish: markers, paths and all else.
+      trust: run the planner of the run once more, for what it shows by `fg_mujoco.show`, and for what nodes publish:
+        markers, paths and all else. Why a value is not shown is said in a warning.
 
     Raises:
       MissingExtraError: the extra `ros` is not installed.
-      ControllerError, SettingsError: `trust`, and there are no nodes, or not as they were raced.
+      ControllerError, SettingsError: `trust`, and the planner is a bundled one, or not as it was raced.
       RunFolderError: the folder is not a run's, or is damaged.
       BagError: the file cannot be written.
     """
@@ -229,6 +245,8 @@ def export_bag(
                     bag.write(topic, message, time)
             if watch is not None:
                 watch(index, ticks)
+    for said in () if show is None else show.remarks:
+        warnings.warn(said, stacklevel=2)
     return ticks
 
 
@@ -270,10 +288,10 @@ class _Ends:
 
 
 class _Shown:
-    """What the nodes of car 0 publish, which run once more, as they were raced.
+    """What the planner of car 0 shows and its nodes publish: it runs once more, as it was raced.
 
     Raises:
-      ControllerError, SettingsError: the planner may not be loaded, cannot be built, or is none of ROS.
+      ControllerError, SettingsError: the planner may not be loaded, cannot be built, or is a bundled one.
     """
 
     def __init__(self, run: Run, world: World) -> None:
@@ -281,30 +299,59 @@ class _Shown:
         self._planner: Any = recorded_planner(
             run.summary, world.parameters, trust=True, where=str(run.folder), folder=run.folder
         )
-        if not hasattr(self._planner, "published"):
+        self._published: Any = getattr(self._planner, "published", None)  # of nodes
+        if str(run.summary["controller"]) in bundled_names():
             raise SettingsError(
-                f"{run.folder}: its planner publishes no topics; accepted with --trust: a run of ros:..."
+                f"{run.folder}: its planner publishes no topics and shows no values; accepted with --trust: a run of "
+                "ros:..., or of a planner that calls fg_mujoco.show"
             )
-        self._planner.published()  # from here on all is kept
+        self._values, self._topics = ShownValues(), dict[str, str]()
+        self._marked: set[str] = set()  # names of the values that have a marker
+        if self._published is not None:
+            self._published()  # from here on all is kept
+
+    @property
+    def remarks(self) -> list[str]:
+        """Why values are not shown."""
+        return self._values.remarks
 
     def __call__(self, tick: Tick) -> Iterator[tuple[str, Any]]:
-        """Return topics and messages of a tick, without those that the bag has of its own."""
-        own, *others = tick.sensed_by_each or (tick.sensed,)
+        """Yield topics and messages of a tick, without those that the bag has of its own."""
+        own = tick.sensed
         assert own is not None
         if hasattr(self._planner, "look_round"):
-            seen = tuple(_other_car(other) for other in others if other is not None)
-            self._planner.look_round(Surroundings(world=self._world, others=seen))
-        plan(self._planner, own.scan, own.odometry)
-        for topic, message in self._planner.published():
+            self._planner.look_round(tick.surroundings(self._world))
+        with self._values.of(own.scan):
+            plan(self._planner, own.scan, own.odometry)
+        for topic, message in () if self._published is None else self._published():
             if topic not in TOPICS:
                 yield topic, message
+        yield from self._values_of(own.scan, nanoseconds(tick.time))
 
+    def _values_of(self, scan: LaserScan, time: int) -> Iterator[tuple[str, Any]]:
+        """Yield topics and messages of the values that are shown now."""
+        marked: list[ShownValue] = []
+        for name, value in self._values.now.items():
+            if value.kind == SHOWN_NUMBER:
+                yield self._topic(name), number_message(float(value.array))
+            elif value.kind == SHOWN_SCAN:
+                yield self._topic(name), scan_message(replace(scan, ranges=value.array))
+            elif len(value.array):
+                marked.append(value)
+        gone = sorted(self._marked - {value.name for value in marked})
+        self._marked = {value.name for value in marked}
+        if marked or gone:
+            yield SHOWN, markers_message(time, marked, gone)
 
-def _other_car(sensed: Sensed) -> OtherCar:
-    x, y, _ = sensed.position.tolist()
-    w, qx, qy, z = sensed.quaternion.tolist()
-    heading = math.atan2(2.0 * (w * z + qx * qy), 1.0 - 2.0 * (qy * qy + z * z))
-    return OtherCar(pose=(x, y, heading), speed=sensed.odometry.speed, yaw_rate=sensed.odometry.yaw_rate)
+    def _topic(self, name: str) -> str:
+        """Return the topic of a value: its name as ROS accepts it, and a number where another value has that, too."""
+        if name not in self._topics:
+            plain = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_") or "value"
+            plain = f"{SHOWN}/{plain if not plain[0].isdigit() else f'value_{plain}'}"
+            taken = set(self._topics.values())
+            others = (f"{plain}_{number}" for number in range(2, len(taken) + 3))
+            self._topics[name] = next(topic for topic in (plain, *others) if topic not in taken)
+        return self._topics[name]
 
 
 class _Other:

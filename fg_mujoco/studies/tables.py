@@ -7,6 +7,8 @@ import io
 from collections.abc import Collection, Iterable, Sequence
 from typing import Any
 
+import numpy as np
+
 
 def csv_text(header: Sequence[str], rows: Iterable[Iterable[Any]]) -> str:
     """Return a CSV; None is empty."""
@@ -15,6 +17,25 @@ def csv_text(header: Sequence[str], rows: Iterable[Iterable[Any]]) -> str:
     writer.writerow(header)
     writer.writerows(["" if value is None else value for value in row] for row in rows)
     return file.getvalue()
+
+
+def quantile(values: Sequence[float], share: float) -> float | None:
+    """Return a quantile of some values, linear between two of them; None of no values."""
+    return float(np.quantile(values, share)) if len(values) else None
+
+
+def quartiles(low: float | None, high: float | None) -> str:
+    """Return two quartiles as a text for tables."""
+    return "-" if low is None or high is None else f"{low:.2f} to {high:.2f}"
+
+
+def difference_texts(
+    value: float | None, low: float | None, high: float | None, *, scale: float = 1.0
+) -> tuple[str, str]:
+    """Return a difference and its interval for tables, with their signs; `scale` 100 for shares: percentage points."""
+    form = "{:+.0f}" if scale == 100.0 else "{:+.2f}"
+    ends = "-" if low is None or high is None else f"{form.format(scale * low)} to {form.format(scale * high)}"
+    return "-" if value is None else form.format(scale * value), ends
 
 
 def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]], words: Collection[str]) -> str:

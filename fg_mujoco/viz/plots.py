@@ -10,6 +10,7 @@ import importlib.util
 import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
@@ -40,6 +41,9 @@ _LEGEND_EDGE = 0.88  # of the width; right of it are colour bar and legends
 _DPI = 150
 _MAX_LAP_LABELS = 12
 _LONGEST_NAME = 18  # of a car in a legend
+_LONGEST_LINE = 11  # letters that have room right of _LEGEND_EDGE
+_LONGEST_TITLE = 80  # letters of a line
+_ENTRY, _LETTER = 0.5, 0.062  # [in] of a legend: line and gap of an entry, and a letter of its name
 _PLACES = 160  # on a lap, of each of which the greatest utilisation is drawn
 _STYLE: Any = {"font.size": 8.0, "axes.linewidth": 0.6, "lines.linewidth": 0.9, "legend.frameon": False}
 _TIRE_COLOURS = ("#0072b2", "#56b4e9", "#d55e00", "#e69f00")  # Okabe and Ito; front blue, rear orange
@@ -124,7 +128,7 @@ def trace_picture(result: RaceResult, path: str | Path | BinaryIO) -> None:
                 place, right = (marked.x_m, marked.y_m), marked.x_m > sum(axes.get_xlim()) / 2.0
                 offset, side = ((-8.0, 6.0), "right") if right else ((8.0, 6.0), "left")  # where the picture has room
                 axes.annotate(text, place, offset, textcoords="offset points", color=_ALERT, ha=side)
-        axes.set_title(_headline(result))
+        axes.set_title("\n".join(wrap(_headline(result), _LONGEST_TITLE)))
 
         panels = [figure.add_subplot(grid[1])]
         panels += [figure.add_subplot(grid[row], sharex=panels[0]) for row in (2, 3)]
@@ -176,8 +180,11 @@ def _trace_of_several(result: RaceResult, path: str | Path | BinaryIO) -> None:
                 panel.axvline(contact.time_s, color=_ALERT, linewidth=0.7, linestyle=":")
         if result.contacts:
             axes.plot([], [], "x", color=_ALERT, label="contact")
-        figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=min(len(cars) + 1, 6))
-        axes.set_title(_headline_of_several(result))
+        entries = axes.get_legend_handles_labels()
+        longest = max(map(len, entries[1]))
+        columns = max(1, min(len(entries[1]), int(_WIDTH / (_ENTRY + _LETTER * longest))))
+        figure.legend(*entries, loc="outside lower center", ncols=columns)
+        axes.set_title("\n".join(wrap(_headline_of_several(result), _LONGEST_TITLE)))
         panels[0].set_ylabel("speed [m/s]")
         panels[1].set_ylabel("gap to leader [s]")
         panels[2].set(ylabel="position", ylim=(len(cars) + 0.4, 0.6), yticks=range(1, len(cars) + 1))
@@ -277,12 +284,13 @@ def _explain_tires(panel: Axes, tires: str, *, laps: bool) -> None:
     """Put a legend beside the panels of the tires, in no tire's colour."""
     from matplotlib.lines import Line2D
 
+    rule = sliding_rule(tires).replace(" m/s", "\N{NO-BREAK SPACE}m/s")
     shown = [
         Line2D([], [], color="0.65", linewidth=0.5, label="each lap" if laps else "each tick"),
         Line2D([], [], color=_TIRE_COLOURS[0], linewidth=1.0, label="greatest of\nall laps" if laps else "greatest"),
         Line2D([], [], label="limit", **_LIMIT),
-        Line2D([], [], color=_ALERT, marker="|", linestyle="", markeredgewidth=1.2, label="slides,\n"
-               f"{sliding_rule(tires)}"),
+        Line2D([], [], color=_ALERT, marker="|", linestyle="", markeredgewidth=1.2,
+               label="\n".join(("slides,", *wrap(rule, _LONGEST_LINE)))),
     ]  # fmt: skip
     legend = panel.legend(handles=shown, loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=7.0, handlelength=1.2)
     legend.set_in_layout(False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 
@@ -10,6 +11,10 @@ from numpy.random import Generator
 
 import fg_mujoco as fg
 from fg_mujoco.racing.planner_loading import bundled_names, make_controller
+from fg_mujoco.ros.bag_messages import markers_message, to_cdr
+from fg_mujoco.showing import POINTS
+from fg_mujoco.viz.debug import page
+from fg_mujoco.viz.debug.decisions import Witness
 
 from .course_doors import ring
 from .door import SHORT, Attempt, Door, as_text, command
@@ -154,7 +159,63 @@ def _scans(samples: Path, here: Path, rng: Generator) -> Attempt:
     return drive
 
 
+class OddArray:
+    """Cannot be read, nor written."""
+
+    def __array__(self, *arguments, **settings):
+        raise MemoryError
+
+    def __repr__(self):
+        raise RuntimeError("no\ntext")
+
+
+SHOWN = (
+    None, 0, -1.5, 10**400, True, float("nan"), float("inf"), "a", b"a", (), (0.0, 1.0), [(0.0, 1.0)] * 3, {}, object(),
+    1j, np.zeros(2), np.zeros((3, 2)), np.zeros((0, 2)), np.zeros((2, 2, 2)), np.full((4, 2), np.nan),
+    np.full((9, 2), 1e308), np.ma.masked, np.array("a"), np.array(None), np.zeros((5000, 2)), [[1], [1, 2]],
+    np.datetime64("2020"), OddArray(), int, np.float16(1e4), np.zeros(1081, np.int8), iter((0.0, 1.0)),
+)  # fmt: skip
+NAMES = ("a", "b", "<b>&\n", "", "x" * 61, 3, None, OddArray(), np.str_("c"), "\0", "°/ä", "\ud800")
+WAYS = (None, None, "points", "line", "polygon", "dots", 3, [], OddArray(), np.zeros(2))
+PLACES = ("laser", "laser", "base_link", "map", "odom", 3, [], OddArray())
+
+
+def _shown_values(samples: Path, here: Path, rng: Generator) -> Attempt:
+    """What a planner shows, with anything in it, on the page, in the live view and in a bag."""
+    car = fg.Vehicle.load("f1tenth").parameters
+    chosen = [tuple(one_of(rng, each) for each in (NAMES, SHOWN, WAYS, PLACES)) for _ in range(12)]
+    scan = hostile_scan(rng, 0.025)
+    chosen += [("scan", scan.ranges, None, "laser")]
+    pose = rng.choice([0.0, 1.0, -5.0, np.nan], size=3)
+    odometry = fg.Odometry(
+        stamp=0.025, speed=0.0, steering_angle=0.0, angular_velocity=np.zeros(3), linear_acceleration=np.zeros(3),
+        wheel_speeds=np.zeros(4), pose=pose,
+    )  # fmt: skip
+
+    class Planner:
+        def reset(self) -> None: ...
+
+        def __call__(self, scan: fg.LaserScan, odometry: fg.Odometry) -> fg.DriveCommand:
+            for name, value, draw, frame in chosen:
+                fg.show(name, value, draw=draw, frame=frame)
+            return fg.STOP
+
+    def look() -> int:
+        witness = Witness(Planner(), car)
+        answer = witness.decide(scan, odometry, None)
+        assert answer == fg.STOP and all("\n" not in remark for remark in witness.remarks)
+        json.dumps(page._decision(witness.look(0, scan, odometry, answer, answer), 1e-3, []), allow_nan=False)
+        values = witness._values
+        for sketch in values.sketches(scan, odometry.pose, car.lidar_offset):
+            assert np.isfinite(sketch.points).all()
+        to_cdr(markers_message(0, [value for value in values.now.values() if value.kind == POINTS], ["gone"]))
+        return 0
+
+    return look
+
+
 DOORS = {
+    "shown_values": Door(attempt=_shown_values),
     "planner_settings": Door(attempt=_planner_settings, prepare=ring),
     "planner_file": Door(attempt=_planner_file),
     "raceline": Door(attempt=_raceline, prepare=ring),

@@ -114,7 +114,7 @@ class Drawings:
                 points = _moved(lookup(self._graph, MAP_FRAME, frame), points)
             except TransformException:
                 return
-        self._kept[key] = Sketch(points=points, colour=colour, size=size), over
+        self._kept[key] = Sketch(points=points, colour=colour, size=size, name=key[0]), over
 
 
 def _place(found: Any) -> tuple[float, float, float]:

@@ -21,6 +21,8 @@ from dataclasses import dataclass, field
 from types import FrameType
 from typing import Any
 
+from ...showing import pass_on
+
 BEGIN = 1_000_000_000 * 1_000_000_000
 """[ns] ROS time at which a race begins: nodes take 0 for "no time yet"."""
 
@@ -146,6 +148,7 @@ class Process:
         self._go.acquire()
         try:
             if not self.graph.closed:
+                pass_on(lambda: self.graph.listener)  # the thread that decides is another one
                 self._target()
         except (NodeEnded, SystemExit):
             pass
@@ -173,6 +176,7 @@ class Graph:
         self.now = BEGIN - _LEAD
         self.closed = False
         self.files: set[str] = set()  # of the nodes, as their code names them
+        self.data: set[str] = set()  # paths of files that the nodes have read
         self.processes: list[Process] = []
         self.current: Process | None = None
         self.subscriptions: list[Subscription] = []
@@ -180,6 +184,7 @@ class Graph:
         self.latched: dict[str, Any] = {}
         self.newest: dict[str, Any] = {}  # message that a node has published, by topic
         self.journal: list[tuple[int, str, Any]] | None = None  # time, topic and message of all that nodes publish
+        self.listener: Any = None  # what takes the values that nodes show by `fg_mujoco.show`; None: nobody looks
         self.provided: dict[str, str] = {}  # types of the topics that the door publishes on
         self.answers: dict[str, Callable[[Any], Any]] = {}  # services that the door answers, by name
         self.transforms: dict[str, tuple[str, Any]] = {}  # child frame -> parent frame, matrix (4, 4)

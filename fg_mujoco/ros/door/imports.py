@@ -112,6 +112,7 @@ class Imports:
         self._graph.files.add(str(path))
         source = read_source(path, text, self._node)
         self._unused[str(path)] = source.unused
+        self._graph.data |= source.data
         if b"random" in text or OLD_NAMES.search(text):
             self._draws.add(str(path))
         for said in source.told:
@@ -152,6 +153,8 @@ class Imports:
     def _find_data(self, said: Any) -> Any:
         """Return where a file of data is that a node reads: elsewhere, where it is not where the node says."""
         found = data_file(str(said), self._node) if isinstance(said, (str, Path)) else None
+        if isinstance(said, (str, Path)):
+            self._graph.data.add(str(found or said))
         if found is None:
             return said
         _warn(f"{said} is not there; {found} is taken{self._graph.place()}")

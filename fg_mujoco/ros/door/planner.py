@@ -23,8 +23,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from ...course.files import is_file
 from ...errors import ControllerError
 from ...messages import STOP, CarParameters, DriveCommand, LaserScan, Odometry, Sketch
+from ...showing import listener
 from ...simulation.planner_adapter import Surroundings
 from ..bag_messages import nanoseconds
 from .drawings import Drawings, for_bag
@@ -91,6 +93,7 @@ class RosPlanner:
             self._take_others_names()
             self._warn_of_silence()
         time = BEGIN + nanoseconds(max(scan.stamp, odometry.stamp))
+        self._graph.listener = listener()
         self._run(lambda: self._graph.tick(time, self._sensing.messages(scan, odometry)))
         if all(process.done for process in self._graph.processes):
             raise NodeError(f"{self._said()} has ended, and a planner may not{self._line()}")
@@ -108,6 +111,13 @@ class RosPlanner:
         self._drawn_from()
         found, self._fresh = self._fresh, []
         return [(topic, made) for topic, message in found if (made := for_bag(message)) is not None]
+
+    @property
+    def files(self) -> list[str]:
+        """The files that the nodes have read: those of data, and those of parameters that `door.params` names."""
+        params = self._settings.get("door.params")
+        read = [path for path in self._graph.data if is_file(path)]
+        return sorted({*read, *([] if params is None else [str(params)])})
 
     def drawings(self) -> list[Sketch]:
         """Return the markers, paths and poses that the nodes show, those published since this was asked first."""

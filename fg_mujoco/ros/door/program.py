@@ -138,7 +138,7 @@ def _read_launch(path: Path, said: str) -> Program:
     rows = found.get("nodes") if isinstance(found, dict) else found
     if not isinstance(rows, list) or not rows or not all(isinstance(row, dict) for row in rows):
         raise ControllerError(f"{said}: {path} has no list of nodes; accepted: nodes: with a list of {{file: ...}}")
-    nodes = []
+    nodes, parts = [], [text]
     for number, row in enumerate(rows, start=1):
         where = f"{said}: {path}, node {number}"
         for key in row:
@@ -152,6 +152,7 @@ def _read_launch(path: Path, said: str) -> Program:
         if row.get("params_file"):
             file = path.parent / str(row["params_file"])
             parameters = {**read_parameters(file, str(row.get("name") or ""), where), **parameters}
+            parts.append(b"\n# " + file.name.encode() + b"\n" + read_node(file, where))
         nodes.append(
             read_node_file(
                 path.parent / row["file"], str(row.get("class") or ""), where, name=row.get("name"),
@@ -161,7 +162,7 @@ def _read_launch(path: Path, said: str) -> Program:
         )  # fmt: skip
     if len({node.flavour for node in nodes}) > 1:
         raise ControllerError(f"{said}: {path} has nodes of ROS 1 and of ROS 2; accepted: all of one")
-    parts = [text, *(b"\n# " + node.path.name.encode() + b"\n" + _with_modules(node) for node in nodes)]
+    parts += [b"\n# " + node.path.name.encode() + b"\n" + _with_modules(node) for node in nodes]
     return Program(path=path, text=b"".join(parts), nodes=tuple(nodes))
 
 

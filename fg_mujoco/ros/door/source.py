@@ -18,6 +18,8 @@ from pathlib import Path
 from types import CodeType
 from typing import TypeVar
 
+from ...course.files import is_file
+
 _DATA = {
     ".csv", ".txt", ".yaml", ".yml", ".json", ".npy", ".npz", ".pkl", ".pickle", ".pt", ".pth", ".onnx", ".zip", ".png",
     ".pgm", ".h5", ".mat", ".tum",
@@ -30,6 +32,7 @@ _READING = ("open", "loadtxt", "genfromtxt", "read_csv", "load")
 _FILE = ("file", "fname", "filepath_or_buffer")  # what these call their first argument
 FINDER = "__fg_mujoco_found__"
 """What a path that a node reads goes through when it is executed: a function of the door's, among the builtins."""
+_LONGEST_PATH = 1000  # characters
 _LEVELS = 4  # folders above the node's in which files are looked for
 
 _TRIES = 20
@@ -46,6 +49,7 @@ class Source:
     code: CodeType
     unused: Unused
     told: tuple[str, ...]  # of files that lie elsewhere
+    data: frozenset[str]  # paths of files of data that are written out in it
 
 
 _ONE_AT_A_TIME = threading.Lock()  # Python 3.11 counts the depth of a tree for all threads together
@@ -64,9 +68,10 @@ def read_source(path: Path, text: bytes, node: Path) -> Source:
             told.append(f"{path} mixes tabs and spaces, and is read as Python 2 does: a tab ends at a multiple of 8")
         unused = unused_imports(tree)
         relocate_files(tree, node, lambda said, line: told.append(f"{said} ({path}, line {line})"))
+        data = frozenset(_written_out(tree))
         find_what_is_read(tree)
         code = _despite_depth(lambda: compile(tree, str(path), "exec"))
-    return Source(code=code, unused=unused, told=tuple(told))
+    return Source(code=code, unused=unused, told=tuple(told), data=data)
 
 
 def parse(text: bytes, path: Path) -> ast.Module:
@@ -213,12 +218,22 @@ def relocate_files(tree: ast.Module, node: Path, tell: Callable[[str, int], None
                 each.value = str(found)
 
 
+def _written_out(tree: ast.Module) -> Iterator[str]:
+    """Yield the paths of files of data that are there and are written out in a file, but to be written to."""
+    for parent in ast.walk(tree):
+        for each in () if _writes(parent) else ast.iter_child_nodes(parent):
+            if isinstance(each, ast.Constant) and isinstance(each.value, str) and len(each.value) <= _LONGEST_PATH:
+                path = Path(each.value)
+                if path.suffix.lower() in _DATA and is_file(path.expanduser() if each.value[0] == "~" else path):
+                    yield each.value
+
+
 def find_what_is_read(tree: ast.Module) -> None:
-    """Let a path that a file puts together, and then reads, go through FINDER."""
+    """Let each path that a file reads go through FINDER: it may lie elsewhere, and is kept with what was read."""
     for call in ast.walk(tree):
         if not isinstance(call, ast.Call) or _called(call) not in _READING or _writes(call):
             continue
-        if call.args and not isinstance(call.args[0], (ast.Constant, ast.Starred)):
+        if call.args and not isinstance(call.args[0], ast.Starred):
             call.args[0] = _found(call.args[0])
         for each in call.keywords:
             if each.arg in _FILE:
@@ -251,7 +266,7 @@ def data_file(said: str, node: Path) -> Path | None:
 
     The longest part of its path that is found counts, beside the node before the folders above.
     """
-    if len(said) > 1000 or any(each.isspace() and each != " " for each in said):
+    if len(said) > _LONGEST_PATH or any(each.isspace() and each != " " for each in said):
         return None
     path = Path(said)
     if path.suffix.lower() not in _DATA or path.expanduser().exists():

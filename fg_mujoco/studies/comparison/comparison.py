@@ -25,6 +25,7 @@ from ...messages import require_whole
 from ...racing.entries import Entry
 from ...racing.opponents import Opponents, entry_of
 from ...racing.planner_choice import ControllerChoice
+from ...racing.planner_files import files_sha256
 from ...racing.planner_loading import controller_names
 from ...simulation.settings import FASTEST
 from ...vehicle.changes import CarChanges
@@ -36,11 +37,21 @@ from ..folders import blame, claimed
 from ..grid import require_axes, time_left
 from ..rollout.job import versions
 from ..worker_processes import usable_cores, work_off
+from .differences import HEADER as DIFFERENCES
+from .differences import LEGEND as DIFFERENCES_LEGEND
+from .differences import (
+    PairedDifference,
+    difference_rows,
+    differences_csv,
+    differences_markdown,
+    paired_differences,
+    shown_differences,
+)
 from .ground import check_course, course_ground, course_name, ground_sha256
 from .pictures import table_picture, trace_pictures
 from .run import ComparisonSettings, Run, RunKey, RunRow
 from .store import ACCEPTED, ComparisonFolder
-from .tables import Cell, cells_csv, header_of, make_cells, markdown, runs_csv, table_rows
+from .tables import LEGEND, Cell, cells_csv, header_of, make_cells, markdown, runs_csv, table_rows
 
 DEFAULT_SEEDS = range(10)
 
@@ -78,13 +89,20 @@ class Comparison(Shown):
         return brief(self, grid, f"in {quoted(self.folder)}")
 
     def _repr_html_(self) -> str:
-        return table(header_of(self.cells), table_rows(self.cells)) + paragraph(
-            f"{len(self.rows)} runs in {self.folder}"
-        )
+        cells = table(header_of(self.cells), table_rows(self.cells)) + paragraph(LEGEND)
+        shown = shown_differences(self.differences) if self.differences else []
+        pairs = table(DIFFERENCES, difference_rows(shown)) + paragraph(DIFFERENCES_LEGEND) if shown else ""
+        return cells + pairs + paragraph(f"{len(self.rows)} runs in {self.folder}")
+
+    @property
+    def differences(self) -> tuple[PairedDifference, ...]:
+        """How each two controllers differ in the runs that both drove."""
+        return paired_differences(self.rows)
 
     def markdown(self) -> str:
-        """Return the table."""
-        return markdown(self.cells)
+        """Return the table, and that of the differences from the first controller, each with its legend."""
+        pairs = differences_markdown(self.differences)
+        return f"{markdown(self.cells)}\n{LEGEND}\n" + (f"\n{pairs}" if pairs else "")
 
     def summary(self) -> dict[str, Any]:
         """Return the figures, as JSON has them."""
@@ -93,6 +111,7 @@ class Comparison(Shown):
             "runs_driven": self.runs_driven,
             "wall_time_s": self.wall_time_s,
             "table": [cell.as_dict() for cell in self.cells],
+            "differences": [difference.as_dict() for difference in self.differences],
         }
 
 
@@ -176,7 +195,7 @@ def compare(
     chosen = [ControllerChoice.of(text) for text in (controller_names() if controllers is None else controllers)]
     runs = plan_runs(chosen, [*tracks, *(f"{PREFIX}{name}" for name in scenes)], max_speeds, seeds, settings)
     with claimed(out, ACCEPTED):
-        return _drive(runs, settings, ComparisonFolder(out), workers, pictures=pictures, watch=watch)
+        return _drive(runs, runs[0].settings, ComparisonFolder(out), workers, pictures=pictures, watch=watch)
 
 
 def _drive(
@@ -224,7 +243,7 @@ def plan_runs(
     seeds: Sequence[int],
     settings: ComparisonSettings,
 ) -> list[Run]:
-    """Return the runs of a grid, in its order.
+    """Return the runs of a grid, in its order; their settings have the files that the opponents' planners read.
 
     Args:
       controllers: which.
@@ -252,14 +271,18 @@ def plan_runs(
     for course in courses:
         check_course(course, settings.obstacles, car=car)
         if settings.opponents.entries:
-            settings.opponents.check(course_ground(course, seeds[0], car=car).course)
-    for choice in controllers:
-        choice.check(course_ground(courses[0], seeds[0], car=car).course, settings.drive(max_speed=max_speeds[0]))
+            checked = settings.opponents.checked(course_ground(course, seeds[0], car=car).course)
+            settings = replace(settings, opponents=checked)
+    first = course_ground(courses[0], seeds[0], car=car).course
+    files = {
+        choice: files_sha256(choice.check(first, settings.drive(max_speed=max_speeds[0]))) for choice in controllers
+    }
     axis: dict[str, Sequence[int | None]] = {course: _seeds(course, seeds, settings) for course in courses}
     runs = [
         Run(
             RunKey(
-                choice.label, choice.sha256, names[course], ground_sha256(course, seed, car=car), float(speed), seed
+                choice.label, choice.sha256, names[course], ground_sha256(course, seed, car=car), float(speed), seed,
+                files[choice],
             ),
             choice, course, settings,
         )
@@ -289,6 +312,7 @@ def _write_report(comparison: Comparison, runs: Sequence[Run], folder: Compariso
             picture.unlink(missing_ok=True)
         write_file(out / "runs.csv", runs_csv(comparison.rows).encode())
         write_file(out / "table.csv", cells_csv(comparison.cells).encode())
+        write_file(out / "differences.csv", differences_csv(comparison.differences).encode())
         write_file(out / "table.md", comparison.markdown().encode())
         if pictures:
             table_picture(comparison.cells, out / "table.png")

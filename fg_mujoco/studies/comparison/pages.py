@@ -18,28 +18,32 @@ import json
 import re
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
-from typing import Any
 
 from ...course.files import is_file
 from ...course.scenes.catalogue import PREFIX
 from ...course.writing import write_file
 from ...errors import ControllerError, FgMujocoError, RunFolderError
 from ...racing.planner_choice import ControllerChoice
+from ...racing.planner_files import files_sha256
 from ...racing.planner_trust import require_trusted
 from ...viz.report.page import LIBRARY, library, page_frame, write_page, write_report
 from ...viz.report.plot_style import require_bokeh
 from ...viz.report.sections import table
 from ..folders import blame
+from .differences import HEADER as DIFFERENCES
+from .differences import LEGEND as DIFFERENCES_LEGEND
+from .differences import difference_rows, paired_differences, shown_differences
 from .ground import ground_sha256
 from .run import ComparisonSettings, Run, RunKey, RunRow
 from .store import SCHEMA, ComparisonFolder
-from .tables import HEADER, Cell, among_columns, course_title, header_of, make_cells
+from .tables import LEGEND, Cell, header_of, make_cells, table_rows
 
 _FOLDER, _MANIFEST, _RUNS = "report", "manifest.json", "runs.jsonl"
 _ACCEPTED = "a folder that `compare --out` wrote"
+_LINKS = 4  # columns before that of the runs, which is to be seen without scrolling
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,23 +144,55 @@ def _find_run(key: RunKey, settings: ComparisonSettings, *, trust: bool) -> Run:
     """
     choice = ControllerChoice.of(key.controller)
     require_trusted(choice.source, key.controller_sha256, trust=trust, where=_RUNS)
-    for label, sha256 in zip(settings.opponents.labels, settings.opponents.recorded, strict=True):
+    opponents = settings.opponents
+    for label, sha256 in zip(opponents.labels, opponents.recorded, strict=True):
         require_trusted(ControllerChoice.of(label).source, sha256, trust=trust, where=_MANIFEST)
     for course in (key.course, f"{key.course}.csv"):
         try:
-            if ground_sha256(course, key.seed, car=settings.car.parameters) == key.course_sha256:
-                return Run(key, choice, course, settings)
+            if ground_sha256(course, key.seed, car=settings.car.parameters) != key.course_sha256:
+                continue
+            run = Run(key, choice, course, settings)
         except FgMujocoError:
             continue
+        _require_same_files(run)
+        return run
     missing = key.course if key.course.startswith(PREFIX) else f"{key.course}.csv"
     raise RunFolderError(f"{missing}: is not in this folder as it was; accepted: call from where its file is")
 
 
+def _require_same_files(run: Run) -> None:
+    """Refuse a planner that reads other files now than in the run of the table; older versions did not keep which.
+
+    Raises:
+      ControllerError: it does.
+    """
+    opponents, course = run.settings.opponents, run.ground().course
+    changed = []
+    if run.key.controller_files_sha256 is not None:
+        found = run.controller.check(course, run.settings.drive(max_speed=run.key.max_speed_m_s))
+        if files_sha256(found) != run.key.controller_files_sha256:
+            changed.append((run.key.controller, found))
+    if any(opponents.files):
+        both = zip(opponents.labels, opponents.checked(course).files, opponents.files, strict=True)
+        changed += [(label, found) for label, found, recorded in both if found != recorded]
+    for label, found in changed:
+        raise ControllerError(
+            f"{_RUNS}: planner {label!r}: {', '.join(found) or 'a file'}, which it reads, is another one now; "
+            "accepted: the files as they were raced"
+        )
+
+
 def _index(folder: Path, settings: ComparisonSettings, rows: Sequence[RunRow], pages: Mapping[RunKey, _Page]) -> str:
-    cells = make_cells(rows)
-    header = ("controller", "course", "success", "laps", "best lap [s]", "mean lap [s]", "collisions", "sliding",
-              "least clearance [m]", "wrong way [s]", *header_of(cells)[len(HEADER) :], "runs, by seed")  # fmt: skip
-    lines = [_row(cell, cells, rows, pages) for cell in cells]
+    told = _told_apart(rows)
+    by_key = {named.key: pages.get(row.key, _Page()) for named, row in zip(told, rows, strict=True)}
+    cells = make_cells(told)
+    kept = [place for place, name in enumerate(header_of(cells)) if name != "not finished"]  # which the marks say
+    header = [header_of(cells)[place] for place in kept]
+    header.insert(_LINKS, "runs, by seed")
+    lines = [
+        _row(cell, [texts[place] for place in kept], told, by_key)
+        for cell, texts in zip(cells, table_rows(cells), strict=True)
+    ]
     remarks = [
         f"<li>{escape(row.key.controller)} on {escape(row.key.course)}{escape(_seed(row))}: {escape(page.remark)}</li>"
         for row in rows
@@ -172,25 +208,56 @@ def _index(folder: Path, settings: ComparisonSettings, rows: Sequence[RunRow], p
         f'<p class="result">{wins} of {len(rows)} finished without touching anything.</p>'
         f'<p class="note">{escape(shared)}. A click on a seed opens the report of that run.</p>'
         f'<div class="scroll" style="max-height:none">{table(header, lines)}</div>'
+        f'<p class="note">{escape(LEGEND)}</p>{_differences(told)}'
         + (f'<h2>Remarks</h2><ul class="note">{"".join(remarks)}</ul>' if remarks else "")
     )
     return page_frame(f"{folder.resolve().name}: comparison", body)
 
 
-def _row(cell: Cell, cells: Sequence[Cell], rows: Sequence[RunRow], pages: Mapping[RunKey, _Page]) -> str:
+def _row(cell: Cell, texts: Sequence[str], rows: Sequence[RunRow], pages: Mapping[RunKey, _Page]) -> str:
     own = [
         row for row in rows
         if (row.key.controller, row.key.course, row.key.max_speed_m_s)
         == (cell.controller, cell.course, cell.max_speed_m_s)
     ]  # fmt: skip
-    values = (
-        escape(cell.controller), escape(course_title(cell, cells)), f"{cell.successes}/{cell.runs}",
-        f"{cell.laps_completed}/{cell.laps_requested}", _text(cell.best_lap_s, ".2f"), _text(cell.mean_lap_s, ".2f"),
-        str(cell.collisions), _text(cell.slide_time_fraction, ".1%"), _text(cell.least_clearance_m, ".3f"),
-        _text(cell.wrong_way_time_s, ".1f"), *among_columns(cell),
-    )  # fmt: skip
-    links = " ".join(_link(row, pages.get(row.key, _Page())) for row in own)
-    return f'<tr>{"".join(f"<td>{value}</td>" for value in values)}<td class="left">{links}</td></tr>'
+    links = " ".join(_link(row, pages[row.key]) for row in own)
+    parts = [f"<td>{escape(text)}</td>" for text in texts]
+    parts.insert(_LINKS, f'<td class="left" style="white-space:normal;min-width:10em">{links}</td>')
+    return f"<tr>{''.join(parts)}</tr>"
+
+
+def _differences(rows: Sequence[RunRow]) -> str:
+    """Return the table of paired differences; nothing where there is one controller."""
+    found = paired_differences(rows)
+    lines = [
+        f"<tr>{''.join(f'<td>{escape(text)}</td>' for text in texts)}</tr>"
+        for texts in difference_rows(shown_differences(found) if found else [])
+    ]
+    if not lines:
+        return ""
+    return (
+        f'<h2>Paired differences</h2><div class="scroll" style="max-height:none">{table(DIFFERENCES, lines)}</div>'
+        f'<p class="note">{escape(DIFFERENCES_LEGEND)}</p>'
+    )
+
+
+def _told_apart(rows: Sequence[RunRow]) -> list[RunRow]:
+    """Return rows in which planners of one name whose files differ have other names: with the beginning of a hash."""
+    found: dict[str, set[tuple[str | None, str | None]]] = {}
+    for row in rows:
+        found.setdefault(row.key.controller, set()).add((row.key.controller_sha256, row.key.controller_files_sha256))
+
+    def name(key: RunKey) -> str:
+        of_one = found[key.controller]
+        own = (key.controller_sha256, key.controller_files_sha256)
+        parts = [
+            f"{what} {str(own[place])[:8]}"
+            for place, what in enumerate(("code", "files"))
+            if len({each[place] for each in of_one}) > 1
+        ]
+        return f"{key.controller} ({', '.join(parts)})" if parts else key.controller
+
+    return [replace(row, key=replace(row.key, controller=name(row.key))) for row in rows]
 
 
 def _link(row: RunRow, page: _Page) -> str:
@@ -205,7 +272,3 @@ def _link(row: RunRow, page: _Page) -> str:
 
 def _seed(row: RunRow) -> str:
     return "" if row.key.seed is None else f", seed {row.key.seed}"
-
-
-def _text(value: Any, form: str) -> str:
-    return "-" if value is None else format(value, form)

@@ -12,6 +12,7 @@ import numpy as np
 from ...messages import CarParameters, FloatArray
 from ...viz.course_drawing import draw_course, draw_obstacles, extent
 from ...viz.plots import require_matplotlib, save_figure
+from ..intervals import per_cent
 from .ground import Ground
 from .run import Run, RunKey, RunRow
 from .store import ComparisonFolder
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
 _DPI = 150
 _STYLE: Any = {"font.size": 8.0, "axes.linewidth": 0.6, "lines.linewidth": 0.9}
-_CELL = (0.82, 0.42)  # [in] width and height
+_CELL = (0.82, 0.5)  # [in] width and height
 _PANELS_WIDTH = 10.0  # [in]
 _COLUMNS = ((5.0, 1), (2.5, 2), (0.0, 3))  # from this width over height on, so many panels side by side
 _DRIVEN, _CAR, _CRASHED = "#0072b2", "black", "#d00000"
@@ -31,9 +32,9 @@ _DRIVEN, _CAR, _CRASHED = "#0072b2", "black", "#d00000"
 def table_picture(cells: Sequence[Cell], path: Path) -> None:
     """Draw the table: controllers down, courses across, each cell in the colour of its share of successes.
 
-    In a cell are the successes of the runs and the median of their best laps [s], of a scene of the times to its goal.
-    Where all runs succeed, cells have the best and the mean lap [s], and the colour of the best one over that of the
-    course's fastest controller.
+    In a cell are the successes of the runs, Wilson's interval of their share at 95 %, and the median of the successes'
+    best laps [s], of a scene of the times to its goal. Where all runs succeed, cells have the best and the mean lap [s]
+    and the number of runs, and the colour of the best one over that of the course's fastest controller.
 
     Raises:
       MissingExtraError: matplotlib is not installed.
@@ -56,9 +57,9 @@ def table_picture(cells: Sequence[Cell], path: Path) -> None:
             shares[row, column], laps[row, column] = cell.success_share, cell.best_lap_s or math.nan
             lap = "" if cell.best_lap_s is None else f"\n{cell.best_lap_s:.2f} s"
             text = (
-                f"{cell.best_lap_s:.2f} s\nmean {cell.mean_lap_s:.2f}"
+                f"{cell.best_lap_s:.2f} s\nmean {cell.mean_lap_s:.2f}\nn = {cell.runs_with_laps}"
                 if by_lap
-                else f"{cell.successes}/{cell.runs}{lap}"
+                else f"{cell.successes}/{cell.runs}\n{per_cent(cell.success_low, cell.success_high)}{lap}"
             )
             dark = not by_lap and abs(cell.success_share - 0.5) > 0.35  # both ends of the scale
             axes.text(column, row, text, ha="center", va="center", color="white" if dark else "black")
@@ -77,6 +78,8 @@ def table_picture(cells: Sequence[Cell], path: Path) -> None:
         axes.tick_params(which="minor", length=0.0, top=False)
         axes.spines[:].set_visible(False)
         label = "best lap over the course's fastest" if by_lap else "share of successes"
+        said = "" if by_lap else "successes of the runs, 95 % interval of their share,\n"
+        figure.supxlabel(f"{said}median of the successes' best laps", fontsize=7.0)
         scale = figure.colorbar(image, ax=axes, label=label, pad=0.01)
         if by_lap:
             scale.ax.set_ylim(1.0, slowest)

@@ -10,7 +10,7 @@ import hashlib
 import math
 import statistics
 from collections.abc import Mapping
-from dataclasses import asdict, astuple, dataclass, field, fields, replace
+from dataclasses import MISSING, asdict, astuple, dataclass, field, fields, replace
 from typing import Any, TypeVar, get_args, get_type_hints
 
 import mujoco
@@ -99,11 +99,13 @@ class RunKey:
     course_sha256: str | None  # of the course's definition
     max_speed_m_s: float
     seed: int | None  # None: nothing depends on one
+    controller_files_sha256: str | None = None  # of the files that the planner reads; None: it reads none
 
     @property
     def sha256(self) -> str:
-        """Names the files of the run."""
-        return hashlib.sha256(repr(astuple(self)).encode()).hexdigest()
+        """Names the files of the run; of a planner that reads none as in versions that did not ask for them."""
+        values = astuple(self)
+        return hashlib.sha256(repr(values if values[-1] is not None else values[:-1]).encode()).hexdigest()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,6 +157,8 @@ class RunRow:
 
 def _of_kind(kind: type[_Part], values: Mapping[str, Any]) -> _Part:
     """Return a RunKey, RunFigures or AmongCars of some values, each of the kind that its field says."""
+    later = {field.name: field.default for field in fields(kind) if field.default is not MISSING}  # type: ignore[arg-type]
+    values = later | dict(values)  # of which older versions wrote none
     for name, hint in get_type_hints(kind).items():
         value, kinds = values[name], get_args(hint) or (hint,)
         accepted = (*kinds, int) if float in kinds else kinds

@@ -2,10 +2,13 @@
 
 Each call writes all of them again, with the runs that it asked for:
 
-    runs.csv      a row a run
-    table.csv     a row for each controller on each course at each speed, over all seeds
-    table.md      the same, as Markdown
-    table.png     the same, as a picture; traces/COURSE.png: the driven lines (pictures)
+    runs.csv          a row a run
+    table.csv         a row for each controller on each course at each speed, over all seeds
+    differences.csv   a row for each two controllers on each course, over the runs that both drove: see `differences`
+    table.md          both, as Markdown; of the differences those from the first controller, over all courses
+    table.png         the table, as a picture; traces/COURSE.png: the driven lines (pictures)
+
+Lap times are of the successful runs alone, and it is said of how many. Intervals are those of `studies.intervals`.
 """
 
 from __future__ import annotations
@@ -17,7 +20,8 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from ...racing.opponents import FIRST, AmongCars
-from ..tables import csv_text, markdown_table
+from ..intervals import per_cent, wilson
+from ..tables import csv_text, markdown_table, quantile, quartiles
 from .run import RunFigures, RunKey, RunRow
 
 
@@ -52,6 +56,12 @@ class Cell:
     max_slide_m_s: float | None  # greatest of any run
     least_clearance_m: float | None  # least of any run
     wrong_way_time_s: float | None  # of all runs together
+    success_low: float = 0.0  # ends of Wilson's interval of the share of successes, at 95 %
+    success_high: float = 1.0
+    runs_with_laps: int = 0  # successes that lap times are of
+    best_lap_q25_s: float | None = None  # quartiles of each one's best
+    best_lap_q75_s: float | None = None
+    mean_lap_std_s: float | None = None  # standard deviation of each one's mean; None of fewer than two
     among: CellAmong | None = None  # None: there were no opponents
 
     def as_dict(self) -> dict[str, Any]:
@@ -92,22 +102,34 @@ def _among(rows: Sequence[RunRow]) -> CellAmong:
 
 def _cell(controller: str, course: str, max_speed: float, runs: Sequence[RunFigures], among: CellAmong | None) -> Cell:
     reasons = Counter(run.end_reason for run in runs)
+    successes = sum(run.success for run in runs)
+    best, mean = (
+        [lap for run in runs if run.success and (lap := getattr(run, name)) is not None]
+        for name in ("best_lap_s", "mean_lap_s")
+    )
+    low, high = wilson(successes, len(runs))
     return Cell(
         controller=controller,
         course=course,
         max_speed_m_s=max_speed,
         runs=len(runs),
-        successes=sum(run.success for run in runs),
+        successes=successes,
         end_reasons=", ".join(f"{count} {reason}" for reason, count in sorted(reasons.items())),
         laps_completed=sum(run.laps_completed for run in runs),
         laps_requested=sum(run.laps_requested for run in runs),
-        best_lap_s=_of(statistics.median, (run.best_lap_s for run in runs if run.success)),
-        mean_lap_s=_of(statistics.fmean, (run.mean_lap_s for run in runs if run.success)),
+        best_lap_s=_of(statistics.median, best),
+        mean_lap_s=_of(statistics.fmean, mean),
         collisions=sum(run.collisions for run in runs),
         slide_time_fraction=_of(statistics.fmean, (run.slide_time_fraction for run in runs)),
         max_slide_m_s=_of(max, (run.max_slide_m_s for run in runs)),
         least_clearance_m=_of(min, (run.least_clearance_m for run in runs)),
         wrong_way_time_s=_of(sum, (run.wrong_way_time_s for run in runs)),
+        success_low=low,
+        success_high=high,
+        runs_with_laps=len(best),
+        best_lap_q25_s=quantile(best, 0.25),
+        best_lap_q75_s=quantile(best, 0.75),
+        mean_lap_std_s=statistics.stdev(mean) if len(mean) > 1 else None,
         among=among,
     )
 
@@ -126,10 +148,17 @@ def cells_csv(cells: Sequence[Cell]) -> str:
 
 
 HEADER = (
-    "controller", "course", "success", "laps", "best lap [s]", "mean lap [s]", "not finished", "collisions", "sliding",
-    "least clearance [m]", "wrong way [s]",
+    "controller", "course", "success", "95 % interval", "laps", "best lap [s]", "quartiles [s]", "mean lap [s]",
+    "of runs", "not finished", "collisions", "sliding", "least clearance [m]", "wrong way [s]",
 )  # fmt: skip
 """Of the table for people."""
+
+LEGEND = (
+    "A success has finished and touched nothing but other cars; the interval of its share is Wilson's at 95 %. Lap "
+    'times are of the successes alone, "of runs" says of how many: the median of their best laps with its quartiles, '
+    "and the mean of their mean laps."
+)
+"""What stands below the table."""
 
 AMONG_HEADER = ("won", "mean position", "overtakes", "overtaken", "contacts", "at fault")
 """Of its last columns, where there are opponents."""
@@ -156,9 +185,12 @@ def table_rows(cells: Sequence[Cell]) -> list[tuple[str, ...]]:
             cell.controller,
             course_title(cell, cells),
             f"{cell.successes}/{cell.runs}",
+            per_cent(cell.success_low, cell.success_high),
             f"{cell.laps_completed}/{cell.laps_requested}",
             _text(cell.best_lap_s, "{:.2f}"),
+            quartiles(cell.best_lap_q25_s, cell.best_lap_q75_s),
             _text(cell.mean_lap_s, "{:.2f}"),
+            str(cell.runs_with_laps),
             _not_finished(cell.end_reasons),
             str(cell.collisions),
             _text(cell.slide_time_fraction, "{:.1%}").replace("%", " %"),

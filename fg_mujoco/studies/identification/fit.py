@@ -9,7 +9,7 @@ acceleration, heading and position come closest to what was measured; Huber's co
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -120,14 +120,25 @@ def inverse_dynamics(problems: Sequence[DriveProblem], *, linear: bool = False) 
     return found
 
 
-def output_error(problems: Sequence[DriveProblem], parameters: FloatArray, *, linear: bool = False) -> Fit:
+def output_error(
+    problems: Sequence[DriveProblem],
+    parameters: FloatArray,
+    *,
+    linear: bool = False,
+    watch: Callable[[str], None] | None = None,
+) -> Fit:
     """Return the parameters at which the simulated drives come closest to the measured ones.
 
     Args:
       problems: of the drives.
       parameters: to start from, such as those of `inverse_dynamics`.
       linear: find of each axle the stiffness alone.
+      watch: told in words how far it is.
     """
+
+    def told(fit: int) -> Callable[[int], None]:
+        return lambda step: None if watch is None else watch(f"output error: fit {fit}/3, step {step}")
+
     free = np.ones(len(PARAMETERS), bool)
     if linear:
         free[1:4] = free[5:8] = False
@@ -140,10 +151,10 @@ def output_error(problems: Sequence[DriveProblem], parameters: FloatArray, *, li
         parameters[10] = 0.0
     noise = assumed_noise()
     starts = [fitted_starts(problem, parameters, noise) for problem in problems]
-    for _ in range(2):
-        parameters, starts = _minimise(problems, parameters, starts, noise, free)
+    for fit in (1, 2):
+        parameters, starts = _minimise(problems, parameters, starts, noise, free, told(fit))
         noise = measured_noise(problems, parameters, starts)
-    parameters, starts = _minimise(problems, parameters, starts, noise, free)
+    parameters, starts = _minimise(problems, parameters, starts, noise, free, told(3))
     covariance, at_bound = _covariance(problems, parameters, starts, noise, free)
     return Fit(parameters=parameters, covariance=covariance, at_bound=at_bound, noise=noise)
 
@@ -251,13 +262,15 @@ def _minimise(
     starts: list[FloatArray],
     noise: FloatArray,
     free: NDArray[np.bool_],
+    watch: Callable[[int], None],
 ) -> tuple[FloatArray, list[FloatArray]]:
     """Return parameters and starts of the least cost: damped steps of Gauss and Newton within the bounds."""
     from scipy.optimize import lsq_linear
 
     damping = 1e-3
     reduced = _reduce(problems, parameters, starts, noise, free)
-    for _ in range(_STEPS):
+    for number in range(1, _STEPS + 1):
+        watch(number)
         triangle = np.asarray(np.linalg.qr(np.column_stack((reduced.rows, reduced.wanted)), mode="r"))
         square, wanted = triangle[:-1, :-1], triangle[:-1, -1]
         size = np.linalg.norm(square, axis=0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -127,7 +127,12 @@ def _said(found: Validation) -> str:
 
 
 def identify_drives(
-    drives: Sequence[Drive], *, linear: bool = False, front_drive: float = 0.5, single_track: bool = False
+    drives: Sequence[Drive],
+    *,
+    linear: bool = False,
+    front_drive: float = 0.5,
+    single_track: bool = False,
+    watch: Callable[[str], None] | None = None,
 ) -> Identification:
     """Return the tires and the steering of the car of some drives.
 
@@ -136,6 +141,7 @@ def identify_drives(
       linear: find of each axle the stiffness alone, which a gentle drive determines.
       front_drive: share of the drive at the front axle, 0 to 1: 0.5 with four driven wheels.
       single_track: leave out the load on the outer tires, what driving takes of the grip, and the relaxation length.
+      watch: told in words how far it is.
 
     Raises:
       MissingExtraError: SciPy is not installed.
@@ -154,16 +160,18 @@ def identify_drives(
     names = ", ".join(drive.name for drive in drives)
     if sum(len(problem.segments) for problem in problems) < _FEWEST:
         raise SettingsError(f"{names}: too short; accepted: {_FEWEST} stretches of 1 s above 1 m/s, or more")
+    if watch is not None:
+        watch("inverse dynamics")
     expected = inverse_dynamics(problems, linear=True)
     for axle, reached in enumerate(_reached(problems, expected)):
         if not reached >= _LEAST_SLIP:
             raise SettingsError(f"{names}: {AXLES[axle]}: {_needs(reached, 12.0)}; accepted: a drive with more slip")
     if linear:
         inverse = expected
-        fit = output_error(problems, inverse, linear=True)
+        fit = output_error(problems, inverse, linear=True, watch=watch)
     else:
         inverse = inverse_dynamics(problems)
-        fit = output_error(problems, inverse)
+        fit = output_error(problems, inverse, watch=watch)
     reached = _reached(problems, fit.parameters)
     _refuse_unseen_stiffness(names, fit, reached)
     if not linear:

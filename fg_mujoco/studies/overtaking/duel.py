@@ -92,11 +92,13 @@ class DuelKey:
     track: str
     opponent: str
     seed: int
+    planner_files_sha256: str | None = None  # of the files that the planner reads; None: it reads none
 
     @property
     def sha256(self) -> str:
         """Names the duel, and seeds what is drawn for it but for the planner, so that planners meet the same."""
-        return sha256(repr(astuple(self)).encode()).hexdigest()
+        values = astuple(self)
+        return sha256(repr(values if values[-1] is not None else values[:-1]).encode()).hexdigest()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,6 +140,7 @@ class DuelRow:
           KeyError: a value is missing.
         """
         kinds = (DuelKey, DuelFigures)
+        values = {"planner_files_sha256": None} | dict(values)  # which older versions did not write
         key, figures = ({field.name: values[field.name] for field in fields(kind)} for kind in kinds)
         return cls(DuelKey(**key), DuelFigures(**figures))
 

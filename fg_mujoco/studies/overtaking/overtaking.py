@@ -21,6 +21,7 @@ from ...display import Shown, brief, paragraph, quoted, table
 from ...errors import SettingsError, TrackError
 from ...messages import require_whole
 from ...racing.planner_choice import ControllerChoice
+from ...racing.planner_files import files_sha256
 from ...simulation.course_loading import load_track
 from ...simulation.settings import FASTEST
 from ...vehicle.tires import Tires
@@ -30,10 +31,13 @@ from ..folders import blame, claimed
 from ..grid import require_axes, time_left
 from ..rollout.job import versions
 from ..worker_processes import usable_cores, work_off
+from .differences import HEADER as DIFFERENCES
+from .differences import LEGEND as DIFFERENCES_LEGEND
+from .differences import DuelDifference, difference_rows, differences_csv, differences_markdown, paired_differences
 from .duel import Duel, DuelKey, DuelRow, DuelSettings
 from .opponents import OPPONENTS
 from .store import ACCEPTED, DuelFolder
-from .tables import HEADER, DuelCell, cells_csv, duels_csv, make_cells, markdown, ratio_picture, table_rows
+from .tables import HEADER, LEGEND, DuelCell, cells_csv, duels_csv, make_cells, markdown, ratio_picture, table_rows
 
 DEFAULT_TRACKS = ("oval", "l_corridor", "hairpins", "chicanes", "fast", "tight")
 DEFAULT_SEEDS = range(50)
@@ -70,11 +74,20 @@ class Overtaking(Shown):
         return brief(self, f"{len(self.rows)} duels, {overtaken} overtakes", f"in {quoted(self.folder)}")
 
     def _repr_html_(self) -> str:
-        return table(HEADER, table_rows(self.cells)) + paragraph(f"{len(self.rows)} duels in {self.folder}")
+        pairs = difference_rows(self.differences)
+        differences = table(DIFFERENCES, pairs) + paragraph(DIFFERENCES_LEGEND) if pairs else ""
+        cells = table(HEADER, table_rows(self.cells))
+        return cells + differences + paragraph(f"{len(self.rows)} duels in {self.folder}")
+
+    @property
+    def differences(self) -> tuple[DuelDifference, ...]:
+        """How each two planners differ in the duels that both drove."""
+        return paired_differences(self.rows)
 
     def markdown(self) -> str:
-        """Return the table."""
-        return markdown(self.cells)
+        """Return the table, and that of the differences from the first planner, each with its legend."""
+        pairs = differences_markdown(self.differences)
+        return f"{markdown(self.cells)}\n{LEGEND}\n" + (f"\n{pairs}" if pairs else "")
 
     def summary(self) -> dict[str, Any]:
         """Return the figures, as JSON has them."""
@@ -83,6 +96,7 @@ class Overtaking(Shown):
             "duels_driven": self.duels_driven,
             "wall_time_s": self.wall_time_s,
             "table": [asdict(cell) for cell in self.cells],
+            "differences": [difference.as_dict() for difference in self.differences],
         }
 
 
@@ -170,10 +184,9 @@ def plan_duels(
     for track, course in courses.items():
         if not course.closed:
             raise TrackError(f"track {track!r} is no circuit; accepted: a closed track")
-    for choice in planners:
-        choice.check(courses[tracks[0]], settings.drive())
+    files = {choice: files_sha256(choice.check(courses[tracks[0]], settings.drive())) for choice in planners}
     return [
-        Duel(DuelKey(choice.label, choice.sha256, track, opponent, seed), choice, settings)
+        Duel(DuelKey(choice.label, choice.sha256, track, opponent, seed, files[choice]), choice, settings)
         for choice in planners
         for track in tracks
         for opponent in opponents
@@ -217,6 +230,7 @@ def _drive(
     with blame(folder.folder, "a folder that can be written"):
         write_file(folder.folder / "duels.csv", duels_csv(rows).encode())
         write_file(folder.folder / "table.csv", cells_csv(study.cells).encode())
+        write_file(folder.folder / "differences.csv", differences_csv(study.differences).encode())
         write_file(folder.folder / "table.md", study.markdown().encode())
         if pictures:
             ratio_picture(rows, settings.slowest, settings.fastest, folder.folder / "table.png")

@@ -1,12 +1,13 @@
 """The report of an overtaking study: CSV, Markdown, and a picture.
 
-    duels.csv     a row a duel
-    table.csv     a row for each planner and opponent on each track, and over all tracks
-    table.md      the same over all tracks, and by track, as Markdown
-    table.png     the share of overtakes by the ratio of the speeds, for each opponent, with its interval
+    duels.csv         a row a duel
+    table.csv         a row for each planner and opponent on each track, and over all tracks
+    table.md          the same over all tracks, and by track, as Markdown; and the differences over all tracks
+    differences.csv   a row for each two planners on each track, over the duels that both drove: see `differences`
+    table.png         the share of overtakes by the ratio of the speeds, for each opponent, with its interval
 
-Intervals are Wilson's at 95 %: E. Wilson, Probable Inference, the Law of Succession, and Statistical Inference, Journal
-of the American Statistical Association 22, 1927.
+Intervals are those of `studies.intervals`, at 95 %. Times lost are of the overtakes alone: their median, its quartiles,
+and how many they are.
 """
 
 from __future__ import annotations
@@ -19,29 +20,16 @@ from pathlib import Path
 from typing import Any
 
 from ...viz.plots import require_matplotlib, save_figure
-from ..tables import csv_text, markdown_table
+from ..intervals import wilson
+from ..tables import csv_text, markdown_table, quantile, quartiles
 from .duel import DuelFigures, DuelKey, DuelRow
 
 ALL = "all"
 """What stands for all tracks, or all opponents."""
 
-_Z = 1.959963984540054  # of 95 %
 _BANDS = 5  # of ratios in the picture
 _DPI = 150
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "black")
-
-
-def wilson(successes: int, count: int) -> tuple[float, float]:
-    """Return the interval of a share at 95 %, from 0 to 1; of nothing, 0 and 1."""
-    if count == 0:
-        return 0.0, 1.0
-    share, square = successes / count, _Z * _Z
-    middle = (share + 0.5 * square / count) / (1.0 + square / count)
-    half = _Z * math.sqrt(share * (1.0 - share) / count + 0.25 * square / count**2) / (1.0 + square / count)
-    return (
-        0.0 if successes == 0 else max(middle - half, 0.0),
-        1.0 if successes == count else min(middle + half, 1.0),
-    )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,10 +49,13 @@ class DuelCell:
     touches_planner_low: float  # share of all duels, lower end of its interval
     touches_planner_high: float
     others: int  # walls, races that ended otherwise, and duels that failed
-    time_lost_s: float | None  # median of the overtakes
+    time_lost_s: float | None  # median of the overtakes whose time lost is known
     time_s: float | None  # median of the overtakes, from the start
     decision_median_s: float | None  # median of the medians
     decision_longest_s: float | None
+    time_lost_count: int  # overtakes whose time lost is known
+    time_lost_q25_s: float | None  # their quartiles
+    time_lost_q75_s: float | None
 
     @property
     def share(self) -> float:
@@ -100,6 +91,7 @@ def _cell(planner: str, track: str, opponent: str, duels: Sequence[DuelFigures])
     low, high = wilson(overtaken, len(duels))
     blame_low, blame_high = wilson(to_blame, len(duels))
     won = [duel for duel in duels if duel.outcome == "overtaken"]
+    lost = [duel.time_lost_s for duel in won if duel.time_lost_s is not None and math.isfinite(duel.time_lost_s)]
     return DuelCell(
         planner=planner, track=track, opponent=opponent, duels=len(duels), overtaken=overtaken, low=low, high=high,
         behind=outcomes.count("behind"), touches=touches, touches_planner=to_blame, touches_planner_low=blame_low,
@@ -107,6 +99,7 @@ def _cell(planner: str, track: str, opponent: str, duels: Sequence[DuelFigures])
         time_lost_s=_median(duel.time_lost_s for duel in won), time_s=_median(duel.time_s for duel in won),
         decision_median_s=_median(duel.decision_median_s for duel in duels),
         decision_longest_s=max((d.decision_longest_s for d in duels if d.decision_longest_s is not None), default=None),
+        time_lost_count=len(lost), time_lost_q25_s=quantile(lost, 0.25), time_lost_q75_s=quantile(lost, 0.75),
     )  # fmt: skip
 
 
@@ -128,9 +121,16 @@ def cells_csv(cells: Sequence[DuelCell]) -> str:
 
 HEADER = (
     "planner", "track", "opponent", "duels", "overtaken", "95 % interval", "behind", "touches", "to blame for",
-    "otherwise ended", "time lost [s]", "decision [us]",
+    "otherwise ended", "median time lost [s]", "quartiles [s]", "of overtakes", "median decision [us]",
 )  # fmt: skip
 """Of the table for people."""
+
+LEGEND = (
+    "The interval is Wilson's at 95 %, of the share of duels that end with an overtake without a touch. Times lost are "
+    'of these overtakes alone, "of overtakes" says of how many: their median with its quartiles. Decisions are the '
+    "median of each duel's median."
+)
+"""What stands below the table."""
 
 
 def table_rows(cells: Sequence[DuelCell]) -> list[tuple[str, ...]]:
@@ -141,6 +141,7 @@ def table_rows(cells: Sequence[DuelCell]) -> list[tuple[str, ...]]:
             f"{100.0 * cell.low:.1f} to {100.0 * cell.high:.1f}", str(cell.behind), str(cell.touches),
             f"{cell.touches_planner} ({100.0 * cell.touches_planner / cell.duels:.1f} %)", str(cell.others),
             "-" if cell.time_lost_s is None else f"{cell.time_lost_s:.2f}",
+            quartiles(cell.time_lost_q25_s, cell.time_lost_q75_s), str(cell.time_lost_count),
             "-" if cell.decision_median_s is None else f"{1e6 * cell.decision_median_s:.0f}",
         )
         for cell in cells

@@ -10,7 +10,7 @@ import hashlib
 import math
 import platform
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from importlib.metadata import version
 from pathlib import Path
@@ -28,6 +28,7 @@ from ...messages import require_whole
 from ...racing.entries import check_starts
 from ...racing.opponents import Opponents, entry_of
 from ...racing.planner_choice import Value
+from ...racing.planner_files import Files, by_name, planner_files
 from ...racing.planner_loading import build_controller, find_controller, text_of
 from ...racing.race import require_decision_limit
 from ...simulation.physics import STATE
@@ -65,6 +66,7 @@ class RolloutJob:
     base: DriveSettings = field(default_factory=DriveSettings)  # what is the same in all worlds
     decision_limit: float | None = None  # [s] of wall time for a decision; None: any
     opponents: Opponents = field(default_factory=Opponents)  # that car 0 of each world races against
+    files: Files = field(default_factory=dict)  # that the planners of car 0 read; none before `checked`
 
     def __post_init__(self) -> None:
         require_laps(self.laps, optional=True)
@@ -78,8 +80,8 @@ class RolloutJob:
         if self.record not in RECORDS:
             raise SettingsError(f"record is {self.record!r}; {accepted_names(self.record, RECORDS)}")
 
-    def check(self) -> None:
-        """Refuse what cannot be driven, before anything is.
+    def checked(self) -> RolloutJob:
+        """Refuse what cannot be driven, before anything is; return the job with the files that its planners read.
 
         Raises:
           TrackError: a course that the car does not fit, or that no walls can be put round.
@@ -104,13 +106,15 @@ class RolloutJob:
                 f"controller {type(self.controller).__name__} is an object; accepted: a name or "
                 "path/to/file.py:ClassName, for each world to have one of its own"
             )
-        found = find_controller(self.controller)
-        for settings in ({}, *self.randomization.planner_extremes):
-            build_controller(
+        found, files = find_controller(self.controller), Files()
+        for extreme in ({}, *self.randomization.planner_extremes):
+            settings = {**self.base.planner_settings, **extreme}
+            planner = build_controller(
                 found, self.controller, car=car, mu=self.base.assumed_mu, max_speed=self.base.max_speed,
-                settings={**self.base.planner_settings, **settings}, map_line=self.tracks[0].map_line,
+                settings=settings, map_line=self.tracks[0].map_line,
             )  # fmt: skip
-        self._check_opponents()
+            files |= planner_files(planner, settings)
+        return replace(self, files=files, opponents=self._checked_opponents())
 
     @cached_property
     def chunks(self) -> tuple[NDArray[np.int64], ...]:
@@ -207,6 +211,7 @@ class RolloutJob:
             "tracks": [{"name": track.name, "sha256": course_sha256(track)} for track in self.tracks],
             "controller": Path(self.controller).name,
             "controller_sha256": _sha256(text) if (text := self.controller_text) is not None else None,
+            **({"controller_files": by_name(self.files)} if self.files else {}),
             "n": len(self.seeds),
             "seed": self.seed,
             "seeds_sha256": _sha256(np.ascontiguousarray(self.seeds, "<i8").tobytes()),
@@ -229,12 +234,13 @@ class RolloutJob:
         wanted = self.randomization.most_obstacles > 0
         return tuple(track.obstacle_sites(self.base.car.parameters) if wanted else None for track in self.tracks)
 
-    def _check_opponents(self) -> None:
+    def _checked_opponents(self) -> Opponents:
         """Refuse opponents that cannot be loaded, or that do not fit where they start in any of the worlds."""
-        if not self.opponents.entries:
-            return
+        checked = self.opponents
+        if not checked.entries:
+            return checked
         for track in self.tracks:
-            self.opponents.check(track)
+            checked = self.opponents.checked(track)
         starts = any(name.startswith("start_") for name in self.randomization.ranges)
         drawn = starts or "obstacles" in self.randomization.ranges
         for world in range(len(self.seeds) if drawn else min(len(self.seeds), len(self.tracks))):
@@ -244,6 +250,7 @@ class RolloutJob:
                 self.opponents.line_up(course, entry_of(scenario, self.controller), scenario.obstacles, drawn=starts)
             except SettingsError as error:
                 raise SettingsError(f"world {world}, seed {scenario.seed}: {error}" if drawn else str(error)) from error
+        return checked
 
     def _check_starts(self, course: Course) -> None:
         """Refuse starts that are not on an open course, and one of all worlds at which the car cannot stand.

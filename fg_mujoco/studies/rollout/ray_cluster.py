@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import ControllerError, EngineError, FgMujocoError, missing_extra
+from ...racing.planner_files import changed_file, changed_text
 from ...racing.planner_loading import file_in, moved_to
 from ..worker_processes import usable_cores
 from .job import Arrays, RolloutJob, versions
@@ -90,12 +91,17 @@ def _drive(job: RolloutJob, number: int, controller_text: bytes | None, expected
     if versions() != expected:
         differing = [f"{name} {versions()[name]}" for name in expected if versions()[name] != expected[name]]
         raise EngineError(f"a node of the cluster has {', '.join(differing)}; accepted: the same as where it started")
+    changed = changed_file(job.files)
+    if changed is not None:
+        path, now = changed
+        said = f"a node of the cluster: planner {job.controller!r}: {changed_text(path, job.files[path], now)}"
+        raise ControllerError(f"{said}; accepted: the same file on each node, at the same path")
     if controller_text is None:
         return job.drive(number)
-    path = file_in(job.controller)
-    assert path is not None
+    source = file_in(job.controller)
+    assert source is not None
     with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / path.name
+        file = Path(folder) / source.name
         file.write_bytes(controller_text)
         return job.drive(number, controller=moved_to(job.controller, file))
 

@@ -22,6 +22,7 @@ from ...racing.entries import Entry
 from ...racing.opponents import AMONG_CARS, FIRST, Opponents, entry_of
 from ...simulation.settings import DriveSettings, Scenario
 from ..folders import blame
+from ..intervals import wilson
 from .job import Arrays, RolloutJob
 from .randomization import Randomization
 from .store import ChunkStore, FolderStore
@@ -79,7 +80,7 @@ class RolloutResult(Shown):
             ("worlds", str(len(self))),
             ("ends", ", ".join(f"{count} {reason}" for reason, count in ends)),
             *won,
-            ("median first lap", f"{np.median(laps):.2f} s" if len(laps) else "none"),
+            ("median first lap", f"{np.median(laps):.2f} s of {len(laps)}" if len(laps) else "none"),
             ("greatest sliding", f"{np.nanmax(self['max_slide_m_s'], initial=0.0):.3f} m/s"),
             ("simulated", f"{self['sim_time_s'].sum():.1f} s"),
         ]
@@ -145,6 +146,8 @@ class RolloutResult(Shown):
         return {
             **self.settings,
             "finished": float(np.mean(self["end_reason"] == "finished")),
+            "finished_count": self._finished,
+            "finished_interval": list(wilson(self._finished, count)),
             "end_reasons": dict(Counter(self["end_reason"].tolist()).most_common()),
             "first_lap_s": _quantiles(self["first_lap_s"]),
             "best_lap_s": _quantiles(self["best_lap_s"]),
@@ -158,6 +161,10 @@ class RolloutResult(Shown):
             "wall_time_s": self.wall_time_s,
             "world_seconds_per_second": self.rate,
         }
+
+    @property
+    def _finished(self) -> int:
+        return int(np.sum(self["end_reason"] == "finished"))
 
     def _among(self) -> dict[str, Any]:
         """Return the figures of car 0 among its opponents, as they can stand in JSON; none where it has none."""
@@ -284,11 +291,12 @@ def _table(kept: list[Arrays]) -> dict[str, NDArray[Any]]:
 
 
 def _quantiles(values: FloatArray) -> dict[str, float] | None:
-    """Return the quantiles of those that are not NaN, by name; None where all are."""
+    """Return the quantiles of those that are not NaN, by name, and how many these are; None where all are NaN."""
     known = values[~np.isnan(values)]
     if len(known) == 0:
         return None
-    return {f"q{100 * q:g}": float(v) for q, v in zip(QUANTILES, np.quantile(known, QUANTILES), strict=True)}
+    found = {f"q{100 * q:g}": float(v) for q, v in zip(QUANTILES, np.quantile(known, QUANTILES), strict=True)}
+    return found | {"count": len(known)}
 
 
 def _shown(value: Any) -> str:

@@ -184,7 +184,7 @@ def rollout(
     )
     if engine == "ray" and any(":" in str(entry.controller) for entry in job.opponents.entries):
         raise SettingsError("engine is 'ray' with an opponent of a file; accepted: bundled ones, or another engine")
-    job.check()
+    job = job.checked()
     cores = workers or usable_cores()
     trace = job.trace_bytes()
     # no worker is to be idle, and what is being driven is to fit the budget too

@@ -108,8 +108,8 @@ class FolderStore:
             numbers, path = _numbers(tracks), self.folder / _MANIFEST
             if path.exists():
                 manifest = self._read_manifest()
+                self._require_same(manifest["versions"], versions)  # of which settings there are depends on them
                 self._require_same(manifest["settings"], settings)
-                self._require_same(manifest["versions"], versions)
             elif self.folder.exists() and any(self.folder.iterdir()):
                 raise RunFolderError(f"{self.folder}: is not empty; accepted: {ACCEPTED}")
             else:
@@ -280,6 +280,9 @@ class FolderStore:
         for name in (*ours, *theirs):
             there, here = theirs.get(name), ours.get(name)
             if there != here:
+                if isinstance(there, dict) and isinstance(here, dict):  # of many files those that are others
+                    both = {key for key in there if key in here and there[key] == here[key]}
+                    there, here = ({k: v for k, v in each.items() if k not in both} for each in (there, here))
                 raise RunFolderError(
                     f"{self.folder}: holds another rollout: {name} is {_short(there)} there and {_short(here)} here; "
                     "accepted: the same settings, or a new or empty folder"

@@ -17,6 +17,11 @@ _LAWS = {
 _OTHERS = ("#2f7ed8", "#e07b00", "#12a066", "#a04bd0", "#b8a200", "#59b4e0", "#c98a5a", "#d06bd0")
 
 
+def hex_colour(colour: Sequence[int]) -> str:
+    """Return a colour of red, green and blue in 0..255 as pages and pictures take it."""
+    return "#{:02x}{:02x}{:02x}".format(*colour)
+
+
 def law_colours(names: Sequence[str]) -> dict[str, str]:
     """Return a colour for each step, by name."""
     return _coloured(names, _LAWS)

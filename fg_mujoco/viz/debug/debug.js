@@ -32,7 +32,7 @@
   const colourOf = (name) => (data.laws.find(([law]) => law === name) || [name, "#5d6570"])[1];
 
   function canvasOf(id) {
-    const canvas = element(id), ratio = window.devicePixelRatio || 1, box = canvas.getBoundingClientRect();
+    const canvas = typeof id === "string" ? element(id) : id, ratio = window.devicePixelRatio || 1, box = canvas.getBoundingClientRect();
     canvas.width = Math.round(box.width * ratio);
     canvas.height = Math.round(box.height * ratio);
     const pen = canvas.getContext("2d");
@@ -114,6 +114,16 @@
           for (let beam = first; beam < last; beam++) pen[beam > first ? "lineTo" : "moveTo"](...at(...end(ranges[beam], beam)));
           pen.stroke();
         }
+      }
+    }
+
+    for (const [name, colour, points] of decision.drawn) {
+      if (hidden.has("drawn " + name)) continue;
+      pen.strokeStyle = pen.fillStyle = colour;
+      pen.lineWidth = 2;
+      for (const found of points) {
+        if (Array.isArray(found[0])) { trace(found, false); pen.stroke(); }
+        else { pen.beginPath(); pen.arc(...at(...found), points.length > 50 ? 1.8 : 4, 0, 7); pen.fill(); }
       }
     }
 
@@ -207,8 +217,8 @@
     let top = 1;
     for (const range of scans.raw) if (range > top && range < data.scan.max * 0.999) top = range;
     top = Math.min(top * 1.08, data.scan.max);
-    const left = 42, bottom = height - 30;
-    const across = (bearing) => left + (high - bearing) / (high - low) * (width - left - 10);
+    const left = 52, right = 22, bottom = height - 36;  // the labels of the first and the last tick have room
+    const across = (bearing) => left + (high - bearing) / (high - low) * (width - left - right);
     const up = (range) => bottom - Math.min(range, top) / top * (bottom - 8);
     pen.strokeStyle = line;
     pen.fillStyle = soft;
@@ -216,14 +226,14 @@
     pen.textAlign = "center";
     for (let bearing = Math.ceil(low / 45) * 45; bearing <= high; bearing += 45) {
       stroke(pen, [[across(bearing), 8], [across(bearing), bottom]]);
-      pen.fillText(bearing + "°", across(bearing), bottom + 15);
+      pen.fillText(bearing + "°", across(bearing), bottom + 17);
     }
-    pen.fillText("bearing, left is left", (left + width) / 2, bottom + 28);
+    pen.fillText("bearing, left is left", (left + width - right) / 2, bottom + 32);
     pen.textAlign = "right";
     const step = [0.5, 1, 2, 5, 10, 20, 50].find((each) => top / each <= 6) || 100;
     for (let range = 0; range <= top; range += step) {
-      stroke(pen, [[left, up(range)], [width - 10, up(range)]]);
-      pen.fillText(range + " m", left - 5, up(range) + 4);
+      stroke(pen, [[left, up(range)], [width - right, up(range)]]);
+      pen.fillText(range + " m", left - 8, up(range) + 4);
     }
     pen.textAlign = "left";
     for (const [name, colour] of data.scans) {
@@ -291,8 +301,11 @@
     }
     pen.fillText("m/s", stripLeft - 5, 11);
     pen.textAlign = "center";
-    const every = Math.max(1, Math.round(count / 8));
-    for (let place = 0; place < count; place += every) pen.fillText(decisions[place].time.toFixed(2) + " s", Math.max(across(place), stripLeft + 20), height - 5);
+    const room = pen.measureText("888.88 s").width + 10, labels = Math.max(1, Math.min(8, Math.floor((width - stripLeft - 10) / room)));
+    const every = Math.max(1, Math.ceil(count / labels));
+    for (let place = 0; place < count; place += every) {
+      pen.fillText(decisions[place].time.toFixed(2) + " s", Math.max(Math.min(across(place), width - room / 2), stripLeft + room / 2), height - 5);
+    }
     for (const [value, colour, thick] of [[(each) => each.command && heldSpeed(each.command), "#2f7ed8", 1.5], [(each) => each.speed, ink, 2]]) {
       pen.strokeStyle = colour;
       pen.lineWidth = thick;
@@ -304,6 +317,41 @@
     stroke(pen, [[across(shown), 0], [across(shown), bottom]]);
     pen.textAlign = "left";
   }
+
+  // ---- numbers that the planner shows, each over time in the row of its name
+
+  const plots = Array.from(document.querySelectorAll("canvas.over_time"));
+  function drawNumbers(decision) {
+    plots.forEach((canvas, row) => {
+      const name = data.numbers[row], now = decision.numbers[name];
+      canvas.closest("tr").querySelector(".number").textContent = now === undefined ? "–" : typeof now === "number" ? short(now) : now;
+      const [pen, width, height] = canvasOf(canvas);
+      const values = decisions.map((each) => typeof each.numbers[name] === "number" ? each.numbers[name] : NaN);
+      const known = values.filter((value) => value === value);
+      let low = Math.min(...known), high = Math.max(...known);
+      pen.fillStyle = soft;
+      pen.textAlign = "right";
+      if (known.length) pen.fillText(short(high), numberLeft - 6, 12);
+      if (high > low) pen.fillText(short(low), numberLeft - 6, height - 4);
+      else { low -= 1; high += 1; }
+      const across = (place) => numberLeft + (place + 0.5) / values.length * (width - numberLeft - 4);
+      const up = (value) => height - 6 - (value - low) / (high - low) * (height - 12);
+      pen.strokeStyle = line;
+      pen.lineWidth = 1;
+      pen.strokeRect(numberLeft, 0.5, width - numberLeft - 4, height - 1);
+      pen.strokeStyle = pen.fillStyle = "#2f7ed8";
+      pen.lineWidth = 1.6;
+      for (const [first, end] of runs(values, (value) => value === value)) {
+        const points = Array.from({ length: end - first }, (_, i) => [across(first + i), up(values[first + i])]);
+        if (points.length > 1) stroke(pen, points); else pen.fillRect(points[0][0] - 1.5, points[0][1] - 1.5, 3, 3);
+      }
+      pen.strokeStyle = "#e0314b";
+      pen.lineWidth = 1.5;
+      stroke(pen, [[across(shown), 0], [across(shown), height]]);
+    });
+  }
+  const numberLeft = 64;
+  const short = (value) => String(Number(value.toPrecision(4)));
 
   // ---- texts
 
@@ -353,6 +401,7 @@
     drawStrip();
     drawTop(decision);
     drawRanges(decision);
+    drawNumbers(decision);
     tell(decision);
   }
 
@@ -382,13 +431,15 @@
     if (event.key !== " ") play(false);
     keys[event.key]();
   });
-  const seek = (event) => {
-    const box = element("strip").getBoundingClientRect();
-    play(false);
-    show(Math.floor((event.clientX - box.left - stripLeft) / (box.width - stripLeft - 10) * decisions.length));
-  };
-  element("strip").addEventListener("pointerdown", seek);
-  element("strip").addEventListener("pointermove", (event) => { if (event.buttons) seek(event); });
+  for (const [canvas, left, right] of [[element("strip"), stripLeft, 10], ...plots.map((each) => [each, numberLeft, 4])]) {
+    const seek = (event) => {
+      const box = canvas.getBoundingClientRect();
+      play(false);
+      show(Math.floor((event.clientX - box.left - left) / (box.width - left - right) * decisions.length));
+    };
+    canvas.addEventListener("pointerdown", seek);
+    canvas.addEventListener("pointermove", (event) => { if (event.buttons) seek(event); });
+  }
   const zooms = Array.from(document.querySelectorAll("[data-zoom]"));
   for (const button of zooms) {
     button.addEventListener("click", () => {
@@ -414,11 +465,12 @@
     entry.append(mark, name);
     element("laws").append(entry);
   }
-  for (const [name, colour] of data.scans) {
+  for (const [name, colour, layer] of [...data.scans.map(([name, colour]) => [name, colour, name]),
+    ...data.drawn.map(([name, colour]) => [name, colour, "drawn " + name])]) {
     const entry = document.createElement("label"), box = document.createElement("input");
     box.type = "checkbox";
-    box.checked = !hidden.has(name);
-    box.addEventListener("change", () => { hidden[box.checked ? "delete" : "add"](name); show(shown); });
+    box.checked = !hidden.has(layer);
+    box.addEventListener("change", () => { hidden[box.checked ? "delete" : "add"](layer); show(shown); });
     entry.append(box, swatch(colour), name);
     element("layers").append(entry);
   }

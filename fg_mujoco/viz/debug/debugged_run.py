@@ -81,6 +81,7 @@ def debug(
             break
         assert again.sensed is not None
         scan, odometry = again.sensed.scan, again.sensed.odometry
+        witness.look_round(again.surroundings(world))
         answer = witness.decide(scan, odometry, again.command)
         if tick >= first:
             decisions.append(witness.look(tick, scan, odometry, again.command, answer))

@@ -9,6 +9,7 @@ remember. A planner shows its work by methods, of which it may have any:
     reasons() -> [(name, steering_angle [rad], speed [m/s]), ...]    what each step made of the last command
 
 The last three are asked after the call whose scan it is. `find_goal(odometry) -> (x, y)` on the map is accepted too.
+What it shows by `fg_mujoco.show` while it decides, and the markers, paths and poses of nodes, are collected, too.
 """
 
 from __future__ import annotations
@@ -25,8 +26,9 @@ import numpy as np
 
 from ...display import brief
 from ...errors import ControllerError
-from ...messages import CarParameters, Controller, DriveCommand, FloatArray, LaserScan, Odometry
-from ...simulation.planner_adapter import plan, short_text
+from ...messages import CarParameters, Controller, DriveCommand, FloatArray, LaserScan, Odometry, Sketch
+from ...showing import BASE, FARTHEST, MAP, NUMBER, SCAN, ShownValues, moved
+from ...simulation.planner_adapter import Surroundings, plan, short_text
 from ...simulation.planner_failure import one_line
 from ...simulation.telemetry import recorded_command
 from ..rendering.planner_view import intermediate_scans
@@ -46,6 +48,15 @@ class Step:
     clamps: bool = False  # it is the car, which holds the command within its limits
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Drawn:
+    """Points or lines that a planner has drawn over the scan, in the frame of the rear axle."""
+
+    name: str  # in `fg_mujoco.show`, or the topic of a node
+    points: FloatArray  # (k, 2) points, or (k, 2, 2) ends of pieces of lines [m]
+    colour: tuple[int, int, int]  # red, green, blue in 0..255
+
+
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Decision:
     """One decision. Places are in the frame of the rear axle, x ahead and y to the left."""
@@ -61,6 +72,8 @@ class Decision:
     steps: tuple[Step, ...]  # from the reference to what the car got
     goal: FloatArray | None = None  # (2,) [m]
     motion: FloatArray = field(default_factory=lambda: np.empty((0, 2)))  # (m, 2) [m] that the car is led along
+    numbers: dict[str, float] = field(default_factory=dict)  # that the planner has shown, by name
+    drawn: tuple[Drawn, ...] = ()  # points and lines that the planner has shown
     failure: str = ""  # what the planner raised, and its traceback
 
     @property
@@ -139,7 +152,7 @@ class Witness:
 
     Attributes:
       differing: in how many decisions the planner's answer is another than the recorded one.
-      remarks: what the planner's own methods raised.
+      remarks: what the planner's own methods raised, and which values cannot be shown.
     """
 
     planner: Controller | None
@@ -148,13 +161,23 @@ class Witness:
     asked: int = 0
     remarks: list[str] = field(default_factory=list)
     _stopped: bool = False
+    _values: ShownValues = field(default_factory=ShownValues)
+    _sketches: list[Sketch] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._sketches = self._ask(self._drawings, [])  # nodes keep theirs from the first question on
+
+    def look_round(self, surroundings: Surroundings) -> None:
+        """Tell a planner that asks for it what surrounds the car, before `decide`."""
+        if hasattr(self.planner, "look_round"):
+            self._ask(lambda: self.planner.look_round(surroundings), None)  # type: ignore[union-attr]
 
     def decide(self, scan: LaserScan, odometry: Odometry, command: DriveCommand | None) -> DriveCommand | None:
         """Return the planner's answer, and compare it with the recorded command; None: it does not answer."""
         if self.planner is None or self._stopped:
             return None
         try:
-            with _its_prints_aside():
+            with _its_prints_aside(), self._values.of(scan):
                 answer = plan(self.planner, scan, odometry)
         except ControllerError as error:
             self._stopped = True
@@ -162,6 +185,9 @@ class Witness:
                 self.differing += 1
                 self._remark(f"the planner failed now, and not in the race: {error}")
             return None
+        for said in self._values.remarks:
+            self._remark(said)
+        self._sketches = self._ask(self._drawings, [])
         if command is not None:
             self.asked += 1
             self.differing += int(recorded_command(answer) != command)
@@ -187,6 +213,7 @@ class Witness:
                 else:
                     self._remark(f"intermediate scan {name!r} has shape {ranges.shape}; accepted: {scan.ranges.shape}")
             goal = self._ask(lambda: self._goal(scan, odometry), None)
+            scans |= {name: value.array for name, value in self._values.now.items() if value.kind == SCAN}
         if answer is not None:
             motion = self._ask(lambda: _points(getattr(self.planner, "motion", None)), motion)
             steps = self._ask(lambda: _steps(getattr(self.planner, "reasons", None)), [])
@@ -198,8 +225,24 @@ class Witness:
         return Decision(
             tick=tick, time=scan.stamp if failure else odometry.stamp, scan=scan, odometry=odometry,
             pose=odometry.pose, command=command, answer=answer, scans=scans, steps=tuple(steps), goal=goal,
-            motion=motion, failure=failure,
+            motion=motion, failure=failure, drawn=tuple(self._drawn(scan, odometry)),
+            numbers={name: float(value.array) for name, value in self._values.now.items() if value.kind == NUMBER},
         )  # fmt: skip
+
+    def _drawings(self) -> list[Sketch]:
+        """Return what nodes show now: markers, paths and poses."""
+        drawings = getattr(self.planner, "drawings", None)
+        return list(drawings()) if callable(drawings) else []
+
+    def _drawn(self, scan: LaserScan, odometry: Odometry) -> Iterator[Drawn]:
+        """Yield the points and lines of the last decision, in the frame of the rear axle."""
+        for name, value in self._values.now.items():
+            if value.kind not in (NUMBER, SCAN):
+                points = moved(value.drawing(scan), value.frame, BASE, odometry.pose, self.car.lidar_offset)
+                yield from _finite(Drawn(name=name, points=points, colour=value.colour))
+        for sketch in self._sketches:
+            points = moved(sketch.points[..., :2], MAP, BASE, odometry.pose, self.car.lidar_offset)
+            yield from _finite(Drawn(name=sketch.name, points=points, colour=sketch.colour))
 
     def _goal(self, scan: LaserScan, odometry: Odometry) -> FloatArray | None:
         """Return the goal in the frame of the rear axle; see the module."""
@@ -231,6 +274,12 @@ class Witness:
     def _remark(self, text: str) -> None:
         if text not in self.remarks:
             self.remarks.append(text)
+
+
+def _finite(drawn: Drawn) -> Iterator[Drawn]:
+    """Yield what is drawn where there is something, and its place is known."""
+    if drawn.points.size and (np.abs(drawn.points) <= FARTHEST).all():
+        yield drawn
 
 
 def _points(motion: Any) -> FloatArray:

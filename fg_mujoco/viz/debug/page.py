@@ -20,7 +20,7 @@ from ...messages import FloatArray
 from ...racing.planner_choice import with_settings
 from ...simulation.telemetry import recorded_command
 from ..report.page import page_frame, write_page
-from .colours import law_colours, scan_colours
+from .colours import hex_colour, law_colours, scan_colours
 from .decisions import Decision, Step
 from .window import Window
 
@@ -89,7 +89,20 @@ def _body(seen: Window, title: str) -> str:
 <tbody id="steps"></tbody></table></div>
 <p class="note">From the reference down to the command. A value stands in colour where a step changed it, and the last
 step that did so holds it. Steps below the line do not say where to go, but how fast the car gets there.</p></div></div>
-<p class="note">← and → step one decision, with Shift ten; Home, End, space.</p>"""
+{_numbers(seen)}<p class="note">← and → step one decision, with Shift ten; Home, End, space.</p>"""
+
+
+def _numbers(seen: Window) -> str:
+    """Return the table of the numbers that the planner has shown; nothing where there are none."""
+    names = dict.fromkeys(name for decision in seen.decisions for name in decision.numbers)
+    rows = "".join(
+        f'<tr><td>{escape(name)}</td><td class="number"></td><td><canvas class="over_time" '
+        f'aria-label="{escape(name)} over time"></canvas></td></tr>'
+        for name in names
+    )
+    head = "<thead><tr><th>name</th><th>value</th><th>over time</th></tr></thead>"
+    table = f'<table class="numbers">{head}<tbody id="numbers">{rows}</tbody></table>'
+    return f"<h2>Values that the planner shows</h2>{table}" if names else ""
 
 
 def _data(seen: Window) -> dict[str, Any]:
@@ -97,6 +110,7 @@ def _data(seen: Window) -> dict[str, Any]:
     car, scan = seen.run.car, seen.decisions[0].scan
     unit = max(scan.range_max / 60000.0, 1e-3)
     names = list(dict.fromkeys(name for decision in seen.decisions for name in decision.scans))
+    drawn = [each for decision in seen.decisions for each in decision.drawn]
     laws = list(dict.fromkeys(seen.laws))
     colours = law_colours(laws)
     summary = seen.run.summary
@@ -113,6 +127,8 @@ def _data(seen: Window) -> dict[str, Any]:
         "period": scan.scan_time,
         "top_speed": float(summary["speed_limit_m_s"]),
         "scans": [[name, colour] for name, colour in scan_colours(names).items()],
+        "drawn": [[name, hex_colour(colour)] for name, colour in {each.name: each.colour for each in drawn}.items()],
+        "numbers": list(dict.fromkeys(name for decision in seen.decisions for name in decision.numbers)),
         "laws": [[name, colours[name]] for name in laws],
         "stretches": [[first, end, laws.index(name)] for first, end, name in seen.stretches],
         "walls": [outline.tolist() for outline in seen.walls],
@@ -143,6 +159,8 @@ def _decision(decision: Decision, unit: float, moving: list[FloatArray]) -> dict
         ],
         "goal": None if decision.goal is None else [_rounded(value, 3) for value in decision.goal],
         "motion": np.round(decision.motion[::skip], 3).tolist(),
+        "numbers": {name: _number(value) for name, value in decision.numbers.items()},
+        "drawn": [[each.name, hex_colour(each.colour), np.round(each.points, 3).tolist()] for each in decision.drawn],
         "moving": [np.round(outline, 3).tolist() for outline in moving],
         "failure": decision.failure,
         "scans": {name: _packed(ranges, unit) for name, ranges in decision.scans.items()},
@@ -158,6 +176,11 @@ def _packed(ranges: FloatArray, unit: float) -> str:
     finite = np.isfinite(ranges)
     counts = np.clip(np.rint(np.where(finite, ranges, 0.0) / unit), 0, _MISSING - 1)
     return b64encode(np.where(finite, counts, _MISSING).astype("<u2").tobytes()).decode()
+
+
+def _number(value: float) -> float | str:
+    """Return a number that a planner has shown, to seven digits; the name of one that is not finite."""
+    return float(f"{value:.7g}") if math.isfinite(value) else str(value)
 
 
 def _rounded(value: float, digits: int) -> float | None:

@@ -13,7 +13,7 @@ from ...errors import RunFolderError
 from ...messages import FloatArray
 from ...racing.planner_choice import with_settings
 from ..plots import require_matplotlib
-from .colours import COMMAND, GOAL, MOTION, law_colours, scan_colours
+from .colours import COMMAND, GOAL, MOTION, hex_colour, law_colours, scan_colours
 from .decisions import Decision
 from .window import Window
 
@@ -88,6 +88,13 @@ def _draw_top(axes: Axes, seen: Window, decision: Decision) -> None:
             axes.scatter(across[beams], ahead[beams], s=3 if name == "raw" else 7, color=colour, label=name, zorder=3)
         elif name != "filtered":
             axes.plot(*ends(ranges), color=colour, linewidth=0.8, label=name, zorder=2)
+    for drawn in decision.drawn:
+        colour = hex_colour(drawn.colour)
+        if drawn.points.ndim == 2:
+            axes.scatter(-drawn.points[:, 1], drawn.points[:, 0], s=14, color=colour, label=drawn.name, zorder=5)
+        else:  # pieces of lines, with a gap between each and the next
+            joined = np.concatenate((drawn.points, np.full_like(drawn.points[:, :1], np.nan)), axis=1).reshape(-1, 2)
+            axes.plot(-joined[:, 1], joined[:, 0], color=colour, linewidth=1.5, label=drawn.name, zorder=5)
     if len(decision.motion) > 1:
         axes.plot(-decision.motion[:, 1], decision.motion[:, 0], color=MOTION, linewidth=3.0, alpha=0.7,
                   label="motion of guidance", zorder=4)  # fmt: skip
@@ -170,3 +177,10 @@ def _write_steps(axes: Axes, seen: Window, decision: Decision) -> None:
             box = {"facecolor": colours[step.name], "edgecolor": "none", "pad": 1.5} if step is holds else None
             axes.text(x, y, "-" if math.isnan(value) else format(value + 0.0, form), va="top", ha="right",
                       color="white" if step is holds else soft, bbox=box)  # fmt: skip
+    if decision.numbers:
+        y -= 0.075
+        axes.text(0.0, y, "values that the planner shows", color="0.4", va="top")
+    for name, value in decision.numbers.items():
+        y -= 0.042
+        axes.text(0.0, y, name, va="top")
+        axes.text(1.0, y, f"{value:.4g}", va="top", ha="right")

@@ -20,7 +20,10 @@ import typing
 from dataclasses import fields
 from typing import Any
 
+import numpy as np
+
 from ...errors import EngineError, SettingsError, missing_extra
+from ...showing import NUMBER
 from ...simulation.settings import friction_text
 from .browser_scene import CAMERAS, LEGEND, LiveScene, camera_view
 from .hand_driver import ARROWS, KEYS, WASD
@@ -32,6 +35,11 @@ HOST, PORT = "127.0.0.1", 8080
 _GREATEST_MU = 1.5  # of the sliders
 _FRAME = 1.0 / 25.0  # [s] of wall time between two pictures
 _SLOW_FRAME = 0.1  # [s] between two looks at the texts and the trace
+_PLOT_FRAME = 0.25  # [s] between two looks at the plots
+_PLOT_STEP = 2  # every other tick is a point of the plots
+_PLOT_HEIGHT = 150  # [px]
+_MARKUP = frozenset("\\`*_{}[]()<>#+-.!|&~$")  # letters that mean something in Markdown, HTML or formulas
+_SPEED, _COMMAND, _LAP = "#2f7ed8", "#8a8f98", "#e07b00"
 
 
 def require_viser() -> None:
@@ -97,12 +105,13 @@ class LiveView:
             self._server.stop()
             raise SettingsError(f"{host}:{port} is in use; accepted: a port that is free, by --port")
         self.url = f"http://{'localhost' if host in ('127.0.0.1', '0.0.0.0', '::1', '::') else host}:{port}"
-        self._stop = threading.Event()
+        self._stop, self._met = threading.Event(), threading.Event()
         self._rate = 1.0  # of simulated to wall time
         with self._server.atomic():
             self._scene = LiveScene(self._server.scene, session)
             self._build_knobs()
         self._server.on_client_connect(self._aim)
+        self._server.on_client_connect(lambda _: self._met.set())
         self.show()
 
     def __enter__(self) -> LiveView:
@@ -117,9 +126,15 @@ class LiveView:
         with contextlib.redirect_stdout(io.StringIO()):
             self._server.stop()
 
-    def run(self) -> None:
-        """Drive on in real time, or at the rate that the knob says, until `close` or Ctrl-C."""
-        due = shown = texts = time.perf_counter()
+    def run(self, *, wait: bool = False) -> None:
+        """Drive on in real time, or at the rate that the knob says, until `close` or Ctrl-C.
+
+        Args:
+          wait: whether time stands still until the first browser has opened the page.
+        """
+        while wait and not self._met.wait(_SLOW_FRAME) and not self._stop.is_set():
+            pass
+        due = shown = texts = plots = time.perf_counter()
         while not self._stop.is_set():
             self.session.tick()
             due += self.session.period / self._rate
@@ -130,8 +145,10 @@ class LiveView:
             if now - texts >= _SLOW_FRAME:
                 self._show_texts()
                 self._scene.show_trace()
-                self._scene.show_drawings()
                 texts = now
+            if now - plots >= _PLOT_FRAME:
+                self._show_plots()
+                plots = now
             due = max(due, now - 4.0 * self.session.period)  # what could not be caught up with is let go
             self._stop.wait(max(0.0, due - time.perf_counter()))
 
@@ -146,6 +163,7 @@ class LiveView:
         gui, session = self._server.gui, self.session
         gui.configure_theme(show_logo=False, show_share_button=False)  # which would go through a server elsewhere
         self._status = gui.add_markdown("")
+        self._build_plots()
         self._pause = gui.add_button("pause", hint="key P")
         self._pause.on_click(lambda _: self._toggle_pause())
         reset = gui.add_button("reset", hint="key R: back to the start")
@@ -178,6 +196,38 @@ class LiveView:
         for keys in (KEYS, ARROWS, WASD):
             for name, key in keys.items():
                 self._hotkey(f"{name} ({_shown(key)})", key, lambda name=name: self._press(name))
+
+    def _build_plots(self) -> None:
+        from viser import uplot
+
+        gui = self._server.gui
+        self._values = gui.add_markdown("", visible=False)
+        time = uplot.Series(label="t [s]")
+        self._speed_plot = gui.add_uplot(
+            self._speeds(), (time, uplot.Series(label="speed [m/s]", stroke=_SPEED, width=2),
+                             uplot.Series(label="commanded", stroke=_COMMAND, width=1)),
+            scales={"x": uplot.Scale(time=False)}, height=_PLOT_HEIGHT,
+        )  # fmt: skip
+        self._lap_plot = gui.add_uplot(
+            (np.zeros(1), np.zeros(1)),
+            (uplot.Series(label="lap"),
+             uplot.Series(label="lap time [s]", stroke=_LAP, width=2, points=uplot.Series_Points(show=True))),
+            scales={"x": uplot.Scale(time=False)}, height=_PLOT_HEIGHT, visible=False,
+        )  # fmt: skip
+
+    def _speeds(self) -> tuple[Any, ...]:
+        """Return time [s], speed [m/s] and commanded speed [m/s] as the plot takes them."""
+        found = self.session.history[::-_PLOT_STEP][::-1]
+        return tuple(np.ascontiguousarray(column) for column in (found if len(found) else np.zeros((1, 3))).T)
+
+    def _show_plots(self) -> None:
+        """Draw speed over time, and once there are laps, their times."""
+        self._speed_plot.data = self._speeds()
+        times = self.session.laps.lap_times
+        if len(times) != (len(self._lap_plot.data[0]) if self._lap_plot.visible else 0):
+            self._lap_plot.visible = bool(times)
+            if times:
+                self._lap_plot.data = np.arange(1.0, len(times) + 1.0), np.array(times)
 
     def _planner_knobs(self, defaults: Any) -> None:
         """Add a knob for each of the planner's settings, by its kind."""
@@ -246,7 +296,7 @@ class LiveView:
         self._label_pause()
         if session.settings.planner_mu is None:  # the planner is told the tires' mu
             self._planner_mu.value = self._assumed_mu
-        state = "\n\n".join(text for text in ("paused" if session.paused else "", session.message) if text)
+        state = "\n\n".join(_plain(text) for text in ("paused" if session.paused else "", session.message) if text)
         if session.failure is not None and session.failure.traceback:
             state += f"\n\n```\n{session.failure.traceback}```"
         self._status.content = (
@@ -256,11 +306,21 @@ class LiveView:
             f"{friction_text(session.world.car.mu, session.settings.assumed_mu)}\n\n"
             f"lap {session.laps.laps_completed + 1}{best}\n\n{state or 'all is well'}"
         )
+        numbers = {name: value for name, value in session.values.now.items() if value.kind == NUMBER}
+        self._values.visible = bool(numbers)
+        if numbers:
+            rows = "\n".join(f"| {_plain(name)} | {float(value.array):.4g} |" for name, value in numbers.items())
+            self._values.content = f"| the planner shows | |\n| --- | --- |\n{rows}"
 
     def _aim(self, client: Any) -> None:
         view = camera_view(self.session, self._camera.value)
         if view is not None:
             client.camera.position, client.camera.look_at = view
+
+
+def _plain(text: str) -> str:
+    """Return a text that Markdown takes as it is, in a table."""
+    return "".join(f"&#{ord(letter)};" if letter in _MARKUP else letter for letter in " ".join(text.split()))
 
 
 def _legend() -> str:

@@ -61,14 +61,14 @@ class LiveScene:
         )
         self._goal = scene.add_icosphere("/goal", radius=0.12, color=_GOAL)
         self._trace: Any = None
-        self._shown: dict[str, Any] = {}  # what the planner shows, by name
+        self._shown: dict[tuple[Any, ...], tuple[str, Any]] = {}  # what the planner shows, by kind, colour and size
         course = session.world.track
         if not course.closed:
             line = np.column_stack((course.ground_lines[-1], [0.01, 0.01]))[np.newaxis]
             scene.add_line_segments("/finish", line.astype(np.float32), _GOAL, thickness=6.0, thickness_units="screen")
 
     def show(self) -> None:
-        """Move everything but the trace to where it is now."""
+        """Move everything but the trace to where it is now, with what the planner shows."""
         mujoco.mj_setState(self._model, self._data, self._session.simulation.state, STATE)
         mujoco.mj_kinematics(self._model, self._data)
         for body, frame in self._frames.items():
@@ -78,6 +78,7 @@ class LiveScene:
         self._goal.visible = goal is not None
         if goal is not None:
             self._goal.position = goal
+        self.show_drawings()
 
     def show_trace(self) -> None:
         """Draw the trace anew."""
@@ -93,13 +94,21 @@ class LiveScene:
             self._trace = None
 
     def show_drawings(self) -> None:
-        """Draw anew what the planner shows of its work, one cloud or bundle of lines for each colour and size."""
+        """Draw what the planner shows of its work, one cloud or bundle of lines for each colour and size."""
         alike: dict[tuple[Any, ...], list[FloatArray]] = {}
         for each in self._session.drawings():
             alike.setdefault((each.points.ndim, each.colour, each.size), []).append(each.points)
-        before, self._shown = self._shown, {}
-        for number, ((dimensions, colour, size), parts) in enumerate(alike.items()):
-            name, points = f"/shown_{number}", np.concatenate(parts).astype(np.float32)
+        for key in [key for key in self._shown if key not in alike]:
+            self._shown.pop(key)[1].remove()
+        for key, parts in alike.items():
+            points = np.concatenate(parts).astype(np.float32)
+            if key in self._shown:
+                self._shown[key][1].points = points
+                continue
+            taken = {name for name, _ in self._shown.values()}
+            name = next(name for number in range(len(taken) + 1) if (name := f"/shown_{number}") not in taken)
+            dimensions, colour, size = key
+            shown: Any
             if dimensions == 3:
                 shown = self._scene.add_line_segments(
                     name, points, colour, thickness=_SHOWN_LINE, thickness_units="screen"
@@ -108,10 +117,7 @@ class LiveScene:
                 shown = self._scene.add_point_cloud(
                     name, points, colour, point_size=size, point_shape="circle", precision="float32"
                 )
-            self._shown[name] = shown
-        for name, handle in before.items():
-            if name not in self._shown:
-                handle.remove()
+            self._shown[key] = name, shown
 
     def _scan_points(self) -> NDArray[np.float32]:
         """Return where the beams end, always as many points: those of beams that come to nothing are in the car."""

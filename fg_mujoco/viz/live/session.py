@@ -28,6 +28,7 @@ from ...messages import DriveCommand, FloatArray, LaserScan, Odometry, Sketch, r
 from ...racing.entries import Entry, check_starts, grid_starts, require_entries
 from ...racing.planner_choice import split_controller
 from ...racing.planner_loading import make_controller
+from ...showing import ShownValues
 from ...simulation.course_loading import load_track
 from ...simulation.planner_adapter import Planners, PlannersOfEach, adapt, plan, start
 from ...simulation.planner_failure import PlannerFailure, is_of_planner, without_exit
@@ -39,6 +40,7 @@ from .hand_driver import HandDriver
 
 _TRACE_STEP = 0.2  # [m] from one point of the trace to the next
 _TRACE_LENGTH = 2000  # points
+_HISTORY = 30.0  # [s] of speed that is kept
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -81,6 +83,7 @@ class LiveSession:
       failure: how the planner failed, which pauses; None: it has not since the reset or the last change of a knob.
       scan: what the LiDAR sees.
       laps: the lap timer.
+      values: what the planner has shown by `fg_mujoco.show` in its last decision.
 
     Raises:
       TrackError, ControllerError, SettingsError: what cannot be driven.
@@ -107,6 +110,9 @@ class LiveSession:
         self._wishes: dict[str, Any] = {}
         self._reset = False
         self._trace: deque[tuple[float, float]] = deque(maxlen=_TRACE_LENGTH)
+        self._history: deque[tuple[float, float, float]] = deque(maxlen=round(_HISTORY / self.period))
+        self.values, self._remarked = ShownValues(), 0
+        self._sketches: list[Sketch] = []  # of the values
         self.scan: LaserScan
         self.odometry: Odometry
         self.message = ""
@@ -153,12 +159,14 @@ class LiveSession:
             command = self._command()
             if self._opponents:
                 self.simulation.engine.decide()
+            self._take_values()
         except FgMujocoError as error:
             self.message, self.paused = " ".join(str(error).split()), True
             self.failure = error.failure if isinstance(error, PlannerError) else None
             return False
         self.scan, self.odometry = self.simulation.step(command)
         self._watch_opponents()
+        self._history.append((self.simulation.time, self.simulation.speed, command.speed))
         x, y, _ = self.simulation.pose
         if not self._trace or math.dist(self._trace[-1], (x, y)) >= _TRACE_STEP:
             self._trace.append((x, y))
@@ -171,6 +179,11 @@ class LiveSession:
     def trace(self) -> FloatArray:
         """Where the rear axle was since the reset. Shape (n, 2) [m]."""
         return np.array(self._trace, dtype=np.float64).reshape(-1, 2)
+
+    @property
+    def history(self) -> FloatArray:
+        """Time [s], speed [m/s] and commanded speed [m/s] of the last 30 s since the reset. Shape (n, 3)."""
+        return np.array(self._history, dtype=np.float64).reshape(-1, 3)
 
     @property
     def limit_speed(self) -> float:
@@ -215,9 +228,10 @@ class LiveSession:
 
     @without_exit()
     def drawings(self) -> list[Sketch]:
-        """Return what the planner shows of its work: the markers, paths and poses of nodes; nothing of others."""
+        """Return what the planner shows of its work: its values, and the markers, paths and poses of nodes."""
         try:
-            return list(self._planner.drawings()) if hasattr(self._planner, "drawings") else []
+            of_nodes = self._planner.drawings() if hasattr(self._planner, "drawings") else []
+            return [*self._sketches, *of_nodes]
         except BaseException as error:
             if not is_of_planner(error):
                 raise
@@ -249,7 +263,17 @@ class LiveSession:
             return self.hand.command(self.simulation.time, self.period, self.settings.max_speed)
         if hasattr(self._planner, "look_round"):
             self._planner.look_round(self.simulation.engine.surroundings(0))
-        return plan(self._planner, self.scan, self.odometry)
+        with self.values.of(self.scan):
+            return plan(self._planner, self.scan, self.odometry)
+
+    def _take_values(self) -> None:
+        """Take what the planner has shown, where the car is now, and say why a value is not shown."""
+        if self.by_hand:
+            self.values.now = {}
+        car, pose = self.world.parameters, np.array(self.simulation.pose)
+        self._sketches = self.values.sketches(self.scan, pose, car.lidar_offset)
+        if len(self.values.remarks) > self._remarked:
+            self._remarked, self.message = len(self.values.remarks), self.values.remarks[-1]
 
     def _obey(self) -> None:
         with self._lock:
@@ -388,6 +412,8 @@ class LiveSession:
         self.hand.release()
         self.laps.reset()
         self._trace.clear()
+        self._history.clear()
+        self.values.now, self._sketches = {}, []
         self.message, self.failure = "", None
 
 

@@ -16,6 +16,8 @@
     cursor = one("cursor_source");
     paint();
     dark.addEventListener("change", paint);
+    fit();
+    window.addEventListener("resize", fit);
     for (const plot of all("over_time")) {
       plot.on_event("mousemove", (event) => show(nearestAlong(event.x)));
       plot.on_event("tap", (event) => seek(nearestAlong(event.x)));
@@ -34,6 +36,23 @@
       });
     }
     document.documentElement.dataset.ready = "yes";
+  }
+
+  // on a narrow page legends have two columns of short names, and the g-g diagram is as wide as the page
+  const wide = { side: 0, names: new Map() };
+  function fit() {
+    const room = document.body.clientWidth, narrow = room < 600, gg = one("gg");
+    wide.side = wide.side || gg.frame_width;
+    const side = Math.max(160, Math.min(wide.side, room - 28 - 80));
+    if (gg.frame_width !== side) gg.setv({ frame_width: side, frame_height: side });
+    for (const legend of all("legend")) {
+      for (const item of legend.items) {
+        if (!wide.names.has(item)) wide.names.set(item, item.label);
+        const name = wide.names.get(item);
+        item.label = narrow && name.value ? { ...name, value: name.value.split(",")[0] } : name;
+      }
+      legend.setv({ ncols: narrow ? 2 : "auto", spacing: narrow ? 4 : 12 });
+    }
   }
 
   // first index in an ascending array whose value is not below the wanted one, or the one before if that is nearer

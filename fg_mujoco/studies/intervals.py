@@ -1,0 +1,115 @@
+"""Intervals at 95 % of what studies count and measure: shares, and differences between planners in the same runs.
+
+`wilson`, of a share: E. Wilson, Probable Inference, the Law of Succession, and Statistical Inference, Journal of the
+American Statistical Association 22, 1927.
+
+`share_difference`, of the difference of two shares of the same runs: R. Newcombe, Improved confidence intervals for the
+difference between binomial proportions based on paired data, Statistics in Medicine 17, 1998, method 10.
+
+`median_interval`, of a median, whatever the distribution of the values is: W. Thompson, On confidence ranges for the
+median and other expectation distributions for populations of unknown distribution form, Annals of Mathematical
+Statistics 7, 1936.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+_Z = 1.959963984540054  # of 95 %
+_TAIL = 40  # one part in so many, on either side: 2.5 %
+
+
+def wilson(successes: int, count: int) -> tuple[float, float]:
+    """Return the interval of a share at 95 %, from 0 to 1; of nothing, 0 and 1."""
+    if count == 0:
+        return 0.0, 1.0
+    share, square = successes / count, _Z * _Z
+    middle = (share + 0.5 * square / count) / (1.0 + square / count)
+    half = _Z * math.sqrt(share * (1.0 - share) / count + 0.25 * square / count**2) / (1.0 + square / count)
+    return (
+        0.0 if successes == 0 else max(middle - half, 0.0),
+        1.0 if successes == count else min(middle + half, 1.0),
+    )  # fmt: skip
+
+
+def share_difference(pairs: Sequence[tuple[bool, bool]]) -> tuple[float, float, float]:
+    """Return the share of the first of some pairs minus that of the second, and its interval at 95 %.
+
+    Args:
+      pairs: of each run, whether the one and whether the other succeeded; of none the difference is NaN.
+    """
+    count = len(pairs)
+    if count == 0:
+        return math.nan, -1.0, 1.0
+    both, first, second = (pairs.count(each) for each in ((True, True), (True, False), (False, True)))
+    neither = count - both - first - second
+    share, other = (both + first) / count, (both + second) / count
+    (low, high), (other_low, other_high) = wilson(both + first, count), wilson(both + second, count)
+    product = (both + first) * (second + neither) * (both + second) * (first + neither)
+    excess: float = both * neither - first * second
+    if excess > 0:  # corrected for continuity
+        excess = max(excess - count / 2.0, 0.0)
+    phi = excess / math.sqrt(product) if product else 0.0
+    below = (share - low) ** 2 - 2.0 * phi * (share - low) * (other_high - other) + (other_high - other) ** 2
+    above = (high - share) ** 2 - 2.0 * phi * (high - share) * (other - other_low) + (other - other_low) ** 2
+    difference = (first - second) / count
+    return difference, difference - math.sqrt(max(below, 0.0)), difference + math.sqrt(max(above, 0.0))
+
+
+def median_interval(values: Sequence[float]) -> tuple[float, float] | None:
+    """Return the interval of the median of some values at 95 % or a little more; None of fewer than six.
+
+    Its ends are the values of which as many lie below the one as above the other: with n values the k-th and the one
+    before the last k - 1, for the greatest k at which fewer than k of n tosses of a coin are heads in 2.5 % at most.
+    """
+    order, count = sorted(values), len(values)
+    place, ways = 0, 0  # of the 2^n ways in which the tosses may fall
+    while place < count and (ways := ways + math.comb(count, place)) * _TAIL <= 2**count:
+        place += 1
+    return (order[place - 1], order[count - place]) if place else None
+
+
+Outcome = tuple[bool, float | None]
+"""Of a run: whether it succeeded, and a figure of those that did, such as its best lap."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Paired:
+    """How one planner differs from another one, the reference, in the same runs: its figure minus the other's."""
+
+    pairs: int
+    successes: int
+    reference_successes: int
+    share: float  # of the successes; NaN of no pairs
+    share_low: float
+    share_high: float
+    values: int  # pairs in which both succeeded and have a figure
+    value: float | None  # median of its differences over these
+    value_low: float | None  # None of fewer than six
+    value_high: float | None
+
+
+def paired(outcomes: Sequence[Outcome], reference: Sequence[Outcome]) -> Paired:
+    """Return the differences of the outcomes of two planners, run by run, with their intervals."""
+    succeeded = [(ours, theirs) for (ours, _), (theirs, _) in zip(outcomes, reference, strict=True)]
+    share, share_low, share_high = share_difference(succeeded)
+    values = [
+        value - other
+        for (ours, value), (theirs, other) in zip(outcomes, reference, strict=True)
+        if ours and theirs and value is not None and other is not None
+    ]
+    low, high = median_interval(values) or (None, None)
+    return Paired(
+        pairs=len(succeeded), successes=sum(ours for ours, _ in succeeded),
+        reference_successes=sum(theirs for _, theirs in succeeded), share=share, share_low=share_low,
+        share_high=share_high, values=len(values), value=statistics.median(values) if values else None,
+        value_low=low, value_high=high,
+    )  # fmt: skip
+
+
+def per_cent(low: float, high: float) -> str:
+    """Return the ends of the interval of a share for tables, in percent."""
+    return f"{100.0 * low:.0f} to {100.0 * high:.0f} %"
