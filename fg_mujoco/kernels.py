@@ -93,11 +93,14 @@ class _Kernel(CPUDispatcher):  # type: ignore[misc]
 
     def compile(self, signature: Any) -> Any:
         """Compile for a signature, or load from disk, and return what Python is to call."""
+        with event.trigger_event(_LOADING):  # until all that was made for it is collected, which may take a second
+            return self._made(signature)
+
+    def _made(self, signature: Any) -> Any:
         collecting = gc.isenabled()
         gc.disable()  # most of what is made here stays: to look through it again and again would take a second
         try:
-            with event.trigger_event(_LOADING):
-                return _with_room(partial(super().compile, signature))
+            return _with_room(partial(super().compile, signature))
         finally:
             if collecting:
                 gc.enable()

@@ -51,7 +51,7 @@ def test_the_command_is_the_function(here, capsys):
         time_limit=0.3, workers=1, out="mine",
     )  # fmt: skip
     assert files(here / "out") == files(here / "mine")
-    assert out == f"{expected.markdown()}\n8 runs; written to out\n"
+    assert out == f"{expected.markdown()}\n8 runs; written to out\nmu 0.9; the planner has no limit\n"
     assert "\x1b" not in err  # what planners print is there, and no progress
 
 

@@ -11,6 +11,7 @@ import pytest
 from numba.core import event
 
 import fg_mujoco as fg
+from fg_mujoco import kernels
 from fg_mujoco.kernels import CompileTime, kernel
 from fg_mujoco.racing.decisions import DecisionClock, DecisionTimes
 from fg_mujoco.racing.result import clamped_commands
@@ -164,6 +165,19 @@ def test_the_time_of_compiling_is_that_of_the_first_call(compiler):
         assert compiled(3.0) == 6.0
     assert 0.5 * took < first <= took
     assert compile_time.seconds == first and not compile_time.running
+
+
+def test_the_time_of_compiling_lasts_until_what_was_made_for_it_is_collected(monkeypatch):
+    compile_time, collected = CompileTime(), []
+    monkeypatch.setattr(kernels.gc, "collect", lambda *_: collected.append(compile_time.running))
+
+    @kernel
+    def triple(x):
+        return 3.0 * x
+
+    with compile_time:
+        assert triple(2.0) == 6.0
+    assert collected == [True]
 
 
 def test_99_percent_of_the_decisions_took_no_longer_and_each_figure_is_one_of_them():

@@ -249,7 +249,7 @@ def test_settings_reach_the_result():
 
 
 def test_mu_of_the_tires_and_of_the_planner_are_apart():
-    slippery = fg.race("oval", laps=1, mu=0.5, time_limit=6.0)
+    slippery = fg.race("oval", laps=1, mu=0.5, planner_mu=1.0489, time_limit=6.0)
     cautious = fg.race("oval", laps=1, planner_mu=0.5, time_limit=6.0)
     assert slippery.max_slide_m_s > SLIDING_SPEED > cautious.max_slide_m_s
 

@@ -113,7 +113,7 @@ def _compare(options: argparse.Namespace) -> int:
         except KeyboardInterrupt:
             print(f"fg-mujoco: {options.out}: interrupted; the same command goes on", file=sys.stderr)
             raise
-    print(as_json(result.summary()) if options.json else _report(result, options.out))
+    print(as_json(result.summary()) if options.json else _report(result, options.out, first.friction))
     died = any(row.figures.end_reason == "worker_died" for row in result.rows)
     return _NOT_DONE if died else _DONE
 
@@ -144,7 +144,7 @@ def _progress(progress: ComparisonProgress) -> str:
     return f"{done}/{progress.runs} runs{to_go(progress.remaining_s)}"
 
 
-def _report(result: Comparison, out: str) -> str:
+def _report(result: Comparison, out: str, friction: str) -> str:
     found = len(result.rows) - result.runs_driven
     earlier = f", {found} of them by an earlier call" if found else ""
-    return f"{result.markdown()}\n{len(result.rows)} runs{earlier}; written to {out}"
+    return f"{result.markdown()}\n{len(result.rows)} runs{earlier}; written to {out}\n{friction}"

@@ -161,6 +161,10 @@ def _read_run(folder: Path, command: argparse.ArgumentParser) -> dict[str, Any]:
         raise RunFolderError(f"{where}: vehicle {vehicle.file} is another one now; accepted: the file as it was raced")
     if "tires" in values and Tires.load(values["tires"]).sha256 != summary.get("tires_sha256"):
         raise RunFolderError(f"{where}: tires {values['tires']} are others now; accepted: the set as it was raced")
+    if values.get("mu") is not None and "planner_mu" not in values:
+        told = RaceSettings(vehicle=vehicle, tires=values.get("tires"), mu=values["mu"]).assumed_mu
+        if summary.get("planner_mu") not in (None, told):  # up to version 0.1.0 planners were not told of mu
+            values["planner_mu"] = summary["planner_mu"]
     return values
 
 

@@ -15,6 +15,7 @@ from ..errors import SettingsError
 from ..racing.commands import COLUMNS
 from ..racing.drive import drive
 from ..racing.handling import handling
+from ..racing.hints import clamped_hint
 from ..racing.manoeuvres import MANOEUVRES
 from ..racing.run_folder import check_run_folder, summary_json
 from ..simulation.settings import Start
@@ -75,6 +76,9 @@ def _drive(options: argparse.Namespace) -> int:
         write_run(result, options.out, picture=picture)
         report_race(options.out)
     print(_json(result) if options.json else _table(result, options.out))
+    hint = clamped_hint(result.telemetry, result.world.parameters)
+    if hint:
+        print("fg-mujoco: hint:", hint, file=sys.stderr)
     return _DONE if result.finished else _NOT_DONE
 
 

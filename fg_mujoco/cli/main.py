@@ -27,6 +27,7 @@ from ..lidar.lidar import LIDAR_BACKENDS
 from ..racing.decisions import decision_limit_text
 from ..racing.entries import Entry
 from ..racing.field import FieldProgress
+from ..racing.hints import race_hints
 from ..racing.planner_choice import with_settings
 from ..racing.planner_loading import controller_names
 from ..racing.race import RaceProgress, race
@@ -35,6 +36,7 @@ from ..racing.replay import replay
 from ..racing.result import RaceResult
 from ..racing.run_folder import check_run_folder, summary_json
 from ..simulation.planner_failure import whole_traceback
+from ..simulation.settings import friction_text
 from ..vehicle.tire_slip import sliding_rule
 from ..viz.plots import write_run
 from .bags import add_bags
@@ -308,6 +310,8 @@ def _race(options: argparse.Namespace) -> int:
             print("fg-mujoco:", in_one_line(str(error)), file=sys.stderr)  # the run folder is written, and stays
             code = _NOT_DONE
     print(summary_json(result, settings) if options.json else _table(result, options.out))
+    for hint in race_hints(result):
+        print("fg-mujoco: hint:", in_one_line(hint), file=sys.stderr)
     return code
 
 
@@ -369,6 +373,7 @@ def _table(result: RaceResult, out: str | None) -> str:
         ("greatest sliding", f"{result.max_slide_m_s:.4f} m/s (a tire slides {sliding_rule(result.tires)})"),
         ("sliding sideways", f"{result.max_lateral_slide_m_s:.4f} m/s at most"),
         ("time sliding", f"{100.0 * result.slide_time_fraction:.2f} %"),
+        ("friction", friction_text(result.mu, result.planner_mu)),
         ("top speed", f"{result.max_speed_m_s:.2f} m/s"),
         ("mean speed", f"{result.mean_speed_m_s:.2f} m/s"),
         ("clamped commands", f"{result.clamped_commands} of {len(result.telemetry)}"),

@@ -116,11 +116,11 @@ def add_drive_options(add: Callable[..., Any], *names: str, of: str = "the") -> 
         },
         "mu": {
             "type": number, "metavar": "MU",
-            "help": f"friction coefficient of {of} car's tires, or their greatest peak; default: the tires'",
+            "help": f"friction coefficient of {of} car's tires, or their greatest peak; default: as published",
         },
         "planner_mu": {
             "type": number_or_off, "metavar": "MU",
-            "help": "friction coefficient that the planner assumes; off: no friction limits; default: the tires'",
+            "help": "friction coefficient that the planner assumes; off: no friction limits; default: that of --mu",
         },
         "max_speed": {
             "type": number, "default": FASTEST, "metavar": "V",

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ..errors import EngineError
+from ..simulation.settings import DriveSettings
 from ..studies.folders import as_json
 from ..studies.overtaking.opponents import OPPONENTS
 from ..studies.overtaking.overtaking import (
@@ -29,7 +30,7 @@ from .out import STUDY, add_out_options
 from .progress import shown_as, to_go
 
 _DONE, _NOT_DONE = 0, 1
-_DRIVE = ("vehicle", "tires", "mu", "max_speed")
+_DRIVE = ("vehicle", "tires", "mu", "planner_mu", "max_speed")
 
 
 def add_overtake(add_command: Callable[..., argparse.ArgumentParser], commands: Any) -> None:
@@ -95,7 +96,8 @@ def _overtake(options: argparse.Namespace) -> int:
         except KeyboardInterrupt:
             print(f"fg-mujoco: {options.out}: interrupted; the same command goes on", file=sys.stderr)
             raise
-    print(as_json(result.summary()) if options.json else _report(result, options.out))
+    drive = DriveSettings(**drive_options(options, *_DRIVE))
+    print(as_json(result.summary()) if options.json else _report(result, options.out, drive.friction))
     return _NOT_DONE if any(row.figures.outcome == "failed" for row in result.rows) else _DONE
 
 
@@ -112,7 +114,7 @@ def _progress(progress: OvertakingProgress) -> str:
     return f"{done}/{progress.duels} duels{to_go(progress.remaining_s)}"
 
 
-def _report(result: Overtaking, out: str) -> str:
+def _report(result: Overtaking, out: str, friction: str) -> str:
     found = len(result.rows) - result.duels_driven
     earlier = f", {found} of them by an earlier call" if found else ""
-    return f"{result.markdown()}\n{len(result.rows)} duels{earlier}; written to {out}"
+    return f"{result.markdown()}\n{len(result.rows)} duels{earlier}; written to {out}\n{friction}"

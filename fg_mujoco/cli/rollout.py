@@ -17,6 +17,7 @@ from ..errors import EngineError, SettingsError
 from ..messages import require_whole
 from ..racing.entries import Entry
 from ..racing.planner_loading import bundled_names
+from ..simulation.settings import friction_text
 from ..studies.folders import as_json
 from ..studies.rollout.result import RolloutResult
 from ..studies.rollout.rollouts import (
@@ -164,6 +165,7 @@ def _table(result: RolloutResult, out: str | None) -> str:
         ("first lap", _spread(summary["first_lap_s"], "s", len(result))),
         ("best lap", _spread(summary["best_lap_s"], "s", len(result))),
         ("greatest sliding", _spread(summary["max_slide_m_s"], f"m/s (a tire slides {rule})", len(result))),
+        ("friction", _friction(result)),
         ("simulated", f"{summary['world_seconds']:.1f} s"),
     ]
     if "opponents" in summary:
@@ -177,6 +179,13 @@ def _table(result: RolloutResult, out: str | None) -> str:
     tracks = ", ".join(track.name for track in result.tracks)
     rows = [*summary["randomize"].items(), *rows]
     return "\n".join([f"{tracks}, {summary['controller']}", *(f"  {name:<18}{value}" for name, value in rows)])
+
+
+def _friction(result: RolloutResult) -> str:
+    drawn, base = result.randomization.ranges, result.base
+    return friction_text(
+        None if "mu" in drawn else base.tires_mu, None if "planner_mu" in drawn else base.assumed_mu
+    )  # fmt: skip
 
 
 def _among(summary: dict[str, Any]) -> list[tuple[str, str]]:

@@ -8,7 +8,8 @@
     tight        tight circuits from a seed; lanes, chicanes: how they are drawn; drivable: that a car can drive a lap
     obstacles    solids that stand, moving_obstacles those that move, random_obstacles those at random places
     definitions  the numbers that make a course what it is, and their hash
-    lap_timer    progress and laps; clearance: the distance to walls and obstacles; polyline: plane geometry
+    lap_timer    progress and laps; clearance: the distance to walls and obstacles; standing: where a car can stand
+    polyline     plane geometry
 
 A course knows nothing of the vehicle. Where the size of the car matters, it is given as `CarParameters`.
 """

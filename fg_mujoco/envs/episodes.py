@@ -119,7 +119,8 @@ class Episodes:
         touching = self.worlds.touching(which)
         if touching.any():
             bad = starts[int(touching.argmax())]
-            raise SettingsError(f"at {bad} the car touches a wall or an obstacle; accepted: a start where it does not")
+            said = f"at {bad} the car touches a wall or an obstacle, or is beyond the walls"
+            raise SettingsError(f"{said}; accepted: a start where it does not")
 
     def step(self, actions: ArrayLike) -> None:
         """Take the actions (n, 2) in the worlds whose episodes run; what the others' rows have is not looked at.

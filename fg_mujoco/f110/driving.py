@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..course.course import Course
+from ..course.standing import off_course, stands_in_something
 from ..course.track import follow
 from ..display import brief
 from ..lidar.beams import lidar_of
@@ -132,6 +133,7 @@ class Driving:
                 f"poses of the cars {pair[0]} and {pair[1]} are {said}, where they touch: they collide at once",
                 stacklevel=4,
             )
+        self._warn_of_walls(poses, axles)
         self.engine.place([Start()] * len(cars))
         data = self.data
         for car, pose in zip(cars, axles, strict=True):
@@ -143,6 +145,19 @@ class Driving:
         self._noise = [np.random.default_rng([self._seed, agent] if agent else self._seed) for agent in self._agents]
         self.laps = [LapCount(self.world.track, *pose) for pose in poses]
         self.motions = [self.motion(agent) for agent in self._agents]
+
+    def _warn_of_walls(self, poses: Sequence[Sequence[float]], axles: Sequence[Sequence[float]]) -> None:
+        """Warn of poses in a wall, and of those beyond the walls, where a script drives as in the gym."""
+        course = self.world.track
+        for agent, (pose, axle, car) in enumerate(zip(poses, axles, self.world.cars, strict=True)):
+            along = float(course.project([axle[:2]])[0][0]) - (course.origin or 0.0)
+            said = ""
+            if stands_in_something(course, axle, car.parameters):
+                said = f"in a wall of {course.name!r}: it collides at once"
+            elif course.edges and off_course(course, axle, course.start_pose(along)):
+                said = f"beyond the walls of {course.name!r}: there it collides with nothing, and its laps mean nothing"
+            if said:
+                warnings.warn(f"pose of car {agent} is {list(map(float, pose))}, {said}", stacklevel=5)
 
     def put(self, agent: int, state: Sequence[float]) -> None:
         """Put one car into a state of the gym, as `state` returns it, while the others go on."""

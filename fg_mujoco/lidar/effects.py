@@ -24,10 +24,13 @@ from ..errors import SettingsError, accepted_names
 from ..kernels import kernel
 from ..messages import FloatArray, LaserScan, require
 from .beams import NO_RETURN_READINGS, Beams
+from .body_poses import rotated
 from .lidar import Lidar, RaycastLidar
 
 GREATEST_NOISE = 10.0
 """[m] Greatest standard deviation of a range that is accepted."""
+
+_FASTEST = 200.0  # [m/s] that anything moves; what is elsewhere sooner was put there
 
 LONGEST_LATENCY = 1.0
 """[s] Longest latency that is accepted, forty sweeps."""
@@ -145,7 +148,8 @@ class PoseHistory:
         """Return positions (n, 3) [m] and quaternions (n, 4) wxyz at `times` (n,) [s].
 
         Linear between recorded positions, slerp between orientations; before the first pose it is the first, after
-        the last the last. Source: Shoemake, Animating rotation with quaternion curves, SIGGRAPH 1985.
+        the last the last. A body that was put elsewhere from one step to the next is nowhere in between.
+        Source: Shoemake, Animating rotation with quaternion curves, SIGGRAPH 1985.
         """
         known = np.array([pose[0] for pose in self._poses])
         positions = np.array([pose[1] for pose in self._poses])
@@ -154,6 +158,9 @@ class PoseHistory:
         before = np.minimum(place.astype(np.intp), max(len(known) - 2, 0))
         after = np.minimum(before + 1, len(known) - 1)
         share = (place - before)[:, np.newaxis]
+        moved = np.abs(positions[after] - positions[before]).max(axis=1)
+        put = moved > _FASTEST * (known[after] - known[before])
+        share = np.where(put[:, np.newaxis] & (share < 1.0), 0.0, share)
         position = (1.0 - share) * positions[before] + share * positions[after]
         first, second = quaternions[before], quaternions[after]
         cosine = np.einsum("ij,ij->i", first, second)[:, np.newaxis]
@@ -167,14 +174,15 @@ class PoseHistory:
 class _Sweep:
     """A scan whose beams are taken one after the other, the last one at the present state.
 
-    What moves besides the LiDAR stands where it is at the end of the sweep.
+    Each beam sees other cars and moving obstacles where they were when it was taken.
     """
 
     def __init__(self, lidar: RaycastLidar) -> None:
         self._lidar = lidar
         beams = lidar.beams
         self._ages = beams.time_increment * np.arange(len(beams.bearings) - 1, -1, -1)
-        self._history = PoseHistory(float(self._ages[0]))
+        self._bodies = (lidar.body, *lidar.followed)
+        self._histories = [PoseHistory(float(self._ages[0])) for _ in self._bodies]
         # Poses in `data` are one step behind after mj_step; here they are worked out at the present state.
         self._present = mujoco.MjData(lidar.model)
 
@@ -182,22 +190,14 @@ class _Sweep:
         present = self._present
         present.qpos[:], present.mocap_pos[:], present.mocap_quat[:] = data.qpos, data.mocap_pos, data.mocap_quat
         mujoco.mj_kinematics(self._lidar.model, present)
-        body = self._lidar.body
-        self._history.record(data.time, present.xpos[body], present.xquat[body])
+        for body, history in zip(self._bodies, self._histories, strict=True):
+            history.record(data.time, present.xpos[body], present.xquat[body])
 
     def ranges(self, data: Any) -> FloatArray:
         self.record(data)
-        positions, quaternions = self._history.at(data.time - self._ages)
-        origins = positions + _rotated(self._lidar.beams.origins, quaternions)
-        return self._lidar.cast(data, origins, _rotated(self._lidar.beams.directions, quaternions))
-
-
-def _rotated(vectors: FloatArray, quaternions: FloatArray) -> FloatArray:
-    """Each of `vectors` (n, 3) turned by its unit quaternion (n, 4) wxyz."""
-    axis = quaternions[:, 1:]
-    twice = 2.0 * np.cross(axis, vectors)
-    turned: FloatArray = vectors + quaternions[:, :1] * twice + np.cross(axis, twice)
-    return turned
+        (positions, quaternions), *moving = [history.at(data.time - self._ages) for history in self._histories]
+        origins = positions + rotated(self._lidar.beams.origins, quaternions)
+        return self._lidar.cast(data, origins, rotated(self._lidar.beams.directions, quaternions), moving)
 
 
 @kernel

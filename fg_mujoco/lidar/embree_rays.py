@@ -6,15 +6,19 @@ plane is then computed in float64, so that it agrees with MuJoCo's own rays to r
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..messages import FloatArray
-from .body_poses import BodyPoses
+from .body_poses import BodyPoses, rotated
 from .shapes import bring_nearer
 from .surfaces import Plane, Surfaces, visible_surfaces
+
+Poses = tuple[FloatArray, FloatArray]
+"""Of a body, one for each ray: positions (n, 3) [m] and unit quaternions wxyz (n, 4), world frame."""
 
 _PARALLEL = 1e-15  # mjMINVAL: MuJoCo's rays miss a plane that they approach more slowly
 
@@ -31,24 +35,36 @@ class RayScene:
 
     Raises:
       ModelError: a visible geom of a kind that cannot be seen, as a height field.
+
+    Attributes:
+      moving: ids of the bodies that move, in the order in which `distances` wants their poses.
     """
 
     def __init__(self, model: Any, *, carrier: int, reach: float) -> None:
         static, *moving = visible_surfaces(model, carrier)
         self._static = _Part(static, reach)
         self._moving = [_Part(surfaces, reach) for surfaces in moving]
-        self._poses = BodyPoses(model, tuple(surfaces.body for surfaces in moving))
+        self.moving = tuple(surfaces.body for surfaces in moving)
+        self._poses = BodyPoses(model, self.moving)
 
-    def distances(self, data: Any, origins: FloatArray, directions: FloatArray) -> FloatArray:
+    def distances(
+        self, data: Any, origins: FloatArray, directions: FloatArray, poses: Sequence[Poses] | None = None
+    ) -> FloatArray:
         """Return the distance along each ray to the first surface, inf where there is none. Shape (n,) [m].
 
         Args:
           data: where the moving bodies are.
           origins: (n, 3) [m], world frame.
           directions: (n, 3) unit vectors, world frame.
+          poses: of each moving body, where each ray finds it; None: all where `data` has them.
         """
         nearest = np.full(len(directions), np.inf)
         self._static.bring_nearer(nearest, origins, directions)
+        if poses is not None:
+            for part, (positions, quaternions) in zip(self._moving, poses, strict=True):
+                back = quaternions * (1.0, -1.0, -1.0, -1.0)  # the other way round
+                part.bring_nearer(nearest, rotated(origins - positions, back), rotated(directions, back))
+            return nearest
         self._poses.read(data)
         for part, position, rotation in zip(self._moving, self._poses.positions, self._poses.rotations, strict=True):
             part.bring_nearer(nearest, (origins - position) @ rotation, directions @ rotation)

@@ -15,6 +15,7 @@ poses of free and mocap bodies, and of what is fixed to them, as a LiDAR to its 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -27,7 +28,7 @@ from ..kernels import kernel
 from ..messages import FloatArray
 from .beams import DEFAULT_LIDAR, Beams, LidarModel, lidar_body, lidar_of
 from .body_poses import BodyPoses, Mount, PoseArrays, StateArrays, read_poses, state_arrays
-from .embree_rays import RayScene
+from .embree_rays import Poses, RayScene
 from .scanline import scan
 from .scene import ScanlineScene, SceneArrays, Scratch, is_scanline
 
@@ -138,15 +139,23 @@ class RaycastLidar:
         position, to_body = self._poses.positions[0], self._poses.rotations[0].T
         return self.cast(data, position + self.beams.origins @ to_body, self.beams.directions @ to_body)
 
-    def cast(self, data: Any, origins: FloatArray, directions: FloatArray) -> FloatArray:
+    def cast(
+        self, data: Any, origins: FloatArray, directions: FloatArray, poses: Sequence[Poses] | None = None
+    ) -> FloatArray:
         """Return the readings along any rays. Shape (n,) [m].
 
         Args:
           data: where the moving geoms are.
           origins: (n, 3) [m], world frame.
           directions: (n, 3) unit vectors, world frame.
+          poses: of each of the bodies `followed`, where each ray finds it; None: all where `data` has them.
         """
-        return self.beams.readings(self._rays.distances(data, origins, directions))
+        return self.beams.readings(self._rays.distances(data, origins, directions, poses))
+
+    @property
+    def followed(self) -> tuple[int, ...]:
+        """Ids of the bodies that move and that rays meet, in the order in which `cast` wants their poses."""
+        return self._rays.moving
 
     @cached_property
     def _rays(self) -> RayScene:

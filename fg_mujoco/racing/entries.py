@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from ..course.clearance import least_clearance, outline
-from ..course.course import Course, wall_outlines
+from ..course.course import Course
 from ..course.obstacles import Obstacle
+from ..course.standing import off_course, stands_in_something
 from ..display import quoted
 from ..errors import ControllerError, SettingsError, accepted_names
 from ..messages import CarParameters, Controller, FloatArray, MapLine, shown
@@ -160,45 +160,43 @@ def check_starts(
     cars: Sequence[CarParameters],
     names: Sequence[str],
     obstacles: Sequence[Obstacle] = (),
+    *,
+    drawn: bool = False,
 ) -> None:
-    """Refuse starts at which a car stands in a wall, in an obstacle or in another car.
+    """Refuse starts at which a car is outside the walls, or stands in a wall, in an obstacle or in another car.
+
+    Args:
+      course: of the race.
+      starts: one for each car.
+      cars: parameters of each.
+      names: of each; of one car, that of the car alone may be empty.
+      obstacles: that were put on the course.
+      drawn: whether the starts were drawn: then those outside the walls, in one or in an obstacle are no mistake, and
+        the engine says that such a car has crashed.
 
     Raises:
       SettingsError: one does; the message has which.
     """
-    lines = [*wall_outlines(course), *(solid.corners() for solid in (*course.obstacles, *obstacles))]
-    walls = np.concatenate([outline(line) for line in lines]) if lines else np.empty((0, 4))
     poses: list[FloatArray] = []
     for start, car, name in zip(starts, cars, names, strict=True):
+        who = quoted(name) if name else "the car"
         if not course.closed and math.isfinite(course.length) and not 0.0 <= start.s <= course.length:
             raise SettingsError(
-                f"{quoted(name)} starts at s = {start.s:g} m of {course.name!r}; accepted: 0 to {course.length:g} m"
+                f"{who} starts at s = {start.s:g} m of {course.name!r}; accepted: 0 to {course.length:g} m"
             )
         x, y, along = course.start_pose(start.s, start.offset)
-        pose = np.array([[x, y, along + start.heading]])
-        on_line = np.array(course.start_pose(start.s)[:2])
-        if len(walls) and (least_clearance(pose, walls, car) <= 0.0 or _crosses(walls, on_line, pose[0, :2])):
-            where = f"s = {start.s:g} m, {start.offset:g} m to the left"
-            raise SettingsError(
-                f"{quoted(name)} does not fit on {course.name!r} at {where}; accepted: a start clear of walls and "
-                "obstacles, another grid, or fewer cars"
-            )
+        pose, on_line = np.array([x, y, along + start.heading]), course.start_pose(start.s)
+        where = f"on {course.name!r} at s = {start.s:g} m, {start.offset:g} m to the left"
+        more = "" if len(cars) == 1 else ", another grid, or fewer cars"
+        accepted = f"accepted: a start clear of walls and obstacles{more}"
+        if not drawn and stands_in_something(course, pose, car, obstacles):
+            raise SettingsError(f"{who} does not fit {where}, in a wall or an obstacle; {accepted}")
+        if not drawn and off_course(course, pose, on_line, lane=len(cars) > 1):
+            raise SettingsError(f"{who} does not fit {where}, beyond the walls; {accepted}")
         for other_pose, other_car, other in zip(poses, cars, names, strict=False):
             if first_overlap((other_pose, pose), (other_car, car)) is not None:
                 raise SettingsError(
-                    f"{quoted(name)} and {quoted(other)} start in one place, ({x:.2f}, {y:.2f}) m; accepted: starts "
+                    f"{who} and {quoted(other)} start in one place, ({x:.2f}, {y:.2f}) m; accepted: starts "
                     "apart by a car's length or width"
                 )
         poses.append(pose)
-
-
-def _crosses(walls: FloatArray, start: FloatArray, end: FloatArray) -> bool:
-    """Say whether the way between two points (2,) crosses any of some lines (n, 4) [m]."""
-
-    def side(one: FloatArray, other: FloatArray, point: FloatArray) -> FloatArray:
-        along, away = other - one, point - one
-        return np.asarray(along[..., 0] * away[..., 1] - along[..., 1] * away[..., 0])
-
-    one, other = walls[:, :2], walls[:, 2:]
-    apart = side(one, other, start) * side(one, other, end) < 0.0
-    return bool((apart & (side(start, end, one) * side(start, end, other) < 0.0)).any())

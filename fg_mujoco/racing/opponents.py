@@ -124,12 +124,14 @@ class Opponents:
             files.append(by_name(planner_files(planner, split_controller(entry.controller, entry.planner_settings)[1])))
         return replace(self, files=tuple(files))
 
-    def line_up(self, course: Course, first: Entry, obstacles: Sequence[Obstacle] = ()) -> tuple[Entry, ...]:
+    def line_up(
+        self, course: Course, first: Entry, obstacles: Sequence[Obstacle] = (), *, drawn: bool = False
+    ) -> tuple[Entry, ...]:
         """Return the entries of a run as `race` takes them: car 0's and the others', each with its start and its seed.
 
         The start of `first` counts from its place on the grid, and the whole grid moves along the line with its `s`. An
         opponent that has a start of its own stands there. Its seed is drawn from that of the run, by its number and the
-        seed that it was entered with.
+        seed that it was entered with. `drawn` is as of `check_starts`.
 
         Raises:
           SettingsError: a car that stands in a wall, in an obstacle or in another car.
@@ -140,7 +142,7 @@ class Opponents:
         places = [replace(place, s=place.s + own.s) for place in grid_starts(course, cars, self.grid)]
         places[0] = replace(own, s=places[0].s, offset=places[0].offset + own.offset)
         starts = [places[0], *(entry.start or place for entry, place in zip(self.entries, places[1:], strict=True))]
-        check_starts(course, starts, cars, self.names, obstacles)
+        check_starts(course, starts, cars, self.names, obstacles, drawn=drawn)
         return tuple(
             replace(entry, start=start, seed=_seed(first.seed, index, entry.seed) if index else first.seed)
             for index, (entry, start) in enumerate(zip(entries, starts, strict=True))

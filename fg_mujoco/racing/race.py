@@ -33,7 +33,7 @@ from ..vehicle.friction_patches import Patch
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .decisions import DecisionClock, DecisionTimes
-from .entries import Entry, require_entries
+from .entries import Entry, check_starts, require_entries
 from .field import race_field
 from .figures import course_figures, driven_figures
 from .planner_choice import split_controller
@@ -124,7 +124,8 @@ def race(
       tires: a bundled set, the path of a TOML file, or Tires; None: the vehicle's.
       mu: friction coefficient of the tires, or the greatest peak of those with a curve; None: as in their file.
       changes: what else differs from the vehicle's MJCF.
-      planner_mu: friction coefficient that the planner assumes; None: the least peak of the tires; inf: no limits.
+      planner_mu: friction coefficient that the planner assumes; None: the least peak of the tires, as `mu` sets it;
+        inf: no limits.
       max_speed: fastest that the planner may command [m/s].
       lidar: back end, "raycast" or "rangefinder".
       seed: of the LiDAR's noise and dropouts.
@@ -139,7 +140,7 @@ def race(
       effects: what the LiDAR does to a scan; nothing by default.
       odometry_drift: relative error of the speeds and the yaw rate that the planner is told: 0.05 is 5 % too much. What
         the car does is the same, and the pose is the true one.
-      start: where and how the race starts; None: standing on the start of the centreline.
+      start: where and how the race starts, clear of walls and obstacles; None: standing on the start of the centreline.
       planner_settings: settings of the controller that differ from its own.
       entries: the cars of a race of several, in the order of the grid. The settings of one car, from `controller` to
         `planner_settings`, are then theirs: of each Entry. A planner that fails ends its own car's race only.
@@ -188,6 +189,9 @@ def race(
     engine.place(
         [settings.start], effects=[settings.effects], seeds=[seed], odometry_drifts=[settings.odometry_drift]
     )  # fmt: skip
+    if engine.crashed[0]:
+        check_starts(course, [settings.start], [world.parameters], [""], obstacles)  # says what is in the way
+        raise SettingsError(f"the car touches something at {settings.start}; accepted: a start where it does not")
     history, clock = History(engine), DecisionClock(settings.decision_limit)
 
     failed: PlannerError | None = None

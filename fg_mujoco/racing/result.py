@@ -15,6 +15,7 @@ from ..display import Shown, brief, quoted, table
 from ..lidar.effects import LidarEffects
 from ..messages import CarParameters, FloatArray, read_only
 from ..simulation.planner_failure import PlannerFailure
+from ..simulation.settings import friction_text
 from ..simulation.telemetry import COMMAND, column_index, column_meant
 from ..simulation.termination import WrongWay
 from .crash import Crash
@@ -193,7 +194,7 @@ class RaceResult(Shown):
             *(self._lap_rows() if self.laps_requested else [("time", f"{self.sim_time_s:.2f} s")]),
             ("speed", f"mean {self.mean_speed_m_s:.2f} m/s, greatest {self.max_speed_m_s:.2f} m/s"),
             ("greatest sliding", f"{self.max_slide_m_s:.3f} m/s, {100.0 * self.slide_time_fraction:.2f} % of the time"),
-            ("friction coefficient", f"{self.mu:.4g}; the planner assumes {self.planner_mu:.4g}"),
+            ("friction coefficient", friction_text(self.mu, self.planner_mu)),
         ]
         ends = (("crashed here", self.crash), ("turned here", self.wrong_way))
         marks = [(text, (place.x_m, place.y_m)) for text, place in ends if place is not None]

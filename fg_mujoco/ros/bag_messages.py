@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from ..errors import missing_extra
 from ..messages import DriveCommand, FloatArray, LaserScan, Odometry
 from ..showing import ShownValue
+from ..simulation.telemetry import recorded_command
 
 SCAN, ODOMETRY = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"
 IMU, JOINTS = "sensor_msgs/msg/Imu", "sensor_msgs/msg/JointState"
@@ -176,7 +177,11 @@ def joints_message(odometry: Odometry, wheel_radius: float, frame: str = BASE_FR
 
 
 def drive_message(command: DriveCommand, time: int, frame: str = BASE_FRAME) -> Any:
-    """Return ackermann_msgs/AckermannDriveStamped; its rates are 0, "as fast as it can"; `time` is in [ns]."""
+    """Return ackermann_msgs/AckermannDriveStamped; its rates are 0, "as fast as it can"; `time` is in [ns].
+
+    Its numbers are of 32 bits: a command is as the telemetry keeps it.
+    """
+    command = recorded_command(command)
     drive = _make(
         "ackermann_msgs/msg/AckermannDrive", steering_angle=command.steering_angle, steering_angle_velocity=0.0,
         speed=command.speed, acceleration=0.0, jerk=0.0,

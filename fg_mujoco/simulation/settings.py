@@ -46,6 +46,12 @@ GREATEST_LAPS = 1000
 """Greatest number of laps that is accepted: a race keeps about 0.5 MB for each lap of the oval."""
 
 
+def friction_text(mu: float | None, assumed: float | None) -> str:
+    """Return in words the friction coefficient of the tires, and the one that their planner assumes; None: drawn."""
+    tires, planner = ("as drawn" if value is None else f"{value:.4g}" for value in (mu, assumed))
+    return f"mu {tires}; the planner {'has no limit' if assumed == math.inf else f'assumes {planner}'}"
+
+
 def require_laps(laps: object, *, optional: bool = False) -> None:
     """Raise SettingsError unless `laps` is a number of laps; None is accepted where it is optional."""
     why = "a race keeps about 0.5 MB for each lap"
@@ -188,6 +194,11 @@ class CarSettings:
         return self.car.tires if self.tires is None else cast(Tires, self.tires)
 
     @property
+    def tires_mu(self) -> float:
+        """Friction coefficient of the tires as they are set, or their greatest peak."""
+        return self.all_changes.mu or self.tire_set.peak or self.car.reliable_mu(self.tire_set)
+
+    @property
     def all_changes(self) -> CarChanges:
         """What differs from the vehicle's MJCF, the friction included."""
         return self.changes if self.mu is None else replace(self.changes, mu=self.mu)
@@ -250,7 +261,7 @@ class DriveSettings(CarSettings):
       ModelError: a file that is not that of a vehicle.
     """
 
-    planner_mu: float | None = None  # that the planner assumes; None: the tires' least peak; inf: no friction limits
+    planner_mu: float | None = None  # that the planner assumes; None: that of the tires; inf: no friction limits
     max_speed: float = FASTEST  # [m/s] fastest that the planner may command
     planner_settings: Mapping[str, Any] = field(default_factory=dict)  # that differ from the planner's own
     start: Start = field(default_factory=Start)
@@ -273,8 +284,36 @@ class DriveSettings(CarSettings):
 
     @property
     def assumed_mu(self) -> float:
-        """Friction coefficient that the planner assumes."""
-        return self.car.reliable_mu(self.tire_set) if self.planner_mu is None else float(self.planner_mu)
+        """Friction coefficient that the planner assumes: `planner_mu`, or else the least peak of the tires as set."""
+        if self.planner_mu is not None:
+            return float(self.planner_mu)
+        return self.car.reliable_mu(self.tire_set, self.all_changes.mu)
+
+    @property
+    def friction(self) -> str:
+        """What `friction_text` says of these settings."""
+        return friction_text(self.tires_mu, self.assumed_mu)
+
+    def described(self) -> dict[str, Any]:
+        """Return those that differ from the defaults as they can stand in JSON, and what `mu` tells the planner."""
+        found = super().described()
+        if self.all_changes.mu is not None:
+            found["planner_mu"] = "off" if self.assumed_mu == math.inf else self.assumed_mu
+        return found
+
+    @classmethod
+    def of(cls, description: Mapping[str, Any]) -> Self:
+        """Return the settings that `described` told of; errors as of CarSettings.
+
+        Up to version 0.1.0 a planner was not told of `mu`: a description with it and without `planner_mu` is of then.
+        """
+        settings = super().of(description)
+        if settings.all_changes.mu is None:
+            return settings
+        unsaid = replace(settings, planner_mu=None)
+        if settings.planner_mu is None:
+            return replace(settings, planner_mu=settings.car.reliable_mu(settings.tire_set))
+        return unsaid if settings.planner_mu == unsaid.assumed_mu else settings
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

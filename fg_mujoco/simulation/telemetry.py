@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..errors import SettingsError, accepted_names, nearest, with_unit
 from ..kernels import kernel
-from ..messages import FloatArray
+from ..messages import DriveCommand, FloatArray
 from ..vehicle.car import WHEELS
 from ..vehicle.motion import CarArray, body_velocity, ground_speed, planar_pose, sideslip_angle
 from ..vehicle.tire_slip import (
@@ -126,6 +126,16 @@ _HEADING, _YAW_RATE = TELEMETRY.index("heading_rad"), TELEMETRY.index("yaw_rate_
 _VX, _AX = TELEMETRY.index("vx_m_s"), TELEMETRY.index("ax_m_s2")
 COMMAND = TELEMETRY.index("command_steering_rad")
 """Column of the commanded steering angle; the commanded speed is the one behind it."""
+
+GREATEST_COMMAND = 1000.0
+"""[rad], [m/s] Greatest size of a command in the telemetry, far beyond the limits of any car: more is kept as this, so
+that whatever reads a run can work with it."""
+
+
+def recorded_command(command: DriveCommand) -> DriveCommand:
+    """Return a command as the telemetry keeps it."""
+    angle, speed = (min(max(v, -GREATEST_COMMAND), GREATEST_COMMAND) for v in (command.steering_angle, command.speed))
+    return DriveCommand(steering_angle=angle, speed=speed)
 
 
 @kernel

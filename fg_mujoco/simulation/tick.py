@@ -23,7 +23,7 @@ from ..vehicle.motion import drive, planar_pose, read_odometry
 from ..vehicle.tire_forces import USERDATA, apply_forces, note_loads
 from ..vehicle.tire_slip import measure_slip
 from .physics import CTRL, CTRL_AND_MOCAP, StateLayout, step_states
-from .telemetry import COMMAND, add_row, begin_row, end_motion, end_row
+from .telemetry import COMMAND, GREATEST_COMMAND, add_row, begin_row, end_motion, end_row
 
 Mask = NDArray[np.bool_]
 Rows = NDArray[np.void]
@@ -335,7 +335,8 @@ def hold_commands(
         ctrl = states[world, layout.ctrl[0] : layout.ctrl[1]]
         for row in range(world * cars_per_world, (world + 1) * cars_per_world):
             drive(qvel, commands[row, 0], commands[row, 1], cars[row : row + 1], ctrl)
-            telemetry[row, COMMAND], telemetry[row, COMMAND + 1] = commands[row, 0], commands[row, 1]
+            for part in range(2):
+                telemetry[row, COMMAND + part] = min(max(commands[row, part], -GREATEST_COMMAND), GREATEST_COMMAND)
 
 
 @kernel

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from ..course.lap_timer import first_seen, fresh_timers
 from ..course.moving_obstacles import make_mover, motion_table
+from ..course.standing import off_course
 from ..lidar.body_poses import Mount
 from ..lidar.lidar import Lidar, RaycastLidar, lidar_mount
 from ..lidar.links import make_links
@@ -249,20 +250,22 @@ class WorldBatch:
             return
         physics, model, arrays = self.physics, self.world.model, self._arrays
         physics.reset(ids)  # warnings and all else that no state holds
-        data = mujoco.MjData(model)
+        data, outside = mujoco.MjData(model), np.zeros(len(which), np.bool_)
         for i in ids.tolist():
             mujoco.mj_resetData(model, data)
             if self._mover is not None:
                 self._mover.place(data)
             first = i * self._cars_per_world
-            for car, start in zip(self.world.cars, starts[first : first + self._cars_per_world], strict=True):
-                start = start or Start()
+            for row, car in enumerate(self.world.cars, start=first):
+                start = starts[row] or Start()
                 x, y, along = self.world.track.start_pose(start.s, start.offset)
+                if start.offset != 0.0:
+                    outside[row] = off_course(self.world.track, (x, y), self.world.track.start_pose(start.s))
                 car.write_pose(data, x, y, along + start.heading, start.speed)
             mujoco.mj_getState(model, data, physics.states[i], int(STATE))
         physics.forward(ids)
         self._note_tires(ids, 0)
-        arrays.crashed[which] = self._touch_walls()[which]
+        arrays.crashed[which] = (self._touch_walls() | outside)[which]  # who starts beyond the walls touches none
         arrays.touched_at[which] = -np.inf
         arrays.failed[which] = False
         arrays.statistics[which], arrays.telemetry[which] = np.zeros(1, STATISTICS), np.nan

@@ -110,16 +110,17 @@ class Vehicle:
         """Friction coefficient of its tires, as its MJCF has it [-]; of tires with a curve the least peak."""
         return self.reliable_mu()
 
-    def reliable_mu(self, tires: Tires | None = None) -> float:
-        """Return the friction that the car can rely on, on tires as published [-]: what its planners are told.
+    def reliable_mu(self, tires: Tires | None = None, mu: float | None = None) -> float:
+        """Return the friction that the car can rely on [-]: what its planners are told.
 
         Args:
           tires: that it stands on; None: its own.
+          mu: friction coefficient of the tires, or the greatest peak of those with a curve [-]; None: as in their file.
         """
         tires = tires or self.tires
-        if tires.least_peak is not None:
-            return tires.least_peak
-        return float(self.spec(tires=tires).pair(f"{WHEELS[0]}_tire").friction[0])
+        if tires.least_peak is not None and tires.peak is not None:
+            return tires.least_peak if mu is None else tires.least_peak * mu / tires.peak
+        return float(self.spec(mu, tires=tires).pair(f"{WHEELS[0]}_tire").friction[0])
 
     def spec(
         self, mu: float | None = None, changes: CarChanges | None = None, tires: Tires | None = None

@@ -18,7 +18,7 @@ import numpy as np
 from ..course.course import Course, describe_course
 from ..course.writing import write_file
 from ..errors import missing_extra
-from ..messages import FloatArray
+from ..messages import CarParameters, FloatArray
 from ..racing import run_folder
 from ..racing.result import RaceResult
 from ..racing.standings import standings
@@ -132,7 +132,7 @@ def trace_picture(result: RaceResult, path: str | Path | BinaryIO) -> None:
 
         panels = [figure.add_subplot(grid[1])]
         panels += [figure.add_subplot(grid[row], sharex=panels[0]) for row in (2, 3)]
-        _draw_panels(panels, column, result.tires)
+        _draw_panels(panels, column, result.tires, result.world.parameters)
         _mark_laps(panels, result.lap_times_s)
         panels[-1].set_xlabel("time [s]")
         end = max(result.sim_time_s, 1e-3)
@@ -221,16 +221,17 @@ def _headline(result: RaceResult) -> str:
     return f"{result.track}, {result.controller}: {laps}{best}{end}; greatest sliding {result.max_slide_m_s:.3f} m/s"
 
 
-def _draw_panels(panels: list[Axes], column: dict[str, FloatArray], tires: str) -> None:
+def _draw_panels(panels: list[Axes], column: dict[str, FloatArray], tires: str, car: CarParameters) -> None:
+    """Draw speed, steering and sliding over time; commands as the car holds them, within its limits."""
     speed, steering, sliding = panels
-    time = column["time_s"]
-    speed.plot(time, column["command_speed_m_s"], **_COMMAND, label="command")
+    time, lock = column["time_s"], car.max_steering_angle
+    speed.plot(time, np.clip(column["command_speed_m_s"], car.min_speed, car.max_speed), **_COMMAND, label="command")
     speed.plot(time, column["speed_m_s"], color="black", label="car")
     speed.set_ylabel("speed\n[m/s]")
     low, high = speed.get_ylim()
     if low > 0.0:  # a drive at one speed: not its millimetres per second
         speed.set_ylim(0.0, 1.05 * high)
-    steering.plot(time, column["command_steering_rad"], **_COMMAND)
+    steering.plot(time, np.clip(column["command_steering_rad"], -lock, lock), **_COMMAND)
     steering.plot(time, column["steering_angle_rad"], color="black")
     steering.set_ylabel("steering\n[rad]")
     for wheel, colour in zip(WHEELS, _TIRE_COLOURS, strict=True):

@@ -161,7 +161,8 @@ def compare(
       tires: a bundled set, the path of a TOML file, or Tires; None: the vehicle's.
       mu: friction coefficient of the tires, or the greatest peak of those with a curve; None: as in their file.
       changes: what else differs from the vehicle's MJCF.
-      planner_mu: friction coefficient that planners assume; None: the least peak of the tires; inf: no friction limits.
+      planner_mu: friction coefficient that planners assume; None: the least peak of the tires, as `mu` sets it; inf: no
+        friction limits.
       patches: of the floor, on which the tires have another friction.
       time_limit: of simulated time of each run [s]; None: as `race` has it.
       decision_limit: of wall time that a planner may take for one decision [s]; None: any; as of `race`.

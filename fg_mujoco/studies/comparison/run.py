@@ -32,6 +32,8 @@ from .ground import Ground, course_ground, laps_of
 
 _Part = TypeVar("_Part")
 
+_OF_THE_CAR = ("vehicle", "vehicle_sha256", "tires", "mu", "changes", "planner_mu")  # in a manifest
+
 WRONG_WAY_SPEED = 0.1  # [m/s] back along the line; slower is the jitter of a car that stands
 TRACE_STEP = 2  # ticks from one pose of a trace to the next
 
@@ -48,7 +50,7 @@ class ComparisonSettings(CarSettings):
     laps: int = 5  # on tracks; a scene is driven once
     obstacles: int = 0  # boxes on each track, at places drawn from the seed
     lidar_noise: float = 0.0  # [m] standard deviation of each range, drawn from the seed
-    planner_mu: float | None = None  # that planners assume; None: the tires' least peak; inf: no friction limits
+    planner_mu: float | None = None  # that planners assume; None: that of the tires; inf: no friction limits
     time_limit: float | None = None  # [s] of a run; None: as `race` has it
     decision_limit: float | None = None  # [s] of wall time for a decision; None: any
     opponents: Opponents = field(default_factory=Opponents)  # that the car of each run races against
@@ -73,13 +75,18 @@ class ComparisonSettings(CarSettings):
         """Return them as they can stand in JSON; `of` reads them back."""
         always = ("laps", "obstacles", "lidar_noise", "mu", "planner_mu", "time_limit", "decision_limit")
         alone = replace(self, opponents=Opponents())
-        return {name: getattr(self, name) for name in always} | alone.described() | self.opponents.described()
+        told = {} if self.all_changes.mu is None else {"planner_mu": self.drive().described()["planner_mu"]}
+        own = {name: getattr(self, name) for name in always} | alone.described() | told
+        return own | self.opponents.described()
 
     @classmethod
     def of(cls, description: Mapping[str, Any]) -> ComparisonSettings:
         """Return the settings that `manifest` told of; errors as of CarSettings."""
         alone = {name: value for name, value in description.items() if name not in ("opponents", "grid")}
-        return replace(super().of(alone), opponents=Opponents.read(description))
+        settings = super().of(alone)
+        drive = {name: value for name, value in alone.items() if name in _OF_THE_CAR and value is not None}
+        told = DriveSettings.of(drive).planner_mu
+        return replace(settings, planner_mu=told, opponents=Opponents.read(description))
 
 
 @dataclass(frozen=True)

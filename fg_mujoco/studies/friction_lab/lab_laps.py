@@ -149,13 +149,13 @@ def drive_laps(
       world: a LabWorld that no other simulation uses.
       controller: a bundled name.
       laps: to be driven.
-      planner_mu: friction coefficient that the planner assumes; None: as in the car's MJCF.
+      planner_mu: friction coefficient that the planner assumes; None: that of the world's tires, without patches.
       planner_settings: settings of the controller that differ from its own.
 
     Raises:
       ControllerError: a controller that cannot be built, or fails.
     """
-    assumed = world.vehicle.reliable_mu(world.tires) if planner_mu is None else planner_mu
+    assumed = world.vehicle.reliable_mu(world.tires, world.car.mu) if planner_mu is None else planner_mu
     planner = make_controller(
         controller, car=world.car.parameters, mu=assumed,
         max_speed=MAX_SPEED, settings=planner_settings or {}, map_line=world.track.map_line,

@@ -32,7 +32,7 @@ from ...simulation.course_loading import load_track
 from ...simulation.engine import Engine
 from ...simulation.planner_adapter import Cars, Planners, PlannersOfEach, Reasons, adapt
 from ...simulation.planner_failure import one_line
-from ...simulation.settings import FASTEST, GREATEST_SPEED, CarSettings, Start, require_laps
+from ...simulation.settings import FASTEST, CarSettings, DriveSettings, Start, require_laps
 from ...simulation.termination import END_REASONS
 from ...simulation.world import World
 from .opponents import Blocking, Pace, make_opponent
@@ -57,6 +57,7 @@ class DuelSettings(CarSettings):
       ModelError: a file that is not that of a vehicle.
     """
 
+    planner_mu: float | None = None  # that both assume; None: that of the tires; inf: no friction limits
     max_speed: float = FASTEST  # [m/s] fastest that the planner may command
     laps: int = 2  # within which it is to overtake
     slowest: float = 0.3  # least ratio of the speeds
@@ -68,9 +69,14 @@ class DuelSettings(CarSettings):
         if not 0.0 < self.slowest <= self.fastest <= 1.0:
             said = f"{self.slowest:g}:{self.fastest:g}"
             raise SettingsError(f"speed_ratio is {said}; accepted: FIRST:LAST, above 0 and at most 1")
-        if not 0.0 < self.max_speed <= GREATEST_SPEED:
-            said = f"max_speed is {self.max_speed!r}"
-            raise SettingsError(f"{said}; accepted: a positive number up to {GREATEST_SPEED:g} m/s")
+        self.drive()  # refuses the others
+
+    def drive(self) -> DriveSettings:
+        """Return what the planner is told."""
+        return DriveSettings(
+            vehicle=self.vehicle, tires=self.tires, mu=self.mu, changes=self.changes, planner_mu=self.planner_mu,
+            max_speed=self.max_speed,
+        )  # fmt: skip
 
     def manifest(self) -> dict[str, Any]:
         """Return them as they can stand in JSON."""
@@ -215,8 +221,8 @@ def drive_duel(duel: Duel, watch: Any = None) -> DuelFigures:
     car = world.cars[_OPPONENT]
     with tempfile.TemporaryDirectory() as folder:
         opponent = make_opponent(
-            duel.key.opponent, track, own_pace, ratio, car=car.parameters, mu=car.mu, max_speed=settings.max_speed,
-            lines=Path(folder),
+            duel.key.opponent, track, own_pace, ratio, car=car.parameters, mu=settings.drive().assumed_mu,
+            max_speed=settings.max_speed, lines=Path(folder),
         )  # fmt: skip
     engine = Engine(world, laps=settings.laps + 1)
     timed = Timed(adapt([_planner(duel.planner, world, settings)]))
@@ -283,7 +289,7 @@ def _world(track: str, settings: DuelSettings, cars: int) -> World:
 
 def _planner(choice: ControllerChoice, world: World, settings: DuelSettings) -> Any:
     return make_controller(
-        choice.source, car=world.parameters, mu=world.car.mu, max_speed=settings.max_speed,
+        choice.source, car=world.parameters, mu=settings.drive().assumed_mu, max_speed=settings.max_speed,
         settings=dict(choice.settings), map_line=world.track.map_line,
     )  # fmt: skip
 

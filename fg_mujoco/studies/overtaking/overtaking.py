@@ -23,7 +23,7 @@ from ...messages import require_whole
 from ...racing.planner_choice import ControllerChoice
 from ...racing.planner_files import files_sha256
 from ...simulation.course_loading import load_track
-from ...simulation.settings import FASTEST, DriveSettings
+from ...simulation.settings import FASTEST
 from ...vehicle.tires import Tires
 from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from ...viz.plots import require_matplotlib
@@ -112,6 +112,7 @@ def overtake(
     vehicle: Vehicle | str | Path = DEFAULT_VEHICLE,
     tires: Tires | str | Path | None = None,
     mu: float | None = None,
+    planner_mu: float | None = None,
     workers: int | None = None,
     out: str | Path,
     pictures: bool = True,
@@ -133,6 +134,7 @@ def overtake(
       vehicle: of both cars; as of `race`.
       tires: of both.
       mu: of both.
+      planner_mu: friction coefficient that both assume; None: that of the tires, as `mu` sets it; inf: no limits.
       workers: processes; None: as many as there are cores; one: no other than this.
       out: a new or empty folder, or one of a study with the same settings.
       pictures: whether to draw one.
@@ -148,7 +150,8 @@ def overtake(
         require_matplotlib()
     slowest, fastest = speed_ratio
     settings = DuelSettings(
-        vehicle=vehicle, tires=tires, mu=mu, max_speed=max_speed, laps=laps, slowest=slowest, fastest=fastest
+        vehicle=vehicle, tires=tires, mu=mu, planner_mu=planner_mu, max_speed=max_speed, laps=laps, slowest=slowest,
+        fastest=fastest,
     )  # fmt: skip
     duels = plan_duels([ControllerChoice.of(text) for text in planners], tracks, opponents, seeds, settings)
     with claimed(out, ACCEPTED):
@@ -181,8 +184,7 @@ def plan_duels(
     for track, course in courses.items():
         if not course.closed:
             raise TrackError(f"track {track!r} is no circuit; accepted: a closed track")
-    drive = DriveSettings(vehicle=settings.vehicle, tires=settings.tires, mu=settings.mu, max_speed=settings.max_speed)
-    files = {choice: files_sha256(choice.check(courses[tracks[0]], drive)) for choice in planners}
+    files = {choice: files_sha256(choice.check(courses[tracks[0]], settings.drive())) for choice in planners}
     return [
         Duel(DuelKey(choice.label, choice.sha256, track, opponent, seed, files[choice]), choice, settings)
         for choice in planners

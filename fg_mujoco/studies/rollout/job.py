@@ -25,6 +25,7 @@ from ...course.definitions import course_sha256
 from ...errors import ControllerError, SettingsError, accepted_names
 from ...kernels import package_files
 from ...messages import require_whole
+from ...racing.entries import check_starts
 from ...racing.opponents import Opponents, entry_of
 from ...racing.planner_choice import Value
 from ...racing.planner_files import Files, by_name, planner_files
@@ -240,18 +241,24 @@ class RolloutJob:
             return checked
         for track in self.tracks:
             checked = self.opponents.checked(track)
-        drawn = any(name == "obstacles" or name.startswith("start_") for name in self.randomization.ranges)
+        starts = any(name.startswith("start_") for name in self.randomization.ranges)
+        drawn = starts or "obstacles" in self.randomization.ranges
         for world in range(len(self.seeds) if drawn else min(len(self.seeds), len(self.tracks))):
             scenario = self.scenario(world)
             course = self.tracks[world % len(self.tracks)]
             try:
-                self.opponents.line_up(course, entry_of(scenario, self.controller), scenario.obstacles)
+                self.opponents.line_up(course, entry_of(scenario, self.controller), scenario.obstacles, drawn=starts)
             except SettingsError as error:
                 raise SettingsError(f"world {world}, seed {scenario.seed}: {error}" if drawn else str(error)) from error
         return checked
 
     def _check_starts(self, course: Course) -> None:
-        """Refuse starts that are not on an open course; round a closed one progress may be any number."""
+        """Refuse starts that are not on an open course, and one of all worlds at which the car cannot stand.
+
+        Round a closed course progress may be any number. A car that cannot stand where a start was drawn has crashed.
+        """
+        if not any(name.startswith("start_") for name in self.randomization.ranges):
+            check_starts(course, [self.base.start], [self.base.car.parameters], [""])
         starts = self.randomization.ranges.get("start_s")
         for start in () if starts is None or course.closed else starts.extremes:
             if not 0.0 <= float(start) < course.length:

@@ -24,7 +24,7 @@ from ...display import brief
 from ...errors import SettingsError, accepted_names
 from ...lidar.effects import LidarEffects
 from ...racing.planner_choice import Value, read_value
-from ...simulation.settings import DriveSettings, Scenario, Start
+from ...simulation.settings import CarSettings, DriveSettings, Scenario, Start
 from ...vehicle.changes import CarChanges
 
 PARAMETERS = {
@@ -252,6 +252,8 @@ class Randomization:
             "planner_settings": {**base.planner_settings, **own},
             "seed": seed,
         } | of[Scenario]
+        if "mu" in values and drawn.get("planner_mu", base.planner_mu) is None:
+            drawn["planner_mu"] = base.assumed_mu  # a planner is not told what is drawn
         kept = {f.name: getattr(base, f.name) for f in fields(DriveSettings)}
         return Scenario(**(kept | drawn), track=track)
 
@@ -261,7 +263,7 @@ class Randomization:
         Raises:
           SettingsError: there is one.
         """
-        described = base.described()
+        described = CarSettings.described(base)  # without what follows from others
         for name, values in self.ranges.items():
             owner, field = PARAMETERS.get(name, (Scenario, name))
             group = {CarChanges: "changes", LidarEffects: "effects", Start: "start"}.get(owner, "")

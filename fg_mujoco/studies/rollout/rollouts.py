@@ -121,7 +121,8 @@ def rollout(
       tires: a bundled set, the path of a TOML file, or Tires; None: the vehicle's.
       mu: friction coefficient of the tires, or the greatest peak of those with a curve.
       changes: what else differs from the vehicle's MJCF.
-      planner_mu: friction coefficient that the planners assume.
+      planner_mu: friction coefficient that the planners assume; None: that of the tires as they are set, not as
+        `randomize` draws them; inf: no limits.
       max_speed: fastest that a planner may command [m/s].
       planner_settings: settings of the planners that differ from their own.
       start: where and how the cars start; with opponents, car 0 counts from its place on the grid.

@@ -277,7 +277,7 @@ def _make_field(
     entries = [
         entry
         for scenario in scenarios
-        for entry in opponents.line_up(world.track, entry_of(scenario, controller), scenario.obstacles)
+        for entry in opponents.line_up(world.track, entry_of(scenario, controller), scenario.obstacles, drawn=True)
     ]
     plain = [CarChanges()] * (cars - 1)  # what differs in the opponents is compiled into the world
     changes = [change for scenario in scenarios for change in (scenario.all_changes, *plain)]

@@ -26,6 +26,7 @@
     }
     return unpacked.get(place);
   }
+  const heldSpeed = (command) => Math.max(car.slowest, Math.min(car.fastest, command[1]));  // by the car [m/s]
   const degrees = (angle) => angle * 180 / Math.PI;
   const written = (value, digits) => value === null ? "–" : (Math.round(value * 10 ** digits) / 10 ** digits + 0).toFixed(digits);
   const colourOf = (name) => (data.laws.find(([law]) => law === name) || [name, "#5d6570"])[1];
@@ -136,7 +137,7 @@
     }
     const own = decision.steps.find(([name, angle]) => name === "planner" && angle !== null);
     if (decision.command) {
-      const way = Math.sign(decision.command[1] || 1) * Math.max(0.5 * Math.abs(decision.command[1]), 0.5);
+      const speed = heldSpeed(decision.command), way = Math.sign(speed || 1) * Math.max(0.5 * Math.abs(speed), 0.5);
       if (own && Math.abs(own[1] - decision.command[0]) > 1e-3) drawArc(own[1], way, soft, 2, [5, 5]);
       drawArc(decision.command[0], way, "#2f7ed8", 3.5, []);
     }
@@ -282,8 +283,8 @@
     const across = (place) => stripLeft + (place + 0.5) / count * (width - stripLeft - 10);
     let top = 1, low = 0;
     for (const each of decisions) {
-      top = Math.max(top, each.speed || 0, each.command ? each.command[1] : 0);
-      low = Math.min(low, each.speed || 0, each.command ? each.command[1] : 0);
+      top = Math.max(top, each.speed || 0, each.command ? heldSpeed(each.command) : 0);
+      low = Math.min(low, each.speed || 0, each.command ? heldSpeed(each.command) : 0);
     }
     const up = (speed) => bottom - (speed - low) / (top - low) * (bottom - band - 10);
     for (const [first, end, law] of data.stretches) {
@@ -305,7 +306,7 @@
     for (let place = 0; place < count; place += every) {
       pen.fillText(decisions[place].time.toFixed(2) + " s", Math.max(Math.min(across(place), width - room / 2), stripLeft + room / 2), height - 5);
     }
-    for (const [value, colour, thick] of [[(each) => each.command && each.command[1], "#2f7ed8", 1.5], [(each) => each.speed, ink, 2]]) {
+    for (const [value, colour, thick] of [[(each) => each.command && heldSpeed(each.command), "#2f7ed8", 1.5], [(each) => each.speed, ink, 2]]) {
       pen.strokeStyle = colour;
       pen.lineWidth = thick;
       const points = decisions.map((each, place) => [across(place), value(each)]).filter(([, speed]) => typeof speed === "number");

@@ -30,6 +30,7 @@ from ...messages import CarParameters, Controller, DriveCommand, FloatArray, Las
 from ...showing import BASE, FARTHEST, MAP, NUMBER, SCAN, ShownValues, moved
 from ...simulation.planner_adapter import Surroundings, plan, short_text
 from ...simulation.planner_failure import one_line
+from ...simulation.telemetry import recorded_command
 from ..rendering.planner_view import intermediate_scans
 
 _MOST_NAME = 60  # characters of a name or text that a planner gives
@@ -44,6 +45,7 @@ class Step:
     speed: float  # [m/s] after it; NaN: there is none
     text: str = ""  # what the step does
     on_the_way: bool = False  # it says how fast the car gets to what the steps before it want
+    clamps: bool = False  # it is the car, which holds the command within its limits
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -122,6 +124,8 @@ def _why(step: Step | None, command: float | None, value: Callable[[Step], float
     if step is None:
         return "What led to the command is not known."
     wanted, given = text(value(step) + 0.0), text(command + 0.0)
+    if step.clamps:
+        return f"The planner asked for {given}, which is beyond the car's limits: the car holds {wanted}."
     way = "" if wanted == given else f" On the way there the command is {given}."
     return f"{wanted}, held by {step.name}{f': {step.text}' if step.text else ''}.{way}"
 
@@ -133,8 +137,9 @@ def limited_by_car(command: DriveCommand, car: CarParameters) -> Step | None:
     if (angle, speed) == (command.steering_angle, command.speed):
         return None
     return Step(
-        name="clamped by the car", steering_angle=angle, speed=speed, text="the command is beyond the car's limits"
-    )
+        name="clamped by the car", steering_angle=angle, speed=speed, text="the command is beyond the car's limits",
+        clamps=True,
+    )  # fmt: skip
 
 
 @dataclass(eq=False)
@@ -185,7 +190,7 @@ class Witness:
         self._sketches = self._ask(self._drawings, [])
         if command is not None:
             self.asked += 1
-            self.differing += int(answer != command)
+            self.differing += int(recorded_command(answer) != command)
         return answer
 
     def look(

@@ -18,6 +18,7 @@ import numpy as np
 
 from ...messages import FloatArray
 from ...racing.planner_choice import with_settings
+from ...simulation.telemetry import recorded_command
 from ..report.page import page_frame, write_page
 from .colours import hex_colour, law_colours, scan_colours
 from .decisions import Decision, Step
@@ -121,6 +122,7 @@ def _data(seen: Window) -> dict[str, Any]:
         "car": {
             "length": car.length, "width": car.width, "rear": car.rear_overhang, "lidar": car.lidar_offset,
             "wheelbase": car.wheelbase, "lock": car.max_steering_angle,
+            "slowest": car.min_speed, "fastest": car.max_speed,
         },
         "period": scan.scan_time,
         "top_speed": float(summary["speed_limit_m_s"]),
@@ -148,7 +150,7 @@ def _decision(decision: Decision, unit: float, moving: list[FloatArray]) -> dict
         "angle": _rounded(decision.odometry.steering_angle, 5),
         # the command to the last digit, for it is the recorded one
         "command": None if command is None else [command.steering_angle, command.speed],
-        "same": None if decision.answer is None or command is None else decision.answer == command,
+        "same": None if decision.answer is None or command is None else recorded_command(decision.answer) == command,
         "why": [decision.why_steering, decision.why_speed],
         "held": [_place(decision, shaped), _place(decision, held)],
         "steps": [

@@ -99,7 +99,8 @@ def _draw_top(axes: Axes, seen: Window, decision: Decision) -> None:
         axes.plot(-decision.motion[:, 1], decision.motion[:, 0], color=MOTION, linewidth=3.0, alpha=0.7,
                   label="motion of guidance", zorder=4)  # fmt: skip
     if decision.command is not None:
-        way = math.copysign(max(_SHOWN_TIME * abs(decision.command.speed), 0.5), decision.command.speed or 1.0)
+        speed = float(np.clip(decision.command.speed, car.min_speed, car.max_speed))
+        way = math.copysign(max(_SHOWN_TIME * abs(speed), 0.5), speed or 1.0)
         angle = float(np.clip(decision.command.steering_angle, -car.max_steering_angle, car.max_steering_angle))
         along = np.linspace(0.0, way, 25)
         turned = along * math.tan(angle) / car.wheelbase

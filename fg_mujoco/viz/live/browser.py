@@ -24,6 +24,7 @@ import numpy as np
 
 from ...errors import EngineError, SettingsError, missing_extra
 from ...showing import NUMBER
+from ...simulation.settings import friction_text
 from .browser_scene import CAMERAS, LEGEND, LiveScene, camera_view
 from .hand_driver import ARROWS, KEYS, WASD
 from .handshake import own_pages_only
@@ -175,8 +176,7 @@ class LiveView:
                 "speed limit", "max_speed", session.settings.max_speed, (0.5, session.world.parameters.max_speed, 0.1)
             )
             self._slider("tires' mu", "mu", round(session.world.car.mu, 4), (0.1, _GREATEST_MU, 0.01))
-            assumed = round(min(session.settings.assumed_mu, _GREATEST_MU), 4)  # without friction limits: the greatest
-            self._slider("planner's mu", "planner_mu", assumed, (0.1, _GREATEST_MU, 0.01))
+            self._planner_mu = self._slider("planner's mu", "planner_mu", self._assumed_mu, (0.1, _GREATEST_MU, 0.01))
             rate = gui.add_slider("time rate", 0.1, 4.0, 0.1, 1.0)
             rate.on_update(lambda event: setattr(self, "_rate", float(event.target.value)))
         with gui.add_folder("colours"):
@@ -252,10 +252,21 @@ class LiveView:
                 )
             )
 
-    def _slider(self, label: str, name: str, value: float, span: tuple[float, float, float]) -> None:
+    def _slider(self, label: str, name: str, value: float, span: tuple[float, float, float]) -> Any:
         least, greatest, step = span
         knob = self._server.gui.add_slider(label, min(least, value), max(greatest, value), step, value)
-        knob.on_update(lambda event: self.session.change(name, float(event.target.value)))
+        knob.on_update(lambda event: self._turned(name, event))
+        return knob
+
+    def _turned(self, name: str, event: Any) -> None:
+        """Ask the session for what a browser has set a slider to, and not for what is shown on it from here."""
+        if event.client is not None:
+            self.session.change(name, float(event.target.value))
+
+    @property
+    def _assumed_mu(self) -> float:
+        """Where the slider of the planner's friction coefficient stands: without friction limits at its greatest."""
+        return round(min(self.session.settings.assumed_mu, _GREATEST_MU), 4)
 
     def _hotkey(self, label: str, key: Any, act: Any) -> None:
         self._server.gui.add_command(label, hotkey=key).on_trigger(lambda _: act())
@@ -283,6 +294,8 @@ class LiveView:
         limit = session.limit_speed
         best = f", best lap {min(session.laps.lap_times):.3f} s" if session.laps.lap_times else ""
         self._label_pause()
+        if session.settings.planner_mu is None:  # the planner is told the tires' mu
+            self._planner_mu.value = self._assumed_mu
         state = "\n\n".join(_plain(text) for text in ("paused" if session.paused else "", session.message) if text)
         if session.failure is not None and session.failure.traceback:
             state += f"\n\n```\n{session.failure.traceback}```"
@@ -290,6 +303,7 @@ class LiveView:
             f"**{session.simulation.speed:.2f} m/s** at t = {session.simulation.time:.2f} s\n\n"
             f"limit {'none' if limit > 99.0 else f'{limit:.2f} m/s'}, "
             f"friction utilisation {session.friction_utilisation:.2f}, sliding {session.sliding_speed:.3f} m/s\n\n"
+            f"{friction_text(session.world.car.mu, session.settings.assumed_mu)}\n\n"
             f"lap {session.laps.laps_completed + 1}{best}\n\n{state or 'all is well'}"
         )
         numbers = {name: value for name, value in session.values.now.items() if value.kind == NUMBER}

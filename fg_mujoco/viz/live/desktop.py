@@ -6,6 +6,7 @@ import sys
 import time
 
 from ...errors import FgMujocoError, SettingsError
+from ...simulation.settings import friction_text
 from ..display_check import can_open_window
 from .hand_driver import KEYS
 from .session import LiveSession
@@ -27,7 +28,8 @@ def require_display() -> None:
 def run_desktop(session: LiveSession) -> None:
     """Show a session in a window, and drive it on in real time, until the window is closed.
 
-    What happens, such as a lap, a crash or a planner that fails, is printed on stderr.
+    What happens, such as a lap, a crash or a planner that fails, is printed on stderr; first the friction of
+    the tires and the one that the planner assumes.
 
     Keys: P pause, R reset, M planner or keys, and those of hand_driver.KEYS, or the arrows.
 
@@ -55,6 +57,7 @@ def run_desktop(session: LiveSession) -> None:
         raise
     except Exception as error:  # whatever a window system says
         raise SettingsError(f"the display cannot be used: {' '.join(str(error).split())}; accepted: --web") from error
+    print(friction_text(session.world.car.mu, session.settings.assumed_mu), file=sys.stderr)
     with viewer:
         due, told = time.perf_counter(), ""
         while viewer.is_running():

@@ -293,7 +293,11 @@ class LiveSession:
 
     def _change(self, name: str, value: Any) -> None:
         if name == "mu":
-            self._change_mu(replace(self.settings, mu=value, changes=replace(self.settings.changes, mu=None)))
+            settings = replace(self.settings, mu=value, changes=replace(self.settings.changes, mu=None))
+            told = settings.assumed_mu != self.settings.assumed_mu
+            planner = self._make_planner(self.planner_settings, settings) if told else self._planner
+            self._change_mu(settings)
+            self._planner = planner
         elif name in ("max_speed", "planner_mu"):
             settings = replace(self.settings, **{name: value})
             self._planner = self._make_planner(self.planner_settings, settings)
@@ -335,12 +339,13 @@ class LiveSession:
         """Put each opponent without a start on the grid, and return the start of the own car.
 
         Raises:
-          SettingsError: an unknown grid, or one that does not fit.
+          SettingsError: an unknown grid, or one that does not fit; a start beyond the walls, or in one.
         """
         own = self.settings.start
-        if not self._opponents:
-            return own
         cars = [car.parameters for car in self.world.cars]
+        if not self._opponents:
+            check_starts(self._course, [own], cars, [""], self._obstacles)
+            return own
         first, *behind = grid_starts(self._course, cars, self.settings.grid)
         own = first if own == Start() else own
         self._opponents = tuple(

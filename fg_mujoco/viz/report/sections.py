@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...racing.decisions import decision_limit_text
+from ...racing.hints import clamped_hint, late_hint
 from ...racing.manoeuvres import is_driven_by_commands
 from ...racing.run_folder import RECORDED
 from ...simulation.planner_failure import place
@@ -55,6 +56,9 @@ def head(run: RecordedRun, title: str, notes: Sequence[str]) -> str:
     if clamped is not None and not recorded:
         boxes.append((f"{clamped}", "commands clamped"))
     planned = not recorded and not is_driven_by_commands(str(summary["controller"]))
+    if planned and "planner_mu" in summary:
+        assumed = summary["planner_mu"]  # None: infinity, which JSON has not
+        boxes.append(("off" if assumed is None else f"{assumed:.4g}", "μ that the planner assumes"))
     if planned and decisions is not None and decisions["decisions"]:
         times = (decisions[name] for name in ("median_s", "percentile_99_s", "worst_s"))
         boxes.append((" / ".join(f"{1e3 * time:.2f}" for time in times) + " ms", "decisions: median / 99 % / worst"))
@@ -67,7 +71,10 @@ def head(run: RecordedRun, title: str, notes: Sequence[str]) -> str:
     late = []
     if summary["end_reason"] == "decision_limit":
         late.append(f"Decision limit: {decision_limit_text(summary['decision_limit_s'], run.end)}.")
-    told = (*failure, *map(escape, (*wrong_way, *crash, *late)), *notes)
+    hints = []
+    if planned:
+        hints = [clamped_hint(run.telemetry, run.car), late_hint(decisions) if decisions is not None else ""]
+    told = (*failure, *map(escape, (*wrong_way, *crash, *late, *(f"{hint}." for hint in hints if hint))), *notes)
     said = "".join(f'<div class="note">{note}</div>' for note in told)
     return (
         f"<h1>{escape(title)}</h1>"

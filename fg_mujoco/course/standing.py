@@ -1,0 +1,84 @@
+"""Where a car can stand: on the floor between the walls of a course, clear of them and of obstacles.
+
+if off_course(course, (x, y), on_line) or stands_in_something(course, (x, y, heading), car):
+    ...
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..messages import CarParameters, FloatArray
+from .clearance import least_clearance, outline
+from .course import Course, wall_outlines
+from .obstacles import Obstacle
+
+
+def off_course(course: Course, place: ArrayLike, on_line: ArrayLike, *, lane: bool = False) -> bool:
+    """Return whether a place is outside the walls, or within an island: no floor of the course.
+
+    Args:
+      course: with walls; without, nothing is off it.
+      place: x [m], y [m].
+      on_line: x [m], y [m] of the course's line beside it. Where the course has no edges, but walls of solids, the
+        place is off the course if a wall stands between the two.
+      lane: whether the same holds on any course: then a place between the walls of another stretch is off it, too.
+    """
+    sides = _sides(course)
+    point, beside = (np.asarray(each, np.float64)[:2] for each in (place, on_line))
+    if len(course.edges) and not _enclosed(point, sides):
+        return True
+    return (lane or not course.edges) and _crosses(sides, beside, point)
+
+
+def stands_in_something(
+    course: Course, pose: ArrayLike, car: CarParameters, obstacles: Sequence[Obstacle] = ()
+) -> bool:
+    """Return whether a car at a pose touches a wall or an obstacle, or stands within one; moving ones as at 0 s.
+
+    Args:
+      course: whose own obstacles stand there, too.
+      pose: of the rear axle, x [m], y [m], heading [rad].
+      car: whose footprint it is.
+      obstacles: that were put there.
+    """
+    solids = [solid.corners() for solid in (*course.obstacles, *obstacles)]
+    solids += [moving.box(0.0).corners() for moving in course.moving]
+    placed = np.asarray(pose, np.float64)[np.newaxis, :3]
+    if any(_enclosed(placed[0, :2], outline(solid)) for solid in solids):
+        return True
+    sides = np.concatenate([_sides(course), *map(outline, solids)])
+    return bool(len(sides)) and least_clearance(placed, sides, car) <= 0.0
+
+
+def _crosses(sides: FloatArray, start: FloatArray, end: FloatArray) -> bool:
+    """Return whether the way between two points (2,) crosses any of some lines (n, 4) [m]."""
+
+    def side(one: FloatArray, other: FloatArray, point: FloatArray) -> FloatArray:
+        along, away = other - one, point - one
+        return np.asarray(along[..., 0] * away[..., 1] - along[..., 1] * away[..., 0])
+
+    one, other = sides[:, :2], sides[:, 2:]
+    apart = side(one, other, start) * side(one, other, end) < 0.0
+    return bool((apart & (side(start, end, one) * side(start, end, other) < 0.0)).any())
+
+
+@lru_cache(maxsize=8)
+def _sides(course: Course) -> FloatArray:
+    """Return the walls of a course from above, one line after the other. Shape (n, 4) [m]."""
+    lines = wall_outlines(course)
+    return np.concatenate([outline(line) for line in lines]) if lines else np.empty((0, 4))
+
+
+def _enclosed(point: FloatArray, sides: FloatArray) -> bool:
+    """Return whether a point (2,) is inside an odd number of the polygons whose sides (n, 4) are given [m]."""
+    x, y = point
+    from_x, from_y, to_x, to_y = sides.T
+    passed = (from_y > y) != (to_y > y)
+    with np.errstate(divide="ignore", invalid="ignore"):  # of sides along x, which are not passed
+        right = x < from_x + (y - from_y) / (to_y - from_y) * (to_x - from_x)
+    return bool(np.count_nonzero(passed & right) % 2)

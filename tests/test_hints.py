@@ -1,0 +1,166 @@
+"""A race says in one line what its planner's mistake may be: degrees, late decisions, a scan in another order."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+import fg_mujoco as fg
+from fg_mujoco.cli.main import main
+from fg_mujoco.messages import DriveCommand
+from fg_mujoco.racing.decisions import DecisionTimes
+from fg_mujoco.racing.hints import clamped_hint, late_hint, race_hints
+from fg_mujoco.simulation.telemetry import COMMAND, TELEMETRY
+
+CAR = fg.Vehicle.load("f1tenth").parameters
+PERIOD = 0.025
+
+
+class Deepest:
+    """Steers to where there is most room, of a scan that it reads in some way."""
+
+    def __init__(self, read, speed=1.5, unit=1.0):
+        self.read, self.speed, self.unit = read, speed, unit
+
+    def reset(self):
+        pass
+
+    def __call__(self, scan, odometry):
+        ranges, bearings = self.read(scan)
+        angle = float(np.average(bearings, weights=np.minimum(ranges, 8.0) ** 3))
+        return DriveCommand(steering_angle=self.unit * min(max(angle, -0.4), 0.4), speed=self.speed)
+
+
+def as_it_is(scan):
+    return scan.ranges, scan.bearings
+
+
+def mirrored(scan):
+    return scan.ranges[::-1], scan.bearings
+
+
+def left_half(scan):  # taken for the half turn ahead
+    half = scan.ranges[len(scan.ranges) // 2 :]
+    return half, np.linspace(-0.5 * math.pi, 0.5 * math.pi, len(half))
+
+
+def telemetry(angles, speeds):
+    rows = np.zeros((len(angles), len(TELEMETRY)))
+    rows[:, COMMAND], rows[:, COMMAND + 1] = angles, speeds
+    return rows
+
+
+# -- commands beyond the limits
+
+
+def test_degrees_are_told_and_radians_are_not():
+    degrees, radians = (
+        fg.race("oval", Deepest(as_it_is, unit=unit), laps=1, time_limit=6.0) for unit in (180.0 / math.pi, 1.0)
+    )
+    (hint,) = race_hints(degrees)
+    assert hint.startswith(
+        f"{degrees.clamped_commands} of {len(degrees.telemetry)} commands were beyond the car's limits"
+    )
+    assert "Steering angles are in radians: if these are degrees, try math.radians(angle)" in hint
+    assert race_hints(radians) == ()
+
+
+@pytest.mark.parametrize(
+    ("angles", "speeds", "said"),
+    [
+        ([0.5] * 60, [1.0] * 60, "Try less gain"),
+        ([20.0] * 60, [1.0] * 60, "math.radians"),
+        ([0.0] * 60, [50.0] * 60, "Speeds are in metres per second"),
+        ([0.5] * 30 + [0.0] * 30, [1.0] * 60, ""),  # half of them
+        ([0.5] * 31 + [0.0] * 29, [1.0] * 60, "31 of 60"),
+        ([9.0] * 19, [1.0] * 19, ""),  # too few
+    ],
+)
+def test_most_commands_beyond_the_limits_are_told_and_fewer_are_not(angles, speeds, said):
+    hint = clamped_hint(telemetry(angles, speeds), CAR)
+    assert said in hint and bool(hint) == bool(said) and "\n" not in hint
+
+
+# -- late decisions
+
+
+@pytest.mark.parametrize(("late", "told"), [(50, False), (51, True)])
+def test_most_decisions_over_a_tick_are_told(late, told):
+    times = DecisionTimes.of([0.05] * late + [0.001] * (100 - late), PERIOD)
+    hint = late_hint(vars(times))
+    assert bool(hint) is told
+    if told:
+        assert hint.startswith("51 of 100 decisions took longer than 25 ms, half of them 50 ms or more.")
+        assert "--lidar-latency 0.05" in hint
+
+
+def test_a_race_says_that_its_planner_is_late(monkeypatch):
+    result = fg.race("oval", Deepest(as_it_is), laps=1, time_limit=1.0)
+    assert race_hints(result) == ()
+    slow = DecisionTimes.of([0.05] * 40, PERIOD)
+    object.__setattr__(result, "decision_times", slow)
+    assert race_hints(result) == (late_hint(vars(slow)),)
+
+
+# -- a scan that is read in another order
+
+
+@pytest.mark.parametrize(("read", "speed"), [(mirrored, 1.5), (mirrored, 4.0), (left_half, 4.0)])
+def test_a_planner_that_reads_the_scan_in_another_order_is_asked(read, speed):
+    result = fg.race("chicanes", Deepest(read, speed), laps=1, time_limit=30.0)
+    assert result.end_reason == "crash"
+    (hint,) = race_hints(result)
+    assert (
+        "the planner steered to the other. Does it read the scan as it is? ranges[0] of 1081 is the rightmost" in hint
+    )
+    assert "at -135 degrees, ranges[540] looks straight ahead" in hint
+
+
+@pytest.mark.parametrize("track", ["hairpins", "oval", "chicanes"])
+def test_one_that_reads_it_as_it_is_and_crashes_is_not(track):
+    result = fg.race(track, Deepest(as_it_is, speed=12.0), laps=3, max_speed=12.0, time_limit=60.0)
+    assert result.end_reason == "crash" and race_hints(result) == ()
+
+
+def test_each_of_several_cars_is_named():
+    entries = [fg.Entry(), fg.Entry(controller=Deepest(as_it_is, unit=60.0), name="mine", start=fg.Start(s=20.0))]
+    (hint,) = race_hints(fg.race("oval", entries=entries, time_limit=3.0))
+    assert hint.startswith("'mine': ") and "math.radians" in hint
+
+
+# -- where it is said
+
+
+PLANNER = """
+import math
+from fg_mujoco.messages import DriveCommand
+
+
+class Degrees:
+    def reset(self):
+        pass
+
+    def __call__(self, scan, odometry):
+        return DriveCommand(steering_angle=20.0 * math.sin(20.0 * scan.stamp), speed=1.0)
+"""
+
+
+def test_command_line_and_report_say_it_in_a_line(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("bokeh", reason="no bokeh here: pip install -e '.[report]'")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text(PLANNER)
+    main(["race", "--controller", "mine.py:Degrees", "--time-limit", "1", "--out", "run", "--json"])
+    out, err = capsys.readouterr()
+    assert json.loads(out)["clamped_commands"] > 20
+    assert [line for line in err.splitlines() if line.startswith("fg-mujoco: hint: ") and "math.radians" in line]
+    assert "if these are degrees, try math.radians(angle)." in (tmp_path / "run" / "report.html").read_text()
+    main(["race", "--time-limit", "1"])
+    assert "hint" not in capsys.readouterr().err
+
+
+def test_a_drive_says_it(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "drive.csv").write_text("time_s,steering_angle_rad,speed_m_s\n0,20,1\n1,20,1\n")
+    main(["drive", "drive.csv"])
+    assert "fg-mujoco: hint: 40 of 40 commands were beyond" in capsys.readouterr().err
