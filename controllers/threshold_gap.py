@@ -16,7 +16,7 @@ second reading to the fifth. The others beyond t are one and two readings; with 
 definition is what is taken.
 
 Limits: t is hard to decide. The greater it is, the later a gap shows, and the faster the lap, until none shows where
-the car has to turn in. Without guidance, of six circuits (docs/planners.md) it drives all with 2 and 3 m; with 4 m it
+the car has to turn in. Without guidance, of the first six circuits it drives all with 2 and 3 m; with 4 m it
 is faster in three and gets stuck in `tight`; with the course's 5 m it finishes three. The gap's width counts as an
 angle, n as readings of this LiDAR: neither knows the car's width, and only driving through the middle keeps the car off
 the gap's edges.

@@ -100,13 +100,9 @@ def published(figures: dict[str, Any]) -> str:
 
 
 def planners(figures: dict[str, Any]) -> str:
-    """Return each planner's best lap on each bundled circuit, and its greatest slide on all of them."""
-    rows = [
-        (f"`{name}`", *(_lap(runs[circuit]) for circuit in BUNDLED),
-         _short(max(runs[circuit]["max_slide_m_s"] for circuit in BUNDLED), 3))
-        for name, runs in figures["planners"].items()
-    ]  # fmt: skip
-    return _table(("", *BUNDLED, "greatest slide [m/s]"), rows)
+    """Return each planner's best lap on each bundled circuit."""
+    rows = [(f"`{name}`", *(_lap(runs[circuit]) for circuit in BUNDLED)) for name, runs in figures["planners"].items()]
+    return _table(("", *BUNDLED), rows)
 
 
 def scenes(figures: dict[str, Any]) -> str:
@@ -139,10 +135,6 @@ def _lap(run: dict[str, Any]) -> str:
 
 def _seconds(value: float) -> str:
     return f"{value:.2f}"
-
-
-def _short(value: float, digits: int) -> str:
-    return f"{value:.{digits}f}".removeprefix("0")
 
 
 def _range(values: Iterable[float]) -> str:

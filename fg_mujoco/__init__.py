@@ -8,11 +8,18 @@
 What loads slowly (trimesh, embreex, matplotlib) is imported where it is used.
 """
 
+import sys as _sys
 from importlib.metadata import version as _version
+from types import FunctionType as _FunctionType
+from types import ModuleType as _ModuleType
+from typing import Any as _Any
 
 from .simulation import mujoco_import as _mujoco_import  # noqa: F401  # first: it chooses how pictures are drawn
 
 # isort: split
+from . import tracks as _tracks  # noqa: F401
+from .arguments import explain_class as _explain_class
+from .arguments import explained as _explained
 from .course.centreline_csv import read_centreline, write_centreline
 from .course.course import Course
 from .course.formats import track_names
@@ -28,6 +35,7 @@ from .course.scenes.catalogue import scene_names
 from .course.tight import TightSettings, generate_tight_track
 from .course.track import Track
 from .envs.parallel import parallel_env
+from .envs.registration import register_once_imported as _register_once_imported
 from .errors import (
     BagError,
     ControllerError,
@@ -41,6 +49,7 @@ from .errors import (
     SettingsError,
     TrackError,
 )
+from .errors import nearest as _nearest
 from .lidar.beams import Beams
 from .lidar.effects import LidarEffects
 from .lidar.lidar import Lidar, RangefinderLidar, RaycastLidar, lidar_spec, make_lidar
@@ -190,3 +199,42 @@ __all__ = [
     "write_run",
     "write_video",
 ]
+
+_GYMNASIUM = "gymnasium.make('fg_mujoco/F1Tenth-v0')"
+_ELSEWHERE = {
+    "AckermannDrive": "DriveCommand", "Command": "DriveCommand", "Env": _GYMNASIUM, "F1TenthEnv": _GYMNASIUM,
+    "Odom": "Odometry", "Planner": "Controller", "cars": "vehicle_names", "env": _GYMNASIUM, "gym": _GYMNASIUM,
+    "load_map": "load_track", "make": _GYMNASIUM, "make_env": _GYMNASIUM, "make_vec": _GYMNASIUM,
+    "maps": "track_names", "planners": "controller_names", "run": "race", "sim": "Simulation", "simulate": "Simulation",
+    "vehicles": "vehicle_names",
+}  # fmt: skip
+"""What others call it -> what it is called here."""
+
+
+def __getattr__(name: str) -> _Any:
+    """Refuse a name that is not here with the one that was probably meant."""
+    meant = None if name.startswith("_") else _ELSEWHERE.get(name) or _nearest(name, __all__)
+    raise AttributeError(f"fg_mujoco has no {name!r}" + ("" if meant is None else f"; did you mean {meant!r}?"))
+
+
+def _explain() -> None:
+    """Let all that is public answer wrong arguments with the right ones."""
+    for name in __all__:
+        found = globals()[name]
+        if isinstance(found, _FunctionType):
+            globals()[name] = _explained(found)
+            globals()[name].__module__ = __name__  # by which it is pickled
+        elif isinstance(found, type) and not issubclass(found, Exception) and not getattr(found, "_is_protocol", False):
+            _explain_class(found)
+
+
+class _Tracks(_ModuleType):
+    """The folder of tracks, of which newcomers think as a function."""
+
+    def __call__(self) -> _Any:
+        raise TypeError("fg_mujoco.tracks is a folder; did you mean 'track_names'?")
+
+
+_sys.modules["fg_mujoco.tracks"].__class__ = _Tracks
+_explain()
+_register_once_imported()

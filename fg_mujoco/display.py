@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arguments import Suggesting
 from .errors import SettingsError
 
 LONGEST = 300
@@ -168,7 +169,7 @@ class Drawing:
         return shown
 
 
-class Shown:
+class Shown(Suggesting):
     """What has a picture or a table in a notebook, by `_repr_html_`, and shows the same elsewhere by `show()`."""
 
     def _repr_html_(self) -> str:

@@ -12,20 +12,56 @@ from typing import Any
 
 _LEAST_PART = 3  # letters of a part by which a name is found
 
+_UNITS = ("_m", "_s", "_m_s", "_m_s2", "_rad", "_rad_s", "_N")
+"""Ends of the names of columns and results."""
+
+_OTHER_WORDS: dict[str, tuple[str, ...]] = {
+    "acc": ("linear_acceleration",), "agent": ("controller", "entries", "opponent"),
+    "agents": ("agents", "opponent", "entries"), "algorithm": ("controller", "controllers"), "angle": ("bearings",),
+    "angles": ("bearings",), "angular_z": ("yaw_rate",), "best_lap": ("lap_times_s",), "car": ("vehicle",),
+    "cars": ("vehicle", "entries"), "circuit": ("track", "tracks"), "collided": ("collisions", "crash"),
+    "course": ("track", "tracks"), "crashed": ("crash", "collisions"), "delta": ("steering_angle",), "dir": ("out",),
+    "driver": ("controller",), "duration": ("sim_time_s", "time_limit"), "envs": ("num_envs", "n"),
+    "folder": ("out",), "friction": ("mu",), "heading": ("pose",), "imu": ("angular_velocity",),
+    "lap_time": ("lap_times_s",), "laps": ("laps_completed",), "laptime": ("lap_times_s",), "linear_x": ("speed",),
+    "map": ("track", "tracks"), "maps": ("tracks", "track"), "maximum_speed": ("max_speed",), "n_laps": ("laps",),
+    "noise": ("range_noise_std", "lidar_noise"), "num_agents": ("agents", "opponent", "entries"),
+    "num_cars": ("agents", "opponent", "entries"), "num_envs": ("num_envs", "n"), "num_laps": ("laps",),
+    "num_worlds": ("n",), "number": ("n",), "observation": ("step",), "odometry": ("step",),
+    "opponents": ("opponent", "entries"), "orientation": ("pose",), "output": ("out",), "output_dir": ("out",),
+    "planner": ("controller", "controllers"), "planners": ("controllers", "controller"),
+    "policy": ("controller", "controllers"), "pose_theta": ("pose",), "pose_x": ("pose",), "pose_y": ("pose",),
+    "position": ("pose", "trajectory"), "record": ("video",), "save": ("out",), "scan": ("step",),
+    "scene": ("track", "scenes", "tracks"), "size": ("length", "width"), "speed": ("max_speed", "speed_m_s"),
+    "steer": ("steering_angle",), "steering": ("steering_angle", "steering_angle_rad"), "success": ("finished",),
+    "theta": ("pose", "heading"), "throttle": ("speed",), "time": ("stamp", "sim_time_s", "time_s"),
+    "time_limit": ("duration",), "timeout": ("time_limit",), "times": ("lap_times_s",), "timestamp": ("stamp",),
+    "trajectory": ("states",), "twist": ("speed",), "v": ("speed", "max_speed"), "v_max": ("max_speed",),
+    "vel": ("speed", "max_speed"), "velocity": ("speed", "max_speed"), "vmax": ("max_speed",),
+    "wheel_speed": ("wheel_speeds",), "wheelbase": ("vehicle",), "world": ("track",), "worlds": ("n",),
+    "x": ("pose", "x_m"), "y": ("pose", "y_m"), "yaw": ("pose", "heading"),
+}  # fmt: skip
+"""What others call it -> what it is called here: a name of the first that is known is meant."""
+
 
 def nearest(name: object, known: Iterable[str], *, cutoff: float = 0.6) -> str | None:
-    """Return the name that was probably meant: the most similar of the known ones, else the only one that holds it.
+    """Return the name that was probably meant.
+
+    That is the one that only lacks its unit, else the word here for what others call it, else the most similar of the
+    known names, else the only one that holds it.
 
     None: no name is similar, and none or several hold the one that was given.
 
     Args:
       name: as it was given.
-      known: names to choose from; capitals, hyphens and underscores make no difference.
+      known: names to choose from; capitals, hyphens and underscores make no difference, nor do hyphens in front.
       cutoff: least similarity, from 0 to 1 (difflib's ratio).
     """
     spelt = {_spelling(each): each for each in reversed(list(known))}
     given = _spelling(str(name))
-    found = difflib.get_close_matches(given, spelt, n=1, cutoff=cutoff)
+    others = (*(given + unit.casefold() for unit in _UNITS), *_OTHER_WORDS.get(given, ()))
+    found = [each for each in (given, *others) if each in spelt][:1]
+    found = found or difflib.get_close_matches(given, spelt, n=1, cutoff=cutoff)
     if not found:
         held = [each for each in spelt if len(given) >= _LEAST_PART and given in each]
         found = held if len(held) == 1 else []
@@ -47,8 +83,14 @@ def accepted_names(name: object, known: Iterable[str], others: str = "", *, besi
     return f"accepted: {', '.join(known)}{others}{hint}"
 
 
+def with_unit(name: str, known: Iterable[str]) -> str | None:
+    """Return the known name that is `name`, or is that and a unit, such as "speed_m_s"; None: there is none."""
+    known = tuple(known)
+    return next((each for each in (name, *(name + unit for unit in _UNITS)) if each in known), None)
+
+
 def _spelling(name: str) -> str:
-    return name.casefold().replace("-", "_")
+    return name.casefold().lstrip("-").replace("-", "_")
 
 
 class FgMujocoError(Exception):
@@ -61,6 +103,10 @@ class MessageError(FgMujocoError, ValueError):
 
 class SettingsError(FgMujocoError, ValueError):
     """A setting outside its accepted range, or a combination that cannot work."""
+
+
+class ArgumentError(SettingsError, TypeError):
+    """An argument that a function or a class does not take, or one that it lacks."""
 
 
 class TrackError(FgMujocoError, ValueError):

@@ -270,19 +270,32 @@ def cache_folder() -> Path:
 
     Its files are run, so a folder that another user owns or may write to is not used.
     """
+    return own_folder("kernels", "compiled kernels are not kept there") or Path(tempfile.mkdtemp(prefix="fg_mujoco-"))
+
+
+def own_folder(name: str, otherwise: str) -> Path | None:
+    """Return a folder in $XDG_CACHE_HOME or ~/.cache, made if it is new, that only this user may write to.
+
+    Args:
+      name: of the folder, in that of this package.
+      otherwise: what follows where others may write to it, which is said on stderr.
+
+    Returns:
+      None where others may, or it cannot be made.
+    """
     try:
         parent = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / _PACKAGE
-        folder = parent / "kernels"
+        folder = parent / name
         parent.parent.mkdir(parents=True, exist_ok=True)
         for path in (parent, folder):
             path.mkdir(mode=0o700, exist_ok=True)
         unsafe = [path for path in (parent, folder) if _open_to_others(path)]
         if not unsafe:
             return folder
-        _say(f"other users may write to {unsafe[0]}: compiled kernels are not kept there")
+        _say(f"other users may write to {unsafe[0]}: {otherwise}")
     except (OSError, RuntimeError):  # it cannot be made, or there is no home
         pass
-    return Path(tempfile.mkdtemp(prefix="fg_mujoco-"))
+    return None
 
 
 def _open_to_others(folder: Path) -> bool:

@@ -16,6 +16,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arguments import Suggesting
 from .display import Drawing, Shown, brief, paragraph
 from .errors import MessageError, SettingsError
 
@@ -27,6 +28,36 @@ def read_only(values: ArrayLike) -> FloatArray:
     array = np.array(values, dtype=np.float64)
     array.setflags(write=False)
     return array
+
+
+def _writing(name: str) -> Any:
+    """Return a method of arrays that writes to its own, and says what to do where that is read-only."""
+    plain = getattr(np.ndarray, name)
+
+    def write(self: Any, *args: Any, **named: Any) -> Any:
+        if not self.flags.writeable:
+            raise MessageError("the ranges of a scan are read-only; accepted: a copy, ranges = scan.ranges.copy()")
+        return plain(self, *args, **named)
+
+    return write
+
+
+class _Ranges(np.ndarray):
+    """The ranges of a scan: read-only, and the refusal says what to do. What is computed of them is a plain array."""
+
+    __setitem__ = _writing("__setitem__")
+    __iadd__, __isub__, __imul__ = _writing("__iadd__"), _writing("__isub__"), _writing("__imul__")
+    fill, put, sort = _writing("fill"), _writing("put"), _writing("sort")
+
+    def copy(self, order: Any = "C") -> Any:
+        """Return a copy that can be written to, a plain array."""
+        return np.array(self, order=order)
+
+    def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
+        return array[()] if return_scalar else np.asarray(array)
+
+    def __repr__(self) -> str:
+        return repr(np.asarray(self))
 
 
 def shown(value: object) -> str:
@@ -119,7 +150,7 @@ class LaserScan(Shown):
     no_return: float = math.inf  # [m] what a beam without a return reads: inf or range_max
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "ranges", read_only(self.ranges))
+        object.__setattr__(self, "ranges", read_only(self.ranges).view(_Ranges))
         require_finite(
             self, self.stamp, self.angle_min, self.angle_max, self.angle_increment, self.range_min, self.range_max,
             self.time_increment, self.scan_time, names=_SCAN_NUMBERS,
@@ -166,7 +197,7 @@ _NO_POSE = read_only((math.nan, math.nan, math.nan))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Odometry:
+class Odometry(Suggesting):
     """What the car's own sensors say between scans: wheel encoders, steering sensor, IMU; and where it is on the map.
 
     The pose is that of an ideal localisation: the true one, of base_link, at the time of the stamp. No reactive planner
@@ -225,6 +256,9 @@ class DriveCommand:
             if type(getattr(self, name)) is not float:
                 object.__setattr__(self, name, float(getattr(self, name)))
 
+
+A_COMMAND = "a DriveCommand(steering_angle=0.1, speed=1.0)"
+"""What messages call it that a planner is to answer."""
 
 STOP = DriveCommand(steering_angle=0.0, speed=0.0)
 

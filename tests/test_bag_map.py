@@ -115,7 +115,7 @@ def test_poses_that_drift_are_corrected_by_the_scans(sweeps, tmp_path):
     off = drifted(sweeps, scale=0.03, turn=0.03)
     before = np.hypot(*(off.poses - sweeps.poses)[:, :2].T)
     assert before.max() > 0.5
-    numbers, poses = match_scans(off)
+    numbers, poses, _ = match_scans(off)
     after = np.hypot(*(poses - sweeps.poses[numbers])[:, :2].T)
     assert after.mean() < 0.6 * before.mean()  # the oval's curves look alike along them
     made = make_map(off)

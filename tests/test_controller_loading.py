@@ -183,7 +183,7 @@ def test_an_object_that_is_none_either(thing):
         ("np.zeros((3, 3))", "accepted: a DriveCommand"),  # whose repr has three lines
         ("'x' * 1000", "accepted: a DriveCommand"),
         ("1 / 0", "ZeroDivisionError"),
-        ("scan.ranges.sort()", "ValueError"),  # scans are read-only
+        ("scan.ranges.sort()", "MessageError: the ranges of a scan are read-only"),  # scans are read-only
         ("scan.distances", "AttributeError"),
     ],
 )

@@ -193,7 +193,8 @@ def folder(tmp_path_factory):
     return fg.write_run(race, tmp_path_factory.mktemp("runs") / "oval", picture=False)
 
 
-def test_no_planner_is_imported_without_trust(failed, capsys):
+def test_no_planner_of_a_run_of_others_is_imported_without_trust(failed, capsys, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))  # as another user, who has not raced it
     capsys.readouterr()
     assert main(["debug", str(failed)]) == 0
     assert "--trust" in capsys.readouterr().err

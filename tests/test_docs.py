@@ -11,6 +11,7 @@ from importlib.util import find_spec, module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import pytest
+from browsers import page_of  # noqa: F401 - a fixture
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import _parser, main
@@ -238,18 +239,40 @@ def test_links_out_of_the_docs_become_names(hooks):
     assert hooks.without_links_out("[maps](docs/maps.md)", "", to_docs=True) == "[maps](maps.md)"
 
 
-@pytest.mark.slow
-def test_site_builds_without_a_warning_and_fetches_nothing(tmp_path):
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """The folder of the site."""
     for module in ("mkdocs", "material", "mkdocstrings_handlers"):
         if find_spec(module) is None:
             pytest.skip(f"no {module}: pip install -e '.[docs]'")
-    build = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path / "site")]
+    folder = tmp_path_factory.mktemp("docs") / "site"
+    build = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)]
     made = subprocess.run(build, cwd=ROOT, capture_output=True, text=True)
     assert made.returncode == 0, made.stderr[-3000:]
-    pages = list((tmp_path / "site").rglob("*.html"))
+    return folder
+
+
+@pytest.mark.slow
+def test_site_builds_without_a_warning_and_fetches_nothing(site):
+    pages = list(site.rglob("*.html"))
     assert {"index.html", "gap_finder.html", "changelog.html", "races.html"} <= {page.name for page in pages}
     for page in pages:
         fetched = re.findall(r'<(?:script|link|img)\b[^>]*\b(?:src|href)="(https?:[^"]+)"', page.read_text("utf-8"))
         assert fetched == [], page
     races = next(page for page in pages if page.name == "races.html").read_text("utf-8")
     assert "from a standing start" in races  # the comment behind RaceResult.lap_times_s
+
+
+@pytest.mark.slow
+def test_search_of_the_site_works_from_the_disk_without_network(site, page_of):  # noqa: F811
+    with page_of() as page:
+        page.context.set_offline(True)
+        page.goto((site / "howto" / "own_map.html").as_uri())
+        page.locator("input[name=query]").click()
+        page.keyboard.type("hairpins")
+        results = page.locator(".md-search-result__link")
+        results.first.wait_for(timeout=20_000)
+        links = [link.get_attribute("href") for link in results.all()]
+        assert any("/circuits.html" in link for link in links), links
+        page.goto(links[0])
+        assert page.locator("h1").is_visible()

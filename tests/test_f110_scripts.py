@@ -222,6 +222,9 @@ def test_an_error_of_the_script_is_its_own(folder):
         error.startswith('Traceback (most recent call last):\n  File "script.py", line 3') and "fg_mujoco" not in error
     )
     assert run(folder, "import sys\nsys.exit(7)\n")[2] == 7
+    out, error, status = run(folder, "import numpy as np\nprint(np.product([2, 3]))\nnp.cast\n")
+    assert (out, status) == ("6\n", 1)
+    assert error.splitlines()[-1].endswith("install an older one: pip install 'numpy<2'")
     assert "error: nowhere.py: No such file" in run(folder, "", name="x.py", options=("nowhere.py",))[1]
 
 

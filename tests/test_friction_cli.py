@@ -116,9 +116,6 @@ def test_what_cannot_be_measured_is_refused_in_one_line(here, capsys, arguments,
 def test_a_folder_of_something_else_is_refused(here, capsys):
     run_lab(["squares"], out="out", workers=1, pictures=False)
     assert "quick is false there and true here" in refusal(here, capsys, "squares", "--quick", "--out", "out")
-    (here / "mine").mkdir()
-    (here / "mine/notes.txt").write_text("")
-    assert "is not empty; accepted" in refusal(here, capsys, "squares", "--out", "mine")
 
 
 @pytest.mark.parametrize("fares", [FAILS, DIES])

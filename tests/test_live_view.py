@@ -451,13 +451,12 @@ def test_in_a_browser_the_car_moves_and_pause_and_knobs_and_keys_do_what_they_sa
         page.wait_for_timeout(500)
         assert page.screenshot() != before
 
-        session.message = "my_own_planner{ <b>x</b> *_ $a$ | \\ [y](z)"  # as an error's text may be
-        page.get_by_text(session.message, exact=True).wait_for()
-
         page.get_by_role("button", name="pause").click()
         wait_until(lambda: session.paused)
         stands = session.simulation.time
         page.get_by_role("button", name="go on").wait_for()
+        session.message = "my_own_planner{ <b>x</b> *_ $a$ | \\ [y](z)"  # as an error's text may be
+        page.get_by_text(session.message, exact=True).wait_for()
         assert session.simulation.time == stands
         page.get_by_role("button", name="go on").click()
         wait_until(lambda: session.simulation.time > stands)

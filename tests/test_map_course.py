@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+import warnings
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from map_oracles import box_room, building, draw_map, march, real_map, ring
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
+from fg_mujoco.course.maps import region, walls
 from fg_mujoco.course.maps.map_server import read_map_file
 from fg_mujoco.course.maps.map_track import MapTrack, load_map, map_loops, read_map
 from fg_mujoco.course.maps.region import encloses
@@ -224,3 +227,120 @@ def test_the_command_line_refuses_bad_input_in_one_line(tmp_path, capsys, settin
     out, err = capsys.readouterr()
     assert (out, err.count("\n")) == ("", 1)
     assert err.startswith(f"fg-mujoco: {path}: {message}")
+
+
+def speckled(share=0.0008):
+    """Return the ring with single pixels that are not free, and how many there are on its course."""
+    free = ring()
+    specks = free & (np.random.default_rng(0).random(free.shape) < share)
+    specks[:, 130:170] = False  # clear of the start, and none beside another
+    return free & ~specks, np.count_nonzero(specks)
+
+
+def test_specks_are_counted_and_the_setting_that_is_named_drops_them(tmp_path):
+    free, specks = speckled(0.004)
+    path = draw_map(tmp_path, free)
+    with pytest.warns(UserWarning, match=r"(\d+) islands of fewer than \d pixels are kept as obstacles") as told:
+        noisy = load_map(str(path))
+    assert len(noisy.islands) >= int(str(told[0].message).split(": ")[1].split()[0]) > 0.8 * specks
+    setting = re.search(r"drawn\.yaml(\[specks=\d\])", str(told[0].message))[1]
+    whole = load_map(str(draw_map(tmp_path, ring(), name="whole")))
+    clean = load_map(f"{path}{setting}")
+    assert clean.islands == ()
+    assert clean.length == pytest.approx(whole.length, rel=2e-3) and noisy.length > 1.01 * whole.length
+    again = load_map(f"{draw_map(tmp_path, ring(), name='again')}[specks=9]")
+    for ours, theirs in zip(again.definition.values(), whole.definition.values(), strict=True):
+        np.testing.assert_array_equal(ours, theirs)  # where there are none nothing changes
+
+
+def test_an_island_of_as_many_pixels_as_the_setting_stays(tmp_path):
+    free = ring()
+    free[40:42, 148:150] = False
+    path = draw_map(tmp_path, free)
+    with pytest.warns(
+        UserWarning, match=r"1 island of fewer than 5 pixels is kept as an obstacle; .*\[specks=5"
+    ):
+        assert len(load_map(f"{path}[specks=4]").islands) == 1
+    assert load_map(f"{path}[specks=5]").islands == ()
+    free[38:44, 146:152] = False
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert len(load_map(str(draw_map(tmp_path, free))).islands) == 1  # a box of 0.3 m is no speck
+    with pytest.raises(TrackError, match="specks is -1; accepted: a number of pixels"):
+        load_map(f"{path}[specks=-1]")
+
+
+def test_the_setting_that_is_named_keeps_those_that_were_given(tmp_path):
+    free = double_wall(20)
+    free[40:41, 150:151] = False
+    path = draw_map(tmp_path, free)
+    with pytest.warns(UserWarning, match=r"; drawn\.yaml\[start=7.5:2.2,close=1.1,specks=2\] drops"):
+        load_map(f"{path}[close=1.1,start=7.5:2.2]")
+
+
+def test_noise_is_refused_with_the_setting_that_drops_it(tmp_path, monkeypatch):
+    free = np.kron(ring(), np.ones((3, 3), bool))
+    free &= np.random.default_rng(0).random(free.shape) > 0.02
+    monkeypatch.setattr(region, "_MOST_SIDES", 8000)
+    path = draw_map(tmp_path, free, resolution=PIXEL / 3)
+    with pytest.raises(TrackError, match=r"a map without noise, or drawn\.yaml\[specks=9\]$"):
+        load_map(str(path))
+    assert load_map(f"{path}[specks=9]").length == pytest.approx((2 * math.pi * 55 + 240) * PIXEL, rel=0.02)
+
+
+def test_a_leaking_map_of_noise_is_refused_with_both_settings(tmp_path, monkeypatch):
+    monkeypatch.setattr(region, "_MOST_SPECKS", 20)
+    free = double_wall(20) & (np.random.default_rng(0).random((200, 300)) > 0.005)
+    path = draw_map(tmp_path, free)
+    with pytest.raises(TrackError, match=r"or drawn\.yaml\[specks=9,close=1.1\]$"):
+        load_map(str(path))
+    assert load_map(f"{path}[specks=9,close=1.1]").length == pytest.approx((2 * math.pi * 55 + 240) * PIXEL, rel=0.01)
+
+
+@pytest.mark.parametrize(("hole", "option"), [(40, "close=2.1"), (90, "border=wall")])
+def test_a_hole_much_wider_than_the_course_is_not_closed_but_the_border_is_a_wall(tmp_path, hole, option):
+    free = double_wall()
+    free[29:33, 150 - hole // 2 : 150 + hole // 2] = True  # in the lower straight, of a course of 1.3 m
+    path = draw_map(tmp_path, free)
+    with pytest.raises(TrackError, match=rf"a hole, .* m wide, .*, or drawn\.yaml\[{option}\]$"):
+        load_map(str(path))
+    assert isinstance(load_map(f"{path}[{option}]"), MapTrack)
+
+
+def test_no_setting_is_named_where_none_gives_a_course(tmp_path):
+    with pytest.raises(TrackError, match=r"accepted: a course with walls all round$"):
+        load_map(str(draw_map(tmp_path, np.ones((300, 300), bool))))
+
+
+def test_a_corridor_that_runs_out_of_the_image_is_driven_with_the_border_as_a_wall(tmp_path):
+    free = np.zeros((60, 400), dtype=bool)
+    free[20:50] = True
+    path = draw_map(tmp_path, free)
+    with pytest.raises(TrackError, match=r"drawn\.yaml\[border=wall\]$"):
+        load_map(str(path))
+    assert isinstance(load_map(f"{path}[border=wall]"), fg.Scene)
+
+
+def test_many_small_courses_are_refused_together(tmp_path, monkeypatch):
+    rooms = np.tile(np.pad(np.ones((60, 60), bool), 2), (4, 4))
+    monkeypatch.setattr(region, "_MOST_SIDES_IN_ALL", 2000)
+    with pytest.raises(TrackError, match="walls of 3840 sides of pixels; accepted: 2000 at most"):
+        load_map(str(draw_map(tmp_path, rooms)))
+
+
+def test_a_map_without_free_ground_says_what_its_pixels_are(tmp_path):
+    free = ring()
+    path = draw_map(tmp_path, free, free_thresh=0.001)
+    with pytest.raises(
+        TrackError, match=r"of the pixels 0\.0 % free, \d\d\.\d % occupied, \d\d\.\d % unknown"
+    ):
+        load_map(str(path))
+
+
+def test_a_wall_of_thousands_of_corners_is_traced_as_with_a_full_matrix(monkeypatch):
+    noise = np.random.default_rng(2).random((90, 90)) > 0.3
+    outline = walls.outlines(noise)[0]
+    full = walls.trace(outline)
+    monkeypatch.setattr(walls, "_DENSE", 0)
+    assert len(full) > 100
+    np.testing.assert_allclose(walls.trace(outline), full, atol=1e-9)

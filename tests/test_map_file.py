@@ -213,3 +213,26 @@ def test_without_the_extra_the_message_has_the_command_that_installs_it(tmp_path
     monkeypatch.setattr(map_file.importlib.util, "find_spec", lambda name: None)
     with pytest.raises(MissingExtraError, match=rf"^ROS maps need .*: {re.escape(install_command('maps'))}$"):
         read_map_file(draw_map(tmp_path, box_room()))
+
+
+@pytest.mark.parametrize("image", ["/home/somebody/maps/drawn.png", "maps/drawn.png", "C:\\\\maps\\\\drawn.png"])
+def test_an_image_that_lay_elsewhere_is_read_beside_the_yaml_with_a_warning(tmp_path, image):
+    path = draw_map(tmp_path, box_room(), image=f'"{image}"')
+    with pytest.warns(UserWarning, match=r"image is .*drawn.png', which is not there; drawn.png beside it is read"):
+        assert read_map_file(path).free.any()
+
+
+def test_a_link_beside_the_yaml_that_leads_outside_is_not_read_in_place_of_the_image(tmp_path):
+    inside = tmp_path / "maps"
+    inside.mkdir()
+    path = draw_map(inside, box_room(), image="/home/somebody/drawn.png")
+    (inside / "drawn.png").rename(tmp_path / "far.png")
+    (inside / "drawn.png").symlink_to(tmp_path / "far.png")
+    with pytest.raises(TrackError, match="outside of the YAML's folder"):
+        read_map_file(path)
+
+
+def test_an_image_of_another_kind_beside_the_yaml_is_named(tmp_path):
+    path = draw_map(tmp_path, box_room(), image="drawn.pgm")
+    with pytest.raises(TrackError, match=r"drawn.pgm: no such file; .*; did you mean 'drawn.png'\?"):
+        read_map_file(path)

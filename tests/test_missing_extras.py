@@ -54,6 +54,7 @@ def test_a_missing_extra_is_named_with_what_needs_it(require, extra, what):
         assert re.search(rf"^{extra} = \[", PYPROJECT.read_text(), re.MULTILINE)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not PYPROJECT.exists(), reason="not a clone of the repository")
 def test_the_command_installs_from_the_clone_for_the_python_that_runs_and_works_from_any_folder(tmp_path):
     words = shlex.split(install_command("plot"))
@@ -82,5 +83,7 @@ def test_no_file_says_that_the_package_can_be_had_from_pypi():
     files += [
         path for folder in ("fg_mujoco", "controllers", "examples", "tests") for path in (ROOT / folder).rglob("*.py")
     ]
+    files += [path for pattern in ("*.md", "docs/**/*.md", "docs/*.ipynb") for path in ROOT.glob(pattern)]
+    files.remove(ROOT / "CONTRIBUTING.md")  # which says what it becomes with a release
     wrong = re.compile("pip install ['\"]?" + "fg-mujoco")
     assert [str(path) for path in files if wrong.search(path.read_text(encoding="utf-8"))] == []

@@ -41,12 +41,13 @@ def commands(source, count=2, **settings):
 def test_the_only_scan_and_the_only_odometry_of_another_name_are_taken(tmp_path):
     text = HEAD + "from nav_msgs.msg import Odometry\nseen = []\n"
     text += 'rospy.Subscriber("/car_1/odom", Odometry, lambda odometry: seen.append(odometry.twist.twist.linear.x))\n'
-    text += 'rospy.Subscriber("/car_1/scan", LaserScan, lambda scan: drive(seen[-1] + len(scan.ranges) / 1081))\n'
+    text += "take = lambda scan: seen and drive(seen[-1] + len(scan.ranges) / 1081)\n"
+    text += 'rospy.Subscriber("/car_1/scan", LaserScan, take)\n'
     with pytest.warns(
         UserWarning,
-        match=r"/car_1/scan has no publisher here, and is taken for /scan; node 'mine' listens \(.*line 16\)",
+        match=r"/car_1/scan has no publisher here, and is taken for /scan; node 'mine' listens \(.*line 17\)",
     ):
-        assert commands(write(tmp_path, text + "rospy.spin()\n"))[0][0] == 2.0
+        assert commands(write(tmp_path, text + "rospy.spin()\n"))[1][0] == 2.0
 
 
 def test_another_scan_beside_the_known_one_and_the_odometry_of_others_are_not_taken(tmp_path):

@@ -22,6 +22,7 @@ from ..ros.grid import RESOLUTION
 from ..simulation.course_loading import load_track
 from ..simulation.settings import DriveSettings
 from .options import add_controller_option, add_drive_options, drive_options, in_one_line, number
+from .out import RUN
 from .progress import ProgressLine
 from .report import report_race
 
@@ -57,8 +58,10 @@ def add_bags(add: Any, commands: Any) -> None:
         "--map", metavar="FILE.yaml", type=Path, help="write the map of its scans, with a PNG beside it"
     )
     command.add_argument(
-        "--out", metavar="DIR", help="write the drive as a run folder, for report, debug and replay-scans"
-    )
+        "--out", metavar="DIR",
+        help="write the drive as a run folder, for report, debug and replay-scans; DIR/ numbers itself: DIR/001",
+    )  # fmt: skip
+    command.set_defaults(folder_kind=RUN)
     command.add_argument(
         "--resolution", type=number, default=RESOLUTION, metavar="M", help=f"of the map's cells; default: {RESOLUTION}"
     )
@@ -73,7 +76,7 @@ def add_bags(add: Any, commands: Any) -> None:
     command.add_argument("--odom-topic", metavar="TOPIC", help="default: /odom, or the only one with odometry")
     command.add_argument("--drive-topic", metavar="TOPIC", help="default: /drive, or the only one with commands")
     add_drive_options(command.add_argument, "vehicle")
-    command.add_argument("--force", action="store_true", help="replace files that exist")
+    command.add_argument("--force", action="store_true", help="replace files that exist, and the run that DIR has")
 
     command = add(commands, "replay-scans", _replay_scans, "run a planner over the scans of a robot's bag")
     command.add_argument("bag", metavar="BAG", help=_BAG)
@@ -142,8 +145,7 @@ def _bag(options: argparse.Namespace) -> int:
         write_map(made, path, f"made by: fg-mujoco bag {bag.path.name}")
         rows, columns = made.cells.shape
         size = f"{columns * made.resolution:.1f} x {rows * made.resolution:.1f} m"
-        by = ", corrected by the scans" if made.matched else ""
-        print(f"{options.map or 'map'}: {size}, of {len(made.numbers)} scans at {made.source}{by}")
+        print(f"{options.map or 'map'}: {size}, of {made.text}")
         if options.map is not None:
             print(_course_of(options.map))
         if options.out is not None:

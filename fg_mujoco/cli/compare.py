@@ -30,6 +30,7 @@ from .options import (
     opponents_of,
     whole,
 )
+from .out import STUDY, add_out_options
 from .progress import shown_as, to_go
 
 _DONE, _NOT_DONE = 0, 1
@@ -40,7 +41,8 @@ _COMMA = re.compile(r",(?![^\[]*\])")  # outside brackets
 def add_compare(add_command: Callable[..., argparse.ArgumentParser], commands: Any) -> None:
     """Add the command; `add_command` is the one that adds the others."""
     text = "drive every controller on every course with every seed, and make a table of how they fared"
-    add = add_command(commands, "compare", _compare, text).add_argument
+    command = add_command(commands, "compare", _compare, text)
+    add = command.add_argument
     add(
         "--controllers", type=names_in, metavar="LIST",
         help="NAME or path/to/file.py:ClassName, with settings as gap_finder[lookahead=8,clearance=0.2], comma between "
@@ -67,10 +69,12 @@ def add_compare(add_command: Callable[..., argparse.ArgumentParser], commands: A
         help="of wall time for each decision; a planner that takes longer, or never answers, ends its run",
     )  # fmt: skip
     add("--workers", type=whole, metavar="N", help="processes; default: as many as there are cores")
-    add(
-        "--out", metavar="DIR", required=True,
-        help="tables, pictures and finished runs; the same command goes on with a folder left unfinished, and a larger "
+    add_out_options(
+        command,
+        STUDY,
+        "tables, pictures and finished runs; the same command goes on with a folder left unfinished, and a larger "
         "one drives only what is new",
+        required=True,
     )  # fmt: skip
     add("--json", action="store_true", help="print one JSON object and nothing else")
 

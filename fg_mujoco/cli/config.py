@@ -49,7 +49,7 @@ Check = Callable[[Any], object]
 _OPTION = "--config"
 _OF_THE_OUTPUT = ("out", "video", "json", "traceback")  # options that say nothing about the race itself
 _MOST_BYTES, _MOST_LINES, _MOST_CHARACTERS = 2**20, 1000, 2000  # of a TOML file, the last of one line in it
-_OF_THE_USER = ("help", "config", "trust")  # options that no file can set
+_OF_THE_USER = ("help", "config", "trust", "force")  # options that no file can set
 
 
 def add_config(command: argparse.ArgumentParser) -> None:

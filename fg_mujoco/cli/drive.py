@@ -21,6 +21,7 @@ from ..racing.run_folder import check_run_folder, summary_json
 from ..simulation.settings import Start
 from ..viz.plots import write_run
 from .options import add_drive_options, can_draw, drive_options, number
+from .out import RUN, add_out_options
 from .report import PAGE, report_race
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ def add_drive(add_command: Callable[..., argparse.ArgumentParser], commands: Any
     add("--speed", type=number, metavar="V", help="of a manoeuvre [m/s]; default: its own")
     add("--start-speed", type=number, metavar="V", help="at which the car rolls; default: the first commanded speed")
     add_drive_options(add, *_SETTINGS)
-    add("--out", metavar="DIR", help="write a run folder here; it must be new or empty")
+    add_out_options(command, RUN, "write a run folder here")
     add("--json", action="store_true", help="print one JSON object and nothing else")
 
 

@@ -16,6 +16,7 @@ from ..errors import EngineError, SettingsError
 from ..studies.friction_lab.experiment import OF_TIRES, ON_CIRCLES, LabSettings
 from ..studies.friction_lab.lab import EXPERIMENTS, LabProgress, run_lab
 from .options import can_draw, number, whole
+from .out import STUDY, add_out_options
 from .progress import shown_as, to_go
 
 _DONE, _NOT_DONE = 0, 1
@@ -25,12 +26,14 @@ _ALL = "all"
 def add_friction(add_command: Callable[..., argparse.ArgumentParser], commands: Any) -> None:
     """Add the command; `add_command` is the one that adds the others."""
     text = "measure how far the speed law and the tires hold, and write the report"
-    add = add_command(commands, "friction", _friction, text).add_argument
+    command = add_command(commands, "friction", _friction, text)
+    add = command.add_argument
     names = (*EXPERIMENTS, _ALL)
     add("experiment", metavar="EXPERIMENT", choices=names, help=", ".join(names))
-    add(
-        "--out", metavar="DIR",
-        help="report.html, CSVs, figures and finished cells; the same command goes on with a folder left unfinished, "
+    add_out_options(
+        command,
+        STUDY,
+        "report.html, CSVs, figures and finished cells; the same command goes on with a folder left unfinished, "
         "and other experiments may be added to it; default: the results are printed",
     )  # fmt: skip
     add("--workers", type=whole, metavar="N", help="processes; default: as many as there are cores")

@@ -20,6 +20,7 @@ from typing import Any, NoReturn
 
 from .. import __version__
 from ..course.course import USUAL_LAPS
+from ..course.formats import track_names
 from ..errors import FgMujocoError, PlannerError, RunFolderError, accepted_names, nearest
 from ..lidar.effects import LidarEffects
 from ..lidar.lidar import LIDAR_BACKENDS
@@ -28,6 +29,7 @@ from ..racing.entries import Entry
 from ..racing.field import FieldProgress
 from ..racing.hints import race_hints
 from ..racing.planner_choice import with_settings
+from ..racing.planner_loading import controller_names
 from ..racing.race import RaceProgress, race
 from ..racing.race_control import RULES, find_rules
 from ..racing.replay import replay
@@ -59,6 +61,7 @@ from .options import (
     opponents_of,
     whole,
 )
+from .out import RUN, add_out_options, chosen_folder
 from .overtake import add_overtake
 from .progress import ProgressLine
 from .render import add_render, check_film, film_race
@@ -67,6 +70,7 @@ from .rollout import add_rollout
 from .track import add_track
 from .vehicles import add_vehicles
 from .view import add_view
+from .words import command_for
 
 _DONE, _NOT_DONE, _BAD_INPUT, _INTERRUPTED = 0, 1, 2, 130  # 130 is what shells call a command ended by Ctrl-C
 
@@ -79,7 +83,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             parser = _parser()
             complete(parser)
             options = parse(parser, arguments)
-            code: int = options.run(options)
+            with chosen_folder(options, getattr(options, "folder_kind", None)):
+                code: int = options.run(options)
         sys.stdout.flush()
     except FgMujocoError as error:
         said = str(error) if options is None else in_options(str(error), options.command)
@@ -114,15 +119,37 @@ class _Parser(argparse.ArgumentParser):
     """Complains in one line, and says which option or command was probably meant."""
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Parse; what is left over is refused by the command that it was given to, whose options are looked up."""
-        options, left = super().parse_known_args(args, namespace)
+        """Parse; what is not known is refused by the command that it was given to, whose options are looked up."""
+        given = list(sys.argv[1:] if args is None else args)
+        if self._subparsers is None:
+            for option in (each.partition("=")[0] for each in given[: given.index("--") if "--" in given else None]):
+                if option.startswith("--") and option not in self._option_string_actions:
+                    self.error(self._no_option(option))  # before what lacks
+        elif given and given[0].startswith("--") and given[0] not in self._option_string_actions:
+            self.error(f"{given[0]!r} stands before the command; accepted: {self.prog} COMMAND {given[0]}")
+        options, left = super().parse_known_args(given, namespace)
+        left = [each for each in left if each != "--"] or left
         if left:
-            known = [option for option in self._option_string_actions if option.startswith("--")]
-            unknown = left[0].partition("=")[0]
-            meant = nearest(unknown, known) if unknown.startswith("-") else None
-            hint = "" if meant is None else f"; did you mean {meant!r}?"
-            self.error(f"{unknown!r} is no {'option' if unknown.startswith('-') else 'argument'} here{hint}")
+            self.error(self._no_option(left[0]) if left[0].startswith("-") else self._no_argument(left[0]))
         return options, left
+
+    def _no_option(self, given: str) -> str:
+        """Return what is said of an option that there is not."""
+        known = [option for option in self._option_string_actions if option.startswith("--")]
+        command = command_for(given)
+        meant = nearest(given, known, cutoff=1.0)
+        if not given.startswith("--"):
+            meant = "--out" if given == "-o" and "--out" in known else None
+        elif meant is None and command is None:
+            meant = nearest(given, known)
+        hint = command if meant is None else f"did you mean {meant!r}?"
+        return f"{given!r} is no option here" + ("" if hint is None else f"; {hint}")
+
+    def _no_argument(self, given: str) -> str:
+        """Return what is said of a word for which there is no place: it may be the value of an option."""
+        means = {option: means for option, means in _MEANS.items() if option in self._option_string_actions}
+        option = next((option for option in means if means[option](given)), None)
+        return f"{given!r} is no argument here" + ("" if option is None else f"; did you mean '{option} {given}'?")
 
     def _get_values(self, action: argparse.Action, arg_strings: list[str]) -> Any:
         if action.option_strings and action.nargs is None and arg_strings == ["--"]:  # argparse would lose it
@@ -132,10 +159,28 @@ class _Parser(argparse.ArgumentParser):
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
             name = action.metavar if isinstance(action.metavar, str) else "COMMAND"
-            raise argparse.ArgumentError(None, f"{name} is {value!r}; {accepted_names(value, action.choices)}")
+            rather = command_for(value) if self.prog == "fg-mujoco" else None
+            listed = accepted_names(value, action.choices)
+            end = listed if rather is None else f"{listed.partition('; did you mean')[0]}; {rather}"
+            raise argparse.ArgumentError(None, f"{name} is {value!r}; {end}")
 
     def error(self, message: str) -> NoReturn:
         self.exit(_BAD_INPUT, f"{self.prog}: {in_one_line(message)}; see {self.prog} --help\n")
+
+
+def _names_a_course(word: str) -> bool:
+    return word.endswith((".csv", ".yaml", ".yml")) or word.startswith(("random:", "scene:")) or word in track_names()
+
+
+def _names_a_planner(word: str) -> bool:
+    return ".py" in word or word.startswith("ros:") or word.partition("[")[0] in controller_names()
+
+
+_MEANS = {
+    "--track": _names_a_course, "--tracks": _names_a_course, "--controller": _names_a_planner,
+    "--controllers": _names_a_planner,
+}  # fmt: skip
+"""Option -> whether a word is a value of it."""
 
 
 @cache
@@ -203,7 +248,7 @@ def _add_race(commands: Any) -> None:
         "--decision-limit", type=number, metavar="S",
         help="of wall time for each decision; a planner that takes longer, or never answers, ends the race",
     )  # fmt: skip
-    add("--out", metavar="DIR", help="write a run folder here; it must be new or empty")
+    add_out_options(command, RUN, "write a run folder here")
     add("--video", type=Path, metavar="FILE", help="write a video of the race, .mp4 or .gif; see the command render")
     add("--json", action="store_true", help="print one JSON object and nothing else")
     add("--traceback", action="store_true", help="of a planner that fails, print the whole traceback, not its own part")

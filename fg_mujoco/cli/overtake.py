@@ -26,6 +26,7 @@ from ..studies.overtaking.overtaking import (
 )
 from .compare import names_in, seeds_in
 from .options import add_drive_options, can_draw, drive_options, number, whole
+from .out import STUDY, add_out_options
 from .progress import shown_as, to_go
 
 _DONE, _NOT_DONE = 0, 1
@@ -35,7 +36,8 @@ _DRIVE = ("vehicle", "tires", "mu", "planner_mu", "max_speed")
 def add_overtake(add_command: Callable[..., argparse.ArgumentParser], commands: Any) -> None:
     """Add the command; `add_command` is the one that adds the others."""
     text = "drive a planner behind slower opponents, and make a table of how often it overtakes"
-    add = add_command(commands, "overtake", _overtake, text).add_argument
+    command = add_command(commands, "overtake", _overtake, text)
+    add = command.add_argument
     add(
         "--planner", type=names_in, dest="planners", default=["overtaker"], metavar="LIST",
         help="NAME or path/to/file.py:ClassName, with settings in brackets, comma between two; default: overtaker",
@@ -59,10 +61,12 @@ def add_overtake(add_command: Callable[..., argparse.ArgumentParser], commands: 
     add("--laps", type=whole, default=2, metavar="N", help="within which the planner is to overtake; default: 2")
     add_drive_options(add, *_DRIVE, of="each")
     add("--workers", type=whole, metavar="N", help="processes; default: as many as there are cores")
-    add(
-        "--out", metavar="DIR", required=True,
-        help="table, picture and finished duels; the same command goes on with a folder left unfinished, and a larger "
+    add_out_options(
+        command,
+        STUDY,
+        "table, picture and finished duels; the same command goes on with a folder left unfinished, and a larger "
         "one drives only what is new",
+        required=True,
     )  # fmt: skip
     add("--json", action="store_true", help="print one JSON object and nothing else")
 

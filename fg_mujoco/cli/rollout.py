@@ -40,6 +40,7 @@ from .options import (
     opponents_of,
     whole,
 )
+from .out import STUDY, add_out_options
 from .progress import shown_as, to_go
 
 _DONE, _NOT_DONE = 0, 1
@@ -49,7 +50,8 @@ _MIB = 2**20
 def add_rollout(add_command: Callable[..., argparse.ArgumentParser], commands: Any) -> None:
     """Add the command; `add_command` is the one that adds the others."""
     text = "drive many worlds, each drawn from its own seed, on all cores or on a cluster"
-    add = add_command(commands, "rollout", _rollout, text).add_argument
+    command = add_command(commands, "rollout", _rollout, text)
+    add = command.add_argument
     add(
         "--track", action="append", metavar="TRACK",
         help="NAME, random:SEED[:tight] or file.csv, as often as wanted: the worlds take them in turn; default: oval",
@@ -71,7 +73,7 @@ def add_rollout(add_command: Callable[..., argparse.ArgumentParser], commands: A
     )  # fmt: skip
     add("--workers", type=whole, metavar="N", help="threads, processes, or with Ray cores; default: all cores")
     add("--record", default="summary", metavar="WHAT", help=f"{', '.join(RECORDS)}; default: summary")
-    add("--out", metavar="DIR", help="keep the results here; the same command goes on with a folder left unfinished")
+    add_out_options(command, STUDY, "keep the results here; the same command goes on with a folder left unfinished")
     add(
         "--memory-budget", type=whole, default=DEFAULT_MEMORY_BUDGET // _MIB, metavar="MIB",
         help=f"of telemetry and states that are being driven; default: {DEFAULT_MEMORY_BUDGET // _MIB}",

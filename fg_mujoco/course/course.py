@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import SettingsError, TrackError
-from ..messages import CarParameters, FloatArray, MapLine
+from ..messages import CarParameters, FloatArray, MapLine, shown
 from .moving_obstacles import MovingObstacle
 from .obstacles import Box, Obstacle
 from .track_mesh import Surface
@@ -165,6 +165,15 @@ MEMBERS = tuple(name for name in Course.__dict__ if not name.startswith("_"))
 def require_course(found: object, where: str) -> None:
     """Raise TrackError for an object from `where` that lacks a member of `Course`."""
     missing = [name for name in MEMBERS if not hasattr(type(found), name) and not hasattr(found, name)]
+    if isinstance(found, (list, tuple, set)):
+        raise TrackError(
+            f"{where} is {shown(found)}; accepted: one course; for several at once: `tracks` of fg_mujoco.rollout and "
+            "fg_mujoco.compare, or an environment for each"
+        )
+    if len(missing) > len(MEMBERS) // 2:
+        raise TrackError(
+            f"{where} is {shown(found)}; accepted: a name such as 'oval', the path of a file, or an fg_mujoco.Course"
+        )
     if missing:
         raise TrackError(
             f"{where} is a {type(found).__name__} without {', '.join(missing)}; accepted: a Track, a Scene, or an "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from ..display import brief
 from ..errors import SettingsError
-from ..messages import FloatArray, require
+from ..messages import FloatArray, require, shown
 from .track_mesh import WALL_HEIGHT
 
 _CYLINDER_SIDES = 24
@@ -96,6 +97,18 @@ class Prism:
 
 
 Obstacle = Box | Cylinder | Prism
+
+
+def require_obstacles(obstacles: Any) -> None:
+    """Raise SettingsError unless this is a sequence of obstacles."""
+    accepted = "accepted: a sequence of Box, Cylinder or Prism, such as [Box(x=3.0, y=0.0, length=0.3, width=0.3)]"
+    if isinstance(obstacles, str) or not isinstance(obstacles, Iterable):
+        raise SettingsError(f"obstacles is {shown(obstacles)}; {accepted}; a race takes their number, too")
+    for index, each in enumerate(obstacles):
+        if isinstance(each, type) or not callable(getattr(each, "corners", None)):
+            raise SettingsError(f"obstacles[{index}] is {shown(each)}; {accepted}")
+
+
 """What may stand on a course."""
 
 _KINDS: tuple[Any, ...] = (Box, Cylinder, Prism)

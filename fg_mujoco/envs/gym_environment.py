@@ -1,13 +1,13 @@
 """The Gymnasium environment: a lap to be driven on a scan and odometry. It needs the extra `gym`.
 
+    import fg_mujoco  # registers it
     import gymnasium
-    import fg_mujoco.envs.gym_environment  # registers it
 
     env = gymnasium.make("fg_mujoco/F1Tenth-v0", track="hairpins", laps=2, beam_step=10)
     observation, info = env.reset(seed=1)
     observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
 
-`gymnasium.make("fg_mujoco.envs.gym_environment:fg_mujoco/F1Tenth-v0")` needs no import. `gymnasium.make_vec` makes the
+`gymnasium.make("fg_mujoco:fg_mujoco/F1Tenth-v0")` needs no import. `gymnasium.make_vec` makes the
 vector environment of gym_vector. The keywords are those of EnvironmentSettings; the observation is that of
 environment_observations, the reward that of environment_rewards.
 """
@@ -26,6 +26,8 @@ from ..lidar.beams import LidarModel
 from .actions import ActionBounds
 from .episodes import Episodes
 from .observations import ObservationLayout
+from .registration import ID as ID
+from .registration import register
 from .rendering import ChaseView, Window
 from .settings import EnvironmentSettings
 from .starts import given_start
@@ -36,7 +38,6 @@ try:
 except ImportError as error:
     raise missing_extra("Gymnasium environments need Gymnasium", "gym") from error
 
-ID = "fg_mujoco/F1Tenth-v0"
 RENDER_MODES = ("human", "rgb_array")
 
 Observation = dict[str, NDArray[np.float32]]
@@ -163,9 +164,4 @@ def action_space(bounds: ActionBounds) -> gymnasium.spaces.Box[Any]:
     return gymnasium.spaces.Box(bounds.low, bounds.high)
 
 
-if ID not in gymnasium.registry:
-    gymnasium.register(
-        id=ID,
-        entry_point=f"{__name__}:F1TenthEnv",
-        vector_entry_point=f"{__name__.rpartition('.')[0]}.gym_vector:F1TenthVectorEnv",
-    )
+register(gymnasium)

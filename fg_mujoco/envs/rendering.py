@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 
 from ..errors import EngineError
 from ..simulation.world import World
+from ..viz.display_check import can_open_window
 from ..viz.rendering import Renderer
 
 WIDTH, HEIGHT = 640, 480  # [px]
 
+_ACCEPTED = "accepted: a display; without one, render_mode 'rgb_array'"
 _DISTANCE, _ELEVATION = 2.2, -22.0  # [m] from the car, [deg] downwards
 _AHEAD = 0.5  # [m] of the rear axle, what the camera looks at
 
@@ -61,6 +63,8 @@ class Window:
     """
 
     def __init__(self, world: World, data: mujoco.MjData, period: float) -> None:
+        if not can_open_window():
+            raise EngineError(f"no window can be opened: there is no display; {_ACCEPTED}")
         import mujoco.viewer
 
         self._world, self._data, self._period = world, data, period
@@ -70,9 +74,7 @@ class Window:
                 world.model, data, show_left_ui=False, show_right_ui=False
             )  # fmt: skip
         except Exception as error:
-            raise EngineError(
-                f"no window can be opened ({error}); accepted: a display; without one, render_mode 'rgb_array'"
-            ) from error
+            raise EngineError(f"no window can be opened ({error}); {_ACCEPTED}") from error
 
     def show(self) -> None:
         """Show the present state, not sooner than a period after the last."""

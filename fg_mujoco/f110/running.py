@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import FgMujocoError
+from ..simulation.old_numpy import BEFORE_1_24, BEFORE_2, advice
 from .installing import install, is_of_the_script
 
-_REMOVED = {"float": float, "int": int, "bool": bool, "object": object, "str": str, "complex": complex}
 _HERE = str(Path(__file__).parent)
 _SPAWNED = f"{__package__}.spawned"
 _preparation_data = multiprocessing.spawn.get_preparation_data
@@ -92,10 +92,10 @@ def preparation_data(name: str) -> dict[str, Any]:
 
 
 def bring_back_names() -> None:
-    """Give NumPy the names back that it had when these scripts were written: np.float and its like, of Python's."""
-    for name, kind in _REMOVED.items():
+    """Give NumPy the names back that it had when these scripts were written: np.float, np.product and their like."""
+    for name, meant in {**BEFORE_1_24, **BEFORE_2}.items():
         if name not in vars(np):
-            setattr(np, name, kind)
+            setattr(np, name, meant)
 
 
 def _is_ours(error: ImportError) -> bool:
@@ -120,3 +120,6 @@ def _print(error: BaseException) -> None:
     while kept is not None and kept.tb_frame.f_code.co_filename == __file__:
         kept = kept.tb_next
     traceback.print_exception(type(error), error, kept)
+    hint = advice(error, str(error))
+    if hint:
+        print(f"error: {hint.removeprefix('; ')}", file=sys.stderr)

@@ -7,7 +7,7 @@ result = fg_mujoco.race("oval", entries=entries, grid="staggered")
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,7 +18,7 @@ from ..course.obstacles import Obstacle
 from ..course.standing import off_course, stands_in_something
 from ..display import quoted
 from ..errors import ControllerError, SettingsError, accepted_names
-from ..messages import CarParameters, Controller, FloatArray, MapLine
+from ..messages import CarParameters, Controller, FloatArray, MapLine, shown
 from ..simulation.cars import GREATEST_CARS, WorldCar, first_overlap
 from ..simulation.planner_adapter import start as start_planner
 from ..simulation.settings import DriveSettings, Start
@@ -76,9 +76,11 @@ def require_entries(entries: Sequence[Entry]) -> tuple[Entry, ...]:
     Raises:
       SettingsError: none, more than a world takes, something else, or two of one name.
     """
+    if isinstance(entries, (str, Entry, Mapping)) or not isinstance(entries, Iterable):
+        raise SettingsError(f"entries is {shown(entries)}; accepted: a sequence of Entry, such as [Entry(), Entry()]")
     for entry in entries:
         if not isinstance(entry, Entry):
-            raise SettingsError(f"an entry is {entry!r}; accepted: fg_mujoco.Entry")
+            raise SettingsError(f"an entry is {entry!r}; accepted: an Entry, such as Entry(controller='gap_finder')")
     if not 1 <= len(entries) <= GREATEST_CARS:
         raise SettingsError(f"{len(entries)} entries; accepted: 1 to {GREATEST_CARS}")
     named = tuple(replace(entry, name=entry.name or f"car_{index}") for index, entry in enumerate(entries))

@@ -227,7 +227,7 @@ def _car_result(
     return CarResult(
         name=str(entry.name), position=position, vehicle=entry.car.name, vehicle_sha256=entry.car.sha256,
         tires=entry.tire_set.name, tires_sha256=entry.tire_set.sha256,
-        controller=source if isinstance(source, str) else type(source).__name__,
+        controller=source if isinstance(source, str) else type(planner).__name__,
         controller_origin=origin(source, type(planner)) | {"files": files},
         controller_source=source_code(type(planner)),
         planner_failure=failure, collisions_wall=int(engine.crashed[row]), collisions_car=touched,

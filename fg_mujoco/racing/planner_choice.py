@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -117,6 +118,8 @@ def split_controller(
     Raises:
       SettingsError: a text that is no controller, or a setting that is given twice.
     """
+    if isinstance(controller, os.PathLike):
+        controller = os.fspath(controller)
     if not isinstance(controller, str):
         return controller, dict(planner_settings or {})
     choice = ControllerChoice.of(controller)

@@ -1,6 +1,8 @@
 """Finds a planner by name or in a file, says where it comes from, builds it, and holds it to its contract.
 
-A planner with settings names their dataclass as class attribute `Settings`, and its constructor takes `settings`.
+A planner is a class with `__call__(scan, odometry)` and `reset()`, or a function `f(scan, odometry)`, which keeps
+nothing from scan to scan. A planner with settings names their dataclass as class attribute `Settings`, and its
+constructor takes `settings`.
 
 Other packages register planners as entry points of the group `fg_mujoco.controllers`, as in their pyproject.toml:
 
@@ -16,9 +18,10 @@ import hashlib
 import importlib
 import inspect
 import linecache
+import os
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from importlib.metadata import EntryPoint, entry_points, packages_distributions, version
@@ -28,7 +31,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from ..course.files import is_file
 from ..errors import ControllerError, SettingsError, accepted_names
-from ..messages import CarParameters, Controller, MapLine
+from ..messages import CarParameters, Controller, DriveCommand, LaserScan, MapLine, Odometry
 from ..simulation.planner_adapter import short, short_text
 from ..simulation.planner_failure import file_of, is_of_planner, one_line, told, without_exit
 
@@ -37,6 +40,8 @@ GROUP = "fg_mujoco.controllers"
 ROS = "ros:"
 """Before the path of a node of ROS, see docs/ros_nodes.md."""
 
+_A_PLANNER = "one with __call__(scan, odometry) and reset(), or a function of (scan, odometry)"
+_TOLD = ["scan", "odometry"]  # names of a planner's arguments
 _NODE = re.compile(r":\w*$")  # the class, behind a path
 
 
@@ -143,7 +148,8 @@ def make_controller(
     """Return a controller, built with those of these arguments that its constructor names.
 
     Args:
-      source: a bundled name, `path/to/file.py:ClassName`, or a controller, which is taken as it is.
+      source: a bundled name, `path/to/file.py:NAME` of a class or a function, a controller, which is taken as it is, or
+        a function `f(scan, odometry)`.
       car: parameters of the car.
       mu: friction coefficient that the controller is to believe in; inf switches its friction limits off.
       max_speed: fastest that it may command [m/s].
@@ -154,7 +160,11 @@ def make_controller(
       ControllerError: an unknown name, a file or class that cannot be loaded, settings that it has not or cannot
         have, or an object that is no controller.
     """
+    if isinstance(source, os.PathLike):
+        source = os.fspath(source)
     if not isinstance(source, str):
+        if inspect.isfunction(source):
+            source = planner_of(source, f"controller {source.__name__}")()
         origin = f"controller {type(source).__name__}"
         if settings:
             raise ControllerError(f"{origin} is made already; accepted: settings only for one that is yet to be built")
@@ -269,15 +279,20 @@ def _find_class(source: str, said: str) -> Any:
         return getattr(importlib.import_module(f"fg_mujoco.controllers.{module_name}"), class_name)
     if source.startswith(ROS):
         return _ros_door().find_node(source)
-    path, _, class_name = source.rpartition(":") if not is_file(source) else (source, "", "")
+    path, _, class_name = (source, "", "") if is_file(source) or source.endswith(".py") else source.rpartition(":")
+    if source.endswith(".py") and not is_file(source):
+        known = accepted_names(source, controller_names(), ", or path/to/file.py:ClassName")
+        raise ControllerError(f"{said}: there is no file {source}; {known}")
     if not path.endswith(".py"):
         return _load(_registered(source, said), said)
     module = _import_file(Path(path), said)
     found = getattr(module, class_name, None)
+    if inspect.isfunction(found):
+        return planner_of(found, said)
     if not isinstance(found, type):
-        names = _planner_classes(module)
+        names = _planners_in(module)
         if not names:
-            raise ControllerError(f"{said}: there is no class in the file; accepted: one with __call__ and reset")
+            raise ControllerError(f"{said}: there is no class in the file; accepted: {_A_PLANNER}")
         if not class_name:
             ways = ", ".join(f"{path}:{name}" for name in names)
             raise ControllerError(f"{said}: the name of its class is missing; accepted: {ways}")
@@ -318,11 +333,28 @@ def moved_to(source: str, path: str | Path) -> str:
     return f"{path}:{source.rpartition(':')[2]}"
 
 
-def _planner_classes(module: ModuleType) -> list[str]:
-    """Return the names of the classes of a user's file that plan; of all its classes where none does."""
-    own = [value for value in vars(module).values() if isinstance(value, type) and value.__module__ == module.__name__]
-    planners = [each for each in own if any("__call__" in vars(base) for base in each.__mro__)]
-    return [each.__name__ for each in planners or own]
+def _planners_in(module: ModuleType) -> list[str]:
+    """Return the names of the classes and functions of a user's file that plan; of all its classes where none does."""
+    own = [value for value in vars(module).values() if getattr(value, "__module__", None) == module.__name__]
+    classes = [value for value in own if isinstance(value, type)]
+    planners: list[Any] = [each for each in classes if any("__call__" in vars(base) for base in each.__mro__)]
+    planners += [each for each in own if inspect.isfunction(each) and list(inspect.signature(each).parameters) == _TOLD]
+    return [each.__name__ for each in planners or classes]
+
+
+def planner_of(function: Callable[[LaserScan, Odometry], DriveCommand], said: str) -> type:
+    """Return a class of planners that answer what a function answers. It has the name and the file of the function.
+
+    Raises:
+      ControllerError: the function cannot be called with a scan and odometry.
+    """
+    name, signature = function.__name__, inspect.signature(function)
+    try:
+        signature.bind(None, None)
+    except TypeError:
+        raise ControllerError(f"{said} is the function {name}{signature}; accepted: {name}(scan, odometry)") from None
+    members = {"__call__": staticmethod(function), "reset": lambda self: None}
+    return type(name, (), {**members, "__module__": function.__module__, "__doc__": function.__doc__})
 
 
 def _registered(name: str, said: str) -> EntryPoint:
@@ -345,8 +377,10 @@ def _load(point: EntryPoint, said: str) -> Any:
         if not is_of_planner(error):
             raise
         raise ControllerError(f"{said}, of {_of_package(point)}, does not load: {one_line(error)}") from error
+    if inspect.isfunction(found):
+        return planner_of(found, said)
     if not isinstance(found, type):
-        raise ControllerError(f"{said}, of {_of_package(point)}, is {short(found)}; accepted: a class")
+        raise ControllerError(f"{said}, of {_of_package(point)}, is {short(found)}; accepted: a class or a function")
     return found
 
 
@@ -402,7 +436,14 @@ def _import_file(path: Path, origin: str) -> ModuleType:
 
 def _checked(controller: Any, origin: str) -> Controller:
     if isinstance(controller, type):
-        raise ControllerError(f"{origin} is the class {controller.__name__}; accepted: an object of it")
-    if not callable(controller) or not callable(getattr(controller, "reset", None)):
-        raise ControllerError(f"{origin} is no controller; accepted: one with __call__(scan, odometry) and reset()")
+        raise ControllerError(
+            f"controller {controller.__name__} is a class; accepted: an object of it, such as {controller.__name__}()"
+        )
+    lacking = [name for name in ("__call__", "reset") if not callable(getattr(controller, name, None))]
+    if lacking == ["reset"]:
+        said = f"{origin} is no controller: it has no reset(), which is called before each race and forgets all"
+        accepted = "accepted: __call__(scan, odometry) and reset(), `def reset(self): pass` where it keeps nothing"
+        raise ControllerError(f"{said}; {accepted}")
+    if lacking:
+        raise ControllerError(f"{origin} is no controller; accepted: {_A_PLANNER}")
     return controller  # type: ignore[no-any-return]

@@ -1,6 +1,7 @@
 """Whether a planner that a recorded run names may be loaded: loading a planner runs the code in its file.
 
-A bundled planner always may. Any other one may where the user says so, and its file is the one that was recorded.
+A bundled planner always may. Any other one may if its file is the one that was recorded, and the user says so, or raced
+this very run on this machine: then the user has run that code already.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from .manoeuvres import is_driven_by_commands
 from .planner_choice import ControllerChoice
 from .planner_files import Files, changed_file, changed_text, recorded_files
 from .planner_loading import bundled_names, file_in, make_controller, moved_to, origin, text_of
-from .run_folder import kept_controller
+from .run_folder import kept_controller, was_raced_here
 
 
 def recorded_sha256(summary: Mapping[str, Any]) -> str | None:
@@ -111,7 +112,8 @@ def recorded_planner(
     Args:
       summary: of the run.
       car: parameters of its car.
-      trust: whether to load a planner that is not bundled, which runs its code, if its file is the recorded one.
+      trust: whether to load a planner that is not bundled, which runs its code, if its file is the recorded one; of a
+        run in `folder` that this user raced it is loaded without.
       where: the planner was named, for the message.
       folder: of the run, whose copy of the planner is taken where its file is not there any more; None: there is none.
 
@@ -120,6 +122,7 @@ def recorded_planner(
       KeyError, TypeError, ValueError, OSError: the summary does not say how.
     """
     source = str(summary["controller"])
+    trust = trust or (folder is not None and was_raced_here(folder, summary))
     if trust and folder is not None:
         source = controller_of(folder, summary, source)
     require_trusted(source, recorded_sha256(summary), trust=trust, where=where, files=files_of(summary))

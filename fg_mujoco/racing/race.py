@@ -118,7 +118,7 @@ def race(
         `scene:NAME:SEED`, or
         a path to a centreline CSV.
       controller: a bundled name or `path/to/file.py:ClassName`, with settings in brackets where wanted, as
-        `gap_finder[lookahead=8]`; or a controller object.
+        `gap_finder[lookahead=8]`; or a controller object, or a function `f(scan, odometry)` that answers a command.
       laps: to be driven; None: 5, and of a scene 1, which is all it has.
       vehicle: a bundled name, the path of a vehicle's MJCF file, or a Vehicle.
       tires: a bundled set, the path of a TOML file, or Tires; None: the vehicle's.
@@ -161,14 +161,14 @@ def race(
         }  # fmt: skip
         return _race_of_entries(
             track, require_entries(entries), given, laps=laps, lidar=lidar, time_limit=time_limit,
-            decision_limit=decision_limit, obstacles=obstacles, obstacle_seed=obstacle_seed, patches=tuple(patches),
+            decision_limit=decision_limit, obstacles=obstacles, obstacle_seed=obstacle_seed, patches=patches,
             grid=grid, rules=rules, watch=watch,
         )  # fmt: skip
     controller, own = split_controller(controller, planner_settings)
     settings = RaceSettings(
         laps=USUAL_LAPS if laps is None else laps, vehicle=vehicle, tires=tires, mu=mu,
         changes=changes or CarChanges(), planner_mu=planner_mu, max_speed=max_speed, planner_settings=own,
-        patches=tuple(patches), start=start or Start(), effects=effects or LidarEffects(),
+        patches=patches, start=start or Start(), effects=effects or LidarEffects(),
         odometry_drift=odometry_drift, seed=seed, lidar=lidar, time_limit=time_limit, decision_limit=decision_limit,
     )  # fmt: skip
     course = load_track(track, car=settings.car.parameters)
@@ -217,7 +217,7 @@ def race(
         vehicle_sha256=settings.car.sha256,
         tires=settings.tire_set.name,
         tires_sha256=settings.tire_set.sha256,
-        controller=controller if isinstance(controller, str) else type(controller).__name__,
+        controller=controller if isinstance(controller, str) else type(planner).__name__,
         controller_origin=origin(controller, type(planner)) | {"files": files},
         controller_source=source_code(type(planner)),
         laps_requested=laps,
@@ -259,7 +259,7 @@ def _race_of_entries(
     decision_limit: float | None,
     obstacles: tuple[Obstacle, ...] | int,
     obstacle_seed: int,
-    patches: tuple[Patch, ...],
+    patches: Sequence[Patch],
     grid: str,
     rules: str,
     watch: Callable[[Any], None] | None,
@@ -289,7 +289,7 @@ def _race_of_entries(
     return race_field(
         course, entries, laps=laps_to_drive(course, laps), grid=grid, rules=rules, lidar=lidar,
         time_limit=checked.time_limit, decision_limit=checked.decision_limit, obstacles=obstacles,
-        obstacle_seed=drawn, patches=checked.patches, watch=watch,
+        obstacle_seed=drawn, patches=tuple(checked.patches), watch=watch,
     )  # fmt: skip
 
 

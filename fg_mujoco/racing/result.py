@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
 
+from ..arguments import Suggesting
 from ..display import Shown, brief, quoted, table
 from ..lidar.effects import LidarEffects
 from ..messages import CarParameters, FloatArray, read_only
 from ..simulation.planner_failure import PlannerFailure
 from ..simulation.settings import friction_text
-from ..simulation.telemetry import COMMAND, TELEMETRY
+from ..simulation.telemetry import COMMAND, column_index, column_meant
 from ..simulation.termination import WrongWay
 from .crash import Crash
 from .decisions import DecisionTimes
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class CarResult:
+class CarResult(Suggesting):
     """How one of several cars fared. Fields are as in RaceResult; arrays are read-only."""
 
     name: str
@@ -71,14 +72,21 @@ class CarResult:
     def __post_init__(self) -> None:
         object.__setattr__(self, "telemetry", read_only(self.telemetry))
 
+    def _meant(self, name: str) -> str | None:
+        return column_meant(name, super()._meant(name))
+
     def __repr__(self) -> str:
         best = f"best {min(self.lap_times_s):.2f} s" if self.lap_times_s else "no lap"
         driven = f"{self.laps_completed} laps, {best}, {self.end_reason}"
         return brief(self, f"{self.position}. {quoted(self.name)}", quoted(self.controller), driven)
 
     def column(self, name: str) -> FloatArray:
-        """Return one column of the telemetry by its name in TELEMETRY. Shape (ticks,)."""
-        return self.telemetry[:, TELEMETRY.index(name)]
+        """Return one column of the telemetry by its name in TELEMETRY, with or without its unit. Shape (ticks,).
+
+        Raises:
+          SettingsError: there is none.
+        """
+        return self.telemetry[:, column_index(name)]
 
     def row(self) -> dict[str, Any]:
         """Return the row in `cars` of the JSON summary."""
@@ -160,6 +168,9 @@ class RaceResult(Shown):
         for name in ("telemetry", "states", "ctrl"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
 
+    def _meant(self, name: str) -> str | None:
+        return column_meant(name, super()._meant(name))
+
     def __repr__(self) -> str:
         best = f", best {min(self.lap_times_s):.2f} s" if self.lap_times_s else ""
         laps = f"{self.laps_completed} of {self.laps_requested} laps in " if self.laps_requested else ""
@@ -228,8 +239,12 @@ class RaceResult(Shown):
         ]
 
     def column(self, name: str) -> FloatArray:
-        """Return one column of the telemetry by its name in TELEMETRY. Shape (ticks,)."""
-        return self.telemetry[:, TELEMETRY.index(name)]
+        """Return one column of the telemetry by its name in TELEMETRY, with or without its unit. Shape (ticks,).
+
+        Raises:
+          SettingsError: there is none.
+        """
+        return self.telemetry[:, column_index(name)]
 
     @property
     def cars(self) -> tuple[dict[str, Any], ...]:

@@ -24,11 +24,13 @@ import csv
 import hashlib
 import json
 import math
+import os
 import platform
 import re
+import stat
 from array import array
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field, fields
 from importlib.metadata import version
 from pathlib import Path
@@ -37,19 +39,23 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from ..arguments import Suggesting
 from ..course.files import file_sha256, is_file, read_arrays, read_bytes, read_text, require_regular
 from ..course.mjcf import MOST_MJCF
 from ..course.writing import claimed_folder, require_writable, staged_folder
 from ..display import brief, quoted
-from ..errors import FgMujocoError, RunFolderError, SettingsError, accepted_names
-from ..messages import FloatArray, LaserScan, Odometry
+from ..errors import FgMujocoError, RunFolderError, SettingsError, accepted_names, nearest, with_unit
+from ..kernels import own_folder
+from ..messages import FloatArray, LaserScan, Odometry, shown
 from ..simulation.planner_failure import PlannerFailure
-from ..simulation.telemetry import ALWAYS_NUMBERS, RECORDED_ALWAYS, TELEMETRY
+from ..simulation.telemetry import ALWAYS_NUMBERS, RECORDED_ALWAYS, TELEMETRY, column_meant
 from .result import RaceResult
 from .run_checks import check_summary, checked_scene
 
 SCHEMA = 1
 """Of the run folder; a reader refuses any other."""
+
+_RACED = "raced"  # folder in the user's cache of notes about runs
 
 _MOST_SUMMARY = 2**20  # bytes
 _MOST_TELEMETRY = 512 * 2**20  # bytes, of about ten hours
@@ -71,7 +77,7 @@ _READ_BACK = (_SCENE, _STATES, _TELEMETRY, _CONTROLLER, FAILED_SCAN)  # pictures
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Run:
+class Run(Suggesting):
     """A run folder, read back. Arrays are as in RaceResult."""
 
     folder: Path
@@ -89,23 +95,28 @@ class Run:
         drive = f"{quoted(found['controller'])} on {quoted(found['track'])}: {found['end_reason']}"
         return brief(self, quoted(self.folder), drive, f"{len(self.ctrl)} ticks, {self.time[-1]:.2f} s")
 
+    def _meant(self, name: str) -> str | None:
+        found = nearest(name, self.summary)
+        return column_meant(name, super()._meant(name) or (None if found is None else f"summary[{found!r}]"))
+
     @property
     def scene(self) -> Path:
         """The MJCF file of the world, whose text is `xml`."""
         return self.folder / _SCENE
 
     def column(self, name: str) -> FloatArray:
-        """Return one column of the telemetry, shape (ticks,).
+        """Return one column of the telemetry by its name, with or without its unit. Shape (ticks,).
 
         Raises:
           SettingsError: there is none of that name, or an older version wrote the run without it.
         """
-        if name not in self.columns:
+        found = with_unit(name, self.columns)
+        if found is None:
             why = " (written by an older version)" if name in TELEMETRY else ""
             raise SettingsError(
                 f"{self.folder / _TELEMETRY}{why} has no column {name!r}; {accepted_names(name, self.columns)}"
             )
-        return self.telemetry[:, TELEMETRY.index(name)]
+        return self.telemetry[:, TELEMETRY.index(found)]
 
 
 def check_run_folder(folder: str | Path) -> None:
@@ -158,12 +169,41 @@ def write_run(
         sha256s = {name: file_sha256(staging / name) for name in read_back if (staging / name).exists()}
         summary = json.loads(summary_json(result, settings)) | {"files": sha256s}
         (staging / SUMMARY).write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+        if (staging / _CONTROLLER).exists():
+            remember_run(staging)
         if add is not None:
             try:
                 add(staging)
             except RunFolderError as error:
                 raise RunFolderError(str(error).replace(str(staging), str(folder))) from error
     return folder
+
+
+def remember_run(folder: Path) -> None:
+    """Note in this user's cache that this user raced a run: its planner's code was run by this user already.
+
+    The note is an empty file with the name of the summary's SHA-256, so it holds for this run and no other.
+    """
+    own = own_folder(_RACED, "races are not noted there, so `debug` needs --trust")
+    if own is not None:
+        with suppress(OSError):
+            (own / file_sha256(folder / SUMMARY)).touch(mode=0o600)
+
+
+def was_raced_here(folder: Path, summary: Mapping[str, Any]) -> bool:
+    """Say whether this user raced a run, whose summary was read: only `write_run` notes that, and nobody else can.
+
+    The folder itself proves nothing: whoever made it wrote all of it.
+    """
+    own = own_folder(_RACED, "what is noted there is not believed")
+    try:
+        content = read_bytes(folder / SUMMARY, _MOST_SUMMARY)
+        note = (own or folder) / hashlib.sha256(content).hexdigest()
+        status = note.lstat()
+        mine = not hasattr(os, "geteuid") or status.st_uid == os.geteuid()
+        return own is not None and mine and stat.S_ISREG(status.st_mode) and json.loads(content) == summary
+    except (OSError, ValueError, RecursionError):
+        return False
 
 
 def of_car(file: str, index: int) -> str:
@@ -206,6 +246,8 @@ def read_summary(folder: str | Path) -> dict[str, Any]:
     Raises:
       RunFolderError: it is not one, or its summary is damaged.
     """
+    if not isinstance(folder, (str, os.PathLike)):
+        raise RunFolderError(f"the run is {shown(folder)}; accepted: the path of a folder that `race --out` wrote")
     path = Path(folder) / SUMMARY
     if not is_file(path):
         raise RunFolderError(f"{folder}: has no {SUMMARY}; accepted: a folder that `race --out` wrote")
@@ -248,8 +290,7 @@ def read_run(folder: str | Path) -> Run:
     Raises:
       RunFolderError: it is not one, or a file in it is missing or damaged.
     """
-    folder = Path(folder)
-    summary = read_summary(folder)
+    summary, folder = read_summary(folder), Path(folder)
     cars = car_count(summary)
     telemetries = [folder / of_car(_TELEMETRY, index) for index in range(cars)]
     for path in (folder / _SCENE, folder / _STATES, *telemetries):

@@ -17,7 +17,7 @@ import re
 import warnings
 from collections.abc import Callable, Collection, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from ..course.files import read_text
 from ..errors import BagError, FgMujocoError
+from .autodrive import composed_topics
 from .bag_messages import require_ros_extra, type_store
 from .bag_storage import ACCEPTED, Channel, Storage, is_storage, open_storage, uncompressed
 
@@ -60,7 +61,8 @@ class Recording:
       path: of the file or folder.
 
     Attributes:
-      counts: how many messages each topic has; topics without any are left out.
+      counts: how many messages each topic has that can be chosen; topics without any are left out. AutoDRIVE's
+        commands and odometry are topics that are composed of several.
 
     Raises:
       MissingExtraError: the extra `ros` is not installed.
@@ -79,6 +81,11 @@ class Recording:
             for path in self._paths():
                 self._files.append(stack.enter_context(open_storage(path)))
             self._order()
+            self._recorded = dict(self.counts)
+            self._composed = composed_topics(self.counts)
+            hidden = frozenset[Topic]().union(*(each.hides for each in self._composed.values()))
+            made = {topic: each.count for topic, each in self._composed.items()}
+            self.counts = {**{topic: count for topic, count in self.counts.items() if topic not in hidden}, **made}
             for file in self._files:
                 if file.damage:
                     self.warn(f"{file.path.name}: {file.damage}; {len(file)} messages of it are read")
@@ -97,13 +104,17 @@ class Recording:
 
     def held(self) -> str:
         """Return the topics of the bag with their types, in words."""
-        return ", ".join(f"{topic} ({kind})" for topic, kind in sorted((t, k) for k, t in self.counts)) or "no messages"
+        held = sorted((topic, kind) for kind, topic in self._recorded)
+        return ", ".join(f"{topic} ({kind})" for topic, kind in held) or "no messages"
 
     def table(self) -> list[str]:
         """Return how long the bag is, and its topics with their types and counts, a line each."""
-        rows = [f"{self.path}: {self.span:.1f} s, {sum(self.counts.values())} messages"]
-        for (kind, topic), count in sorted(self.counts.items(), key=lambda row: row[0][1]):
+        rows = [f"{self.path}: {self.span:.1f} s, {sum(self._recorded.values())} messages"]
+        for (kind, topic), count in sorted(self._recorded.items(), key=lambda row: row[0][1]):
             rows.append(f"  {topic:<32} {kind:<40} {count:>8}")
+        for (kind, topic), each in sorted(self._composed.items(), key=lambda row: row[0][1]):
+            names = ", ".join(sorted(name.rpartition("/")[2] for _, name in each.sources))
+            rows.append(f"  {topic:<32} {kind:<40} composed of {names}")
         return rows
 
     @property
@@ -166,6 +177,25 @@ class Recording:
           wanted: the topics.
           most: stop after so many.
         """
+        composing = {topic: self._composed[topic].begin() for topic in wanted if topic in self._composed}
+        if not composing:
+            yield from self._written(wanted, most)
+            return
+        sources = frozenset[Topic]().union(*(self._composed[topic].sources for topic in composing))
+        count = 0
+        for heard in self._written({*wanted} - {*composing} | sources, None):
+            found = [heard] if heard.topic in wanted else []
+            for topic, compose in composing.items():
+                if heard.topic in self._composed[topic].sources:
+                    message = compose(heard.topic, heard.message, heard.received)
+                    found += [] if message is None else [replace(heard, topic=topic, message=message)]
+            for each in found:
+                if most is not None and count >= most:
+                    return
+                count += 1
+                yield each
+
+    def _written(self, wanted: Collection[Topic], most: int | None) -> Iterator[Heard]:
         numbers = [number for number, topic in enumerate(self._topics) if topic in wanted]
         lost: dict[Topic, int] = {}
         count = 0
@@ -185,7 +215,7 @@ class Recording:
                 count += 1
                 yield Heard(topic=topic, received=int(file.times[line]), time=int(self._times[row]), message=message)
         for (kind, name), missing in lost.items():
-            if missing == self.counts[kind, name]:
+            if missing == self._recorded[kind, name]:
                 raise BagError(f"{self.path}: none of the messages on {name} can be read; accepted: messages of {kind}")
             self.warn(f"{missing} messages on {name} are damaged and left out")
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..errors import ControllerError, PlannerError
 from ..lidar.beams import Beams
-from ..messages import ODOMETRY, Controller, ControllerBatch, DriveCommand, FloatArray, LaserScan, Odometry
+from ..messages import A_COMMAND, ODOMETRY, Controller, ControllerBatch, DriveCommand, FloatArray, LaserScan, Odometry
 from .planner_failure import (
     DecisionLimitReached,
     class_name,
@@ -309,7 +309,7 @@ def plan(controller: Controller, scan: LaserScan, odometry: Odometry) -> DriveCo
             raise
         raise _failed(error, type(controller), scan, odometry) from error
     if values is None:
-        raise _answered(f"answered {short(answer)}", "a DriveCommand", type(controller), scan, odometry)
+        raise _answered(f"answered {short(answer)}", A_COMMAND, type(controller), scan, odometry)
     if type(answer) is DriveCommand and {*map(type, values)} == {float} and math.isfinite(sum(values)):
         return answer
     try:

@@ -10,7 +10,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import FrozenInstanceError, dataclass, field
 from dis import opname
 from pathlib import Path
 from types import FunctionType, TracebackType
@@ -18,6 +18,7 @@ from typing import Any
 
 from ..display import brief
 from ..messages import LaserScan, Odometry
+from .old_numpy import advice as numpy_advice
 
 _COLOURS = re.compile(r"\x1b\[[0-9;]*m")  # of numba's messages in a terminal
 _LONGEST = 20_000  # characters of a message or traceback; of what is longer the middle is left out
@@ -55,13 +56,24 @@ class PlannerFailure:
 
 
 def one_line(error: BaseException) -> str:
-    """Return the kind and the message of an error in one line; of numba's many lines, the ones that say what it is."""
+    """Return the kind and the message of an error in one line; of numba's many lines, the ones that say what it is.
+
+    Where the error comes of a NumPy that is newer than the planner, the line says which version to install.
+    """
     lines = _COLOURS.sub("", _message(error)).splitlines()
     if _of_numba(error):
         saying = [line for line in lines if line.strip() and not line.startswith("Failed in ")]
         ends = (i for i, line in enumerate(saying) if line.startswith(("During: ", "File ")))
         lines = saying[: next(ends, None)] or lines
-    return f"{class_name(error)}: {' '.join(' '.join(lines).split())}"
+    said = " ".join(" ".join(lines).split())
+    return f"{class_name(error)}: {said}{_advice(error, said)}"
+
+
+def _advice(error: BaseException, said: str) -> str:
+    """Return what to do about an error of Python's or NumPy's that says nothing of it; nothing of any other."""
+    if type(error) is FrozenInstanceError or (type(error) is ValueError and "read-only" in said):
+        return "; scans and odometry are read-only: change a copy, such as ranges = scan.ranges.copy()"
+    return numpy_advice(error, said)
 
 
 def is_of_planner(error: BaseException) -> bool:

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import MISSING, Field, asdict, dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
@@ -17,7 +17,7 @@ from ..course.obstacles import Obstacle
 from ..display import brief, changed
 from ..errors import SettingsError, accepted_names
 from ..lidar.effects import LidarEffects
-from ..messages import require, require_whole
+from ..messages import require, require_whole, shown
 from ..vehicle.changes import ACCEPTED_MU, GREATEST_MU, CarChanges
 from ..vehicle.friction_patches import Patch
 from ..vehicle.tires import Tires
@@ -103,9 +103,31 @@ def as_part(value: Any, kind: type[_Part], name: str) -> _Part:
     if isinstance(value, kind):
         return value
     if isinstance(value, Mapping):
-        return kind(**known_settings(value, kind, name))
+        known = known_settings(value, kind, name)
+        lacking = [f.name for f in fields(cast(Any, kind)) if f.name not in known and required(f)]
+        if lacking:
+            said = f"{name} is {shown(value)}, without {', '.join(lacking)}"
+            raise SettingsError(f"{said}; accepted: {kind.__name__}, or its settings by name")
+        return kind(**known)
     names = ", ".join(f.name for f in fields(cast(Any, kind)))
-    raise SettingsError(f"{name} is {value!r}; accepted: {kind.__name__}, or any of {names} by name")
+    raise SettingsError(f"{name} is {shown(value)}; accepted: {kind.__name__}, or any of {names} by name")
+
+
+def as_parts(values: Any, kind: type[_Part], name: str) -> tuple[_Part, ...]:
+    """Return objects of the dataclass `kind`, each made as by `as_part`.
+
+    Raises:
+      SettingsError: it is no sequence, or one of it cannot be had; the message has its place.
+    """
+    if isinstance(values, (str, Mapping)) or not isinstance(values, Iterable):
+        said = f"{name} is {shown(values)}"
+        raise SettingsError(f"{said}; accepted: a sequence of {kind.__name__}, such as [{kind.__name__}(...)]")
+    return tuple(as_part(value, kind, f"{name}[{index}]") for index, value in enumerate(values))
+
+
+def required(of: Field[Any]) -> bool:
+    """Return whether a field of a dataclass has no default."""
+    return of.default is MISSING and of.default_factory is MISSING
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,12 +160,12 @@ class CarSettings:
     mu: float | None = None  # friction coefficient of the tires, or their greatest peak; None: as in their file
     changes: CarChanges = field(default_factory=CarChanges)  # what else differs from the vehicle's MJCF
     tires: Tires | str | Path | None = None  # a bundled set, the path of a TOML file, or Tires; None: the vehicle's
-    patches: tuple[Patch, ...] = ()  # of the floor, on which the tires have another friction
+    patches: Sequence[Patch] = ()  # of the floor, on which the tires have another friction
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "vehicle", Vehicle.load(self.vehicle))
         self._make("changes", CarChanges)
-        object.__setattr__(self, "patches", tuple(as_part(patch, Patch, "patches") for patch in self.patches))
+        object.__setattr__(self, "patches", as_parts(self.patches, Patch, "patches"))
         if self.tires is not None:
             object.__setattr__(self, "tires", Tires.load(self.tires))
         if self.mu is not None:

@@ -15,11 +15,12 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
+from ..arguments import Suggesting
 from ..display import brief
-from ..errors import SettingsError
+from ..errors import MessageError, SettingsError
 from ..lidar.effects import LidarEffects
 from ..lidar.lidar import Lidar
-from ..messages import DriveCommand, FloatArray, LaserScan, Odometry
+from ..messages import A_COMMAND, DriveCommand, FloatArray, LaserScan, Odometry, shown
 from ..vehicle.tire_slip import TireSlip
 from .engine import Engine
 from .physics import STATE
@@ -28,7 +29,7 @@ from .settings import DriveSettings, Start
 from .world import World
 
 
-class Simulation:
+class Simulation(Suggesting):
     """A car in a world, placed on the start of the track.
 
     Args:
@@ -51,7 +52,7 @@ class Simulation:
 
     Raises:
       ModelError: a timestep that does not divide the period.
-      SettingsError: other cars than the world has.
+      SettingsError: no World, or other cars than it has.
     """
 
     def __init__(
@@ -65,6 +66,8 @@ class Simulation:
         data: mujoco.MjData | None = None,
         others: Sequence[DriveSettings] = (),
     ) -> None:
+        if not isinstance(world, World):
+            raise SettingsError(f"Simulation is given {shown(world)}; accepted: a World, such as World('oval')")
         if len(others) != len(world.cars) - 1:
             said = f"settings of {len(others)} other cars for a world of {len(world.cars)} cars"
             raise SettingsError(f"{said}; accepted: one for each car besides car 0")
@@ -103,7 +106,13 @@ class Simulation:
         return self._sense()
 
     def step(self, command: DriveCommand) -> tuple[LaserScan, Odometry]:
-        """Hold a command for one period and return what the car then senses."""
+        """Hold a command for one period and return what the car then senses.
+
+        Raises:
+          MessageError: it is no DriveCommand.
+        """
+        if not isinstance(command, DriveCommand):
+            raise MessageError(f"the command is {shown(command)}; accepted: {A_COMMAND}")
         self.drive(command.steering_angle, command.speed)
         return self._sense()
 

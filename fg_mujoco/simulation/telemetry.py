@@ -8,6 +8,7 @@ from typing import Any, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import SettingsError, accepted_names, nearest, with_unit
 from ..kernels import kernel
 from ..messages import DriveCommand, FloatArray
 from ..vehicle.car import WHEELS
@@ -46,6 +47,32 @@ in the axes of the heading half-way.
 
 The last columns are of the first physics step, at the state of the row: each tire's load, its force along its wheel's
 heading and to the left of it, its slip angle and its slip ratio, as in TireSlip."""
+
+
+def column_index(name: str) -> int:
+    """Return which column of the telemetry has a name; the unit at its end may be left out, as in "speed".
+
+    Raises:
+      SettingsError: none has.
+    """
+    found = with_unit(name, TELEMETRY) if isinstance(name, str) else None
+    if found is None:
+        raise SettingsError(f"the telemetry has no column {name!r}; {accepted_names(name, TELEMETRY)}")
+    return TELEMETRY.index(found)
+
+
+def column_meant(name: str, other: str | None) -> str | None:
+    """Return what an attribute may mean that a result has not.
+
+    Args:
+      name: of the attribute.
+      other: attribute that is most similar, if any. A column whose unit is left out is more so.
+    """
+    if other is not None and name in other:
+        return other
+    found = with_unit(name, TELEMETRY) or (nearest(name, TELEMETRY) if other is None else None)
+    return other if found is None else f"column({found!r})"
+
 
 RECORDED_ALWAYS = TELEMETRY[: TELEMETRY.index("steps") + 1]
 """Columns that each telemetry.csv has, whatever version wrote it."""

@@ -17,10 +17,11 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from ..arguments import Suggesting
 from ..course.course import Course
 from ..course.moving_obstacles import PREFIX as MOVING_PREFIX
 from ..course.moving_obstacles import MovingObstacle, moving_obstacles
-from ..course.obstacles import Obstacle
+from ..course.obstacles import Obstacle, require_obstacles
 from ..display import brief, quoted
 from ..errors import SettingsError, accepted_names
 from ..lidar.lidar import LIDAR_BACKENDS, Lidar, make_lidar
@@ -28,7 +29,7 @@ from ..lidar.scene import ScanlineScene
 from ..messages import CarParameters, FloatArray
 from ..vehicle.car import Car
 from ..vehicle.changes import CarChanges
-from ..vehicle.friction_patches import Patch, add_patches
+from ..vehicle.friction_patches import Patch, add_patches, require_patches
 from ..vehicle.tire_slip import add_axle_sensors
 from ..vehicle.tires import Tires, tires_of
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
@@ -58,7 +59,7 @@ LIDAR_PREFIX = lidar_prefix(0)
 """Of the names of everything that belongs to car 0's LiDAR."""
 
 
-class World:
+class World(Suggesting):
     """A compiled world.
 
     Args:
@@ -103,6 +104,7 @@ class World:
         patches: Sequence[Patch] = (),
         others: Sequence[WorldCar] = (),
     ) -> None:
+        require_obstacles(obstacles)
         self.vehicle = Vehicle.load(vehicle)
         self.tires = self.vehicle.tires if tires is None else Tires.load(tires)
         first = WorldCar(vehicle=self.vehicle, mu=mu, changes=changes or CarChanges(), tires=self.tires)
@@ -113,7 +115,7 @@ class World:
             self.track.check_car(own.parameters)
         self.lidar_backend = lidar
         self.obstacles = (*self.track.obstacles, *obstacles)
-        self.xml = _text_of(self.track, builds, lidar, self.obstacles, tuple(patches))
+        self.xml = _text_of(self.track, builds, lidar, self.obstacles, require_patches(patches))
         self.model = compiled_model(self.xml)
         self.moving = moving_obstacles(self.model)
         self.cars = tuple(Car(self.model, car_prefix(index)) for index in range(len(builds)))

@@ -21,7 +21,7 @@ by hand.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -33,7 +33,7 @@ from ..course.obstacles import Box
 from ..course.track import Track
 from ..errors import SettingsError
 from ..kernels import kernel
-from ..messages import FloatArray, require
+from ..messages import FloatArray, require, shown
 from .car import WHEELS, Car, element_id
 from .motion import planar_pose
 
@@ -75,6 +75,21 @@ class Patch:
         cos, sin = math.cos(self.heading), math.sin(self.heading)
         along, across = cos * away_x + sin * away_y, cos * away_y - sin * away_x
         return np.asarray((np.abs(along) <= 0.5 * self.length) & (np.abs(across) <= 0.5 * self.width))
+
+
+def require_patches(patches: Any) -> tuple[Patch, ...]:
+    """Return patches as a tuple.
+
+    Raises:
+      SettingsError: this is no sequence of Patch.
+    """
+    if not isinstance(patches, Iterable):
+        raise SettingsError(f"patches is {shown(patches)}; accepted: a sequence of Patch")
+    found = tuple(patches)
+    for index, patch in enumerate(found):
+        if not isinstance(patch, Patch):
+            raise SettingsError(f"patches[{index}] is {shown(patch)}; accepted: a Patch")
+    return found
 
 
 def add_patches(spec: Any, patches: Sequence[Patch]) -> None:

@@ -12,12 +12,13 @@ from numpy.random import Generator
 import fg_mujoco as fg
 from fg_mujoco.racing.planner_loading import bundled_names, make_controller
 from fg_mujoco.ros.bag_messages import markers_message, to_cdr
+from fg_mujoco.ros.door.program import read_program
 from fg_mujoco.showing import POINTS
 from fg_mujoco.viz.debug import page
 from fg_mujoco.viz.debug.decisions import Witness
 
 from .course_doors import ring
-from .door import SHORT, Attempt, Door, as_text, command
+from .door import SHORT, Attempt, Door, as_text, command, ignore_refusal
 from .mutations import mutated, one_of
 
 PLANNERS = (
@@ -159,6 +160,61 @@ def _scans(samples: Path, here: Path, rng: Generator) -> Attempt:
     return drive
 
 
+LAUNCH = """
+import os, yaml
+from ament_index_python.packages import get_package_share_directory
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, GroupAction, IncludeLaunchDescription, OpaqueFunction
+from launch.conditions import IfCondition
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution, PythonExpression
+from launch_ros.actions import Node, PushRosNamespace, SetParameter
+
+def later(context, factor=2):
+    return [Node(package="car", executable="drive", parameters=[{"a": factor * [1]}])]
+
+def generate_launch_description():
+    share = get_package_share_directory("car")
+    nodes = []
+    for i, name in enumerate(["a", "b"] * 2):
+        if i % 2 == 0:
+            ros = ["--ros-args", "-p", "b:=1"]
+            nodes += [Node(package="car", executable="drive", name=f"{name}_{i:02d}", arguments=ros)]
+    values = yaml.safe_load(open(os.path.join(share, "car.yaml"), "r"))["car"]["ros__parameters"]
+    return LaunchDescription([
+        DeclareLaunchArgument("fast", default_value="true", choices=["true", "false"]),
+        GroupAction([PushRosNamespace("ns"), SetParameter(name="c", value=values["speed"] * 2.0), *nodes],
+                    condition=IfCondition(PythonExpression(["'", LaunchConfiguration("fast"), "' == 'true'"]))),
+        IncludeLaunchDescription(PythonLaunchDescriptionSource(PathJoinSubstitution([share, "inner.launch.py"])),
+                                 launch_arguments={"fast": "1"}.items()),
+        OpaqueFunction(function=later, args=[3]),
+    ])
+"""
+PARTS = (
+    "None", "[]", "()", "{}", "''", "'a' * 9999999", "range(10**9)", "open('/dev/zero')", "LaunchConfiguration('x')",
+    "Node()", "later()", "lambda: 0", "[i for i in 5]", "'%9999d' % 1", "'{:>{}}'.format(1, 9)", "10**9", "f'{1:>9}'",
+    "PythonExpression(['1+'])", "GroupAction(1)", "OpaqueFunction()", "IfCondition()", "SetParameter()", "print(*[1])",
+)  # fmt: skip
+"""What takes the place of a line's end in a launch file."""
+
+
+def _launch_file(samples: Path, here: Path, rng: Generator) -> Attempt:
+    (here / "package.xml").write_text("<package><name>car</name></package>")
+    (here / "setup.py").write_text('"drive = node:main"')
+    (here / "node.py").write_text("def main(): pass")
+    (here / "car.yaml").write_text("car: {ros__parameters: {speed: 1.0}}")
+    (here / "inner.launch.py").write_text("def generate_launch_description():\n    return []\n")
+    lines = LAUNCH.splitlines(keepends=True)
+    if rng.random() < 0.7:
+        at = int(rng.integers(len(lines)))
+        line = lines[at].rstrip("\n")
+        cut = int(rng.integers(len(line) + 1))
+        lines[at] = line[:cut] + one_of(rng, PARTS) + (line[cut:] if rng.random() < 0.5 else "") + "\n"
+    text = "".join(lines).encode()
+    (here / "car.launch.py").write_bytes(text if rng.random() < 0.5 else mutated(text, rng))
+    return ignore_refusal(lambda: read_program("ros:car.launch.py"))
+
+
 class OddArray:
     """Cannot be read, nor written."""
 
@@ -215,6 +271,7 @@ def _shown_values(samples: Path, here: Path, rng: Generator) -> Attempt:
 
 
 DOORS = {
+    "launch_file": Door(attempt=_launch_file),
     "shown_values": Door(attempt=_shown_values),
     "planner_settings": Door(attempt=_planner_settings, prepare=ring),
     "planner_file": Door(attempt=_planner_file),

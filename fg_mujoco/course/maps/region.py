@@ -295,16 +295,18 @@ def _regions(occupancy: OccupancyMap, at: FloatArray | None) -> list[_Region]:
     from scipy import ndimage
 
     labels, count = ndimage.label(occupancy.free)  # pixels that meet at a corner are not connected
-    windows = ndimage.find_objects(labels)
     if at is not None:
-        numbers = [int(labels[_require_free(occupancy, at)])]
+        numbers = np.array([labels[_require_free(occupancy, at)]])
     else:
         sizes = np.bincount(labels.ravel(), minlength=count + 1)[1:]
-        enough = SHORTEST_LAP * ROOM / occupancy.resolution**2
-        numbers = [int(k) + 1 for k in np.argsort(-sizes, kind="stable") if sizes[k] > enough]
+        enough = np.flatnonzero(sizes > SHORTEST_LAP * ROOM / occupancy.resolution**2)
+        numbers = enough[np.argsort(-sizes[enough], kind="stable")] + 1
+    kept = np.zeros(count + 1, np.int32)  # of millions of specks few are looked at
+    kept[numbers] = np.arange(1, len(numbers) + 1)
+    labels = kept[labels]
     return [
         _Region(occupancy, labels[window] == number, (window[0].start, window[1].start))
-        for number, window in ((number, windows[number - 1]) for number in numbers)
+        for number, window in enumerate(ndimage.find_objects(labels), start=1)
     ]
 
 

@@ -24,6 +24,7 @@ _MOST_MOVED = 0.4  # [pixel] by it; less than TOLERANCE, so that corners stay
 _STAY = 1e-3  # weight of where a corner is beside that of a point of the outline, so that every corner is somewhere
 _SLACK = 1e-6  # [pixel] in comparisons with the tolerance
 _HALVINGS = 6  # of the tolerance, for what is smaller than it
+_DENSE = 2000  # corners of a wall at most, whose equations are solved as a full matrix: of more it takes minutes
 _KEPT_AREA = 0.95  # of what an outline encloses, at least: obstacles of a few pixels stay as large as they are
 
 _STEPS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])  # right, up, left, down: each turns left from the one before
@@ -150,12 +151,13 @@ def _fitted(outline: FloatArray, chosen: IndexArray, wall: FloatArray, tolerance
     share = (np.arange(len(outline)) - chosen[side]) / sizes[side]
     following = (side + 1) % count
     # each point of the outline is at its share of the way from one corner to the next: the normal equations of that
-    matrix, right = _STAY * np.eye(count), _STAY * wall
+    right, corners = _STAY * wall, np.arange(count)
+    entries = [(corners, corners, np.full(count, _STAY))]
     for i, a in ((side, 1.0 - share), (following, share)):
-        for j, b in ((side, 1.0 - share), (following, share)):
-            np.add.at(matrix, (i, j), a * b)
+        entries += [(i, j, a * b) for j, b in ((side, 1.0 - share), (following, share))]
         np.add.at(right, i, a[:, None] * outline)
-    moved: FloatArray = np.asarray(np.linalg.solve(matrix, right), np.float64)
+    row, column, value = map(np.concatenate, zip(*entries, strict=True))
+    moved = _solved(row, column, value, right)
     while True:
         away = distance_to_segment(outline, moved[side], moved[following])
         before = distance_to_segment(outline[chosen], np.roll(moved, 1, axis=0), moved)
@@ -165,3 +167,16 @@ def _fitted(outline: FloatArray, chosen: IndexArray, wall: FloatArray, tolerance
             return moved
         back = np.union1d(far, (far + 1) % count)
         moved[back] = 0.5 * (moved[back] + wall[back])
+
+
+def _solved(row: IndexArray, column: IndexArray, value: FloatArray, right: FloatArray) -> FloatArray:
+    """Return what a sparse matrix, the sum of entries (k,), turns into `right` (m, 2)."""
+    count = len(right)
+    if count <= _DENSE:
+        matrix = np.zeros((count, count))
+        np.add.at(matrix, (row, column), value)
+        return np.asarray(np.linalg.solve(matrix, right), np.float64)
+    from scipy.sparse import csc_array
+    from scipy.sparse.linalg import splu
+
+    return np.asarray(splu(csc_array((value, (row, column)), shape=(count, count))).solve(right), np.float64)

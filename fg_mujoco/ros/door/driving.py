@@ -2,19 +2,23 @@
 
 In this order: Ackermann messages, AutoDRIVE's throttle and steering, the VESC's motor and servo, the F1/10 course's
 drive_param, a Twist. Of several Ackermann topics the first of KNOWN counts, as in the multiplexers of the field, else
-the one that no node listens to; /brake never stands alone.
+the one that no node listens to. A brake beside the drive topic overrides it.
 """
 
 from __future__ import annotations
 
 import math
 import re
+import warnings
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import numpy as np
+
 from ...messages import CarParameters
+from ..autodrive import STEERING, THROTTLE
 from .graph import Graph, NodeError, Publication
-from .sensing import SPEED_TO_ERPM, STEERING, THROTTLE
+from .sensing import SPEED_TO_ERPM
 
 DRIVE, OPPONENT_DRIVE = "/drive", "/opp_drive"
 KNOWN = (
@@ -28,6 +32,10 @@ _TWIST, _TWIST_STAMPED = "geometry_msgs/Twist", "geometry_msgs/TwistStamped"
 _DRIVE_PARAM = "drive_param"
 _AUTODRIVE = re.compile(r"/autodrive/\w+/(throttle|steering)_command")
 _VESC = re.compile(r"(?:/vesc)?/commands/(motor/speed|servo/position)")
+_MOST_BAD = 10  # commands in a row that are no numbers, of which the first ones hold the last command
+_BRAKES = ("/brake", "/ego_racecar/brake")
+_BRAKE_HOLDS = 200_000_000  # [ns] for which a command on /brake counts, as ackermann_mux of f1tenth_system has it
+_MOST_OF_32_BITS = float(np.finfo(np.float32).max)
 _SLOWEST = 0.05  # [m/s] below which a Twist's yaw rate says nothing of the steering angle
 
 _STEERING_TO_SERVO, _SERVO_OFFSET = -1.2135, 0.5304  # the same
@@ -44,6 +52,8 @@ class Driving:
 
     def __init__(self, graph: Graph, car: CarParameters, said: Callable[[], str]) -> None:
         self._graph, self._car, self._said = graph, car, said
+        self._last: tuple[float, float] | None = None  # command that was made of numbers
+        self._bad, self._counted = 0, 0  # commands in a row that were not, and messages when that was found
 
     def topics(self) -> list[Publication]:
         """Return one publisher of each topic that commands the car: one, or two where speed and angle have their own.
@@ -59,6 +69,8 @@ class Driving:
                         return pair
                 continue
             found = self._of_kinds(kinds)
+            if len(found) > 1:  # a brake overrides another drive topic, and is one where there is no other
+                found = {topic: each for topic, each in found.items() if topic not in _BRAKES} or found
             if len(found) == 1:
                 return list(found.values())
             for topic in KNOWN:
@@ -78,37 +90,85 @@ class Driving:
         return []
 
     def asked(self) -> tuple[float, float] | None:
-        """Return the speed [m/s] and the steering angle [rad] last asked for; None: nothing yet."""
+        """Return the speed [m/s] and the steering angle [rad] last asked for; None: nothing yet.
+
+        A command that is no number holds the last one, and a warning says so.
+
+        Raises:
+          NodeError: the tenth such command in a row; several drive topics, see `topics`.
+        """
         topics = self.topics()
+        brake = self._brake()
+        if brake is not None:
+            return brake
         messages: list[Any] = [self._graph.newest.get(each.topic) for each in topics]
         if all(message is None for message in messages):
             return None
         if len(topics) == 2:
-            return self._of_two(topics, messages)
-        message = messages[0]
+            found, wrong = self._of_two(topics, messages), ""
+            if math.isnan(found[0]) or not math.isfinite(found[1]):
+                data = " and ".join(repr(message.data) for message in messages if message is not None)
+                wrong = f"{data} on {topics[0].topic} and {topics[1].topic}"
+        else:
+            found, wrong = self._of_one(messages[0], topics[0])
+        if not wrong:
+            self._last, self._bad = found, 0
+            return found
+        count = sum(each.count for each in topics)
+        self._bad += count != self._counted  # the same message is one
+        self._counted = count
+        said = f"{self._said()} has published {wrong}{topics[0].place}"
+        if self._bad >= _MOST_BAD:
+            raise NodeError(f"{said}, {self._bad} times in a row; accepted: a finite number")
+        held = "the car stands" if self._last is None else "the last command is held"
+        warnings.warn(f"{said}, which is no command: {held}", stacklevel=2)
+        return self._last
+
+    def _of_one(self, message: Any, topic: Publication) -> tuple[tuple[float, float], str]:
+        """Return speed and angle of a message, and what in it is no number: nothing, or name, value and topic."""
         kind = message._type
         if kind in (_TWIST, _TWIST_STAMPED):
             twist = message if kind == _TWIST else message.twist
-            speed, turning = float(twist.linear.x), float(twist.angular.z)
+            values = {"linear.x": float(twist.linear.x), "angular.z": float(twist.angular.z)}
+            speed, turning = values.values()
             angle = math.atan2(turning * self._car.wheelbase, abs(speed)) if abs(speed) > _SLOWEST else 0.0
-            return speed, math.copysign(1.0, speed) * angle
-        drive = message.drive if kind == _STAMPED else message
-        names = ("velocity", "angle") if topics[0].is_drive_param else ("speed", "steering_angle")
-        for name in names:
-            value = getattr(drive, name)
-            if not (math.isfinite(value) or (name == names[0] and not math.isnan(value))):  # a speed is limited
-                raise NodeError(
-                    f"{self._said()} has published {name} {getattr(drive, name)!r} on {topics[0].topic}"
-                    f"{topics[0].place}; accepted: a finite number"
-                )
-        return getattr(drive, names[0]), getattr(drive, names[1])
+            angle = math.copysign(1.0, speed) * angle
+        else:
+            drive = message.drive if kind == _STAMPED else message
+            names = ("velocity", "angle") if topic.is_drive_param else ("speed", "steering_angle")
+            values = {name: getattr(drive, name) for name in names}
+            speed, angle = values.values()
+        for i, (name, value) in enumerate(values.items()):
+            infinite = abs(value) > _MOST_OF_32_BITS
+            if value != value or (infinite and i == 1):  # a speed is limited
+                return (speed, angle), f"{name} {value!r} on {topic.topic}"
+        return (speed, angle), ""
+
+    def _brake(self) -> tuple[float, float] | None:
+        """Return the command of an emergency brake beside the drive topic; None: there is none now.
+
+        A Bool such as /brake_bool that no node listens to brakes from True to False, as in f1tenth_simulator, and holds
+        the steering angle. Without one an Ackermann message on /brake counts for 0.2 s, as in the multiplexer of
+        f1tenth_system.
+        """
+        graph = self._graph
+        switches = [each for each in graph.publications if each.is_brake_switch and not graph.listens(each.topic)]
+        if switches:
+            braking = any(getattr(graph.newest.get(each.topic), "data", False) for each in switches)
+            return (0.0, 0.0 if self._last is None else self._last[1]) if braking else None
+        for each in graph.publications:
+            brakes = each.topic in _BRAKES and getattr(each.kind, "_type", "") in (_STAMPED, _PLAIN)
+            if brakes and each.count and graph.now - each.at < _BRAKE_HOLDS:
+                found, wrong = self._of_one(graph.newest[each.topic], each)
+                return None if wrong else found
+        return None
 
     def _of_two(self, topics: Sequence[Publication], messages: Sequence[Any]) -> tuple[float, float]:
         """Return speed and angle of messages of numbers; a message that has not come yet is 0."""
         first, second = (None if message is None else float(message.data) for message in messages)
         if _AUTODRIVE.fullmatch(topics[0].topic):
-            limited = (max(-1.0, min(1.0, value or 0.0)) for value in (second, first))  # steering comes before throttle
-            throttle, steering = limited
+            # steering comes before throttle; what is no number is 1 or -1 to `min` and `max`, and stays none here
+            throttle, steering = (float(np.clip(value or 0.0, -1.0, 1.0)) for value in (second, first))
             return throttle * THROTTLE, steering * STEERING
         angle = 0.0 if second is None else (second - _SERVO_OFFSET) / _STEERING_TO_SERVO
         return (first or 0.0) / SPEED_TO_ERPM, angle

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import copy
 import ctypes
+import re
 import sys
 import threading
 from collections import deque
@@ -31,7 +32,12 @@ _READING = 1_000  # [ns] from one reading of the clock to the next at the same i
 _MOST_ROUNDS = 100_000  # resumptions at one instant before a node is said to let no time pass
 _MOST_QUESTIONS = 1000  # whether it is over, at one instant, before time goes on
 _COMMANDS = ("ackermann_msgs/", "std_msgs/Float", "geometry_msgs/Twist")  # types of topics that command a car
+_BRAKE = re.compile(r"/(?:brake|brake_bool|emergency_br(?:ake|aking|eak|eaking))$")
 _CLOSING = 0.2  # [s] that a thread has to end
+
+
+THREAD = threading.local()
+"""In the thread of a node `THREAD.graph` is the graph that it is part of."""
 
 
 class NodeEnded(BaseException):
@@ -71,11 +77,18 @@ class Publication:
     node: str
     place: str
     count: int = 0  # of messages so far
+    at: int = 0  # [ns] when the last one was published
 
     @property
     def commands(self) -> bool:
         """Whether its messages may command a car."""
-        return getattr(self.kind, "_type", "").startswith(_COMMANDS) or self.is_drive_param
+        kind = getattr(self.kind, "_type", "")
+        return kind.startswith(_COMMANDS) or self.is_drive_param or self.is_brake_switch
+
+    @property
+    def is_brake_switch(self) -> bool:
+        """Whether its messages switch an emergency brake on and off."""
+        return getattr(self.kind, "_type", "") == "std_msgs/Bool" and bool(_BRAKE.search(self.topic))
 
     @property
     def is_drive_param(self) -> bool:
@@ -146,6 +159,7 @@ class Process:
 
     def _run(self) -> None:
         self._go.acquire()
+        THREAD.graph = self.graph
         try:
             if not self.graph.closed:
                 pass_on(lambda: self.graph.listener)  # the thread that decides is another one
@@ -190,6 +204,7 @@ class Graph:
         self.transforms: dict[str, tuple[str, Any]] = {}  # child frame -> parent frame, matrix (4, 4)
         self._read = 0  # [ns] last time that a node has read
         self.ticks = 0
+        self.told_of_numpy = False  # whether a warning of NumPy's scalars has been given
         self._count = self._asked = 0
         self._asked_at = 0
 
@@ -299,6 +314,7 @@ class Graph:
     def publish(self, publication: Publication, message: Any, *, latch: bool = False) -> None:
         """Send a copy of a message to all who listen."""
         publication.count += 1
+        publication.at = self.now
         listened = self.listens(publication.topic)
         if not (publication.commands or latch or listened or self.journal is not None):
             return  # nobody sees it
@@ -332,6 +348,15 @@ class Graph:
         while frame is not None and frame.f_code.co_filename not in self.files:
             frame = frame.f_back
         return "" if frame is None else f" ({frame.f_code.co_filename}, line {frame.f_lineno})"
+
+    def place_of_error(self, error: BaseException) -> str:
+        """Return the innermost line of a node's file from which an error came; nothing where there is none."""
+        trace, found = error.__traceback__, ""
+        while trace is not None:
+            if trace.tb_frame.f_code.co_filename in self.files:
+                found = f" ({trace.tb_frame.f_code.co_filename}, line {trace.tb_lineno})"
+            trace = trace.tb_next
+        return found
 
     def _go_on_to(self, time: int) -> None:
         if time > self.now:

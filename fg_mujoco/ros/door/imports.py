@@ -10,17 +10,19 @@ import builtins
 import sys
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from functools import cached_property, partial
 from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from ...errors import ControllerError, accepted_names
+from ...simulation.old_numpy import OLD_NAMES
 from .graph import Graph
 from .messages import SERVICE_PACKAGES, Definitions
 from .reconfigure import configurations
-from .source import FINDER, OLD_NAMES, Unused, data_file, own_folders, read_source
+from .source import FINDER, Unused, data_file, is_package_of_python, own_folders, read_source
+from .workspace import module_folders, packages
 
 _PARTS = ("Request", "Response", "Goal", "Result", "Feedback")
 _INTERFACES = ("_msgs", "_srvs", "_interfaces")
@@ -38,7 +40,11 @@ class StandIn(ModuleType):
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
             raise AttributeError(name)
-        raise AttributeError(lacks(self, name))
+        raise LackingError(lacks(self, name))
+
+
+class LackingError(AttributeError):
+    """A name that a stand-in has not: the door's lack, which no node can be blamed for."""
 
 
 def lacks(module: ModuleType, name: str) -> str:
@@ -101,6 +107,7 @@ class Imports:
         self._unused: dict[str, Unused] = {}  # by file
         self._builtins = {**vars(builtins), "__import__": self.import_module, FINDER: self._find_data}
         self._folders = own_folders(node)
+        self._fixed = {each.partition(".")[0] for each in modules}  # names of which a module beside the node is not
         for name in list(self._modules):
             self._hang(name)
 
@@ -140,7 +147,8 @@ class Imports:
         try:
             found = self._find(name, globals, locals, wanted, level, unused)
         except ImportError as error:
-            if not (name in unused or (wanted and unused.issuperset(wanted) and not name.endswith(".msg"))):
+            unknown = isinstance(error, ModuleNotFoundError) or not name.endswith(".msg")  # else it is a misspelling
+            if not (name in unused or (wanted and unused.issuperset(wanted) and unknown)):
                 raise
             _warn(f"{error}, and nothing uses it ({file}, line {line})")
             return Absent(name if wanted else name.partition(".")[0])
@@ -175,6 +183,9 @@ class Imports:
             return self._overlays[name]
         if name in self._drawing and str((globals or {}).get("__file__")) in self._draws:
             return self._drawing[name if wanted or "." not in name else "numpy"]
+        beside = self._beside(name, wanted)
+        if beside is not None:
+            return beside
         found = self._stand_in(name)
         if found is not None:
             for each in wanted:
@@ -182,10 +193,37 @@ class Imports:
                 if not known and (each not in unused or name.endswith(".msg")):
                     raise ImportError(lacks(found, each))
             return found if wanted else self._modules[name.partition(".")[0]]
-        own = self._own_module(self._folders, name, wanted)
+        own = self._own_module(self._folders, name, wanted) or self._of_others(name, wanted)
         if own is not None:
             return own
         return builtins.__import__(name, globals, locals, wanted, 0)
+
+    def _of_others(self, name: str, wanted: tuple[str, ...]) -> ModuleType | None:
+        """Return a module of another package of the workspace that the node is in; None where there is none."""
+        top = name.partition(".")[0]
+        return self._own_module([each for each in self._others if is_package_of_python(each / top)], name, wanted)
+
+    @cached_property
+    def _packages(self) -> dict[str, Path]:
+        return packages(self._node)
+
+    @cached_property
+    def _others(self) -> list[Path]:
+        return module_folders(self._node)
+
+    def _beside(self, name: str, wanted: tuple[str, ...]) -> ModuleType | None:
+        """Return a module of the user's that has the name of a package of messages, whose `msg` it hides none of."""
+        top = name.partition(".")[0]
+        if top in self._fixed or not (self._definitions.names(top) or top in self._modules):
+            return None
+        own = self._own_module(self._folders, name, wanted)
+        if own is None:
+            return None
+        for each in (each for each in wanted if not hasattr(own, each)):
+            part = self._stand_in(f"{name}.{each}") if each in ("msg", "srv", "action", "cfg") else None
+            if part is not None:
+                setattr(own, each, part)
+        return own
 
     def _stand_in(self, name: str) -> ModuleType | None:
         top, _, rest = name.partition(".")
@@ -257,7 +295,13 @@ class Imports:
         folder = self._node.resolve().parent
         above = [folder, *list(folder.parents)[:_LEVELS]]
         places = [place / package / kind for place in above]
-        places += [place / kind for place in above if place.name == package or _is_package(place, package)]
+        sibling = self._packages.get(package)
+        places += [] if sibling is None or sibling / kind in places else [sibling / kind]
+        places += [
+            place / kind
+            for place in above
+            if (place.name == package or _is_package(place, package)) and place / kind not in places
+        ]
         if beside and kind == "msg" and not any(place.is_dir() for place in places):
             local = folder / "msg"
             places = [local if local.is_dir() else folder]
@@ -358,14 +402,14 @@ def _warn(said: str) -> None:
 
 
 def package_folder(node: Path, name: str) -> Path | None:
-    """Return the folder of a package that a node's file is in, or of one beside that; None where there is none."""
+    """Return the folder of a package that a node's file is in, or of another of its workspace; None: there is none."""
     for folder in list(node.resolve().parents)[: _LEVELS + 1]:
         if _is_package(folder, name) or folder.name == name:
             inside = folder.parent  # of the Python package of the same name, in a package of ROS 2
             return inside if inside.name == name or _is_package(inside, name) else folder
         if (folder / name).is_dir() and folder != node.resolve().parent:
             return folder / name
-    return None
+    return packages(node).get(name)
 
 
 def _is_package(folder: Path, name: str) -> bool:
@@ -374,7 +418,8 @@ def _is_package(folder: Path, name: str) -> bool:
 
 
 def _has_python(folder: Path) -> bool:
-    return any(folder.glob("*.py"))
+    """Say whether a folder is one of modules; a setup.py alone makes a ROS package, and no module."""
+    return any(each.name != "setup.py" for each in folder.glob("*.py"))
 
 
 def read_node(path: Path, origin: str) -> bytes:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import array
 import importlib.util
 import re
+import warnings
 from collections.abc import Callable, Mapping
 from functools import cache, lru_cache
 from pathlib import Path
@@ -21,6 +22,7 @@ import numpy as np
 
 from ...errors import ControllerError, accepted_names, missing_extra
 from ..bag_messages import type_store
+from .graph import THREAD
 from .rospy_times import RosDuration, RosTime
 
 ROS1, ROS2 = 1, 2
@@ -103,6 +105,7 @@ class Message:
     _type: ClassVar[str]  # as package/Name
     _makers: ClassVar[dict[str, Callable[[], Any]]]
     _checks: ClassVar[dict[str, Callable[[Any], Any]]]
+    _fields_and_field_types: ClassVar[dict[str, str]]
 
     def __init__(self, *values: Any, **named: Any) -> None:
         if values:
@@ -172,7 +175,7 @@ class Message:
     @classmethod
     def get_fields_and_field_types(cls) -> dict[str, str]:
         """Return the fields, in their order, and the names of their types."""
-        return {name: getattr(make, "__name__", "") for name, make in cls._makers.items()}
+        return dict(cls._fields_and_field_types)
 
 
 class Message1(Message):
@@ -349,7 +352,11 @@ def _built(
     body = {
         "__slots__": tuple(makers), "__doc__": f"{name} of ROS {flavour}.",
         "__module__": f"{name.partition('/')[0]}.msg",
-        "_type": short, "_makers": makers, "_checks": checks,
+        "_type": short, "_makers": makers, "_checks": checks, "_md5sum": "*", "_full_text": "",
+        "_slot_types": [_type_name(described) for field, described in fields if field in makers],
+        "_fields_and_field_types": {
+            field: _type_name(described) for field, described in fields if field in makers
+        },
         **{constant: value for constant, _, value in constants},
     }  # fmt: skip
     return type(name.rpartition("/")[2], (Message1 if flavour == ROS1 else Message2,), body)
@@ -392,6 +399,17 @@ def _field(said: str, described: Any, flavour: int, kind_of: Callable[[str], Any
     return (lambda: array.array(code)), _numbers(said, code, float if code in "fd" else int)
 
 
+def _type_name(described: Any) -> str:
+    """Return the name of a field's type as rclpy has it: `double`, `sequence<float>`, `std_msgs/Header`."""
+    node, inside = int(described[0]), described[1]
+    if node == _NAME:
+        return f"{inside.partition('/')[0]}/{inside.rpartition('/')[2]}"
+    if node == _BASE:
+        return {"float64": "double", "float32": "float", "bool": "boolean"}.get(inside[0], str(inside[0]))
+    element, length = inside
+    return f"{_type_name(element)}[{length}]" if node == _ARRAY else f"sequence<{_type_name(element)}>"
+
+
 def _constant(value: Any) -> Callable[[], Any]:
     return lambda: value
 
@@ -404,6 +422,10 @@ def _instance(said: str, kind: Any, name: str) -> Callable[[Any], Any]:
     def check(value: Any) -> Any:
         if type(value) is kind or isinstance(value, kind):
             return value
+        plain = _plain(value)
+        if plain is not None and kind in (float, bool, str) and (kind is float or isinstance(plain, kind)):
+            _warn_of_numpy(said, value)
+            return kind(plain)
         raise AssertionError(f"{said} is {_shown(value)}; accepted by rclpy: of type {name}")
 
     return check
@@ -416,6 +438,10 @@ def _whole(said: str, base: str) -> Callable[[Any], Any]:
     def check(value: Any) -> Any:
         if isinstance(value, int) and low <= value <= high:
             return value
+        plain = _plain(value)
+        if isinstance(plain, int) and low <= plain <= high:
+            _warn_of_numpy(said, value)
+            return plain
         raise AssertionError(f"{said} is {_shown(value)}; accepted by rclpy: of type int, from {low} to {high}")
 
     return check
@@ -436,6 +462,12 @@ def _numbers(said: str, code: str, kind: type) -> Callable[[Any], Any]:
             return value
         if isinstance(value, (list, tuple)) and all(isinstance(each, kind) for each in value):
             return array.array(code, value)
+        if isinstance(value, (list, tuple)):
+            plain = [each if isinstance(each, kind) else _plain(each) for each in value]
+            accepted_kinds = (float, int) if kind is float else int
+            if all(isinstance(each, accepted_kinds) for each in plain):
+                _warn_of_numpy(said, next(each for each in value if not isinstance(each, kind)))
+                return array.array(code, plain)
         if isinstance(value, (bytes, bytearray)) and code in "bB":
             return array.array(code, bytes(value))
         accepted = f"a list of {kind.__name__}, or array.array('{code}')"
@@ -454,6 +486,28 @@ def _fixed_array(said: str, kind: np.dtype[Any], count: int) -> Callable[[Any], 
         raise AssertionError(f"{said} is {_shown(value)}; accepted by rclpy: {count} numbers")
 
     return check
+
+
+def _plain(value: Any) -> Any:
+    """Return the value of Python's that a scalar of NumPy's is; None for anything else."""
+    scalar = isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.ndim == 0)
+    found = value.item() if scalar else None
+    return found if isinstance(found, (float, int, bool, str)) else None
+
+
+def _warn_of_numpy(said: str, value: Any) -> None:
+    """Warn, once for each planner, of a value that Humble's rclpy refuses and that Jazzy's may read wrongly."""
+    graph = getattr(THREAD, "graph", None)
+    if graph is not None and graph.told_of_numpy:
+        return
+    place = ""
+    if graph is not None:
+        graph.told_of_numpy, place = True, graph.place()
+    warnings.warn(
+        f"{said} is {_shown(value)}, a scalar of NumPy{place}; it is taken here, and a real rclpy may refuse it: write "
+        f"{type(value.item()).__name__}(...)",
+        stacklevel=2,
+    )
 
 
 def _shown(value: Any) -> str:

@@ -8,6 +8,7 @@ import signal
 import sys
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -15,15 +16,12 @@ from typing import Any
 
 import numpy as np
 
+from ...simulation.old_numpy import BEFORE_1_24, BEFORE_2
 from .imports import Overlay, StandIn, package_folder
-from .reconfigure import Config, server_of
+from .reconfigure import Config, client_of, server_of
 from .rospy_times import NANOSECONDS
 from .session import Session
-
-_OLD: dict[str, Any] = {  # names of NumPy, see OLD_NAMES
-    "float": float, "int": int, "bool": bool, "object": object, "str": str, "complex": complex, "NaN": np.nan,
-    "Inf": np.inf, "infty": np.inf, "float_": np.float64,
-}  # fmt: skip
+from .workspace import packages as packages_of
 
 
 class PackageNotFoundError(KeyError):
@@ -51,12 +49,18 @@ def other_modules(session: Session, modules: dict[str, ModuleType]) -> dict[str,
         "ament_index_python": StandIn("ament_index_python", **_public(packages)),
         "roslib": StandIn("roslib", load_manifest=lambda name: None),
         "roslib.packages": StandIn("roslib.packages", get_pkg_dir=folder_of),
-        "rospkg": StandIn("rospkg", RosPack=lambda: SimpleNamespace(get_path=folder_of)),
+        "rospkg": StandIn(
+            "rospkg",
+            RosPack=lambda *_: SimpleNamespace(get_path=folder_of, list=lambda: list(packages_of(session.file))),
+            ResourceNotFound=PackageNotFoundError,
+        ),
+        "rosgraph": StandIn("rosgraph", is_master_online=lambda *_: True),
         "message_filters": _message_filters(modules),
     }
     if "rospy" in modules:
         server = server_of(modules["rospy"])
         found["dynamic_reconfigure.server"] = StandIn("dynamic_reconfigure.server", Server=server)
+        found["dynamic_reconfigure.client"] = StandIn("dynamic_reconfigure.client", Client=client_of(modules["rospy"]))
         found["dynamic_reconfigure.encoding"] = StandIn("dynamic_reconfigure.encoding", Config=Config)
     return found
 
@@ -102,8 +106,36 @@ def _message_filters(modules: dict[str, ModuleType]) -> ModuleType:
                 newest, self._newest = self._newest, [None] * len(self._newest)
                 self.signal_message(*newest)
 
+    class Cache(Filter):
+        """Keeps the last messages of another filter."""
+
+        def __init__(self, f: Any = None, cache_size: int = 1, allow_headerless: bool = False) -> None:
+            super().__init__()
+            self._kept: deque[Any] = deque(maxlen=cache_size)
+            if f is not None:
+                f.registerCallback(self._take)
+
+        def _take(self, message: Any) -> None:
+            self._kept.append(message)
+            self.signal_message(message)
+
+        def getInterval(self, from_stamp: Any, to_stamp: Any) -> list[Any]:  # noqa: N802
+            first, last = _any_seconds(from_stamp), _any_seconds(to_stamp)
+            return [each for each in self._kept if first <= _seconds(each.header.stamp) <= last]
+
+        def getElemBeforeTime(self, stamp: Any) -> Any:  # noqa: N802
+            at = _any_seconds(stamp)
+            return next((each for each in reversed(self._kept) if _seconds(each.header.stamp) <= at), None)
+
+        def getElemAfterTime(self, stamp: Any) -> Any:  # noqa: N802
+            at = _any_seconds(stamp)
+            return next((each for each in self._kept if _seconds(each.header.stamp) >= at), None)
+
+        def getLast(self) -> Any:  # noqa: N802
+            return self._kept[-1] if self._kept else None
+
     return StandIn(
-        "message_filters", Subscriber=Subscriber, TimeSynchronizer=Synchronizer,
+        "message_filters", Subscriber=Subscriber, TimeSynchronizer=Synchronizer, Cache=Cache,
         ApproximateTimeSynchronizer=Synchronizer, SimpleFilter=Filter,
     )  # fmt: skip
 
@@ -112,7 +144,7 @@ def random_overlays(seed: int) -> dict[str, ModuleType]:
     """Return `random`, `numpy` and `numpy.random` as a node sees them that draws numbers without a seed of its own.
 
     Their generators are the node's own and begin at a seed, so that other nodes and threads draw none of its numbers.
-    What a node seeds itself has the numbers that it has anywhere. `numpy` also has the OLD_NAMES.
+    What a node seeds itself has the numbers that it has anywhere. `numpy` also has the names of `old_numpy`.
     """
     plain, legacy = random.Random(seed), np.random.RandomState(seed)
     children = np.random.SeedSequence(seed)
@@ -120,13 +152,26 @@ def random_overlays(seed: int) -> dict[str, ModuleType]:
     def default_rng(given: Any = None) -> np.random.Generator:
         return np.random.default_rng(children.spawn(1)[0] if given is None else given)
 
+    class Unseeded(random.Random):
+        """random.Random, which begins at a seed where a node gives it none."""
+
+        def __init__(self, x: Any = None) -> None:
+            super().__init__(plain.getrandbits(64) if x is None else x)
+
+    class UnseededState(np.random.RandomState):
+        """numpy.random.RandomState, the same."""
+
+        def __init__(self, seed: Any = None) -> None:
+            super().__init__(int(legacy.randint(2**31)) if seed is None else seed)
+
     of_plain = {name: getattr(plain, name) for name in random.__all__ if callable(getattr(plain, name, None))}
     of_legacy = {name: getattr(legacy, name) for name in np.random.__all__ if callable(getattr(legacy, name, None))}
-    drawing = Overlay(np.random, **{**vars(np.random), **of_legacy, "default_rng": default_rng})
+    made = {"default_rng": default_rng, "RandomState": UnseededState}
+    drawing = Overlay(np.random, **{**vars(np.random), **of_legacy, **made})
     return {
-        "random": Overlay(random, **{**of_plain, "Random": random.Random, "SystemRandom": random.SystemRandom}),
+        "random": Overlay(random, **{**of_plain, "Random": Unseeded, "SystemRandom": random.SystemRandom}),
         "numpy.random": drawing,
-        "numpy": Overlay(np, **{**_OLD, **vars(np), "random": drawing}),  # as quick as the module itself
+        "numpy": Overlay(np, **{**BEFORE_1_24, **BEFORE_2, **vars(np), "random": drawing}),  # as quick as it
     }
 
 
@@ -235,6 +280,11 @@ def overlays(session: Session, sleep: Callable[[float], Any]) -> dict[str, Modul
 
 def _seconds(stamp: Any) -> float:
     return float(stamp.to_sec() if hasattr(stamp, "to_sec") else stamp.sec + stamp.nanosec / NANOSECONDS)
+
+
+def _any_seconds(time: Any) -> float:
+    """Return the seconds of a stamp, or of a Time of rclpy."""
+    return float(time.nanoseconds) / NANOSECONDS if hasattr(time, "nanoseconds") else _seconds(time)
 
 
 def _public(module: ModuleType) -> dict[str, Any]:

@@ -28,6 +28,7 @@ from ...errors import ControllerError
 from ...messages import STOP, CarParameters, DriveCommand, LaserScan, Odometry, Sketch
 from ...showing import listener
 from ...simulation.planner_adapter import Surroundings
+from ...simulation.planner_failure import one_line
 from ..bag_messages import nanoseconds
 from .drawings import Drawings, for_bag
 from .driving import DRIVE, OPPONENT_DRIVE, Driving
@@ -35,17 +36,19 @@ from .graph import BEGIN, Graph, NodeError
 from .imports import Imports
 from .messages import ROS1, Definitions, message_class, require_rosbags
 from .other_modules import other_modules, overlays, random_overlays
-from .program import NodeFile, Program, read_arguments, read_parameters, read_program
+from .program import SCHEME, NodeFile, Program, read_arguments, read_parameters, read_program
 from .rclpy_modules import rclpy_modules
 from .rospy_modules import rospy_modules
 from .rospy_times import NANOSECONDS
-from .sensing import Sensing
+from .sensing import Sensing, is_anothers
 from .services import Call
 from .session import Session
 from .transform_modules import transform_modules
 
 WALL_LIMIT = 30.0
 """[s] of wall time that a node may take for what is due at one instant: numba may compile in there."""
+_MOST_BEAMS = 100_000
+_OF_GYM = "1080"  # beams of f1tenth_gym_ros, which many nodes have in them
 _SEED = 0  # of random numbers that a node draws without a seed of its own
 _MOST_KEPT = 10_000  # messages, for who asks what has been published
 PATIENCE = 5.0
@@ -59,7 +62,9 @@ class RosPlanner:
       car: parameters of the car.
       max_speed: fastest that is commanded, whatever the nodes ask for [m/s].
       settings: parameters of the nodes, by name; `remap./scan` is another name for a topic, `door.params` a file of
-        parameters, `door.args` the arguments of a node, `door.wall_limit` the wall time that a node may take [s].
+        parameters, `door.args` the arguments of a node, `door.beams` how many beams a
+        scan has, `launch.NAME` an
+        argument of a launch file in Python, `door.wall_limit` the wall time that a node may take [s].
 
     Raises:
       ControllerError: a parameter that no node has, or a node that cannot drive.
@@ -139,23 +144,30 @@ class RosPlanner:
         limit = given.pop("door.wall_limit", WALL_LIMIT)
         if not isinstance(limit, (int, float)) or not 0.0 < limit < math.inf:
             raise ControllerError(f"door.wall_limit is {limit!r}; accepted: a positive number of seconds")
+        beams = given.pop("door.beams", None)
+        if beams is not None and not (isinstance(beams, int) and 2 <= beams <= _MOST_BEAMS):
+            raise ControllerError(f"door.beams is {beams!r}; accepted: a whole number from 2 to {_MOST_BEAMS}")
         file = given.pop("door.params", None)
         arguments = read_arguments(given.pop("door.args", None), "door.args")
         remap = {name.removeprefix("remap."): str(given.pop(name)) for name in list(given) if name.startswith("remap.")}
+        for_launch = {name: given.pop(name) for name in list(given) if name.startswith("launch.")}
+        if for_launch:
+            self._program = _with_arguments(type(self)._program, for_launch)  # type: ignore[misc]
         self._graph = Graph(float(limit))
         self._close = weakref.finalize(self, self._graph.close)
         self._drawings, self._fresh = Drawings(self._graph), []
         self._flavour = self._program.nodes[0].flavour
         message_class("std_msgs/msg/Header", self._flavour)  # definitions are read here, and not in a node's time
-        self._sensing = Sensing(self._graph, self._flavour, self._car)
+        self._sensing = Sensing(self._graph, self._flavour, self._car, beams)
         self._driving = Driving(self._graph, self._car, partial(_said, self._graph, self._program))
         self._sessions, definitions = [], Definitions(self._flavour)
         for node in self._program.nodes:
             of_file = {} if file is None else read_parameters(Path(file), node.name or "", self._said())
             own = {**node.parameters, **of_file, **given}
             session = Session(
-                self._graph, node.path, own, {**node.remap, **remap}, node.name, arguments or node.arguments
-            )
+                self._graph, node.path, own, {**node.remap, **remap}, node.name, arguments or node.arguments,
+                namespace=node.namespace, undeclared=frozenset(node.parameters if node.takes_all else ()),
+            )  # fmt: skip
             self._sessions.append(session)
             self._graph.start(node.name or node.class_name or node.path.stem, _starter(session, node, definitions))
         try:
@@ -170,14 +182,16 @@ class RosPlanner:
         try:
             act()
         except Exception as error:
+            of_shape = isinstance(error, (IndexError, ValueError)) and _OF_GYM in str(error)
+            if of_shape and "door.beams" not in self._settings:
+                warnings.warn(
+                    f"{self._said()} may have been written for the {_OF_GYM} beams of f1tenth_gym_ros, and a scan has "
+                    f"another number here: [door.beams={_OF_GYM}]",
+                    stacklevel=2,
+                )
             if len(self._program.nodes) == 1 or isinstance(error, NodeError):
                 raise
-            trace, place = error.__traceback__, ""
-            while trace is not None:
-                if trace.tb_frame.f_code.co_filename in self._graph.files:
-                    place = f" ({trace.tb_frame.f_code.co_filename}, line {trace.tb_lineno})"
-                trace = trace.tb_next
-            raise NodeError(f"{type(error).__name__}: {error}{place}") from error
+            raise NodeError(f"{one_line(error)}{self._graph.place_of_error(error)}") from error
 
     def _check(self) -> None:
         """Refuse nodes that cannot drive, and parameters that none of them has."""
@@ -219,6 +233,7 @@ class RosPlanner:
         """Return what is said of nodes that have published no command for long."""
         drives = self._driving.topics()
         waits = "".join(f"; it waits for {session.waits}" for session in self._sessions if session.waits)
+        waits += "".join(f"; its callback failed: {session.failed}" for session in self._sessions if session.failed)
         if not drives:
             return self._no_drive() + waits
         return (
@@ -230,14 +245,17 @@ class RosPlanner:
         published = {each.topic for each in self._graph.publications}
         listened = {each.topic: each.kind for each in self._graph.subscriptions}
         for topic, kind in listened.items():
-            alike = [each for each in listened if listened[each] is kind and each not in published]
+            others = published | {each for each in listened if is_anothers(each)}
+            alike = [each for each in listened if listened[each] is kind and each not in others]
             ours = self._sensing.taken_for(topic, kind)
-            if ours is None or alike != [topic] or self._sensing.kind_of(topic) is not None:
+            here = self._sensing.kind_of(topic)
+            if ours is None or alike != [topic] or (here and message_class(here, self._flavour) is kind):
                 continue
+            lacks = f"is {here} here" if here else "has no publisher here"
             for each in self._graph.subscriptions:
                 if each.topic == topic:
                     each.topic = ours
-                    said = f"{topic} has no publisher here, and is taken for {ours}; node {each.node!r} listens"
+                    said = f"{topic} {lacks}, and is taken for {ours}; node {each.node!r} listens"
                     warnings.warn(f"{said}{each.place}", stacklevel=2)
 
     def _warn_of_silence(self) -> None:
@@ -285,6 +303,19 @@ def find_node(source: str) -> type[RosPlanner]:
     return type(program.name, (RosPlanner,), {"_program": program, "__module__": module.__name__, "__doc__": said})
 
 
+def _with_arguments(program: Program, settings: Mapping[str, Any]) -> Program:
+    """Return a launch file's program with launch arguments, which start no file that its hash is not of."""
+    given = {name.removeprefix("launch."): value for name, value in settings.items()}
+    found = read_program(f"{SCHEME}{program.path}", given)
+    for node in found.nodes:
+        if node.path.resolve() not in program.files:
+            raise ControllerError(
+                f"{program.path}: with {', '.join(settings)} it starts {node.path}, of another package than it starts "
+                "without; accepted: a launch file that starts this one by its defaults"
+            )
+    return found
+
+
 def source_text(source: str) -> bytes:
     """Return what the hash of `ros:...` is of: the node's file; of a launch file that and the nodes' files."""
     return read_program(source).text
@@ -309,6 +340,9 @@ def _starter(session: Session, node: NodeFile, definitions: Definitions) -> Call
     )  # fmt: skip
 
     def run() -> None:
+        if node.entry:
+            getattr(imports.run(node.path, node.text, node.path.stem), node.entry)()
+            return
         if not node.class_name:
             module = imports.run(node.path, node.text, "__main__" if node.is_script else node.path.stem)
             if not node.is_script and node.has_main:

@@ -26,6 +26,7 @@ from typing import Any
 from ...course.maps.map_server import plain_yaml
 from ...errors import ControllerError, accepted_names, missing_extra
 from .imports import read_node
+from .launch_files import flat, read_launch_python
 from .messages import ROS1, ROS2
 from .source import own_files, parse
 
@@ -52,6 +53,9 @@ class NodeFile:
     parameters: Mapping[str, Any] = field(default_factory=dict)
     remap: Mapping[str, str] = field(default_factory=dict)
     arguments: tuple[str, ...] = ()
+    entry: str = ""  # function that is called once the file is executed as a module; empty: as the lines above say
+    namespace: str = ""
+    takes_all: bool = False  # whether parameters that it has not are passed over, as ROS does
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,6 +65,7 @@ class Program:
     path: Path  # of the node, or of the launch file
     text: bytes = field(repr=False)  # of the file, of all that it names, and of their own modules
     nodes: tuple[NodeFile, ...]
+    files: frozenset[Path] = frozenset()  # of a launch file in Python: whose text is in `text`
 
     @property
     def name(self) -> str:
@@ -68,8 +73,12 @@ class Program:
         return self.nodes[0].class_name or self.path.stem if len(self.nodes) == 1 else self.path.stem
 
 
-def read_program(source: str) -> Program:
-    """Return the program of `ros:node.py:ClassName`, `ros:node.py` or `ros:launch.yaml`.
+def read_program(source: str, given: Mapping[str, Any] | None = None) -> Program:
+    """Return the program of `ros:node.py:ClassName`, `ros:node.py`, `ros:launch.yaml` or `ros:name.launch.py`.
+
+    Args:
+      source: names it.
+      given: launch arguments, by name.
 
     Raises:
       ControllerError: a file that cannot be read, is no Python or no launch file, or has no such class.
@@ -78,11 +87,50 @@ def read_program(source: str) -> Program:
     rest = source.removeprefix(SCHEME)
     path, colon, class_name = rest.rpartition(":") if re.search(r":\w*$", rest) else (rest, "", "")
     if path.endswith((".yaml", ".yml")) and not colon:
-        return _read_launch(Path(path), said)
-    if not path.endswith(".py"):
-        raise ControllerError(f"{said}; accepted: ros:path/node.py:ClassName, ros:path/node.py or ros:path/launch.yaml")
-    node = read_node_file(Path(path), class_name, said)
-    return Program(path=Path(path), text=_with_modules(node), nodes=(node,))
+        program = _read_launch(Path(path), said)
+    elif path.endswith(".py") and not colon and _is_launch_python(Path(path)):
+        return _read_launch_python(Path(path), given or {}, said)
+    elif path.endswith(".py"):
+        node = read_node_file(Path(path), class_name, said)
+        program = Program(path=Path(path), text=_with_modules(node), nodes=(node,))
+    else:
+        raise ControllerError(
+            f"{said}; accepted: ros:path/node.py:ClassName, ros:path/node.py, ros:path/launch.yaml or "
+            "ros:path/name.launch.py"
+        )
+    for name in given or {}:
+        raise ControllerError(f"{said} has no launch argument {name!r}; accepted: with a launch file in Python")
+    return program
+
+
+def _is_launch_python(path: Path) -> bool:
+    """Say whether a file is a launch file in Python."""
+    try:
+        return re.search(rb"^def generate_launch_description\b", path.read_bytes(), re.MULTILINE) is not None
+    except OSError:
+        return False
+
+
+def _read_launch_python(path: Path, given: Mapping[str, Any], said: str) -> Program:
+    found = read_launch_python(path, given, said)
+    nodes = []
+    for each in found.nodes:
+        parameters: dict[str, Any] = {}
+        for file in each.parameter_files:
+            parameters.update(read_parameters(file, each.name or each.path.stem, said))
+        nodes.append(
+            read_node_file(
+                each.path, "", said, name=each.name, parameters={**parameters, **each.parameters}, remap=each.remap,
+                arguments=each.arguments, entry=each.entry, namespace=each.namespace, takes_all=True,
+            )
+        )  # fmt: skip
+    if len({node.flavour for node in nodes}) > 1:
+        raise ControllerError(f"{said}: {path} has nodes of ROS 1 and of ROS 2; accepted: all of one")
+    files = dict.fromkeys([*found.read, *(node.path.resolve() for node in nodes)])
+    for file in list(files):
+        files.update(dict.fromkeys(each.resolve() for each in own_files(file, file.read_bytes())))
+    text = b"".join(b"\n# " + each.name.encode() + b"\n" + each.read_bytes() for each in files)
+    return Program(path=path, text=text, nodes=tuple(nodes), files=frozenset(files))
 
 
 def _with_modules(node: NodeFile) -> bytes:
@@ -189,14 +237,6 @@ def read_parameters(path: Path, node: str, said: str) -> dict[str, Any]:
         return flat(found)
     chosen = [value for key, value in sections.items() if key in ("**", node.strip("/")) or not node]
     return {name: value for section in chosen for name, value in flat(section).items()}
-
-
-def flat(values: Mapping[str, Any], before: str = "") -> dict[str, Any]:
-    """Return nested parameters under names with dots."""
-    found: dict[str, Any] = {}
-    for name, value in values.items():
-        found.update(flat(value, f"{before}{name}.") if isinstance(value, dict) else {f"{before}{name}": value})
-    return found
 
 
 def read_arguments(given: Any, said: str) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ import inspect
 from collections.abc import Callable, Generator
 from typing import Any
 
+from .rclpy_lifecycle import LifecycleNodeMixin
 from .rospy_times import NANOSECONDS
 from .session import Session
 
@@ -119,6 +120,8 @@ class Executor:
             return False
         self._nodes.append(node)
         node.executor = self
+        if isinstance(node, LifecycleNodeMixin):
+            self._tasks.append(node.fg_begin)
         return True
 
     def remove_node(self, node: Any) -> None:

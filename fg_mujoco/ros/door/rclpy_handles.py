@@ -11,6 +11,25 @@ from .rospy_times import NANOSECONDS
 from .session import Session, Timer
 
 
+class Handle:
+    """What rclpy's `handle` of a node, a publisher and so on is: a context, of which the C library knows more."""
+
+    def __init__(self, name: str, namespace: str = "/") -> None:
+        self.name, self.namespace = name, namespace
+
+    def __enter__(self) -> Handle:
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        pass
+
+    def get_namespace(self) -> str:
+        return self.namespace
+
+    def get_fully_qualified_name(self) -> str:
+        return f"{self.namespace.rstrip('/')}/{self.name}"
+
+
 class Clock:
     def __init__(self, graph: Graph, *, clock_type: Any = None) -> None:
         self._graph, self.clock_type = graph, clock_type
@@ -32,6 +51,7 @@ class Publisher:
         self._session, self._publication = session, publication
         self._latch = latches(qos)
         self.topic_name, self.topic, self.msg_type = publication.topic, publication.topic, publication.kind
+        self.qos_profile, self.handle = qos, Handle(publication.topic)
 
     def publish(self, msg: Any) -> None:
         kind = self._publication.kind
@@ -61,19 +81,28 @@ class Publisher:
 class SubscriptionHandle:
     """What `create_subscription` returns."""
 
-    def __init__(self, subscription: Subscription) -> None:
-        self._subscription = subscription
+    def __init__(self, session: Session, subscription: Subscription, qos: Any, group: Any) -> None:
+        self._session, self._subscription = session, subscription
+        self.qos_profile, self.callback_group, self.handle = qos, group, Handle(subscription.topic)
+        self.raw = False
         self.topic_name, self.msg_type, self.callback = subscription.topic, subscription.kind, subscription.callback
 
+    def get_publisher_count(self) -> int:
+        """Return how many publish on its topic."""
+        graph = self._session.graph
+        return (self.topic_name in graph.provided) + sum(each.topic == self.topic_name for each in graph.publications)
+
     def destroy(self) -> None:
-        pass
+        self._session.graph.forget(self._subscription)
 
 
 class TimerHandle:
     """What `create_timer` returns."""
 
-    def __init__(self, session: Session, timer: Timer) -> None:
+    def __init__(self, session: Session, timer: Timer, callback: Any, group: Any) -> None:
         self._session, self._timer = session, timer
+        self.callback, self.callback_group, self.handle = callback, group, Handle("timer")
+        self.clock = Clock(session.graph)
 
     @property
     def timer_period_ns(self) -> int:

@@ -19,6 +19,7 @@ from .rclpy_executors import (
     TimeoutException,
 )
 from .rclpy_handles import Clock, Publisher, Rate, SubscriptionHandle, TimerHandle
+from .rclpy_lifecycle import LifecycleNodeMixin, LifecyclePublisher, State, TransitionCallbackReturn
 from .rclpy_node import Node, wait_for_message
 from .rclpy_parameters import (
     InvalidParameterException,
@@ -81,6 +82,7 @@ def rclpy_modules(session: Session) -> dict[str, ModuleType]:
     """Return the modules of rclpy, for one node."""
     graph = session.graph
     node_kind = type("Node", (Node,), {"_fg_session": session, "__doc__": Node.__doc__})
+    lifecycle_kind = type("LifecycleNode", (LifecycleNodeMixin, node_kind), {"__doc__": LifecycleNodeMixin.__doc__})
     executor_kind = type("Executor", (Executor,), {"_session": session})
     single = type("SingleThreadedExecutor", (executor_kind,), {})
     several = type("MultiThreadedExecutor", (executor_kind,), {})
@@ -178,6 +180,7 @@ def rclpy_modules(session: Session) -> dict[str, ModuleType]:
             "init": init, "create_node": create_node, "spin": spin, "spin_once": spin_once, "shutdown": shutdown,
             "spin_until_future_complete": spin_until_future_complete, "Parameter": Parameter, "Node": node_kind,
             "get_global_executor": get_global_executor, "Context": Context, "Future": Future, **contexts,
+            "get_rmw_implementation_identifier": lambda: "fg_mujoco", "uninstall_signal_handlers": lambda: None,
         },
         "rclpy.node": {"Node": node_kind, "Parameter": Parameter, "Clock": clock, **handles, **groups},
         "rclpy.qos": QOS_MEMBERS,
@@ -215,6 +218,15 @@ def rclpy_modules(session: Session) -> dict[str, ModuleType]:
         },
         "rclpy.wait_for_message": {"wait_for_message": wait_for_message},
         "rclpy.signals": {"SignalHandlerOptions": enum.Enum("SignalHandlerOptions", "NO ALL SIGINT SIGTERM")},
+        **dict.fromkeys(("rclpy.qos_event", "rclpy.event_handler"), dict.fromkeys(
+            ("SubscriptionEventCallbacks", "PublisherEventCallbacks", "QoSSubscriptionEventType",
+             "QoSPublisherEventType"), SimpleNamespace)),
+        "rclpy.lifecycle": {
+            "LifecycleNode": lifecycle_kind, "Node": lifecycle_kind, "LifecycleState": State, "State": State,
+            "TransitionCallbackReturn": TransitionCallbackReturn, "LifecyclePublisher": LifecyclePublisher,
+            "Publisher": LifecyclePublisher,
+        },
+        "rclpy.lifecycle.node": {"LifecycleNode": lifecycle_kind, "TransitionCallbackReturn": TransitionCallbackReturn},
         "rclpy.constants": {"S_TO_NS": NANOSECONDS},
     }  # fmt: skip
     return {name: StandIn(name, **members) for name, members in of_modules.items()}

@@ -12,7 +12,7 @@ from ...errors import accepted_names
 from .graph import Publication, Subscription
 from .messages import full_name
 from .rclpy_executors import CallbackGroup, MutuallyExclusiveCallbackGroup
-from .rclpy_handles import Clock, Publisher, Rate, SubscriptionHandle, TimerHandle
+from .rclpy_handles import Clock, Handle, Publisher, Rate, SubscriptionHandle, TimerHandle
 from .rclpy_parameters import (
     InvalidParameterTypeException,
     Parameter,
@@ -135,6 +135,29 @@ class Node:
         if "use_sim_time" not in self._fg.parameters:
             self._fg.declare("use_sim_time", True)
 
+    def __getattr__(self, name: str) -> Any:
+        """Return what rclpy keeps under such a name, where the node's author has not given it to something of his own.
+
+        Humble has `_logger`, `_clock` and `_parameters`, and the others with a second underscore, Jazzy with one.
+        """
+        if name == "_fg":  # not made yet
+            raise AttributeError("a node is used before super().__init__(name)")
+        inside = self._fg
+        known: dict[str, Callable[[], Any]] = {
+            "_logger": lambda: inside.logger, "_clock": lambda: inside.clock, "_parameters": lambda: inside.parameters,
+            "_publishers": lambda: self.publishers, "_subscriptions": lambda: self.subscriptions,
+            "_timers": lambda: self.timers, "_clients": lambda: self.clients, "_services": lambda: self.services,
+            "handle": lambda: Handle(inside.name, inside.namespace), "_context": lambda: self.context,
+            "_default_callback_group": lambda: inside.group, "_allow_undeclared_parameters": lambda: inside.undeclared,
+            "_executor": lambda: self.executor, "_parameter_overrides": lambda: inside.overrides,
+            "_descriptors": lambda: {each: self.describe_parameter(each) for each in inside.parameters},
+            "_parameters_callbacks": lambda: inside.on_set,
+        }  # fmt: skip
+        found = known.get(name.replace("_Node__", "_", 1))
+        if found is None:
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+        return found()
+
     def __enter__(self) -> Node:
         return self
 
@@ -211,7 +234,7 @@ class Node:
         return handle
 
     def create_subscription(
-        self, msg_type: Any, topic: str, callback: Callable[[Any], Any], qos_profile: Any, **_: Any
+        self, msg_type: Any, topic: str, callback: Callable[[Any], Any], qos_profile: Any, **named: Any
     ) -> SubscriptionHandle:
         if not callable(callback):
             raise TypeError(f"the callback of {topic} is {callback!r}; accepted: a function")
@@ -222,12 +245,13 @@ class Node:
         )  # fmt: skip
         self._fg.subscriptions.append(subscription)
         graph.subscribe(subscription)
-        handle = SubscriptionHandle(subscription)
+        group = named.get("callback_group") or self._fg.group
+        handle = SubscriptionHandle(self._fg.session, subscription, qos_profile, group)
         self._fg.handles.append(handle)
         return handle
 
     def create_timer(
-        self, timer_period_sec: float, callback: Callable[[], Any], *_: Any, autostart: bool = True, **__: Any
+        self, timer_period_sec: float, callback: Callable[[], Any], *values: Any, autostart: bool = True, **named: Any
     ) -> TimerHandle:
         if not timer_period_sec >= 0.0:
             raise ValueError(f"the period of a timer is {timer_period_sec!r}; accepted: seconds from 0")
@@ -235,7 +259,8 @@ class Node:
         timer = session.add_timer(round(float(timer_period_sec) * NANOSECONDS), self._fg.whole(callback))
         timer.cancelled = not autostart
         self._fg.timers.append(timer)
-        handle = TimerHandle(session, timer)
+        group = named.get("callback_group", values[0] if values else None) or self._fg.group
+        handle = TimerHandle(session, timer, callback, group)
         self._fg.handles.append(handle)
         return handle
 
@@ -312,6 +337,9 @@ class Node:
         graph = self._fg.session.graph
         found = {**graph.provided, **{each.topic: full_name(each.kind._type) for each in graph.publications}}  # type: ignore[attr-defined]
         return [(topic, [kind]) for topic, kind in sorted(found.items())]
+
+    def get_service_names_and_types(self) -> list[tuple[str, list[str]]]:
+        return [(each.srv_name, [str(getattr(each.srv_type, "__name__", ""))]) for each in self.services]
 
     def get_node_names(self) -> list[str]:
         graph = self._fg.session.graph
@@ -395,6 +423,16 @@ class Node:
 
     def set_parameters_callback(self, callback: Any) -> None:
         self._fg.on_set = [callback]
+
+    def list_parameters(self, prefixes: Sequence[str], depth: int = 0) -> Any:
+        names = [each for each in self._fg.parameters if not prefixes or each.startswith(tuple(prefixes))]
+        return SimpleNamespace(names=names, prefixes=list(prefixes))
+
+    def describe_parameters(self, names: Sequence[str]) -> list[Any]:
+        return [self.describe_parameter(name) for name in names]
+
+    def get_parameter_types(self, names: Sequence[str]) -> list[ParameterType]:
+        return [self.get_parameter_type(name) for name in names]
 
     def describe_parameter(self, name: str) -> Any:
         return SimpleNamespace(name=name, type=int(self.get_parameter(name).type_))

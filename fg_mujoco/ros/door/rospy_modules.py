@@ -1,18 +1,23 @@
 """Stand-ins for rospy and its modules. Names, arguments and meanings are those of ROS 1 Noetic's rospy.
 
 In ROS 1 callbacks come in threads of their own. Here they come while the node waits: in `spin`, `sleep`, `Rate.sleep`.
+An exception of a callback is logged there, and ends at most that thread. So it is here: the node goes on without the
+message, a timer ends.
 """
 
 from __future__ import annotations
 
+import math
+import traceback
 from collections.abc import Callable
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from .graph import Graph, Publication, Subscription
-from .imports import StandIn
+from ...simulation.planner_failure import one_line
+from .graph import Graph, NodeError, Publication, Subscription
+from .imports import LackingError, StandIn
 from .rospy_times import NANOSECONDS, RosDuration, RosTime
 from .services import ask, offer, offered, wait_for
 from .session import NodeLogger, Session, Timer
@@ -46,6 +51,20 @@ class ServiceException(Exception):
     pass
 
 
+class TransportException(ROSException):
+    pass
+
+
+class SubscribeListener:
+    """What a publisher tells of its subscribers: nothing here."""
+
+    def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:
+        pass
+
+    def peer_unsubscribe(self, topic_name: str, num_peers: int) -> None:
+        pass
+
+
 class MissingParameter(KeyError):
     def __str__(self) -> str:
         return str(self.args[0])
@@ -58,6 +77,7 @@ class Rospy:
         self.session, self.graph = session, session.graph
         self.name = "unnamed"
         self.running: set[Any] = set()  # subscriptions and timers in whose callbacks the node is
+        self._failures: dict[tuple[str, str], int] = {}  # of callbacks: how often each
         self._logger = NodeLogger(self.graph, self.name)
 
     def init_node(self, name: str, *_: Any, **__: Any) -> None:
@@ -202,11 +222,11 @@ class Rospy:
     def _full(self, topic: str) -> str:
         return self.session.topic(topic, self.name)
 
-    def _once(self, until: int | None, *, spinning: bool = True) -> None:
+    def _once(self, until: int | None, *, spinning: bool = True, ready: Callable[[], bool] = lambda: False) -> None:
         session = self.session
         subscriptions, timers = self._free()
         if not session.run_next(subscriptions, timers):
-            session.wait(subscriptions, timers, until, spinning=spinning)
+            session.wait(subscriptions, timers, until, spinning=spinning, ready=ready)
 
     def _free(self) -> tuple[list[Subscription], list[Timer]]:
         """Return who may be called: a callback that waits is not called again before it has come back."""
@@ -216,13 +236,40 @@ class Rospy:
         subscriptions = [each for each in session.subscriptions if each not in running]
         return subscriptions, [each for each in session.timers if each not in running]
 
-    def call(self, source: Any, callback: Callable[..., Any], *values: Any) -> None:
-        """Call back for a subscription or a timer."""
+    def call(self, source: Any, callback: Callable[..., Any], *values: Any) -> bool:
+        """Call back for a subscription or a timer; return whether it came back without an exception, which is logged.
+
+        Raises:
+          LackingError, NodeError: what is not here, which a real rospy has.
+        """
         self.running.add(source)
         try:
             callback(*values)
+        except (LackingError, NodeError):
+            raise
+        except Exception as error:
+            self._log_failure(callback, error)
+            return False
         finally:
             self.running.discard(source)
+        return True
+
+    def answer(self, handler: Callable[[Any], Any], request: Any) -> Any:
+        """Return the response of a service's handler; for an exception, which is logged, what its client raises."""
+        got: list[Any] = []
+        if self.call(handler, lambda: got.append(handler(request))):
+            return got[0]
+        return ServiceException(f"service cannot process request: {self.session.failed}")
+
+    def _log_failure(self, callback: Callable[..., Any], error: Exception) -> None:
+        """Log an exception as rospy does; one that comes again and again in a line, the 10th, 100th, ... time."""
+        said, place = one_line(error), self.graph.place_of_error(error)
+        count = self._failures[said, place] = self._failures.get((said, place), 0) + 1
+        self.session.failed = f"{said}{place}"
+        if count == 1:
+            self._logger.error(f"bad callback: {callback}\n{traceback.format_exc().rstrip()}")
+        elif math.log10(count).is_integer():
+            self._logger.error(f"bad callback, the {count}th time: {said}{place}")
 
 
 class Publisher:
@@ -237,7 +284,8 @@ class Publisher:
         self._publication = Publication(self._rospy._full(name), kind, self._rospy.name, graph.place())
         self._latch = latch
         graph.publications.append(self._publication)
-        self.name, self.data_class = self._publication.topic, kind
+        self.name = self.resolved_name = self._publication.topic
+        self.data_class, self.type, self.impl = kind, kind._type, self  # type: ignore[attr-defined]
 
     def publish(self, *values: Any, **named: Any) -> None:
         if len(values) == 1 and not named and isinstance(values[0], self.data_class):
@@ -283,7 +331,9 @@ class Subscriber:
         )
         rospy.session.subscriptions.append(self._subscription)
         rospy.graph.subscribe(self._subscription)
-        self.name, self.data_class, self.callback = self._subscription.topic, data_class, callback
+        self.name = self.resolved_name = self._subscription.topic
+        self.data_class, self.callback, self.impl = data_class, callback, self
+        self.type = getattr(data_class, "_type", "*")
 
     def unregister(self) -> None:
         if self._subscription in self._rospy.session.subscriptions:
@@ -331,7 +381,8 @@ class TimerHandle:
                 current_real=now, current_expected=now, last_real=last[0], last_expected=last[0], last_duration=0.0
             )
             last[0] = now
-            self._rospy.call(self._timer, callback, event)
+            if not self._rospy.call(self._timer, callback, event):
+                self._timer.cancelled = True  # rospy's thread of the timer has ended
 
         self._timer: Timer = self._rospy.session.add_timer(round(period.to_sec() * NANOSECONDS), call, oneshot=oneshot)
 
@@ -356,9 +407,11 @@ class ServiceProxy:
         kind = self.service_class.Request
         request = values[0] if len(values) == 1 and isinstance(values[0], kind) else kind(*values, **named)
         ask(session.graph, self.resolved_name, request, got.append)
-        if not got:
-            session.graph.pause(None, lambda: bool(got))
-        return got[0]
+        while not got and not session.ended:  # the node's own services and callbacks go on meanwhile
+            self._rospy._once(None, spinning=False, ready=lambda: bool(got))
+        if got and isinstance(got[0], ServiceException):
+            raise got[0]
+        return got[0] if got else None
 
     call = __call__
 
@@ -376,8 +429,8 @@ class Service:
         rospy, kind = self._rospy, service_class.Response
 
         def answer(request: Any) -> Any:
-            found = handler(request)
-            if isinstance(found, kind):
+            found = rospy.answer(handler, request)
+            if isinstance(found, (kind, ServiceException)):
                 return found
             if isinstance(found, dict):
                 return kind(**found)
@@ -424,6 +477,8 @@ def rospy_modules(session: Session) -> dict[str, ModuleType]:
         "ROSInterruptException": ROSInterruptException,
         "ROSTimeMovedBackwardsException": ROSTimeMovedBackwardsException,
         "ROSSerializationException": ROSSerializationException, "ROSInternalException": ROSInternalException,
+        "TransportException": TransportException, "TransportInitError": TransportException,
+        "TransportTerminated": TransportException,
     }  # fmt: skip
 
     members: dict[str, Any] = {
@@ -436,7 +491,10 @@ def rospy_modules(session: Session) -> dict[str, ModuleType]:
         "myargv": lambda argv=None: session.argv, "resolve_name": rospy._full,
         "wait_for_service": rospy.wait_for_service, "ServiceProxy": type("ServiceProxy", (ServiceProxy,), bound),
         "Service": type("Service", (Service,), bound), "delete_param": rospy.delete_param,
-        "get_caller_id": rospy.get_name, "get_node_uri": lambda: "", "TimerEvent": SimpleNamespace,
+        "is_initialized": lambda: session.ok, "add_preshutdown_hook": rospy.on_shutdown, "remap_name": rospy._full,
+        "add_client_shutdown_hook": rospy.on_shutdown, "SubscribeListener": SubscribeListener,
+        "get_ros_root": lambda *_, **__: "", "get_caller_id": rospy.get_name, "get_node_uri": lambda: "",
+        "TimerEvent": SimpleNamespace,
         "names": SimpleNamespace(get_namespace=rospy.get_namespace, get_name=rospy.get_name),
         "Time": _time_kind(graph), "Duration": RosDuration, "Publisher": type("Publisher", (Publisher,), bound),
         "Subscriber": type("Subscriber", (Subscriber,), bound), "Rate": type("Rate", (Rate,), bound),
@@ -448,7 +506,12 @@ def rospy_modules(session: Session) -> dict[str, ModuleType]:
         "rospy": members,
         "rospy.numpy_msg": {"numpy_msg": numpy_message},
         "rospy.exceptions": exceptions,
-        "rospy.rostime": {name: members[name] for name in ("Time", "Duration", "get_time", "get_rostime")},
+        "rospy.rostime": {
+            "wallsleep": rospy.sleep,
+            "is_wallclock": lambda: False,
+            "is_rostime_initialized": lambda: True,
+            **{name: members[name] for name in ("Time", "Duration", "get_time", "get_rostime")},
+        },
         "rospy.names": {"get_namespace": rospy.get_namespace, "get_name": rospy.get_name},
         **{f"rospy.{part}": members for part in parts},
         "genpy": {"Time": RosTime, "Duration": RosDuration},

@@ -71,6 +71,17 @@ class RosDuration(_Rospy):
     def __neg__(self) -> RosDuration:
         return RosDuration(0, -self.to_nsec())
 
+    def __abs__(self) -> RosDuration:
+        return RosDuration(0, abs(self.to_nsec()))
+
+    def __floordiv__(self, other: Any) -> Any:
+        if isinstance(other, RosDuration):
+            return self.to_nsec() // other.to_nsec()
+        return RosDuration(0, self.to_nsec() // NANOSECONDS // int(other) * NANOSECONDS)
+
+    def __mod__(self, other: RosDuration) -> RosDuration:
+        return RosDuration(0, self.to_nsec() % other.to_nsec())
+
     def __mul__(self, factor: float) -> RosDuration:
         return RosDuration(0, round(self.to_nsec() * factor))
 

@@ -10,6 +10,7 @@ import array
 import math
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import lru_cache
 from types import SimpleNamespace
 from typing import Any
@@ -19,6 +20,7 @@ import numpy as np
 from ...messages import CarParameters, LaserScan, Odometry
 from ...simulation.planner_adapter import Surroundings
 from ...simulation.world import World
+from ..autodrive import STEERING, THROTTLE, cars_in
 from ..bag_messages import BASE_FRAME, IMU_FRAME, LASER_FRAME, MAP_FRAME, ODOM_FRAME, nanoseconds
 from ..grid import Grid, grid_of
 from .graph import BEGIN, Graph
@@ -31,6 +33,7 @@ _FLOAT = "std_msgs/msg/Float32"
 
 TOPICS: dict[str, tuple[str, str]] = {
     "/clock": ("rosgraph_msgs/msg/Clock", "clock"),
+    "/scan": ("sensor_msgs/msg/LaserScan", "scan"),
     "/tf": ("tf2_msgs/msg/TFMessage", "transforms"),
     "/map": ("nav_msgs/msg/OccupancyGrid", "map"),
     "/map_metadata": ("nav_msgs/msg/MapMetaData", "map_info"),
@@ -46,9 +49,12 @@ TOPICS: dict[str, tuple[str, str]] = {
     "/pf/viz/inferred_pose": ("geometry_msgs/msg/PoseStamped", "pose"),
     "/gt_pose": ("geometry_msgs/msg/PoseStamped", "pose"),
     "/amcl_pose": ("geometry_msgs/msg/PoseWithCovarianceStamped", "pose_with_covariance"),
-    "/scan": ("sensor_msgs/msg/LaserScan", "scan"),
 }
-"""What is published each tick, in this order: type, and the method that makes it. The map is published once."""
+"""What is published each tick: type, and the method that makes it. The map is published once.
+
+The order is this one, and scans come before all else but the clock, as in f1tenth_gym_ros: a node that drives when its
+scan comes knows the pose of the tick before. AutoDRIVE sends its scan last.
+"""
 
 _OF_AUTODRIVE = {
     "ips": ("geometry_msgs/msg/Point", "position"),
@@ -65,9 +71,6 @@ AUTODRIVE_VEHICLES = ("f1tenth_1", "roboracer_1")
 """Names of the car in AutoDRIVE's releases."""
 TOPICS |= {f"/autodrive/{car}/{name}": made for car in AUTODRIVE_VEHICLES for name, made in _OF_AUTODRIVE.items()}
 
-THROTTLE, STEERING = 22.88, 0.5236
-"""[m/s], [rad] at a command of 1. Source: AutoDRIVE, RoboRacer Sim Racing League, technical guide of 2026."""
-
 SPEED_TO_ERPM = 4614.0
 """[1/m 1/min s] of the motor. Source: f1tenth_system, f1tenth_stack/config/vesc.yaml."""
 
@@ -77,11 +80,12 @@ OTHERS = (
     ("/opp_racecar3/odom", "/ego_racecar/opp_odom3"),
 )
 """Odometry of the other cars: the names for the first, the second and the third."""
-TAKEN_FOR = {"/scan": "", "/odom": "", "/pf/viz/inferred_pose": "pose"}
+TAKEN_FOR = {"/scan": "", "/odom": "", "/pf/viz/inferred_pose": "pose", "/amcl_pose": ""}
 """Topics that one of another name is taken for, where a node listens to no other of the type, and what it must say."""
 _NOT_OWN = re.compile(r"opp|goal|initial")  # in names of what is another car's, or a person's
 MAP_SERVICES = ("/map_server/map", "/static_map", "/map_server/static_map", "/map_server/get_map")
 
+_EARLY, _LATE = {"clock": 0, "scan": 1}, 2  # places in a tick
 _EGO = "ego_racecar/"
 _UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 
@@ -96,13 +100,15 @@ class Sensing:
       graph: who listens.
       flavour: of the messages.
       car: whose LiDAR is ahead of the rear axle.
+      beams: of a scan, spread evenly over the LiDAR's angles, each with the nearest beam's range; None: the LiDAR's.
 
     Attributes:
       surroundings: of the car, last told; None: they are not known.
       opponent: whether the nodes drive as the opponent of f1tenth_gym_ros does, by the names of that car.
     """
 
-    def __init__(self, graph: Graph, flavour: int, car: CarParameters) -> None:
+    def __init__(self, graph: Graph, flavour: int, car: CarParameters, beams: int | None = None) -> None:
+        self._beams = beams
         self._graph, self._flavour, self._wheel_radius = graph, flavour, car.wheel_radius
         self._wheelbase, self._half_track = car.wheelbase, car.track_width / 2
         self._pose = np.zeros(3)  # by dead reckoning, where there is no map
@@ -113,6 +119,7 @@ class Sensing:
         self._turned = np.zeros(4)  # [rad] of the wheels, since the start
         self._mapped: Any = None  # the model whose map has been published
         self._known: tuple[Any, dict[str, str]] | None = None
+        self._cars: tuple[str, ...] = AUTODRIVE_VEHICLES
         graph.provided.update({topic: kind for topic, (kind, _) in TOPICS.items()})
         mount = matrix((car.lidar_offset, 0.0, 0.0), _UPRIGHT)
         for child, parent, found in (
@@ -133,7 +140,7 @@ class Sensing:
         found = matrix((x, y, 0.0), (0.0, 0.0, self._at[2], self._at[3]))
         self._graph.transforms[BASE_FRAME] = ODOM_FRAME, found
         self._graph.transforms[_EGO + BASE_FRAME] = MAP_FRAME, found
-        for frame in AUTODRIVE_VEHICLES:
+        for frame in self._cars:
             self._graph.transforms[frame] = "world", found
         half = self.command[1] / 2
         for side, y in (("left", self._half_track), ("right", -self._half_track)):
@@ -157,28 +164,44 @@ class Sensing:
         maker = self._topics().get(topic)
         if maker is None:
             return None
-        return TOPICS[topic][0] if topic in TOPICS else "sensor_msgs/msg/LaserScan" if maker == "scan" else _ODOMETRY
+        if topic in TOPICS:
+            return TOPICS[topic][0]
+        of_autodrive = _OF_AUTODRIVE.get(topic.rpartition("/")[2]) if topic.startswith("/autodrive/") else None
+        if of_autodrive is not None:
+            return of_autodrive[0]
+        return "sensor_msgs/msg/LaserScan" if maker == "scan" else _ODOMETRY
 
     def taken_for(self, topic: str, kind: type) -> str | None:
         """Return the topic that a node means by one of another name, where it is the only one of its type."""
         for ours, said in TAKEN_FOR.items():
             if kind is message_class(TOPICS[ours][0], self._flavour):
-                return ours if said in topic and not _NOT_OWN.search(topic) else None
+                return ours if said in topic and not is_anothers(topic) else None
         return None
 
     def _topics(self) -> dict[str, str]:
         """Return the topics that are published now, and what makes their messages."""
         others = 0 if self.surroundings is None else len(self.surroundings.others)
-        if self._known is None or self._known[0] != (others, self.opponent):
+        count = len(self._graph.subscriptions)
+        if self._known is None or self._known[0] != (others, self.opponent, count):
             found = {topic: maker for topic, (_, maker) in TOPICS.items()}
+            self._cars = (*AUTODRIVE_VEHICLES, *self._other_cars())
+            for car in self._cars[len(AUTODRIVE_VEHICLES) :]:
+                found.update({f"/autodrive/{car}/{name}": maker for name, (_, maker) in _OF_AUTODRIVE.items()})
             for number, names in enumerate(OTHERS[:others]):
                 found.update(dict.fromkeys(names, f"other {number}"))
             if self.opponent:  # the other car is the ego
                 found.update({"/opp_scan": "scan", "/opp_racecar/odom": "odometry", "/opponent/odom": "odometry"})
                 if others:
                     found.update({"/opp_racecar/opp_odom": "other 0", "/ego_racecar/odom": "other 0"})
-            self._known = (others, self.opponent), found
+            found = dict(sorted(found.items(), key=_rank))
+            self._known = (others, self.opponent, count), found
         return self._known[1]
+
+    def _other_cars(self) -> list[str]:
+        """Return the name that nodes give their AutoDRIVE car, where it is the only one and none of the releases'."""
+        topics = [each.topic for each in self._graph.subscriptions]
+        cars = cars_in([*topics, *(each.topic for each in self._graph.publications)])
+        return cars if len(cars) == 1 and cars[0] not in AUTODRIVE_VEHICLES else []
 
     def _map(self, listened: set[str]) -> None:
         """Publish the map of a world that is new, and answer who asks for it."""
@@ -230,7 +253,7 @@ class Sensing:
         self._before = stamp
 
     def _make_scan(self) -> Any:
-        scan = self._scan
+        scan = self._scan if self._beams is None else resampled(self._scan, self._beams)
         numbers = array.array("f")
         numbers.frombytes(scan.ranges.astype(np.float32).tobytes())
         first = scan.stamp - scan.time_increment * max(0, len(scan.ranges) - 1)
@@ -376,6 +399,30 @@ class Sensing:
     def _vector(self, values: Any) -> Any:
         x, y, z = map(float, values)
         return made(self._kind("geometry_msgs/msg/Vector3"), x=x, y=y, z=z)
+
+
+def _rank(entry: tuple[str, str]) -> int:
+    """Return when in a tick a topic's message comes: the clock, the scan, the rest, AutoDRIVE's in its own order."""
+    topic, maker = entry
+    return _LATE if topic.startswith("/autodrive/") else _EARLY.get(maker, _LATE)
+
+
+def resampled(scan: LaserScan, beams: int) -> LaserScan:
+    """Return a scan of another number of beams over the same angles; each has the range of the nearest there was."""
+    count = len(scan.ranges)
+    if count < 2 or beams == count:
+        return scan
+    nearest = np.round(np.linspace(0.0, count - 1.0, beams)).astype(int)
+    ratio = (count - 1) / (beams - 1)
+    return replace(
+        scan, ranges=scan.ranges[nearest], angle_increment=scan.angle_increment * ratio,
+        time_increment=scan.time_increment * ratio,
+    )  # fmt: skip
+
+
+def is_anothers(topic: str) -> bool:
+    """Say whether a topic, by its name, is of another car, or of a person: not what this car senses."""
+    return bool(_NOT_OWN.search(topic))
 
 
 @lru_cache(maxsize=2)

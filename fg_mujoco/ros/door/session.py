@@ -38,6 +38,8 @@ class Session:
       remaps: names of topics, as the node says them, and what they are here.
       name: of the node; None: its own.
       arguments: in its `sys.argv`, behind the file.
+      namespace: of the topics that it names without one; its own where there is none.
+      undeclared: parameters that it need not have.
     """
 
     graph: Graph
@@ -46,6 +48,8 @@ class Session:
     remaps: Mapping[str, str]
     name: str | None = None
     arguments: tuple[str, ...] = ()
+    namespace: str = ""
+    undeclared: frozenset[str] = frozenset()
     ok: bool = False
     ended: bool = False
     subscriptions: list[Subscription] = field(default_factory=list)
@@ -55,6 +59,7 @@ class Session:
     takes_all: bool = False  # whether any parameter is accepted
     hooks: list[Callable[[], Any]] = field(default_factory=list)  # on shutdown
     waits: str = ""  # for what, where it has not come yet
+    failed: str = ""  # the last exception of a callback that the node survived
 
     @property
     def argv(self) -> list[str]:
@@ -64,6 +69,7 @@ class Session:
     def topic(self, name: str, node: str, namespace: str = "") -> str:
         """Return the full name of a topic that a node names."""
         full = name
+        namespace = namespace or (f"/{self.namespace}" if self.namespace else "")
         if name.startswith("~"):
             full = f"{namespace}/{node}/{name[1:].lstrip('/')}"
         elif not name.startswith("/"):
@@ -90,7 +96,7 @@ class Session:
         if self.takes_all:
             return ""
         for name in self.given:
-            if name not in self.asked:
+            if name not in self.asked and name not in self.undeclared:
                 return f"has no parameter {name!r}; {accepted_names(name, sorted(self.asked))}"
         return ""
 
@@ -154,10 +160,14 @@ class NodeLogger:
         self._graph, self.name = graph, name
         self._logger = logging.getLogger(f"fg_mujoco.ros.{name}")
         self._last: dict[str, int] = {}
+        self._skipped: set[str] = set()  # places whose first message has been left out
 
     def log(self, level: int, message: object, *values: object, **options: Any) -> bool:
         """Log a message; `once` and `throttle_duration_sec` [s simulated] are as in rclpy."""
         every = options.get("throttle_duration_sec")
+        if options.get("skip_first") and self._graph.place() not in self._skipped:
+            self._skipped.add(self._graph.place())
+            return False
         if every is not None or options.get("once"):
             place, now = self._graph.place(), self._graph.now
             if place in self._last and (options.get("once") or now - self._last[place] < float(every or 0.0) * 1e9):
@@ -193,6 +203,14 @@ class NodeLogger:
     def set_level(self, level: Any) -> None:
         """Show messages from a level on."""
         self._logger.setLevel(int(getattr(level, "value", level)))
+
+    def get_effective_level(self) -> int:
+        """Return the level from which on messages are shown."""
+        return self._logger.getEffectiveLevel()
+
+    def is_enabled_for(self, level: Any) -> bool:
+        """Say whether messages of a level are shown."""
+        return self._logger.isEnabledFor(int(getattr(level, "value", level)))
 
     def get_child(self, name: str) -> NodeLogger:
         """Return the logger of a part of the node."""

@@ -9,7 +9,6 @@ that is written out is looked up before the file is executed, one that it puts t
 from __future__ import annotations
 
 import ast
-import re
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -19,13 +18,12 @@ from types import CodeType
 from typing import TypeVar
 
 from ...course.files import is_file
+from .workspace import module_folders
 
 _DATA = {
     ".csv", ".txt", ".yaml", ".yml", ".json", ".npy", ".npz", ".pkl", ".pickle", ".pt", ".pth", ".onnx", ".zip", ".png",
     ".pgm", ".h5", ".mat", ".tum",
 }  # fmt: skip
-OLD_NAMES = re.compile(rb"\b(?:np|numpy)\.(?:float|int|bool|object|str|complex|NaN|Inf|infty|float_)\b")
-"""Names that NumPy had when many nodes were written, and has no longer."""
 _PACKAGE = ("package.xml", "setup.py")
 _JOINING = ("join", "joinpath")
 _READING = ("open", "loadtxt", "genfromtxt", "read_csv", "load")
@@ -78,9 +76,12 @@ def parse(text: bytes, path: Path) -> ast.Module:
     """Return the tree of a file.
 
     Raises:
-      SyntaxError, ValueError: it is no Python.
+      SyntaxError, ValueError: it is no Python, or is nested too deeply.
     """
-    return _despite_depth(lambda: _parse(text, path))
+    try:
+        return _despite_depth(lambda: _parse(text, path))
+    except (MemoryError, RecursionError) as error:
+        raise ValueError("is nested too deeply") from error
 
 
 def _parse(text: bytes, path: Path) -> ast.Module:
@@ -131,10 +132,11 @@ def unused_imports(tree: ast.Module) -> Unused:
 def own_files(node: Path, text: bytes) -> list[Path]:
     """Return the files of the user's own that a node's file imports, and those import, sorted; without its own.
 
-    They are where the node's import statements find them: beside it and in its package. A file that is no Python is
-    left out: its import is told of when it is executed.
+    They are where the node's import statements find them: beside it, in its package, and in the other packages of its
+    workspace. A file that is no Python is left out: its import is told of when it is executed.
     """
     found: dict[Path, None] = {}
+    folders, others = own_folders(node), module_folders(node)
     waiting = [(node, text)]
     while waiting:
         path, content = waiting.pop()
@@ -143,7 +145,8 @@ def own_files(node: Path, text: bytes) -> list[Path]:
                 tree = parse(content, path)
         except (SyntaxError, ValueError):
             continue
-        for each in sorted({own for statement in ast.walk(tree) for own in _of_import(statement, path, node)}):
+        imported = {own for statement in ast.walk(tree) for own in _of_import(statement, path, folders, others)}
+        for each in sorted(imported):
             if each not in found and each != node.resolve():
                 found[each] = None
                 waiting.append((each, each.read_bytes()))
@@ -167,24 +170,44 @@ def own_folders(node: Path) -> list[Path]:
     return list(dict.fromkeys(found))
 
 
-def _of_import(statement: ast.AST, path: Path, node: Path) -> Iterator[Path]:
-    """Return the files that an import statement of a node's executes."""
+def _of_import(statement: ast.AST, path: Path, folders: list[Path], others: list[Path]) -> Iterator[Path]:
+    """Return the files that an import statement of a node's executes.
+
+    Args:
+      statement: any of a file.
+      path: the file.
+      folders: the node's own.
+      others: those of the other packages of its workspace.
+    """
+    everywhere = [*folders, *others]
     if isinstance(statement, ast.Import):
-        wanted = [(own_folders(node), each.name) for each in statement.names]
+        wanted = [(everywhere, each.name) for each in statement.names]
     elif isinstance(statement, ast.ImportFrom):
-        folders = [path.resolve().parents[statement.level - 1]] if statement.level else own_folders(node)
+        places = [path.resolve().parents[statement.level - 1]] if statement.level else everywhere
         module = statement.module or ""
-        wanted = [(folders, module)] if module else []
-        wanted += [(folders, f"{module}.{each.name}".strip(".")) for each in statement.names]
+        wanted = [(places, module)] if module else []
+        wanted += [(places, f"{module}.{each.name}".strip(".")) for each in statement.names]
     else:
         return
-    for folders, name in wanted:
-        for folder in folders:
-            place = folder.joinpath(*name.split("."))
-            file = place.with_suffix(".py") if place.with_suffix(".py").is_file() else place / "__init__.py"
-            if file.is_file():
-                yield file.resolve()
-                break
+    for places, name in wanted:
+        parts = name.split(".")
+        for folder in places:
+            if folder in others and not is_package_of_python(folder / parts[0]):
+                continue
+            place = folder.joinpath(*parts)
+            with suppress(OSError):  # of a name that is too long
+                file = place.with_suffix(".py") if place.with_suffix(".py").is_file() else place / "__init__.py"
+                if file.is_file():
+                    yield file.resolve()
+                    break
+
+
+def is_package_of_python(folder: Path) -> bool:
+    """Say whether a folder of another package is what an import statement may name."""
+    try:
+        return (folder / "__init__.py").is_file()
+    except OSError:  # a name that is too long
+        return False
 
 
 def _imports(node: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:

@@ -18,7 +18,8 @@ The LiDAR is on the car where the transforms say, else where the vehicle has it.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -49,6 +50,7 @@ class Sweeps:
       source: where the poses are from, in words.
       drifts: whether the poses drift.
       track: times [s] and poses, shape (m, 4), of which `poses` are interpolated.
+      left_out: how many scans of the bag are not among these, by the reason.
     """
 
     scans: list[LaserScan]
@@ -59,6 +61,7 @@ class Sweeps:
     source: str
     drifts: bool
     track: FloatArray
+    left_out: Mapping[str, int] = field(default_factory=dict)
 
     def beam_poses(self, index: int, corrected: FloatArray | None = None) -> FloatArray:
         """Return where the LiDAR was at each beam of a scan, shape (beams, 3).
@@ -117,8 +120,13 @@ def read_sweeps(
     source = _source(bag, frames, sensor, pose_topic, odometry_topic)
     heard_scans: list[tuple[int, int, int, LaserScan]] = []  # stamp, recorder's growing time, recorder's time
     faults, clock = ScanFaults(bag), Clock()
+    left_out: dict[str, int] = {}
     for heard in bag.messages({scan}):
-        if faults.accepts(heard) and not faults.again:
+        if not faults.accepts(heard):
+            left_out["recorded twice"] = left_out.get("recorded twice", 0) + 1
+        elif faults.again:
+            left_out["sent again with the same stamp"] = left_out.get("sent again with the same stamp", 0) + 1
+        else:
             shift, period = clock.shift(stamp_of(heard.message), heard)
             mount = mount_of(frames, heard.message.header.frame_id)
             taken = to_scan(heard.message, mount, period=period)
@@ -141,6 +149,9 @@ def read_sweeps(
     keep = (times > track[0, 0] - _LATE) & (times < track[-1, 0] + _LATE)
     if not keep.all():
         bag.warn(f"{np.count_nonzero(~keep)} of {len(keep)} scans have no pose at their time, and are left out")
+        for why, which in (("before the first pose", times <= track[0, 0] - _LATE),
+                           ("after the last pose", times >= track[-1, 0] + _LATE)):  # fmt: skip
+            left_out[why] = int(np.count_nonzero(which))
     if not keep.any():
         raise BagError(f"{bag.path}: no scan has a pose at its time, by {source.text}; accepted: poses beside scans")
     found = interpolated(track, times)
@@ -153,6 +164,7 @@ def read_sweeps(
         source=source.text,
         drifts=source.drifts,
         track=track,
+        left_out={why: count for why, count in left_out.items() if count},
     )
 
 

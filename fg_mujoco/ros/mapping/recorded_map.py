@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,7 +25,7 @@ from ...messages import FloatArray
 from ..grid import FREE, OCCUPIED, RESOLUTION, UNKNOWN
 from .poses import Sweeps
 from .ray_model import LogOdds
-from .scan_matching import match_scans
+from .scan_matching import match_scans, standing
 
 REACH = 15.0
 """[m] of beams that count; further ones are too far apart, and a small error of the heading moves their ends."""
@@ -51,6 +51,16 @@ class RecordedMap:
     numbers: tuple[int, ...]  # of those scans
     source: str  # of the poses
     matched: bool  # whether they were corrected by the scans
+    left_out: Mapping[str, int]  # how many scans of the bag do not count, by the reason
+
+    @property
+    def text(self) -> str:
+        """Which scans the map is of, in words: how many of how many, their poses, and why not the others."""
+        every, used = len(self.numbers) + sum(self.left_out.values()), len(self.numbers)
+        by = ", corrected by the scans" if self.matched else ""
+        said = f"{used if used == every else f'{used} of {every}'} scans at {self.source}{by}"
+        why = ", ".join(f"{count} {reason}" for reason, count in self.left_out.items())
+        return f"{said}; left out: {why}" if why else said
 
 
 def make_map(
@@ -76,10 +86,11 @@ def make_map(
         raise SettingsError(f"resolution is {resolution!r} m; accepted: from 0.01 to 1")
     matched = sweeps.drifts if match is None else match
     if matched:
-        numbers, poses = match_scans(sweeps)
+        numbers, poses, idle = match_scans(sweeps)
     else:
         numbers = _apart(sweeps)
         poses = sweeps.poses[numbers]
+        idle = {standing(_MOVED, _TURNED): len(sweeps.scans) - len(numbers)}
     if not numbers or not any(np.isfinite(sweeps.scans[number].ranges).any() for number in numbers):
         raise BagError("its scans see nothing; accepted: scans with readings within their range limits")
     grid = LogOdds.around(poses, reach=REACH, resolution=resolution)
@@ -104,6 +115,7 @@ def make_map(
         numbers=tuple(numbers),
         source=sweeps.source,
         matched=matched,
+        left_out={why: count for why, count in {**sweeps.left_out, **idle}.items() if count},
     )
 
 

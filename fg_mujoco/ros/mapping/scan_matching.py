@@ -1,6 +1,6 @@
 """Poses that drift, corrected by what the LiDAR saw: each scan is laid on the walls that were seen before.
 
-    numbers, corrected = match_scans(sweeps)
+    numbers, corrected, left_out = match_scans(sweeps)
 
 The poses move from scan to scan as the source says. From there the ends of the beams are moved on to the walls at the
 nearest ends seen before, by least squares; those that have none near by, as what comes into view for the first time, do
@@ -33,8 +33,21 @@ _STEP_ERROR, _TURN_ERROR = 0.01, 0.005  # [m], [rad] standard deviation of a ste
 _STEP_SHARE = 0.1  # of its length and its turn besides
 
 
-def match_scans(sweeps: Sweeps) -> tuple[list[int], FloatArray]:
-    """Return the scans that were matched, by number, and the corrected pose of the LiDAR at each, shape (n, 3)."""
+FEW = "with too few readings to match"
+"""Why a scan is not matched; the other reason is that the LiDAR has not moved on."""
+
+
+def standing(moved: float, turned: float) -> str:
+    """Return why a scan does not count that was taken where the last one was: within so many m and rad."""
+    return f"taken within {moved:g} m and {math.degrees(turned):.1f} degrees of the one before"
+
+
+def match_scans(sweeps: Sweeps) -> tuple[list[int], FloatArray, dict[str, int]]:
+    """Return the scans that were matched, by number, and the corrected pose of the LiDAR at each, shape (n, 3).
+
+    The third is how many were not matched, by the reason.
+    """
+    left_out = {standing(_MOVED, _TURNED): 0, FEW: 0}
     numbers: list[int] = []
     poses: list[FloatArray] = []
     laid = _Walls()
@@ -42,12 +55,14 @@ def match_scans(sweeps: Sweeps) -> tuple[list[int], FloatArray]:
     for number in range(len(sweeps.scans)):
         ends, walls = _ends(sweeps, number)
         if not len(ends):
+            left_out[FEW] += 1
             continue
         if not poses:
             pose = sweeps.poses[number].copy()
         else:
             step = _between(sweeps.poses[numbers[-1]], sweeps.poses[number])
             if math.hypot(step[0], step[1]) < _MOVED and abs(step[2]) < _TURNED:
+                left_out[standing(_MOVED, _TURNED)] += 1
                 continue
             pose = laid.fitted(_moved(poses[-1], step), ends, step)
         numbers.append(number)
@@ -56,7 +71,7 @@ def match_scans(sweeps: Sweeps) -> tuple[list[int], FloatArray]:
         if math.hypot(away[0], away[1]) > _KEPT_MOVED or abs(away[2]) > _KEPT_TURNED:
             laid.add(pose, walls)
             kept = pose
-    return numbers, np.array(poses).reshape(-1, 3)
+    return numbers, np.array(poses).reshape(-1, 3), left_out
 
 
 class _Walls:

@@ -186,7 +186,7 @@ def compare(
         require_matplotlib()
     settings = ComparisonSettings(
         laps=laps, obstacles=obstacles, lidar_noise=lidar_noise, vehicle=vehicle, tires=tires, mu=mu,
-        changes=changes or CarChanges(), planner_mu=planner_mu, patches=tuple(patches), time_limit=time_limit,
+        changes=changes or CarChanges(), planner_mu=planner_mu, patches=patches, time_limit=time_limit,
         decision_limit=decision_limit,
     )  # fmt: skip
     if opponents or grid != Opponents.grid:

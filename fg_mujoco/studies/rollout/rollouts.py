@@ -164,7 +164,7 @@ def rollout(
     source, own = split_controller(controller, planner_settings)
     base = DriveSettings(
         vehicle=vehicle, tires=tires, mu=mu, changes=changes or CarChanges(), planner_mu=planner_mu,
-        patches=tuple(patches), max_speed=max_speed, planner_settings=own, start=start or Start(),
+        patches=patches, max_speed=max_speed, planner_settings=own, start=start or Start(),
         effects=effects or LidarEffects(), odometry_drift=odometry_drift,
     )  # fmt: skip
     car = base.car.parameters

@@ -145,7 +145,7 @@ def drive_worlds(
     groups: dict[tuple[Course | str, Vehicle, Tires, tuple[Patch, ...], tuple[Obstacle, ...], bool], list[int]] = {}
     for i, scenario in enumerate(scenarios):
         delayed = scenario.changes.command_delay is not None
-        key = (scenario.track, scenario.car, scenario.tire_set, scenario.patches, scenario.obstacles, delayed)
+        key = (scenario.track, scenario.car, scenario.tire_set, tuple(scenario.patches), scenario.obstacles, delayed)
         groups.setdefault(key, []).append(i)
     find_controller(controller)  # refuses what is none
     ticks = 0

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import os
-import platform
 import sys
 import time
-import warnings
 
 from ...errors import FgMujocoError, SettingsError
 from ...simulation.settings import friction_text
+from ..display_check import can_open_window
 from .hand_driver import KEYS
 from .session import LiveSession
 
@@ -23,14 +21,8 @@ def require_display() -> None:
     Raises:
       SettingsError: there is no display.
     """
-    if platform.system() == "Linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+    if not can_open_window():
         raise SettingsError(_NO_DISPLAY)
-    import glfw  # MuJoCo's own viewer ends the process where this fails
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        if not glfw.init():
-            raise SettingsError(_NO_DISPLAY)
 
 
 def run_desktop(session: LiveSession) -> None:

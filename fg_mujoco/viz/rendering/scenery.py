@@ -2,7 +2,7 @@
 
 It is a second model, compiled for pictures from the very scene.xml of a world: the bodies, joints and actuators are
 those of the first, so it takes its states. So the model that is raced, and the scene.xml of a run folder, have nothing
-that is only for pictures, and compile faster (docs/rendering.md has the figures).
+that is only for pictures: the meshes would add 32 ms to writing and reading a world's MJCF, which take 71 ms without.
 """
 
 from __future__ import annotations

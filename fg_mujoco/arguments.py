@@ -1,0 +1,111 @@
+"""Answers a call or an attribute that does not exist with what does: "race has no argument 'map'; ... 'track'?"
+
+    race = explained(race)
+
+    class Scan(Suggesting):
+        ...
+
+Both cost nothing where nothing is wrong but one call in between.
+"""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import types
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, TypeVar, cast
+
+import numpy as np
+
+from .errors import ArgumentError, accepted_names, nearest
+
+_F = TypeVar("_F", bound=Callable[..., Any])
+
+_VIEW = "`fg-mujoco view` shows a race as it goes"
+_WRITE = "fg_mujoco.write_run(result, DIR) writes a run folder"
+_VIDEO = "fg_mujoco.write_video makes a video of a result"
+_RATHER = {
+    "gui": _VIEW, "headless": _VIEW, "live": _VIEW, "output": _WRITE, "out": _WRITE, "record": _VIDEO,
+    "render": _VIDEO, "render_mode": _VIDEO, "save": _WRITE, "show": _VIEW, "verbose": "`watch` is called once a tick",
+    "video": _VIDEO, "vis": _VIEW, "visualize": _VIEW,
+}  # fmt: skip
+"""Arguments that others have -> what does the same here."""
+
+_LEAST_SIMILARITY = 0.7  # of an attribute that may have been meant
+
+
+def explained(function: _F, name: str = "") -> _F:
+    """Return a function whose wrong arguments are refused in one line that names the right ones.
+
+    NumPy's numbers become Python's: settings are checked to be those, and JSON has no others.
+
+    Args:
+      function: or the `__init__` or a method of a class, whose first parameter is `self`.
+      name: that the message gives it; nothing: its own.
+    """
+
+    @functools.wraps(function)
+    def explaining(*args: Any, **named: Any) -> Any:
+        for key, value in named.items():
+            if isinstance(value, np.generic):
+                named[key] = value.item()
+        try:
+            return function(*args, **named)
+        except TypeError:
+            refusal = _refusal(function, name or function.__name__, args, named)
+            if refusal is None:  # the error is one of the function's own code
+                raise
+        raise ArgumentError(refusal)
+
+    return cast(_F, explaining)
+
+
+def _refusal(function: Callable[..., Any], name: str, args: tuple[Any, ...], named: dict[str, Any]) -> str | None:
+    """Return what is wrong with the arguments of a call; None: nothing, or nothing that is known here."""
+    parameters = list(inspect.signature(function).parameters.values())
+    if parameters and parameters[0].name == "self":
+        parameters, args = parameters[1:], args[1:]
+    kinds = {each.kind for each in parameters}
+    taken = {each.name: each for each in parameters if each.kind in (each.POSITIONAL_OR_KEYWORD, each.KEYWORD_ONLY)}
+    in_order = [each.name for each in parameters if each.kind in (each.POSITIONAL_OR_KEYWORD, each.POSITIONAL_ONLY)]
+    needed = [each.name for each in parameters if each.default is each.empty and each.name in taken]
+    call = [each for each in taken if each in in_order or each in (needed or taken)]
+    accepted = f"{name}({', '.join(each if each in in_order else f'{each}=...' for each in call)})"
+    for given in named:
+        if given not in taken and inspect.Parameter.VAR_KEYWORD not in kinds:
+            rather = None if nearest(given, taken) else _RATHER.get(given)
+            end = accepted_names(given, taken) + ("" if rather is None else f"; {rather}")
+            return f"{name} has no argument {given!r}; {end}"
+    if len(args) > len(in_order) and inspect.Parameter.VAR_POSITIONAL not in kinds:
+        most = f"{len(in_order)} at most" if in_order else "none"
+        return f"{name} is given {len(args)} arguments without their names; accepted: {most}, as in {accepted}"
+    lacking = [each for each in needed if each not in named and each not in in_order[: len(args)]]
+    return f"{name} lacks {', '.join(lacking)}; accepted: {accepted}" if lacking else None
+
+
+def explain_class(kind: type) -> None:
+    """Explain the arguments of a class and of its public methods, in place."""
+    made = "__init__"  # its own or that of a base
+    if isinstance(getattr(kind, made), types.FunctionType):
+        setattr(kind, made, explained(getattr(kind, made), kind.__name__))
+    for name, member in list(vars(kind).items()):
+        if not name.startswith("_") and isinstance(member, types.FunctionType):
+            setattr(kind, name, explained(member, f"{kind.__name__}.{name}"))
+
+
+class Suggesting:
+    """An attribute that such an object has not is answered with the one that was probably meant."""
+
+    if not TYPE_CHECKING:  # a checker of types is to find those that do not exist
+
+        def __getattr__(self, name: str) -> Any:
+            owner = type(self).__name__
+            if name.startswith("_"):
+                raise AttributeError(f"{owner!r} object has no attribute {name!r}")
+            meant = self._meant(name)
+            raise AttributeError(f"{owner} has no {name!r}" + ("" if meant is None else f"; did you mean {meant!r}?"))
+
+    def _meant(self, name: str) -> str | None:
+        """Return the attribute that was probably meant; None: it is not known."""
+        return nearest(name, [each for each in dir(self) if not each.startswith("_")], cutoff=_LEAST_SIMILARITY)

@@ -1,0 +1,158 @@
+"""Where a command writes its folder: `--out DIR`, `--out runs/`, which numbers itself, and `--force`.
+
+A path that ends in a slash, and a folder with files that are neither a run's nor a study's, get a folder with the next
+number: runs/001, runs/002. A folder that has a run is refused, one that has a study is gone on with, and `--force`
+replaces either. No other folder is replaced, nor one with a file in it that no command here writes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import secrets
+import shutil
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from ..course.files import is_file, is_folder, read_text
+from ..errors import RunFolderError
+from ..racing.run_folder import SUMMARY, read_summary
+
+RUN, STUDY = "run", "study"
+"""Kinds of folders that commands write."""
+
+_MARKS = ("manifest.json", "lab.json")  # of a study
+_OF_A_RUN = re.compile(
+    r"scene\.xml|states\.npz|telemetry(_car_\d+)?\.csv|trace\.png|controller(_car_\d+)?\.py|failed_scan\.npz"
+    r"|summary\.json|report\.html|debug\.html"
+)
+_OF_A_STUDY = re.compile(r"[\w.+-]+\.(json|jsonl|csv|npz|md|png|svg|html)|chunks|poses|traces|report|cells")
+_ASIDE = re.compile(r"\.fg_mujoco-[0-9a-f]{16}\.partial")  # what a killed process left (course.writing)
+_MOST_BYTES = 16 * 2**20  # of a study's mark
+
+
+def add_out_options(command: argparse.ArgumentParser, kind: str, text: str, *, required: bool = False) -> None:
+    """Add `--out` and `--force` to a command, whose folder has a run or a study."""
+    command.add_argument("--out", metavar="DIR", required=required, help=f"{text}; DIR/ numbers itself: DIR/001")
+    command.add_argument("--force", action="store_true", help=f"replace the {kind} that DIR has")
+    command.set_defaults(folder_kind=kind)
+
+
+@contextmanager
+def chosen_folder(options: argparse.Namespace, kind: str | None) -> Iterator[None]:
+    """Set `options.out` to the folder that is written. A run or study that is replaced is put aside, and then removed.
+
+    If the command ends without a new one, the old one is put back.
+
+    Args:
+      options: of a command, whose `out` and `force` say where.
+      kind: what its folder has; None: the command writes none.
+
+    Raises:
+      RunFolderError: the folder has a run already, or may not be replaced. The message names both ways on.
+    """
+    if kind is None or options.out is None:
+        yield
+        return
+    given = str(options.out)
+    folder, there = Path(given), _kind_of(given)
+    parent = folder.parent if folder.parent != Path() else Path("runs")
+    ways = f"or --out {parent}/, which numbers itself"
+    if there == kind:
+        ways = f"--force to replace it, {ways}"
+    if there is None:
+        if given.endswith(("/", os.sep)) or (is_folder(folder) and any(folder.iterdir())):
+            with _numbered(folder) as options.out:
+                goes_on = "; the same command goes on with it if that is given" if kind == STUDY else ""
+                print(f"fg-mujoco: --out is {options.out}{goes_on}", file=sys.stderr)
+                yield
+            return
+        yield
+    elif options.force:
+        with _replaced(Path(os.path.realpath(folder)), kind, there):
+            yield
+    elif there == kind == STUDY:
+        try:
+            yield
+        except RunFolderError as error:  # it is one of other settings, or damaged
+            hint = f", {ways}" if "accepted: " in str(error) and str(error).startswith(given) else ""
+            raise RunFolderError(f"{error}{hint}") from error
+    else:
+        raise RunFolderError(f"{folder}: has a {there}; accepted: a new or empty folder, {ways}")
+
+
+def _kind_of(folder: str) -> str | None:
+    """Return whether a folder has a run or a study; None: neither."""
+    if any(is_file(Path(folder) / name) for name in _MARKS):
+        return STUDY
+    return RUN if is_file(Path(folder) / SUMMARY) else None
+
+
+@contextmanager
+def _numbered(parent: Path) -> Iterator[str]:
+    """Make the folder with the next number in another, and yield its path; one that stays empty is removed again."""
+    try:
+        parent.mkdir(parents=True, exist_ok=True)
+        numbers = [int(path.name) for path in parent.iterdir() if re.fullmatch("[0-9]{3,9}", path.name)]
+        number = max(numbers, default=0) + 1
+        while True:
+            path = parent / f"{number:03}"
+            try:
+                path.mkdir()
+                break
+            except FileExistsError:  # another process was faster
+                number += 1
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise RunFolderError(f"{parent}: cannot be written: {reason}; accepted: a folder that can be") from error
+    try:
+        yield str(path)
+    finally:
+        with suppress(OSError):
+            path.rmdir()
+
+
+@contextmanager
+def _replaced(folder: Path, kind: str, there: str) -> Iterator[None]:
+    """Put a run or study aside; in the end remove it if there is a new one, else put it back."""
+    _require_ours(folder, kind, there)
+    aside = folder.with_name(f"{folder.name}.replaced-{secrets.token_hex(4)}")
+    try:
+        folder.rename(aside)
+    except OSError as error:
+        raise RunFolderError(f"{folder}: cannot be replaced: {error.strerror}; accepted: a new folder") from error
+    try:
+        yield
+    finally:
+        if _kind_of(str(folder)) is None:
+            with suppress(OSError):
+                folder.rmdir()  # empty, or not there
+            aside.rename(folder)
+        else:
+            shutil.rmtree(aside, ignore_errors=True)
+
+
+def _require_ours(folder: Path, kind: str, there: str) -> None:
+    """Make sure that a folder has a run or study of this package, as the command writes it, and nothing else."""
+    if there != kind:
+        raise RunFolderError(f"{folder}: has a {there}; accepted with --force: a {kind}, which it replaces")
+    if kind == RUN:
+        read_summary(folder)
+    else:
+        mark = next(folder / name for name in _MARKS if is_file(folder / name))
+        try:
+            ours = "schema" in json.loads(read_text(mark, _MOST_BYTES))
+        except (OSError, ValueError, TypeError, RecursionError):
+            ours = False
+        if not ours:
+            raise RunFolderError(f"{mark}: is not of a study; accepted with --force: a folder that a study wrote")
+    known = _OF_A_RUN if kind == RUN else _OF_A_STUDY
+    for path in sorted(folder.iterdir()):
+        if path.is_symlink() or not (known.fullmatch(path.name) or _ASIDE.fullmatch(path.name)):
+            raise RunFolderError(
+                f"{folder}: has {path.name}, which is not of a {kind}; accepted with --force: a folder without it"
+            )

@@ -1,0 +1,120 @@
+"""Packages of a ROS workspace, as it lies on disk: folders with a package.xml, found from a file of one of them.
+
+    packages(Path("ws/src/my_car/my_car/node.py"))       # {"my_car": ws/src/my_car, "my_lib": ws/src/my_lib}
+    executable(Path("ws/src/my_car"), "drive")           # (ws/src/my_car/my_car/node.py, "main")
+
+Nothing is executed, and nothing built: what `setup.py` would install is read off its text.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+_LEVELS = 6  # folders above a file in which its package is looked for
+_DEEP = 3  # folders below a workspace's `src` in which packages are looked for
+_SKIPPED = ("build", "install", "log", "devel", "node_modules")
+_NAME = re.compile(r"<name>\s*([\w-]+)\s*</name>")
+_SCRIPT_FOLDERS = ("scripts", "src", "nodes", "script", "node", "bin", "")
+
+
+def own_package(file: Path) -> Path | None:
+    """Return the folder of the package that a file is in; None where it is in none."""
+    return next((above for above in list(file.resolve().parents)[:_LEVELS] if (above / "package.xml").is_file()), None)
+
+
+def packages(file: Path) -> dict[str, Path]:
+    """Return the packages of the workspace that a file is in, by name: its own first, then in the order of their paths.
+
+    The workspace is the nearest folder `src` that the package is in, else the folder that the package lies in.
+    """
+    own = own_package(file)
+    if own is None:
+        return {}
+    sources = [above for above in list(own.parents)[:_LEVELS] if above.name == "src"]
+    inside = _below(sources[0], _DEEP) if sources else _below(own.parent, 1)
+    found: dict[str, Path] = {}
+    for folder in (own, *inside):
+        found.setdefault(package_name(folder), folder)
+    return found
+
+
+def package_name(folder: Path) -> str:
+    """Return the name that a package's package.xml gives; that of its folder where it gives none."""
+    try:
+        found = _NAME.search((folder / "package.xml").read_text("utf-8", "replace"))
+    except OSError:
+        found = None
+    return found.group(1) if found else folder.name
+
+
+def module_folders(file: Path) -> list[Path]:
+    """Return the folders in which the Python packages of the other packages of a file's workspace lie."""
+    own = own_package(file)
+    return [place for folder in packages(file).values() if folder != own for place in (folder, folder / "src")]
+
+
+def executable(package: Path, name: str) -> tuple[Path, str] | None:
+    """Return the Python file of an executable of a package, and the function that is its entry point.
+
+    Returns:
+      None where there is no such file; an empty function where the file itself is what is installed.
+    """
+    for said, module, function in _entry_points(package):
+        if said == name:
+            found = _module_file(package, module)
+            return None if found is None else (found, function)
+    inner = package / package_name(package)
+    for folder in (*(package / each for each in _SCRIPT_FOLDERS), inner):
+        for file in (folder / name, folder / f"{name}.py"):
+            if file.is_file() and _is_python(file):
+                return file, ""
+    return None
+
+
+def executables(package: Path) -> list[Path]:
+    """Return the Python files of all entry points of a package."""
+    found = (_module_file(package, module) for _, module, _ in _entry_points(package))
+    return sorted({file for file in found if file is not None})
+
+
+def _entry_points(package: Path) -> Iterator[tuple[str, str, str]]:
+    """Yield name, module and function of the console scripts of setup.py or setup.cfg."""
+    for file in (package / "setup.py", package / "setup.cfg"):
+        if file.is_file():
+            text = file.read_text("utf-8", "replace")
+            lines = [line for line in text.splitlines() if not line.lstrip().startswith("#")]
+            for found in re.finditer(r"([\w.-]+)\s*=\s*([A-Za-z_][\w.]*)\s*:\s*(\w+)", "\n".join(lines)):
+                yield found.group(1), found.group(2), found.group(3)
+
+
+def _module_file(package: Path, module: str) -> Path | None:
+    parts = module.split(".")
+    for root in (package, package / "src"):
+        place = root.joinpath(*parts)
+        for file in (place.parent / f"{place.name}.py", place / "__init__.py"):
+            if file.is_file():
+                return file
+    return None
+
+
+def _below(folder: Path, levels: int) -> list[Path]:
+    """Return the packages in a folder, of which none is looked for within another."""
+    found: list[Path] = []
+    try:
+        inner = sorted(each for each in folder.iterdir() if each.is_dir() and not each.name.startswith("."))
+    except OSError:
+        return found
+    for each in inner:
+        if (each / "package.xml").is_file():
+            found.append(each)
+        elif levels > 1 and each.name not in _SKIPPED:
+            found += _below(each, levels - 1)
+    return found
+
+
+def _is_python(file: Path) -> bool:
+    with file.open("rb") as opened:
+        first = opened.readline(200)
+    return file.suffix == ".py" or (first.startswith(b"#!") and b"python" in first)

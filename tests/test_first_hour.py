@@ -1,0 +1,470 @@
+"""What a newcomer types works, or one line says what does: in Python, as planners, in environments, as commands."""
+
+import os
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import Straight
+from refusals import refused
+
+import fg_mujoco as fg
+from fg_mujoco.errors import ArgumentError, MessageError
+from fg_mujoco.simulation.telemetry import TELEMETRY
+
+SHORT = {"laps": 1, "time_limit": 0.1}
+
+
+def straight(scan, odometry):
+    """Drive on, slowly."""
+    return fg.DriveCommand(steering_angle=0.0, speed=1.0)
+
+
+@pytest.fixture(scope="module")
+def simulation():
+    return fg.Simulation(fg.World("oval"))
+
+
+@pytest.fixture(scope="module")
+def scan(simulation):
+    return simulation.reset()[0]
+
+
+# results
+
+
+@pytest.mark.parametrize("name", [name for name in TELEMETRY if name.endswith(("_s", "_m", "_rad", "_N", "_m_s2"))])
+def test_a_column_of_a_race_is_found_without_its_unit(short_race, name):
+    plain = name
+    for unit in ("_rad_s", "_m_s2", "_m_s", "_rad", "_m", "_s", "_N"):
+        if name.endswith(unit):
+            plain = name.removesuffix(unit)
+            break
+    assert plain != name
+    np.testing.assert_array_equal(short_race.column(plain), short_race.telemetry[:, TELEMETRY.index(name)])
+
+
+def test_a_column_that_does_not_exist_is_refused_with_the_nearest(short_race):
+    with pytest.raises(fg.SettingsError, match="did you mean 'speed_m_s'"):
+        short_race.column("sped_m_s")
+    with pytest.raises(fg.SettingsError, match="no column 3"):
+        short_race.column(3)
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [
+        ("time", "'sim_time_s'"), ("laps", "'laps_completed'"), ("lap_times", "'lap_times_s'"), ("crashed", "'crash'"),
+        ("best_lap", "'lap_times_s'"), ("speed", "\"column('speed_m_s')\""), ("x", "\"column('x_m')\""),
+        ("max_slide", "'max_slide_m_s'"),
+    ],
+)  # fmt: skip
+def test_an_attribute_that_a_result_has_not_is_answered_with_the_one_that_was_meant(short_race, name, meant):
+    with pytest.raises(AttributeError) as caught:
+        getattr(short_race, name)
+    assert str(caught.value) == f"RaceResult has no {name!r}; did you mean {meant}?"
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [("angles", "bearings"), ("range", "ranges"), ("time", "stamp"), ("timestamp", "stamp")],
+)
+def test_an_attribute_that_a_scan_has_not_is_answered_with_the_one_that_was_meant(scan, name, meant):
+    with pytest.raises(AttributeError, match=f"did you mean '{meant}'"):
+        getattr(scan, name)
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [("x", "pose"), ("theta", "pose"), ("velocity", "speed"), ("v", "speed"), ("steering", "steering_angle")],
+)
+def test_an_attribute_that_odometry_has_not_is_answered_with_the_one_that_was_meant(simulation, name, meant):
+    with pytest.raises(AttributeError, match=f"did you mean '{meant}'"):
+        getattr(simulation.reset()[1], name)
+
+
+def test_an_attribute_that_python_itself_looks_for_is_no_matter_of_names(scan):
+    assert not hasattr(scan, "_repr_latex_")
+    assert pickle.loads(pickle.dumps(scan)).stamp == scan.stamp
+
+
+# arguments
+
+
+def test_wrong_arguments_of_all_that_is_public_are_refused_in_one_line():
+    refused_by = set()
+    for name in fg.__all__:
+        found = getattr(fg, name)
+        if not callable(found) or getattr(found, "_is_protocol", False) or name.endswith("Error"):
+            continue
+        kind, said = (ArgumentError, f"^{name} has no argument 'nonsense'")
+        if name == "parallel_env":  # whose settings are those of environments
+            kind, said = fg.SettingsError, "^an environment has no setting 'nonsense'"
+        with pytest.raises(kind, match=said) as caught:
+            found(nonsense=1)
+        assert "\n" not in str(caught.value)
+        refused_by.add(name)
+    assert issubclass(ArgumentError, TypeError)
+    assert {"race", "rollout", "compare", "load_track", "DriveCommand", "Patch", "World", "Entry"} <= refused_by
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: fg.race("oval", planner="gap_finder"), "did you mean 'controller'?"),
+        (lambda: fg.race(map="oval"), "did you mean 'track'?"),
+        (lambda: fg.race("oval", speed=4), "did you mean 'max_speed'?"),
+        (lambda: fg.race("oval", friction=0.5), "did you mean 'mu'?"),
+        (lambda: fg.race("oval", num_laps=2), "did you mean 'laps'?"),
+        (lambda: fg.race("oval", opponents=["gap_finder"]), "did you mean 'entries'?"),
+        (lambda: fg.race("oval", gui=True), "`fg-mujoco view` shows a race as it goes"),
+        (lambda: fg.race("oval", out="x"), "fg_mujoco.write_run(result, DIR) writes a run folder"),
+        (lambda: fg.race("oval", "gap_finder", 3), "accepted: 2 at most, as in race(track, controller)"),
+        (lambda: fg.race(), "race lacks track; accepted: race(track, controller)"),
+        (lambda: fg.rollout("oval", worlds=2), "did you mean 'n'?"),
+        (lambda: fg.compare(planners=["gap_finder"]), "did you mean 'controllers'?"),
+        (lambda: fg.load_track("oval", cars=3), "did you mean 'car'?"),
+        (lambda: fg.Entry(planner="gap_finder"), "did you mean 'controller'?"),
+        (lambda: fg.Scenario(map="oval"), "did you mean 'track'?"),
+        (lambda: fg.LidarEffects(noise=0.1), "did you mean 'range_noise_std'?"),
+        (lambda: fg.DriveCommand(0.1, 1.0), "accepted: none, as in DriveCommand(steering_angle=..., speed=...)"),
+        (lambda: fg.DriveCommand(steer=0.1, speed=1.0), "did you mean 'steering_angle'?"),
+        (lambda: fg.DriveCommand(speed=1.0), "lacks steering_angle; accepted: DriveCommand(steering_angle=..., speed"),
+        (lambda: fg.Patch(x=1.0), "Patch lacks y, length, width, mu; accepted: Patch(x=..., y=..., length=..., "),
+    ],
+)
+def test_a_wrong_argument_is_answered_with_the_one_that_was_meant(call, said):
+    with pytest.raises(fg.FgMujocoError) as caught:
+        call()
+    assert said in str(caught.value)
+
+
+def test_an_error_of_types_in_a_callers_own_code_stays_what_it_is():
+    def watch(progress):
+        return "1" + 1
+
+    with pytest.raises(TypeError, match="can only concatenate") as caught:
+        fg.race("oval", Straight(), **SHORT, watch=watch)
+    assert not isinstance(caught.value, fg.FgMujocoError)
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [
+        ("make", "gymnasium.make('fg_mujoco/F1Tenth-v0')"), ("F1TenthEnv", "gymnasium.make('fg_mujoco/F1Tenth-v0')"),
+        ("Race", "race"), ("run", "race"), ("planners", "controller_names"), ("vehicles", "vehicle_names"),
+        ("maps", "track_names"), ("loadtrack", "load_track"), ("Planner", "Controller"), ("Odom", "Odometry"),
+    ],
+)  # fmt: skip
+def test_a_name_that_the_package_has_not_is_answered_with_the_one_that_was_meant(name, meant):
+    with pytest.raises(AttributeError) as caught:
+        getattr(fg, name)
+    assert str(caught.value) == f"fg_mujoco has no {name!r}; did you mean {meant!r}?"
+
+
+def test_the_folder_of_tracks_is_no_function_and_says_which_one_is():
+    with pytest.raises(TypeError, match="did you mean 'track_names'"):
+        fg.tracks()
+
+
+def test_numpys_numbers_are_taken_as_numbers():
+    plain = fg.race("oval", Straight(), laps=1, time_limit=0.1, seed=3, obstacles=2, obstacle_seed=1, mu=0.75)
+    found = fg.race(
+        "oval", Straight(), laps=np.int64(1), time_limit=np.float64(0.1), seed=np.int32(3), obstacles=np.int64(2),
+        obstacle_seed=np.uint8(1), mu=np.float32(0.75),
+    )  # fmt: skip
+    assert found.trajectory_sha256 == plain.trajectory_sha256
+    assert (type(found.seed), type(found.laps_requested), type(found.mu)) == (int, int, float)
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"patches": [{"x": 1}]}, "patches[0] is {'x': 1}, without y, length, width, mu; accepted: Patch"),
+        ({"patches": [{"x": 1, "lenght": 2}]}, "patches[0] has no setting 'lenght'; accepted: x, y, length"),
+        ({"patches": [(1, 0, 2, 1, 0.4)]}, "patches[0] is (1, 0, 2, 1, 0.4); accepted: Patch"),
+        ({"patches": {"x": 1}}, "patches is {'x': 1}; accepted: a sequence of Patch"),
+        ({"patches": 5}, "patches is 5; accepted: a sequence of Patch"),
+        ({"obstacles": "2"}, "obstacles is '2'; accepted: a sequence of Box"),
+        ({"obstacles": 2.5}, "obstacles is 2.5; accepted: a sequence of Box"),
+        ({"obstacles": [{"x": 1}]}, "obstacles[0] is {'x': 1}; accepted: a sequence of Box"),
+        ({"entries": fg.Entry()}, "accepted: a sequence of Entry"),
+        ({"entries": ["gap_finder"]}, "accepted: an Entry, such as Entry(controller='gap_finder')"),
+    ],
+)
+def test_a_race_names_the_part_of_a_setting_that_is_wrong(settings, said):
+    with pytest.raises(fg.SettingsError) as caught:
+        fg.race("oval", **SHORT, **settings)
+    assert said in str(caught.value)
+
+
+def test_a_patch_by_its_settings_is_that_patch():
+    one = {"x": 1.0, "y": 0.0, "length": 3.0, "width": 3.0, "mu": 0.1}
+    by_settings, by_patch = (fg.race("oval", **SHORT, patches=[patch]) for patch in (one, fg.Patch(**one)))
+    assert by_settings.trajectory_sha256 == by_patch.trajectory_sha256
+    assert by_settings.trajectory_sha256 != fg.race("oval", **SHORT).trajectory_sha256
+
+
+@pytest.mark.parametrize("track", [["oval", "tight"], None, 5])
+def test_what_is_no_course_is_refused_in_a_short_line(track):
+    with pytest.raises(fg.TrackError) as caught:
+        fg.load_track(track)
+    assert str(caught.value).startswith(f"the track is {track!r}; accepted: ")
+    assert len(str(caught.value)) < 200
+
+
+def test_a_result_is_no_run_folder(short_race):
+    with pytest.raises(fg.RunFolderError, match="accepted: the path of a folder"):
+        fg.replay(short_race)
+
+
+# a simulation that is stepped by hand
+
+
+@pytest.mark.parametrize("command", [(0.0, 1.0), [0.0, 1.0], np.zeros(2), None])
+def test_a_step_takes_a_command_and_says_how_it_is_made(simulation, command):
+    with pytest.raises(MessageError, match=r"accepted: a DriveCommand\(steering_angle=0.1"):
+        simulation.step(command)
+
+
+def test_a_simulation_takes_a_world():
+    with pytest.raises(fg.SettingsError, match=r"accepted: a World, such as World\('oval'\)"):
+        fg.Simulation("oval")
+
+
+WRITES = {
+    "all": lambda ranges: ranges.__setitem__(..., 5.0),
+    "a part": lambda ranges: ranges[:3].__setitem__(0, 5.0),
+    "a mask": lambda ranges: ranges.__setitem__(ranges > 3.0, 3.0),
+    "in place": lambda ranges: ranges.__iadd__(1.0),
+    "sorted": lambda ranges: ranges.sort(),
+    "filled": lambda ranges: ranges.fill(1.0),
+}
+
+
+@pytest.mark.parametrize("write", WRITES.values(), ids=WRITES)
+def test_ranges_that_are_written_to_say_that_a_copy_can_be(scan, write):
+    before = np.array(scan.ranges)
+    with pytest.raises(MessageError, match=r"accepted: a copy, ranges = scan.ranges.copy\(\)"):
+        write(scan.ranges)
+    np.testing.assert_array_equal(scan.ranges, before)
+    for copied in (scan.ranges.copy(), np.array(scan.ranges), scan.ranges[scan.ranges > 0.0], scan.ranges * 1.0):
+        write(copied)
+        assert not np.array_equal(copied, before)
+
+
+def test_what_is_computed_of_ranges_is_a_plain_array_with_the_same_bits(scan):
+    plain = np.array(scan.ranges)
+    assert type(plain) is np.ndarray
+    for work in (np.sort, np.diff, lambda x: np.minimum(x, 3.0), lambda x: 2.0 * x, np.copy, lambda x: x.copy()):
+        assert type(work(scan.ranges)) is np.ndarray
+        np.testing.assert_array_equal(work(scan.ranges), work(plain))
+    for work in (np.min, np.mean, np.argmax):
+        assert type(work(scan.ranges)) is type(work(plain))
+        assert work(scan.ranges) == work(plain)
+
+
+# planners
+
+
+def test_a_function_is_a_planner():
+    class Same:
+        def reset(self):
+            pass
+
+        def __call__(self, scan, odometry):
+            return straight(scan, odometry)
+
+    found = fg.race("oval", straight, **SHORT)
+    assert found.trajectory_sha256 == fg.race("oval", Same(), **SHORT).trajectory_sha256
+    assert found.controller == "straight"
+    assert Path(found.controller_origin["file"]).name == Path(__file__).name
+
+
+@pytest.fixture
+def planner_file(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(
+        "from fg_mujoco import DriveCommand\n\n\n"
+        "def follow(scan, odometry):\n    return DriveCommand(steering_angle=0.0, speed=1.0)\n\n\n"
+        "def fails(scan, odometry):\n    scan.ranges.clip(0.0, 1.0, out=scan.ranges)\n\n\n"
+        "def helper(x):\n    return x\n\n\n"
+        "class Without:\n    def __call__(self, scan, odometry):\n        return follow(scan, odometry)\n"
+    )
+    return path
+
+
+def test_a_function_in_a_file_is_a_planner_on_the_command_line_and_in_a_rollout(planner_file, capsys):
+    from fg_mujoco.cli.main import main
+
+    assert main(["race", "--controller", f"{planner_file}:follow", "--time-limit", "0.1", "--json"]) == 1
+    assert '"controller": "' + f"{planner_file}:follow" in capsys.readouterr().out
+    by_file = fg.race("oval", f"{planner_file}:follow", **SHORT)
+    assert by_file.trajectory_sha256 == fg.race("oval", straight, **SHORT).trajectory_sha256
+    assert by_file.controller_source == planner_file.read_bytes()
+    worlds = fg.rollout("oval", f"{planner_file}:follow", n=2, duration=0.1)
+    assert worlds["end_reason"].tolist() == ["time_limit"] * 2
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        (":helper", r"is the function helper\(x\); accepted: helper\(scan, odometry\)"),
+        (":Without", r"has no reset\(\), .*; accepted: .* `def reset\(self\): pass`"),
+        (":folow", "did you mean 'follow'"),
+        ("", "the name of its class is missing; accepted: .*mine.py:Without, .*mine.py:follow, .*mine.py:fails$"),
+    ],
+)
+def test_what_is_no_planner_in_a_file_says_what_to_add(planner_file, name, said):
+    with pytest.raises(fg.ControllerError, match=said):
+        fg.race("oval", f"{planner_file}{name}", **SHORT)
+
+
+def test_a_file_that_does_not_exist_is_no_unknown_name(tmp_path):
+    with pytest.raises(fg.ControllerError, match=r"there is no file .*nowhere.py; accepted: "):
+        fg.race("oval", tmp_path / "nowhere.py", **SHORT)
+
+
+def test_the_path_of_a_planner_may_be_a_path(planner_file):
+    found = fg.race("oval", Path(f"{planner_file}:follow"), **SHORT)
+    assert found.controller == f"{planner_file}:follow"
+
+
+def test_a_class_in_place_of_a_planner_says_how_one_is_made():
+    with pytest.raises(fg.ControllerError, match=r"accepted: an object of it, such as Straight\(\)"):
+        fg.race("oval", Straight, **SHORT)
+
+
+def test_a_planner_that_answers_a_tuple_is_told_what_a_command_is():
+    with pytest.raises(fg.PlannerError, match=r"answered \(0.0, 1.0\) .* DriveCommand\(steering_angle=0.1, "):
+        fg.race("oval", lambda scan, odometry: (0.0, 1.0), **SHORT)
+
+
+def test_a_planner_that_writes_to_a_scan_by_numpy_is_told_to_copy(planner_file):
+    with pytest.raises(fg.PlannerError, match=r"read-only; .* ranges = scan.ranges.copy\(\) \(.*mine.py, line 9\)"):
+        fg.race("oval", f"{planner_file}:fails", **SHORT)
+
+
+# environments
+
+IMPORTS = {
+    "fg_mujoco first": "import fg_mujoco; assert 'gymnasium' not in sys.modules; import gymnasium",
+    "gymnasium first": "import gymnasium; import fg_mujoco",
+    "looked for before": "import fg_mujoco, importlib.util; importlib.util.find_spec('gymnasium'); import gymnasium",
+}
+
+
+@pytest.mark.parametrize("imports", IMPORTS.values(), ids=IMPORTS)
+def test_import_fg_mujoco_registers_the_environment(imports):
+    pytest.importorskip("gymnasium")
+    program = (
+        f"import sys; {imports}\n"
+        "assert 'fg_mujoco.envs.gym_environment' not in sys.modules\n"
+        "spec = gymnasium.spec('fg_mujoco/F1Tenth-v0')\n"
+        "print(spec.entry_point, spec.vector_entry_point, [type(each).__name__ for each in sys.meta_path])\n"
+    )
+    ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert ran.stderr == ""
+    assert "gym_environment:F1TenthEnv fg_mujoco.envs.gym_vector:F1TenthVectorEnv" in ran.stdout
+    assert "_Waiting" not in ran.stdout
+
+
+def test_the_environment_is_made_by_its_name():
+    gymnasium = pytest.importorskip("gymnasium")
+    assert type(gymnasium.make("fg_mujoco/F1Tenth-v0").unwrapped).__name__ == "F1TenthEnv"
+    assert type(gymnasium.make_vec("fg_mujoco/F1Tenth-v0", num_envs=2)).__name__ == "F1TenthVectorEnv"
+
+
+def test_tracks_in_place_of_a_track_of_an_environment_are_refused():
+    gymnasium = pytest.importorskip("gymnasium")
+    for make in (gymnasium.make, gymnasium.make_vec):
+        with pytest.raises(fg.TrackError, match=r"is \['oval', 'tight'\]; accepted: one course"):
+            make("fg_mujoco/F1Tenth-v0", track=["oval", "tight"])
+
+
+@pytest.mark.parametrize("display", ["", ":987"])
+def test_a_window_without_a_display_is_refused_and_the_program_goes_on(display):
+    pytest.importorskip("gymnasium")
+    pytest.importorskip("pettingzoo")
+    program = (
+        "import fg_mujoco as fg, gymnasium\n"
+        "name = 'fg_mujoco/F1Tenth-v0'\n"
+        "for make in (lambda: gymnasium.make(name, render_mode='human'),\n"
+        "             lambda: gymnasium.make_vec(name, num_envs=2, render_mode='human'),\n"
+        "             lambda: fg.parallel_env(agents=2, render_mode='human')):\n"
+        "    try:\n"
+        "        make().reset(seed=0)\n"
+        "    except fg.FgMujocoError as error:\n"
+        "        print(error)\n"
+        "print('goes on')\n"
+    )
+    quiet = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    environment = quiet | ({"DISPLAY": display} if display else {})
+    ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, env=environment)
+    said = ran.stdout.splitlines()
+    assert said[0].startswith("no window can be opened: there is no display; accepted: a display; without one, render")
+    assert [line.partition("; ")[2] for line in said[1:3]] == ["accepted: rgb_array, None"] * 2
+    assert said[3:] == ["goes on"]
+    assert ran.returncode == 0
+
+
+# commands
+
+COMMANDS = {
+    "race --map my.yaml": "did you mean '--track'?",
+    "race --speed 4": "did you mean '--max-speed'?",
+    "race --max_speed 4": "did you mean '--max-speed'?",
+    "race --planner gap_finder": "did you mean '--controller'?",
+    "race --car f1tenth": "did you mean '--vehicle'?",
+    "race --friction .5": "did you mean '--mu'?",
+    "race --output x": "did you mean '--out'?",
+    "race -o x": "did you mean '--out'?",
+    "race --record x.mp4": "did you mean '--video'?",
+    "race --gui": "`fg-mujoco view` shows a race as it goes",
+    "race --vis": "`fg-mujoco view` shows a race as it goes",
+    "race --headless": "`fg-mujoco race` runs a race without a window",
+    "race oval": "did you mean '--track oval'?",
+    "race my.yaml": "did you mean '--track my.yaml'?",
+    "race gap_finder": "did you mean '--controller gap_finder'?",
+    "race mine.py:Planner": "did you mean '--controller mine.py:Planner'?",
+    "race --laps=abc": "'abc'; accepted: a whole number",
+    "replay --seed 3 runs/x": "'--seed' is no option here;",
+    "compare --planners gap_finder": "did you mean '--controllers'?",
+    "compare --map oval": "did you mean '--tracks'?",
+    "rollout --num-worlds 4": "did you mean '--n'?",
+    "--map my.yaml": "'--map' stands before the command; accepted: fg-mujoco COMMAND --map",
+    "tracks": "`fg-mujoco track list` lists the circuits",
+    "circuits": "`fg-mujoco track list` lists the circuits",
+    "maps": "`fg-mujoco race --track map.yaml`",
+    "planners": "`fg-mujoco controllers` lists the planners",
+    "cars": "`fg-mujoco vehicles` lists the cars",
+    "list": "`fg-mujoco track list` lists the circuits",
+    "train": "gymnasium.make('fg_mujoco/F1Tenth-v0')",
+    "sim": "`fg-mujoco race` runs a race",
+    "run oval": "`fg-mujoco race` runs a race",
+    "gui": "`fg-mujoco view` shows a race as it goes",
+    "track ls": "did you mean 'list'?",
+}
+
+
+@pytest.mark.parametrize(("line", "said"), COMMANDS.items(), ids=COMMANDS)
+def test_the_command_line_names_the_option_or_the_command_that_does_it(tmp_path, monkeypatch, capsys, line, said):
+    monkeypatch.chdir(tmp_path)
+    assert said in refused(tmp_path, capsys, *line.split())
+
+
+def test_an_option_that_is_like_none_is_given_no_hint(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert "did you mean" not in refused(tmp_path, capsys, "race", "--quux")
+    assert "did you mean" not in refused(tmp_path, capsys, "race", "-v")
+
+
+def test_the_view_without_a_display_says_what_works(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    if sys.platform == "linux":
+        assert "no display here; accepted: --web" in refused(tmp_path, capsys, "view")

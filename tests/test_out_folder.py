@@ -1,0 +1,221 @@
+"""`--out`: a run is not written over, unless `--force` says so; `runs/` numbers itself; nothing else is removed."""
+
+import argparse
+import os
+import shutil
+
+import pytest
+
+import fg_mujoco as fg
+from fg_mujoco.cli.main import main
+from fg_mujoco.cli.out import RUN, STUDY, chosen_folder
+from fg_mujoco.errors import RunFolderError
+from fg_mujoco.racing.run_folder import read_summary, was_raced_here
+
+RACE = ("race", "--time-limit", "0.2")
+PLANNER = """
+from fg_mujoco.messages import DriveCommand
+
+class P:
+    def __call__(self, scan, odometry):
+        return DriveCommand(steering_angle=0.0, speed=1.0)
+
+    def reset(self):
+        pass
+"""
+
+
+@pytest.fixture(scope="module")
+def raced(tmp_path_factory):
+    """A run folder of a planner of one's own, which is in a file beside it."""
+    folder = tmp_path_factory.mktemp("raced")
+    (folder / "mine.py").write_text(PLANNER)
+    result = fg.race("oval", f"{folder / 'mine.py'}:P", time_limit=0.2)
+    fg.write_run(result, folder / "run", picture=False)
+    return folder / "run"
+
+
+@pytest.fixture
+def run(raced, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(raced, tmp_path / "runs/first")
+    return tmp_path / "runs/first"
+
+
+def options(out, force=False):
+    return argparse.Namespace(out=str(out), force=force)
+
+
+def test_a_second_race_is_refused_with_both_ways_on(run, capsys):
+    before = {path.name: path.read_bytes() for path in run.iterdir()}
+    for given in ("runs/first", "runs/first/"):  # as a shell completes it
+        assert main([*RACE, "--out", given]) == 2
+        said = "runs/first: has a run; accepted: a new or empty folder, --force to replace it, or --out runs/, which"
+        assert said in capsys.readouterr().err
+    assert {path.name: path.read_bytes() for path in run.iterdir()} == before
+
+
+def test_force_replaces_a_run(run, without_pictures, capsys):
+    before = read_summary(run)["trajectory_sha256"]
+    assert main([*RACE, "--out", "runs/first", "--force"]) in (0, 1)
+    assert read_summary(run)["trajectory_sha256"] != before
+    assert [path.name for path in run.parent.iterdir()] == ["first"]
+
+
+@pytest.mark.parametrize("given", ["runs/", "runs"])
+def test_a_folder_of_runs_numbers_itself(run, without_pictures, capsys, given):
+    for number in ("001", "002"):
+        assert main([*RACE, "--out", given]) in (0, 1)
+        out, err = capsys.readouterr()
+        assert f"fg-mujoco: --out is runs/{number}\n" in err and f"runs/{number}\n" in out
+        read_summary(run.parent / number)
+
+
+def test_a_new_folder_and_one_that_is_empty_are_written_to_as_before(tmp_path):
+    (tmp_path / "empty").mkdir()
+    for name in ("new", "empty"):
+        given = options(tmp_path / name)
+        with chosen_folder(given, RUN):
+            assert given.out == str(tmp_path / name)
+
+
+def test_a_number_that_is_not_used_is_given_back_and_the_next_one_is_above_all(tmp_path):
+    (tmp_path / "runs/007").mkdir(parents=True)
+    for _ in range(2):
+        given = options(f"{tmp_path}/runs/")
+        with pytest.raises(ZeroDivisionError), chosen_folder(given, STUDY):
+            assert given.out == str(tmp_path / "runs/008") and os.listdir(given.out) == []
+            raise ZeroDivisionError
+    assert os.listdir(tmp_path / "runs") == ["007"]
+
+
+def test_two_processes_that_number_at_once_get_two_folders(tmp_path):
+    first, second = options(f"{tmp_path}/"), options(f"{tmp_path}/")
+    with chosen_folder(first, RUN), chosen_folder(second, RUN):
+        assert {first.out, second.out} == {str(tmp_path / "001"), str(tmp_path / "002")}
+
+
+def test_force_puts_the_old_run_back_where_the_new_one_fails(run):
+    before = {path.name: path.read_bytes() for path in run.iterdir()}
+    with pytest.raises(ZeroDivisionError), chosen_folder(options(run, force=True), RUN):
+        assert not run.exists()
+        raise ZeroDivisionError
+    assert {path.name: path.read_bytes() for path in run.iterdir()} == before
+    assert [path.name for path in run.parent.iterdir()] == ["first"]
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("notes.txt", "has notes.txt, which is not of a run"),
+        (".git", "has .git, which is not of a run"),
+        ("report.html", "has report.html, which is not of a run"),  # a link
+    ],
+)
+def test_force_removes_no_folder_with_files_of_others(run, name, said):
+    (run / name).symlink_to(run.parent) if name == "report.html" else (run / name).write_text("mine")
+    with pytest.raises(RunFolderError, match=said), chosen_folder(options(run, force=True), RUN):
+        raise AssertionError
+    assert (run / name).exists() and (run / "summary.json").exists()
+
+
+@pytest.mark.parametrize(("name", "text"), [("summary.json", "{}"), ("manifest.json", "[]"), ("lab.json", "{}")])
+@pytest.mark.parametrize("kind", [RUN, STUDY])
+def test_force_removes_no_folder_that_only_looks_like_one_of_ours(tmp_path, name, text, kind):
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / name).write_text(text)
+    with pytest.raises(RunFolderError, match="accepted"), chosen_folder(options(tmp_path / "data", True), kind):
+        raise AssertionError
+    assert (tmp_path / "data" / name).read_text() == text
+
+
+def test_force_leaves_what_is_no_run_alone_and_numbers(tmp_path):
+    (tmp_path / "notes.txt").write_text("mine")
+    given = options(tmp_path, force=True)
+    with chosen_folder(given, RUN):
+        assert given.out == str(tmp_path / "001")
+    assert os.listdir(tmp_path) == ["notes.txt"]
+
+
+def test_a_study_is_gone_on_with_and_another_one_is_refused_with_both_ways_on(tmp_path):
+    (tmp_path / "study").mkdir()
+    (tmp_path / "study" / "manifest.json").write_text('{"schema": 1}')
+    given = options(tmp_path / "study")
+    with chosen_folder(given, STUDY):
+        assert given.out == str(tmp_path / "study")
+    with (
+        pytest.raises(RunFolderError, match=r"study: holds another; accepted: the same, --force to .*, or --out .*/, "),
+        chosen_folder(given, STUDY),
+    ):
+        raise RunFolderError(f"{given.out}: holds another; accepted: the same")
+    with chosen_folder(options(given.out, force=True), STUDY):
+        os.mkdir(given.out)
+        (tmp_path / "study" / "lab.json").write_text("new")
+    assert os.listdir(given.out) == ["lab.json"] and os.listdir(tmp_path) == ["study"]
+    said = "has a study; accepted: a new or empty folder, or --out"
+    with pytest.raises(RunFolderError, match=said), chosen_folder(given, RUN):
+        raise AssertionError
+
+
+@pytest.mark.parametrize("name", ["race", "drive", "bag", "rollout", "compare", "overtake", "friction"])
+def test_every_command_that_writes_a_folder_has_both_ways(name, capsys):
+    with pytest.raises(SystemExit):
+        main([name, "--help"])
+    text = " ".join(capsys.readouterr().out.split())
+    assert "--force" in text and "DIR/ numbers itself" in text
+
+
+def test_a_run_that_this_user_raced_is_debugged_without_trust(raced, tmp_path):
+    assert fg.debug(raced, window=0.1).notes == ()
+    copy = tmp_path / "copy"
+    shutil.copytree(raced, copy)
+    assert fg.debug(copy, window=0.1).notes == ()  # wherever the run lies
+
+
+def test_a_run_that_is_not_noted_in_this_users_cache_needs_trust(raced, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "of_another_user"))
+    (note,) = fg.debug(raced, window=0.1).notes
+    assert "--trust" in note
+    assert fg.debug(raced, window=0.1, trust=True).notes == ()
+    assert list((tmp_path / "of_another_user/fg_mujoco/raced").iterdir()) == []  # reading notes nothing
+
+
+def test_a_run_with_another_summary_needs_trust(raced, tmp_path):
+    edited = tmp_path / "edited"
+    shutil.copytree(raced, edited)
+    text = (edited / "summary.json").read_text()
+    (edited / "summary.json").write_text(
+        text.replace('"planner_settings": {', '"planner_settings": {"weights": "evil"')
+    )
+    assert (edited / "summary.json").read_text() != text
+    (note,) = fg.debug(edited, window=0.1).notes
+    assert "--trust" in note
+
+
+def test_a_planner_that_was_edited_since_is_not_loaded_without_its_copy(raced, tmp_path):
+    run = tmp_path / "run"
+    shutil.copytree(raced, run)
+    (run / "controller.py").write_text(PLANNER + "# edited\n")
+    (note,) = fg.debug(run, window=0.1).notes
+    assert "controller.py" in note and "sha256" in note
+
+
+@pytest.mark.parametrize("wrong", ["open", "link"])
+def test_notes_that_another_user_could_have_made_are_not_believed(raced, tmp_path, monkeypatch, wrong):
+    summary = read_summary(raced)
+    assert was_raced_here(raced, summary)
+    name = next(iter(sorted(_notes(raced))))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    notes = tmp_path / "fg_mujoco" / "raced"
+    notes.mkdir(parents=True, mode=0o700)
+    (notes / name).symlink_to(raced / "summary.json") if wrong == "link" else (notes / name).touch()
+    if wrong == "open":
+        assert was_raced_here(raced, summary)
+        notes.chmod(0o777)
+    assert not was_raced_here(raced, summary)
+
+
+def _notes(folder):
+    import hashlib
+
+    return {hashlib.sha256((folder / "summary.json").read_bytes()).hexdigest()}

@@ -1,0 +1,286 @@
+"""Launch files of ROS 2 in Python, and workspaces of several packages: what they start and leave out."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from scan_worlds import CAR, corridor, odometry_of
+
+from fg_mujoco.errors import ControllerError
+from fg_mujoco.racing.planner_loading import make_controller, source_code
+from fg_mujoco.ros.door.program import read_program
+from fg_mujoco.ros.door.workspace import executable, packages
+
+SCAN, ODOMETRY = corridor(1.0, 1.0, 5.0), odometry_of(1.0)
+DRIVE = """
+import sys
+import rclpy
+from rclpy.node import Node
+from sensor_msgs.msg import LaserScan
+from ackermann_msgs.msg import AckermannDriveStamped
+from my_lib.numbers import gain
+
+class Drive(Node):
+    def __init__(self):
+        super().__init__("driver")
+        self.declare_parameter("speed", 1.0)
+        self.declare_parameter("back", False)
+        self.declare_parameter("limits.top", 9.0)
+        self.publisher = self.create_publisher(AckermannDriveStamped, "out", 1)
+        self.create_subscription(LaserScan, "scan", self.take, 1)
+
+    def take(self, message):
+        out = AckermannDriveStamped()
+        speed = min(self.get_parameter("speed").value * gain(), self.get_parameter("limits.top").value)
+        out.drive.speed = -speed if self.get_parameter("back").value else speed
+        out.drive.steering_angle = 0.01 * len(sys.argv[1:])
+        self.publisher.publish(out)
+
+def start(args=None):
+    rclpy.init(args=args)
+    rclpy.spin(Drive())
+"""
+HEAD = """
+import os
+import yaml
+from ament_index_python.packages import get_package_share_directory
+from launch import LaunchDescription
+from launch.actions import (DeclareLaunchArgument, GroupAction, IncludeLaunchDescription, OpaqueFunction, TimerAction,
+                            SetLaunchConfiguration)
+from launch.conditions import IfCondition, LaunchConfigurationEquals, UnlessCondition
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution, PythonExpression, TextSubstitution
+from launch_ros.actions import Node, PushRosNamespace, SetParameter
+from launch_ros.parameter_descriptions import ParameterValue
+from launch_ros.substitutions import FindPackageShare
+
+def drive(**more):
+    return Node(**{"package": "my_car", "executable": "drive", "remappings": [("out", "/drive")], **more})
+
+def generate_launch_description():
+"""
+
+
+@pytest.fixture
+def workspace(tmp_path):
+    """Write a workspace of two packages, and return what writes a launch file and names it."""
+    car, lib = tmp_path / "src" / "my_car", tmp_path / "src" / "tools" / "my_lib"
+    for package in (car, lib):
+        (package / package.name).mkdir(parents=True)
+        (package / "package.xml").write_text(f"<package><name>{package.name}</name></package>")
+        (package / package.name / "__init__.py").touch()
+    (car / "launch").mkdir()
+    (car / "config").mkdir()
+    (car / "setup.py").write_text('setup(entry_points={"console_scripts": ["drive = my_car.drive_node:start"]})')
+    (car / "my_car" / "drive_node.py").write_text(DRIVE)
+    (lib / "my_lib" / "numbers.py").write_text("from .more import HALF\n\ndef gain():\n    return 2 * HALF\n")
+    (lib / "my_lib" / "more.py").write_text("HALF = 0.5\n")
+    (car / "config" / "car.yaml").write_text("driver:\n  ros__parameters: {speed: 1.5, limits: {top: 4.0}, other: 3}\n")
+    (car / "launch" / "inner.launch.py").write_text(
+        HEAD
+        + """
+    return LaunchDescription([
+        DeclareLaunchArgument("fast", default_value="1.25"),
+        drive(parameters=[{"speed": LaunchConfiguration("fast")}]),
+    ])
+"""
+    )
+
+    def write(body, name="race.launch.py"):
+        path = car / "launch" / name
+        path.write_text(HEAD + "".join(f"    {line}\n" for line in body.splitlines()))
+        return f"ros:{path}"
+
+    return write
+
+
+def speeds(source, count=2, **settings):
+    """Return the speed of the last command, and its steering angle in hundredths: the number of arguments."""
+    planner = make_controller(source, car=CAR, mu=1.0, max_speed=5.0, settings=settings)
+    found = [planner(replace(SCAN, stamp=0.025 * i), replace(ODOMETRY, stamp=0.025 * i)) for i in range(count)]
+    return found[-1].speed, round(100 * found[-1].steering_angle)
+
+
+@pytest.mark.parametrize(
+    ("body", "speed"),
+    [
+        ("return LaunchDescription([drive(parameters=[{'speed': 2.5}])])", 2.5),
+        ("ld = LaunchDescription()\nld.add_action(drive(parameters=[{'speed': 3}]))\nreturn ld", 3.0),
+        (
+            "share = get_package_share_directory('my_car')\n"
+            "return LaunchDescription([drive(name='driver', parameters=[os.path.join(share, 'config', 'car.yaml')])])",
+            1.5,
+        ),
+        (
+            "file = PathJoinSubstitution([FindPackageShare('my_car'), 'config', 'car.yaml'])\n"
+            "return LaunchDescription([drive(name='driver', parameters=[file, {'speed': 30.0}])])",
+            4.0,
+        ),
+        (
+            "file = get_package_share_directory('my_car') + '/config/car.yaml'\n"
+            "with open(file, 'r') as opened:\n    values = yaml.safe_load(opened)['driver']['ros__parameters']\n"
+            "return LaunchDescription([drive(parameters=[{'speed': values['speed'] * 2}])])",
+            3.0,
+        ),
+        (
+            "path = os.path.join(os.path.dirname(__file__), 'inner.launch.py')\n"
+            "return LaunchDescription([IncludeLaunchDescription(PythonLaunchDescriptionSource([path]))])",
+            1.25,
+        ),
+        (
+            "path = PathJoinSubstitution([FindPackageShare('my_car'), 'launch', 'inner.launch.py'])\n"
+            "return LaunchDescription([IncludeLaunchDescription(\n"
+            "    PythonLaunchDescriptionSource(path), launch_arguments={'fast': '2.25'}.items())])",
+            2.25,
+        ),
+        (
+            "back = LaunchConfiguration('back')\nreturn LaunchDescription([\n"
+            "    DeclareLaunchArgument('back', default_value='true'),\n"
+            "    drive(parameters=[{'back': ParameterValue(back, value_type=bool)}], condition=IfCondition(back)),\n"
+            "    drive(package='nothing', condition=UnlessCondition(back))])",
+            -1.0,
+        ),
+        (
+            "mode = LaunchConfiguration('mode')\nreturn LaunchDescription([\n"
+            "    DeclareLaunchArgument('mode', default_value='slow'),\n"
+            "    drive(parameters=[{'speed': 4.0}], condition=LaunchConfigurationEquals('mode', 'fast')),\n"
+            "    drive(parameters=[{'speed': 0.5}],\n"
+            "          condition=IfCondition(PythonExpression([\"'\", mode, \"' == 'slow'\"])))])",
+            0.5,
+        ),
+        (
+            "def later(context, factor):\n"
+            "    speed = float(LaunchConfiguration('v').perform(context)) * factor\n"
+            "    return [drive(parameters=[{'speed': speed}])]\n"
+            "return LaunchDescription([DeclareLaunchArgument('v', default_value='1.5'),\n"
+            "    OpaqueFunction(function=later, args=[2.0])])",
+            3.0,
+        ),
+        (
+            "nodes = []\nfor i, speed in enumerate([1.0, 2.0]):\n    if i > 0:\n"
+            "        nodes += [drive(parameters=[{'speed': speed + 0.25}], name=f'driver_{i}')]\n"
+            "return LaunchDescription([TimerAction(period=1.0, actions=[GroupAction([SetParameter('limits.top', 2.0),\n"
+            "    *nodes])])])",
+            2.0,
+        ),
+        (
+            "return LaunchDescription([GroupAction([PushRosNamespace('car'),\n"
+            "    drive(remappings=[('out', TextSubstitution(text='/drive')), ('/car/scan', '/scan')])])])",
+            1.0,
+        ),
+    ],
+)  # fmt: skip
+def test_a_launch_file_in_python_starts_its_nodes(workspace, body, speed):
+    assert speeds(workspace(body))[0] == speed
+
+
+def test_launch_arguments_are_given_in_brackets_and_checked(workspace):
+    source = workspace(
+        "return LaunchDescription([DeclareLaunchArgument('v', default_value='2.0'),\n"
+        "    DeclareLaunchArgument('side', default_value='left', choices=['left', 'right']),\n"
+        "    drive(parameters=[{'speed': LaunchConfiguration('v')}],\n"
+        "          arguments=['one', '--ros-args', '--log-level', 'info', '-p', 'back:=true', '--', 'two'])])"
+    )
+    assert speeds(source) == (-2.0, 2)
+    assert speeds(source, **{"launch.v": 3})[0] == -3.0
+    assert speeds(source, speed=1.5)[0] == -1.5
+    with pytest.raises(ControllerError, match=r"has no launch argument 'w'; accepted: side, v"):
+        speeds(source, **{"launch.w": 3})
+    with pytest.raises(ControllerError, match=r"launch.side is 'up' \(.*line 20\); accepted: left, right"):
+        speeds(source, **{"launch.side": "up"})
+    with pytest.raises(ControllerError, match="has no launch argument 'v'; accepted: with a launch file in Python"):
+        read_program(f"ros:{Path(__file__).parent / 'ros_nodes' / 'wall_follow.py'}", {"v": 1})
+
+
+def test_nodes_that_are_not_here_are_left_out_with_a_warning(workspace):
+    source = workspace(
+        "return LaunchDescription([drive(), Node(package='rviz2', executable='rviz2', arguments=['-d', nothing()]),\n"
+        "    Node(package='f1tenth_gym_ros', executable='gym_bridge'), Node(package='my_car', executable='wheels'),\n"
+        "    IncludeLaunchDescription(PythonLaunchDescriptionSource(get_package_share_directory('nav2') + '/a.py'))])"
+    )
+    with pytest.warns(UserWarning) as caught:
+        assert speeds(source)[0] == 1.0
+    said = next(str(each.message) for each in caught if "left out are" in str(each.message))
+    assert re.search(r"rviz2 of rviz2, whose package is not here \(.*race.launch.py, line 19\)", said)
+    assert "gym_bridge of f1tenth_gym_ros, for which this simulator stands in" in said
+    assert "wheels of my_car, of which there is no Python file" in said
+    assert "names package 'nav2', which is not here" in said
+
+
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        ("return LaunchDescription([drive(parameters=[{'speed': guess()}])])", r"guess is not .*, line 19\)"),
+        ("n = os.popen('ls').read()\nreturn LaunchDescription([drive(executable=n)])", r"os.popen\('ls'\).* line 19"),
+        ("if guess():\n    pass\nreturn LaunchDescription([drive()])", r"guess is not understood .*, line 19\)"),
+        ("while True:\n    pass", r"while True is not understood \(.*, line 19\)"),
+        ("return LaunchDescription([drive(condition=IfCondition('maybe'))])", r"a condition is 'maybe' .*, line 16\)"),
+        ("return LaunchDescription([drive(condition=IfCondition(LaunchConfiguration('x')))])", "'x' is not declared"),
+        ("return LaunchDescription([DeclareLaunchArgument('x'), drive()])", r"'x' has no default .*\[launch.x=VALUE\]"),
+        ("return LaunchDescription([])", "starts no node that is here; accepted: nodes in Python"),
+        ("return LaunchDescription([drive(package='gone')])", "no node .*left out are drive of gone, whose package"),
+        ("return LaunchDescription([drive(remappings=['out'])])", r"a remapping is 'out' .*accepted: \(from, to\)"),
+        ("x = 'a' * 999 * 999 * 999\nreturn LaunchDescription([drive(name=x)])", "is too large"),
+        ("def f():\n    return f()\nf()\nreturn LaunchDescription([drive()])", "cannot be followed: RecursionError"),
+        ("for i in range(999):\n    for j in range(999):\n        i = j\nreturn [drive()]", "more than 100000 steps"),
+    ],
+)  # fmt: skip
+def test_a_line_on_which_a_node_depends_and_that_is_not_understood_is_named(workspace, body, said):
+    with pytest.raises(ControllerError, match=said):
+        read_program(workspace(body))
+
+
+def test_nothing_of_a_launch_file_is_executed_when_it_is_read(workspace, tmp_path):
+    mark = tmp_path / "executed"
+    source = workspace(
+        f"open({str(mark)!r}, 'w').write('x')\nos.mkdir({str(mark)!r})\nreturn LaunchDescription([drive()])"
+    )
+    assert len(read_program(source).nodes) == 1
+    assert not mark.exists()
+
+
+def test_the_hash_of_a_launch_file_covers_what_it_may_start(workspace):
+    source = workspace("return LaunchDescription([drive(condition=IfCondition('true'))])")
+    text = source_code(type(make_controller(source, car=CAR, mu=1.0, max_speed=5.0)))
+    for part in ("def start(args=None)", "HALF = 0.5", "return 2 * HALF", "generate_launch_description"):
+        assert part.encode() in text
+
+
+def test_packages_of_a_workspace_and_their_executables_are_found(workspace):
+    launch = Path(workspace("pass").removeprefix("ros:"))
+    found = packages(launch)
+    assert list(found) == ["my_car", "my_lib"]
+    assert executable(found["my_car"], "drive") == (found["my_car"] / "my_car" / "drive_node.py", "start")
+    assert executable(found["my_car"], "nothing") is None
+    (found["my_lib"] / "scripts").mkdir()
+    (found["my_lib"] / "scripts" / "tool").write_text("#!/usr/bin/env python3\n")
+    (found["my_lib"] / "scripts" / "shell").write_text("#!/bin/sh\n")
+    assert executable(found["my_lib"], "tool") == (found["my_lib"] / "scripts" / "tool", "")
+    assert executable(found["my_lib"], "shell") is None
+    assert packages(Path(__file__)) == {}
+
+
+def test_a_node_alone_imports_what_other_packages_of_its_workspace_have(workspace):
+    launch = Path(workspace("pass").removeprefix("ros:"))
+    (launch.parents[1] / "my_car" / "alone.py").write_text(
+        DRIVE.replace('"out"', '"/drive"') + "\nmain = start\n\nstart()\n"
+    )
+    assert speeds(f"ros:{launch.parents[1] / 'my_car' / 'alone.py'}")[0] == 1.0
+
+
+@pytest.mark.parametrize("name", ["shape_msgs", "my_car"])
+def test_a_module_beside_a_node_comes_before_messages_of_its_name(workspace, name):
+    launch = Path(workspace("pass").removeprefix("ros:"))
+    car = launch.parents[1]
+    if name == "my_car":  # its own package has messages, and modules
+        (car / "msg").mkdir()
+        (car / "msg" / "Wish.msg").write_text("float64 speed 0.5\n")
+        (car / "my_car" / "tuned.py").write_text("def gain():\n    return 1.5\n")
+        wanted = "from my_car.msg import Wish\nfrom my_car.tuned import gain\nassert Wish().speed == 0.5"
+    else:
+        (car / "my_car" / "shape_msgs.py").write_text("def gain():\n    return 1.5\n")
+        wanted = "from shape_msgs import gain"
+    text = DRIVE.replace("from my_lib.numbers import gain", wanted).replace('"out"', '"/drive"')
+    (car / "my_car" / "alone.py").write_text(text + "\nstart()\n")
+    assert speeds(f"ros:{car / 'my_car' / 'alone.py'}")[0] == 1.5
