@@ -53,7 +53,7 @@ def advice(error: BaseException, said: str) -> str:
       error: of a planner, a node or a script.
       said: its message.
     """
-    if not isinstance(error, (AttributeError, ImportError)):
+    if not issubclass(type(error), (AttributeError, ImportError)):  # its `__class__` is the planner's to answer
         return ""
     install = f"; NumPy {np.__version__} is installed, install an older one: pip install 'numpy<2'"
     if _COMPILED.search(said):
