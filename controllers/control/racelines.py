@@ -28,6 +28,7 @@ X, Y, SPEED, STEP = range(4)
 """Columns of a table: the place [m], the speed there [m/s], and how far it is to the next point [m]; 0: the end."""
 
 _REPEATED = 1e-3  # [m] points nearer than this are one
+_FURTHEST = 1e6  # [m], as of tracks; of a speed and a curvature, too
 _FORMATS = "x_m, y_m, w_tr_right_m, w_tr_left_m or s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2"
 
 
@@ -68,8 +69,8 @@ def _row(content: str, where: str) -> list[float]:
         values = [float(cell) for cell in cells]
     except ValueError:
         values = [math.nan]
-    if not all(map(math.isfinite, values)):
-        raise SettingsError(f"{where}: {content[:60]!r}; accepted: finite numbers, {_FORMATS}")
+    if not all(abs(value) <= _FURTHEST for value in values):
+        raise SettingsError(f"{where}: {content[:60]!r}; accepted: numbers within {_FURTHEST:.0e}, {_FORMATS}")
     if len(values) == 7 and values[5] <= 0.0:
         raise SettingsError(f"{where}: a speed of {values[5]} m/s; accepted: a positive number")
     return values

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import sys
-import tempfile
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..course.course import describe_course
 from ..course.maps.map_server import require_maps_extra
+from ..course.writing import temporary_folder
 from ..errors import PlannerError, SettingsError, TrackError, accepted_names
 from ..racing.planner_choice import ControllerChoice
 from ..racing.planner_loading import make_controller
@@ -70,7 +70,7 @@ def add_bags(add: Any, commands: Any) -> None:
     command.add_argument("--odom-topic", metavar="TOPIC", help="default: /odom, or the only one with odometry")
     command.add_argument("--drive-topic", metavar="TOPIC", help="default: /drive, or the only one with commands")
     add_drive_options(command.add_argument, "vehicle")
-    command.add_argument("--force", action="store_true", help="replace files that exist")
+    command.add_argument("--force", action="store_true", help="replace files that exist, and the run in --out")
 
     command = add(commands, "replay-scans", _replay_scans, "run a planner over the scans of a robot's bag")
     command.add_argument("bag", metavar="BAG", help=_BAG)
@@ -118,14 +118,14 @@ def _bag(options: argparse.Namespace) -> int:
         for file in map_files(options.map):
             _check_new(file, force=options.force)
     if options.out is not None:
-        check_run_folder(options.out)
+        check_run_folder(options.out, force=options.force)
     vehicle = DriveSettings(**drive_options(options, "vehicle")).car
     with contextlib.ExitStack() as stack:
         bag = stack.enter_context(Recording(options.bag))
         print("\n".join(bag.table()))
         if options.map is None and options.out is None:
             return 0
-        aside = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        aside = stack.enter_context(temporary_folder("the map of the bag"))
         path = options.map or aside / f"{bag.path.resolve().stem}.yaml"
         with bag.blame(), _progress("scan") as watch:
             sweeps = read_sweeps(
@@ -155,7 +155,9 @@ def _write_run(
     from ..ros.mapping.recorded_run import write_recorded_run
 
     with contextlib.redirect_stdout(sys.stderr):
-        write_recorded_run(bag, sweeps, made, course, vehicle, options.out, drive_topic=options.drive_topic)
+        write_recorded_run(
+            bag, sweeps, made, course, vehicle, options.out, drive_topic=options.drive_topic, force=options.force
+        )
         report_race(options.out)
     print(f"written to {options.out}: {read_run(options.out)!r}")
 

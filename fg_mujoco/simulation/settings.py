@@ -252,7 +252,9 @@ class DriveSettings(CarSettings):
     @property
     def assumed_mu(self) -> float:
         """Friction coefficient that the planner assumes."""
-        return self.car.reliable_mu(self.tire_set) if self.planner_mu is None else float(self.planner_mu)
+        if self.planner_mu is None:
+            return self.car.reliable_mu(self.tire_set)
+        return math.inf if self.planner_mu > GREATEST_MU else float(self.planner_mu)  # of a whole number, too
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
