@@ -50,7 +50,7 @@ VALUES = (
     "(i for i in ())",
     "fg.DriveCommand(steering_angle=0.1, speed=1.0)", "fg.DriveCommand(steering_angle=9.0, speed=99.0)", "Odd()",
     "Odd", "1/0",
-    "np.ctypeslib.as_array", "print('x' * 10000)", "__import__('warnings').warn('x' * 999)", "exec('raise Odd()')",
+    "np.ctypeslib.as_array", "print('fg-mujoco: warning' + 'x' * 4000)", "__import__('warnings').warn('x' * 999)", "exec('raise Odd()')",
     "[][0]",
     "sys.exit(0)", "sys.exit('bye')", "exec('raise GeneratorExit')", "exec('raise StopIteration')",
     "exec('raise MemoryError')",

@@ -12,6 +12,7 @@ from __future__ import annotations
 import functools
 import http
 import ipaddress
+import logging
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -50,6 +51,8 @@ def own_pages_only(host: str) -> Iterator[list[str]]:
 
     names, serve = frozenset({host.lower(), socket.gethostname().lower()}), library.serve
     guarded: list[str] = []
+    log = logging.getLogger(__name__)  # what peers send is none of the user's terminal
+    log.disabled = True
 
     @functools.wraps(serve, updated=())
     def guarded_serve(*arguments: Any, process_request: Any = None, **settings: Any) -> Any:
@@ -60,7 +63,7 @@ def own_pages_only(host: str) -> Iterator[list[str]]:
             return None if process_request is None else process_request(connection, request)
 
         guarded.append(host)
-        return serve(*arguments, process_request=check, **settings)
+        return serve(*arguments, process_request=check, logger=log, **settings)
 
     library.serve = guarded_serve  # type: ignore[assignment, misc]
     try:
