@@ -159,7 +159,8 @@ def _scaled(path: Path, image: Path | None, scale: float, car: CarParameters) ->
     keys |= {"resolution": scale * keys["resolution"], "origin": [scale * x, scale * y, yaw]}
     image = image or inside(path.parent, str(keys["image"]))
     if image is None:
-        raise TrackError(f"{path}: image {str(keys['image'])[:60]!r} is outside of its folder; accepted: a file inside it")
+        named = str(keys["image"])[:60]
+        raise TrackError(f"{path}: image {named!r} is outside of its folder; accepted: a file inside it")
     with tempfile.TemporaryDirectory() as folder:
         larger = Path(folder, path.name)
         larger.write_text("".join(f"{key}: {value}\n" for key, value in keys.items()), encoding="utf-8")

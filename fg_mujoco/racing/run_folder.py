@@ -415,8 +415,8 @@ def _reserved(folder: Path, *, force: bool = False) -> Iterator[list[str]]:
                 raise RunFolderError(f"{folder}: is not empty; accepted: a new or empty folder")
             if others:
                 raise RunFolderError(
-                    f"{folder}: has {short_text(others[0])}, which is no file of a run; accepted: a new or empty folder, "
-                    "or one with a run and nothing else"
+                    f"{folder}: has {short_text(others[0])}, which is no file of a run; accepted: a new or empty "
+                    "folder, or one with a run and nothing else"
                 )
             yield names
     except FgMujocoError:

@@ -54,8 +54,9 @@ def grid_of(model: mujoco.MjModel, start: FloatArray, resolution: float = RESOLU
     open_ground = np.asarray(start) + np.array([[-_OPEN, -_OPEN], [_OPEN, _OPEN]])
     corners = np.concatenate([triangles.reshape(-1, 2) for triangles in footprints] or [open_ground])
     low, high = corners.min(axis=0), corners.max(axis=0)
-    if float((high - low).max()) > LONGEST:
-        raise ModelError(f"the world is {float((high - low).max()):g} m wide; accepted for a map: {LONGEST:g} m at most")
+    width = float((high - low).max())
+    if width > LONGEST:
+        raise ModelError(f"the world is {width:g} m wide; accepted for a map: {LONGEST:g} m at most")
     while np.prod(np.ceil((high - low) / resolution) + 2 * _MARGIN) > _MOST_CELLS:
         resolution *= 2.0
     origin = resolution * (np.floor(low / resolution) - _MARGIN)

@@ -22,7 +22,6 @@ from .door import SHORT, Attempt, Door, as_text, command, ignore_refusal
 from .folder_doors import run
 from .mutations import NUMBERS, WORDS, mutated, mutated_binary, one_of
 
-
 # -- vehicles
 
 ELEMENTS = (
@@ -45,6 +44,10 @@ ATTRIBUTES = (
     "boundmass", "balanceinertia", "inertiafromgeom", "fusestatic", "discardvisual", "childclass", "gravcomp",
     "actuatorfrcrange", "frictionloss", "fluidshape", "surfacevel", "adhesion", "maxhullvert", "inertia", "qpos",
 )  # fmt: skip
+HEADS = (
+    b"<!DOCTYPE a>", b"<?xml version='1.0' encoding='utf-16'?>", b"<?a b?>", b"\xef\xbb\xbf", b"<!-- -->",
+    b"<!DOCTYPE a [<!ENTITY b 'c'>]>",
+)  # fmt: skip
 _TAG = re.compile(rb"<(?!/|!|\?)[a-z]+[^<>]*>")
 
 
@@ -54,7 +57,8 @@ def _marked_up(text: bytes, rng: Generator) -> bytes:
         tags = list(_TAG.finditer(text))
         if not tags:
             return text
-        tag, value = one_of(rng, tags), one_of(rng, (*NUMBERS[:34], *WORDS, "1 1 1", "0 0 0", "/etc/passwd", "a.png"))
+        tag = one_of(rng, tags)
+        value = one_of(rng, (*NUMBERS[:34], *WORDS, "1 1 1", "0 0 0", "/etc/passwd", "a.png"))
         value = value.replace("&", "").replace("<", "").replace('"', "")
         attribute = f' {one_of(rng, ATTRIBUTES)}="{value}"'.encode("utf-8", "surrogatepass")
         change = int(rng.integers(6))
@@ -70,9 +74,7 @@ def _marked_up(text: bytes, rng: Generator) -> bytes:
             other = one_of(rng, tags)
             text = text[: other.start()] + (tag[0] if tag[0].endswith(b"/>") else b"") + text[other.start() :]
         else:  # before everything
-            head = one_of(rng, (b"<!DOCTYPE a>", b"<?xml version='1.0' encoding='utf-16'?>", b"<?a b?>", b"\xef\xbb\xbf",
-                                b"<!DOCTYPE a [<!ENTITY b 'c'>]>", b"<!-- -->"))  # fmt: skip
-            text = head + text
+            text = one_of(rng, HEADS) + text
     return text
 
 
@@ -101,7 +103,8 @@ def _vehicle_files(samples: Path, here: Path, rng: Generator) -> Attempt:
     }  # fmt: skip
     for name in ("eye.xml", "look.xml", "tires.toml"):
         if rng.random() < 0.1:
-            path = one_of(rng, ("../car.xml", "/etc/passwd", "/dev/zero", "assets", "", "none", "./" + name, "~/" + name))
+            paths = ("../car.xml", "/etc/passwd", "/dev/zero", "assets", "", "none", f"./{name}", f"~/{name}")
+            path = one_of(rng, paths)
             contents["car.xml"] = contents["car.xml"].replace(f'"{name}"'.encode(), f'"{path}"'.encode())
     changed = one_of(rng, ("eye.xml", "look.xml", "look.xml", "tires.toml", "assets/tub.obj"))
     change = _hostile_mjcf if changed.endswith(".xml") else mutated
