@@ -129,6 +129,8 @@ class F110Env(RaceEnvironment, installed_base("gymnasium")):  # type: ignore[mis
         self.config: dict[str, Any] = deep_update(defaults, given)
         setting = self.config
         self.render_mode = render_mode or setting.get("render_mode")
+        if setting["max_laps"] is not None:
+            number("max_laps", setting["max_laps"])
         integrator, model = setting["integrator"], setting["model"]
         model = DynamicModel.of(model)
         say_of_model(model)
