@@ -64,6 +64,7 @@ def shown(value: object) -> str:
     """Return how Python writes a value, without the middle of what is long; of a huge number, how long it is."""
     try:
         text = repr(value)
+        text = " ".join(text.split()) if "\n" in text else text
     except ValueError:  # Python does not write out a whole number of more than 4300 digits
         return "a number of thousands of digits"
     return text if len(text) <= 200 else f"{text[:100]}...{text[-60:]}"

@@ -120,3 +120,36 @@ def test_a_summary_has_null_for_what_is_no_number_however_deep():
 
     text = as_json({"a": math.nan, "b": [{"c": math.inf, "d": 1.5}], "e": {"f": (math.nan, 2)}})
     assert json.loads(text) == {"a": None, "b": [{"c": None, "d": 1.5}], "e": {"f": [None, 2]}}
+
+
+def test_force_replaces_a_run_and_nothing_else(lap, tmp_path, capsys):
+    bag, out = str(lap[1] / "lap.mcap"), tmp_path / "out"
+    out.mkdir()
+    for name in ("summary.json", "scene.xml", "telemetry_car_3.csv", "report.html"):
+        (out / name).write_text("old", "utf-8")
+    (out / "notes.txt").write_text("mine", "utf-8")
+    command = ["bag", bag, "--out", str(out)]
+    for arguments, said in ((command, "is not empty"), ([*command, "--force"], "notes.txt, which is no file of a run")):
+        assert main(arguments) == 2
+        assert said in capsys.readouterr().err and (out / "summary.json").read_text("utf-8") == "old"
+    (out / "notes.txt").unlink()
+    assert main([*command, "--force"]) == 0
+    assert len(fg.read_run(out).ctrl) > 100 and not (out / "telemetry_car_3.csv").exists()
+
+
+@pytest.mark.parametrize("what", ["the map", "the run"])
+def test_a_full_disk_names_no_file_inside(what, lap, tmp_path, capsys, monkeypatch):
+    """The map is drawn in the folder of temporary files; the run is written aside in its own folder."""
+    from fg_mujoco.ros import bag_writer
+    from fg_mujoco.ros.mapping import recorded_map
+
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    module = recorded_map if what == "the map" else bag_writer
+    monkeypatch.setattr(module, "write_files" if what == "the map" else "staged_file", full)
+    assert main(["bag", str(lap[1] / "lap.mcap"), "--out", str(tmp_path / "out")]) == 2
+    err = capsys.readouterr().err.splitlines()[-1]
+    named = "the map of the bag, in /" if what == "the map" else f"{tmp_path}/out/recording.mcap"
+    assert err.startswith(f"fg-mujoco: {named}") and "No space left on device" in err
+    assert ".partial" not in err and ".yaml" not in err and not (tmp_path / "out").exists()

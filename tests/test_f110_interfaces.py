@@ -11,7 +11,7 @@ import pytest
 from map_oracles import draw_map, ring
 
 from fg_mujoco import f110
-from fg_mujoco.errors import SettingsError, TrackError
+from fg_mujoco.errors import FgMujocoError, SettingsError, TrackError
 from fg_mujoco.f110 import gym_functions
 from fg_mujoco.f110.old_api import GymEnv
 from fg_mujoco.f110.params import F1FIFTH, F1TENTH, FULL_SCALE, own_params
@@ -398,3 +398,47 @@ def test_rays_pixels_and_times_to_collision_are_the_gyms():
     near, angles, sides = np.full(3, 0.5), np.array([-0.1, 0.0, 0.1]), np.full(3, 0.2)
     for speed, touches in ((0.0, False), (10.0, True), (2.0, False), (-10.0, False)):
         assert gym_functions.check_ttc_jit(near, speed, angles, np.cos(angles), sides, 0.05) is touches
+
+
+ODD = (None, True, 10**400, 1e308, float("nan"), "a", b"a", [1], {1: None}, object(), np.zeros((2, 3)), 1j, iter(()))
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["params", "num_agents", "timestep", "ego_idx", "seed", "model", "lidar_dist", "num_beams", "fov", "maps", "map"],
+)
+def test_settings_of_another_kind_are_refused_in_a_line(drawn, name):
+    refused = 0
+    for value in ODD:
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                f110.make("f110_gym:f110-v0", **({"map": str(drawn), "num_beams": 60} | {name: value}))
+        except FgMujocoError as error:
+            assert "\n" not in str(error)
+            refused += 1
+    assert refused >= 8
+
+
+@pytest.mark.parametrize("name", ["control_input", "observation_config", "reset_config", "scale", "params"])
+def test_settings_of_a_config_of_another_kind_are_refused_in_a_line(drawn, name):
+    for value in (-3, object(), ["a", 1], {1: None}):
+        with pytest.raises(FgMujocoError):
+            f110.make("f1tenth-v0", config={"map": str(drawn), "num_agents": 1, name: value}).reset()
+
+
+@pytest.mark.parametrize("value", ODD)
+def test_poses_and_actions_of_another_kind_are_refused_in_a_line(drawn, value):
+    env = f110.make("f110_gym:f110-v0", map=str(drawn), num_beams=60)
+    env.reset(POSE)
+    with pytest.raises(SettingsError, match="accepted: finite numbers of shape"):
+        env.step(value)
+
+
+def test_a_scaled_map_has_no_image_outside_of_its_folder(drawn):
+    file = drawn.with_suffix(".yaml")
+    (file.parent / "maps").mkdir()
+    text = file.read_text("utf-8").replace("image: ", "image: ../")
+    (file.parent / "maps/mine.yaml").write_text(text, "utf-8")
+    with pytest.raises(TrackError, match="outside of its folder"):
+        f110.make("f1tenth-v0", config={"map": str(file.parent / "maps/mine"), "scale": 2.0, "num_agents": 1})

@@ -4,6 +4,7 @@ import io
 import json
 import shutil
 import zipfile
+from copy import copy
 
 import numpy as np
 import pytest
@@ -118,6 +119,8 @@ STATES = {
     "a long list": (listing, "the list of its members"),
     "torn": (lambda h: (h / "run/states.npz").write_bytes((h / "run/states.npz").read_bytes()[:-9]), "no end"),
     "empty": (lambda h: (h / "run/states.npz").write_bytes(b""), "no end of a ZIP"),
+    "time begins before": (lambda h: states(h, time=np.arange(13) - 5.0), "accepted: within 0 to 1e"),
+    "time far away": (lambda h: states(h, time=np.arange(13) * 1e12), "accepted: within 0 to 1e"),
     "time stands": (lambda h: states(h, time=np.zeros(13)), "time does not grow"),
 }  # fmt: skip
 
@@ -213,7 +216,7 @@ SCENES = {
     "a folder of all": (scene(lambda xml: xml.replace("<compiler ", '<compiler assetdir="/etc" ')), "names a file"),
     "a model": (added('<asset><model name="a" file="b.xml"/></asset>'), "<model>"),
     "a plugin": (added('<extension><plugin plugin="mujoco.elasticity.cable"/></extension>'), "<extension>"),
-    "copies": (added('<worldbody><replicate count="1000000"><geom size="1"/></replicate></worldbody>'), "count='1000000'"),
+    "copies": (added('<worldbody><replicate count="1000000"><site/></replicate></worldbody>'), "count='1000000'"),
     "copies of copies": (
         added("<worldbody>" + 2 * '<replicate count="200">' + '<geom size="1"/>' + 2 * "</replicate>" + "</worldbody>"),
         "<replicate> makes more than",
@@ -222,7 +225,8 @@ SCENES = {
     "a made mesh": (added('<asset><mesh name="a" builtin="sphere" params="9"/></asset>'), "<mesh>"),
     "a look beside": (scene(lambda xml: xml.replace('"f1tenth_look.xml"', '"../evil.xml"')), "text 'car/look' is"),
     "a LiDAR beside": (
-        scene(lambda xml: xml.replace('file" data="hokuyo_ust10lx.xml"', 'file" data="../evil.xml"')), "'car/lidar/file' is"
+        scene(lambda xml: xml.replace('file" data="hokuyo_ust10lx.xml"', 'file" data="../evil.xml"')),
+        "'car/lidar/file' is",
     ),
     "bodies": (added("<worldbody>" + "<body/>" * (MOST_BODIES + 1) + "</worldbody>"), f"more than {MOST_BODIES} bod"),
     "elements": (added("<worldbody>" + "<geom/>" * (MOST_ELEMENTS + 1) + "</worldbody>"), f"more than {MOST_ELEMENTS}"),
@@ -359,3 +363,48 @@ def test_arrays_are_those_that_numpy_wrote(tmp_path):
     for name, array in given.items():
         np.testing.assert_array_equal(found[name], array)
         assert found[name].dtype == np.asarray(array).dtype
+
+
+def written(here, **changes):
+    """Write changed values into a summary, or take them out of it where they are None; return it as it was."""
+    path = here / "run/summary.json"
+    plain = json.loads(path.read_text("utf-8"))
+    path.write_text(json.dumps({k: v for k, v in (plain | changes).items() if v is not None}), "utf-8")
+    return plain
+
+
+FAILURE = {"error": "ValueError: no", "time_s": 0.1, "file": None, "line": None, "traceback": ""}
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"planner_failure": FAILURE, "end_reason": "planner_failed"},  # without `scan`
+        {"decision_times": dict.fromkeys(("decisions", "over_period"), 3) | dict.fromkeys(
+            ("median_s", "percentile_99_s", "worst_s", "period_s"))},
+    ],
+    ids=["a failure without its scan", "decisions without their times"],
+)  # fmt: skip
+def test_a_report_is_made_of_a_summary_without_what_another_version_wrote(changes, here, capsys):
+    pick("report")
+    plain = written(here)
+    if "decision_times" in changes:
+        assert set(changes["decision_times"]) == set(plain["decision_times"])
+    written(here, **changes)
+    assert main(["report", "run", "--no-clip", "--out", "page.html"]) == 0
+    assert "Traceback" not in capsys.readouterr().err
+    page = (here / "page.html").read_text("utf-8")
+    assert "ValueError: no" in page if "planner_failure" in changes else "- / - / - ms" in page
+
+
+def test_a_run_is_exported_from_wherever_its_car_begins(here):
+    """A state outside of the walls is no place in the map: what is outside is free up to its border."""
+    from fg_mujoco.ros.grid import FREE, grid_of
+
+    world = fg.World("oval")
+    inside, outside = (grid_of(world.model, np.array(place)).cells for place in ((0.0, 0.0), (1e9, -1e9)))
+    assert (inside == FREE).any() and outside[0, -1] == FREE
+    far = copy(world.model)
+    far.mesh_vert[:] *= 1e6
+    with pytest.raises(fg.ModelError, match="accepted for a map: 30000 m"):
+        grid_of(far, np.zeros(2))

@@ -46,7 +46,7 @@ LOOK, LIDAR = 'name="look" data="f1tenth_look.xml"', 'name="lidar" data="hokuyo_
 HIDDEN = '<!DOCTYPE mujoco [<!ATTLIST texture file CDATA "/etc/passwd">]>'
 VEHICLES = {
     **{
-        name: (added(f'<asset><texture type="cube" {name}="/etc/passwd"/></asset>'), f"{name}='/etc/passwd'> names a file")
+        name: (added(f'<asset><texture type="cube" {name}="/etc/passwd"/></asset>'), f"{name}='/etc/passwd'> names a")
         for name in SIDES
     },
     "a mesh's file": (added('<asset><mesh name="m" file="/etc/passwd"/></asset>'), "names a file"),
@@ -70,7 +70,10 @@ VEHICLES = {
     "a look above": (swapped((LOOK, 'name="look" data="../private/a.xml"')), "text 'look' names '../private/a.xml'"),
     "a look by a link": (swapped((LOOK, 'name="look" data="link/a.xml"')), "text 'look' names 'link/a.xml'"),
     "an absolute LiDAR": (swapped((LIDAR, 'name="lidar" data="/etc/passwd"')), "text 'lidar' names '/etc/passwd'"),
-    "a LiDAR above": (swapped((LIDAR, 'name="lidar" data="../private/a.xml"')), "text 'lidar' names '../private/a.xml'"),
+    "a LiDAR above": (
+        swapped((LIDAR, 'name="lidar" data="../private/a.xml"')),
+        "text 'lidar' names '../private/a.xml'",
+    ),
     "a LiDAR that is a device": (swapped((LIDAR, 'name="lidar" data="/dev/zero"')), "text 'lidar' names '/dev/zero'"),
     "absolute tires": (added('<custom><text name="tires" data="/etc/passwd"/></custom>'), "text 'tires' names '/etc"),
     "tires above": (added('<custom><text name="tires" data="../private/a.toml"/></custom>'), "text 'tires' names"),
@@ -81,22 +84,34 @@ VEHICLES = {
         "<replicate> makes more than",
     ),
     "bodies": (added("<worldbody>" + "<body/>" * MOST_BODIES + "</worldbody>"), f"more than {MOST_BODIES} bodies"),
-    "elements": (added("<worldbody>" + "<site/>" * MOST_ELEMENTS + "</worldbody>"), f"more than {MOST_ELEMENTS} elements"),
+    "elements": (
+        added("<worldbody>" + "<site/>" * MOST_ELEMENTS + "</worldbody>"),
+        f"more than {MOST_ELEMENTS} elements",
+    ),
     "levels": (added("<worldbody>" + "<body>" * 1000 + "</body>" * 1000 + "</worldbody>"), "more than 100 levels"),
     "a small timestep": (swapped(('timestep="0.005"', 'timestep="1e-9"')), "accepted: 0.0001 to 0.1"),
     "iterations": (swapped(('impratio="40"', 'impratio="40" iterations="2000000000"')), "accepted: 0 to 1000"),
     "no tolerance": (swapped(('impratio="40"', 'impratio="40" tolerance="0"')), "accepted: 1e-15 to 1"),
     "iterations of a line": (swapped(('impratio="40"', 'impratio="40" ls_iterations="2000000000"')), "0 to 1000"),
     "memory": (swapped(('memory="2M"', 'memory="900G"')), "accepted: at most 1G"),
-    "a height field": (added('<asset><hfield name="h" nrow="99999" ncol="99999" size="1 1 1 1"/></asset>'), "0 to 4096"),
+    "a height field": (
+        added('<asset><hfield name="h" nrow="99999" ncol="99999" size="1 1 1 1"/></asset>'),
+        "0 to 4096",
+    ),
     "height fields": (added('<asset><hfield nrow="4096" ncol="4096" size="1 1 1 1"/></asset>' * 9), "arrays of more"),
-    "a texture": (added('<asset><texture builtin="flat" type="cube" width="4096" height="4096"/></asset>'), "arrays of"),
+    "a texture": (
+        added('<asset><texture builtin="flat" type="cube" width="4096" height="4096"/></asset>'),
+        "arrays of",
+    ),
     "numbers": (added('<custom><numeric name="n" size="2000000000"/></custom>'), "arrays of more than"),
     "a made mesh": (added('<asset><mesh name="m" builtin="sphere"/></asset>'), "<mesh> makes parts"),
-    "lengths": (swapped(("<compiler ", "<compiler><lengthrange inttotal='1e9'/></compiler><compiler ")), "<lengthrange>"),
+    "lengths": (
+        swapped(("<compiler ", "<compiler><lengthrange inttotal='1e9'/></compiler><compiler ")),
+        "<lengthrange>",
+    ),
     "a file of nothing else": (lambda xml: xml + " " * 2**24, "has more than 16777216 bytes"),
     "steering without damping": (
-        swapped(('axis="0 0 1" damping="0.954"', 'axis="0 0 1" damping="0"'), ('axis="0 0 1" damping="0.023"', 'axis="0 0 1"')),
+        swapped(('damping="0.954"', 'damping="0"'), ('damping="0.023"', 'damping="0"')),
         "damping of the steering is 0",
     ),
     "a drive without gain": (swapped(('kv="40.232"', 'kv="0"')), "gain of actuator 'speed' is 0"),
@@ -105,7 +120,10 @@ VEHICLES = {
     "things in each other": (
         swapped(("</worldbody>", FREE * 20 + "</worldbody>"), ('memory="2M"', 'memory="1G"')), "contacts at rest"
     ),
-    "too little memory": (swapped(("</worldbody>", FREE * 20 + "</worldbody>"), ('memory="2M"', 'memory="50K"')), "memory"),
+    "too little memory": (
+        swapped(("</worldbody>", FREE * 20 + "</worldbody>"), ('memory="2M"', 'memory="50K"')),
+        "memory",
+    ),
 }  # fmt: skip
 
 
@@ -188,7 +206,10 @@ def picture(width, height):
 
 
 CONE = "v 0 0 0\nv .1 0 0\nv 0 .1 0\nv 0 0 .1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
-MESH = '<mujoco><asset><mesh name="cone" file="{}"/></asset><worldbody><frame name="base_link">{}</frame></worldbody></mujoco>'
+MESH = (
+    '<mujoco><asset><mesh name="cone" file="{}"/></asset>'
+    '<worldbody><frame name="base_link">{}</frame></worldbody></mujoco>'
+)
 GEOM = '<geom type="mesh" mesh="cone" contype="0" conaffinity="0" mass="0"/>'
 
 

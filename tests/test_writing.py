@@ -1,14 +1,17 @@
 """What is written appears whole or not at all; what a killed process left is removed, what another writes is not."""
 
+import argparse
 import os
 import signal
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 
 import pytest
 
+from fg_mujoco.cli import main as cli
 from fg_mujoco.course import writing
 from fg_mujoco.course.writing import (
     claimed_folder,
@@ -19,6 +22,7 @@ from fg_mujoco.course.writing import (
     write_file,
     write_files,
 )
+from fg_mujoco.errors import BagError
 
 CODE = """
 import sys
@@ -264,3 +268,23 @@ def test_a_folder_that_cannot_be_written_is_refused(tmp_path):
     for attempt in (write_file, require_writable):
         with pytest.raises(PermissionError):
             attempt(*((tmp_path / "run" / "a", b"a") if attempt is write_file else (tmp_path / "run" / "a",)))
+
+
+def test_sigterm_ends_a_command_as_ctrl_c_does_and_leaves_no_temporary_folder(monkeypatch):
+    made = []
+
+    def run(options):
+        with writing.temporary_folder("a thing") as folder:
+            made.append(folder)
+            os.kill(os.getpid(), signal.SIGTERM)
+            time.sleep(5.0)
+
+    monkeypatch.setattr(cli, "parse", lambda *_: argparse.Namespace(run=run, command="bag"))
+    assert cli.main([]) == 143
+    assert not made[0].exists() and signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+
+
+def test_errors_name_what_is_made_in_a_temporary_folder():
+    with pytest.raises(BagError) as error, writing.temporary_folder("the map") as folder:
+        raise BagError(f"{folder}/b.yaml: cannot be written; accepted: a file that can be")
+    assert str(error.value) == f"the map, in {folder.parent}: cannot be written; accepted: a file that can be"

@@ -28,6 +28,8 @@ X, Y, SPEED, STEP = range(4)
 """Columns of a table: the place [m], the speed there [m/s], and how far it is to the next point [m]; 0: the end."""
 
 _REPEATED = 1e-3  # [m] points nearer than this are one
+_FURTHEST = 1e6  # [m], as of tracks; of a speed and a curvature, too
+_LONGEST = 30_000.0  # [m], as of tracks
 _FORMATS = "x_m, y_m, w_tr_right_m, w_tr_left_m or s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2"
 
 
@@ -36,7 +38,8 @@ def read_line(path: str | Path) -> tuple[FloatArray, FloatArray]:
 
     Raises:
       SettingsError: with the file, and the line where there is one: a file that cannot be read, a row of another
-        format, a cell that is no finite number, a speed that is not positive, or no two points.
+        format, a cell that is no number or too large a one, a speed that is not positive, no two points, or a line that
+        is too long.
     """
     try:
         if (file := Path(path)).exists() and not (file.is_file() or file.is_dir()):
@@ -54,9 +57,13 @@ def read_line(path: str | Path) -> tuple[FloatArray, FloatArray]:
     if len(rows) < 2:
         raise SettingsError(f"line {path}: {len(rows)} points; accepted: at least 2 rows of {_FORMATS}")
     table = np.array(rows)
-    if table.shape[1] == 4:
-        return table[:, :2], np.full(len(table), math.inf)
-    return table[:, 1:3], table[:, 5]
+    points, speeds = table[:, :2], np.full(len(table), math.inf)
+    if table.shape[1] == 7:
+        points, speeds = table[:, 1:3], table[:, 5]
+    length = float(np.hypot(*np.diff(points, axis=0).T).sum())
+    if length > _LONGEST:
+        raise SettingsError(f"line {path}: is {length:.0f} m long; accepted: {_LONGEST:.0f} m at most")
+    return points, speeds
 
 
 def _row(content: str, where: str) -> list[float]:
@@ -68,8 +75,8 @@ def _row(content: str, where: str) -> list[float]:
         values = [float(cell) for cell in cells]
     except ValueError:
         values = [math.nan]
-    if not all(map(math.isfinite, values)):
-        raise SettingsError(f"{where}: {content[:60]!r}; accepted: finite numbers, {_FORMATS}")
+    if not all(abs(value) <= _FURTHEST for value in values):
+        raise SettingsError(f"{where}: {content[:60]!r}; accepted: numbers within {_FURTHEST:.0e}, {_FORMATS}")
     if len(values) == 7 and values[5] <= 0.0:
         raise SettingsError(f"{where}: a speed of {values[5]} m/s; accepted: a positive number")
     return values

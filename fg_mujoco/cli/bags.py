@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import sys
-import tempfile
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..course.course import describe_course
 from ..course.maps.map_server import require_maps_extra
+from ..course.writing import temporary_folder
 from ..errors import PlannerError, SettingsError, TrackError, accepted_names
 from ..racing.planner_choice import ControllerChoice
 from ..racing.planner_loading import make_controller
@@ -124,14 +124,14 @@ def _bag(options: argparse.Namespace) -> int:
         for file in map_files(options.map):
             _check_new(file, force=options.force)
     if options.out is not None:
-        check_run_folder(options.out)
+        check_run_folder(options.out, force=options.force)
     vehicle = DriveSettings(**drive_options(options, "vehicle")).car
     with contextlib.ExitStack() as stack:
         bag = stack.enter_context(Recording(options.bag))
         print("\n".join(bag.table()))
         if options.map is None and options.out is None:
             return 0
-        aside = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        aside = stack.enter_context(temporary_folder("the map of the bag"))
         path = options.map or aside / f"{bag.path.resolve().stem}.yaml"
         with bag.blame(), _progress("scan") as watch:
             sweeps = read_sweeps(
@@ -160,7 +160,9 @@ def _write_run(
     from ..ros.mapping.recorded_run import write_recorded_run
 
     with contextlib.redirect_stdout(sys.stderr):
-        write_recorded_run(bag, sweeps, made, course, vehicle, options.out, drive_topic=options.drive_topic)
+        write_recorded_run(
+            bag, sweeps, made, course, vehicle, options.out, drive_topic=options.drive_topic, force=options.force
+        )
         report_race(options.out)
     print(f"written to {options.out}: {read_run(options.out)!r}")
 

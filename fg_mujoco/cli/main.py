@@ -11,6 +11,7 @@ import contextlib
 import os
 import signal
 import sys
+import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
@@ -72,14 +73,16 @@ from .vehicles import add_vehicles
 from .view import add_view
 from .words import command_for
 
-_DONE, _NOT_DONE, _BAD_INPUT, _INTERRUPTED = 0, 1, 2, 130  # 130 is what shells call a command ended by Ctrl-C
+_DONE, _NOT_DONE, _BAD_INPUT = 0, 1, 2
+_INTERRUPTED, _TERMINATED = 130, 143  # what shells call a command that Ctrl-C, and one that SIGTERM has ended
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command and return its exit code."""
     options = None
+    terminated = threading.Event()
     try:
-        with _warnings_in_a_line():
+        with _warnings_in_a_line(), _ended_in_order(terminated):
             parser = _parser()
             complete(parser)
             options = parse(parser, arguments)
@@ -91,11 +94,36 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("fg-mujoco:", in_one_line(said), file=sys.stderr)
         return _BAD_INPUT
     except KeyboardInterrupt:
-        return _INTERRUPTED
+        return _TERMINATED if terminated.is_set() else _INTERRUPTED
     except BrokenPipeError:  # the reader of our output has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return _NOT_DONE
     return code
+
+
+@contextlib.contextmanager
+def _ended_in_order(terminated: threading.Event) -> Iterator[None]:
+    """Let SIGTERM end a command as Ctrl-C does, so that temporary folders are removed; set `terminated` when it comes.
+
+    Processes that the command forks, and a program that has a handler of its own, end as they would.
+    """
+    if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL:
+        yield
+        return
+    process = os.getpid()
+
+    def end(number: int, frame: Any) -> None:
+        if os.getpid() != process:
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+            os.kill(os.getpid(), signal.SIGTERM)
+        terminated.set()
+        signal.default_int_handler(number, frame)
+
+    signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 @contextlib.contextmanager

@@ -27,7 +27,7 @@ from .files import read_bytes
 MOST_MJCF = 16 * 2**20
 """Bytes of a document."""
 MOST_ELEMENTS, MOST_BODIES = 50_000, 5000
-"""Of a document, copies included: MuJoCo reads so many in a second to three, and ten times as many bodies in minutes."""
+"""Of a document, copies included: MuJoCo reads so many in one to three seconds, and ten times as many in minutes."""
 
 _MOST_LEVELS = 100
 _MOST_COPIES = 20_000  # elements that `replicate` makes; MuJoCo looks through all of them for each

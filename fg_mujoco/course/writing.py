@@ -15,11 +15,13 @@ import os
 import re
 import secrets
 import shutil
-from collections.abc import Callable, Iterator, Mapping
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
+from ..errors import FgMujocoError
 from .files import require_regular
 
 try:
@@ -114,12 +116,13 @@ def claimed_folder(folder: str | Path) -> Iterator[Path]:
 
 
 @contextmanager
-def staged_folder(folder: Path, last: str) -> Iterator[Path]:
+def staged_folder(folder: Path, last: str, replaced: Sequence[str] = ()) -> Iterator[Path]:
     """Yield a new folder to write files to; in the end they are moved into `folder`, or removed if there was an error.
 
     Args:
       folder: that this process has claimed, without files of the same names.
       last: the file that is moved last: where it is, all are.
+      replaced: files of the folder that are removed before any is moved, in this order.
 
     Raises:
       OSError: they cannot be written; nothing is left of them.
@@ -132,12 +135,26 @@ def staged_folder(folder: Path, last: str) -> Iterator[Path]:
         write_file(aside / _MOVES, json.dumps(moves).encode())  # tells whoever removes what a kill leaves
         for name in names:
             _wait_for_disk(aside / name, strict=True)
+        for name in replaced:
+            (folder / name).unlink(missing_ok=True)
         for name in names:
             os.replace(aside / name, folder / name)
     finally:
         _remove_folder(aside)
         os.close(descriptor)
     _wait_for_disk(folder)
+
+
+@contextmanager
+def temporary_folder(what: str) -> Iterator[Path]:
+    """Yield a folder that is removed in the end; errors that name a file in it name `what` in its place."""
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            yield Path(folder)
+        except FgMujocoError as error:
+            said = re.sub(rf"{re.escape(folder)}[^\s:;,]*", f"{what}, in {Path(folder).parent}", str(error))
+            error.args = (said, *error.args[1:])
+            raise
 
 
 def sweep(folder: Path) -> None:

@@ -235,13 +235,14 @@ def simulator_of(
       SettingsError: as of Simulator.
     """
     return Simulator(
-        vehicle=vehicle or os.environ.get(VEHICLE) or DEFAULT_VEHICLE, tires=tires or os.environ.get(TIRES) or None,
+        vehicle=(os.environ.get(VEHICLE) or DEFAULT_VEHICLE) if vehicle is None else vehicle,
+        tires=(os.environ.get(TIRES) or None) if tires is None else tires,
         **settings,
     )  # fmt: skip
 
 
 def say_of_others(names: Iterable[str]) -> None:
     """Warn of settings that are not here."""
-    said = ", ".join(names)
+    said = ", ".join(map(str, names))
     if said:
         warnings.warn(f"settings that are not here: {said}; the others are", stacklevel=3)

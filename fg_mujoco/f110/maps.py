@@ -25,6 +25,7 @@ from ..course.files import read_text
 from ..course.maps.map_server import OccupancyMap, plain_yaml, read_map_file
 from ..course.maps.map_track import is_map, read_map
 from ..course.maps.walls import outlines, trace
+from ..course.mjcf import inside
 from ..course.obstacles import Prism
 from ..course.open_ground import OpenGround
 from ..course.polyline import enclosed_area
@@ -156,10 +157,14 @@ def _scaled(path: Path, image: Path | None, scale: float, car: CarParameters) ->
     keys = plain_yaml(read_text(path, 2**20))
     x, y, yaw = keys["origin"]
     keys |= {"resolution": scale * keys["resolution"], "origin": [scale * x, scale * y, yaw]}
+    image = image or inside(path.parent, str(keys["image"]))
+    if image is None:
+        named = str(keys["image"])[:60]
+        raise TrackError(f"{path}: image {named!r} is outside of its folder; accepted: a file inside it")
     with tempfile.TemporaryDirectory() as folder:
         larger = Path(folder, path.name)
         larger.write_text("".join(f"{key}: {value}\n" for key, value in keys.items()), encoding="utf-8")
-        return _read(larger, image or path.parent / keys["image"], car)
+        return _read(larger, image, car)
 
 
 def _read(path: Path, image: Path | None, car: CarParameters) -> Course:

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import SettingsError, accepted_names
-from ..messages import FloatArray
+from ..messages import FloatArray, shown
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import Vehicle
 from .config import VehicleParameters, plain_config
@@ -29,8 +29,8 @@ from .environment import RaceEnvironment, say_of_others, simulator_of
 from .gym_functions import deep_update
 from .gym_stand_in import installed_base, spaces
 from .observations import Observation
-from .params import F1TENTH
-from .simulator import DynamicModel, Integrator, say_of_model
+from .params import F1TENTH, mapping, number
+from .simulator import DynamicModel, Integrator, checked, say_of_model
 from .track import Raceline
 
 _LONGITUDINAL, _STEERING = ("speed", "accl"), ("steering_angle", "steering_speed")
@@ -59,7 +59,11 @@ class CarAction:
     """
 
     def __init__(self, control_input: Any, params: Mapping[str, Any]) -> None:
-        names = [control_input] if isinstance(control_input, str) else list(control_input)
+        names = [control_input] if isinstance(control_input, str) else control_input
+        if not isinstance(names, (list, tuple)) or not all(isinstance(name, str) for name in names):
+            accepted = f"one or two of {', '.join(_BESIDES)}"
+            raise SettingsError(f"control_input is {shown(control_input)}; accepted: {accepted}")
+        names = list(names)
         if len(names) == 1 and names[0] in _BESIDES:
             names.append(_BESIDES[names[0]])
         for name in names:
@@ -67,7 +71,7 @@ class CarAction:
                 raise SettingsError(f"control_input is {name!r}; {accepted_names(name, _BESIDES)}")
         self.longitudinal = next((name for name in names if name in _LONGITUDINAL), "speed")
         self.steering = next((name for name in names if name in _STEERING), "steering_angle")
-        limits = F1TENTH | dict(params)
+        limits = F1TENTH | mapping("params", params)
         self.limits = {
             "steering_angle": (limits["s_min"], limits["s_max"]),
             "steering_speed": (limits["sv_min"], limits["sv_max"]),
@@ -125,17 +129,19 @@ class F110Env(RaceEnvironment, installed_base("gymnasium")):  # type: ignore[mis
         self.config: dict[str, Any] = deep_update(defaults, given)
         setting = self.config
         self.render_mode = render_mode or setting.get("render_mode")
+        if setting["max_laps"] is not None:
+            number("max_laps", setting["max_laps"])
         integrator, model = setting["integrator"], setting["model"]
-        model = DynamicModel.from_string(model) if isinstance(model, str) else DynamicModel[model.name]
+        model = DynamicModel.of(model)
         say_of_model(model)
-        self.observation_config = dict(setting["observation_config"])
+        self.observation_config = mapping("observation_config", setting["observation_config"])
         sim = simulator_of(
             params=given.get("params"), num_agents=setting["num_agents"], seed=setting["seed"],
             integrator=Integrator.from_string(integrator) if isinstance(integrator, str) else integrator, model=model,
             time_step=setting["timestep"], ego_idx=setting["ego_idx"], lidar_dist=setting["lidar_dist"],
             num_beams=setting["num_beams"], fov=setting["fov"], vehicle=vehicle, tires=tires, maps=maps,
         )  # fmt: skip
-        self._begin(sim, setting["map"], setting["map_ext"] or float(setting["scale"]))
+        self._begin(sim, setting["map"], setting["map_ext"] or number("scale", setting["scale"], 0.01, 100.0))
         self.map = setting["map"]
         self.agent_ids = [f"agent_{agent}" for agent in range(self.num_agents)]
         self._take_actions()
@@ -201,7 +207,7 @@ class F110Env(RaceEnvironment, installed_base("gymnasium")):  # type: ignore[mis
         super().reset(seed=seed)
         if seed is not None:
             self._generator = np.random.default_rng(seed)
-        poses = None if options is None else options.get("poses")
+        poses = None if options is None else mapping("options", options).get("poses")
         self._place(self._drawn_poses() if poses is None else poses)
         self._steering[:] = 0.0
         first = self.step(np.zeros((self.num_agents, 2)))
@@ -220,7 +226,7 @@ class F110Env(RaceEnvironment, installed_base("gymnasium")):  # type: ignore[mis
         Raises:
           SettingsError: another shape, or a number that is not finite.
         """
-        self._advance(self._commands(np.asarray(action, np.float64)))
+        self._advance(self._commands(action))
         done, finished = self._check_done()
         info = {"checkpoint_done": finished}
         return self.observation_type.observe(), self.timestep, done, False, info
@@ -243,25 +249,25 @@ class F110Env(RaceEnvironment, installed_base("gymnasium")):  # type: ignore[mis
         self.action_type = CarAction(self.config["control_input"], self.config["params"])
         self.action_space = self.action_type.space_of(self.num_agents)
 
-    def _commands(self, action: FloatArray) -> FloatArray:
+    def _commands(self, action: ArrayLike) -> ArrayLike:
         """Return steering angles and speeds that an action asks for."""
         kind = self.action_type
-        if kind.type == ("steering_angle", "speed") or action.shape != (self.num_agents, 2):
-            return action  # of another shape it is refused where it is taken
-        commands = action.copy()
+        if kind.type == ("steering_angle", "speed"):
+            return action
+        commands = np.array(checked(action, self.num_agents, 2, "action", f"{kind.steering} and {kind.longitudinal}"))
         if kind.steering == "steering_speed":
             low, high = kind.limits["steering_angle"]
-            turned = self._steering + np.clip(action[:, 0], *kind.limits["steering_speed"]) * self.timestep
+            turned = self._steering + np.clip(commands[:, 0], *kind.limits["steering_speed"]) * self.timestep
             commands[:, 0] = self._steering = np.clip(turned, low, high)
         if kind.longitudinal == "accl":
             for agent in range(self.num_agents):
-                wanted = float(np.clip(action[agent, 1], *kind.limits["accl"]))
+                wanted = float(np.clip(commands[agent, 1], *kind.limits["accl"]))
                 commands[agent, 1] = self.driving.speed_for(agent, wanted)
         return commands
 
     def _drawn_poses(self) -> FloatArray:
         """Return poses drawn as `reset_config` says."""
-        kind = self.config["reset_config"].get("type")
+        kind = mapping("reset_config", self.config["reset_config"]).get("type")
         kind = str(getattr(kind, "value", kind) or "rl_grid_static").lower()
         if kind not in _RESETS:
             raise SettingsError(f"reset_config has type {kind!r}; {accepted_names(kind, _RESETS)}")

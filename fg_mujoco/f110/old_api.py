@@ -76,7 +76,7 @@ class F110Env(RaceEnvironment, installed_base("gym")):  # type: ignore[misc]
     ) -> None:
         self.render_mode = render_mode
         self.lidar_dist = 0.0 if lidar_dist is None else lidar_dist
-        model = DynamicModel.from_string(model) if isinstance(model, str) else model
+        model = DynamicModel.of(model)
         say_of_model(model)
         say_of_others(others)
         sim = simulator_of(

@@ -10,6 +10,7 @@ have not.
 from __future__ import annotations
 
 import math
+import operator
 import warnings
 from collections.abc import Mapping
 from dataclasses import replace
@@ -17,6 +18,7 @@ from functools import lru_cache
 from typing import Any
 
 from ..errors import FgMujocoError, SettingsError
+from ..messages import require_whole, shown
 from ..simulation.cars import WorldCar
 from ..vehicle.car import car_parameters
 from ..vehicle.changes import GREATEST_MU, CarChanges
@@ -74,7 +76,7 @@ def car_of(
     Raises:
       SettingsError: a parameter that is no number, or a friction that no tire has.
     """
-    numbers = {name: _number(name, value) for name, value in (params or {}).items()}
+    numbers = {name: number(f"params[{name!r}]", value) for name, value in (params or {}).items()}
     mu = numbers.pop("mu", None)
     if mu is not None and not 0.0 < mu <= GREATEST_MU:
         raise SettingsError(f"params['mu'] is {mu!r}; accepted: above 0, up to {GREATEST_MU:g}")
@@ -143,14 +145,45 @@ def physics_timestep(timestep: float, vehicle: Vehicle) -> float:
     return own if math.isclose(steps * own, timestep, rel_tol=1e-9) else timestep / steps
 
 
-def _number(name: str, value: Any) -> float:
+def number(name: str, value: Any, least: float = -math.inf, most: float = math.inf) -> float:
+    """Return a setting as a float.
+
+    Raises:
+      SettingsError: it is no finite number from `least` to `most`.
+    """
     try:
-        number = float(value)
-    except (TypeError, ValueError):
-        number = math.nan
-    if not math.isfinite(number):
-        raise SettingsError(f"params[{name!r}] is {value!r}; accepted: a finite number")
-    return number
+        found = float(value)
+    except (TypeError, ValueError, OverflowError):
+        found = math.nan
+    if not (math.isfinite(found) and least <= found <= most):
+        within = "" if math.isinf(least) else f" from {least:g} to {most:g}"
+        raise SettingsError(f"{name} is {shown(value)}; accepted: a finite number{within}")
+    return found
+
+
+def whole(name: str, value: Any, least: int, most: int | None = None) -> int:
+    """Return a setting as a whole number, of NumPy's, too.
+
+    Raises:
+      SettingsError: it is none from `least` to `most`.
+    """
+    try:
+        found = value if isinstance(value, bool) else operator.index(value)
+    except TypeError:
+        found = value
+    require_whole(name, found, least, most)
+    return int(found)
+
+
+def mapping(name: str, value: Any) -> dict[str, Any]:
+    """Return a setting of settings by name.
+
+    Raises:
+      SettingsError: it is none.
+    """
+    if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
+        raise SettingsError(f"{name} is {shown(value)}; accepted: a dictionary of values by name")
+    return dict(value)
 
 
 def _is_set(name: str, values: Mapping[str, float]) -> bool:

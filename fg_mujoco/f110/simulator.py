@@ -23,16 +23,16 @@ from numpy.typing import ArrayLike
 from ..course.course import Course
 from ..display import brief
 from ..errors import SettingsError, accepted_names
-from ..messages import FloatArray, require_whole
+from ..messages import FloatArray, shown
 from ..simulation.cars import WorldCar
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .driving import BEAMS, FIELD_OF_VIEW, Driving, shifted
 from .maps import find_map
-from .params import all_params, car_of, physics_timestep
+from .params import all_params, car_of, mapping, number, physics_timestep, whole
 from .track import Track
 
-MOST_AGENTS = 8
+MOST_AGENTS, MOST_BEAMS = 8, 20_000
 
 MODELS = {"ks": "kinematic", "st": "single-track", "mb": "multi-body", "std": "single-track drift"}
 """Car models of the gym; the car here is a MuJoCo model, whichever is asked for."""
@@ -77,11 +77,20 @@ class DynamicModel(Enum):
         """Return the model of a name, as `st`.
 
         Raises:
-          ValueError: another name.
+          SettingsError: another name.
         """
         if str(model).lower() not in MODELS:
-            raise SettingsError(f"model is {model!r}; {accepted_names(model, MODELS)}")
+            raise SettingsError(f"model is {shown(model)}; {accepted_names(model, MODELS)}")
         return DynamicModel[str(model).upper()]
+
+    @staticmethod
+    def of(model: Any) -> DynamicModel:
+        """Return the model of a name, or of a member of this or of the gym's own enumeration.
+
+        Raises:
+          SettingsError: something else.
+        """
+        return DynamicModel.from_string(getattr(model, "name", model))
 
 
 class Simulator:
@@ -131,9 +140,16 @@ class Simulator:
         maps: str | Path | None = None,
         **_: Any,
     ) -> None:
-        require_whole("num_agents", num_agents, 1, MOST_AGENTS)
-        require_whole("ego_idx", ego_idx, 0, num_agents - 1)
-        self.num_agents, self.seed, self.ego_idx, self.time_step = num_agents, seed, ego_idx, float(time_step)
+        num_agents = whole("num_agents", num_agents, 1, MOST_AGENTS)
+        ego_idx = whole("ego_idx", ego_idx, 0, num_agents - 1)
+        seed, num_beams = whole("seed", seed, 0), whole("num_beams", num_beams, 2, MOST_BEAMS)
+        fov = number("fov", fov, 1e-3, math.tau)
+        lidar_dist = None if lidar_dist is None else number("lidar_dist", lidar_dist)
+        params = None if params is None else mapping("params", params)
+        if maps is not None and not isinstance(maps, (str, Path)):
+            raise SettingsError(f"maps is {shown(maps)}; accepted: a folder")
+        self.num_agents, self.seed, self.ego_idx = num_agents, seed, ego_idx
+        self.time_step = number("timestep", time_step)
         self.integrator, self.model, self.action_type = integrator, model, action_type
         self.num_beams, self.fov, self.lidar_dist = num_beams, fov, lidar_dist
         self._vehicle, self._tires = Vehicle.load(vehicle), None if tires is None else Tires.load(tires)
@@ -191,8 +207,10 @@ class Simulator:
           map: its path, its name, or a Track.
           map_ext: of its image, as `.png`; None: the image that the YAML names. A number: by which the map is larger.
         """
-        scale = float(map_ext) if isinstance(map_ext, (int, float)) else 1.0
+        scale = number("scale", map_ext, 0.01, 100.0) if isinstance(map_ext, (int, float)) else 1.0
         extension = map_ext if isinstance(map_ext, str) else None
+        if not isinstance(map, (str, Path, Track)):
+            raise SettingsError(f"map is {shown(map)}; accepted: a path, a name, or a Track")
         if isinstance(map, Track):
             assert map.course is not None
             self.course, self.map_file = map.course, map._file
@@ -208,8 +226,8 @@ class Simulator:
         Raises:
           SettingsError: no such car, or parameters that are no numbers.
         """
-        require_whole("index", agent_idx, -1, self.num_agents - 1)
-        taken = all_params(params, self._vehicle)
+        whole("index", agent_idx, -1, self.num_agents - 1)
+        taken = all_params(mapping("params", params), self._vehicle)
         if agent_idx == -1:
             self.params = taken
         for agent in range(self.num_agents):
@@ -558,7 +576,12 @@ def checked(values: ArrayLike, count: int, columns: int, name: str, meaning: str
     Raises:
       SettingsError: another shape, or a number that is not finite.
     """
-    array, shape = np.asarray(values, dtype=np.float64), (count, columns)
+    shape = (count, columns)
+    try:
+        array = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        accepted = f"finite numbers of shape {shape}, {meaning}"
+        raise SettingsError(f"{name} is {shown(values)}; accepted: {accepted}") from error
     if array.shape != shape or not np.isfinite(array).all():
         raise SettingsError(f"{name} is {array.tolist()}; accepted: finite numbers of shape {shape}, {meaning}")
     rows: list[list[float]] = array.tolist()

@@ -41,7 +41,7 @@ import numpy as np
 
 from ..arguments import Suggesting
 from ..course.files import file_sha256, is_file, read_arrays, read_bytes, read_text, require_regular
-from ..course.mjcf import MOST_MJCF
+from ..course.mjcf import MOST_MJCF, short_text
 from ..course.writing import claimed_folder, require_writable, staged_folder
 from ..display import brief, quoted
 from ..errors import FgMujocoError, RunFolderError, SettingsError, accepted_names, nearest, with_unit
@@ -63,6 +63,7 @@ _MOST_STATES = 2 * 2**30  # bytes, uncompressed
 _MOST_OF_A_STATE = 20_000  # numbers; those of the rangefinders are 4482
 _MOST_OF_A_ROW = 2000  # bytes
 _MOST_FAILED_SCAN = 2**20  # bytes
+_LATEST = 1e9  # [s]
 _GREATEST = 1e15  # of all numbers; MuJoCo itself resets a state beyond 1e10
 
 # in the order they are moved in
@@ -119,13 +120,17 @@ class Run(Suggesting):
         return self.telemetry[:, TELEMETRY.index(found)]
 
 
-def check_run_folder(folder: str | Path) -> None:
+def check_run_folder(folder: str | Path, *, force: bool = False) -> None:
     """Make sure that a run can be written to a folder, and leave everything as it was.
 
+    Args:
+      folder: of the run.
+      force: a run that is there is to be replaced.
+
     Raises:
-      RunFolderError: it is a file, is not empty, or cannot be written.
+      RunFolderError: it is a file, has other files, or cannot be written.
     """
-    with _reserved(Path(folder)):
+    with _reserved(Path(folder), force=force):
         require_writable(Path(folder) / SUMMARY)
 
 
@@ -136,6 +141,7 @@ def write_run(
     draw: Callable[[RaceResult, Path], None] | None = None,
     settings: Mapping[str, Any] | None = None,
     add: Callable[[Path], Any] | None = None,
+    force: bool = False,
 ) -> Path:
     """Write a run folder and return its path. A failure leaves nothing behind.
 
@@ -145,12 +151,14 @@ def write_run(
       draw: draws trace.png; None: without a picture. `fg_mujoco.write_run` has one.
       settings: options of the command line that drive this race again; `race --config DIR` needs them.
       add: adds files to the run, as its report; called with the path of a folder that has all others.
+      force: replace a run that is in the folder, once all of the new one is written. A folder with any file that is not
+        of a run is refused all the same.
 
     Raises:
-      RunFolderError: the folder is a file, is not empty, or cannot be written.
+      RunFolderError: the folder is a file, has other files, or cannot be written.
     """
     folder = Path(folder)
-    with _reserved(folder), staged_folder(folder, SUMMARY) as staging:
+    with _reserved(folder, force=force) as old, staged_folder(folder, SUMMARY, replaced=old) as staging:
         (staging / _SCENE).write_text(result.world.xml, encoding="utf-8")
         time = result.states[:, 0]  # mjSTATE_TIME comes first in a state
         np.savez_compressed(staging / _STATES, time=time, state=result.states, ctrl=result.ctrl)
@@ -174,7 +182,9 @@ def write_run(
         if add is not None:
             try:
                 add(staging)
-            except RunFolderError as error:
+            except FgMujocoError as error:
+                if str(staging) not in str(error):
+                    raise
                 raise RunFolderError(str(error).replace(str(staging), str(folder))) from error
     return folder
 
@@ -404,6 +414,8 @@ def _read_states(path: Path, ticks: int, cars: int) -> tuple[FloatArray, FloatAr
             raise ValueError(f"{name} has a number that is none, or beyond {_GREATEST:.0e}")
     if not (np.diff(time) > 0.0).all():
         raise ValueError("time does not grow")
+    if not 0.0 <= time[0] <= time[-1] <= _LATEST:
+        raise ValueError(f"time goes from {time[0]:g} to {time[-1]:g} s; accepted: within 0 to {_LATEST:.0e}")
     return time, states, ctrl
 
 
@@ -421,16 +433,33 @@ def _require_unchanged(path: Path, summary: Mapping[str, Any]) -> None:
         raise RunFolderError(f"{path}: is damaged or edited: its sha256 is another; accepted: as `race --out` wrote it")
 
 
+_OF_A_RUN = re.compile(
+    r"(summary\.json|scene\.xml|states\.npz|(telemetry|controller)(_car_\d+)?\.(csv|py)|trace\.png|failed_scan\.npz|"
+    r"report\.html|debug\.html|recording\.mcap)"
+)
+"""Names of files in a run folder."""
+
+
 @contextmanager
-def _reserved(folder: Path) -> Iterator[None]:
-    """Make a folder, or claim one that is empty; one that stays empty is removed again."""
+def _reserved(folder: Path, *, force: bool = False) -> Iterator[list[str]]:
+    """Make a folder, or claim one that is empty; one that stays empty is removed again.
+
+    With `force` it may have a run, whose files are yielded: the summary, which says that the run is whole, first.
+    """
     try:
         if folder.exists() and not folder.is_dir():
             raise RunFolderError(f"{folder}: is a file; accepted: a new or empty folder")
         with claimed_folder(folder):
-            if any(folder.iterdir()):
+            names = sorted((path.name for path in folder.iterdir()), key=lambda name: (name != SUMMARY, name))
+            others = [name for name in names if not _OF_A_RUN.fullmatch(name)]
+            if names and not force:
                 raise RunFolderError(f"{folder}: is not empty; accepted: a new or empty folder")
-            yield
+            if others:
+                raise RunFolderError(
+                    f"{folder}: has {short_text(others[0])}, which is no file of a run; accepted: a new or empty "
+                    "folder, or one with a run and nothing else"
+                )
+            yield names
     except FgMujocoError:
         raise
     except OSError as error:

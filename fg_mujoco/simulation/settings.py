@@ -285,8 +285,8 @@ class DriveSettings(CarSettings):
     @property
     def assumed_mu(self) -> float:
         """Friction coefficient that the planner assumes: `planner_mu`, or else the least peak of the tires as set."""
-        if self.planner_mu is not None:
-            return float(self.planner_mu)
+        if self.planner_mu is not None:  # which may be a whole number beyond all floats
+            return math.inf if self.planner_mu > GREATEST_MU else float(self.planner_mu)
         return self.car.reliable_mu(self.tire_set, self.all_changes.mu)
 
     @property

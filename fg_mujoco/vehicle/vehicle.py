@@ -20,7 +20,7 @@ from typing import Any
 import mujoco
 
 from ..course.files import read_text
-from ..course.mjcf import MOST_MJCF, checked_mjcf
+from ..course.mjcf import MOST_MJCF
 from ..errors import SettingsError, accepted_names
 from ..lidar.beams import LidarModel
 from ..messages import CarParameters
@@ -144,7 +144,7 @@ class Vehicle:
             raise SettingsError(
                 f"mu is {mu!r} and CarChanges.mu is {changes.mu!r}; accepted: one of them, or the same in both"
             )
-        spec = mujoco.MjSpec.from_string(checked_mjcf(self.text).text)
+        spec = parsed(self.text, f"vehicle {self.name!r}")
         put_on(spec, tires or self.tires)
         if mu is not None:
             set_mu(spec, mu)

@@ -29,8 +29,9 @@ from .mutations import NUMBERS, mutated, mutated_binary, one_of
 
 VALUES: tuple[Any, ...] = (
     None, True, 0, 1, -1, 3, 10**9, 10**400, 0.5, -0.5, 1e-300, 1e308, float("nan"), float("inf"), "", "a", "\0",
-    "a" * 5000, "/dev/zero", "../x", "/", b"a", [], [1], [[]], (0.0, 1.0), {}, {"a": 1}, {1: None}, object(), np.zeros(2),
-    np.zeros((2, 3)), np.array("a"), np.float32("nan"), np.int64(2), 1j, range(3), int, lambda *_: None, iter(()),
+    "a" * 5000, "/dev/zero", "../x", "/", b"a", [], [1], [[]], (0.0, 1.0), {}, {"a": 1}, {1: None}, object(),
+    np.zeros(2), np.zeros((2, 3)),
+    np.array("a"), np.float32("nan"), np.int64(2), 1j, range(3), int, lambda *_: None, iter(()),
 )  # fmt: skip
 """Values of every kind, in the place of any other."""
 
@@ -40,7 +41,8 @@ VALUES: tuple[Any, ...] = (
 _OLD = ("map", "map_ext", "params", "num_agents", "timestep", "ego_idx", "seed", "integrator", "model", "lidar_dist",
         "num_beams", "fov", "vehicle", "tires", "maps", "render_mode", "unknown")  # fmt: skip
 _NEW = ("map", "map_ext", "scale", "params", "num_agents", "timestep", "ego_idx", "seed", "integrator", "model",
-        "lidar_dist", "num_beams", "fov", "control_input", "observation_config", "reset_config", "max_laps", "unknown")  # fmt: skip
+        "lidar_dist", "num_beams", "fov", "control_input", "observation_config", "reset_config", "max_laps",
+        "unknown")  # fmt: skip
 _PARAMS = ("mu", "C_Sf", "lf", "lr", "h", "m", "I", "s_min", "s_max", "sv_max", "v_switch", "a_max", "v_min", "v_max",
            "width", "length")  # fmt: skip
 
@@ -103,9 +105,8 @@ _KNOBS = ("mu", "planner_mu", "max_speed", "planner.lookahead", "planner.guidanc
 def _live_session(samples: Path, here: Path, rng: Generator) -> Attempt:
     settings: dict[str, Any] = {"controller": one_of(rng, ("gap_finder", "follow_the_gap", "pure_pursuit"))}
     if rng.random() < 0.3:
-        names = ("track", "controller", "obstacles", "max_speed", "mu", "seed", "start", "grid", "opponents", "lidar_noise")
+        names = ("track", "controller", "obstacles", "max_speed", "mu", "seed", "start", "grid", "opponents", "effects")
         settings[one_of(rng, names)] = one_of(rng, VALUES)
-    settings = {name: value for name, value in settings.items() if name in LiveSettings.__dataclass_fields__}
 
     def play() -> None:
         session = LiveSession(LiveSettings(**settings))
@@ -187,7 +188,9 @@ def _live_server(samples: Path, here: Path, rng: Generator) -> Attempt:
 
 # -- several cars
 
-_OPPONENTS = ("gap_finder", "follow_the_gap[point=deepest]", "pure_pursuit[line=ring.csv]", "planner.py:Planner", "wall_follow")
+_OPPONENTS = (
+    "gap_finder", "follow_the_gap[point=deepest]", "pure_pursuit[line=ring.csv]", "planner.py:Planner", "wall_follow",
+)  # fmt: skip
 
 
 def _several_cars(samples: Path, here: Path, rng: Generator) -> Attempt:
@@ -228,7 +231,8 @@ def _race_of_several(samples: Path) -> None:
 
 def _several_cars_folder(samples: Path, here: Path, rng: Generator) -> Attempt:
     shutil.copytree(samples / "run", here / "run")
-    name = one_of(rng, ("summary.json", "summary.json", "states.npz", "telemetry_car_1.csv", "telemetry_car_2.csv", "scene.xml"))
+    names = ("summary.json", "states.npz", "telemetry_car_1.csv", "telemetry_car_2.csv", "scene.xml")
+    name = one_of(rng, ("summary.json", *names))
     path = here / "run" / name
     if name == "summary.json":
         any_json_file(path, rng)

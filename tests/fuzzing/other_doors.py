@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from importlib.resources import files
 from pathlib import Path
@@ -11,18 +12,112 @@ import numpy as np
 from bag_worlds import SECOND, robot_odometry, robot_scan, write_bag
 from numpy.random import Generator
 
+import fg_mujoco as fg
+from fg_mujoco.cli.main import main
 from fg_mujoco.envs.gym_environment import F1TenthEnv
 from fg_mujoco.viz.live.handshake import is_own
+from fg_mujoco.viz.rendering.scenery import compile_scenery
 
 from .door import SHORT, Attempt, Door, as_text, command, ignore_refusal
 from .folder_doors import run
 from .mutations import NUMBERS, WORDS, mutated, mutated_binary, one_of
 
+# -- vehicles
+
+ELEMENTS = (
+    "include", "mesh", "texture", "hfield", "skin", "model", "attach", "replicate", "composite", "flexcomp", "plugin",
+    "extension", "option", "size", "compiler", "flag", "default", "body", "joint", "freejoint", "geom", "site",
+    "camera", "light", "frame", "inertial", "pair", "exclude", "weld", "connect", "fixed", "spatial", "position",
+    "velocity", "general", "muscle", "dcmotor", "rangefinder", "contact", "user", "clock", "tactile", "numeric", "text",
+    "tuple", "key", "worldbody", "asset", "sensor", "actuator", "tendon", "custom", "keyframe", "mujoco", "robot",
+    "statistic", "visual", "lengthrange", "flex",
+)  # fmt: skip
+ATTRIBUTES = (
+    "file", "fileright", "fileup", "meshdir", "texturedir", "assetdir", "builtin", "count", "name", "class", "type",
+    "size", "mass", "damping", "stiffness", "range", "pos", "quat", "euler", "axis", "margin", "gap", "solref",
+    "solimp", "friction", "condim", "contype", "conaffinity", "nrow", "ncol", "width", "height", "timestep",
+    "iterations", "ls_iterations", "tolerance", "integrator", "solver", "cone", "jacobian", "gravity", "wind",
+    "density", "viscosity", "impratio", "memory", "njmax", "nconmax", "nstack", "nuserdata", "nkey", "nuser_body",
+    "nsample", "interval", "delay", "num", "dim", "data", "reduce", "kp", "kv", "gear", "ctrlrange", "forcerange",
+    "armature", "springref", "springdamper", "coef", "polycoef", "site", "joint", "geom", "body1", "geom1", "mesh",
+    "vertex", "face", "material", "texture", "plugin", "mocap", "sleep", "override", "eulerseq", "settotalmass",
+    "boundmass", "balanceinertia", "inertiafromgeom", "fusestatic", "discardvisual", "childclass", "gravcomp",
+    "actuatorfrcrange", "frictionloss", "fluidshape", "surfacevel", "adhesion", "maxhullvert", "inertia", "qpos",
+)  # fmt: skip
+HEADS = (
+    b"<!DOCTYPE a>", b"<?xml version='1.0' encoding='utf-16'?>", b"<?a b?>", b"\xef\xbb\xbf", b"<!-- -->",
+    b"<!DOCTYPE a [<!ENTITY b 'c'>]>",
+)  # fmt: skip
+_TAG = re.compile(rb"<(?!/|!|\?)[a-z]+[^<>]*>")
+
+
+def _marked_up(text: bytes, rng: Generator) -> bytes:
+    """Return an MJCF text with elements and attributes that it did not have, or in other places."""
+    for _ in range(int(one_of(rng, (1, 1, 2)))):
+        tags = list(_TAG.finditer(text))
+        if not tags:
+            return text
+        tag = one_of(rng, tags)
+        value = one_of(rng, (*NUMBERS[:34], *WORDS, "1 1 1", "0 0 0", "/etc/passwd", "a.png"))
+        value = value.replace("&", "").replace("<", "").replace('"', "")
+        attribute = f' {one_of(rng, ATTRIBUTES)}="{value}"'.encode("utf-8", "surrogatepass")
+        change = int(rng.integers(6))
+        if change < 2:  # one more attribute
+            place = tag.end() - (2 if tag[0].endswith(b"/>") else 1)
+            text = text[:place] + attribute + text[place:]
+        elif change == 2:  # one more element
+            text = text[: tag.start()] + f"<{one_of(rng, ELEMENTS)}".encode() + attribute + b"/>" + text[tag.start() :]
+        elif change == 3:  # the same many times
+            copy = tag[0] if tag[0].endswith(b"/>") else b""
+            text = text[: tag.start()] + copy * int(one_of(rng, (1, 10, 3000))) + text[tag.start() :]
+        elif change == 4:  # elsewhere
+            other = one_of(rng, tags)
+            text = text[: other.start()] + (tag[0] if tag[0].endswith(b"/>") else b"") + text[other.start() :]
+        else:  # before everything
+            text = one_of(rng, HEADS) + text
+    return text
+
+
+def _hostile_mjcf(text: bytes, rng: Generator) -> bytes:
+    return _marked_up(text, rng) if rng.random() < 0.6 else mutated(text, rng)
+
 
 def _vehicle(samples: Path, here: Path, rng: Generator) -> Attempt:
     text = files("fg_mujoco.models").joinpath(one_of(rng, ("f1tenth.xml", "nuc2.xml"))).read_bytes()
-    (here / "car.xml").write_bytes(mutated(text, rng))
+    (here / "car.xml").write_bytes(_hostile_mjcf(text, rng))
     return command(*one_of(rng, (("vehicles", "car.xml"), ("race", "--vehicle", "car.xml", *SHORT))))
+
+
+def _vehicle_files(samples: Path, here: Path, rng: Generator) -> Attempt:
+    """A vehicle whose LiDAR, look, mesh or tires are changed, or named by another path."""
+    models = files("fg_mujoco.models")
+    contents = {
+        "car.xml": models.joinpath("f1tenth.xml").read_bytes()
+        .replace(b'"hokuyo_ust10lx.xml"', b'"eye.xml"')
+        .replace(b'"f1tenth_look.xml"', b'"look.xml"')
+        .replace(b"</custom>", b'<text name="tires" data="tires.toml"/></custom>'),
+        "eye.xml": models.joinpath("hokuyo_ust10lx.xml").read_bytes(),
+        "look.xml": models.joinpath("f1tenth_look.xml").read_bytes(),
+        "tires.toml": models.joinpath("tires", "forzaeth_nuc2.toml").read_bytes(),
+        "assets/tub.obj": models.joinpath("assets", "tub.obj").read_bytes(),
+    }  # fmt: skip
+    for name in ("eye.xml", "look.xml", "tires.toml"):
+        if rng.random() < 0.1:
+            paths = ("../car.xml", "/etc/passwd", "/dev/zero", "assets", "", "none", f"./{name}", f"~/{name}")
+            path = one_of(rng, paths)
+            contents["car.xml"] = contents["car.xml"].replace(f'"{name}"'.encode(), f'"{path}"'.encode())
+    changed = one_of(rng, ("eye.xml", "look.xml", "look.xml", "tires.toml", "assets/tub.obj"))
+    change = _hostile_mjcf if changed.endswith(".xml") else mutated
+    contents[changed] = change(contents[changed], rng)
+    shutil.copytree(str(models.joinpath("assets")), here / "assets")
+    for name, content in contents.items():
+        (here / name).write_bytes(content)
+
+    def draw() -> None:
+        world = fg.World("oval", str(here / "car.xml"))
+        compile_scenery(world.xml)
+
+    return ignore_refusal(draw)
 
 
 SETTINGS = """track = "oval"
@@ -100,6 +195,7 @@ def _bags(samples: Path) -> None:
         entries.append(("/odom", time + 1, robot_odometry(time, x=0.1 * i, speed=1.0)))
     for storage in ("MCAP", "SQLITE3"):
         write_bag(samples / storage.lower(), entries, storage=storage)
+    main(["bag", str(samples / "mcap"), "--map", str(samples / "map.yaml")])  # compiles what draws maps
 
 
 def _bag(samples: Path, here: Path, rng: Generator) -> Attempt:
@@ -108,7 +204,18 @@ def _bag(samples: Path, here: Path, rng: Generator) -> Attempt:
     path = one_of(rng, sorted((here / "bag").iterdir()))
     content = path.read_bytes()
     path.write_bytes(mutated(content, rng) if path.suffix == ".yaml" else mutated_binary(content, rng))
-    return command("replay-scans", "bag" if rng.random() < 0.7 else path, "--out", "commands.csv")
+    return _read_bag("bag" if rng.random() < 0.7 else path, rng)
+
+
+def _read_bag(bag: object, rng: Generator) -> Attempt:
+    """Return a command that reads a bag: a planner over it, what it holds, a map of it, or a run folder."""
+    way = rng.random()
+    if way < 0.5:
+        return command("replay-scans", bag, "--out", "commands.csv")
+    if way < 0.7:
+        return command("bag", bag)
+    make_map = command("bag", bag, "--map", "map.yaml", *(("--out", "run") if way > 0.97 else ()))
+    return lambda: make_map() and 1  # a refusal stands behind the table of the topics, and maybe the map
 
 
 def _messages(samples: Path, here: Path, rng: Generator) -> Attempt:
@@ -127,7 +234,7 @@ def _messages(samples: Path, here: Path, rng: Generator) -> Attempt:
             del pose["yaw"]
         entries.append(("/odom", usual + 1, robot_odometry(time, **pose)))
     write_bag(here / "bag", entries)
-    return command("replay-scans", "bag", "--out", "commands.csv")
+    return _read_bag("bag", rng)
 
 
 # -- Python's doors
@@ -187,10 +294,11 @@ def _live_view(samples: Path, here: Path, rng: Generator) -> Attempt:
 
 DOORS = {
     "vehicle": Door(attempt=_vehicle),
+    "vehicle_files": Door(attempt=_vehicle_files),
     "settings_file": Door(attempt=_settings_file),
     "command_line": Door(attempt=_command_line, prepare=run),
     "bag": Door(attempt=_bag, prepare=_bags),
-    "bag_messages": Door(attempt=_messages),
+    "bag_messages": Door(attempt=_messages, prepare=_bags),
     "environment": Door(attempt=_environment),
     "live_view": Door(attempt=_live_view),
 }

@@ -63,6 +63,8 @@ class LiveSettings(DriveSettings):
         super().__post_init__()
         for name in ("obstacles", "obstacle_seed"):
             require_whole(name, getattr(self, name), 0)
+        if not isinstance(self.opponents, (tuple, list)):
+            raise SettingsError(f"opponents is {self.opponents!r}; accepted: a tuple of Entry")
 
 
 class LiveSession:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import base64
-import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ...course.writing import temporary_folder
 from ...errors import MissingExtraError
 from ...racing.result import RaceResult
 from ...racing.run_folder import Run
@@ -85,10 +85,10 @@ def make_clip(
         from ..rendering import Film, write_video
 
         with (
-            tempfile.TemporaryDirectory() as folder,
+            temporary_folder("the clip of the page") as folder,
             Film(source, camera="chase", car=car, size=SIZE, quality="draft") as film,
         ):
-            path = Path(folder) / "clip.mp4"
+            path = folder / "clip.mp4"
 
             count = len(film.times(FRAME_RATE, start, end))
 

@@ -60,9 +60,11 @@ def head(run: RecordedRun, title: str, notes: Sequence[str]) -> str:
         assumed = summary["planner_mu"]  # None: infinity, which JSON has not
         boxes.append(("off" if assumed is None else f"{assumed:.4g}", "μ that the planner assumes"))
     if planned and decisions is not None and decisions["decisions"]:
-        times = (decisions[name] for name in ("median_s", "percentile_99_s", "worst_s"))
-        boxes.append((" / ".join(f"{1e3 * time:.2f}" for time in times) + " ms", "decisions: median / 99 % / worst"))
-        over = f"decisions over {1e3 * decisions['period_s']:g} ms"
+        times = [decisions[name] for name in ("median_s", "percentile_99_s", "worst_s", "period_s")]
+        median, most, worst, period = (math.nan if time is None else 1e3 * time for time in times)
+        shown = " / ".join(_known(time, ".2f") for time in (median, most, worst))
+        boxes.append((f"{shown} ms", "decisions: median / 99 % / worst"))
+        over = f"decisions over {_known(period, 'g')} ms"
         boxes.append((f"{decisions['over_period']} of {decisions['decisions']}", over))
     figures = "".join(f"<div><b>{escape(value)}</b><span>{escape(name)}</span></div>" for value, name in boxes)
     wrong_way = [] if run.wrong_way is None else [f"Wrong way: {run.wrong_way}. The map marks the place with a cross."]
@@ -121,7 +123,8 @@ _MOTION = (
 def _failure(told: dict[str, Any]) -> str:
     """Return why a planner failed and where, and its traceback."""
     where = place(told["file"], told["line"])
-    text = f"The planner failed at t = {told['time_s']:.3f} s: {told['error']}{where}. It was told {told['scan']}."
+    scan = f" It was told {told['scan']}." if told.get("scan") else ""  # which summary.json alone has
+    text = f"The planner failed at t = {told['time_s']:.3f} s: {told['error']}{where}.{scan}"
     said = f"<pre>{escape(told['traceback'])}</pre>" if told["traceback"] else ""
     return escape(text) + said
 
