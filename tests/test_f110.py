@@ -223,11 +223,24 @@ def test_parameters_of_the_car_are_taken_and_others_are_refused():
         ({"timestep": 0.0}, SettingsError, "timestep is 0.0 s; accepted: above 0, up to 1 s"),
         ({"map": "nowhere"}, TrackError, "unknown track 'nowhere'.*FG_MUJOCO_MAPS=FOLDER"),
         ({"map": "./nowhere", "map_ext": ".png"}, TrackError, "nowhere.yaml: no such file"),
+        ({"map": "a" * 300}, TrackError, "unknown track 'aaa"),
+        ({"map": "oval", "map_ext": 10**400}, SettingsError, "scale is .*; accepted: a finite number from 0.01 to 100"),
     ],
 )
 def test_settings_that_are_wrong_are_refused(settings, error, message):
     with pytest.raises(error, match=message):
         f110.make(**settings)
+
+
+def test_a_car_that_is_not_to_reverse_brakes_to_a_stop():
+    """The gym's gain divides by v_min, which is 0 then."""
+    env = f110.make(map="oval", params={"v_min": 0.0})
+    env.reset(np.array([[0.0, 0.0, 0.0]]))
+    speeds = []
+    for tick in range(100):
+        observation, *_ = env.step(np.array([[0.0, 2.0 if tick < 50 else 0.0]]))
+        speeds.append(observation["linear_vels_x"][0])
+    assert max(speeds) > 1.0 and abs(speeds[-1]) < 0.1
 
 
 def test_another_environment_is_refused():

@@ -345,6 +345,15 @@ def test_more_laps_than_two_can_be_asked_for(drawn):
     assert env.step(np.zeros((1, 2)))[2] is False
 
 
+def test_laps_that_are_no_number_are_refused(drawn):
+    with pytest.raises(SettingsError, match="max_laps is 'many'; accepted: a finite number"):
+        new_env(drawn, max_laps="many")
+    for laps, done in (("3", False), ("0", True)):  # a number as text, of a settings file
+        env = new_env(drawn, max_laps=laps)
+        env.reset(options={"poses": POSE})
+        assert env.step(np.zeros((1, 2)))[2] is done
+
+
 def test_configuration_objects_are_the_settings(drawn):
     from fg_mujoco.f110 import config
 

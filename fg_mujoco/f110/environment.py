@@ -147,8 +147,8 @@ class RaceEnvironment:
     def _set_map(self, map: Any, map_ext: str | float | None) -> None:
         self._close_view()
         self._own_track = map if isinstance(map, Track) else None
-        self._scale = float(map_ext) if isinstance(map_ext, (int, float)) else 1.0
         self.sim.set_map(map, map_ext)
+        self._scale = float(map_ext) if isinstance(map_ext, (int, float)) else 1.0
         file = self.sim.map_file
         self.map_path = str(file) if file is not None else self.map_name
 

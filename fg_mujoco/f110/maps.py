@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from ..course.course import Course
-from ..course.files import read_text
+from ..course.files import is_file, read_text
 from ..course.maps.map_server import OccupancyMap, plain_yaml, read_map_file
 from ..course.maps.map_track import is_map, read_map
 from ..course.maps.walls import outlines, trace
@@ -78,7 +78,7 @@ def find_map(
             raise TrackError(f"{_with_yaml(name)}: no such file; accepted: a map_server .yaml")
         return _course_of_name(name, folder, car), None
     image = path.with_suffix(extension if extension.startswith(".") else f".{extension}") if extension else None
-    if image is not None and not image.is_file():
+    if image is not None and not is_file(image):
         image = None
     if image is None:
         image = _image_beside(path)
@@ -93,7 +93,7 @@ def find_file(name: str, folder: str | Path | None = None) -> Path | None:
     A path that is not there is looked for in the folder, too, by the last of its names.
     """
     for path in (Path(_with_yaml(name)), Path(name)):
-        if path.suffix in (".yaml", ".yml") and path.is_file():
+        if path.suffix in (".yaml", ".yml") and is_file(path):
             return path
     chosen = folder or os.environ.get(FOLDER)
     if chosen is None:
@@ -102,7 +102,7 @@ def find_file(name: str, folder: str | Path | None = None) -> Path | None:
     for pattern in _PATTERNS:
         for spelling in dict.fromkeys((name, name.replace(" ", ""), name.lower(), name.capitalize())):
             path = Path(chosen).expanduser() / pattern.format(spelling)
-            if path.is_file():
+            if is_file(path):
                 if missing != name:  # the map of another machine, as of a checkout of the gym
                     warnings.warn(f"map {missing!r} is not there; {path} is, in the folder of maps", stacklevel=3)
                 return path
@@ -143,10 +143,10 @@ def _image_beside(path: Path) -> Path | None:
     """Return the image of the YAML's name where the one that it names is missing, as the gym reads it; else None."""
     try:
         named = plain_yaml(read_text(path, 2**20))["image"]
-        missing = not (path.parent / named).is_file()
+        missing = not is_file(path.parent / named)
     except Exception:  # the reader of the map says what is wrong
         return None
-    found = [path.with_suffix(suffix) for suffix in _IMAGES if path.with_suffix(suffix).is_file()]
+    found = [path.with_suffix(suffix) for suffix in _IMAGES if is_file(path.with_suffix(suffix))]
     return found[0] if missing and found else None
 
 

@@ -242,7 +242,7 @@ class F110Env(RaceEnvironment, installed_base("gymnasium")):  # type: ignore[mis
     def _check_done(self) -> tuple[bool, Any]:
         most = self.config["max_laps"]
         _, finished = super()._check_done()
-        finished = np.zeros_like(finished) if most is None else self.lap_counts >= most
+        finished = np.zeros_like(finished) if most is None else self.lap_counts >= number("max_laps", most)
         return bool(self.collisions[self.ego_idx]) or bool(finished.all()), finished
 
     def _take_actions(self) -> None:

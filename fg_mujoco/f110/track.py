@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..course.course import Course
-from ..course.files import read_text
+from ..course.files import is_file, read_text
 from ..course.maps.map_server import plain_yaml
 from ..errors import TrackError
 from ..messages import FloatArray
@@ -313,7 +313,7 @@ class Track:
             return None
         stems = (self._file.stem, self._file.stem.removesuffix("_map"), self._file.parent.name)
         found = [self._file.parent / f"{stem}_{ending}" for stem in stems]
-        return next((file for file in found if file.is_file()), None)
+        return next((file for file in found if is_file(file)), None)
 
 
 def find_track_dir(track_name: str) -> Path:

@@ -24,6 +24,7 @@ _FORWARD, _BACK = 10.0, 2.0  # [-] f1tenth_gym: times a_max over the greatest sp
 _LEARNED = 0.5  # [-] ours: share of what was missing that is added each time
 _MOST_ADDED = 0.5  # [-] ours: of a_max; the tires' drag is less
 _LEAST_SPEED = 0.5  # [m/s] f1tenth_gym: below, its model is the kinematic one, without slip
+_LEAST_OF_GAIN = 0.1  # [m/s] ours: the gym divides by |v_min|, which is 0 where a car is not to reverse
 
 
 class SpeedController:
@@ -78,5 +79,5 @@ class SpeedController:
 
     def _gain(self, faster: bool, speed: float) -> float:
         """Return the acceleration for each metre per second that is wanted beyond a speed [1/s]."""
-        most = self._car.max_speed if faster else -self._car.min_speed
+        most = max(self._car.max_speed if faster else -self._car.min_speed, _LEAST_OF_GAIN)
         return (_FORWARD if speed > 0.0 else _BACK) * self._car.max_acceleration / most
