@@ -125,13 +125,14 @@ def test_a_summary_has_null_for_what_is_no_number_however_deep():
 def test_force_replaces_a_run_and_nothing_else(lap, tmp_path, capsys):
     bag, out = str(lap[1] / "lap.mcap"), tmp_path / "out"
     out.mkdir()
-    for name in ("summary.json", "scene.xml", "telemetry_car_3.csv", "report.html"):
-        (out / name).write_text("old", "utf-8")
-    (out / "notes.txt").write_text("mine", "utf-8")
     command = ["bag", bag, "--out", str(out)]
-    for arguments, said in ((command, "is not empty"), ([*command, "--force"], "notes.txt, which is no file of a run")):
+    assert main(command) == 0
+    first = (out / "summary.json").read_bytes()
+    (out / "telemetry_car_3.csv").write_text("old", "utf-8")
+    (out / "notes.txt").write_text("mine", "utf-8")
+    for arguments, said in ((command, "has a run; accepted"), ([*command, "--force"], "has notes.txt, which")):
         assert main(arguments) == 2
-        assert said in capsys.readouterr().err and (out / "summary.json").read_text("utf-8") == "old"
+        assert said in capsys.readouterr().err and (out / "summary.json").read_bytes() == first
     (out / "notes.txt").unlink()
     assert main([*command, "--force"]) == 0
     assert len(fg.read_run(out).ctrl) > 100 and not (out / "telemetry_car_3.csv").exists()

@@ -1,5 +1,6 @@
 """A planner that fails is told by its line and its own traceback, and the run up to there is kept with the scan."""
 
+import html
 import json
 import socket
 
@@ -205,5 +206,5 @@ def test_the_browser_shows_the_failure_beside_the_pause():
             session.tick()
         view._show_texts()
         assert view._pause.label == "go on"
-        assert "paused" in view._status.content and "(mine.py, line 15)" in view._status.content
-        assert "line 15, in steer" in view._status.content
+        said = html.unescape(view._status.content)
+        assert "paused" in said and "(mine.py, line 15)" in said and "line 15, in steer" in said

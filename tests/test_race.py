@@ -473,8 +473,9 @@ def test_a_result_cannot_be_changed(short_race):
 def test_a_column_is_found_by_its_name(short_race):
     for index, name in enumerate(fg.TELEMETRY):
         assert np.array_equal(short_race.column(name), short_race.telemetry[:, index], equal_nan=True)
-    with pytest.raises(ValueError, match="not in tuple"):
-        short_race.column("speed")
+    assert np.array_equal(short_race.column("speed"), short_race.column("speed_m_s"))
+    with pytest.raises(fg.SettingsError, match="no column 'velocity'"):
+        short_race.column("velocity")
 
 
 def test_the_motion_columns_are_those_of_the_recorded_states(lap):

@@ -166,8 +166,9 @@ def test_a_run_of_an_older_version_is_read_and_says_which_columns_it_lacks(writt
         fg.SettingsError, match=r"older version\) has no column 'vy_m_s'; accepted: time_s, lap, .*steps"
     ):
         run.column("vy_m_s")
-    with pytest.raises(fg.SettingsError, match=r"telemetry.csv has no column 'speed'; .* did you mean 'speed_m_s'"):
-        run.column("speed")
+    assert np.array_equal(run.column("speed"), short_race.column("speed_m_s"))
+    with pytest.raises(fg.SettingsError, match=r"telemetry.csv has no column 'sped'; .* did you mean 'speed_m_s'"):
+        run.column("sped")
     assert fg.replay(run.folder).identical
     with pytest.raises(fg.RunFolderError, match=r"telemetry.csv: cannot be read: .*columns time_s"):
         fg.read_run(_without(written, tmp_path / "damaged", "speed_m_s"))

@@ -566,6 +566,10 @@ def test_a_run_keeps_the_node_and_its_hash(node, tmp_path, capsys):
     path = Path(source.removeprefix("ros:").rpartition(":")[0])
     assert (folder / "controller.py").read_bytes() == path.read_bytes()
     assert main(["replay", str(folder)]) == 0
+    assert main(["debug", str(folder)]) == 0  # this user has raced it
+    assert "accepted: --trust" not in capsys.readouterr().err
+    summary = folder / "summary.json"
+    summary.write_bytes(summary.read_bytes() + b"\n")  # somebody else's, for all that is known
     assert main(["debug", str(folder)]) == 0
     assert "accepted: --trust" in capsys.readouterr().err
     path.unlink()  # the copy is taken

@@ -105,7 +105,7 @@ def test_it_is_compared_with_the_bundled_ones(register, tmp_path):
 @pytest.mark.parametrize(
     ("entry", "name", "said"),
     (
-        ("nothing = yard_scenes:nothing", "nothing", "yard_scenes:nothing is a NoneType without name,"),
+        ("nothing = yard_scenes:nothing", "nothing", "yard_scenes:nothing is None; accepted: a name such as"),
         ("misnamed = yard_scenes:misnamed", "misnamed", ".* is named 'door'; accepted: 'scene:misnamed:3'"),
         ("raises = yard_scenes:raises", "raises", ".* cannot be made: ZeroDivisionError: division by zero"),
         ("lost = yard_scenes:lost", "lost", ".*AttributeError: .*lost"),

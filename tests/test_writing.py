@@ -280,8 +280,12 @@ def test_sigterm_ends_a_command_as_ctrl_c_does_and_leaves_no_temporary_folder(mo
             time.sleep(5.0)
 
     monkeypatch.setattr(cli, "parse", lambda *_: argparse.Namespace(run=run, command="bag"))
-    assert cli.main([]) == 143
-    assert not made[0].exists() and signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+    before = signal.signal(signal.SIGTERM, signal.SIG_DFL)  # another test's library may have set one
+    try:
+        assert cli.main([]) == 143
+        assert not made[0].exists() and signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def test_errors_name_what_is_made_in_a_temporary_folder():

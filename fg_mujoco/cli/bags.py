@@ -124,7 +124,7 @@ def _bag(options: argparse.Namespace) -> int:
         for file in map_files(options.map):
             _check_new(file, force=options.force)
     if options.out is not None:
-        check_run_folder(options.out, force=options.force)
+        check_run_folder(options.out)
     vehicle = DriveSettings(**drive_options(options, "vehicle")).car
     with contextlib.ExitStack() as stack:
         bag = stack.enter_context(Recording(options.bag))
@@ -161,7 +161,7 @@ def _write_run(
 
     with contextlib.redirect_stdout(sys.stderr):
         write_recorded_run(
-            bag, sweeps, made, course, vehicle, options.out, drive_topic=options.drive_topic, force=options.force
+            bag, sweeps, made, course, vehicle, options.out, drive_topic=options.drive_topic
         )
         report_race(options.out)
     print(f"written to {options.out}: {read_run(options.out)!r}")

@@ -28,7 +28,7 @@ RUN, STUDY = "run", "study"
 _MARKS = ("manifest.json", "lab.json")  # of a study
 _OF_A_RUN = re.compile(
     r"scene\.xml|states\.npz|telemetry(_car_\d+)?\.csv|trace\.png|controller(_car_\d+)?\.py|failed_scan\.npz"
-    r"|summary\.json|report\.html|debug\.html"
+    r"|summary\.json|report\.html|debug\.html|recording\.mcap"
 )
 _OF_A_STUDY = re.compile(r"[\w.+-]+\.(json|jsonl|csv|npz|md|png|svg|html)|chunks|poses|traces|report|cells")
 _ASIDE = re.compile(r"\.fg_mujoco-[0-9a-f]{16}\.partial")  # what a killed process left (course.writing)
@@ -65,7 +65,7 @@ def chosen_folder(options: argparse.Namespace, kind: str | None) -> Iterator[Non
     if there == kind:
         ways = f"--force to replace it, {ways}"
     if there is None:
-        if given.endswith(("/", os.sep)) or (is_folder(folder) and any(folder.iterdir())):
+        if given.endswith(("/", os.sep)) or (is_folder(folder) and _has_files(folder)):
             with _numbered(folder) as options.out:
                 goes_on = "; the same command goes on with it if that is given" if kind == STUDY else ""
                 print(f"fg-mujoco: --out is {options.out}{goes_on}", file=sys.stderr)
@@ -90,6 +90,11 @@ def _kind_of(folder: str) -> str | None:
     if any(is_file(Path(folder) / name) for name in _MARKS):
         return STUDY
     return RUN if is_file(Path(folder) / SUMMARY) else None
+
+
+def _has_files(folder: Path) -> bool:
+    """Return whether a folder has anything but what a killed process left, which the next write removes."""
+    return not all(_ASIDE.fullmatch(path.name) for path in folder.iterdir())
 
 
 @contextmanager

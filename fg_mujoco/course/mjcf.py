@@ -87,7 +87,8 @@ _ATTRIBUTES = _words(
     nrow nsample nstack num numquads numslices numstacks nuser_actuator nuser_body nuser_cam nuser_geom nuser_jnt
     nuser_sensor nuser_site nuser_tendon nuserdata o_friction o_margin o_solimp o_solref objname objtype offheight
     offsamples offset offwidth orthographic output override polycoef pos posrange principal principalpixel priority
-    prm projection qpos quat qvel random range realtime reduce ref reflectance refname refpos refquat refsafe
+    prm projection qpos quat qvel random range rangefinder
+    realtime reduce ref reflectance refname refpos refquat refsafe
     refsite reftype relpose resistance resolution rgb1 rgb2 rgba role roughness saturation saveinertial scale
     sdf_initpoints sdf_iterations selectpoint sensor sensorsize sep settotalmass shadowclip shadowscale shadowsize
     shellinertia shininess sidesite simple site site1 site2 size sleep sleep_tolerance slewmax slidercrank

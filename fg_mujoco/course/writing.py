@@ -16,7 +16,7 @@ import re
 import secrets
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
@@ -116,13 +116,12 @@ def claimed_folder(folder: str | Path) -> Iterator[Path]:
 
 
 @contextmanager
-def staged_folder(folder: Path, last: str, replaced: Sequence[str] = ()) -> Iterator[Path]:
+def staged_folder(folder: Path, last: str) -> Iterator[Path]:
     """Yield a new folder to write files to; in the end they are moved into `folder`, or removed if there was an error.
 
     Args:
       folder: that this process has claimed, without files of the same names.
       last: the file that is moved last: where it is, all are.
-      replaced: files of the folder that are removed before any is moved, in this order.
 
     Raises:
       OSError: they cannot be written; nothing is left of them.
@@ -135,8 +134,6 @@ def staged_folder(folder: Path, last: str, replaced: Sequence[str] = ()) -> Iter
         write_file(aside / _MOVES, json.dumps(moves).encode())  # tells whoever removes what a kill leaves
         for name in names:
             _wait_for_disk(aside / name, strict=True)
-        for name in replaced:
-            (folder / name).unlink(missing_ok=True)
         for name in names:
             os.replace(aside / name, folder / name)
     finally:

@@ -141,7 +141,10 @@ class F110Env(RaceEnvironment, installed_base("gymnasium")):  # type: ignore[mis
             time_step=setting["timestep"], ego_idx=setting["ego_idx"], lidar_dist=setting["lidar_dist"],
             num_beams=setting["num_beams"], fov=setting["fov"], vehicle=vehicle, tires=tires, maps=maps,
         )  # fmt: skip
-        self._begin(sim, setting["map"], setting["map_ext"] or number("scale", setting["scale"], 0.01, 100.0))
+        extension = setting["map_ext"]
+        if extension is None or (isinstance(extension, str) and not extension):
+            extension = number("scale", setting["scale"], 0.01, 100.0)
+        self._begin(sim, setting["map"], extension)
         self.map = setting["map"]
         self.agent_ids = [f"agent_{agent}" for agent in range(self.num_agents)]
         self._take_actions()

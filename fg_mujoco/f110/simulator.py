@@ -206,7 +206,12 @@ class Simulator:
         Args:
           map: its path, its name, or a Track.
           map_ext: of its image, as `.png`; None: the image that the YAML names. A number: by which the map is larger.
+
+        Raises:
+          SettingsError: a map or an extension of another kind.
         """
+        if not (map_ext is None or isinstance(map_ext, (str, int, float))):
+            raise SettingsError(f"map_ext is {shown(map_ext)}; accepted: an ending such as '.png'")
         scale = number("scale", map_ext, 0.01, 100.0) if isinstance(map_ext, (int, float)) else 1.0
         extension = map_ext if isinstance(map_ext, str) else None
         if not isinstance(map, (str, Path, Track)):

@@ -41,7 +41,7 @@ import numpy as np
 
 from ..arguments import Suggesting
 from ..course.files import file_sha256, is_file, read_arrays, read_bytes, read_text, require_regular
-from ..course.mjcf import MOST_MJCF, short_text
+from ..course.mjcf import MOST_MJCF
 from ..course.writing import claimed_folder, require_writable, staged_folder
 from ..display import brief, quoted
 from ..errors import FgMujocoError, RunFolderError, SettingsError, accepted_names, nearest, with_unit
@@ -120,17 +120,16 @@ class Run(Suggesting):
         return self.telemetry[:, TELEMETRY.index(found)]
 
 
-def check_run_folder(folder: str | Path, *, force: bool = False) -> None:
+def check_run_folder(folder: str | Path) -> None:
     """Make sure that a run can be written to a folder, and leave everything as it was.
 
     Args:
       folder: of the run.
-      force: a run that is there is to be replaced.
 
     Raises:
       RunFolderError: it is a file, has other files, or cannot be written.
     """
-    with _reserved(Path(folder), force=force):
+    with _reserved(Path(folder)):
         require_writable(Path(folder) / SUMMARY)
 
 
@@ -141,7 +140,6 @@ def write_run(
     draw: Callable[[RaceResult, Path], None] | None = None,
     settings: Mapping[str, Any] | None = None,
     add: Callable[[Path], Any] | None = None,
-    force: bool = False,
 ) -> Path:
     """Write a run folder and return its path. A failure leaves nothing behind.
 
@@ -151,14 +149,12 @@ def write_run(
       draw: draws trace.png; None: without a picture. `fg_mujoco.write_run` has one.
       settings: options of the command line that drive this race again; `race --config DIR` needs them.
       add: adds files to the run, as its report; called with the path of a folder that has all others.
-      force: replace a run that is in the folder, once all of the new one is written. A folder with any file that is not
-        of a run is refused all the same.
 
     Raises:
       RunFolderError: the folder is a file, has other files, or cannot be written.
     """
     folder = Path(folder)
-    with _reserved(folder, force=force) as old, staged_folder(folder, SUMMARY, replaced=old) as staging:
+    with _reserved(folder), staged_folder(folder, SUMMARY) as staging:
         (staging / _SCENE).write_text(result.world.xml, encoding="utf-8")
         time = result.states[:, 0]  # mjSTATE_TIME comes first in a state
         np.savez_compressed(staging / _STATES, time=time, state=result.states, ctrl=result.ctrl)
@@ -433,33 +429,16 @@ def _require_unchanged(path: Path, summary: Mapping[str, Any]) -> None:
         raise RunFolderError(f"{path}: is damaged or edited: its sha256 is another; accepted: as `race --out` wrote it")
 
 
-_OF_A_RUN = re.compile(
-    r"(summary\.json|scene\.xml|states\.npz|(telemetry|controller)(_car_\d+)?\.(csv|py)|trace\.png|failed_scan\.npz|"
-    r"report\.html|debug\.html|recording\.mcap)"
-)
-"""Names of files in a run folder."""
-
-
 @contextmanager
-def _reserved(folder: Path, *, force: bool = False) -> Iterator[list[str]]:
-    """Make a folder, or claim one that is empty; one that stays empty is removed again.
-
-    With `force` it may have a run, whose files are yielded: the summary, which says that the run is whole, first.
-    """
+def _reserved(folder: Path) -> Iterator[None]:
+    """Make a folder, or claim one that is empty; one that stays empty is removed again."""
     try:
         if folder.exists() and not folder.is_dir():
             raise RunFolderError(f"{folder}: is a file; accepted: a new or empty folder")
         with claimed_folder(folder):
-            names = sorted((path.name for path in folder.iterdir()), key=lambda name: (name != SUMMARY, name))
-            others = [name for name in names if not _OF_A_RUN.fullmatch(name)]
-            if names and not force:
+            if any(folder.iterdir()):
                 raise RunFolderError(f"{folder}: is not empty; accepted: a new or empty folder")
-            if others:
-                raise RunFolderError(
-                    f"{folder}: has {short_text(others[0])}, which is no file of a run; accepted: a new or empty "
-                    "folder, or one with a run and nothing else"
-                )
-            yield names
+            yield
     except FgMujocoError:
         raise
     except OSError as error:

@@ -339,8 +339,9 @@ def _bundled(name: str) -> Tires:
 def _parsed(text: str, where: str, name: str) -> Tires:
     try:
         table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise SettingsError(f"{where}: is no TOML: {error}; accepted: as models/tires/forzaeth_nuc2.toml") from error
+    except (ValueError, RecursionError) as error:  # a number of thousands of digits is no TOMLDecodeError
+        reason = "nested too deep" if isinstance(error, RecursionError) else error
+        raise SettingsError(f"{where}: is no TOML: {reason}; accepted: as models/tires/forzaeth_nuc2.toml") from error
     return _of({"name": name, **table}, where)
 
 

@@ -66,7 +66,6 @@ def write_recorded_run(
     folder: str | Path,
     *,
     drive_topic: str | None = None,
-    force: bool = False,
 ) -> Path:
     """Write a run folder of a bag, and return its path. A failure leaves nothing behind.
 
@@ -78,7 +77,6 @@ def write_recorded_run(
       vehicle: that is shown, and whose constants a report has.
       folder: new or empty.
       drive_topic: of the commands; None: /drive, or the only one there is.
-      force: replace a run that is in the folder.
 
     Raises:
       BagError: a recording of less than a tick.
@@ -125,7 +123,7 @@ def write_recorded_run(
     def add(staging: Path) -> None:
         _write_recording(staging / RECORDING, sweeps, made, track, time, commands)
 
-    return write_run(result, folder, add=add, force=force)
+    return write_run(result, folder, add=add)
 
 
 def _base_track(sweeps: Sweeps, made: RecordedMap) -> FloatArray:
