@@ -528,3 +528,10 @@ def test_a_controllers_settings_follow_its_name(capsys):
     assert "has no setting 'lookahed'; accepted: speed_law, " in capsys.readouterr().err
     assert main([*plain, "--controller", "gap_finder[lookahead"]) == 2
     assert "accepted: NAME, or NAME[SETTING=VALUE,SETTING=VALUE]" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", [["export", "run", "--out"], ["track", "export", "oval"]])
+def test_a_file_name_that_is_too_long_is_refused_in_a_line(command, capsys):
+    assert main([*command, f"{'a' * 300}.mcap"]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and "Traceback" not in said

@@ -224,6 +224,8 @@ def test_parameters_of_the_car_are_taken_and_others_are_refused():
         ({"map": "nowhere"}, TrackError, "unknown track 'nowhere'.*FG_MUJOCO_MAPS=FOLDER"),
         ({"map": "./nowhere", "map_ext": ".png"}, TrackError, "nowhere.yaml: no such file"),
         ({"map": "a" * 300}, TrackError, "unknown track 'aaa"),
+        ({"map": "oval", "map_ext": "./"}, SettingsError, "map_ext is './'; accepted: an ending such as '.png'"),
+        ({"map": "oval", "map_ext": [".png"]}, SettingsError, "map_ext is .*; accepted: an ending such as '.png'"),
         ({"map": "oval", "map_ext": 10**400}, SettingsError, "scale is .*; accepted: a finite number from 0.01 to 100"),
     ],
 )

@@ -344,3 +344,9 @@ def test_a_wall_of_thousands_of_corners_is_traced_as_with_a_full_matrix(monkeypa
     monkeypatch.setattr(walls, "_DENSE", 0)
     assert len(full) > 100
     np.testing.assert_allclose(walls.trace(outline), full, atol=1e-9)
+
+
+def test_a_number_of_a_loop_beyond_all_is_refused_in_a_line(tmp_path):
+    path = draw_map(tmp_path, ring())
+    with pytest.raises(TrackError, match=r"loop is 9{30}; accepted: 1 to \d+, as track show counts them"):
+        load_map(f"{path}[loop={'9' * 30}]")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import os
 import sys
 import warnings
 from collections.abc import Iterator
@@ -222,7 +223,7 @@ def _replay_scans(options: argparse.Namespace) -> int:
 
 
 def _check_new(path: Path, *, force: bool) -> None:
-    if path.exists() and not force:
+    if os.path.exists(path) and not force:
         raise SettingsError(f"{path}: exists; accepted: a new file, or --force to replace it")
 
 

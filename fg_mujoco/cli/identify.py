@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -56,7 +57,7 @@ def _identify(options: argparse.Namespace) -> int:
         require_bokeh()
         if options.report.suffix.lower() not in (".html", ".htm"):
             raise SettingsError(f"{options.report}: is no name for a page; accepted: one that ends in .html")
-        if options.report.exists() and not options.force:
+        if os.path.exists(options.report) and not options.force:
             raise SettingsError(f"{options.report}: exists; accepted: a new file, or --force to replace it")
     with shown_as(str, "reading drives") as watch:
         found = identify(

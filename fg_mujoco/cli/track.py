@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import io
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -55,7 +56,7 @@ def add_track(add: Callable[..., argparse.ArgumentParser], commands: Any) -> Non
 
 
 def _new(options: argparse.Namespace) -> int:
-    if options.path.exists() and not options.force:
+    if os.path.exists(options.path) and not options.force:
         raise SettingsError(f"{options.path}: exists; accepted: a new file, or --force to replace it")
     kind, option = (f":{TIGHT}", " --tight") if options.tight else ("", "")
     track = require_track(load_track(f"random:{options.seed}{kind}"))
@@ -98,7 +99,7 @@ def _scenes(options: argparse.Namespace) -> int:
 
 def _export(options: argparse.Namespace) -> int:
     for file in (file for path in options.files for file in exported_files(path)):
-        if file.exists() and not options.force:
+        if os.path.exists(file) and not options.force:
             raise SettingsError(f"{file}: exists; accepted: a new file, or --force to replace it")
     track = require_track(load_track(options.track))
     print(*export_tracks(track, options.files, resolution=options.resolution), sep="\n")

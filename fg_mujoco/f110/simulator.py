@@ -12,6 +12,7 @@ What a script writes into a car's `state` is where the car goes on from at the n
 from __future__ import annotations
 
 import math
+import re
 import warnings
 from enum import Enum
 from pathlib import Path
@@ -210,7 +211,8 @@ class Simulator:
         Raises:
           SettingsError: a map or an extension of another kind.
         """
-        if not (map_ext is None or isinstance(map_ext, (str, int, float))):
+        named = isinstance(map_ext, str) and (not map_ext or re.fullmatch(r"\.?\w{1,20}", map_ext))
+        if not (map_ext is None or named or isinstance(map_ext, (int, float))):
             raise SettingsError(f"map_ext is {shown(map_ext)}; accepted: an ending such as '.png'")
         scale = number("scale", map_ext, 0.01, 100.0) if isinstance(map_ext, (int, float)) else 1.0
         extension = map_ext if isinstance(map_ext, str) else None

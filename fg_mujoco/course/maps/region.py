@@ -42,6 +42,7 @@ ROOM = 0.35
 DOOR = 1.2
 """[m] Obstacles nearer to each other than this are gone round together, if that is possible. A door is 1 m wide."""
 
+_MOST_LOOPS = 10**6  # no map has so many; a greater number of a loop is refused as this one is
 _LARGEST = 5  # obstacles that a loop round is looked for, in each region, with doors open and with doors shut
 _MOST_SIDES = 300_000  # of pixels along the walls of a region: some 3 s
 _MOST_SIDES_IN_ALL = 2 * _MOST_SIDES  # along those of all regions together
@@ -110,7 +111,7 @@ def find_course(
         and the option that closes it; fewer loops than `loop`; neither a lap nor an open way.
     """
     regions = _closed_regions(occupancy, start, close)
-    loops = list(islice(_loops(regions), max(loop, 1)))
+    loops = list(islice(_loops(regions), min(max(loop, 1), _MOST_LOOPS)))
     if 1 <= loop <= len(loops):
         return loops[-1]
     if loop != 1:
