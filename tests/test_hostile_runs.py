@@ -16,7 +16,7 @@ import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.course.files import read_arrays
 from fg_mujoco.course.mjcf import MOST_BODIES, MOST_ELEMENTS
-from fg_mujoco.racing.run_checks import checked_scene
+from fg_mujoco.racing.run_checks import check_summary, checked_scene
 from fg_mujoco.racing.run_folder import read_summary
 
 DOORS = {
@@ -329,6 +329,12 @@ def test_no_value_of_a_summary_ends_in_a_traceback(door, here, capsys, monkeypat
                 code = 2
             err = capsys.readouterr().err
             assert code in (0, 1) or (code == 2 and "Traceback" not in err and err.count("\n") <= 1), (name, value)
+
+
+@pytest.mark.parametrize("value", [{}, [], 3])
+def test_rules_of_another_type_are_refused_in_a_line(value):
+    with pytest.raises(ValueError, match="rules is .*; accepted: none or roboracer_2026"):
+        check_summary({"rules": value})
 
 
 def test_what_a_race_writes_is_accepted_of_every_vehicle(tmp_path):

@@ -177,7 +177,8 @@ _SUMMARY: dict[str, tuple[str, Accepts]] = {
     ),
     "cars": (f"a row of values for each of up to {GREATEST_CARS} cars", _are_cars),
     "grid": (" or ".join(GRIDS), lambda value: value in GRIDS),
-    "rules": (" or ".join(RULES), lambda value: value in RULES), "winner": _TEXT,
+    "rules": (" or ".join(RULES), lambda value: isinstance(value, str) and value in RULES),
+    "winner": _TEXT,
     **{
         name: (f"a list of {kind.__name__}, as a race wrote it", _are(kind))
         for name, kind in (("overtakes", Overtake), ("contacts", Contact), ("warnings", Warned), ("restarts", Restart))
