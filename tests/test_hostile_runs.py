@@ -333,7 +333,7 @@ def test_no_value_of_a_summary_ends_in_a_traceback(door, here, capsys, monkeypat
 
 @pytest.mark.parametrize("value", [{}, [], 3])
 def test_rules_of_another_type_are_refused_in_a_line(value):
-    with pytest.raises(ValueError, match="rules is .*; accepted: none or roboracer_2026"):
+    with pytest.raises(ValueError, match=r"rules is .*; accepted: none or roboracer_2026"):
         check_summary({"rules": value})
 
 
