@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import os
 import sys
 import warnings
 from collections.abc import Iterator
@@ -23,7 +22,7 @@ from ..ros.grid import RESOLUTION
 from ..simulation.course_loading import load_track
 from ..simulation.settings import DriveSettings
 from .options import add_controller_option, add_drive_options, drive_options, in_one_line, number
-from .out import RUN
+from .out import RUN, require_new
 from .progress import ProgressLine
 from .report import report_race
 
@@ -106,7 +105,7 @@ def _export(options: argparse.Namespace) -> int:
     path = options.out or Path(f"{Path(options.folder).resolve().name}.mcap")
     if path.suffix.lower() != ".mcap":
         raise SettingsError(f"{path}: is no name for a bag; accepted: one that ends in .mcap")
-    _check_new(path, force=options.force)
+    require_new(path, force=options.force)
     with _progress("tick") as watch:
         ticks = export_bag(options.folder, path, watch, trust=options.trust)
     print(f"{path}: {ticks} ticks, {path.stat().st_size / 1e6:.1f} MB")
@@ -123,7 +122,7 @@ def _bag(options: argparse.Namespace) -> int:
         require_maps_extra()
     if options.map is not None:
         for file in map_files(options.map):
-            _check_new(file, force=options.force)
+            require_new(file, force=options.force)
     if options.out is not None:
         check_run_folder(options.out)
     vehicle = DriveSettings(**drive_options(options, "vehicle")).car
@@ -183,7 +182,7 @@ def _replay_scans(options: argparse.Namespace) -> int:
     require_ros_extra()
     out = options.out or Path(f"{Path(options.bag).resolve().stem}_commands.csv")
     check_commands_file(out)
-    _check_new(out, force=options.force)
+    require_new(out, force=options.force)
     choice = ControllerChoice.of(options.controller)
     drive = DriveSettings(**drive_options(options, "vehicle", "tires", "planner_mu", "max_speed"))
     course = load_track(options.track or _ANY_TRACK, car=drive.car.parameters)
@@ -220,11 +219,6 @@ def _replay_scans(options: argparse.Namespace) -> int:
             return 1
     print(f"{out}: {count} commands to the scans on {bag.topics[SCAN]}")
     return 0
-
-
-def _check_new(path: Path, *, force: bool) -> None:
-    if os.path.exists(path) and not force:
-        raise SettingsError(f"{path}: exists; accepted: a new file, or --force to replace it")
 
 
 @contextlib.contextmanager

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from ..errors import SettingsError
 from .options import number
+from .out import require_new
 from .progress import shown_as
 
 _DONE = 0
@@ -57,8 +57,7 @@ def _identify(options: argparse.Namespace) -> int:
         require_bokeh()
         if options.report.suffix.lower() not in (".html", ".htm"):
             raise SettingsError(f"{options.report}: is no name for a page; accepted: one that ends in .html")
-        if os.path.exists(options.report) and not options.force:
-            raise SettingsError(f"{options.report}: exists; accepted: a new file, or --force to replace it")
+        require_new(options.report, force=options.force)
     with shown_as(str, "reading drives") as watch:
         found = identify(
             *options.sources,

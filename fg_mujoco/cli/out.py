@@ -19,7 +19,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ..course.files import is_file, is_folder, read_text
-from ..errors import RunFolderError
+from ..errors import RunFolderError, SettingsError
 from ..racing.run_folder import SUMMARY, read_summary
 
 RUN, STUDY = "run", "study"
@@ -83,6 +83,16 @@ def chosen_folder(options: argparse.Namespace, kind: str | None) -> Iterator[Non
             raise RunFolderError(f"{error}{hint}") from error
     else:
         raise RunFolderError(f"{folder}: has a {there}; accepted: a new or empty folder, {ways}")
+
+
+def require_new(path: str | Path, *, force: bool) -> None:
+    """Refuse to write a file that exists, unless `--force` says to replace it.
+
+    Raises:
+      SettingsError: it exists.
+    """
+    if os.path.exists(path) and not force:
+        raise SettingsError(f"{path}: exists; accepted: a new file, or --force to replace it")
 
 
 def _kind_of(folder: str) -> str | None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import io
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ from ..errors import SettingsError
 from ..simulation.course_loading import load_track
 from ..viz.plots import track_picture
 from .options import number
+from .out import require_new
 
 _DONE = 0
 
@@ -56,8 +56,7 @@ def add_track(add: Callable[..., argparse.ArgumentParser], commands: Any) -> Non
 
 
 def _new(options: argparse.Namespace) -> int:
-    if os.path.exists(options.path) and not options.force:
-        raise SettingsError(f"{options.path}: exists; accepted: a new file, or --force to replace it")
+    require_new(options.path, force=options.force)
     kind, option = (f":{TIGHT}", " --tight") if options.tight else ("", "")
     track = require_track(load_track(f"random:{options.seed}{kind}"))
     write_centreline(track, options.path, [f"made by: fg-mujoco track new --seed {options.seed}{option}"])
@@ -99,8 +98,7 @@ def _scenes(options: argparse.Namespace) -> int:
 
 def _export(options: argparse.Namespace) -> int:
     for file in (file for path in options.files for file in exported_files(path)):
-        if os.path.exists(file) and not options.force:
-            raise SettingsError(f"{file}: exists; accepted: a new file, or --force to replace it")
+        require_new(file, force=options.force)
     track = require_track(load_track(options.track))
     print(*export_tracks(track, options.files, resolution=options.resolution), sep="\n")
     return _DONE
