@@ -34,6 +34,7 @@ from weakref import WeakSet
 import numba
 import numpy as np
 from llvmlite.binding import parse_bitcode
+from llvmlite.ir import Function, FunctionType, IRBuilder, VoidType
 from numba.core import event, types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, CompilerBase, CompileResult, DefaultPassBuilder, compile_result
@@ -42,6 +43,7 @@ from numba.core.errors import ForceLiteralArg
 from numba.core.registry import CPUDispatcher
 from numba.core.serialize import dumps
 from numba.core.sigutils import normalize_signature
+from numba.extending import intrinsic
 
 if TYPE_CHECKING:
     from importlib.abc import Traversable
@@ -68,6 +70,36 @@ def kernel(function: _F) -> _F:
 def inlined(function: _F) -> _F:
     """Write a function out wherever kernels call it, for what is called in their inner loops."""
     return cast(_F, numba.njit(inline="always", **_OPTIONS)(function))
+
+
+def c_function(function: Any, *arguments: Any) -> Any:
+    """Return what gives kernels the address of a function in C that calls a kernel, for libraries that call back.
+
+    Args:
+      function: the kernel, which returns nothing.
+      arguments: numba's types of its arguments: integers, of the size that the library passes.
+    """
+
+    def address(typing: Any) -> Any:
+        kind = typing.resolve_value_type(function)
+        kind.get_call_type(typing, arguments, {})
+
+        def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+            compiled = kind.dispatcher.overloads[arguments]
+            context.active_code_library.add_linking_library(compiled.library)
+            values = [context.get_value_type(argument) for argument in arguments]
+            name = f"{compiled.fndesc.mangled_name}.in_c"
+            made = Function(builder.module, FunctionType(VoidType(), values), name)
+            made.linkage = "internal"
+            inside = IRBuilder(made.append_basic_block())
+            called = context.declare_function(builder.module, compiled.fndesc)
+            context.call_conv.call_function(inside, called, types.none, arguments, list(made.args))
+            inside.ret_void()
+            return builder.ptrtoint(made, context.get_value_type(types.int64))
+
+        return types.int64(), generate
+
+    return intrinsic(address)
 
 
 class _Kernel(CPUDispatcher):  # type: ignore[misc]

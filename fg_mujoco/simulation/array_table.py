@@ -24,7 +24,7 @@ from ..kernels import kernel
 from ..lidar.links import LINK
 from ..messages import ODOMETRY
 from ..vehicle.motion import CAR
-from ..vehicle.tire_forces import TIRE
+from ..vehicle.tire_forces import GEAR, TIRE
 from .telemetry import STATISTICS
 
 Row = NDArray[np.int64]
@@ -70,6 +70,12 @@ def _as_pointer(context: Any, address: Any) -> Any:
 
 
 _pointer: Any = intrinsic(_as_pointer)
+
+
+@kernel
+def table_at(address: int, count: int) -> Any:
+    """Return the table of so many arrays that is at an address."""
+    return carray(_pointer(address), (count, 4), np.int64)
 
 
 @kernel
@@ -142,6 +148,12 @@ def link_rows(row: Row) -> Any:
 def tire_rows(row: Row) -> Any:
     """Return the array of a row: of type TIRE."""
     return carray(_pointer(row[0]), (row[1],), TIRE)
+
+
+@kernel
+def gear_rows(row: Row) -> Any:
+    """Return the array of a row: of type GEAR."""
+    return carray(_pointer(row[0]), (row[1],), GEAR)
 
 
 @kernel

@@ -6,17 +6,21 @@ import math
 from typing import Any
 
 import numpy as np
+from numba import types
 from numpy.typing import NDArray
 
 from ..course.course import Course
-from ..kernels import kernel
+from ..kernels import c_function, kernel
 from ..lidar.scene import SceneArrays, Scratch
+from ..vehicle.stages import Fields
+from ..vehicle.tire_forces import Inertia
 from .array_table import (
     Table,
     car_rows,
     corner_numbers,
     cube,
     flags,
+    gear_rows,
     link_rows,
     matrix,
     numbers,
@@ -24,42 +28,47 @@ from .array_table import (
     short_matrix,
     short_numbers,
     statistics_rows,
+    table_at,
     timer_rows,
     tire_rows,
     whole_matrix,
     whole_numbers,
 )
-from .physics import Batch, StateLayout
+from .physics import Batch, StateLayout, apply_to_states
 from .termination import judge_cars
-from .tick import Floor, Mounts, drive_cars, read_cars, scan_cars
+from .tick import Mounts, book_cars, hold_commands, read_cars, scan_cars, worlds_to_drive
+from .world_step import Floor, Sizes, step_world
 
 NAMES = (
     "places", "running", "states", "sensors", "cars", "timers", "odometry", "telemetry", "offset_positions",
     "offset_rotations", "motions", *SceneArrays._fields, *Scratch._fields, "ranges", "commands", "times", "records",
-    "ids", "controls", "status", "failed", "mu", "slip", "crashed", "statistics", "reasons", "warnings", "lap_times",
+    "ids", "status", "failed", "mu", "slip", "crashed", "statistics", "reasons", "warnings", "lap_times",
     "standing_since", "table", "tires", "tire_states",
-    "patches", "wheels", "floor_mu", "friction", "pairs", "car_places", "links", "touch_places", "touched_at",
+    "patches", "wheels", "floor_mu", "pairs", "car_places", "links", "touch_places", "touched_at", "sizes", "span",
+    "fields", "row_counts", "row_starts", "inertia_columns", "gears", "scratch",
 )  # fmt: skip
 """Of the arrays in a table, in the order of its rows."""
 
 (
     _PLACES, _RUNNING, _STATES, _SENSORS, _CARS, _TIMERS, _ODOMETRY, _TELEMETRY, _OFFSET_POSITIONS, _OFFSET_ROTATIONS,
     _MOTIONS, _BEAMS, _LIMITS, _EDGES, _TRIANGLES, _BOXES, _SPANS, _PLANES, _FRAMES, _SHAPES, _SPHERES, _CUTS,
-    _COLUMNS, _NEAREST, _VIEWS, _BINS, _POSES, _RANGES, _COMMANDS, _TIMES, _RECORDS, _IDS, _CONTROLS, _STATUS,
+    _COLUMNS, _NEAREST, _VIEWS, _BINS, _POSES, _RANGES, _COMMANDS, _TIMES, _RECORDS, _IDS, _STATUS,
     _FAILED, _MU, _SLIP, _CRASHED, _STATISTICS, _REASONS, _WARNINGS, _LAP_TIMES, _STANDING_SINCE, _TABLE, _TIRE_ROWS,
-    _TIRE_STATES, _PATCHES, _WHEELS, _FLOOR_MU, _FRICTION, _PAIRS, _CAR_PLACES, _LINKS, _TOUCH_PLACES, _TOUCHED_AT,
+    _TIRE_STATES, _PATCHES, _WHEELS, _FLOOR_MU, _PAIRS, _CAR_PLACES, _LINKS, _TOUCH_PLACES, _TOUCHED_AT, _SIZES, _SPAN,
+    _FIELDS, _ROW_COUNTS, _ROW_STARTS, _COLUMNS_OF_INERTIA, _GEARS, _SCRATCH,
 ) = range(len(NAMES))  # fmt: skip
 
-_CARS_PER_WORLD, _BATCH, _RECORD, _LAPS, _FIRST_OF_LAYOUT = range(5)
+_ARRAYS = len(NAMES)
+
+_CARS_PER_WORLD, _BATCH, _LAPS, _FIRST_OF_LAYOUT = range(4)
+_FIRST, _END, _ADVANCE = range(3)
 _TIMESTEP, _LENGTH, _MODULUS, _STOP_TIME, _LAST_TIME = range(5)
 
 
 def whole_places(cars_per_world: int, batch: Batch, laps: int, layout: StateLayout) -> NDArray[np.int64]:
     """Return the array `places` of a table."""
-    spans = (
-        *layout.qpos, *layout.qvel, *layout.ctrl, *layout.mocap_pos, *layout.xfrc_applied, *layout.userdata
-    )  # fmt: skip
-    return np.array((cars_per_world, batch.address, batch.record, laps, layout.time, *spans), np.int64)
+    spans = (*layout.qpos, *layout.qvel, *layout.ctrl, *layout.mocap_pos, *layout.userdata)
+    return np.array((cars_per_world, batch.address, laps, layout.time, *spans), np.int64)
 
 
 def course_numbers(
@@ -78,7 +87,7 @@ def _layout(places: Any) -> StateLayout:
     k = _FIRST_OF_LAYOUT
     return StateLayout(
         places[k], (places[k + 1], places[k + 2]), (places[k + 3], places[k + 4]), (places[k + 5], places[k + 6]),
-        (places[k + 7], places[k + 8]), (places[k + 9], places[k + 10]), (places[k + 11], places[k + 12]),
+        (places[k + 7], places[k + 8]), (places[k + 9], places[k + 10]),
     )  # fmt: skip
 
 
@@ -117,23 +126,79 @@ def sense(table: Table, which: NDArray[np.bool_]) -> None:
 
 
 @kernel
-def drive(table: Table) -> None:
-    """Hold the commands of the cars that race for a tick, see `drive_cars`."""
-    places, times = whole_numbers(table[_PLACES]), numbers(table[_TIMES])
-    drive_cars(
-        flags(table[_RUNNING]), places[_CARS_PER_WORLD], matrix(table[_STATES]), _layout(places),
-        matrix(table[_COMMANDS]), car_rows(table[_CARS]), whole_matrix(table[_CAR_PLACES]),
-        whole_matrix(table[_TOUCH_PLACES]), tire_rows(table[_TIRE_ROWS]), cube(table[_TIRE_STATES]),
-        Floor(
-            matrix(table[_PATCHES]), matrix(table[_WHEELS]), cube(table[_FLOOR_MU]), cube(table[_FRICTION]),
-            short_numbers(table[_PAIRS]),
+def _fields_of(n: Any) -> Fields:
+    return Fields(
+        n[0], n[1], n[2], n[3], n[4], n[5], n[6], n[7], n[8], n[9], n[10], n[11], n[12], n[13], n[14], n[15], n[16],
+        n[17], n[18], n[19], n[20], n[21], n[22],
+    )  # fmt: skip
+
+
+@kernel
+def _floor(table: Table) -> Floor:
+    return Floor(
+        matrix(table[_PATCHES]), matrix(table[_WHEELS]), cube(table[_FLOOR_MU]), short_numbers(table[_PAIRS])
+    )  # fmt: skip
+
+
+@kernel
+def _step_world(model: int, data: int, world: int, address: int) -> None:
+    """Do the steps of `span` in a world, see `step_world`; MuJoCo's batch calls it with the address of a table."""
+    table = table_at(address, _ARRAYS)
+    sizes, span = whole_numbers(table[_SIZES]), whole_numbers(table[_SPAN])
+    step_world(
+        model, data, world, span[_FIRST], span[_END], span[_ADVANCE] != 0,
+        Sizes(sizes[0], sizes[1], sizes[2], sizes[3], sizes[4], sizes[5], sizes[6]),
+        _fields_of(whole_numbers(table[_FIELDS])),
+        Inertia(
+            short_numbers(table[_ROW_COUNTS]), short_numbers(table[_ROW_STARTS]),
+            short_numbers(table[_COLUMNS_OF_INERTIA]),
         ),
-        matrix(table[_MOTIONS]), times[_TIMESTEP], places[_BATCH], places[_RECORD], matrix(table[_SENSORS]),
-        cube(table[_RECORDS]), short_numbers(table[_IDS]), cube(table[_CONTROLS]),
-        short_numbers(table[_STATUS]), flags(table[_FAILED]), matrix(table[_MU]),
+        gear_rows(table[_GEARS]), whole_matrix(table[_CAR_PLACES]), car_rows(table[_CARS]),
+        tire_rows(table[_TIRE_ROWS]), matrix(table[_MU]), _floor(table), matrix(table[_MOTIONS]),
+        numbers(table[_TIMES])[_TIMESTEP], cube(table[_RECORDS]), cube(table[_TIRE_STATES]), numbers(table[_SCRATCH]),
+    )  # fmt: skip
+
+
+_step_world_in_c = c_function(_step_world, types.int64, types.int64, types.int32, types.int64)
+
+
+@kernel
+def step(table: Table, count: int, first: int, end: int, advance: bool) -> None:
+    """Do physics steps `first` up to `end` of a tick in the first `count` worlds of `ids`."""
+    places, span = whole_numbers(table[_PLACES]), whole_numbers(table[_SPAN])
+    span[_FIRST], span[_END], span[_ADVANCE] = first, end, advance
+    apply_to_states(places[_BATCH], short_numbers(table[_IDS]), count, _step_world_in_c(), table.ctypes.data)
+
+
+@kernel
+def book(table: Table, count: int) -> None:
+    """Read what a tick's steps recorded in the first `count` worlds of `ids`, see `book_cars`."""
+    places = whole_numbers(table[_PLACES])
+    book_cars(
+        short_numbers(table[_IDS]), count, places[_CARS_PER_WORLD], matrix(table[_STATES]), _layout(places),
+        car_rows(table[_CARS]), whole_matrix(table[_CAR_PLACES]), whole_matrix(table[_TOUCH_PLACES]),
+        tire_rows(table[_TIRE_ROWS]), cube(table[_TIRE_STATES]), _floor(table), flags(table[_RUNNING]),
+        cube(table[_RECORDS]), short_numbers(table[_STATUS]), flags(table[_FAILED]), matrix(table[_MU]),
         cube(table[_SLIP]), flags(table[_CRASHED]), matrix(table[_TOUCHED_AT]), matrix(table[_TELEMETRY]),
         statistics_rows(table[_STATISTICS]),
     )  # fmt: skip
+
+
+@kernel
+def drive(table: Table) -> None:
+    """Hold the commands of the cars that race for a tick, and write what their tires and chassis did meanwhile.
+
+    A world is stepped as long as any of its cars runs.
+    """
+    places, ids = whole_numbers(table[_PLACES]), short_numbers(table[_IDS])
+    count = worlds_to_drive(flags(table[_RUNNING]), places[_CARS_PER_WORLD], ids)
+    hold_commands(
+        ids, count, places[_CARS_PER_WORLD], matrix(table[_STATES]), _layout(places), matrix(table[_COMMANDS]),
+        car_rows(table[_CARS]), matrix(table[_TELEMETRY]),
+    )  # fmt: skip
+    if count > 0:
+        step(table, count, 0, cube(table[_RECORDS]).shape[1], True)
+        book(table, count)
 
 
 @kernel

@@ -238,7 +238,7 @@ class Engine:
     def records(self, i: int = 0) -> FloatArray:
         """Return the sensors of world i in each physics step of its last tick, (substeps, nsensordata). Live."""
         batch, place = self._place_of(i)
-        found: FloatArray = batch.physics.records[int(np.flatnonzero(batch.driven_last == place)[0])]
+        found: FloatArray = batch.physics.records[place]
         return found
 
     def put(self, row: int, start: Start) -> None:

@@ -1,6 +1,6 @@
 """Many states of one model, stepped in C: MuJoCo's batch functions, called from Python and from kernels.
 
-A kernel calls `step_states` without Python in between and without the GIL. The bits of each state are those that
+A kernel calls `apply_to_states` without Python in between and without the GIL. The bits of each state are those that
 `mujoco.mj_step` gives it alone. What one state raises, such as a stack that is too small, fails that state only.
 """
 
@@ -9,10 +9,8 @@ from __future__ import annotations
 import ctypes
 import math
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
-import llvmlite.binding
 import mujoco
 import numpy as np
 from numba import types
@@ -21,6 +19,7 @@ from numpy.typing import NDArray
 from ..errors import EngineError
 from ..kernels import kernel
 from ..messages import FloatArray
+from ..vehicle.stages import library_path
 
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 """What a state holds: all that the next step depends on."""
@@ -33,9 +32,6 @@ BAD_WARNINGS = slice(2 * BAD_STATE.start + 1, 2 * BAD_STATE.stop, 2)
 
 _WARNINGS = int(mujoco.mjtWarning.mjNWARNING)
 
-CTRL = int(mujoco.mjtState.mjSTATE_CTRL)
-CTRL_AND_MOCAP = CTRL | int(mujoco.mjtState.mjSTATE_MOCAP_POS)
-
 _ALL_STAGES = int(mujoco.mjtStage.mjSTAGE_ACC)
 _PARTS = {
     "time": mujoco.mjtState.mjSTATE_TIME,
@@ -43,22 +39,8 @@ _PARTS = {
     "qvel": mujoco.mjtState.mjSTATE_QVEL,
     "ctrl": mujoco.mjtState.mjSTATE_CTRL,
     "mocap_pos": mujoco.mjtState.mjSTATE_MOCAP_POS,
-    "xfrc_applied": mujoco.mjtState.mjSTATE_XFRC_APPLIED,
     "userdata": mujoco.mjtState.mjSTATE_USERDATA,
 }
-
-
-def _library_path() -> str:
-    """Return the file of the MuJoCo library that the Python package uses.
-
-    Raises:
-      EngineError: there is none beside the package.
-    """
-    folder = Path(mujoco.__file__).parent
-    for pattern in ("libmujoco.so*", "libmujoco*.dylib", "mujoco.dll"):
-        for path in sorted(folder.glob(pattern)):
-            return str(path)
-    raise EngineError(f"there is no MuJoCo library in {folder}; accepted: the package `mujoco` as pip installs it")
 
 
 class _Config(ctypes.Structure):
@@ -67,14 +49,7 @@ class _Config(ctypes.Structure):
     _fields_ = (("nthread", ctypes.c_int), ("persistent", ctypes.c_ubyte))
 
 
-class _Record(ctypes.Structure):
-    """mjBatchRecord."""
-
-    _fields_ = (("field", ctypes.c_char_p), ("spec", ctypes.c_int), ("buffer", ctypes.c_void_p))
-
-
-_LIBRARY = ctypes.CDLL(_library_path())
-llvmlite.binding.load_library_permanently(_library_path())  # so that kernels, compiled or read from disk, find it
+_LIBRARY = ctypes.CDLL(library_path())
 
 _ADDRESS, _INT = ctypes.c_void_p, ctypes.c_int
 _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
@@ -90,7 +65,6 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "mjb_setModels": (None, (_ADDRESS, _ADDRESS)),
     "mjb_forward": (_INT, (_ADDRESS, _ADDRESS, _INT, _INT)),
     "mjb_reset": (_INT, (_ADDRESS, _ADDRESS, _INT, _ADDRESS, _INT)),
-    "mjb_rollout": (_INT, (_ADDRESS, _ADDRESS, _INT, _INT, _ADDRESS, _INT, _ADDRESS, _INT)),
     "mjb_getModel": (None, (_ADDRESS, _INT, _ADDRESS)),
     "mjb_getData": (None, (_ADDRESS, _INT, _ADDRESS)),
 }  # fmt: skip
@@ -98,28 +72,23 @@ for _name, (_result, _arguments) in _FUNCTIONS.items():
     _function = getattr(_LIBRARY, _name)
     _function.restype, _function.argtypes = _result, _arguments
 
-_rollout: Any = types.ExternalFunction(
-    "mjb_rollout",
-    types.int32(types.uintp, types.uintp, types.int32, types.int32, types.uintp, types.int32, types.uintp, types.int32),
+_apply: Any = types.ExternalFunction(
+    "mjb_apply", types.int32(types.uintp, types.uintp, types.int32, types.uintp, types.uintp, types.int32)
 )
 
 
 @kernel
-def step_states(
-    batch: int, ids: NDArray[np.int32], count: int, steps: int, control: int, parts: int, record: int
-) -> int:
-    """Step some states; return how many of them failed. For kernels.
+def apply_to_states(batch: int, ids: NDArray[np.int32], count: int, function: int, argument: int) -> int:
+    """Call a function of C for some states; return for how many of them it failed. For kernels.
 
     Args:
       batch: `Batch.address`.
       ids: (at least count,) which states.
       count: how many.
-      steps: physics steps.
-      control: address of (count, steps, k) values set before each step; 0: there are none.
-      parts: of the state that `control` sets, CTRL or CTRL_AND_MOCAP.
-      record: `Batch.record`; 0: sensors are not recorded.
+      function: address of what gets model, data, number of the state, and the argument (kernels.c_function).
+      argument: to be handed on.
     """
-    failed: int = _rollout(batch, ids.ctypes.data, count, steps, control, parts, record, 1 if record else 0)
+    failed: int = _apply(batch, ids.ctypes.data, count, function, argument, 1)
     return failed
 
 
@@ -138,7 +107,6 @@ class StateLayout(NamedTuple):
     qvel: tuple[int, int]
     ctrl: tuple[int, int]
     mocap_pos: tuple[int, int]
-    xfrc_applied: tuple[int, int]
     userdata: tuple[int, int]
 
     @classmethod
@@ -157,11 +125,10 @@ class Batch:
       steps: physics steps of one call, whose sensors are recorded.
 
     Attributes:
-      address: of the batch, for `step_states`.
-      record: address of what says where sensors are recorded.
+      address: of the batch, for `apply_to_states`.
       states: (n, k) as mj_getState has them with STATE. Live: what is written here is stepped from.
       sensors: (n, nsensordata) after the last step or forward pass. Live.
-      records: (n, steps, nsensordata) the sensors of each step of the last call, in the order of its ids.
+      records: (n, steps, nsensordata) room for the sensors of each step of a tick.
       warnings: (n, 2 kinds) what MuJoCo's last warning of a kind was about, and how many there were. Live.
       status: (n,) not 0 where the last call failed. Live.
 
@@ -187,8 +154,6 @@ class Batch:
         self.status: NDArray[np.int32] = _view(self._handle, _LIBRARY.mjb_status(self.address), (count,), np.int32)
         self.sensors: FloatArray = self._live("mjb_output", "sensordata", (model.nsensordata,))
         self.records = np.zeros((count, steps, model.nsensordata))
-        self._record = _Record(b"sensordata", 0, self.records.ctypes.data)
-        self.record = ctypes.addressof(self._record)
         self._models: tuple[mujoco.MjModel, ...] = ()
 
     @property
@@ -231,11 +196,6 @@ class Batch:
     def forward(self, ids: NDArray[np.int32]) -> None:
         """Work out everything of some states, sensors too, as mj_forward does."""
         self._check(_LIBRARY.mjb_forward(self.address, ids.ctypes.data, len(ids), _ALL_STAGES))
-
-    def step(self, ids: NDArray[np.int32], place: int) -> None:
-        """Step some states once; their sensors become step `place` of `records`."""
-        _LIBRARY.mjb_rollout(self.address, ids.ctypes.data, len(ids), 1, None, CTRL, None, 0)
-        self.records[: len(ids), place] = self.sensors[ids]
 
     def error(self, i: int) -> str:
         """Return why the last call failed for state i."""

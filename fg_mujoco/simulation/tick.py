@@ -18,22 +18,17 @@ from ..lidar.links import place_links
 from ..lidar.scanline import scan
 from ..lidar.scene import SceneArrays, Scratch
 from ..messages import FloatArray
-from ..vehicle.friction_patches import look_at_floor
-from ..vehicle.motion import drive, planar_pose, read_odometry
-from ..vehicle.tire_forces import USERDATA, apply_forces, note_loads
+from ..vehicle.motion import drive, read_odometry
+from ..vehicle.tire_forces import USERDATA
 from ..vehicle.tire_slip import measure_slip
-from .physics import CTRL, CTRL_AND_MOCAP, StateLayout, step_states
+from .physics import StateLayout
 from .telemetry import COMMAND, GREATEST_COMMAND, add_row, begin_row, end_motion, end_row
+from .world_step import AXLES, CHASSIS_CONTACT, FIRST_TIRE, MOUNT, TIRES, TREE, Floor
 
 Mask = NDArray[np.bool_]
 Rows = NDArray[np.void]
 Places = NDArray[np.int64]
 
-
-TIRES, AXLES, CHASSIS_CONTACT, FIRST_TIRE, MOUNT, TREE = range(6)
-"""Columns of `car_places`, one row for each car of a world: where in its sensors the tires' readings begin, those of
-the axles (-1: none) and the chassis' contact; its first row among the tires with a curve (-1: it has none); where in
-qpos the pose of the body that its LiDAR is fixed to is; and the tree of its bodies, as in SceneArrays (-1: none)."""
 
 _APART = 0.5  # [s] without touching each other after which two cars touch anew
 
@@ -43,16 +38,6 @@ class Mounts(NamedTuple):
 
     offset_positions: FloatArray  # (m, 3) [m]
     offset_rotations: FloatArray  # (m, 3, 3)
-
-
-class Floor(NamedTuple):
-    """The patches of the worlds, and what the tires have on them; all empty where there are none."""
-
-    patches: FloatArray  # (k, 7) of `patch_table`
-    wheels: FloatArray  # (4 cars_per_world, 2) of `wheel_positions`
-    mu: FloatArray  # (r, steps, 4) room: what each tire had in each step of a tick; by place among the driven worlds
-    friction: FloatArray  # (n, pairs, 5) `pair_friction` of the worlds, written to
-    pairs: NDArray[np.int32]  # (4 cars_per_world,) of the tires
 
 
 @kernel
@@ -146,175 +131,17 @@ def scan_cars(
 
 
 @kernel
-def drive_cars(
-    running: Mask,
-    cars_per_world: int,
-    states: FloatArray,
-    layout: StateLayout,
-    commands: FloatArray,
-    cars: Rows,
-    car_places: Places,
-    touch_places: Places,
-    tire_rows: Rows,
-    tire_states: FloatArray,
-    floor: Floor,
-    motions: FloatArray,
-    timestep: float,
-    batch: int,
-    record: int,
-    sensors: FloatArray,
-    records: FloatArray,
-    ids: NDArray[np.int32],
-    controls: FloatArray,
-    status: NDArray[np.int32],
-    failed: Mask,
-    mu: FloatArray,
-    slip: FloatArray,
-    crashed: Mask,
-    touched_at: FloatArray,
-    telemetry: FloatArray,
-    statistics: Rows,
-) -> None:
-    """Hold the commands of the cars for a tick, and write what the tires and the chassis did meanwhile.
-
-    A world is stepped as long as any of its cars runs.
-
-    Args:
-      running: (r,) which cars run.
-      cars_per_world: r of them make one world.
-      states: (n, k) of the worlds, stepped.
-      layout: of a state.
-      commands: (r, 2) [rad, m/s].
-      cars: (r,) of CAR.
-      car_places: (cars_per_world, 6) see TREE.
-      touch_places: (cars_per_world, cars_per_world) where in the sensors two cars' touching is.
-      tire_rows: (k,) of TIRE, of the cars whose tires have a curve.
-      tire_states: (n, steps, k) room for the tires' user data after each step.
-      floor: of the worlds.
-      motions: (obstacles, 8) of `motion_table`.
-      timestep: of the physics [s].
-      batch: `Batch.address`.
-      record: `Batch.record`.
-      sensors: (n, nsensordata) `Batch.sensors`.
-      records: (n, steps, nsensordata) `Batch.records`.
-      ids: (n,) room for the worlds that are stepped.
-      controls: (n, steps, controls and positions of obstacles) room, where obstacles move.
-      status: (n,) `Batch.status`.
-      failed: (r,) written to: whether the engine failed.
-      mu: (r, 4) of the tires.
-      slip: (QUANTITIES, steps, 4) room; left with the slip of the last car.
-      crashed: (r,) written to: whether the chassis touched something else than a car.
-      touched_at: (r, cars_per_world) when a car last touched each other of its world [s], written to.
-      telemetry: (r, len(TELEMETRY)), its last columns written to.
-      statistics: (r,) of STATISTICS, written to.
-    """
+def worlds_to_drive(running: Mask, cars_per_world: int, ids: NDArray[np.int32]) -> int:
+    """Write the numbers of the worlds in which any car runs into `ids` (n,), and return how many there are."""
     count = 0
-    for world in range(len(states)):
+    for world in range(len(running) // cars_per_world):
         runs = False
         for row in range(world * cars_per_world, (world + 1) * cars_per_world):
             runs = runs or running[row]
         if runs:
             ids[count] = world
             count += 1
-    hold_commands(ids, count, cars_per_world, states, layout, commands, cars, telemetry)
-    steps = records.shape[1]
-    if len(tire_rows) > 0 or len(floor.patches) > 0:
-        for step in range(steps):
-            push_tires(
-                ids, count, cars_per_world, states, layout, cars, car_places, tire_rows, floor, mu, timestep, step
-            )
-            step_states(batch, ids, count, 1, 0, CTRL, 0)
-            note_tires(ids, count, states, layout, sensors, car_places, tire_states, step)
-            for place in range(count):
-                world = ids[place]
-                records[place, step] = sensors[world]
-                if len(motions) > 0:
-                    _place_obstacles(motions, states[world, layout.time], states[world, layout.mocap_pos[0] :])
-    elif count > 0:
-        if len(motions) > 0:
-            first, end = layout.ctrl
-            for place in range(count):
-                time = states[ids[place], layout.time]
-                for step in range(steps):
-                    control = controls[place, step]
-                    for k in range(end - first):
-                        control[k] = states[ids[place], first + k]
-                    _place_obstacles(motions, time, control[end - first :])
-                    time += timestep  # as MuJoCo sums it up
-            step_states(batch, ids, count, steps, controls.ctypes.data, CTRL_AND_MOCAP, record)
-        else:
-            step_states(batch, ids, count, steps, 0, CTRL, record)
-    for place in range(count):
-        world = ids[place]
-        if len(motions) > 0:
-            _place_obstacles(motions, states[world, layout.time], states[world, layout.mocap_pos[0] :])
-    book_cars(
-        ids, count, cars_per_world, states, layout, cars, car_places, touch_places, tire_rows, tire_states, floor,
-        running, records, status, failed, mu, slip, crashed, touched_at, telemetry, statistics,
-    )  # fmt: skip
-
-
-@kernel
-def push_tires(
-    ids: NDArray[np.int32],
-    count: int,
-    cars_per_world: int,
-    states: FloatArray,
-    layout: StateLayout,
-    cars: Rows,
-    car_places: Places,
-    tire_rows: Rows,
-    floor: Floor,
-    mu: FloatArray,
-    timestep: float,
-    step: int,
-) -> None:
-    """Write the tires' friction and forces in `count` worlds `ids` for the physics step `step` of a tick.
-
-    Arguments are as in `drive_cars`.
-    """
-    patched = len(floor.patches) > 0
-    for place in range(count):
-        world = ids[place]
-        state = states[world]
-        qpos, qvel = state[layout.qpos[0] : layout.qpos[1]], state[layout.qvel[0] : layout.qvel[1]]
-        userdata, applied = state[layout.userdata[0] :], state[layout.xfrc_applied[0] : layout.xfrc_applied[1]]
-        for car in range(cars_per_world):
-            row, first = world * cars_per_world + car, car_places[car, FIRST_TIRE]
-            own_mu = mu[row]
-            if patched:
-                own_mu = floor.mu[place * cars_per_world + car, step]
-                x, y, heading = planar_pose(qpos, cars[row : row + 1])
-                wheels = floor.wheels[4 * car : 4 * (car + 1)]
-                look_at_floor(x, y, heading, wheels, floor.patches, mu[row], own_mu)
-                for tire in range(4):
-                    pair = floor.pairs[4 * car + tire]
-                    floor.friction[world, pair, 0] = floor.friction[world, pair, 1] = own_mu[tire]
-            if first >= 0:
-                own = userdata[USERDATA * first : USERDATA * (first + 4)]
-                apply_forces(qpos, qvel, own, applied, tire_rows[first : first + 4], own_mu, timestep)
-
-
-@kernel
-def note_tires(
-    ids: NDArray[np.int32],
-    count: int,
-    states: FloatArray,
-    layout: StateLayout,
-    sensors: FloatArray,
-    car_places: Places,
-    tire_states: FloatArray,
-    step: int,
-) -> None:
-    """Take the tires' loads of the physics step `step` of a tick, and keep their user data in `tire_states`."""
-    for place in range(count):
-        userdata = states[ids[place], layout.userdata[0] : layout.userdata[1]]
-        for car in range(len(car_places)):
-            first = car_places[car, FIRST_TIRE]
-            if first >= 0:
-                own = userdata[USERDATA * first : USERDATA * (first + 4)]
-                note_loads(sensors[ids[place]], car_places[car, TIRES], own, 4)
-        tire_states[place, step] = userdata
+    return count
 
 
 @kernel
@@ -363,7 +190,31 @@ def book_cars(
     telemetry: FloatArray,
     statistics: Rows,
 ) -> None:
-    """Read what the physics steps of a tick recorded in `count` worlds `ids`; arguments as in `drive_cars`."""
+    """Read what the physics steps of a tick recorded in `count` worlds `ids`.
+
+    Args:
+      ids: (n,) the worlds.
+      count: how many of them.
+      cars_per_world: r cars make n worlds.
+      states: (n, k) of the worlds.
+      layout: of a state.
+      cars: (r,) of CAR.
+      car_places: (cars_per_world, 6) see TREE.
+      touch_places: (cars_per_world, cars_per_world) where in the sensors two cars' touching is.
+      tire_rows: (k,) of TIRE, of the cars whose tires have a law of ours.
+      tire_states: (n, steps, k) the tires' user data after each step.
+      floor: of the worlds.
+      running: (r,) which cars run.
+      records: (n, steps, nsensordata) `Batch.records`.
+      status: (n,) `Batch.status`.
+      failed: (r,) written to: whether the engine failed.
+      mu: (r, 4) of the tires.
+      slip: (QUANTITIES, steps, 4) room; left with the slip of the last car.
+      crashed: (r,) written to: whether the chassis touched something else than a car.
+      touched_at: (r, cars_per_world) when a car last touched each other of its world [s], written to.
+      telemetry: (r, len(TELEMETRY)), its last columns written to.
+      statistics: (r,) of STATISTICS, written to.
+    """
     for place in range(count):
         world = ids[place]
         state = states[world]
@@ -376,16 +227,16 @@ def book_cars(
             own, first = car_places[car], car_places[car, FIRST_TIRE]
             races = running[row] or cars_per_world == 1
             if cars_per_world == 1:
-                crashed[row] = crashed[row] or any_touch(records[place], own[CHASSIS_CONTACT])
+                crashed[row] = crashed[row] or any_touch(records[world], own[CHASSIS_CONTACT])
             else:
                 touched_wall = book_touches(
-                    records[place], car, own[CHASSIS_CONTACT], touch_places[car], time, touched_at[row], statistics, row
+                    records[world], car, own[CHASSIS_CONTACT], touch_places[car], time, touched_at[row], statistics, row
                 )
                 crashed[row] = crashed[row] or (touched_wall and races)
             rows = tire_rows[max(first, 0) : first + 4] if first >= 0 else tire_rows[:0]
-            mus = floor.mu[place * cars_per_world + car] if len(floor.patches) > 0 else mu[row : row + 1]
+            mus = floor.mu[row] if len(floor.patches) > 0 else mu[row : row + 1]
             measure_slip(
-                records[place], own[TIRES], own[AXLES], mus, rows, tire_states[place], max(USERDATA * first, 0), slip
+                records[world], own[TIRES], own[AXLES], mus, rows, tire_states[world], max(USERDATA * first, 0), slip
             )
             end_row(telemetry[row], slip)
             if races:
@@ -428,20 +279,6 @@ def book_touches(
         if count > 0.0:
             return True
     return False
-
-
-@kernel
-def _place_obstacles(motions: FloatArray, time: float, positions: FloatArray) -> None:
-    """Write where the moving obstacles are at a time [s]: x, y, z of each, one after the other."""
-    for k in range(len(motions)):
-        positions[3 * k], positions[3 * k + 1] = obstacle_position(motions[k], time)
-        positions[3 * k + 2] = 0.0
-
-
-def place_obstacles(motions: FloatArray, state: FloatArray, layout: StateLayout) -> None:
-    """Put the moving obstacles of a world where they are at the time of its state (k,), which is written to."""
-    if len(motions):
-        _place_obstacles(motions, state[layout.time], state[layout.mocap_pos[0] : layout.mocap_pos[1]])
 
 
 @kernel

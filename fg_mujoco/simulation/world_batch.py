@@ -27,7 +27,8 @@ from ..vehicle.car import WHEELS, Car
 from ..vehicle.changes import CarChanges, change_worlds
 from ..vehicle.friction_patches import patch_table, wheel_positions
 from ..vehicle.motion import CAR
-from ..vehicle.tire_forces import USERDATA
+from ..vehicle.stages import fields
+from ..vehicle.tire_forces import GEAR, USERDATA, Inertia, gear_row, scratch_for, steps_within, take_over
 from ..vehicle.tire_slip import QUANTITIES, TireSlipMeter
 from . import compiled_tick
 from .array_table import ArrayTable
@@ -36,21 +37,9 @@ from .physics import STATE, Batch, StateLayout
 from .settings import Start
 from .telemetry import STATISTICS, TELEMETRY
 from .termination import RaceMonitor
-from .tick import (
-    AXLES,
-    CHASSIS_CONTACT,
-    FIRST_TIRE,
-    MOUNT,
-    TIRES,
-    TREE,
-    Floor,
-    book_cars,
-    hold_commands,
-    note_tires,
-    place_obstacles,
-    push_tires,
-)
+from .tick import hold_commands
 from .world import World
+from .world_step import AXLES, CHASSIS_CONTACT, FIRST_TIRE, MOUNT, TIRES, TREE, Floor, Sizes
 
 Mask = NDArray[np.bool_]
 
@@ -131,6 +120,10 @@ class WorldBatch:
         self.world, self.worlds = world, worlds
         self.rows = slice(worlds.start * cars_per_world, worlds.stop * cars_per_world)
         self.layout = StateLayout.of(model)
+        if not own_model:
+            model = copy(model)
+        self._on_own_tires = any([take_over(model, car.prefix) for car in world.cars])
+        self._model = model
         self.physics = Batch(model, count, substeps)
         if own_model:
             self.physics.set_models([model] * count)
@@ -148,8 +141,10 @@ class WorldBatch:
         self._tire_rows = np.concatenate([meter.rows for meter in meters])
         self._tire_states = np.zeros((count, substeps, USERDATA * len(self._tire_rows)))
         self._car_places = self._make_car_places(meters)
+        self._gears = np.concatenate([gear_row(model, car.prefix) if len(meter.rows) else np.zeros(1, GEAR)
+                                      for car, meter in zip(world.cars, meters, strict=True)])  # fmt: skip
         self._ids = np.empty(count, np.int32)
-        self.floor = self._make_floor(substeps, own_model)
+        self.floor = self._make_floor(substeps)
         self._motions, self._mover = motion_table(world.moving), make_mover(model)
         self._table = self._make_table(period, time_limit)
 
@@ -175,23 +170,26 @@ class WorldBatch:
             found.append(lidar_mount(self.world.model, lidar_prefix(index)))
         return [mount for mount in found if mount is not None]
 
-    def _make_floor(self, substeps: int, own_model: bool) -> Floor:
+    def _make_floor(self, substeps: int) -> Floor:
         """Return the patches of the worlds, and room for what the tires have on them."""
-        model, count = self.world.model, len(self._ids)
+        model = self.world.model
         patches = patch_table(model)
-        room = len(self.cars) if len(patches) else 0
-        friction = np.zeros((0, 0, 0))
-        if room:
-            friction = model.pair_friction[np.newaxis] if own_model else self.physics.expand("pair_friction")
-            assert len(friction) == count
         wheels = np.concatenate([wheel_positions(model, car.prefix) for car in self.world.cars])
-        return Floor(patches, wheels, np.zeros((room, substeps, len(WHEELS))), friction, self._pairs.ravel())
+        room = len(self.cars) if len(patches) else 0
+        return Floor(patches, wheels, np.zeros((room, substeps, len(WHEELS))), self._pairs.ravel())
+
+    def _sizes(self) -> Sizes:
+        """Return how large the model is, and in how many short steps its tires are moved."""
+        model, timestep = self.world.model, float(self.world.model.opt.timestep)
+        return Sizes(
+            model.nq, model.nv, model.nsensordata, model.nuserdata, model.npair,
+            steps_within(model, self._tire_rows, timestep), int(self._on_own_tires),
+        )  # fmt: skip
 
     def _make_table(self, period: float, time_limit: float | None) -> ArrayTable:
         """Return all arrays as the one argument of the compiled tick."""
         physics, drawn, course = self.physics, self.drawn, self.world.track
-        model, moving = self.world.model, len(self._motions)
-        controls = np.zeros((len(self._ids) if moving else 0, physics.records.shape[1], model.nu + 3 * moving))
+        model, moving, inertia = self.world.model, len(self._motions), Inertia.of(self.world.model)
         arrays: dict[str, Any] = {
             "places": compiled_tick.whole_places(self._cars_per_world, physics, self._monitor.laps, self.layout),
             "times": compiled_tick.course_numbers(
@@ -200,9 +198,10 @@ class WorldBatch:
             "states": physics.states, "sensors": physics.sensors, "records": physics.records,
             "status": physics.status, "warnings": physics.warnings, "slip": self.slip, "ids": self._ids,
             "tires": self._tire_rows, "tire_states": self._tire_states, "patches": self.floor.patches,
-            "wheels": self.floor.wheels, "floor_mu": self.floor.mu, "friction": self.floor.friction,
-            "pairs": self.floor.pairs, "car_places": self._car_places, "touch_places": self._touch_places,
-            "controls": controls, "motions": self._motions, "cars": self._arrays.constants, **vars(self._arrays),
+            "wheels": self.floor.wheels, "floor_mu": self.floor.mu, "pairs": self.floor.pairs, "car_places": self._car_places, "touch_places": self._touch_places,
+            "sizes": np.array(self._sizes(), np.int64), "span": np.zeros(3, np.int64), "gears": self._gears,
+            "fields": np.array(fields(), np.int64), "row_counts": inertia.row_counts, "row_starts": inertia.row_starts,
+            "inertia_columns": inertia.columns, "scratch": scratch_for(model), "motions": self._motions, "cars": self._arrays.constants, **vars(self._arrays),
             "running": self._monitor.running, "reasons": self._monitor.reasons, "timers": self._monitor.timers,
             "lap_times": self._monitor.lap_times, "standing_since": self._monitor.standing_since,
         }  # fmt: skip
@@ -262,9 +261,9 @@ class WorldBatch:
                 if start.offset != 0.0:
                     outside[row] = off_course(self.world.track, (x, y), self.world.track.start_pose(start.s))
                 car.write_pose(data, x, y, along + start.heading, start.speed)
+            data.eq_active[:] = self._model.eq_active0
             mujoco.mj_getState(model, data, physics.states[i], int(STATE))
-        physics.forward(ids)
-        self._note_tires(ids, 0)
+        self._forward(ids)
         arrays.crashed[which] = (self._touch_walls() | outside)[which]  # who starts beyond the walls touches none
         arrays.touched_at[which] = -np.inf
         arrays.failed[which] = False
@@ -297,13 +296,12 @@ class WorldBatch:
         controls = data.ctrl.copy()
         self.world.cars[car].write_pose(data, x, y, heading, speed)
         data.ctrl[:] = controls  # those of the tick that was driven, which are recorded
-        data.xfrc_applied[model.body_rootid == tree_of(model, self.world.cars[car].prefix)] = 0.0
         first = int(self._car_places[car, FIRST_TIRE])
         if first >= 0:
             data.userdata[USERDATA * first : USERDATA * (first + len(WHEELS))] = 0.0
         mujoco.mj_getState(model, data, state, int(STATE))
         kept = state.copy()
-        self.physics.forward(np.array([i], np.int32))
+        self._forward(np.array([i], np.int32))
         state[:] = kept  # a forward pass leaves another start for the solver
 
     def _touch_walls(self) -> Mask:
@@ -352,7 +350,7 @@ class WorldBatch:
     def load(self, i: int, state: FloatArray, *, timed: bool) -> None:
         """Put world i of them into a recorded state (k,), its sensors up to date; begin its races if `timed`."""
         self.physics.states[i] = state
-        self.physics.forward(np.array([i], np.int32))
+        self._forward(np.array([i], np.int32))
         self.physics.states[i] = state  # a forward pass leaves another start for the solver
         if timed:
             which = np.arange(len(self._arrays.crashed)) // self._cars_per_world == i
@@ -381,11 +379,6 @@ class WorldBatch:
             compiled_tick.judge(self._table.rows)
 
     @property
-    def driven_last(self) -> NDArray[np.int32]:
-        """Which of the worlds were driven in the last tick, in the order of the records; those that still race."""
-        return self._ids
-
-    @property
     def driven(self) -> NDArray[np.int32]:
         """Which of the worlds have a car that races."""
         running = self._monitor.running.reshape(-1, self._cars_per_world)
@@ -405,31 +398,17 @@ class WorldBatch:
 
     def step(self, ids: NDArray[np.int32], step: int) -> None:
         """Do one physics step of a tick in the worlds `ids`."""
-        if len(self._tire_rows) or len(self.floor.patches):
-            push_tires(
-                self._ids, len(ids), self._cars_per_world, self.physics.states, self.layout, self._arrays.constants,
-                self._car_places, self._tire_rows, self.floor, self._arrays.mu,
-                float(self.world.model.opt.timestep), step,
-            )  # fmt: skip
-        self.physics.step(ids, step)
-        self._note_tires(ids, step)
-        for i in ids.tolist():
-            place_obstacles(self._motions, self.physics.states[i], self.layout)
+        self._ids[: len(ids)] = ids
+        compiled_tick.step(self._table.rows, len(ids), step, step + 1, True)
 
-    def _note_tires(self, ids: NDArray[np.int32], step: int) -> None:
-        """Take the loads of the tires of the worlds `ids` after a physics step, or a forward pass."""
-        if len(self._tire_rows):
-            note_tires(
-                ids, len(ids), self.physics.states, self.layout, self.physics.sensors, self._car_places,
-                self._tire_states, step,
-            )  # fmt: skip
+    def _forward(self, ids: NDArray[np.int32]) -> None:
+        """Work out everything of the worlds `ids` where they are now, sensors and tires' forces too."""
+        self.physics.forward(ids)
+        if self._on_own_tires:
+            self._ids[: len(ids)] = ids
+            compiled_tick.step(self._table.rows, len(ids), 0, 1, False)
 
     def book(self, ids: NDArray[np.int32]) -> None:
         """End a tick of single steps in the worlds `ids`: write what tires and chassis did."""
-        arrays = self._arrays
-        book_cars(
-            self._ids, len(ids), self._cars_per_world, self.physics.states, self.layout, arrays.constants,
-            self._car_places, self._touch_places, self._tire_rows, self._tire_states, self.floor,
-            self._monitor.running, self.physics.records, self.physics.status, arrays.failed, arrays.mu, self.slip,
-            arrays.crashed, arrays.touched_at, arrays.telemetry, arrays.statistics,
-        )  # fmt: skip
+        self._ids[: len(ids)] = ids
+        compiled_tick.book(self._table.rows, len(ids))

@@ -25,7 +25,7 @@ from ..messages import CarParameters, FloatArray
 from .car import WHEELS, Car, car_parameters, element_id, sensor_slice
 from .fitting import ackermann_angle
 from .tire_slip import TireSlipMeter
-from .tires import Tires
+from .tires import DEFAULT_TIRES, Tires
 
 _FREE, _HINGE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
 _PLANE, _BOX = mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_BOX
@@ -171,14 +171,14 @@ def find_look(spec: Any, folder: Path | None, where: str) -> str | None:
 
 
 def find_tires(spec: Any, folder: Path | None, where: str) -> Tires:
-    """Return the tires that a vehicle's text `tires` names, or MuJoCo's contacts.
+    """Return the tires that a vehicle's text `tires` names, or the default set.
 
     Raises:
       ModelError: neither a file beside the vehicle's nor a bundled set, or not that of tires.
     """
     element = spec.text("tires")
     if element is None:
-        return Tires()
+        return Tires.load(DEFAULT_TIRES)
     name = str(element.data)
     beside = None if folder is None else inside(folder, name)
     try:

@@ -1,32 +1,42 @@
-"""The forces of tires with a curve, worked out before each physics step and written into the state.
+"""The forces of tires with a law of ours, in a physics step of MuJoCo.
 
-    forces = TireForces(model)
-    forces.begin(data)  # after mj_forward
+    forces = TireForces(model)  # from now on the model's own contacts of the tires are off
+    forces.begin(data)
     for _ in range(substeps):
-        forces.apply(data)
-        mujoco.mj_step(model, data)
-        forces.end(data)
+        forces.step(data)  # in the place of mujoco.mj_step
 
-MuJoCo's contacts of such tires have condim 1: they carry the load only. Each tire has two deflections u [m] of its
-contact patch, along its heading and across, that follow the velocity v of its contact point over the ground by
+Each tire has two deflections u [m] of its contact patch, along its heading and across, that follow the velocity v of
+its contact point over the ground by
 
     du/dt = v - V u / sigma
 
 with the relaxation length sigma and the wheel's forward speed V. Its slip is u / sigma: along the heading the slip
 ratio, across it the tangent of the slip angle. In a slip of both, each is measured by the slip of its own peak
-(similarity): the size r of this slip vector gives the force, the curve's at r times the peak's slip, along the slip
-vector. So the greatest forces lie on an ellipse, and a tire is past its peak where r is above 1.
+(similarity): the size r of this slip vector gives the force, the law's at r times the peak's slip, along the slip
+vector. So the greatest forces lie on an ellipse, and a tire is past its peak where r is above 1. A law of bristles
+(Law.holds) keeps u where r is 1; what the contact point moves beyond that is sliding. Rubber also damps: a force
+against du/dt. The load is that of a spring and a damper under the lowest point of the tire.
 
-The force acts at the contact point on the wheel's body, in its row of `xfrc_applied`; nobody else may write there. What
-belongs to a tire lies in `userdata` (see USERDATA). Both are parts of mjSTATE_INTEGRATION, so that a recorded state
-holds all that the next step depends on.
+All this is far stiffer than the car: a wheel's spin follows its tire at some 300 rad/s, where a body rolls on its
+springs at 50. So a physics step h moves the tires by n shorter ones (`steps_within`) while the rest of the car goes on
+as MuJoCo has it. The velocities of the four contact points and of the drive make one vector w (13,), and in a step
+
+    dw/dt = J M^-1 (the forces without tires and drive) + (J M^-1 J') f(w, u)
+
+with MuJoCo's own inertia M, joint damping taken implicitly as its `implicitfast` does, and the Jacobian J of w. What is
+then given to MuJoCo is the mean of f over the step, so that it ends with the very w that the short steps ended with.
+The motor's force is a part of f, and the steering servo, which no tire moves, is stepped beside it; Ackermann's
+kingpins are then put where they belong.
+
+The deflections, and for others to read what a tire did (see USERDATA), lie in `userdata`, a part of
+mjSTATE_INTEGRATION: a recorded state holds all that the next step depends on.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -35,213 +45,363 @@ from numpy.typing import NDArray
 from ..errors import ModelError
 from ..kernels import kernel
 from ..messages import FloatArray
-from .car import WHEELS, element_id, sensor_slice
+from . import stages
+from .car import WHEELS, element_id
 from .changes import six_digits
-from .tires import AXLE_KEYS, CURVE_KEYS, GREATEST_SLIP, LINEAR, NUMERIC, Tires, tires_of
+from .stages import Fields, fields
+from .tires import GREATEST_SLIP, LAW_OF, LAWS, NUMBERS, NUMERIC, Tires, curve_force, tires_of
+from .tires.sets import numbers_of
 
-_LINKS = 8  # joints and bodies between the chassis and a wheel, at most
+_MOST_LINKS = 16  # joints between the world and a wheel, at most
+_DAMPING_RATIO = 0.3  # [-] of a wheel's spin on its tire: between those of rubber and of its foam
+_LONGEST = 0.2  # [-] of a short step times the fastest rate of the tires: there its error is some 1 %
+_MOST_STEPS = 64  # short ones in a physics step
+_STILL = 1.0  # [rad/s] of a wheel: from there on it has all of its rolling resistance
 
-_DAMPING_RATIO = 0.3  # [-] of a deflected tire under a car that stands: between those of rubber and of its foam
-_DAMPED_BELOW = 0.5  # [m/s] forward; there the damping has faded, so that it takes no part in what is measured
-_GRAVITY = 9.81  # [m/s^2] from a load to the mass that swings on a tire, for its damping
-_STIFFEST = 1.0  # [-] of timestep^2 * stiffness / mass: a stiffer tire is slowed down, because beyond 4 it would ring
-_YAWING = 2.5  # [-] a car yields to a side force on one tire as a mass smaller by this would, because it yaws and rolls
-
-READINGS = 19
-"""Sensor readings of a tire: found, force in the contact's frame (normal first), point, normal; centre, velocity and
-angular velocity of the wheel."""
-
-USERDATA = 6
+USERDATA = 8
 """Numbers of each tire in `userdata`."""
 
-ALONG, ACROSS, LOAD, LOAD_USED, FORCE_ALONG, FORCE_ACROSS = range(USERDATA)
-"""Deflections [m] along the wheel's heading and to its left; the load of the last step, which the next force is of, and
-the load that the last force was of [N]; and that force [N], forward and to the left positive."""
+ALONG, ACROSS, LOAD, FORCE_ALONG, FORCE_ACROSS, SLIDING, SLIDING_ACROSS, SLIP_SIZE = range(USERDATA)
+"""Deflections [m] along the wheel's heading and to its left, which the next step begins with; then what the tire did in
+the last step: its mean load [N] and force [N], forward and to the left positive, the greatest speed at which it slid
+[m/s], that across its heading, and its greatest slip over that of the peak."""
+
+CONTACTS = 13
+"""Velocities that the short steps follow: of each wheel's contact point, along its heading, to its left and up, then
+that of the drive."""
+
+_DRIVE = CONTACTS - 1
 
 TIRE = np.dtype(
     [
-        ("linear", np.int64),
+        ("law", np.int64),  # its place in LAWS
+        ("holds", np.int64),  # see Law
+        ("slides", np.int64),
         ("alike", np.int64),  # whether both curves are the same
-        # along the heading and across; see TireCurve
-        ("B", np.float64, (2,)),
-        ("C", np.float64, (2,)),
-        ("D", np.float64, (2,)),
-        ("E", np.float64, (2,)),
+        # along the heading and across
+        ("curve", np.float64, (2, NUMBERS)),
         ("slope", np.float64, (2,)),
-        ("peak_slip", np.float64, (2,)),  # 1 for a linear curve
+        ("peak_slip", np.float64, (2,)),  # 1 where there is no peak
         ("peak", np.float64, (2,)),
-        ("hold_slip", np.float64, (2,)),
         ("relaxation_length", np.float64),
         ("load_sensitivity", np.float64),
         ("nominal_load", np.float64),
+        ("vertical_stiffness", np.float64),
+        ("vertical_damping", np.float64),
+        ("rolling_resistance", np.float64),
+        ("damping", np.float64),  # [N s/m] of its deflections
         ("radius", np.float64),  # [m] of an ellipsoid about its axle, and half its width; equal: of a sphere
         ("half_width", np.float64),
         ("ground", np.float64),  # [m] height
-        ("wheel_mass", np.float64),  # [kg] spin inertia over the square of the radius
-        ("free_qpos", np.int64),
-        ("free_dof", np.int64),
         ("body", np.int64),  # of the wheel
+        ("root", np.int64),  # of its tree
         ("axle", np.float64, (3,)),  # in the frame of the wheel's body, forward spin positive
-        ("center_of_mass", np.float64, (3,)),
         ("spin_dof", np.int64),
-        ("links", np.int64),  # from the chassis to the wheel, without its spin
-        ("kind", np.int64, (_LINKS,)),  # 0: fixed, 1: slide, 2: hinge
-        ("qpos", np.int64, (_LINKS,)),
-        ("dof", np.int64, (_LINKS,)),
-        ("qpos0", np.float64, (_LINKS,)),
-        ("place", np.float64, (_LINKS, 3)),  # of its frame in that of the link before
-        ("turned", np.int64, (_LINKS,)),  # whether `turn` is more than none
-        ("turn", np.float64, (_LINKS, 9)),
-        ("axis", np.float64, (_LINKS, 3)),
-        ("anchor", np.float64, (_LINKS, 3)),
+        ("links", np.int64),
+        ("chain", np.int64, (_MOST_LINKS,)),  # the dofs that move it, its own first
     ]
 )
-"""A tire with a curve, and where its wheel is. Kernels take an array (tires,) of it; none for the model `contact`."""
+"""A tire with a law of ours, and its wheel. Kernels take an array (tires,) of it; none for the model `contact`."""
+
+GEAR = np.dtype(
+    [
+        ("first_dof", np.int64),  # of the car's, which are consecutive
+        ("dofs", np.int64),
+        ("steered", np.int64),  # whether the kingpins follow the steering by polynomials, and are put there
+        ("steering_qpos", np.int64),
+        ("steering_dof", np.int64),
+        ("steering_damping", np.float64),  # [N m s/rad] of it and its kingpins
+        ("steering_inertia", np.float64),  # [kg m^2] likewise
+        ("kingpin_qpos", np.int64, (2,)),
+        ("kingpin_dof", np.int64, (2,)),
+        ("ackermann", np.float64, (2, 5)),  # their angles as polynomials of the steering angle
+        ("driven", np.int64),  # whether the motor acts through fixed shares of the wheels' spins
+        ("drive_dof", np.int64, (4,)),
+        ("drive_share", np.float64, (4,)),  # [m] of each wheel's spin in the speed of the drive
+        # of the two servos, steering and drive
+        ("actuator", np.int64, (2,)),
+        ("delayed", np.int64, (2,)),  # how MuJoCo interpolates what they were told; -1: they have no delay
+        ("control_range", np.float64, (2, 2)),
+        ("force_range", np.float64, (2, 2)),
+    ]
+)
+"""The steering and the drive of a car on tires of ours."""
 
 TireRows = NDArray[np.void]
+GearRows = NDArray[np.void]
 
-_FIXED, _SLIDE, _HINGE = range(3)
+
+class Inertia(NamedTuple):
+    """Which entries MuJoCo keeps of its inertia matrices: of a model, and the same for all its data."""
+
+    row_counts: NDArray[np.int32]
+    row_starts: NDArray[np.int32]
+    columns: NDArray[np.int32]
+
+    @classmethod
+    def of(cls, model: mujoco.MjModel) -> Inertia:
+        """Return that of a model."""
+        return cls(model.M_rownnz.copy(), model.M_rowadr.copy(), model.M_colind.copy())
 
 
-def put_on(spec: Any, tires: Tires) -> None:
-    """Put tires on a vehicle's spec, in place: its pairs, and the numbers that `tires_of` reads."""
+def put_on(spec: Any, tires: Tires) -> Tires:
+    """Put tires on a vehicle's spec, in place: the numbers that `tires_of` reads, and the friction of its pairs.
+
+    The pairs stay as they are but for that, so that MuJoCo alone can drive the model, on its own contacts.
+
+    Returns:
+      The tires, with the vehicle's friction where they give none.
+    """
     if tires.is_contact:
-        return
+        return tires
     found = [wheel for wheel in WHEELS if spec.pair(f"{wheel}_tire") is not None]
+    tires = tires.on(float(spec.pair(f"{found[0]}_tire").friction[0]))
     spec.nuserdata = USERDATA * len(found)
     for name, axle in zip(("front", "rear"), tires.axles, strict=True):
-        curves = (axle.lateral, axle.longitudinal)
-        values = [getattr(curve, key) or 0.0 for curve in curves for key in CURVE_KEYS]
-        values += [getattr(axle, key) for key in AXLE_KEYS]
-        spec.add_numeric(name=NUMERIC.format(name), data=[six_digits(value) for value in values])
+        numbers = [six_digits(value) for value in numbers_of(axle, tires.model)]
+        spec.add_numeric(name=NUMERIC.format(name), data=numbers)
         for wheel in found:
             if wheel.startswith(name):
-                pair = spec.pair(f"{wheel}_tire")
-                mu = six_digits(axle.lateral.peak)
-                pair.condim, pair.friction = 1, [mu, mu, *pair.friction[2:]]
+                pair, mu = spec.pair(f"{wheel}_tire"), six_digits(axle.lateral.peak)
+                pair.friction = [mu, mu, *pair.friction[2:]]
+    return tires
 
 
 def tire_rows(model: mujoco.MjModel, prefix: str = "", wheels: Sequence[str] = WHEELS) -> TireRows:
     """Return the rows of TIRE of a car in a compiled model, in the order of its wheels; none for the model `contact`.
 
     Raises:
-      ModelError: the model does not hold the car under this prefix, or a wheel hangs on something else than hinges and
-        slides.
+      ModelError: the model does not hold the car under this prefix, or a wheel hangs on too many joints.
     """
     tires = tires_of(model, prefix)
     if tires.is_contact:
         return np.zeros(0, TIRE)
-    rows = np.zeros(len(wheels), TIRE)
+    rows, law = np.zeros(len(wheels), TIRE), LAW_OF[tires.model]
     for row, wheel in zip(rows, wheels, strict=True):
         axle = tires.axles[0 if wheel.startswith("front") else 1]
-        row["linear"], row["alike"] = tires.model == LINEAR, axle.lateral == axle.longitudinal
+        row["law"], row["holds"], row["slides"] = LAWS.index(law), law.holds, law.slides
+        row["alike"] = axle.lateral == axle.longitudinal
         for k, curve in enumerate((axle.longitudinal, axle.lateral)):
-            for name in ("B", "C", "D", "E", "slope", "peak", "hold_slip"):
-                row[name][k] = getattr(curve, name)
+            row["curve"][k], row["slope"][k], row["peak"][k] = curve.row(), curve.slope, curve.peak
             row["peak_slip"][k] = curve.peak_slip if math.isfinite(curve.peak_slip) else 1.0
-        for name in AXLE_KEYS:
+        for name in ("relaxation_length", "load_sensitivity", "nominal_load", "vertical_stiffness", "vertical_damping",
+                     "rolling_resistance"):  # fmt: skip
             row[name] = getattr(axle, name)
         _find_wheel(model, prefix, wheel, row)
+        stiffness = row["slope"][0] * axle.nominal_load / axle.relaxation_length
+        row["damping"] = 2.0 * _DAMPING_RATIO * math.sqrt(stiffness * _spinning_mass(model, row))
     rows.flags.writeable = False
     return rows
 
 
 def _find_wheel(model: mujoco.MjModel, prefix: str, wheel: str, row: Any) -> None:
-    """Write where a wheel is, and what it hangs on."""
+    """Write where a wheel is, and what moves it."""
     geom = element_id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{prefix}{wheel}_tire")
     size = model.geom_size[geom]
     ellipsoid = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_ELLIPSOID
     row["radius"] = size[0]
     row["half_width"] = size[1] if ellipsoid else size[0]
-    ground = element_id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{prefix}ground")
-    row["ground"] = model.geom_pos[ground, 2]
-    free = element_id(model, mujoco.mjtObj.mjOBJ_JOINT, f"{prefix}base_link")
-    row["free_qpos"], row["free_dof"] = model.jnt_qposadr[free], model.jnt_dofadr[free]
-    base = int(model.jnt_bodyid[free])
+    row["ground"] = model.geom_pos[element_id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{prefix}ground"), 2]
     body = element_id(model, mujoco.mjtObj.mjOBJ_BODY, f"{prefix}{wheel}_wheel")
     spin = element_id(model, mujoco.mjtObj.mjOBJ_JOINT, f"{prefix}{wheel}_wheel")
-    row["body"], row["axle"], row["spin_dof"] = body, model.jnt_axis[spin], model.jnt_dofadr[spin]
-    row["center_of_mass"] = model.body_ipos[body]
-    turn = np.empty(9)
-    mujoco.mju_quat2Mat(turn, model.body_iquat[body])
-    about_axle = (turn.reshape(3, 3).T @ model.jnt_axis[spin]) ** 2 @ model.body_inertia[body]
-    row["wheel_mass"] = (about_axle + model.dof_armature[row["spin_dof"]]) / row["radius"] ** 2
+    row["body"], row["root"] = body, model.body_rootid[body]
+    row["axle"], row["spin_dof"] = model.jnt_axis[spin], model.jnt_dofadr[spin]
+    chain, dof = [], int(model.body_dofadr[body] + model.body_dofnum[body] - 1)
+    while dof >= 0:
+        chain.append(dof)
+        dof = int(model.dof_parentid[dof])
+    if len(chain) > _MOST_LINKS:
+        raise ModelError(f"{prefix}{wheel}_wheel hangs on {len(chain)} dofs; accepted: up to {_MOST_LINKS}")
+    row["links"], row["chain"] = len(chain), -1
+    row["chain"][: len(chain)] = chain
 
-    chain = [body]
-    while chain[-1] != base:
-        chain.append(int(model.body_parentid[chain[-1]]))
-        if chain[-1] == 0:
-            raise ModelError(f"{prefix}{wheel}_wheel does not hang on base_link; accepted: a body of the car")
-    links = 0
-    for at in reversed(chain[:-1]):
-        first = model.body_jntadr[at]
-        joints = [joint for joint in range(first, first + model.body_jntnum[at]) if joint != spin]
-        for k, joint in enumerate(joints or [None]):
-            if links == _LINKS:
-                raise ModelError(f"{prefix}{wheel}_wheel hangs on more than {_LINKS} joints; accepted: fewer")
-            moved = k == 0
-            row["place"][links] = model.body_pos[at] if moved else 0.0
-            mujoco.mju_quat2Mat(turn, model.body_quat[at] if moved else np.array([1.0, 0.0, 0.0, 0.0]))
-            row["turn"][links], row["turned"][links] = turn, (turn.reshape(3, 3) != np.eye(3)).any()
-            if joint is not None:
-                kinds = {mujoco.mjtJoint.mjJNT_SLIDE: _SLIDE, mujoco.mjtJoint.mjJNT_HINGE: _HINGE}
-                kind = kinds.get(mujoco.mjtJoint(int(model.jnt_type[joint])))
-                if kind is None:
-                    raise ModelError(f"{prefix}{wheel}_wheel hangs on a ball joint; accepted: hinges and slides")
-                row["kind"][links], row["axis"][links] = kind, model.jnt_axis[joint]
-                row["anchor"][links] = model.jnt_pos[joint]
-                row["qpos"][links], row["dof"][links] = model.jnt_qposadr[joint], model.jnt_dofadr[joint]
-                row["qpos0"][links] = model.qpos0[model.jnt_qposadr[joint]]
-            links += 1
-    row["links"] = links
+
+def _spinning_mass(model: mujoco.MjModel, row: Any) -> float:
+    """Return the mass that a force along the heading of a tire moves when the wheel spins up [kg]."""
+    return float(model.dof_M0[row["spin_dof"]]) / float(row["radius"]) ** 2
+
+
+def steps_within(model: mujoco.MjModel, rows: TireRows, timestep: float) -> int:
+    """Return in how many short steps a physics step moves the tires.
+
+    Raises:
+      ModelError: a step that is too long for tires so stiff.
+    """
+    fastest = 0.0
+    for row in rows:
+        mass = float(model.body_mass[row["body"]])
+        unsprung = float(model.body_subtreemass[model.body_parentid[row["body"]]]) if mass else mass
+        upright = math.sqrt(float(row["vertical_stiffness"]) / max(min(unsprung, 1.0), mass, 1e-3))
+        greatest = max(float(slope) for slope in row["slope"])
+        stiffness = greatest * float(row["nominal_load"]) / float(row["relaxation_length"])
+        fastest = max(fastest, upright, math.sqrt(stiffness / _spinning_mass(model, row)))
+    steps = max(math.ceil(timestep * fastest / _LONGEST - 1e-9), 1)
+    if steps > _MOST_STEPS:
+        longest = _MOST_STEPS * _LONGEST / fastest
+        raise ModelError(
+            f"timestep is {timestep:g} s with tires that follow at {fastest:.4g} rad/s; accepted: up to {longest:.3g} s, "
+            "or tires with less stiffness or a longer relaxation_length"
+        )
+    return steps
+
+
+def gear_row(model: mujoco.MjModel, prefix: str = "") -> GearRows:
+    """Return how a car is steered and driven, (1,) of GEAR.
+
+    Raises:
+      ModelError: the model does not hold the car under this prefix.
+    """
+    gears, kinds = np.zeros(1, GEAR), mujoco.mjtObj
+    gear = gears[0]
+    base = element_id(model, kinds.mjOBJ_BODY, f"{prefix}base_link")
+    own = np.flatnonzero(model.body_rootid[model.dof_bodyid] == model.body_rootid[base])
+    gear["first_dof"], gear["dofs"] = own[0], len(own)
+    for k, name in enumerate(("steering", "speed")):
+        servo = element_id(model, kinds.mjOBJ_ACTUATOR, f"{prefix}{name}")
+        samples, interpolation = model.actuator_history[servo].tolist()
+        gear["actuator"][k], gear["delayed"][k] = servo, interpolation if samples > 0 else -1
+        unlimited = (-np.inf, np.inf)
+        gear["control_range"][k] = model.actuator_ctrlrange[servo] if model.actuator_ctrllimited[servo] else unlimited
+        gear["force_range"][k] = model.actuator_forcerange[servo] if model.actuator_forcelimited[servo] else unlimited
+    _find_steering(model, prefix, gear)
+    _find_drive(model, prefix, gear)
+    gears.flags.writeable = False
+    return gears
+
+
+def _find_steering(model: mujoco.MjModel, prefix: str, gear: Any) -> None:
+    """Write how the kingpins follow the steering; not `steered` where no equalities of the joints say so."""
+    joint = mujoco.mjtObj.mjOBJ_JOINT
+    steering = element_id(model, joint, f"{prefix}steering")
+    kingpins = [element_id(model, joint, f"{prefix}front_{side}_kingpin") for side in ("left", "right")]
+    found = _ackermann(model, steering, kingpins)
+    if len(found) < 2 or not _is_plain(model, int(gear["actuator"][0]), mujoco.mjtTrn.mjTRN_JOINT):
+        return
+    dofs = model.jnt_dofadr[[steering, *kingpins]]
+    gear["steered"] = 1
+    gear["steering_qpos"], gear["steering_dof"] = model.jnt_qposadr[steering], dofs[0]
+    gear["kingpin_qpos"], gear["kingpin_dof"] = model.jnt_qposadr[kingpins], dofs[1:]
+    gear["steering_damping"], gear["steering_inertia"] = model.dof_damping[dofs].sum(), model.dof_M0[dofs].sum()
+    gear["ackermann"] = [model.eq_data[equality, :5] for equality in found]
+
+
+def _ackermann(model: mujoco.MjModel, steering: int, kingpins: Sequence[int]) -> list[int]:
+    """Return the equalities that make the kingpins follow the steering, as many as there are."""
+    joints = mujoco.mjtEq.mjEQ_JOINT
+    return [
+        equality
+        for kingpin in kingpins
+        for equality in range(model.neq)
+        if model.eq_type[equality] == joints
+        and (model.eq_obj1id[equality], model.eq_obj2id[equality]) == (kingpin, steering)
+    ]
+
+
+def _find_drive(model: mujoco.MjModel, prefix: str, gear: Any) -> None:
+    """Write which share each wheel has in the drive; not `driven` where the motor acts on anything else."""
+    motor = int(gear["actuator"][1])
+    if not _is_plain(model, motor, mujoco.mjtTrn.mjTRN_TENDON):
+        return
+    tendon = int(model.actuator_trnid[motor, 0])
+    wraps = range(int(model.tendon_adr[tendon]), int(model.tendon_adr[tendon] + model.tendon_num[tendon]))
+    if len(wraps) > 4 or any(model.wrap_type[wrap] != mujoco.mjtWrap.mjWRAP_JOINT for wrap in wraps):
+        return
+    gear["driven"], gear["drive_dof"] = 1, gear["first_dof"]
+    for k, wrap in enumerate(wraps):
+        gear["drive_dof"][k], gear["drive_share"][k] = model.jnt_dofadr[model.wrap_objid[wrap]], model.wrap_prm[wrap]
+
+
+def _is_plain(model: mujoco.MjModel, actuator: int, transmission: Any) -> bool:
+    """Say whether an actuator's force is affine in its control, and acts one to one through a transmission."""
+    return bool(
+        model.actuator_trntype[actuator] == transmission
+        and model.actuator_dyntype[actuator] == mujoco.mjtDyn.mjDYN_NONE
+        and model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_FIXED
+        and model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_AFFINE
+        and model.actuator_gear[actuator, 0] == 1.0
+    )
+
+
+def take_over(model: mujoco.MjModel, prefix: str = "") -> bool:
+    """Switch off what `push_car` does in MuJoCo's place, in a compiled model, in place.
+
+    These are the contacts of a car's tires, and where it is steered by Ackermann's equalities, these. A joint's damping
+    is then taken implicitly by `push_car`, and not by MuJoCo's Euler step.
+
+    Returns:
+      Whether the car has tires of ours; else nothing was done.
+    """
+    if tires_of(model, prefix).is_contact:
+        return False
+    for wheel in WHEELS:
+        pair = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_PAIR, f"{prefix}{wheel}_tire")
+        if pair >= 0:
+            model.pair_margin[pair] = -1.0  # [m]: never as deep
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
+    joint = mujoco.mjtObj.mjOBJ_JOINT
+    steering = mujoco.mj_name2id(model, joint, f"{prefix}steering")
+    kingpins = [mujoco.mj_name2id(model, joint, f"{prefix}front_{side}_kingpin") for side in ("left", "right")]
+    if min(steering, *kingpins) >= 0 and gear_row(model, prefix)["steered"][0]:
+        model.eq_active0[_ackermann(model, steering, kingpins)] = 0
+    return True
 
 
 class TireForces:
-    """The forces of a car's tires, for stepping its model by hand; nothing to do for the model `contact`.
+    """Steps a model of one car by hand, tires included; of the model `contact` as mujoco.mj_step does.
 
     Args:
-      model: compiled.
+      model: compiled. Its own contacts of tires that have a law of ours are switched off.
       prefix: of the car's names.
       wheels: that it has.
 
     Attributes:
       rows: of the tires, (wheels,) of TIRE; none for the model `contact`.
       mu: lateral peak of each tire [-], (wheels,). Live.
+
+    Raises:
+      ModelError: a time step that is too long for the tires.
     """
 
     def __init__(self, model: mujoco.MjModel, prefix: str = "", wheels: Sequence[str] = WHEELS) -> None:
         self.rows = tire_rows(model, prefix, wheels)
         self.mu: FloatArray = peaks(model, prefix, wheels)
-        self._sensors = [sensor_slice(model, f"{prefix}{wheel}_tire_contact").start for wheel in wheels]
-        self._timestep = model.opt
+        self._model = model
+        if len(self.rows):
+            take_over(model, prefix)
+            alone = np.zeros(1, GEAR)
+            alone["dofs"] = model.nv
+            self._gear = gear_row(model, prefix) if tuple(wheels) == WHEELS else alone
+            self._inertia, self._scratch = Inertia.of(model), scratch_for(model)
+            self._fields = fields()
 
     def begin(self, data: mujoco.MjData) -> None:
-        """Take the loads of a forward pass, with tires at rest."""
+        """Let the tires be as they are drawn, and work out everything of the state, sensors too."""
+        if not len(self.rows):
+            mujoco.mj_forward(self._model, data)
+            return
+        data.eq_active[:] = self._model.eq_active0
+        data.userdata[:] = 0.0
+        self._step(data, False)
+
+    def step(self, data: mujoco.MjData) -> None:
+        """Do one physics step, in the place of mujoco.mj_step."""
         if len(self.rows):
-            data.userdata[:] = 0.0
-            data.xfrc_applied[self.rows["body"]] = 0.0
-            self.end(data)
+            self._step(data, True)
+        else:
+            mujoco.mj_step(self._model, data)
 
-    def apply(self, data: mujoco.MjData) -> None:
-        """Write the forces for the next step; call it before `mj_step`."""
-        if len(self.rows):
-            apply_forces(
-                data.qpos, data.qvel, data.userdata, data.xfrc_applied.reshape(-1), self.rows, self.mu,
-                self._timestep.timestep,
-            )  # fmt: skip
-
-    def end(self, data: mujoco.MjData) -> None:
-        """Take the loads of a step; call it after `mj_step`."""
-        for tire, place in enumerate(self._sensors if len(self.rows) else ()):
-            data.userdata[USERDATA * tire + LOAD] = max(data.sensordata[place + 1], 0.0)
+    def _step(self, data: mujoco.MjData, advance: bool) -> None:
+        timestep = float(self._model.opt.timestep)
+        step_by_hand(
+            self._model._address, data._address, self._fields, self._inertia, self._gear, self.rows, self.mu,
+            data.userdata, self._scratch, self._model.nv, timestep, steps_within(self._model, self.rows, timestep),
+            advance,
+        )  # fmt: skip
 
 
-@kernel
-def note_loads(sensors: FloatArray, start: int, userdata: FloatArray, count: int) -> None:
-    """Write the loads of `count` tires to their user data, from sensors whose tires' readings begin at `start`."""
-    for tire in range(count):
-        place = start + tire * READINGS
-        userdata[USERDATA * tire + LOAD] = max(sensors[place + 1], 0.0) if sensors[place] > 0.0 else 0.0
+def scratch_for(model: mujoco.MjModel) -> FloatArray:
+    """Return room for what `push_car` works with."""
+    return np.zeros(2 * CONTACTS * model.nv + CONTACTS * CONTACTS + 8 * CONTACTS)
 
 
 def peaks(model: mujoco.MjModel, prefix: str = "", wheels: Sequence[str] = WHEELS) -> FloatArray:
@@ -249,17 +409,6 @@ def peaks(model: mujoco.MjModel, prefix: str = "", wheels: Sequence[str] = WHEEL
     pairs = [element_id(model, mujoco.mjtObj.mjOBJ_PAIR, f"{prefix}{wheel}_tire") for wheel in wheels]
     found: FloatArray = model.pair_friction[pairs, 0]
     return found
-
-
-@kernel
-def curve_force(tire: Any, way: int, slip: float) -> float:
-    """Return the force over the load [-] of a tire at a slip without sign; `way` 0: along its heading, 1: across."""
-    if tire.linear:
-        linear: float = tire.slope[way] * slip
-        return linear
-    x = tire.B[way] * min(slip, tire.hold_slip[way])
-    force: float = tire.D[way] * math.sin(tire.C[way] * math.atan(x - tire.E[way] * (x - math.atan(x))))
-    return force
 
 
 @kernel
@@ -282,8 +431,8 @@ def patch_force(tire: Any, along: float, across: float, grip: float) -> tuple[fl
     if size == 0.0:
         return 0.0, 0.0
     share_along, share_across = ratio / tire.peak_slip[0] / size, angle / tire.peak_slip[1] / size
-    across_force = curve_force(tire, 1, size * tire.peak_slip[1])
-    along_force = across_force if tire.alike else curve_force(tire, 0, size * tire.peak_slip[0])
+    across_force = curve_force(tire.law, tire.curve[1], size * tire.peak_slip[1])
+    along_force = across_force if tire.alike else curve_force(tire.law, tire.curve[0], size * tire.peak_slip[0])
     return -grip * along_force * share_along, -grip * across_force * share_across
 
 
@@ -305,172 +454,335 @@ def curve_peaks(tire: Any, load: float, mu: float) -> tuple[float, float]:
 
 @kernel
 def deflect(
-    tire: Any,
-    along: float,
-    across: float,
-    velocity: tuple[float, float, float],
-    grip: float,
-    load: float,
-    timestep: float,
-) -> tuple[float, float, float, float]:
-    """Return the deflections of a contact patch after a time step [m], and its force then [N].
+    tire: Any, along: float, across: float, over_x: float, over_y: float, forward: float, grip: float, timestep: float
+) -> tuple[float, float, float, float, float, float, float]:
+    """Return the deflections of a contact patch after a short step [m], and its force then [N].
 
     Args:
       tire: of TIRE.
       along: deflection before, along the heading [m].
       across: to the left [m].
-      velocity: of the contact point over the ground, forward and to the left, and of the wheel, forward [m/s].
+      over_x: velocity of the contact point over the ground, forward [m/s].
+      over_y: to the left [m/s].
+      forward: that of the wheel [m/s].
       grip: as in `patch_force`.
-      load: [N].
       timestep: [s].
+
+    Returns:
+      Deflections, forces, the size of the slip over that of the peak, and how fast it slides, in all and to the left
+      [m/s].
     """
-    over_x, over_y, forward = velocity
-    sigma, slope = tire.relaxation_length, max(tire.slope[0], tire.slope[1])
-    if not tire.linear and along * over_x + across * over_y < 0.0 and slips(tire, along, across)[2] > 1.0:
-        # A tire that slid, and now moves back, springs back by what gives its force, and no more.
-        force_x, force_y = patch_force(tire, along, across, grip)
-        along, across = -force_x * sigma / (grip * tire.slope[0]), -force_y * sigma / (grip * tire.slope[1])
-    # One that slides while its wheel hardly rolls deflects no further than at GREATEST_SLIP.
-    rolled = timestep * max(abs(forward), math.hypot(over_x, over_y) / GREATEST_SLIP) / sigma
-    share = -math.expm1(-rolled)  # of the way to the slip that it ends in; exact where the velocities stay
-    reach = timestep * (share / rolled if rolled > 1e-9 else 1.0)
-    # Stiff tires under little mass are slowed down, as by an implicit step; where the velocities stay nothing changes.
-    stiffness, fade = slope * grip / sigma, max(1.0 - abs(forward) / _DAMPED_BELOW, 0.0)
-    mass_x, mass_y = 1.0 / (1.0 / tire.wheel_mass + _GRAVITY / load), load / _GRAVITY / _YAWING
-    stiff_x, stiff_y = timestep * timestep * stiffness / mass_x, timestep * timestep * stiffness / mass_y
-    damped_x = damped_y = 0.0
-    if fade > 0.0:
-        damping = 2.0 * _DAMPING_RATIO * fade
-        damped_x, damped_y = damping * math.sqrt(stiff_x), damping * math.sqrt(stiff_y)
-    step_x = (over_x * reach - along * share) / (1.0 + max(stiff_x - _STIFFEST, 0.0) + damped_x)
-    step_y = (over_y * reach - across * share) / (1.0 + max(stiff_y - _STIFFEST, 0.0) + damped_y)
-    along, across = along + step_x, across + step_y
-    force_x, force_y = patch_force(tire, along, across, grip)
-    if fade > 0.0:
-        force_x -= damped_x * mass_x * step_x / (timestep * timestep)
-        force_y -= damped_y * mass_y * step_y / (timestep * timestep)
-        much = math.hypot(force_x / tire.peak[0], force_y / tire.peak[1]) / grip
-        if much > 1.0 and not tire.linear:
-            force_x, force_y = force_x / much, force_y / much
-    return along, across, force_x, force_y
+    sigma = tire.relaxation_length
+    roll = abs(forward)
+    if not tire.holds:
+        if tire.slides and along * over_x + across * over_y < 0.0 and slips(tire, along, across)[2] > 1.0:
+            # A tire that slid, and now moves back, springs back by what gives its force, and no more.
+            force_x, force_y = patch_force(tire, along, across, grip)
+            along, across = -force_x * sigma / (grip * tire.slope[0]), -force_y * sigma / (grip * tire.slope[1])
+        roll = max(roll, math.hypot(over_x, over_y) / GREATEST_SLIP)  # a locked wheel deflects no further than that
+    rolled = 1.0 + timestep * roll / sigma
+    new_along, new_across = (along + timestep * over_x) / rolled, (across + timestep * over_y) / rolled
+    size = slips(tire, new_along, new_across)[2]
+    sliding_x = sliding_y = 0.0
+    if tire.holds:
+        if size > 1.0:
+            beyond = 1.0 - 1.0 / size
+            sliding_x, sliding_y = new_along * beyond * rolled / timestep, new_across * beyond * rolled / timestep
+            new_along, new_across = new_along / size, new_across / size
+    elif tire.slides and size > 1.0:
+        sliding_x, sliding_y = over_x * (1.0 - 1.0 / size), over_y * (1.0 - 1.0 / size)
+    force_x, force_y = patch_force(tire, new_along, new_across, grip)
+    force_x -= tire.damping * (new_along - along) / timestep
+    force_y -= tire.damping * (new_across - across) / timestep
+    if tire.slides:
+        much = math.hypot(force_x / tire.peak[0], force_y / tire.peak[1])
+        if much > grip:
+            force_x, force_y = force_x * grip / much, force_y * grip / much
+    return new_along, new_across, force_x, force_y, size, math.hypot(sliding_x, sliding_y), sliding_y
 
 
 @kernel
-def apply_forces(
-    qpos: FloatArray, qvel: FloatArray, userdata: FloatArray, applied: FloatArray, tires: TireRows, mu: FloatArray,
-    timestep: float,
-) -> None:  # fmt: skip
-    """Deflect the tires of a car for a physics step, and write their forces.
+def _control(model: int, data: int, found: Fields, gear: Any, servo: int, scratch: FloatArray) -> float:
+    """Return what a servo of a car is told now, delay and range included."""
+    actuator = gear.actuator[servo]
+    if gear.delayed[servo] >= 0:
+        now = stages.number_at(data + found.time)[0]
+        address = stages.read_control(model, data, actuator, now, scratch.ctypes.data, gear.delayed[servo])
+        told = stages.number_at(address)[0] if address != 0 else scratch[0]
+    else:
+        told = stages.vector(data, found.ctrl, actuator + 1)[actuator]
+    control: float = min(max(told, gear.control_range[servo, 0]), gear.control_range[servo, 1])
+    return control
 
-    Args:
-      qpos: of the model, at the start of the step.
-      qvel: of the model.
-      userdata: of the car, written to.
-      applied: `xfrc_applied`, six numbers a body, written to.
-      tires: (4,) of TIRE.
-      mu: (4,) lateral peak of each [-].
-      timestep: [s].
-    """
+
+@kernel
+def _servo_force(
+    model: int, found: Fields, gear: Any, servo: int, control: float, length: float, velocity: float
+) -> float:
+    """Return the force of a servo of a car, affine and limited."""
+    actuator = gear.actuator[servo]
+    gain = stages.vector(model, found.actuator_gainprm, 10 * (actuator + 1))[10 * actuator]
+    bias = stages.vector(model, found.actuator_biasprm, 10 * (actuator + 1))
+    force = gain * control + bias[10 * actuator] + bias[10 * actuator + 1] * length + bias[10 * actuator + 2] * velocity
+    limited: float = min(max(force, gear.force_range[servo, 0]), gear.force_range[servo, 1])
+    return limited
+
+
+@kernel
+def steer(
+    model: int, data: int, found: Fields, gear: Any, scratch: FloatArray, dofs: int, timestep: float, steps: int
+) -> tuple[float, float]:
+    """Return where the steering servo is after a physics step [rad], and its rate [rad/s]."""
+    angle = stages.vector(data, found.qpos, gear.steering_qpos + 1)[gear.steering_qpos]
+    rate = stages.vector(data, found.qvel, dofs)[gear.steering_dof]
+    control, short = _control(model, data, found, gear, 0, scratch), timestep / steps
+    for _ in range(steps):
+        force = _servo_force(model, found, gear, 0, control, angle, rate)
+        rate = (rate + short * force / gear.steering_inertia) / (
+            1.0 + short * gear.steering_damping / gear.steering_inertia
+        )
+        angle += short * rate
+    return angle, rate
+
+
+@kernel
+def put_steering(data: int, found: Fields, gear: Any, dofs: int, angle: float, rate: float) -> None:
+    """Put the steering where its servo is, and the kingpins where Ackermann's polynomials have them."""
+    most = max(gear.steering_qpos, gear.kingpin_qpos[0], gear.kingpin_qpos[1]) + 1
+    qpos, qvel = stages.vector(data, found.qpos, most), stages.vector(data, found.qvel, dofs)
+    qpos[gear.steering_qpos], qvel[gear.steering_dof] = angle, rate
+    for side in range(2):
+        c = gear.ackermann[side]
+        qpos[gear.kingpin_qpos[side]] = c[0] + angle * (c[1] + angle * (c[2] + angle * (c[3] + angle * c[4])))
+        slope = c[1] + angle * (2.0 * c[2] + angle * (3.0 * c[3] + angle * 4.0 * c[4]))
+        qvel[gear.kingpin_dof[side]] = slope * rate
+
+
+@kernel
+def damp_inertia(
+    model: int, data: int, found: Fields, inertia: Inertia, gears: GearRows, dofs: int, timestep: float
+) -> None:
+    """Add to MuJoCo's inertia what takes joint damping implicitly, and keep joints that are put where they belong."""
+    entries = len(inertia.columns)
+    matrix, damping = stages.vector(data, found.inertia, entries), stages.vector(model, found.dof_damping, dofs)
+    for dof in range(dofs):
+        matrix[inertia.row_starts[dof] + inertia.row_counts[dof] - 1] += timestep * damping[dof]
+    for car in range(len(gears)):
+        gear = gears[car]
+        if gear.steered:
+            for dof in (gear.steering_dof, gear.kingpin_dof[0], gear.kingpin_dof[1]):
+                matrix[inertia.row_starts[dof] + inertia.row_counts[dof] - 1] += 1.0  # [kg m^2], ten thousand times its
+    stages.factor_inertia(model, data)
+
+
+@kernel
+def resist_rolling(data: int, found: Fields, tires: TireRows, own: FloatArray, dofs: int) -> None:
+    """Add the tires' rolling resistance to MuJoCo's passive forces; arguments as in `push_car`."""
     for k in range(len(tires)):
         tire = tires[k]
-        own = userdata[USERDATA * k : USERDATA * (k + 1)]
-        to = applied[6 * tire.body : 6 * tire.body + 6]
-        load = own[LOAD]
-        own[LOAD_USED] = load
-        if load <= 0.0:
-            own[ALONG] = own[ACROSS] = own[FORCE_ALONG] = own[FORCE_ACROSS] = 0.0
-            for i in range(6):
-                to[i] = 0.0
-            continue
-        height, (vx, vy), (wx, wy, wz), (ax, ay, az), (mx, my, mz) = _wheel_motion(qpos, qvel, tire, timestep)
-        # contact point, from the wheel's middle: below an ellipsoid, half way to the ground
-        broad = tire.half_width**2 - tire.radius**2
-        deep = math.sqrt(tire.radius**2 + broad * az * az)
-        rx, ry, rz = -broad * az * ax / deep, -broad * az * ay / deep, -deep
-        rz = 0.5 * (rz - height)
-        norm = math.hypot(ax, ay)
-        hx, hy = ay / norm, -ax / norm  # heading on the ground; to its left is (-hy, hx)
-        vx, vy = vx + wy * rz - wz * ry, vy + wz * rx - wx * rz
-        forward = hx * vx + hy * vy
-        spin = qvel[tire.spin_dof]
-        px, py = vx + spin * (ay * rz - az * ry), vy + spin * (az * rx - ax * rz)
-        velocity = (hx * px + hy * py, hx * py - hy * px, forward)
-        grip = grip_of(tire, load, mu[k])
-        along, across, fx, fy = deflect(tire, own[ALONG], own[ACROSS], velocity, grip, load, timestep)
-        own[ALONG], own[ACROSS], own[FORCE_ALONG], own[FORCE_ACROSS] = along, across, fx, fy
-        to[0], to[1], to[2] = hx * fx - hy * fy, hy * fx + hx * fy, 0.0
-        rx, ry, rz = rx - mx, ry - my, rz - mz
-        to[3], to[4], to[5] = -rz * to[1], rz * to[0], rx * to[1] - ry * to[0]
+        if tire.rolling_resistance > 0.0:
+            spin = stages.vector(data, found.qvel, dofs)[tire.spin_dof]
+            share = min(max(spin / _STILL, -1.0), 1.0)
+            moment = tire.rolling_resistance * own[USERDATA * k + LOAD] * tire.radius
+            stages.vector(data, found.qfrc_passive, dofs)[tire.spin_dof] -= moment * share
 
 
 @kernel
-def _turned(m: Any, x: float, y: float, z: float) -> tuple[float, float, float]:
-    return m[0] * x + m[1] * y + m[2] * z, m[3] * x + m[4] * y + m[5] * z, m[6] * x + m[7] * y + m[8] * z
+def push_car(
+    model: int, data: int, found: Fields, inertia: Inertia, gear: Any, tires: TireRows, mu: FloatArray,
+    own: FloatArray, scratch: FloatArray, dofs: int, timestep: float, steps: int,
+) -> None:  # fmt: skip
+    """Move the tires and the drive of a car by the short steps of a physics step, and add their mean forces.
 
+    MuJoCo's stages up to the acceleration without constraints must be done, with the inertia of `damp_inertia`.
 
-@kernel
-def _product(a: Any, b: Any) -> tuple[float, float, float, float, float, float, float, float, float]:
-    return (
-        a[0] * b[0] + a[1] * b[3] + a[2] * b[6], a[0] * b[1] + a[1] * b[4] + a[2] * b[7],
-        a[0] * b[2] + a[1] * b[5] + a[2] * b[8], a[3] * b[0] + a[4] * b[3] + a[5] * b[6],
-        a[3] * b[1] + a[4] * b[4] + a[5] * b[7], a[3] * b[2] + a[4] * b[5] + a[5] * b[8],
-        a[6] * b[0] + a[7] * b[3] + a[8] * b[6], a[6] * b[1] + a[7] * b[4] + a[8] * b[7],
-        a[6] * b[2] + a[7] * b[5] + a[8] * b[8],
-    )  # fmt: skip
-
-
-@kernel
-def _quaternion(w: float, x: float, y: float, z: float) -> tuple[float, ...]:
-    return (
-        w * w + x * x - y * y - z * z, 2.0 * (x * y - w * z), 2.0 * (x * z + w * y),
-        2.0 * (x * y + w * z), w * w - x * x + y * y - z * z, 2.0 * (y * z - w * x),
-        2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z,
-    )  # fmt: skip
-
-
-@kernel
-def _wheel_motion(qpos: FloatArray, qvel: FloatArray, tire: Any, timestep: float) -> Any:
-    """Return the height of a wheel's middle over the ground and, without its spin, how it moves.
-
-    These are its velocity along the ground, its angular velocity, where its axle points, and where its centre of mass
-    is from its middle, all in the world.
+    Args:
+      model: address of the mujoco.MjModel.
+      data: address of the mujoco.MjData, written to.
+      found: where their arrays are.
+      inertia: of the model.
+      gear: of GEAR.
+      tires: (k,) of TIRE, up to four.
+      mu: (k,) lateral peak of each [-].
+      own: (k USERDATA,) user data of the tires, written to.
+      scratch: of `scratch_for`.
+      dofs: of the model.
+      timestep: of the physics [s].
+      steps: of `steps_within`.
     """
-    q, v = tire.free_qpos, tire.free_dof
-    m = _quaternion(qpos[q + 3], qpos[q + 4], qpos[q + 5], qpos[q + 6])
-    x, y, z = qpos[q], qpos[q + 1], qpos[q + 2]
-    vx, vy, vz = qvel[v], qvel[v + 1], qvel[v + 2]
-    wx, wy, wz = _turned(m, qvel[v + 3], qvel[v + 4], qvel[v + 5])
-    half = 0.5 * timestep * wz  # MuJoCo's velocities are half a step older than its positions
-    vx, vy = vx - half * vy, vy + half * vx
-    for k in range(tire.links):
-        dx, dy, dz = _turned(m, tire.place[k, 0], tire.place[k, 1], tire.place[k, 2])
-        x, y, z = x + dx, y + dy, z + dz
-        vx, vy, vz = vx + wy * dz - wz * dy, vy + wz * dx - wx * dz, vz + wx * dy - wy * dx
-        if tire.turned[k]:
-            m = _product(m, tire.turn[k])
-        if tire.kind[k] == 0:
-            continue
-        axis_x, axis_y, axis_z = tire.axis[k, 0], tire.axis[k, 1], tire.axis[k, 2]
-        ax, ay, az = _turned(m, axis_x, axis_y, axis_z)
-        by, rate = qpos[tire.qpos[k]] - tire.qpos0[k], qvel[tire.dof[k]]
-        if tire.kind[k] == 1:
-            dx, dy, dz = ax * by, ay * by, az * by
-            x, y, z = x + dx, y + dy, z + dz
-            vx, vy, vz = vx + wy * dz - wz * dy, vy + wz * dx - wx * dz, vz + wx * dy - wy * dx
-            vx, vy, vz = vx + ax * rate, vy + ay * rate, vz + az * rate
-            continue
-        anchor_x, anchor_y, anchor_z = tire.anchor[k, 0], tire.anchor[k, 1], tire.anchor[k, 2]
-        tx, ty, tz = _turned(m, anchor_x, anchor_y, anchor_z)
-        half = math.sin(0.5 * by)
-        m = _product(m, _quaternion(math.cos(0.5 * by), half * axis_x, half * axis_y, half * axis_z))
-        ux, uy, uz = _turned(m, anchor_x, anchor_y, anchor_z)
-        # the joint's anchor moves as the link before; the rest turns about it
-        vx, vy, vz = vx + wy * tz - wz * ty, vy + wz * tx - wx * tz, vz + wx * ty - wy * tx
-        wx, wy, wz = wx + ax * rate, wy + ay * rate, wz + az * rate
-        vx, vy, vz = vx - wy * uz + wz * uy, vy - wz * ux + wx * uz, vz - wx * uy + wy * ux
-        x, y, z = x + tx - ux, y + ty - uy, z + tz - uz
-    axle, center = tire.axle, tire.center_of_mass
-    return (
-        z - tire.ground, (vx, vy), (wx, wy, wz), _turned(m, axle[0], axle[1], axle[2]),
-        _turned(m, center[0], center[1], center[2]),
-    )  # fmt: skip
+    first, count, wheels = gear.first_dof, gear.dofs, len(tires)
+    jacobian = scratch[: CONTACTS * count].reshape(CONTACTS, count)
+    halves = scratch[CONTACTS * count : 2 * CONTACTS * count].reshape(CONTACTS, count)
+    rest = scratch[2 * CONTACTS * count :]
+    mobility = rest[: CONTACTS * CONTACTS].reshape(CONTACTS, CONTACTS)
+    room = rest[CONTACTS * CONTACTS :]
+    velocity, force = room[:CONTACTS], room[CONTACTS : 2 * CONTACTS]
+    mean, free = room[2 * CONTACTS : 3 * CONTACTS], room[3 * CONTACTS : 4 * CONTACTS]
+    depth, forward = room[4 * CONTACTS : 4 * CONTACTS + 4], room[4 * CONTACTS + 4 : 4 * CONTACTS + 8]
+    qvel, acceleration = stages.vector(data, found.qvel, dofs), stages.vector(data, found.qacc_smooth, dofs)
+    jacobian[:] = 0.0
+    for k in range(wheels):
+        depth[k], forward[k] = _wheel_rows(data, found, tires[k], first, qvel, jacobian[3 * k : 3 * k + 3])
+        own[USERDATA * k + LOAD] = own[USERDATA * k + FORCE_ALONG] = own[USERDATA * k + FORCE_ACROSS] = 0.0
+        own[USERDATA * k + SLIDING] = own[USERDATA * k + SLIDING_ACROSS] = own[USERDATA * k + SLIP_SIZE] = 0.0
+    if gear.driven:
+        for k in range(4):
+            jacobian[_DRIVE, gear.drive_dof[k] - first] += gear.drive_share[k]
+    _half_solve(data, found, inertia, first, count, dofs, jacobian, halves)
+    for i in range(CONTACTS):
+        speed = pull = 0.0
+        for dof in range(count):
+            speed += jacobian[i, dof] * qvel[first + dof]
+            pull += jacobian[i, dof] * acceleration[first + dof]
+        velocity[i], free[i], mean[i], force[i] = speed, pull, 0.0, 0.0
+        for j in range(i + 1):
+            total = 0.0
+            for dof in range(count):
+                total += halves[i, dof] * halves[j, dof]
+            mobility[i, j] = mobility[j, i] = total
+    control = length = before = 0.0
+    if gear.driven:
+        motor = gear.actuator[1]
+        control = _control(model, data, found, gear, 1, force[:1])
+        length = stages.vector(data, found.actuator_length, motor + 1)[motor]
+        before = stages.vector(data, found.actuator_force, motor + 1)[motor]
+    short = timestep / steps
+    for _ in range(steps):
+        for k in range(wheels):
+            tire, state = tires[k], own[USERDATA * k : USERDATA * (k + 1)]
+            load = tire.vertical_stiffness * depth[k] - tire.vertical_damping * velocity[3 * k + 2]
+            if depth[k] <= 0.0 or load <= 0.0:
+                state[ALONG] = state[ACROSS] = force[3 * k] = force[3 * k + 1] = force[3 * k + 2] = 0.0
+                continue
+            along, across, fx, fy, size, sliding, sliding_across = deflect(
+                tire, state[ALONG], state[ACROSS], velocity[3 * k], velocity[3 * k + 1], forward[k],
+                grip_of(tire, load, mu[k]), short,
+            )  # fmt: skip
+            state[ALONG], state[ACROSS] = along, across
+            force[3 * k], force[3 * k + 1], force[3 * k + 2] = fx, fy, load
+            state[SLIP_SIZE] = max(state[SLIP_SIZE], size)
+            state[SLIDING] = max(state[SLIDING], sliding)
+            state[SLIDING_ACROSS] = max(state[SLIDING_ACROSS], abs(sliding_across))
+        if gear.driven:
+            force[_DRIVE] = _servo_force(model, found, gear, 1, control, length, velocity[_DRIVE]) - before
+            length += short * velocity[_DRIVE]
+        for i in range(CONTACTS):
+            total = free[i]
+            for j in range(CONTACTS):
+                total += mobility[i, j] * force[j]
+            velocity[i] += short * total
+            mean[i] += force[i]
+        for k in range(wheels):
+            depth[k] -= short * velocity[3 * k + 2]
+    smooth = stages.vector(data, found.qfrc_smooth, dofs)
+    for i in range(CONTACTS):
+        mean[i] /= steps
+        for dof in range(count):
+            smooth[first + dof] += jacobian[i, dof] * mean[i]
+    for k in range(wheels):
+        state = own[USERDATA * k : USERDATA * (k + 1)]
+        state[FORCE_ALONG], state[FORCE_ACROSS], state[LOAD] = mean[3 * k], mean[3 * k + 1], mean[3 * k + 2]
+
+
+@kernel
+def _wheel_rows(
+    data: int, found: Fields, tire: Any, first: int, qvel: FloatArray, rows: FloatArray
+) -> tuple[float, float]:
+    """Write the Jacobian of a wheel's contact point (3, dofs); return its depth [m] and the wheel's forward speed."""
+    body, center = tire.body, 3 * tire.root
+    position = stages.vector(data, found.xpos, 3 * body + 3)
+    turn = stages.vector(data, found.xmat, 9 * body + 9)
+    mass_center = stages.vector(data, found.subtree_com, center + 3)
+    axes = stages.vector(data, found.cdof, 6 * (tire.chain[0] + 1))
+    m, a = 9 * body, tire.axle
+    ax = turn[m] * a[0] + turn[m + 1] * a[1] + turn[m + 2] * a[2]
+    ay = turn[m + 3] * a[0] + turn[m + 4] * a[1] + turn[m + 5] * a[2]
+    az = turn[m + 6] * a[0] + turn[m + 7] * a[1] + turn[m + 8] * a[2]
+    broad = tire.half_width**2 - tire.radius**2
+    deep = math.sqrt(tire.radius**2 + broad * az * az)  # lowest point of an ellipsoid, below its middle
+    depth = deep - (position[3 * body + 2] - tire.ground)
+    x = position[3 * body] - broad * az * ax / deep - mass_center[center]
+    y = position[3 * body + 1] - broad * az * ay / deep - mass_center[center + 1]
+    z = position[3 * body + 2] - deep + 0.5 * max(depth, 0.0) - mass_center[center + 2]  # half way to the ground
+    level = math.hypot(ax, ay)
+    hx, hy = (ay / level, -ax / level) if level > 1e-9 else (1.0, 0.0)  # to the left of the heading is (-hy, hx)
+    forward = 0.0
+    for link in range(tire.links):
+        dof = tire.chain[link]
+        c = axes[6 * dof : 6 * dof + 6]
+        # velocity of the point that the dof makes: what it moves, and what it turns
+        vx, vy, vz = c[3] + c[1] * z - c[2] * y, c[4] + c[2] * x - c[0] * z, c[5] + c[0] * y - c[1] * x
+        along = hx * vx + hy * vy
+        rows[0, dof - first], rows[1, dof - first], rows[2, dof - first] = along, hx * vy - hy * vx, vz
+        if dof != tire.spin_dof:
+            forward += along * qvel[dof]
+    return depth, forward
+
+
+@kernel
+def _half_solve(
+    data: int, found: Fields, inertia: Inertia, first: int, count: int, dofs: int, rows: FloatArray, halves: FloatArray
+) -> None:
+    """Write rows times L^-1 D^-1/2, where MuJoCo's inertia is L' D L; the product of two is that with its inverse."""
+    factor = stages.vector(data, found.inertia_factor, len(inertia.columns))
+    diagonal = stages.vector(data, found.inverse_diagonal, dofs)
+    for row in range(len(rows)):
+        for dof in range(count):
+            halves[row, dof] = rows[row, dof]
+    for dof in range(count - 1, -1, -1):
+        start, entries = inertia.row_starts[first + dof], inertia.row_counts[first + dof] - 1
+        root = math.sqrt(diagonal[first + dof])
+        for row in range(len(rows)):
+            value = halves[row, dof]
+            if value != 0.0:
+                for entry in range(start, start + entries):
+                    halves[row, inertia.columns[entry] - first] -= factor[entry] * value
+                halves[row, dof] = value * root
+
+
+@kernel
+def step_by_hand(
+    model: int, data: int, found: Fields, inertia: Inertia, gears: GearRows, tires: TireRows, mu: FloatArray,
+    own: FloatArray, scratch: FloatArray, dofs: int, timestep: float, steps: int, advance: bool,
+) -> None:  # fmt: skip
+    """Do a physics step of a model of one car, or only work out its forces and sensors; arguments of `push_car`."""
+    begin_step(model, data)
+    resist_rolling(data, found, tires, own, dofs)
+    damp_inertia(model, data, found, inertia, gears, dofs, timestep)
+    stages.stage_actuation(model, data)
+    stages.stage_acceleration(model, data)
+    kept = own.copy()
+    push_car(model, data, found, inertia, gears[0], tires, mu, own, scratch, dofs, timestep, steps)
+    if not advance:
+        for k in range(len(tires)):
+            own[USERDATA * k + ALONG], own[USERDATA * k + ACROSS] = kept[USERDATA * k + ALONG], kept[USERDATA * k + ACROSS]
+    angle = rate = 0.0
+    steered = gears[0].steered and advance
+    if steered:
+        angle, rate = steer(model, data, found, gears[0], scratch, dofs, timestep, steps)
+    end_step(model, data, found, dofs, advance)
+    if steered:
+        put_steering(data, found, gears[0], dofs, angle, rate)
+
+
+@kernel
+def begin_step(model: int, data: int) -> None:
+    """Do MuJoCo's stages of positions and velocities, with their sensors."""
+    stages.check_positions(model, data)
+    stages.check_velocities(model, data)
+    stages.stage_position(model, data)
+    stages.sensors_of_position(model, data)
+    stages.stage_velocity(model, data)
+    stages.sensors_of_velocity(model, data)
+
+
+@kernel
+def end_step(model: int, data: int, found: Fields, dofs: int, advance: bool) -> None:
+    """Do MuJoCo's stages from the acceleration with the tires' forces on; `advance`: move the state, too."""
+    acceleration, smooth = stages.vector(data, found.qacc_smooth, dofs), stages.vector(data, found.qfrc_smooth, dofs)
+    stages.solve_inertia(model, data, acceleration.ctypes.data, smooth.ctypes.data, 1)
+    stages.stage_constraint(model, data)
+    stages.sensors_of_acceleration(model, data)
+    if advance:
+        stages.check_accelerations(model, data)
+        stages.advance(model, data)

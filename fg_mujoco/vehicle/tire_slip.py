@@ -38,8 +38,10 @@ from .tire_forces import (
     ALONG,
     FORCE_ACROSS,
     FORCE_ALONG,
-    LOAD_USED,
-    READINGS,
+    LOAD,
+    SLIDING,
+    SLIDING_ACROSS,
+    SLIP_SIZE,
     USERDATA,
     TireRows,
     curve_peaks,
@@ -47,6 +49,10 @@ from .tire_forces import (
     tire_rows,
 )
 from .tires import CONTACT
+
+READINGS = 19
+"""Sensor readings of a tire: found, force in the contact's frame (normal first), point, normal; centre, velocity and
+angular velocity of the wheel."""
 
 SLIDING_SPEED = 0.05
 """[m/s] A tire slides when its contact point moves faster than this over the ground.
@@ -198,13 +204,16 @@ class TireSlipMeter:
         self.pairs = [element_id(model, mujoco.mjtObj.mjOBJ_PAIR, f"{prefix}{wheel}_tire") for wheel in WHEELS]
         self.mu: FloatArray = model.pair_friction[self.pairs, 0]
         self.rows: TireRows = tire_rows(model, prefix)
-        slices = [sensor_slice(model, f"{prefix}{wheel}_{sensor}") for wheel in WHEELS for sensor in _SENSORS]
-        if any(before.stop != after.start for before, after in pairwise(slices)):
-            raise ModelError(f"the tires' sensors are apart; accepted: for each of {WHEELS}, {_SENSORS} side by side")
-        self.readings = slice(slices[0].start, slices[-1].stop)
-        self.axles = _first_axle(model, prefix)
+        self.readings, self.axles = slice(0, 0), -1
+        if not len(self.rows):
+            slices = [sensor_slice(model, f"{prefix}{wheel}_{sensor}") for wheel in WHEELS for sensor in _SENSORS]
+            if any(before.stop != after.start for before, after in pairwise(slices)):
+                said = f"for each of {WHEELS}, {_SENSORS} side by side"
+                raise ModelError(f"the tires' sensors are apart; accepted: {said}")
+            self.readings = slice(slices[0].start, slices[-1].stop)
+            self.axles = _first_axle(model, prefix)
         self._records = np.empty((8, model.nsensordata))
-        self._states = np.empty((8, USERDATA * len(self.rows)))
+        self._states = np.empty((8, model.nuserdata))
         self._count = 0
 
     def __repr__(self) -> str:
@@ -276,7 +285,10 @@ def measure_slip(
     for step in range(slip.shape[1]):
         grip = mu[step if len(mu) > 1 else 0]
         for tire in range(4):
-            own = states[step, place + USERDATA * tire :]
+            if len(tires) > 0:
+                own = states[step, place + USERDATA * tire : place + USERDATA * (tire + 1)]
+                _measure_law(tires[tire], own, grip[tire], slip[:, step, tire])
+                continue
             row = records[step, start + tire * READINGS : start + (tire + 1) * READINGS]
             if row[0] == 0.0:
                 for quantity in range(len(slip)):
@@ -298,18 +310,11 @@ def measure_slip(
             if axles < 0:
                 for quantity in (_LATERAL_SPEED, FORCE_X, FORCE_Y, SLIP_ANGLE, SLIP_RATIO):
                     slip[quantity, step, tire] = math.nan
-                if len(tires) > 0:
-                    _measure_curve(
-                        tires[tire], states[step, place + USERDATA * tire :], grip[tire], slip[:, step, tire]
-                    )
                 continue
             axle = records[step, axles + 3 * tire : axles + 3 * (tire + 1)]
             lean = axle[0] * normal[0] + axle[1] * normal[1] + axle[2] * normal[2]
             along_axle = x * axle[0] + y * axle[1] + z * axle[2]  # of a velocity along the ground
             slip[_LATERAL_SPEED, step, tire] = abs(along_axle) / math.sqrt(max(1.0 - lean * lean, 1e-12))
-            if len(tires) > 0:
-                _measure_curve(tires[tire], own, grip[tire], slip[:, step, tire])
-                continue
             # on level ground a contact's frame is z, y, -x, and the sensor turns the tire's force by that
             level = math.hypot(axle[0], axle[1])
             ahead_x, ahead_y = axle[1] / level, -axle[0] / level
@@ -324,20 +329,21 @@ def measure_slip(
 
 
 @kernel
-def _measure_curve(tire: Any, state: FloatArray, mu: float, slip: FloatArray) -> None:
-    """Write what a tire with a curve did into `slip` (QUANTITIES,) of a step, which has its contact point's motion."""
-    force_x, force_y, load = state[FORCE_ALONG], state[FORCE_ACROSS], state[LOAD_USED]
-    ratio, angle, size = slips(tire, state[ALONG], state[ACROSS])
+def _measure_law(tire: Any, own: FloatArray, mu: float, slip: FloatArray) -> None:
+    """Write what a tire with a law of ours did into `slip` (QUANTITIES,) of a step, from its user data then."""
+    load = own[LOAD]
+    if load <= 0.0:
+        slip[:] = math.nan
+        return
+    force_x, force_y = own[FORCE_ALONG], own[FORCE_ACROSS]
+    ratio, angle, _ = slips(tire, own[ALONG], own[ACROSS])
     most_x, most_y = curve_peaks(tire, load, mu)
-    slip[_FRICTION_USE] = math.hypot(force_x / most_x, force_y / most_y) if load > 0.0 else 0.0
-    slip[_FRICTION_FORCE] = math.hypot(force_x, force_y)
+    slip[NORMAL_FORCE], slip[_FRICTION_FORCE] = load, math.hypot(force_x, force_y)
+    slip[_FRICTION_USE] = math.hypot(force_x / most_x, force_y / most_y)
     slip[FORCE_X], slip[FORCE_Y] = force_x, force_y
     slip[SLIP_ANGLE], slip[SLIP_RATIO] = -angle, -ratio
-    past = size > 1.0 and not tire.linear
-    slip[_SLIDES] = 1.0 if past else 0.0
-    share = 1.0 - 1.0 / size if past else 0.0
-    slip[_SLIDING_SPEED] *= share
-    slip[_LATERAL_SPEED] *= share
+    slip[_SLIDING_SPEED], slip[_LATERAL_SPEED] = own[SLIDING], own[SLIDING_ACROSS]
+    slip[_SLIDES] = 1.0 if tire.slides and own[SLIP_SIZE] > 1.0 else 0.0
 
 
 @kernel

@@ -28,7 +28,7 @@ from .car import WHEELS, car_parameters
 from .changes import ACCEPTED_MU, GREATEST_MU, CarChanges, change_spec, set_mu
 from .contract import check_model, check_names, compiled, find_lidar, find_look, find_tires, parsed
 from .tire_forces import put_on
-from .tires import Tires
+from .tires import DEFAULT_TIRES, Tires
 
 DEFAULT_VEHICLE = "f1tenth"
 
@@ -61,7 +61,7 @@ class Vehicle:
     text: str = field(repr=False)
     lidar: LidarModel
     look: str | None
-    tires: Tires = field(default_factory=Tires)
+    tires: Tires = field(default_factory=lambda: Tires.load(DEFAULT_TIRES))
 
     @classmethod
     def load(cls, source: str | Path | Vehicle = DEFAULT_VEHICLE) -> Vehicle:

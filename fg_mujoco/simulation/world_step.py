@@ -1,0 +1,206 @@
+"""The physics steps of one world, as MuJoCo's batch calls them: with the world's own model and data.
+
+A world whose cars all stand on MuJoCo's contacts is stepped by mj_step. Where any car has tires of ours, MuJoCo's
+stages are called one after the other, and the tires' forces are put in between (vehicle/tire_forces.py).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..course.moving_obstacles import obstacle_position
+from ..kernels import kernel
+from ..messages import FloatArray
+from ..vehicle import stages
+from ..vehicle.friction_patches import look_at_floor
+from ..vehicle.motion import planar_pose
+from ..vehicle.stages import Fields
+from ..vehicle.tire_forces import (
+    ACROSS,
+    ALONG,
+    USERDATA,
+    Inertia,
+    begin_step,
+    damp_inertia,
+    end_step,
+    push_car,
+    put_steering,
+    resist_rolling,
+    steer,
+)
+
+Rows = NDArray[np.void]
+Places = NDArray[np.int64]
+
+TIRES, AXLES, CHASSIS_CONTACT, FIRST_TIRE, MOUNT, TREE = range(6)
+"""Columns of `car_places`, one row for each car of a world: where in its sensors the tires' readings begin, those of
+the axles (-1: none) and the chassis' contact; its first row among the tires with a law of ours (-1: it has none); where
+in qpos the pose of the body that its LiDAR is fixed to is; and the tree of its bodies, as in SceneArrays (-1: none)."""
+
+
+class Floor(NamedTuple):
+    """The patches of the worlds, and what the tires have on them; all empty where there are none."""
+
+    patches: FloatArray  # (k, 7) of `patch_table`
+    wheels: FloatArray  # (4 cars_per_world, 2) of `wheel_positions`
+    mu: FloatArray  # (r, steps, 4) room: what each tire had in each step of a tick
+    pairs: NDArray[np.int32]  # (4 cars_per_world,) of the tires
+
+
+class Sizes(NamedTuple):
+    """Of a world's model, and how it is stepped."""
+
+    positions: int
+    dofs: int
+    readings: int
+    userdata: int
+    pairs: int
+    tire_steps: int  # short ones in a physics step, of `steps_within`
+    own_tires: int  # whether any car has tires with a law of ours
+
+
+@kernel
+def step_world(
+    model: int,
+    data: int,
+    world: int,
+    first: int,
+    end: int,
+    advance: bool,
+    sizes: Sizes,
+    found: Fields,
+    inertia: Inertia,
+    gears: Rows,
+    car_places: Places,
+    cars: Rows,
+    tire_rows: Rows,
+    mu: FloatArray,
+    floor: Floor,
+    motions: FloatArray,
+    timestep: float,
+    records: FloatArray,
+    tire_states: FloatArray,
+    scratch: FloatArray,
+) -> None:
+    """Do the physics steps `first` up to `end` of a tick in a world, and note what sensors and tires did.
+
+    Args:
+      model: address of its mujoco.MjModel.
+      data: address of its mujoco.MjData.
+      world: its number.
+      first: step.
+      end: one behind the last step.
+      advance: else forces and sensors are worked out only, once.
+      sizes: of the model.
+      found: where the arrays of model and data are.
+      inertia: of the model.
+      gears: (m,) of GEAR, of its cars.
+      car_places: (m, 6) see TREE.
+      cars: (r,) of CAR, of all worlds.
+      tire_rows: (k,) of TIRE, of the cars whose tires have a law of ours.
+      mu: (r, 4) of the tires of all worlds.
+      floor: of all worlds.
+      motions: (obstacles, 8) of `motion_table`.
+      timestep: [s].
+      records: (n, steps, nsensordata) written to.
+      tire_states: (n, steps, k USERDATA) written to.
+      scratch: of this thread.
+    """
+    userdata = stages.vector(data, found.userdata, sizes.userdata)
+    readings = stages.vector(data, found.sensordata, sizes.readings)
+    for step in range(first, end):
+        _place_obstacles(data, found, motions)
+        _look_at_floor(model, data, found, world, step, sizes, car_places, cars, mu, floor)
+        if not sizes.own_tires:
+            stages.step(model, data)
+        else:
+            _step_on_tires(
+                model, data, world, step, advance, sizes, found, inertia, gears, car_places, tire_rows, mu, floor,
+                timestep, userdata, scratch,
+            )  # fmt: skip
+        for k in range(sizes.readings):
+            records[world, step, k] = readings[k]
+        for k in range(sizes.userdata):
+            tire_states[world, step, k] = userdata[k]
+    _place_obstacles(data, found, motions)
+
+
+@kernel
+def _step_on_tires(
+    model: int, data: int, world: int, step: int, advance: bool, sizes: Sizes, found: Fields, inertia: Inertia,
+    gears: Rows, car_places: Places, tire_rows: Rows, mu: FloatArray, floor: Floor, timestep: float,
+    userdata: FloatArray, scratch: FloatArray,
+) -> None:  # fmt: skip
+    """Do one physics step of a world with tires of ours; arguments as in `step_world`."""
+    count, dofs = len(car_places), sizes.dofs
+    begin_step(model, data)
+    for car in range(count):
+        first = car_places[car, FIRST_TIRE]
+        if first >= 0:
+            own = userdata[USERDATA * first : USERDATA * (first + 4)]
+            resist_rolling(data, found, tire_rows[first : first + 4], own, dofs)
+    damp_inertia(model, data, found, inertia, gears, dofs, timestep)
+    stages.stage_actuation(model, data)
+    stages.stage_acceleration(model, data)
+    steering = np.empty((count, 2))
+    for car in range(count):
+        first = car_places[car, FIRST_TIRE]
+        if first >= 0:
+            row, gear = world * count + car, gears[car]
+            own = userdata[USERDATA * first : USERDATA * (first + 4)]
+            under = floor.mu[row, step] if len(floor.patches) > 0 else mu[row]
+            if not advance:
+                own = own.copy()
+            push_car(
+                model, data, found, inertia, gear, tire_rows[first : first + 4], under, own, scratch, dofs, timestep,
+                sizes.tire_steps,
+            )  # fmt: skip
+            if not advance:
+                for k in range(4):  # the tires stay as they are
+                    for part in range(USERDATA):
+                        if part != ALONG and part != ACROSS:
+                            userdata[USERDATA * (first + k) + part] = own[USERDATA * k + part]
+            if gear.steered:
+                steering[car, 0], steering[car, 1] = steer(
+                    model, data, found, gear, scratch, dofs, timestep, sizes.tire_steps
+                )
+    end_step(model, data, found, dofs, advance)
+    if advance:
+        for car in range(count):
+            if car_places[car, FIRST_TIRE] >= 0 and gears[car].steered:
+                put_steering(data, found, gears[car], dofs, steering[car, 0], steering[car, 1])
+
+
+@kernel
+def _look_at_floor(
+    model: int, data: int, found: Fields, world: int, step: int, sizes: Sizes, car_places: Places, cars: Rows,
+    mu: FloatArray, floor: Floor,
+) -> None:  # fmt: skip
+    """Write what each tire has on the floor under it, and give it to MuJoCo's contacts, too."""
+    if len(floor.patches) == 0:
+        return
+    friction = stages.vector(model, found.pair_friction, 5 * sizes.pairs)
+    qpos = stages.vector(data, found.qpos, sizes.positions)
+    for car in range(len(car_places)):
+        row = world * len(car_places) + car
+        under = floor.mu[row, step]
+        x, y, heading = planar_pose(qpos, cars[row : row + 1])
+        look_at_floor(x, y, heading, floor.wheels[4 * car : 4 * (car + 1)], floor.patches, mu[row], under)
+        for tire in range(4):
+            pair = floor.pairs[4 * car + tire]
+            friction[5 * pair] = friction[5 * pair + 1] = under[tire]
+
+
+@kernel
+def _place_obstacles(data: int, found: Fields, motions: FloatArray) -> None:
+    """Put the moving obstacles where they are at the time of the data."""
+    if len(motions) == 0:
+        return
+    time = stages.number_at(data + found.time)[0]
+    positions = stages.vector(data, found.mocap_pos, 3 * len(motions))
+    for k in range(len(motions)):
+        positions[3 * k], positions[3 * k + 1] = obstacle_position(motions[k], time)
+        positions[3 * k + 2] = 0.0

@@ -1,0 +1,204 @@
+"""MuJoCo's stages of a physics step, and the arrays of its models and data, for kernels.
+
+    qvel = vector(data, layout.qvel, nv)
+    stage_velocity(model, data)
+
+A kernel gets a mujoco.MjModel and a mujoco.MjData as their addresses (`model._address`), and calls MuJoCo's own
+functions without Python in between. The arrays of both are found by where the structures keep their addresses; that is
+looked up once in this process, in a model of two joints, because it depends on how MuJoCo was built.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import llvmlite.binding
+import mujoco
+import numpy as np
+from numba import carray, types
+from numba.core import cgutils
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+from ..errors import EngineError
+from ..kernels import kernel
+
+
+def library_path() -> str:
+    """Return the file of the MuJoCo library that the Python package uses.
+
+    Raises:
+      EngineError: there is none beside the package.
+    """
+    folder = Path(mujoco.__file__).parent
+    for pattern in ("libmujoco.so*", "libmujoco*.dylib", "mujoco.dll"):
+        for path in sorted(folder.glob(pattern)):
+            return str(path)
+    raise EngineError(f"there is no MuJoCo library in {folder}; accepted: the package `mujoco` as pip installs it")
+
+
+llvmlite.binding.load_library_permanently(library_path())  # so that kernels, compiled or read from disk, find it
+
+
+def _stage(name: str) -> Any:
+    return types.ExternalFunction(name, types.void(types.uintp, types.uintp))
+
+
+step = _stage("mj_step")
+check_positions = _stage("mj_checkPos")
+check_velocities = _stage("mj_checkVel")
+check_accelerations = _stage("mj_checkAcc")
+stage_position = _stage("mj_fwdPosition")
+stage_velocity = _stage("mj_fwdVelocity")
+stage_actuation = _stage("mj_fwdActuation")
+stage_acceleration = _stage("mj_fwdAcceleration")
+stage_constraint = _stage("mj_fwdConstraint")
+sensors_of_position = _stage("mj_sensorPos")
+sensors_of_velocity = _stage("mj_sensorVel")
+sensors_of_acceleration = _stage("mj_sensorAcc")
+factor_inertia = _stage("mj_factorM")
+advance = _stage("mj_Euler")
+solve_inertia: Any = types.ExternalFunction(
+    "mj_solveM", types.void(types.uintp, types.uintp, types.uintp, types.uintp, types.int32)
+)
+read_control: Any = types.ExternalFunction(
+    "mj_readCtrl", types.uintp(types.uintp, types.uintp, types.int32, types.float64, types.uintp, types.int32)
+)
+
+
+class Fields(NamedTuple):
+    """Where the structures keep the addresses of their arrays, in bytes from their beginning."""
+
+    # of mjModel
+    dof_damping: int
+    actuator_gainprm: int
+    actuator_biasprm: int
+    pair_friction: int
+    # of mjData
+    qpos: int
+    qvel: int
+    ctrl: int
+    userdata: int
+    sensordata: int
+    mocap_pos: int
+    xpos: int
+    xmat: int
+    cdof: int
+    subtree_com: int
+    inertia: int
+    inertia_factor: int
+    inverse_diagonal: int
+    qfrc_passive: int
+    qfrc_smooth: int
+    qacc_smooth: int
+    actuator_force: int
+    actuator_length: int
+    time: int
+
+
+_OF_MODEL = ("dof_damping", "actuator_gainprm", "actuator_biasprm", "pair_friction")
+_OF_DATA = {
+    "inertia": "M", "inertia_factor": "qLD", "inverse_diagonal": "qLDiagInv",
+    **{name: name for name in (
+        "qpos", "qvel", "ctrl", "userdata", "sensordata", "mocap_pos", "xpos", "xmat", "cdof", "subtree_com",
+        "qfrc_passive", "qfrc_smooth", "qacc_smooth", "actuator_force", "actuator_length",
+    )},
+}  # fmt: skip
+_SAMPLE = """
+<mujoco>
+  <size nuserdata="3"/>
+  <contact><pair geom1="one" geom2="two"/></contact>
+  <worldbody>
+    <body mocap="true"/>
+    <body><freejoint/><geom name="one" size=".1"/><body><joint name="a"/><geom name="two" size=".1" pos="0 .2 0"/></body></body>
+  </worldbody>
+  <actuator><position joint="a"/></actuator>
+  <sensor><jointpos joint="a"/></sensor>
+</mujoco>
+"""
+_PAGE, _MOST_WORDS = 512, 2**15  # words
+_BEFORE = 40  # words before the anchor, from which on all that is looked for lies
+_BEHIND_IN_MODEL, _BEHIND_IN_DATA = 330, 120  # and behind it: the structures are longer
+
+
+@cache
+def fields() -> Fields:
+    """Return where this build of MuJoCo keeps the arrays of its structures.
+
+    Raises:
+      EngineError: they are not found.
+    """
+    model = mujoco.MjModel.from_xml_string(_SAMPLE)
+    data = mujoco.MjData(model)
+    found = _places(model, {name: name for name in _OF_MODEL}, anchor="dof_damping", behind=_BEHIND_IN_MODEL)
+    found |= _places(data, _OF_DATA, anchor="qvel", behind=_BEHIND_IN_DATA)
+    moment = 0.123456789
+    data.time = moment
+    before = found["qpos"] // 8
+    hits = np.flatnonzero(_words(data, before - _BEFORE, before).view(np.float64) == moment)
+    if len(hits) != 1:
+        raise _unknown("time")
+    return Fields(**found, time=8 * (before - _BEFORE + int(hits[0])))
+
+
+def _words(structure: Any, first: int, end: int) -> NDArray[np.uintp]:
+    """Return the words of a structure from one up to another."""
+    size = ctypes.sizeof(ctypes.c_size_t)
+    return np.frombuffer((ctypes.c_size_t * (end - first)).from_address(structure._address + size * first), np.uintp)
+
+
+def _places(structure: Any, names: dict[str, str], anchor: str, behind: int) -> dict[str, int]:
+    """Return where a structure keeps the addresses of its arrays, all of them near that of `anchor`."""
+    wanted, at = getattr(structure, anchor).ctypes.data, None
+    for first in range(0, _MOST_WORDS, _PAGE):  # page by page, because nobody says where the structure ends
+        hits = np.flatnonzero(_words(structure, first, first + _PAGE) == wanted)
+        if len(hits):
+            at = first + int(hits[0])
+            break
+    if at is None:
+        raise _unknown(anchor)
+    first = max(at - _BEFORE, 0)
+    words, found = _words(structure, first, at + behind), {}
+    for name, attribute in names.items():
+        hits = np.flatnonzero(words == getattr(structure, attribute).ctypes.data)
+        if not len(hits):
+            raise _unknown(name)
+        found[name] = 8 * (first + int(hits[-1]))  # an empty array before it has the same address
+    return found
+
+
+def _unknown(name: str) -> EngineError:
+    return EngineError(f"MuJoCo {mujoco.__version__} keeps {name!r} where it is not found; accepted: MuJoCo 3.17")
+
+
+def _load(context: Any, address: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.load(builder.inttoptr(arguments[0], cgutils.voidptr_t.as_pointer()))
+
+    return types.voidptr(types.int64), generate
+
+
+def _point(context: Any, address: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.inttoptr(arguments[0], cgutils.voidptr_t)
+
+    return types.voidptr(types.int64), generate
+
+
+_loaded: Any = intrinsic(_load)
+_pointer: Any = intrinsic(_point)
+
+
+@kernel
+def vector(structure: int, place: int, count: int) -> Any:
+    """Return the array of `count` numbers whose address a structure keeps at a place of `fields`."""
+    return carray(_loaded(structure + place), (count,), np.float64)
+
+
+@kernel
+def number_at(address: int) -> Any:
+    """Return the number at an address, as an array (1,)."""
+    return carray(_pointer(address), (1,), np.float64)

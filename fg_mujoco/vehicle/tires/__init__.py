@@ -1,0 +1,27 @@
+"""Tires: the sets of models/tires/, and the laws by which the force of a tire on the ground follows from its slip."""
+
+from .law import GREATEST_SLIP, NUMBERS, Law
+from .laws import CONTACT, LAW_OF, LAWS, MODELS, Brush, Coulomb, Linear, MagicFormula, curve_force
+from .sets import AXLE_KEYS, DEFAULT_TIRES, NUMERIC, AxleTires, Tires, tire_names, tires_of
+
+__all__ = [
+    "AXLE_KEYS",
+    "CONTACT",
+    "DEFAULT_TIRES",
+    "GREATEST_SLIP",
+    "LAWS",
+    "LAW_OF",
+    "MODELS",
+    "NUMBERS",
+    "NUMERIC",
+    "AxleTires",
+    "Brush",
+    "Coulomb",
+    "Law",
+    "Linear",
+    "MagicFormula",
+    "Tires",
+    "curve_force",
+    "tire_names",
+    "tires_of",
+]

@@ -1,0 +1,76 @@
+"""Coulomb friction: the force grows with the slip up to friction times load, and stays there.
+
+The contact patch is a layer of bristles. They bend until their force is that of friction, and then slide: elastic and
+perfectly plastic, as in Dahl's model. A tire that holds does not creep, and one that slides has the full friction in any
+direction. How stiff the bristles are hardly matters to where a car begins to slide; it sets how far it drifts before.
+
+Source: P. Dahl, "A solid friction model" (1968); the bound on the deflection is that of elasto-plastic friction models
+(Dupont et al., IEEE Trans. Autom. Control 47(5), 2002).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from ...errors import SettingsError
+from ...kernels import kernel
+from ...messages import FloatArray, require
+from .law import Law, with_sign
+
+
+@dataclass(frozen=True, kw_only=True)
+class Coulomb(Law):
+    """Coulomb friction of bristles.
+
+    Raises:
+      SettingsError: a value that no tire has.
+    """
+
+    model: ClassVar[str] = "coulomb"
+    holds: ClassVar[bool] = True
+
+    D: float | None = None  # [-] friction; None: that of the vehicle's MJCF
+    stiffness: float  # [1/rad] force over friction times load, by slip, of a tire that holds
+
+    def __post_init__(self) -> None:
+        if self.D is not None:
+            require(self, lambda v: 0.0 < v <= 3.0, "above 0, up to 3, which no such tire reaches", ("D",), SettingsError)
+        require(self, lambda v: 1.0 <= v <= 1000.0, "1 to 1000 per rad", ("stiffness",), SettingsError)
+
+    @classmethod
+    def needed(cls) -> tuple[str, ...]:
+        """Return the names of those that a tire file must have."""
+        return ("stiffness",)
+
+    def force(self, slip: float) -> float:
+        """Return the force over the load [-] at a slip [rad or -], which has its sign."""
+        return with_sign(self.peak * min(self.stiffness * abs(slip), 1.0), slip)
+
+    @property
+    def slope(self) -> float:
+        """Force over the load for each rad of slip, at none [1/rad]."""
+        return self.peak * self.stiffness
+
+    @property
+    def peak_slip(self) -> float:
+        """Slip at which it begins to slide [rad or -]."""
+        return 1.0 / self.stiffness
+
+    @property
+    def peak(self) -> float:
+        """Friction [-]."""
+        assert self.D is not None, "the friction of the vehicle is put in before it is driven on"
+        return self.D
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """Friction, and stiffness."""
+        return self.peak, self.stiffness
+
+
+@kernel
+def force(numbers: FloatArray, slip: float) -> float:
+    """Return the force over the load [-] at a slip without sign; `numbers` of Coulomb."""
+    found: float = numbers[0] * min(numbers[1] * slip, 1.0)
+    return found

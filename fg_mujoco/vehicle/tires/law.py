@@ -1,0 +1,86 @@
+"""What a tire law is: the force of a tire over its load, by its slip in one direction.
+
+    class Curve(Law):
+        model = "my_law"
+
+A law is a frozen dataclass, in a module of its own, with a kernel `force` of its numbers. `tire_forces` does for all
+laws what they share: load, deflection of the contact patch, slip of both directions at once, damping. `laws` lists them.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from dataclasses import dataclass, fields
+from typing import ClassVar
+
+import numpy as np
+
+from ...messages import FloatArray
+
+NUMBERS = 8
+"""How many numbers a kernel gets of a law."""
+
+GREATEST_SLIP = 1.0
+"""[-] Greatest slip that a tire takes on: that of a locked wheel. A wheel that slides more has the force of this."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Law:
+    """The force over the load of a tire, by its slip in one direction.
+
+    Attributes:
+      model: its name in tire files.
+      holds: whether the contact patch deflects no further than where it slides, as bristles do, so that the slip never
+        passes that of the peak. Else the slip goes on to GREATEST_SLIP, and the force follows the curve behind its peak.
+      slides: whether it has a peak, past which a tire slides.
+    """
+
+    model: ClassVar[str]
+    holds: ClassVar[bool] = False
+    slides: ClassVar[bool] = True
+
+    @abstractmethod
+    def force(self, slip: float) -> float:
+        """Return the force over the load [-] at a slip [rad or -], which has its sign."""
+
+    @property
+    @abstractmethod
+    def slope(self) -> float:
+        """Force over the load for each rad of slip, at none [1/rad]: the cornering stiffness over the load."""
+
+    @property
+    @abstractmethod
+    def peak_slip(self) -> float:
+        """Slip of the peak [rad or -]; infinite where there is none."""
+
+    @property
+    @abstractmethod
+    def peak(self) -> float:
+        """Greatest force over the load [-]; where there is none, the friction that its planner is told."""
+
+    @property
+    @abstractmethod
+    def numbers(self) -> tuple[float, ...]:
+        """What its kernel needs, up to NUMBERS of them."""
+
+    @classmethod
+    def keys(cls) -> tuple[str, ...]:
+        """Return the names of its values in a tire file."""
+        return tuple(field.name for field in fields(cls))
+
+    @classmethod
+    def needed(cls) -> tuple[str, ...]:
+        """Return the names of those that a tire file must have."""
+        return cls.keys()
+
+    def row(self) -> FloatArray:
+        """Return its numbers, and zeros behind them. Shape (NUMBERS,)."""
+        found = np.zeros(NUMBERS)
+        found[: len(self.numbers)] = self.numbers
+        return found
+
+
+def with_sign(force: float, slip: float) -> float:
+    """Return a force with the sign of a slip."""
+    return math.copysign(force, slip)

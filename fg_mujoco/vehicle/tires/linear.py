@@ -1,0 +1,65 @@
+"""A linear tire, as the single-track models of the 2D gyms have it: the force grows with the slip and has no peak.
+
+Such a tire never slides, and can roll a car over that no real one would.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+from ...errors import SettingsError
+from ...kernels import kernel
+from ...messages import FloatArray, require
+from .law import Law
+
+
+@dataclass(frozen=True, kw_only=True)
+class Linear(Law):
+    """A linear tire.
+
+    Raises:
+      SettingsError: a value that no tire has.
+    """
+
+    model: ClassVar[str] = "linear"
+    slides: ClassVar[bool] = False
+
+    stiffness: float  # [1/rad] the force is load * D * stiffness * slip
+    D: float  # [-] the friction that its planner is told
+
+    def __post_init__(self) -> None:
+        require(self, lambda v: 0.0 < v <= 3.0, "above 0, up to 3, which no such tire reaches", ("D",), SettingsError)
+        require(self, lambda v: 0.0 < v <= 1000.0, "above 0, up to 1000 per rad", ("stiffness",), SettingsError)
+
+    def force(self, slip: float) -> float:
+        """Return the force over the load [-] at a slip [rad or -], which has its sign."""
+        return self.slope * slip
+
+    @property
+    def slope(self) -> float:
+        """Force over the load for each rad of slip [1/rad]."""
+        return self.D * self.stiffness
+
+    @property
+    def peak_slip(self) -> float:
+        """Infinite: there is no peak."""
+        return math.inf
+
+    @property
+    def peak(self) -> float:
+        """The friction that its planner is told [-]."""
+        return self.D
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """D, and its product with the stiffness."""
+        return self.D, self.slope
+
+
+@kernel
+def force(numbers: FloatArray, slip: float) -> float:
+    """Return the force over the load [-] at a slip without sign; `numbers` of Linear."""
+    found: float = numbers[1] * slip
+    return found

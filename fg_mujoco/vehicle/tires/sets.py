@@ -1,0 +1,336 @@
+"""Sets of tires: of which law they are, and with which numbers. The bundled ones are the files of models/tires/.
+
+    tires = Tires.load("forzaeth_nuc2")
+    tires.front.lateral.force(0.1)  # over the load, at a slip angle of 0.1 rad
+    tires.peak
+
+Axle sets apply to both tires of an axle. The set `contact` is MuJoCo's own contact with Coulomb friction; all others
+have a law of ours (`laws`), which `tire_forces` turns into forces in each physics step.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import mujoco
+
+from ...course.files import read_text
+from ...display import brief, quoted
+from ...errors import ModelError, SettingsError, accepted_names
+from ...messages import require
+from .law import Law
+from .laws import CONTACT, LAW_OF, LAWS, MODELS
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+DEFAULT_TIRES = "coulomb"
+"""The set that a vehicle stands on unless its MJCF or a setting names another."""
+
+NUMERIC = "{}_tires"
+"""Name in a compiled model of the numbers of an axle's tires: the place of the law in LAWS, what the law needs of both
+curves, lateral first, then AXLE_KEYS."""
+
+AXLE_KEYS = (
+    "relaxation_length", "load_sensitivity", "nominal_load", "vertical_stiffness", "vertical_damping",
+    "rolling_resistance",
+)  # fmt: skip
+
+_MOST_BYTES = 2**16  # of a tire file
+_AXLES = ("front", "rear")
+
+
+@dataclass(frozen=True, kw_only=True)
+class AxleTires:
+    """The tires of an axle.
+
+    Raises:
+      SettingsError: a value that no tire has.
+    """
+
+    lateral: Law
+    longitudinal: Law
+    relaxation_length: float  # [m] over which the force follows the slip
+    load_sensitivity: float = 0.0  # [-] k of force over load = (load / nominal_load)^-k times the curve's
+    nominal_load: float = 9.17  # [N] of a tire, at which the curve is as given
+    vertical_stiffness: float = 11_700.0  # [N/m] of the tire under its load: as models/f1tenth.xml, which says why
+    vertical_damping: float = 20.0  # [N s/m] ours: a third of what lets a wheel of .15 kg on this spring not swing
+    rolling_resistance: float = 0.0  # [-] force against rolling, over the load
+
+    def __post_init__(self) -> None:
+        require(self, lambda v: 1e-3 <= v <= 1.0, "0.001 to 1 m", ("relaxation_length",), SettingsError)
+        require(self, lambda v: 0.0 <= v <= 0.5, "0 to 0.5", ("load_sensitivity",), SettingsError)
+        require(self, lambda v: 0.0 < v <= 1000.0, "above 0, up to 1000 N", ("nominal_load",), SettingsError)
+        require(self, lambda v: 100.0 <= v <= 1e6, "100 to 1000000 N/m", ("vertical_stiffness",), SettingsError)
+        require(self, lambda v: 0.0 <= v <= 1000.0, "0 to 1000 N s/m", ("vertical_damping",), SettingsError)
+        require(self, lambda v: 0.0 <= v <= 0.5, "0 to 0.5", ("rolling_resistance",), SettingsError)
+
+    def load_factor(self, load: float) -> float:
+        """Return by how much force over load differs from the curve's at a load [N]."""
+        return float((load / self.nominal_load) ** -self.load_sensitivity)
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Tires:
+    """A set of tires.
+
+    Raises:
+      SettingsError: an unknown model, or one that lacks the curves of an axle.
+    """
+
+    model: str = CONTACT
+    front: AxleTires | None = None  # None: of the model `contact`, whose friction is in the vehicle's MJCF
+    rear: AxleTires | None = None
+    name: str = field(default="contact", compare=False)
+
+    def __post_init__(self) -> None:
+        if self.model not in MODELS:
+            raise SettingsError(f"Tires.model is {self.model!r}; {accepted_names(self.model, MODELS)}")
+        for axle in _AXLES:
+            found = getattr(self, axle)
+            if (found is None) != (self.model == CONTACT):
+                accepted = "none: contact has the friction of the vehicle" if found else "AxleTires of this axle"
+                raise SettingsError(f"Tires.{axle} is {found!r} with model {self.model!r}; accepted: {accepted}")
+            for curve in (found.lateral, found.longitudinal) if found is not None else ():
+                if curve.model != self.model:
+                    raise SettingsError(
+                        f"Tires.{axle} has a curve of {curve.model!r} with model {self.model!r}; accepted: curves of "
+                        f"{LAW_OF[self.model].__name__}"
+                    )
+
+    def __repr__(self) -> str:
+        peak = "the vehicle's friction" if self.peak is None else f"peak {self.peak:.4g}"
+        return brief(self, quoted(self.name), self.model, peak)
+
+    @classmethod
+    def load(cls, source: Tires | str | Path | Mapping[str, Any]) -> Tires:
+        """Return a set of tires.
+
+        Args:
+          source: a bundled name, `contact`, the path of a TOML file, what `described` returned, or Tires.
+
+        Raises:
+          SettingsError: an unknown name, or a file that is not that of tires.
+        """
+        if isinstance(source, Tires):
+            return source
+        if isinstance(source, Mapping):
+            return _of(source, "tires")
+        if not isinstance(source, (str, Path)):
+            raise SettingsError(f"tires is {source!r}; accepted: a bundled name, the path of a TOML file, or Tires")
+        if isinstance(source, str) and not source.endswith(".toml") and "/" not in source:
+            return _bundled(source)
+        path = Path(source).expanduser()
+        try:
+            text = read_text(path, _MOST_BYTES)
+        except (OSError, UnicodeDecodeError) as error:
+            reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
+            raise SettingsError(f"tire file {source}: {reason}; accepted: a TOML file") from error
+        return _parsed(text, f"tire file {source}", path.stem)
+
+    @property
+    def is_contact(self) -> bool:
+        """Whether MuJoCo's own contacts carry the car, friction included."""
+        return self.model == CONTACT
+
+    @property
+    def axles(self) -> tuple[AxleTires, AxleTires]:
+        """Front and rear; not of the model `contact`."""
+        assert self.front is not None and self.rear is not None
+        return self.front, self.rear
+
+    @property
+    def peak(self) -> float | None:
+        """Greatest lateral peak of the set [-], which `mu` sets; None: the friction is the vehicle's."""
+        return None if self._of_vehicle else max(axle.lateral.peak for axle in self.axles)
+
+    @property
+    def least_peak(self) -> float | None:
+        """Least peak of the set in any direction [-]: what the car can rely on; None: the friction is the vehicle's."""
+        if self._of_vehicle:
+            return None
+        return min(curve.peak for axle in self.axles for curve in (axle.lateral, axle.longitudinal))
+
+    @property
+    def _of_vehicle(self) -> bool:
+        """Whether the friction is that of the vehicle's MJCF."""
+        curves = () if self.is_contact else (c for axle in self.axles for c in (axle.lateral, axle.longitudinal))
+        return self.is_contact or any(getattr(curve, "D", 0.0) is None for curve in curves)
+
+    def on(self, friction: float) -> Tires:
+        """Return the set on a vehicle whose MJCF has this friction [-]: with it where the set gives none."""
+        if self.is_contact or not self._of_vehicle:
+            return self
+        with_it = {
+            name: replace(axle, lateral=_rubbed(axle.lateral, friction), longitudinal=_rubbed(axle.longitudinal, friction))
+            for name, axle in zip(_AXLES, self.axles, strict=True)
+        }  # fmt: skip
+        return replace(self, **with_it)
+
+    def told(self) -> dict[str, float]:
+        """Return what a planner is told of the tires, as fields of CarParameters; of Coulomb friction nothing more."""
+        if self._of_vehicle or self.model == DEFAULT_TIRES:
+            return {}
+        found = {"relaxation_length": max(axle.relaxation_length for axle in self.axles)}
+        for name, axle in zip(_AXLES, self.axles, strict=True):
+            found[f"{name}_cornering_stiffness"] = axle.lateral.slope
+            found[f"{name}_peak"], found[f"{name}_peak_slip"] = axle.lateral.peak, axle.lateral.peak_slip
+        return found
+
+    def described(self) -> dict[str, Any]:
+        """Return the set as its TOML file has it, as it can stand in JSON; `load` reads it."""
+        found: dict[str, Any] = {"name": self.name, "model": self.model}
+        if not self.is_contact:
+            for name, axle in zip(_AXLES, self.axles, strict=True):
+                found[name] = _values(axle.lateral) | {key: getattr(axle, key) for key in AXLE_KEYS}
+                if axle.longitudinal != axle.lateral:
+                    found[name]["longitudinal"] = _values(axle.longitudinal)
+        return found
+
+    @property
+    def sha256(self) -> str:
+        """Hash of all its numbers."""
+        return hashlib.sha256(json.dumps(self.described(), sort_keys=True).encode()).hexdigest()
+
+
+def _rubbed(curve: Law, friction: float) -> Law:
+    return replace(curve, D=friction) if getattr(curve, "D", 0.0) is None else curve
+
+
+def _values(curve: Law) -> dict[str, float]:
+    """Return the values of a curve as a tire file has them."""
+    return {key: getattr(curve, key) for key in curve.keys() if getattr(curve, key) is not None}
+
+
+def numbers_of(axle: AxleTires, law: str) -> list[float]:
+    """Return what `tires_of` reads from a compiled model: see NUMERIC."""
+    found = [float([own.model for own in LAWS].index(law))]
+    for curve in (axle.lateral, axle.longitudinal):
+        found += [getattr(curve, key) for key in curve.keys()]
+    return found + [getattr(axle, key) for key in AXLE_KEYS]
+
+
+def tires_of(model: mujoco.MjModel, prefix: str = "") -> Tires:
+    """Return the tires of a compiled model, peaks as before `mu` was set.
+
+    Raises:
+      ModelError: numbers that are no tires'.
+    """
+    axles, law = {}, LAWS[0]
+    for name in _AXLES:
+        index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, prefix + NUMERIC.format(name))
+        if index < 0:
+            return Tires()
+        first = model.numeric_adr[index]
+        values = model.numeric_data[first : first + model.numeric_size[index]].tolist()
+        law = LAWS[int(values[0])] if values[0] in range(len(LAWS)) else LAWS[0]
+        keys = law.keys()
+        if values[0] not in range(len(LAWS)) or len(values) != 1 + 2 * len(keys) + len(AXLE_KEYS):
+            raise ModelError(
+                f"numeric {model.numeric(index).name!r} is not that of tires of this version; accepted: a model that "
+                "World writes, or a run that is raced anew"
+            )
+        lateral, longitudinal = (
+            law(**dict(zip(keys, values[1 + k * len(keys) :], strict=False))) for k in range(2)
+        )  # fmt: skip
+        rest = dict(zip(AXLE_KEYS, values[1 + 2 * len(keys) :], strict=True))
+        axles[name] = AxleTires(lateral=lateral, longitudinal=longitudinal, **rest)
+    return Tires(model=law.model, name="of the model", **axles)
+
+
+def tire_names() -> tuple[str, ...]:
+    """Return the names of the bundled sets: `contact`, and the files of models/tires/."""
+    folder = files("fg_mujoco.models") / "tires"
+    found = sorted(file.name.removesuffix(".toml") for file in folder.iterdir() if file.name.endswith(".toml"))
+    return (CONTACT, *found)
+
+
+@lru_cache(maxsize=32)
+def _bundled(name: str) -> Tires:
+    known = tire_names()
+    if name not in known:
+        raise SettingsError(f"tires {name!r} are not known; {accepted_names(name, known, ', or path/to/file.toml')}")
+    if name == CONTACT:
+        return Tires()
+    text = (files("fg_mujoco.models") / "tires" / f"{name}.toml").read_text("utf-8")
+    return _parsed(text, f"tire file models/tires/{name}.toml", name)
+
+
+def _parsed(text: str, where: str, name: str) -> Tires:
+    try:
+        table = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # a number of thousands of digits is no TOMLDecodeError
+        reason = "nested too deep" if isinstance(error, RecursionError) else error
+        raise SettingsError(f"{where}: is no TOML: {reason}; accepted: as models/tires/forzaeth_nuc2.toml") from error
+    return _of({"name": name, **table}, where)
+
+
+def _of(table: Mapping[str, Any], where: str) -> Tires:
+    """Return the tires of a table as TOML has it."""
+    _known(table, ("name", "model", *_AXLES), where)
+    model = table.get("model")
+    if model not in MODELS:
+        raise SettingsError(f"{where}: model is {model!r}; {accepted_names(model, MODELS)}")
+    axles: dict[str, AxleTires] = {}
+    for axle in _AXLES:
+        if model == CONTACT:
+            if axle in table:
+                raise SettingsError(f"{where}: has a table [{axle}]; accepted: none with the model {CONTACT!r}")
+            continue
+        axles[axle] = _axle(_table(table, axle, where), model, f"{where}, [{axle}]")
+    return Tires(model=model, name=str(table.get("name", "tires")), **axles)
+
+
+def _axle(table: Mapping[str, Any], model: str, where: str) -> AxleTires:
+    law = LAW_OF[model]
+    _known(table, (*law.keys(), *AXLE_KEYS, "longitudinal"), where)
+    lateral = _curve({name: table[name] for name in law.keys() if name in table}, law, where)
+    longitudinal = lateral
+    if "longitudinal" in table:
+        own, where_own = _table(table, "longitudinal", where), f"{where[:-1]}.longitudinal]"
+        _known(own, law.keys(), where_own)
+        longitudinal = _curve(own, law, where_own)
+    if "relaxation_length" not in table:
+        raise SettingsError(f"{where}: has no relaxation_length; accepted: a length in metres")
+    settings = {name: table[name] for name in AXLE_KEYS if name in table}
+    axle: AxleTires = _made(AxleTires, where, lateral=lateral, longitudinal=longitudinal, **settings)
+    return axle
+
+
+def _curve(table: Mapping[str, Any], law: type[Law], where: str) -> Law:
+    for name in law.needed():
+        if name not in table:
+            raise SettingsError(f"{where}: has no {name}; accepted: {', '.join(law.needed())} of {law.model!r}")
+    curve: Law = _made(law, where, **table)
+    return curve
+
+
+def _made(kind: Any, where: str, **values: Any) -> Any:
+    try:
+        return kind(**values)
+    except SettingsError as error:
+        raise SettingsError(f"{where}: {str(error).replace(f'{kind.__name__}.', '')}") from error
+
+
+def _known(table: Mapping[str, Any], names: tuple[str, ...], where: str) -> None:
+    for name in table:
+        if name not in names:
+            raise SettingsError(f"{where}: has {name!r}; {accepted_names(name, names)}")
+
+
+def _table(table: Mapping[str, Any], name: str, where: str) -> Mapping[str, Any]:
+    found = table.get(name)
+    if not isinstance(found, Mapping):
+        said = f"has no table [{name}]" if found is None else f"{name} is {found!r}"
+        raise SettingsError(f"{where}: {said}; accepted: a table of its values")
+    return found
