@@ -30,8 +30,8 @@ from ..messages import CarParameters, FloatArray
 from ..vehicle.car import Car
 from ..vehicle.changes import CarChanges
 from ..vehicle.friction_patches import Patch, add_patches, require_patches
-from ..vehicle.tire_slip import add_axle_sensors
-from ..vehicle.tires import Tires, tires_of
+from ..vehicle.tire_slip import add_axle_sensors, drop_tire_sensors
+from ..vehicle.tires import NUMERIC, Tires, tires_of
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .cars import (
     CAR_PREFIX,
@@ -218,7 +218,7 @@ def _compose(track: Course, builds: Sequence[WorldCar], lidar: str, obstacles: t
     _add_light(spec, track)
     _add_course(spec, track, obstacles)
     for index, (car, vehicle) in enumerate(zip(cars, vehicles, strict=True)):
-        add_axle_sensors(car)
+        drop_tire_sensors(car) if car.numeric(NUMERIC.format("front")) is not None else add_axle_sensors(car)
         if len(cars) > 1:
             make_visible(car, index, vehicle.parameters)
         if index > 0:

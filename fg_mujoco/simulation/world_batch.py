@@ -28,7 +28,7 @@ from ..vehicle.changes import CarChanges, change_worlds
 from ..vehicle.friction_patches import patch_table, wheel_positions
 from ..vehicle.motion import CAR
 from ..vehicle.stages import fields
-from ..vehicle.tire_forces import GEAR, USERDATA, Inertia, gear_row, scratch_for, steps_within, take_over
+from ..vehicle.tire_forces import GEAR, SCRATCH, USERDATA, Inertia, gear_row, steps_within, take_over
 from ..vehicle.tire_slip import QUANTITIES, TireSlipMeter
 from . import compiled_tick
 from .array_table import ArrayTable
@@ -201,7 +201,7 @@ class WorldBatch:
             "wheels": self.floor.wheels, "floor_mu": self.floor.mu, "pairs": self.floor.pairs, "car_places": self._car_places, "touch_places": self._touch_places,
             "sizes": np.array(self._sizes(), np.int64), "span": np.zeros(3, np.int64), "gears": self._gears,
             "fields": np.array(fields(), np.int64), "row_counts": inertia.row_counts, "row_starts": inertia.row_starts,
-            "inertia_columns": inertia.columns, "scratch": scratch_for(model), "motions": self._motions, "cars": self._arrays.constants, **vars(self._arrays),
+            "inertia_columns": inertia.columns, "scratch": np.zeros(SCRATCH), "motions": self._motions, "cars": self._arrays.constants, **vars(self._arrays),
             "running": self._monitor.running, "reasons": self._monitor.reasons, "timers": self._monitor.timers,
             "lap_times": self._monitor.lap_times, "standing_since": self._monitor.standing_since,
         }  # fmt: skip

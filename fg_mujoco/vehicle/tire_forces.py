@@ -54,7 +54,7 @@ from .tires.sets import numbers_of
 
 _MOST_LINKS = 16  # joints between the world and a wheel, at most
 _DAMPING_RATIO = 0.3  # [-] of a wheel's spin on its tire: between those of rubber and of its foam
-_LONGEST = 0.2  # [-] of a short step times the fastest rate of the tires: there its error is some 1 %
+_LONGEST = 0.5  # [-] of a short step times the fastest rate of the tires: errors of yaw rates are then within 1.5 %
 _MOST_STEPS = 64  # short ones in a physics step
 _STILL = 1.0  # [rad/s] of a wheel: from there on it has all of its rolling resistance
 
@@ -71,6 +71,7 @@ CONTACTS = 13
 that of the drive."""
 
 _DRIVE = CONTACTS - 1
+_MOST_COMMON = 16  # dofs that move more than one wheel, at most
 
 TIRE = np.dtype(
     [
@@ -98,15 +99,18 @@ TIRE = np.dtype(
         ("axle", np.float64, (3,)),  # in the frame of the wheel's body, forward spin positive
         ("spin_dof", np.int64),
         ("links", np.int64),
-        ("chain", np.int64, (_MOST_LINKS,)),  # the dofs that move it, its own first
+        ("own_links", np.int64),  # how many of them move this wheel only: the first ones
+        ("chain", np.int64, (_MOST_LINKS,)),  # the dofs that move it, from its spin to the root
+        ("common", np.int64, (_MOST_LINKS,)),  # their places in `Gear.common`, behind its own
     ]
 )
 """A tire with a law of ours, and its wheel. Kernels take an array (tires,) of it; none for the model `contact`."""
 
 GEAR = np.dtype(
     [
-        ("first_dof", np.int64),  # of the car's, which are consecutive
-        ("dofs", np.int64),
+        ("commons", np.int64),
+        ("common", np.int64, (_MOST_COMMON,)),  # the dofs that move more than one wheel, in order
+        ("common_of", np.int64, (_MOST_COMMON, _MOST_COMMON)),  # where what MuJoCo keeps in a row of theirs is among them
         ("steered", np.int64),  # whether the kingpins follow the steering by polynomials, and are put there
         ("steering_qpos", np.int64),
         ("steering_dof", np.int64),
@@ -116,7 +120,6 @@ GEAR = np.dtype(
         ("kingpin_dof", np.int64, (2,)),
         ("ackermann", np.float64, (2, 5)),  # their angles as polynomials of the steering angle
         ("driven", np.int64),  # whether the motor acts through fixed shares of the wheels' spins
-        ("drive_dof", np.int64, (4,)),
         ("drive_share", np.float64, (4,)),  # [m] of each wheel's spin in the speed of the drive
         # of the two servos, steering and drive
         ("actuator", np.int64, (2,)),
@@ -126,6 +129,9 @@ GEAR = np.dtype(
     ]
 )
 """The steering and the drive of a car on tires of ours."""
+
+SCRATCH = 1536
+"""Numbers that `push_car` needs room for."""
 
 TireRows = NDArray[np.void]
 GearRows = NDArray[np.void]
@@ -177,6 +183,7 @@ def tire_rows(model: mujoco.MjModel, prefix: str = "", wheels: Sequence[str] = W
     if tires.is_contact:
         return np.zeros(0, TIRE)
     rows, law = np.zeros(len(wheels), TIRE), LAW_OF[tires.model]
+    common = _common(model, prefix, wheels)
     for row, wheel in zip(rows, wheels, strict=True):
         axle = tires.axles[0 if wheel.startswith("front") else 1]
         row["law"], row["holds"], row["slides"] = LAWS.index(law), law.holds, law.slides
@@ -187,14 +194,33 @@ def tire_rows(model: mujoco.MjModel, prefix: str = "", wheels: Sequence[str] = W
         for name in ("relaxation_length", "load_sensitivity", "nominal_load", "vertical_stiffness", "vertical_damping",
                      "rolling_resistance"):  # fmt: skip
             row[name] = getattr(axle, name)
-        _find_wheel(model, prefix, wheel, row)
+        _find_wheel(model, prefix, wheel, row, common)
         stiffness = row["slope"][0] * axle.nominal_load / axle.relaxation_length
         row["damping"] = 2.0 * _DAMPING_RATIO * math.sqrt(stiffness * _spinning_mass(model, row))
     rows.flags.writeable = False
     return rows
 
 
-def _find_wheel(model: mujoco.MjModel, prefix: str, wheel: str, row: Any) -> None:
+def _common(model: mujoco.MjModel, prefix: str, wheels: Sequence[str]) -> list[int]:
+    """Return the dofs that move more than one wheel, and those above them; of one wheel alone, none but its own do."""
+    chains = [_chain(model, element_id(model, mujoco.mjtObj.mjOBJ_BODY, f"{prefix}{wheel}_wheel")) for wheel in wheels]
+    dofs = [dof for chain in chains for dof in chain]
+    found = sorted({dof for dof in dofs if dofs.count(dof) > 1})
+    if len(found) > _MOST_COMMON:
+        raise ModelError(f"{len(found)} dofs move more than one wheel; accepted: up to {_MOST_COMMON}")
+    return found
+
+
+def _chain(model: mujoco.MjModel, body: int) -> list[int]:
+    """Return the dofs that move a body, the last first."""
+    chain, dof = [], int(model.body_dofadr[body] + model.body_dofnum[body] - 1)
+    while dof >= 0:
+        chain.append(dof)
+        dof = int(model.dof_parentid[dof])
+    return chain
+
+
+def _find_wheel(model: mujoco.MjModel, prefix: str, wheel: str, row: Any, common: Sequence[int]) -> None:
     """Write where a wheel is, and what moves it."""
     geom = element_id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{prefix}{wheel}_tire")
     size = model.geom_size[geom]
@@ -206,14 +232,15 @@ def _find_wheel(model: mujoco.MjModel, prefix: str, wheel: str, row: Any) -> Non
     spin = element_id(model, mujoco.mjtObj.mjOBJ_JOINT, f"{prefix}{wheel}_wheel")
     row["body"], row["root"] = body, model.body_rootid[body]
     row["axle"], row["spin_dof"] = model.jnt_axis[spin], model.jnt_dofadr[spin]
-    chain, dof = [], int(model.body_dofadr[body] + model.body_dofnum[body] - 1)
-    while dof >= 0:
-        chain.append(dof)
-        dof = int(model.dof_parentid[dof])
+    chain = _chain(model, body)
     if len(chain) > _MOST_LINKS:
         raise ModelError(f"{prefix}{wheel}_wheel hangs on {len(chain)} dofs; accepted: up to {_MOST_LINKS}")
-    row["links"], row["chain"] = len(chain), -1
+    row["links"], row["chain"], row["common"] = len(chain), -1, -1
     row["chain"][: len(chain)] = chain
+    row["own_links"] = sum(dof not in common for dof in chain)
+    for link, dof in enumerate(chain):
+        if dof in common:
+            row["common"][link] = common.index(dof)
 
 
 def _spinning_mass(model: mujoco.MjModel, row: Any) -> float:
@@ -253,9 +280,7 @@ def gear_row(model: mujoco.MjModel, prefix: str = "") -> GearRows:
     """
     gears, kinds = np.zeros(1, GEAR), mujoco.mjtObj
     gear = gears[0]
-    base = element_id(model, kinds.mjOBJ_BODY, f"{prefix}base_link")
-    own = np.flatnonzero(model.body_rootid[model.dof_bodyid] == model.body_rootid[base])
-    gear["first_dof"], gear["dofs"] = own[0], len(own)
+    _find_common(model, gear, _common(model, prefix, WHEELS))
     for k, name in enumerate(("steering", "speed")):
         servo = element_id(model, kinds.mjOBJ_ACTUATOR, f"{prefix}{name}")
         samples, interpolation = model.actuator_history[servo].tolist()
@@ -267,6 +292,16 @@ def gear_row(model: mujoco.MjModel, prefix: str = "") -> GearRows:
     _find_drive(model, prefix, gear)
     gears.flags.writeable = False
     return gears
+
+
+def _find_common(model: mujoco.MjModel, gear: Any, common: Sequence[int]) -> None:
+    """Write which dofs move more than one wheel, and what MuJoCo's inertia has in their rows."""
+    gear["commons"], gear["common"], gear["common_of"] = len(common), -1, -1
+    gear["common"][: len(common)] = common
+    for place, dof in enumerate(common):
+        start, entries = int(model.M_rowadr[dof]), int(model.M_rownnz[dof]) - 1
+        columns = model.M_colind[start : start + entries].tolist()
+        gear["common_of"][place][:entries] = [common.index(column) for column in columns]
 
 
 def _find_steering(model: mujoco.MjModel, prefix: str, gear: Any) -> None:
@@ -300,15 +335,20 @@ def _ackermann(model: mujoco.MjModel, steering: int, kingpins: Sequence[int]) ->
 def _find_drive(model: mujoco.MjModel, prefix: str, gear: Any) -> None:
     """Write which share each wheel has in the drive; not `driven` where the motor acts on anything else."""
     motor = int(gear["actuator"][1])
+    joint = mujoco.mjtObj.mjOBJ_JOINT
+    spins = [int(model.jnt_dofadr[element_id(model, joint, f"{prefix}{wheel}_wheel")]) for wheel in WHEELS]
     if not _is_plain(model, motor, mujoco.mjtTrn.mjTRN_TENDON):
         return
     tendon = int(model.actuator_trnid[motor, 0])
     wraps = range(int(model.tendon_adr[tendon]), int(model.tendon_adr[tendon] + model.tendon_num[tendon]))
     if len(wraps) > 4 or any(model.wrap_type[wrap] != mujoco.mjtWrap.mjWRAP_JOINT for wrap in wraps):
         return
-    gear["driven"], gear["drive_dof"] = 1, gear["first_dof"]
-    for k, wrap in enumerate(wraps):
-        gear["drive_dof"][k], gear["drive_share"][k] = model.jnt_dofadr[model.wrap_objid[wrap]], model.wrap_prm[wrap]
+    dofs = model.jnt_dofadr[model.wrap_objid[wraps.start : wraps.stop]].tolist()
+    if not set(dofs) <= set(spins):
+        return
+    gear["driven"] = 1
+    for dof, share in zip(dofs, model.wrap_prm[wraps.start : wraps.stop].tolist(), strict=True):
+        gear["drive_share"][spins.index(dof)] += share
 
 
 def _is_plain(model: mujoco.MjModel, actuator: int, transmission: Any) -> bool:
@@ -368,10 +408,8 @@ class TireForces:
         self._model = model
         if len(self.rows):
             take_over(model, prefix)
-            alone = np.zeros(1, GEAR)
-            alone["dofs"] = model.nv
-            self._gear = gear_row(model, prefix) if tuple(wheels) == WHEELS else alone
-            self._inertia, self._scratch = Inertia.of(model), scratch_for(model)
+            self._gear = gear_row(model, prefix) if tuple(wheels) == WHEELS else np.zeros(1, GEAR)
+            self._inertia, self._scratch = Inertia.of(model), np.zeros(SCRATCH)
             self._fields = fields()
 
     def begin(self, data: mujoco.MjData) -> None:
@@ -399,11 +437,6 @@ class TireForces:
         )  # fmt: skip
 
 
-def scratch_for(model: mujoco.MjModel) -> FloatArray:
-    """Return room for what `push_car` works with."""
-    return np.zeros(2 * CONTACTS * model.nv + CONTACTS * CONTACTS + 8 * CONTACTS)
-
-
 def peaks(model: mujoco.MjModel, prefix: str = "", wheels: Sequence[str] = WHEELS) -> FloatArray:
     """Return the friction coefficient of each tire, or its lateral peak [-]. Shape (wheels,), a copy."""
     pairs = [element_id(model, mujoco.mjtObj.mjOBJ_PAIR, f"{prefix}{wheel}_tire") for wheel in wheels]
@@ -418,7 +451,8 @@ def slips(tire: Any, along: float, across: float) -> tuple[float, float, float]:
     The signs are those of the deflections: a wheel that brakes has a positive slip, one that drifts to the left, too.
     """
     ratio, angle = along / tire.relaxation_length, math.atan(across / tire.relaxation_length)
-    return ratio, angle, math.hypot(ratio / tire.peak_slip[0], angle / tire.peak_slip[1])
+    share_x, share_y = ratio / tire.peak_slip[0], angle / tire.peak_slip[1]
+    return ratio, angle, math.sqrt(share_x * share_x + share_y * share_y)
 
 
 @kernel
@@ -428,12 +462,7 @@ def patch_force(tire: Any, along: float, across: float, grip: float) -> tuple[fl
     `grip` is the load [N] times what scales the curves: load sensitivity and friction.
     """
     ratio, angle, size = slips(tire, along, across)
-    if size == 0.0:
-        return 0.0, 0.0
-    share_along, share_across = ratio / tire.peak_slip[0] / size, angle / tire.peak_slip[1] / size
-    across_force = curve_force(tire.law, tire.curve[1], size * tire.peak_slip[1])
-    along_force = across_force if tire.alike else curve_force(tire.law, tire.curve[0], size * tire.peak_slip[0])
-    return -grip * along_force * share_along, -grip * across_force * share_across
+    return _shared_force(tire, ratio / tire.peak_slip[0], angle / tire.peak_slip[1], size, grip)
 
 
 @kernel
@@ -464,41 +493,60 @@ def deflect(
       across: to the left [m].
       over_x: velocity of the contact point over the ground, forward [m/s].
       over_y: to the left [m/s].
-      forward: that of the wheel [m/s].
+      forward: that of the wheel, without sign [m/s].
       grip: as in `patch_force`.
       timestep: [s].
 
     Returns:
-      Deflections, forces, the size of the slip over that of the peak, and how fast it slides, in all and to the left
+      Deflections, forces, the size of the slip over that of the peak, and how fast it slides, forward and to the left
       [m/s].
     """
-    sigma = tire.relaxation_length
-    roll = abs(forward)
-    if not tire.holds:
+    sigma, sliding_x, sliding_y = tire.relaxation_length, 0.0, 0.0
+    if tire.holds:
+        rolled = 1.0 + timestep * forward / sigma
+        share = 1.0 / rolled
+        new_along, new_across = (along + timestep * over_x) * share, (across + timestep * over_y) * share
+        ratio, angle = new_along / (sigma * tire.peak_slip[0]), new_across / (sigma * tire.peak_slip[1])
+        size = math.sqrt(ratio * ratio + angle * angle)
+        if size > 1.0:
+            beyond = (1.0 - 1.0 / size) * rolled / timestep
+            sliding_x, sliding_y = new_along * beyond, new_across * beyond
+            new_along, new_across = new_along / size, new_across / size
+    else:
         if tire.slides and along * over_x + across * over_y < 0.0 and slips(tire, along, across)[2] > 1.0:
             # A tire that slid, and now moves back, springs back by what gives its force, and no more.
             force_x, force_y = patch_force(tire, along, across, grip)
             along, across = -force_x * sigma / (grip * tire.slope[0]), -force_y * sigma / (grip * tire.slope[1])
-        roll = max(roll, math.hypot(over_x, over_y) / GREATEST_SLIP)  # a locked wheel deflects no further than that
-    rolled = 1.0 + timestep * roll / sigma
-    new_along, new_across = (along + timestep * over_x) / rolled, (across + timestep * over_y) / rolled
-    size = slips(tire, new_along, new_across)[2]
-    sliding_x = sliding_y = 0.0
-    if tire.holds:
-        if size > 1.0:
-            beyond = 1.0 - 1.0 / size
-            sliding_x, sliding_y = new_along * beyond * rolled / timestep, new_across * beyond * rolled / timestep
-            new_along, new_across = new_along / size, new_across / size
-    elif tire.slides and size > 1.0:
-        sliding_x, sliding_y = over_x * (1.0 - 1.0 / size), over_y * (1.0 - 1.0 / size)
-    force_x, force_y = patch_force(tire, new_along, new_across, grip)
+        # a locked wheel deflects no further than to GREATEST_SLIP
+        roll = max(forward, math.sqrt(over_x * over_x + over_y * over_y) / GREATEST_SLIP)
+        share = 1.0 / (1.0 + timestep * roll / sigma)
+        new_along, new_across = (along + timestep * over_x) * share, (across + timestep * over_y) * share
+        ratio, angle, size = slips(tire, new_along, new_across)
+        ratio, angle = ratio / tire.peak_slip[0], angle / tire.peak_slip[1]
+        if tire.slides and size > 1.0:
+            sliding_x, sliding_y = over_x * (1.0 - 1.0 / size), over_y * (1.0 - 1.0 / size)
+    force_x, force_y = _shared_force(tire, ratio, angle, size, grip)
     force_x -= tire.damping * (new_along - along) / timestep
     force_y -= tire.damping * (new_across - across) / timestep
     if tire.slides:
-        much = math.hypot(force_x / tire.peak[0], force_y / tire.peak[1])
-        if much > grip:
-            force_x, force_y = force_x * grip / much, force_y * grip / much
-    return new_along, new_across, force_x, force_y, size, math.hypot(sliding_x, sliding_y), sliding_y
+        share_x, share_y = force_x / tire.peak[0], force_y / tire.peak[1]
+        much = share_x * share_x + share_y * share_y
+        if much > grip * grip:
+            down = grip / math.sqrt(much)
+            force_x, force_y = force_x * down, force_y * down
+    return new_along, new_across, force_x, force_y, size, sliding_x, sliding_y
+
+
+@kernel
+def _shared_force(tire: Any, ratio: float, angle: float, size: float, grip: float) -> tuple[float, float]:
+    """Return the force [N] along the heading and to the left, by slips over those of the peaks, and their size."""
+    if size == 0.0:
+        return 0.0, 0.0
+    within = min(size, 1.0) if tire.holds else size
+    across = curve_force(tire.law, tire.curve[1], within * tire.peak_slip[1])
+    along = across if tire.alike else curve_force(tire.law, tire.curve[0], within * tire.peak_slip[0])
+    scale = -grip / size
+    return along * ratio * scale, across * angle * scale
 
 
 @kernel
@@ -516,31 +564,20 @@ def _control(model: int, data: int, found: Fields, gear: Any, servo: int, scratc
 
 
 @kernel
-def _servo_force(
-    model: int, found: Fields, gear: Any, servo: int, control: float, length: float, velocity: float
-) -> float:
-    """Return the force of a servo of a car, affine and limited."""
-    actuator = gear.actuator[servo]
-    gain = stages.vector(model, found.actuator_gainprm, 10 * (actuator + 1))[10 * actuator]
-    bias = stages.vector(model, found.actuator_biasprm, 10 * (actuator + 1))
-    force = gain * control + bias[10 * actuator] + bias[10 * actuator + 1] * length + bias[10 * actuator + 2] * velocity
-    limited: float = min(max(force, gear.force_range[servo, 0]), gear.force_range[servo, 1])
-    return limited
-
-
-@kernel
 def steer(
     model: int, data: int, found: Fields, gear: Any, scratch: FloatArray, dofs: int, timestep: float, steps: int
 ) -> tuple[float, float]:
     """Return where the steering servo is after a physics step [rad], and its rate [rad/s]."""
     angle = stages.vector(data, found.qpos, gear.steering_qpos + 1)[gear.steering_qpos]
     rate = stages.vector(data, found.qvel, dofs)[gear.steering_dof]
-    control, short = _control(model, data, found, gear, 0, scratch), timestep / steps
+    control, short, servo = _control(model, data, found, gear, 0, scratch), timestep / steps, gear.actuator[0]
+    gain = stages.vector(model, found.actuator_gainprm, 10 * servo + 10)[10 * servo] * control
+    bias = stages.vector(model, found.actuator_biasprm, 10 * servo + 10)[10 * servo : 10 * servo + 3]
+    least, most = gear.force_range[0, 0], gear.force_range[0, 1]
+    push, slowed = short / gear.steering_inertia, 1.0 / (1.0 + short * gear.steering_damping / gear.steering_inertia)
     for _ in range(steps):
-        force = _servo_force(model, found, gear, 0, control, angle, rate)
-        rate = (rate + short * force / gear.steering_inertia) / (
-            1.0 + short * gear.steering_damping / gear.steering_inertia
-        )
+        force = min(max(gain + bias[0] + bias[1] * angle + bias[2] * rate, least), most)
+        rate = (rate + push * force) * slowed
         angle += short * rate
     return angle, rate
 
@@ -573,6 +610,7 @@ def damp_inertia(
             for dof in (gear.steering_dof, gear.kingpin_dof[0], gear.kingpin_dof[1]):
                 matrix[inertia.row_starts[dof] + inertia.row_counts[dof] - 1] += 1.0  # [kg m^2], ten thousand times its
     stages.factor_inertia(model, data)
+    stages.project_constraints(model, data)
 
 
 @kernel
@@ -605,48 +643,40 @@ def push_car(
       tires: (k,) of TIRE, up to four.
       mu: (k,) lateral peak of each [-].
       own: (k USERDATA,) user data of the tires, written to.
-      scratch: of `scratch_for`.
+      scratch: (SCRATCH,).
       dofs: of the model.
       timestep: of the physics [s].
       steps: of `steps_within`.
     """
-    first, count, wheels = gear.first_dof, gear.dofs, len(tires)
-    jacobian = scratch[: CONTACTS * count].reshape(CONTACTS, count)
-    halves = scratch[CONTACTS * count : 2 * CONTACTS * count].reshape(CONTACTS, count)
-    rest = scratch[2 * CONTACTS * count :]
-    mobility = rest[: CONTACTS * CONTACTS].reshape(CONTACTS, CONTACTS)
-    room = rest[CONTACTS * CONTACTS :]
-    velocity, force = room[:CONTACTS], room[CONTACTS : 2 * CONTACTS]
-    mean, free = room[2 * CONTACTS : 3 * CONTACTS], room[3 * CONTACTS : 4 * CONTACTS]
-    depth, forward = room[4 * CONTACTS : 4 * CONTACTS + 4], room[4 * CONTACTS + 4 : 4 * CONTACTS + 8]
-    qvel, acceleration = stages.vector(data, found.qvel, dofs), stages.vector(data, found.qacc_smooth, dofs)
-    jacobian[:] = 0.0
-    for k in range(wheels):
-        depth[k], forward[k] = _wheel_rows(data, found, tires[k], first, qvel, jacobian[3 * k : 3 * k + 3])
-        own[USERDATA * k + LOAD] = own[USERDATA * k + FORCE_ALONG] = own[USERDATA * k + FORCE_ACROSS] = 0.0
-        own[USERDATA * k + SLIDING] = own[USERDATA * k + SLIDING_ACROSS] = own[USERDATA * k + SLIP_SIZE] = 0.0
-    if gear.driven:
-        for k in range(4):
-            jacobian[_DRIVE, gear.drive_dof[k] - first] += gear.drive_share[k]
-    _half_solve(data, found, inertia, first, count, dofs, jacobian, halves)
+    wheels = len(tires)
+    jacobian = scratch[:256].reshape(4, 16, 4)  # by wheel, dof of its chain, and velocity: forward, left, up, drive
+    halves = scratch[256:512].reshape(4, 16, 4)
+    shared = scratch[512:768].reshape(16, 16)  # by velocity and common dof
+    mobility = scratch[768:1024].reshape(16, 16)
+    velocity, force, mean, free = scratch[1024:1040], scratch[1040:1056], scratch[1056:1072], scratch[1072:1088]
+    depth, forward = scratch[1088:1092], scratch[1092:1096]
+    short = timestep / steps
     for i in range(CONTACTS):
-        speed = pull = 0.0
-        for dof in range(count):
-            speed += jacobian[i, dof] * qvel[first + dof]
-            pull += jacobian[i, dof] * acceleration[first + dof]
-        velocity[i], free[i], mean[i], force[i] = speed, pull, 0.0, 0.0
-        for j in range(i + 1):
-            total = 0.0
-            for dof in range(count):
-                total += halves[i, dof] * halves[j, dof]
-            mobility[i, j] = mobility[j, i] = total
-    control = length = before = 0.0
+        velocity[i] = force[i] = mean[i] = free[i] = 0.0
+        for place in range(gear.commons):
+            shared[i, place] = 0.0
+    for k in range(wheels):
+        depth[k] = _wheel_rows(data, found, tires[k], gear.drive_share[k], dofs, jacobian[k])
+        forward[k] = _move(data, found, tires[k], k, short, dofs, jacobian[k], velocity, free)
+        own[USERDATA * k + LOAD : USERDATA * (k + 1)] = 0.0
+        _half_solve(data, found, inertia, tires[k], k, dofs, jacobian[k], halves[k], shared)
+    _half_solve_common(data, found, inertia, gear, dofs, shared)
+    _mobility(gear, tires, short, halves, shared, mobility)
+    gain = bias = slope = damping = length = before = least = most = 0.0
     if gear.driven:
         motor = gear.actuator[1]
-        control = _control(model, data, found, gear, 1, force[:1])
+        gains = stages.vector(model, found.actuator_gainprm, 10 * motor + 10)
+        biases = stages.vector(model, found.actuator_biasprm, 10 * motor + 10)
+        gain = gains[10 * motor] * _control(model, data, found, gear, 1, force[:1])
+        bias, slope, damping = biases[10 * motor], biases[10 * motor + 1], biases[10 * motor + 2]
         length = stages.vector(data, found.actuator_length, motor + 1)[motor]
         before = stages.vector(data, found.actuator_force, motor + 1)[motor]
-    short = timestep / steps
+        least, most = gear.force_range[1, 0], gear.force_range[1, 1]
     for _ in range(steps):
         for k in range(wheels):
             tire, state = tires[k], own[USERDATA * k : USERDATA * (k + 1)]
@@ -654,90 +684,169 @@ def push_car(
             if depth[k] <= 0.0 or load <= 0.0:
                 state[ALONG] = state[ACROSS] = force[3 * k] = force[3 * k + 1] = force[3 * k + 2] = 0.0
                 continue
-            along, across, fx, fy, size, sliding, sliding_across = deflect(
+            state[ALONG], state[ACROSS], force[3 * k], force[3 * k + 1], size, sliding_x, sliding_y = deflect(
                 tire, state[ALONG], state[ACROSS], velocity[3 * k], velocity[3 * k + 1], forward[k],
                 grip_of(tire, load, mu[k]), short,
             )  # fmt: skip
-            state[ALONG], state[ACROSS] = along, across
-            force[3 * k], force[3 * k + 1], force[3 * k + 2] = fx, fy, load
-            state[SLIP_SIZE] = max(state[SLIP_SIZE], size)
-            state[SLIDING] = max(state[SLIDING], sliding)
-            state[SLIDING_ACROSS] = max(state[SLIDING_ACROSS], abs(sliding_across))
+            force[3 * k + 2] = load
+            if size > state[SLIP_SIZE]:
+                state[SLIP_SIZE] = size
+            if sliding_x != 0.0 or sliding_y != 0.0:
+                state[SLIDING] = max(state[SLIDING], math.hypot(sliding_x, sliding_y))
+                state[SLIDING_ACROSS] = max(state[SLIDING_ACROSS], abs(sliding_y))
         if gear.driven:
-            force[_DRIVE] = _servo_force(model, found, gear, 1, control, length, velocity[_DRIVE]) - before
+            pull = gain + bias + slope * length + damping * velocity[_DRIVE]
+            force[_DRIVE] = min(max(pull, least), most) - before
             length += short * velocity[_DRIVE]
         for i in range(CONTACTS):
-            total = free[i]
-            for j in range(CONTACTS):
-                total += mobility[i, j] * force[j]
-            velocity[i] += short * total
+            even, odd = free[i], 0.0  # two sums go on at a time
+            for j in range(0, CONTACTS - 1, 2):
+                even += mobility[i, j] * force[j]
+                odd += mobility[i, j + 1] * force[j + 1]
+            velocity[i] += even + odd + mobility[i, CONTACTS - 1] * force[CONTACTS - 1]
             mean[i] += force[i]
         for k in range(wheels):
             depth[k] -= short * velocity[3 * k + 2]
-    smooth = stages.vector(data, found.qfrc_smooth, dofs)
-    for i in range(CONTACTS):
-        mean[i] /= steps
-        for dof in range(count):
-            smooth[first + dof] += jacobian[i, dof] * mean[i]
+    share, smooth = 1.0 / steps, stages.vector(data, found.qfrc_smooth, dofs)
     for k in range(wheels):
+        fx, fy, fz, pull = mean[3 * k] * share, mean[3 * k + 1] * share, mean[3 * k + 2] * share, mean[_DRIVE] * share
+        for link in range(tires[k].links):
+            j = jacobian[k, link]
+            smooth[tires[k].chain[link]] += j[0] * fx + j[1] * fy + j[2] * fz + j[3] * pull
         state = own[USERDATA * k : USERDATA * (k + 1)]
-        state[FORCE_ALONG], state[FORCE_ACROSS], state[LOAD] = mean[3 * k], mean[3 * k + 1], mean[3 * k + 2]
+        state[FORCE_ALONG], state[FORCE_ACROSS], state[LOAD] = fx, fy, fz
 
 
 @kernel
-def _wheel_rows(
-    data: int, found: Fields, tire: Any, first: int, qvel: FloatArray, rows: FloatArray
-) -> tuple[float, float]:
-    """Write the Jacobian of a wheel's contact point (3, dofs); return its depth [m] and the wheel's forward speed."""
+def _wheel_rows(data: int, found: Fields, tire: Any, drive_share: float, dofs: int, rows: FloatArray) -> float:
+    """Write what each dof of a wheel's chain moves its contact point by, and the drive (links, 4); return its depth [m]."""
     body, center = tire.body, 3 * tire.root
     position = stages.vector(data, found.xpos, 3 * body + 3)
     turn = stages.vector(data, found.xmat, 9 * body + 9)
     mass_center = stages.vector(data, found.subtree_com, center + 3)
-    axes = stages.vector(data, found.cdof, 6 * (tire.chain[0] + 1))
+    axes = stages.vector(data, found.cdof, 6 * dofs)
     m, a = 9 * body, tire.axle
     ax = turn[m] * a[0] + turn[m + 1] * a[1] + turn[m + 2] * a[2]
     ay = turn[m + 3] * a[0] + turn[m + 4] * a[1] + turn[m + 5] * a[2]
     az = turn[m + 6] * a[0] + turn[m + 7] * a[1] + turn[m + 8] * a[2]
     broad = tire.half_width**2 - tire.radius**2
     deep = math.sqrt(tire.radius**2 + broad * az * az)  # lowest point of an ellipsoid, below its middle
-    depth = deep - (position[3 * body + 2] - tire.ground)
+    depth: float = deep - (position[3 * body + 2] - tire.ground)
     x = position[3 * body] - broad * az * ax / deep - mass_center[center]
     y = position[3 * body + 1] - broad * az * ay / deep - mass_center[center + 1]
     z = position[3 * body + 2] - deep + 0.5 * max(depth, 0.0) - mass_center[center + 2]  # half way to the ground
-    level = math.hypot(ax, ay)
+    level = math.sqrt(ax * ax + ay * ay)
     hx, hy = (ay / level, -ax / level) if level > 1e-9 else (1.0, 0.0)  # to the left of the heading is (-hy, hx)
-    forward = 0.0
+    for link in range(tire.links):
+        c = 6 * tire.chain[link]
+        # velocity of the point that the dof makes: what it moves, and what it turns
+        vx = axes[c + 3] + axes[c + 1] * z - axes[c + 2] * y
+        vy = axes[c + 4] + axes[c + 2] * x - axes[c] * z
+        rows[link, 0], rows[link, 1] = hx * vx + hy * vy, hx * vy - hy * vx
+        rows[link, 2] = axes[c + 5] + axes[c] * y - axes[c + 1] * x
+        rows[link, 3] = 0.0
+    rows[0, 3] = drive_share
+    return depth
+
+
+@kernel
+def _move(
+    data: int, found: Fields, tire: Any, wheel: int, short: float, dofs: int, rows: FloatArray, velocity: FloatArray,
+    free: FloatArray,
+) -> float:  # fmt: skip
+    """Write how a contact point moves, and by how much faster in a short step; return the wheel's forward speed."""
+    qvel, acceleration = stages.vector(data, found.qvel, dofs), stages.vector(data, found.qacc_smooth, dofs)
+    along = across = up = pull_along = pull_across = pull_up = 0.0
     for link in range(tire.links):
         dof = tire.chain[link]
-        c = axes[6 * dof : 6 * dof + 6]
-        # velocity of the point that the dof makes: what it moves, and what it turns
-        vx, vy, vz = c[3] + c[1] * z - c[2] * y, c[4] + c[2] * x - c[0] * z, c[5] + c[0] * y - c[1] * x
-        along = hx * vx + hy * vy
-        rows[0, dof - first], rows[1, dof - first], rows[2, dof - first] = along, hx * vy - hy * vx, vz
-        if dof != tire.spin_dof:
-            forward += along * qvel[dof]
-    return depth, forward
+        speed, pull = qvel[dof], acceleration[dof] * short
+        along, pull_along = along + rows[link, 0] * speed, pull_along + rows[link, 0] * pull
+        across, pull_across = across + rows[link, 1] * speed, pull_across + rows[link, 1] * pull
+        up, pull_up = up + rows[link, 2] * speed, pull_up + rows[link, 2] * pull
+    velocity[3 * wheel], velocity[3 * wheel + 1], velocity[3 * wheel + 2] = along, across, up
+    free[3 * wheel], free[3 * wheel + 1], free[3 * wheel + 2] = pull_along, pull_across, pull_up
+    spin = tire.chain[0]
+    velocity[_DRIVE] += rows[0, 3] * qvel[spin]
+    free[_DRIVE] += rows[0, 3] * acceleration[spin] * short
+    forward: float = abs(along - rows[0, 0] * qvel[spin])
+    return forward
 
 
 @kernel
 def _half_solve(
-    data: int, found: Fields, inertia: Inertia, first: int, count: int, dofs: int, rows: FloatArray, halves: FloatArray
-) -> None:
-    """Write rows times L^-1 D^-1/2, where MuJoCo's inertia is L' D L; the product of two is that with its inverse."""
+    data: int, found: Fields, inertia: Inertia, tire: Any, wheel: int, dofs: int, rows: FloatArray, halves: FloatArray,
+    shared: FloatArray,
+) -> None:  # fmt: skip
+    """Write D^-1/2 L^-T times the rows of a wheel, where MuJoCo's inertia is L' D L, as far as its own dofs go.
+
+    What that makes of the common dofs is added to `shared`.
+    """
     factor = stages.vector(data, found.inertia_factor, len(inertia.columns))
     diagonal = stages.vector(data, found.inverse_diagonal, dofs)
-    for row in range(len(rows)):
-        for dof in range(count):
-            halves[row, dof] = rows[row, dof]
-    for dof in range(count - 1, -1, -1):
-        start, entries = inertia.row_starts[first + dof], inertia.row_counts[first + dof] - 1
-        root = math.sqrt(diagonal[first + dof])
-        for row in range(len(rows)):
-            value = halves[row, dof]
-            if value != 0.0:
-                for entry in range(start, start + entries):
-                    halves[row, inertia.columns[entry] - first] -= factor[entry] * value
-                halves[row, dof] = value * root
+    last = tire.links - 1
+    for link in range(tire.links):
+        for i in range(4):
+            halves[link, i] = rows[link, i]
+    for link in range(tire.own_links):
+        dof = tire.chain[link]
+        start = inertia.row_starts[dof]
+        a, b, c, d = halves[link, 0], halves[link, 1], halves[link, 2], halves[link, 3]
+        for entry in range(last - link):  # its row has all that it hangs on, the root first
+            to, share = last - entry, factor[start + entry]
+            halves[to, 0] -= share * a
+            halves[to, 1] -= share * b
+            halves[to, 2] -= share * c
+            halves[to, 3] -= share * d
+        root = math.sqrt(diagonal[dof])
+        halves[link, 0], halves[link, 1], halves[link, 2], halves[link, 3] = a * root, b * root, c * root, d * root
+    for link in range(tire.own_links, tire.links):
+        place = tire.common[link]
+        for i in range(3):
+            shared[3 * wheel + i, place] = halves[link, i]
+        shared[_DRIVE, place] += halves[link, 3]
+
+
+@kernel
+def _half_solve_common(
+    data: int, found: Fields, inertia: Inertia, gear: Any, dofs: int, shared: FloatArray
+) -> None:  # fmt: skip
+    """Go on with what `_half_solve` does, for the common dofs (CONTACTS, commons)."""
+    factor = stages.vector(data, found.inertia_factor, len(inertia.columns))
+    diagonal = stages.vector(data, found.inverse_diagonal, dofs)
+    for place in range(gear.commons - 1, -1, -1):
+        dof = gear.common[place]
+        start, root = inertia.row_starts[dof], math.sqrt(diagonal[dof])
+        for entry in range(inertia.row_counts[dof] - 1):
+            to, share = gear.common_of[place, entry], factor[start + entry]
+            for i in range(CONTACTS):
+                shared[i, to] -= share * shared[i, place]
+        for i in range(CONTACTS):
+            shared[i, place] *= root
+
+
+@kernel
+def _mobility(
+    gear: Any, tires: TireRows, short: float, halves: FloatArray, shared: FloatArray, mobility: FloatArray
+) -> None:
+    """Write by how much each force changes each velocity in a short step (CONTACTS, CONTACTS)."""
+    for i in range(CONTACTS):
+        for j in range(i + 1):
+            total = 0.0
+            for place in range(gear.commons):
+                total += shared[i, place] * shared[j, place]
+            mobility[i, j] = total
+    for k in range(len(tires)):
+        for link in range(tires[k].own_links):
+            row = halves[k, link]
+            for i in range(3):
+                for j in range(i + 1):
+                    mobility[3 * k + i, 3 * k + j] += row[i] * row[j]
+                mobility[_DRIVE, 3 * k + i] += row[3] * row[i]
+            mobility[_DRIVE, _DRIVE] += row[3] * row[3]
+    for i in range(CONTACTS):
+        for j in range(i + 1):
+            mobility[i, j] *= short
+            mobility[j, i] = mobility[i, j]
 
 
 @kernel
@@ -770,7 +879,15 @@ def begin_step(model: int, data: int) -> None:
     """Do MuJoCo's stages of positions and velocities, with their sensors."""
     stages.check_positions(model, data)
     stages.check_velocities(model, data)
-    stages.stage_position(model, data)
+    stages.kinematics(model, data)
+    stages.mass_centers(model, data)
+    stages.cameras_and_lights(model, data)
+    stages.tendons(model, data)
+    stages.make_inertia(model, data)
+    stages.find_contacts(model, data)
+    stages.make_constraints(model, data)
+    stages.make_islands(model, data)
+    stages.transmissions(model, data)
     stages.sensors_of_position(model, data)
     stages.stage_velocity(model, data)
     stages.sensors_of_velocity(model, data)

@@ -184,6 +184,14 @@ def add_axle_sensors(spec: Any) -> None:
         )  # fmt: skip
 
 
+def drop_tire_sensors(spec: Any) -> None:
+    """Take the sensors of MuJoCo's contacts from a vehicle's spec, in place: tires with a law of ours need none."""
+    names = {f"{wheel}_{sensor}" for wheel in WHEELS for sensor in _SENSORS}
+    for sensor in list(spec.sensors):
+        if sensor.name in names:
+            spec.delete(sensor)
+
+
 class TireSlipMeter:
     """Records the tires' contacts at every physics step.
 
