@@ -661,8 +661,8 @@ def push_car(
         for place in range(gear.commons):
             shared[i, place] = 0.0
     for k in range(wheels):
-        depth[k] = _wheel_rows(data, found, tires[k], gear.drive_share[k], dofs, jacobian[k])
-        forward[k] = _move(data, found, tires[k], k, short, dofs, jacobian[k], velocity, free)
+        depth[k], turn = _wheel_rows(data, found, tires[k], gear.drive_share[k], dofs, timestep, jacobian[k])
+        forward[k] = _move(data, found, tires[k], k, short, dofs, turn, timestep, jacobian[k], velocity, free)
         own[USERDATA * k + LOAD : USERDATA * (k + 1)] = 0.0
         _half_solve(data, found, inertia, tires[k], k, dofs, jacobian[k], halves[k], shared)
     _half_solve_common(data, found, inertia, gear, dofs, shared)
@@ -718,13 +718,22 @@ def push_car(
 
 
 @kernel
-def _wheel_rows(data: int, found: Fields, tire: Any, drive_share: float, dofs: int, rows: FloatArray) -> float:
-    """Write what each dof of a wheel's chain moves its contact point by, and the drive (links, 4); return its depth [m]."""
+def _wheel_rows(
+    data: int, found: Fields, tire: Any, drive_share: float, dofs: int, timestep: float, rows: FloatArray
+) -> tuple[float, float]:
+    """Write what each dof of a wheel's chain moves its contact point by, and the drive, (links, 4).
+
+    Forward and left are those of the wheel half a physics step later, so that its mean force acts along its mean
+    heading, and a car that turns neither gains nor loses by it.
+
+    Returns:
+      How deep the tire is in the ground [m], and how fast its heading turns [rad/s].
+    """
     body, center = tire.body, 3 * tire.root
     position = stages.vector(data, found.xpos, 3 * body + 3)
     turn = stages.vector(data, found.xmat, 9 * body + 9)
     mass_center = stages.vector(data, found.subtree_com, center + 3)
-    axes = stages.vector(data, found.cdof, 6 * dofs)
+    axes, qvel = stages.vector(data, found.cdof, 6 * dofs), stages.vector(data, found.qvel, dofs)
     m, a = 9 * body, tire.axle
     ax = turn[m] * a[0] + turn[m + 1] * a[1] + turn[m + 2] * a[2]
     ay = turn[m + 3] * a[0] + turn[m + 4] * a[1] + turn[m + 5] * a[2]
@@ -737,6 +746,12 @@ def _wheel_rows(data: int, found: Fields, tire: Any, drive_share: float, dofs: i
     z = position[3 * body + 2] - deep + 0.5 * max(depth, 0.0) - mass_center[center + 2]  # half way to the ground
     level = math.sqrt(ax * ax + ay * ay)
     hx, hy = (ay / level, -ax / level) if level > 1e-9 else (1.0, 0.0)  # to the left of the heading is (-hy, hx)
+    turning = 0.0
+    for link in range(1, tire.links):
+        turning += axes[6 * tire.chain[link] + 2] * qvel[tire.chain[link]]
+    half = 0.5 * timestep * turning
+    sin, cos = math.sin(half), math.cos(half)
+    hx, hy = hx * cos - hy * sin, hy * cos + hx * sin
     for link in range(tire.links):
         c = 6 * tire.chain[link]
         # velocity of the point that the dof makes: what it moves, and what it turns
@@ -746,30 +761,39 @@ def _wheel_rows(data: int, found: Fields, tire: Any, drive_share: float, dofs: i
         rows[link, 2] = axes[c + 5] + axes[c] * y - axes[c + 1] * x
         rows[link, 3] = 0.0
     rows[0, 3] = drive_share
-    return depth
+    return depth, turning
 
 
 @kernel
 def _move(
-    data: int, found: Fields, tire: Any, wheel: int, short: float, dofs: int, rows: FloatArray, velocity: FloatArray,
-    free: FloatArray,
+    data: int, found: Fields, tire: Any, wheel: int, short: float, dofs: int, turning: float, timestep: float,
+    rows: FloatArray, velocity: FloatArray, free: FloatArray,
 ) -> float:  # fmt: skip
-    """Write how a contact point moves, and by how much faster in a short step; return the wheel's forward speed."""
+    """Write how a contact point moves now, and by how much faster in a short step; return the wheel's speed forward.
+
+    Both are seen from the wheel, whose heading turns.
+    """
     qvel, acceleration = stages.vector(data, found.qvel, dofs), stages.vector(data, found.qacc_smooth, dofs)
     along = across = up = pull_along = pull_across = pull_up = 0.0
-    for link in range(tire.links):
+    for link in range(1, tire.links):
         dof = tire.chain[link]
         speed, pull = qvel[dof], acceleration[dof] * short
         along, pull_along = along + rows[link, 0] * speed, pull_along + rows[link, 0] * pull
         across, pull_across = across + rows[link, 1] * speed, pull_across + rows[link, 1] * pull
         up, pull_up = up + rows[link, 2] * speed, pull_up + rows[link, 2] * pull
-    velocity[3 * wheel], velocity[3 * wheel + 1], velocity[3 * wheel + 2] = along, across, up
-    free[3 * wheel], free[3 * wheel + 1], free[3 * wheel + 2] = pull_along, pull_across, pull_up
-    spin = tire.chain[0]
-    velocity[_DRIVE] += rows[0, 3] * qvel[spin]
-    free[_DRIVE] += rows[0, 3] * acceleration[spin] * short
-    forward: float = abs(along - rows[0, 0] * qvel[spin])
-    return forward
+    spin, spin_pull = qvel[tire.chain[0]], acceleration[tire.chain[0]] * short
+    half = 0.5 * timestep * turning
+    sin, cos = math.sin(half), math.cos(half)
+    along, across = along * cos - across * sin, along * sin + across * cos  # at the heading of now
+    velocity[3 * wheel] = along + rows[0, 0] * spin
+    velocity[3 * wheel + 1] = across + rows[0, 1] * spin
+    velocity[3 * wheel + 2] = up + rows[0, 2] * spin
+    free[3 * wheel] = pull_along + rows[0, 0] * spin_pull + short * turning * across
+    free[3 * wheel + 1] = pull_across + rows[0, 1] * spin_pull - short * turning * along
+    free[3 * wheel + 2] = pull_up + rows[0, 2] * spin_pull
+    velocity[_DRIVE] += rows[0, 3] * spin
+    free[_DRIVE] += rows[0, 3] * spin_pull
+    return abs(along)
 
 
 @kernel

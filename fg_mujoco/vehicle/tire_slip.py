@@ -13,8 +13,9 @@ The part of sliding across the wheel's heading takes sensors of the wheels' axle
 vehicle's spec. World does so; in a model without these sensors that part is NaN, and so is what is along or across.
 
 Whether a tire slides is said here, and nowhere else. A contact point of the model `contact` slides when it is faster
-than SLIDING_SPEED over the ground. A tire with a curve slides when it is past its peak (`tire_forces`), and its sliding
-speed is that part of its slip speed by which it is past it: v (1 - 1 / r), where its slip is r times that of the peak.
+than SLIDING_SPEED over the ground. A tire of bristles slides when the ground moves under it by more than BRISTLES_SLIDE
+beyond what bends them. Any other tire slides when it is past its peak (`tire_forces`), and its sliding speed is that
+part of its slip speed by which it is past it: v (1 - 1 / r), where its slip is r times that of the peak.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ from .tire_forces import (
     slips,
     tire_rows,
 )
-from .tires import CONTACT
+from .tires import CONTACT, LAW_OF, Tires, tire_names
 
 READINGS = 19
 """Sensor readings of a tire: found, force in the contact's frame (normal first), point, normal; centre, velocity and
@@ -62,17 +63,30 @@ at the limit of dry ground, measured on steady circles; past the limit the speed
 """
 
 
+BRISTLES_SLIDE = 0.01
+"""[m/s] A tire of bristles (Law.holds) slides when the ground moves under it by more than this beyond what bends them.
+
+In a corner the light inner wheel bends its bristles to their end first, and slides by some mm/s, which the car does not
+feel. Where the car slides, its speed is within 1 % of that of the law v^2 = g mu b / tan(steering), up to .2 rad, when a
+tire passes this: measured, and much less than that of a contact, which counts its creep, too.
+"""
+
+
 def slides_above(tires: str) -> float:
     """Return the sliding speed above which a tire slides [m/s], by the name of its set in a summary.
 
     That of a tire with a curve counts from its peak: it slides where there is any.
     """
-    return SLIDING_SPEED if tires == CONTACT else 0.0
+    if tires == CONTACT:
+        return SLIDING_SPEED
+    model = Tires.load(tires).model if tires in tire_names() else ""
+    return BRISTLES_SLIDE if model in LAW_OF and LAW_OF[model].holds else 0.0
 
 
 def sliding_rule(tires: str) -> str:
     """Return when a tire slides, in words, by the name of its set in a summary."""
-    return f"above {SLIDING_SPEED:g} m/s" if tires == CONTACT else "past its peak"
+    speed = slides_above(tires)
+    return f"above {speed:g} m/s" if speed else "past its peak"
 
 
 _SENSORS = ("tire_contact", "wheel_position", "wheel_velocity", "wheel_angular_velocity")  # READINGS of them
@@ -351,7 +365,8 @@ def _measure_law(tire: Any, own: FloatArray, mu: float, slip: FloatArray) -> Non
     slip[FORCE_X], slip[FORCE_Y] = force_x, force_y
     slip[SLIP_ANGLE], slip[SLIP_RATIO] = -angle, -ratio
     slip[_SLIDING_SPEED], slip[_LATERAL_SPEED] = own[SLIDING], own[SLIDING_ACROSS]
-    slip[_SLIDES] = 1.0 if tire.slides and own[SLIP_SIZE] > 1.0 else 0.0
+    slides = own[SLIDING] > BRISTLES_SLIDE if tire.holds else tire.slides and own[SLIP_SIZE] > 1.0
+    slip[_SLIDES] = 1.0 if slides else 0.0
 
 
 @kernel
