@@ -33,7 +33,6 @@ from ..simulation.simulation import complete_state
 from ..simulation.world import World
 from ..vehicle import motion as car_motion
 from ..vehicle.speed_controller import SpeedController
-from ..vehicle.tires import LINEAR
 
 Motion = tuple[float, float, float, float, float, float]
 """Of a car: x [m], y [m], heading [rad], velocity ahead and to the left [m/s], yaw rate [rad/s]."""
@@ -101,7 +100,7 @@ class Driving:
         self._constants = [car.constants for car in self.world.cars]
         self.ahead, self._controllers = [], []
         for build, car in zip(builds, self.world.cars, strict=True):
-            single_track = build.tire_set.model == LINEAR
+            single_track = not build.tire_set.slides
             self.ahead.append(car.parameters.rear_axle_distance if single_track else 0.0)
             self._controllers.append(SpeedController(car.parameters, over_ground=single_track, timestep=timestep))
 

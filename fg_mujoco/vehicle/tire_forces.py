@@ -397,6 +397,7 @@ class TireForces:
     Attributes:
       rows: of the tires, (wheels,) of TIRE; none for the model `contact`.
       mu: lateral peak of each tire [-], (wheels,). Live.
+      steps: short ones in a physics step; None: as many as `steps_within` says. Can be set.
 
     Raises:
       ModelError: a time step that is too long for the tires.
@@ -405,6 +406,7 @@ class TireForces:
     def __init__(self, model: mujoco.MjModel, prefix: str = "", wheels: Sequence[str] = WHEELS) -> None:
         self.rows = tire_rows(model, prefix, wheels)
         self.mu: FloatArray = peaks(model, prefix, wheels)
+        self.steps: int | None = None
         self._model = model
         if len(self.rows):
             take_over(model, prefix)
@@ -432,8 +434,8 @@ class TireForces:
         timestep = float(self._model.opt.timestep)
         step_by_hand(
             self._model._address, data._address, self._fields, self._inertia, self._gear, self.rows, self.mu,
-            data.userdata, self._scratch, self._model.nv, timestep, steps_within(self._model, self.rows, timestep),
-            advance,
+            data.userdata, self._scratch, self._model.nv, timestep,
+            self.steps or steps_within(self._model, self.rows, timestep), advance,
         )  # fmt: skip
 
 
@@ -923,6 +925,7 @@ def end_step(model: int, data: int, found: Fields, dofs: int, advance: bool) -> 
     acceleration, smooth = stages.vector(data, found.qacc_smooth, dofs), stages.vector(data, found.qfrc_smooth, dofs)
     stages.solve_inertia(model, data, acceleration.ctypes.data, smooth.ctypes.data, 1)
     stages.stage_constraint(model, data)
+    stages.body_accelerations(model, data)
     stages.sensors_of_acceleration(model, data)
     if advance:
         stages.check_accelerations(model, data)

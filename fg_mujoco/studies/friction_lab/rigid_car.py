@@ -27,7 +27,8 @@ from fg_mujoco.controllers.control.speed import friction_speed
 
 from ...messages import CarParameters, FloatArray
 from ...vehicle.car import WHEELS, element_id
-from ...vehicle.tire_slip import SLIDING_SPEED
+from ...vehicle.tire_slip import BRISTLES_SLIDE, SLIDING_SPEED
+from ...vehicle.tires import tires_of
 
 
 def tire_loads(k: float, mu: float, steering: float, car: CarParameters) -> FloatArray:
@@ -81,8 +82,10 @@ def creep(k: float, mu: float, steering: float, car: CarParameters, model: mujoc
     MuJoCo's contact is regularised: it slows a contact point by c v, and lets it accelerate by r F. In a car that needs
     the acceleration a of its tires c v = a + r F, with r = (1 - d) / d / effective mass / impratio (MuJoCo
     documentation, "Computation", on friction constraints; the numbers are those of models/f1tenth.xml). Near the limit
-    F is mu times the load.
+    F is mu times the load. The bristles of the law `coulomb` hold without creep.
     """
+    if not tires_of(model).is_contact:
+        return 0.0
     pair = element_id(model, mujoco.mjtObj.mjOBJ_PAIR, f"{WHEELS[0]}_tire")
     wheel = element_id(model, mujoco.mjtObj.mjOBJ_BODY, f"{WHEELS[0]}_wheel")
     impedance = float(model.pair_solimp[pair, 1])
@@ -93,7 +96,7 @@ def creep(k: float, mu: float, steering: float, car: CarParameters, model: mujoc
 
 
 def sliding_onset(mu: float, steering: float, car: CarParameters, model: mujoco.MjModel) -> float:
-    """Return the k at which the front tires pass SLIDING_SPEED [-]; arguments as in `creep`.
+    """Return the k at which the front tires slide [-]: pass SLIDING_SPEED, or BRISTLES_SLIDE; arguments as in `creep`.
 
     Up to the onset k0 they creep. Beyond, the car's curvature stays (k0 / k)^2 of the one that its front wheels point
     along, and they cross their way at v sin d (1 - (k0 / k)^2), above what they creep. So this k is not `onset`: it
@@ -102,10 +105,11 @@ def sliding_onset(mu: float, steering: float, car: CarParameters, model: mujoco.
     """
     limit = onset(mu, steering, car)
     law = friction_speed(steering, mu, car.wheelbase, car.gravity)
+    threshold = SLIDING_SPEED if tires_of(model).is_contact else BRISTLES_SLIDE
     low, high = 0.5, 3.0
     while high - low > 1e-6:
         k = 0.5 * (low + high)
         wide = k * law * math.sin(abs(steering)) * max(1.0 - (limit / k) ** 2, 0.0)
-        slides = creep(min(k, limit), mu, steering, car, model) + wide > SLIDING_SPEED
+        slides = creep(min(k, limit), mu, steering, car, model) + wide > threshold
         low, high = (low, k) if slides else (k, high)
     return 0.5 * (low + high)

@@ -19,7 +19,7 @@ import numpy as np
 
 from ...messages import FloatArray
 from ...vehicle.tire_forces import FORCE_ACROSS, FORCE_ALONG, LOAD, TireForces, put_on
-from ...vehicle.tires import AxleTires, TireCurve, Tires, tire_names
+from ...vehicle.tires import AxleTires, Law, Tires, tire_names
 from ...vehicle.vehicle import Vehicle
 from . import figure_style as style
 from .experiment import Cell, Experiment, Figure, LabSettings, Row, Section, Tables
@@ -58,7 +58,6 @@ class Bench:
         self.data = mujoco.MjData(self.model)
         self._forces = TireForces(self.model, wheels=(self.wheel,))
         self._speed = speed
-        mujoco.mj_forward(self.model, self.data)
         self._forces.begin(self.data)
         self.roll(_SETTLING, 0.0, 0.0)
 
@@ -70,11 +69,8 @@ class Bench:
             data.qvel[:2], data.qvel[3:6] = (self._speed, 0.0), 0.0
             arm = 0.5 * (self._forces.rows[0]["radius"] + data.qpos[2])
             data.qvel[6] = self._speed * math.cos(angle) * (1.0 + ratio) / arm
-            self._forces.apply(data)
-            used = float(data.userdata[LOAD])
-            rows.append((used, data.userdata[FORCE_ALONG], data.userdata[FORCE_ACROSS]))
-            mujoco.mj_step(self.model, data)
-            self._forces.end(data)
+            self._forces.step(data)
+            rows.append((data.userdata[LOAD], data.userdata[FORCE_ALONG], data.userdata[FORCE_ACROSS]))
         return np.array(rows)
 
 
@@ -114,7 +110,7 @@ def formula(axle: AxleTires, load: float, ratio: float, angle: float) -> tuple[f
     return along, grip * axle.lateral.force(size * scale[1]) * angle / scale[1]
 
 
-def _scale(curve: TireCurve) -> float:
+def _scale(curve: Law) -> float:
     return curve.peak_slip if math.isfinite(curve.peak_slip) else 1.0
 
 
