@@ -278,9 +278,9 @@ def _sentences(tires: str, tables: Tables) -> tuple[str, ...]:
     motor = column(grippy, "acceleration_m_s2") / column(grippy, "motor_limit_m_s2")
     held = column(grippy, "acceleration_m_s2") / column(grippy, "held_limit_m_s2")
     return (
-        f"On {tires}, with all wheels held a stop takes {_span(_ratios(stops, 'held', 'best_m'))} of v²/(2 mu g). By its "
-        f"one motor the car takes {_span(_ratios(stops, 'full', 'best_m'), 2)}, because open differentials let the rear axle, "
-        "which braking lightens, limit the braking of all wheels; with the friction limiter "
+        f"On {tires}, with all wheels held a stop takes {_span(_ratios(stops, 'held', 'best_m'))} of v²/(2 mu g). By "
+        f"its one motor the car takes {_span(_ratios(stops, 'full', 'best_m'), 2)}, because open differentials let the "
+        "rear axle, which braking lightens, limit the braking of all wheels; with the friction limiter "
         f"{_span(_ratios(stops, 'guard', 'best_m'), 2)}, without sliding, which is its closed form to "
         f"{100 * np.abs(_ratios(stops, 'guard', 'closed_form_m') - 1.0).max():.1f} %.",
         f"At full throttle on ground of mu {GRIPPY:g} the car has {_span(motor, 2)} of the motor's limit, and "

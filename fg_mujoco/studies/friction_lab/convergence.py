@@ -94,15 +94,8 @@ class Convergence:
         return Section(
             sentences=(*_own_sentences(own), *_sentences(rows)),
             figures=(
-                *(
-                    Figure(
-                        name=f"timestep{ending}",
-                        caption=f"Tires {tires}. What moves with the timestep, the rightmost the car's own. Grey: 1 % "
-                        "about the law; the axis of the lap spans 2 % of it; broken: where tires count as sliding.",
-                        draw=lambda figure, tires=tires, of=of: _draw_timestep(figure, tires, _of(of, "timestep")),
-                    )
-                    for tires, of, ending in ((DEFAULT_TIRES, own, ""), (CONTACT, rows, f"_{CONTACT}"))
-                ),
+                _timestep_figure(DEFAULT_TIRES, own, ""),
+                _timestep_figure(CONTACT, rows, f"_{CONTACT}"),
                 Figure(
                     name="impratio",
                     caption=f"Tires {CONTACT}. Creep of a holding tire at {CREEPING:g} of the law's speed; line: the "
@@ -117,6 +110,15 @@ class Convergence:
 
 
 EXPERIMENT: Experiment = Convergence()
+
+
+def _timestep_figure(tires: str, rows: list[Row], ending: str) -> Figure:
+    return Figure(
+        name=f"timestep{ending}",
+        caption=f"Tires {tires}. What moves with the timestep, the rightmost the car's own. Grey: 1 % about the law; "
+        "the axis of the lap spans 2 % of it; broken: where tires count as sliding.",
+        draw=lambda figure: _draw_timestep(figure, tires, _of(rows, "timestep")),
+    )
 
 
 def soften(model: mujoco.MjModel, impedance: float, prefix: str = "") -> None:
@@ -237,9 +239,9 @@ def _sentences(rows: list[Row]) -> tuple[str, ...]:
     by_ratio = 1e3 * column(ratios, "creep_m_s")
     closed = 1e3 * column(ratios, "creep_closed_form_m_s")
     text = [
-        f"On {CONTACT}, while tires hold, the car's own {own['value']} s is enough: from there to {finest['value']} s the "
-        f"tires let go within {_moves(steps, 'k_grip'):.3f} of one k and creep within {1e3 * np.ptp(creeps):.2f} mm/s, a lap "
-        f"of the oval changes by {100 * abs(lap[0] / lap[-1] - 1):.2f} %, its greatest slide by "
+        f"On {CONTACT}, while tires hold, the car's own {own['value']} s is enough: from there to {finest['value']} s "
+        f"the tires let go within {_moves(steps, 'k_grip'):.3f} of one k and creep within "
+        f"{1e3 * np.ptp(creeps):.2f} mm/s, a lap of the oval changes by {100 * abs(lap[0] / lap[-1] - 1):.2f} %, its greatest slide by "
         f"{abs(lap_slide[0] - lap_slide[-1]):.0f} mm/s.",
         f"Where tires slide, it matters a little: at {SLIDING:g} of the law's speed one is off the ground for "
         f"{100 * airborne[0]:.0f} % of the time, and slides at up to {slides[0]:.2f} m/s, where {finest['value']} s "

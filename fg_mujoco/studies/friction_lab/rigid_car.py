@@ -102,14 +102,20 @@ def sliding_onset(mu: float, steering: float, car: CarParameters, model: mujoco.
     along, and they cross their way at v sin d (1 - (k0 / k)^2), above what they creep. So this k is not `onset`: it
     lies below where creep alone passes SLIDING_SPEED, on grippy ground, and above on slippery ground, where the car
     has to run wide by what creep leaves of it.
+
+    Bristles do not creep. Those of the inner front wheel, which rolls slower than the middle of its axle by the yaw
+    rate times half the track, take up as much less where both front wheels are at the end of their bristles.
     """
     limit = onset(mu, steering, car)
     law = friction_speed(steering, mu, car.wheelbase, car.gravity)
-    threshold = SLIDING_SPEED if tires_of(model).is_contact else BRISTLES_SLIDE
+    front = tires_of(model).front
+    threshold = SLIDING_SPEED if front is None else BRISTLES_SLIDE
+    bent = 0.0 if front is None else front.lateral.peak_slip * 0.5 * car.track_width * math.tan(abs(steering))
     low, high = 0.5, 3.0
     while high - low > 1e-6:
         k = 0.5 * (low + high)
         wide = k * law * math.sin(abs(steering)) * max(1.0 - (limit / k) ** 2, 0.0)
-        slides = creep(min(k, limit), mu, steering, car, model) + wide > threshold
+        held = creep(min(k, limit), mu, steering, car, model) + bent * k * law / car.wheelbase
+        slides = held + wide > threshold
         low, high = (low, k) if slides else (k, high)
     return 0.5 * (low + high)

@@ -100,8 +100,8 @@ def _figures(tires: str, onsets: list[Row], curvatures: list[Row]) -> tuple[Figu
         Figure(
             name=f"k{ending}",
             caption=f"Tires {tires}. Left: k at which the tires let go, and 1 % about the law. Right: k at which a "
-            f"tire slides, above {slides_above(tires)} m/s. Lines: the closed form, a rigid car on four wheels, with the "
-            "creep of MuJoCo's contact. Points: turns to the left and to the right.",
+            f"tire slides, above {slides_above(tires)} m/s. Lines: the closed form, a rigid car on four wheels, with "
+            "the creep of MuJoCo's contact. Points: turns to the left and to the right.",
             draw=lambda figure: _draw_k(figure, tires, onsets),
         ),
         Figure(
@@ -209,8 +209,8 @@ def _sentences(tires: str, onsets: list[Row], curvatures: list[Row]) -> tuple[st
     silent = [row for row in onsets if row["reason"]]
     lightest = min(onsets, key=lambda row: float(np.nan_to_num(column([row], "lightest_load_N")[0], nan=math.inf)))
     return (
-        f"On {tires}, up to {_WIDE:g} rad the tires let go at {_span(_wide(onsets), 'k_grip')} of the law's speed; on all "
-        f"circles at {_span(onsets, 'k_grip')}, the farthest from 1 at {_cell(worst)}, {100 * off:.1f} % off.",
+        f"On {tires}, up to {_WIDE:g} rad the tires let go at {_span(_wide(onsets), 'k_grip')} of the law's speed; on "
+        f"all circles at {_span(onsets, 'k_grip')}, the farthest from 1 at {_cell(worst)}, {100 * off:.1f} % off.",
         "That is no fault of the tires: a rigid car on four wheels, whose centre of gravity runs wider than its rear "
         "axle and whose outer front wheel is turned in less, lets go there too, to within "
         f"{100 * form:.1f} % (farthest at {_cell(form_worst)}).{_spinning(onsets)}",

@@ -68,7 +68,7 @@ class Transient:
     def section(self, tables: Tables) -> Section:
         """Say which use of the law slides, and what time the others cost."""
         sets = list(dict.fromkeys(str(row["tires"]) for row in tables["runs"]))
-        parts = [(tires, *(_on(tables[name], tires) for name in ("runs", "trace"))) for tires in sets]
+        parts = [(tires, _on(tables["runs"], tires), _on(tables["trace"], tires)) for tires in sets]
         return Section(
             sentences=tuple(sentence for tires, runs, _ in parts for sentence in _sentences(tires, runs)),
             figures=tuple(figure for part in parts for figure in _pictures(*part)),
