@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from fg_mujoco.kernels import kernel
 
 from ..control.settings import Record
-from ..perception.local_map import CELL, FREE, RING, SIZE, WALL, in_window
+from ..perception.local_map import FREE, PER_METRE, RING, SIZE, WALL, in_window
 from ..perception.way_on import AT_WALL, FAR, UNIT, to_go_around, to_go_at
 from .friction_limiter import longitudinal_share
 
@@ -188,7 +188,7 @@ def is_clear(way: Record, car: Record, x: float, y: float, heading: float, neare
     back, front = 0.5 * car.width - car.rear_overhang, car.length - car.rear_overhang - 0.5 * car.width
     for k in range(3):
         place = back + 0.5 * k * (front - back)
-        i, j = math.floor((x + place * cos) / CELL), math.floor((y + place * sin) / CELL)
+        i, j = math.floor((x + place * cos) * PER_METRE), math.floor((y + place * sin) * PER_METRE)
         if not in_window(way.map, i, j) or way.blocked[i & RING, j & RING] & nearest != 0:
             return False
     return True
@@ -202,7 +202,8 @@ def outline_in_walls(world: Record, car: Record, x: float, y: float, heading: fl
     for k in range(7):
         place = k * car.length / 6.0 - car.rear_overhang
         for side in (-0.5 * car.width, 0.5 * car.width):
-            i, j = math.floor((x + place * cos - side * sin) / CELL), math.floor((y + place * sin + side * cos) / CELL)
+            i = math.floor((x + place * cos - side * sin) * PER_METRE)
+            j = math.floor((y + place * sin + side * cos) * PER_METRE)
             hits += world.cells[i & RING, j & RING] == WALL
     return hits
 
@@ -223,7 +224,7 @@ def touches(world: Record, car: Record, x: float, y: float, heading: float, marg
 def _tail_is_seen(world: Record, car: Record, place: NDArray[np.float64]) -> bool:
     """Say whether the ground under a car's tail was seen: nothing else shows what is behind the car."""
     x, y = place[0] - car.rear_overhang * math.cos(place[2]), place[1] - car.rear_overhang * math.sin(place[2])
-    i, j = math.floor(x / CELL), math.floor(y / CELL)
+    i, j = math.floor(x * PER_METRE), math.floor(y * PER_METRE)
     return bool(in_window(world, i, j) and world.cells[i & RING, j & RING] == FREE)
 
 
@@ -259,8 +260,8 @@ def _advance(place: NDArray[np.float64], curvature: float, length: float, after:
 def _is_new(table: NDArray[np.int64], place: NDArray[np.float64], fine: int, direction: int) -> bool:
     """Say whether no motion has come to about this place yet, and remember that one has."""
     i, j = (
-        math.floor(place[0] / CELL * fine) & (fine * SIZE - 1),
-        math.floor(place[1] / CELL * fine) & (fine * SIZE - 1),
+        math.floor(place[0] * PER_METRE * fine) & (fine * SIZE - 1),
+        math.floor(place[1] * PER_METRE * fine) & (fine * SIZE - 1),
     )
     turn = int((place[2] % (2.0 * math.pi)) / (2.0 * math.pi) * _HEADINGS * fine) % (_HEADINGS * fine)
     key = ((i * SIZE * fine + j) * _HEADINGS * fine + turn) * 2 + (direction == 1) + 1
