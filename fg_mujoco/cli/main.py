@@ -417,6 +417,8 @@ def _table(result: RaceResult, out: str | None) -> str:
         rows.insert(1, ("planner failed", str(result.planner_failure)))
     if result.crash is not None:
         rows.insert(1, ("crash", str(result.crash)))
+    if result.rollover is not None:
+        rows.insert(1, ("rolled over", str(result.rollover)))
     if result.end_reason == "decision_limit":
         rows.insert(1, ("decision limit", decision_limit_text(result.decision_limit_s, result.sim_time_s)))
     if out is not None:

@@ -177,7 +177,7 @@ class Driving:
         self.motions[agent] = self.motion(agent)
 
     def drive(self, commands: Any) -> NDArray[np.bool_]:
-        """Hold commands for a step, count the laps, and return whether each car touches something. Shape (cars,).
+        """Hold commands for a step, count the laps, and return which cars touch something or lie. Shape (cars,).
 
         Args:
           commands: steering angle [rad] and speed [m/s] of each car, shape (cars, 2), held within its limits.
@@ -191,6 +191,7 @@ class Driving:
         engine.sense(self._every)
         time = engine.time(0)
         collided: NDArray[np.bool_] = engine.crashed | engine.unstable(0)
+        collided |= [car_motion.is_rolled_over(self._qpos, constants) for constants in self._constants]
         if len(self._agents) > 1:
             collided |= (engine.touched_at >= time).any(axis=1)
         self.motions = [self.motion(agent) for agent in self._agents]

@@ -21,6 +21,7 @@ from ..simulation.termination import WrongWay
 from .crash import Crash
 from .decisions import DecisionTimes
 from .driven_line import driven_line, driven_lines
+from .rollover import Rollover
 
 if TYPE_CHECKING:
     from ..simulation.engine import Engine
@@ -104,9 +105,9 @@ class CarResult(Suggesting):
 class RaceResult(Shown):
     """How a race went. The summary's fields are named as in its JSON; arrays are read-only.
 
-    `end_reason` is one of "finished", "crash", "wrong_way", "no_progress", "time_limit", "unstable" (MuJoCo warned of
-    a bad state), "interrupted", "decision_limit" (the planner took longer for a decision than it was allowed) and
-    "planner_failed" (of a result that a PlannerError carries).
+    `end_reason` is one of "finished", "crash", "rolled_over" (the car lies on its side or its roof), "wrong_way",
+    "no_progress", "time_limit", "unstable" (MuJoCo warned of a bad state), "interrupted", "decision_limit" (the planner
+    took longer for a decision than it was allowed) and "planner_failed" (of a result that a PlannerError carries).
     """
 
     track: str
@@ -177,12 +178,19 @@ class RaceResult(Shown):
         laps += f"{self.sim_time_s:.1f} s{best}"
         return brief(self, f"{quoted(self.controller)} on {quoted(self.track)}: {laps}, {self._end()}")
 
+    @property
+    def rollover(self) -> Rollover | None:
+        """Where the car rolled over; None: the race did not end so, or was one of several cars."""
+        return None if self.car_results else Rollover.of(self.end_reason, self.telemetry)
+
     def _end(self) -> str:
         """Return how the race ended, in words."""
         if self.planner_failure is not None:
             return f"the planner failed: {self.planner_failure}"
         if self.crash is not None or self.wrong_way is not None:
             return str(self.crash or f"wrong way: {self.wrong_way}")
+        if self.rollover is not None:
+            return f"rolled over {self.rollover}"
         return "no collision" if self.finished else f"ended by {self.end_reason}"
 
     def _repr_html_(self) -> str:
@@ -196,7 +204,7 @@ class RaceResult(Shown):
             ("greatest sliding", f"{self.max_slide_m_s:.3f} m/s, {100.0 * self.slide_time_fraction:.2f} % of the time"),
             ("friction coefficient", friction_text(self.mu, self.planner_mu)),
         ]
-        ends = (("crashed here", self.crash), ("turned here", self.wrong_way))
+        ends = (("crashed here", self.crash), ("turned here", self.wrong_way), ("rolled over here", self.rollover))
         marks = [(text, (place.x_m, place.y_m)) for text, place in ends if place is not None]
         line = np.column_stack((self.column("x_m"), self.column("y_m")))
         picture = driven_line(

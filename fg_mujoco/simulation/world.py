@@ -27,6 +27,7 @@ from ..errors import SettingsError, accepted_names
 from ..lidar.lidar import LIDAR_BACKENDS, Lidar, make_lidar
 from ..lidar.scene import ScanlineScene
 from ..messages import CarParameters, FloatArray
+from ..vehicle.bodywork import FRICTION, harden, stand_on_ground
 from ..vehicle.car import Car
 from ..vehicle.changes import CarChanges
 from ..vehicle.friction_patches import Patch, add_patches, require_patches
@@ -48,6 +49,8 @@ from .cars import (
 from .course_loading import load_track
 
 _WALL_CONTYPE = 2  # contact roles are those of the vehicles' MJCF: the chassis meets walls and obstacles
+_WALL_FRICTION = (FRICTION, 0.005, 0.0001)
+_BELOW_GROUND = 0.5  # [m] that solids reach down: MuJoCo pushes a car out by the shortest way, which is never down
 _COLLISION_GROUP = 3  # viewers hide it, as the car's own collision geoms
 _WALL_COLOUR = (0.86, 0.84, 0.80, 1.0)
 _OBSTACLE_COLOUR = (0.85, 0.45, 0.15, 1.0)
@@ -225,7 +228,9 @@ def _compose(track: Course, builds: Sequence[WorldCar], lidar: str, obstacles: t
             hide_ground(car)
         car.memory, car.nuserdata = spec.memory, spec.nuserdata  # attaching warns where they differ
         beams = vehicle.lidar.spec(sensors=lidar == "rangefinder")
+        solids = [geom.name for geom in beams.geoms]
         car.attach(beams, site=car.site("lidar_mount"), prefix=LIDAR_IN_CAR)
+        stand_on_ground(car, *(LIDAR_IN_CAR + name for name in solids))
         spec.attach(car, frame=spec.worldbody.add_frame(), prefix=car_prefix(index))
     add_touch_sensors(spec, len(cars))
     return spec
@@ -285,10 +290,10 @@ def _add_walls(spec: Any, track: Course) -> None:
         _add_hull(spec, f"wall_{index}", _prism(wall), _WALL_COLOUR if surface is None else _INVISIBLE)
 
 
-def _prism(solid: Obstacle) -> FloatArray:
-    """Return the corners of a solid, below and above. Shape (n, 3) [m]."""
+def _prism(solid: Obstacle, below: float = _BELOW_GROUND) -> FloatArray:
+    """Return the corners of a solid, `below` the ground [m] and above it. Shape (n, 3) [m]."""
     footprint = solid.corners()
-    heights = np.repeat((0.0, solid.height), len(footprint))
+    heights = np.repeat((-below, solid.height), len(footprint))
     return np.column_stack((np.tile(footprint, (2, 1)), heights))
 
 
@@ -307,7 +312,8 @@ def _add_hull(spec: Any, name: str, vertices: FloatArray, colour: tuple[float, .
     """
     mesh = spec.add_mesh(name=name, uservert=vertices.ravel())
     mesh.needsdf = False
-    (body or spec.worldbody).add_geom(
+    geom = (body or spec.worldbody).add_geom(
         name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, rgba=colour, contype=_WALL_CONTYPE, conaffinity=0,
-        group=_COLLISION_GROUP if colour == _INVISIBLE else 0,
+        group=_COLLISION_GROUP if colour == _INVISIBLE else 0, friction=_WALL_FRICTION,
     )  # fmt: skip
+    harden(geom, spec.option.timestep)

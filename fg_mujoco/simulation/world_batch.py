@@ -23,6 +23,7 @@ from ..lidar.body_poses import Mount
 from ..lidar.lidar import Lidar, RaycastLidar, lidar_mount
 from ..lidar.links import make_links
 from ..messages import ODOMETRY, FloatArray
+from ..vehicle.bodywork import fit_timestep
 from ..vehicle.car import WHEELS, Car
 from ..vehicle.changes import CarChanges, change_worlds
 from ..vehicle.friction_patches import patch_table, wheel_positions
@@ -124,6 +125,7 @@ class WorldBatch:
             model = copy(model)
         self._on_own_tires = any([take_over(model, car.prefix) for car in world.cars])
         self._model = model
+        fit_timestep(model)
         self.physics = Batch(model, count, substeps)
         if own_model:
             self.physics.set_models([model] * count)

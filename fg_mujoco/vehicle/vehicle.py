@@ -24,6 +24,7 @@ from ..course.mjcf import MOST_MJCF
 from ..errors import SettingsError, accepted_names
 from ..lidar.beams import LidarModel
 from ..messages import CarParameters
+from .bodywork import add_hull
 from .car import WHEELS, car_parameters
 from .changes import ACCEPTED_MU, GREATEST_MU, CarChanges, change_spec, set_mu
 from .contract import check_model, check_names, compiled, find_lidar, find_look, find_tires, parsed
@@ -146,6 +147,7 @@ class Vehicle:
             )
         spec = parsed(self.text, f"vehicle {self.name!r}")
         put_on(spec, tires or self.tires)
+        add_hull(spec)
         if mu is not None:
             set_mu(spec, mu)
         if self.look is not None:
@@ -200,5 +202,6 @@ def _checked(name: str, file: str, text: str, folder: Path | None) -> Vehicle:
         name=name, file=file, text=text, lidar=find_lidar(spec, folder, where), look=find_look(spec, folder, where),
         tires=find_tires(spec, folder, where),
     )  # fmt: skip
+    add_hull(spec)
     check_model(compiled(spec, where), where)
     return vehicle

@@ -122,7 +122,11 @@ def trace_picture(result: RaceResult, path: str | Path | BinaryIO) -> None:
         scale = axes.inset_axes((1.015, 0.05, 0.02, 0.9))
         scale.set_in_layout(False)
         figure.colorbar(line, cax=scale, label="speed [m/s]")
-        for text, marked in (("turned here", result.wrong_way), ("crashed here", result.crash)):
+        for text, marked in (
+            ("turned here", result.wrong_way),
+            ("crashed here", result.crash),
+            ("rolled over here", result.rollover),
+        ):
             if marked is not None:
                 axes.plot(marked.x_m, marked.y_m, "x", color=_ALERT, markersize=9.0, markeredgewidth=2.0)
                 place, right = (marked.x_m, marked.y_m), marked.x_m > sum(axes.get_xlim()) / 2.0

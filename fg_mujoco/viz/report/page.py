@@ -187,7 +187,7 @@ def _page(
                 events,
                 cursor,
                 run.wrong_way,
-                run.crash,
+                run.crash or run.rollover,
                 others=[] if field is None else list(enumerate(field.lines))[1:],
                 contacts=[] if field is None else field.contacts,
             ),

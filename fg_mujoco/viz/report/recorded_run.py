@@ -15,6 +15,7 @@ from ...messages import CarParameters, FloatArray
 from ...racing.crash import Crash
 from ...racing.resimulation import load_world
 from ...racing.result import RaceResult
+from ...racing.rollover import Rollover
 from ...racing.run_folder import RECORDED, SUMMARY, Run, read_run, summary_json
 from ...simulation.cars import CAR_PREFIX
 from ...simulation.telemetry import TELEMETRY
@@ -74,6 +75,11 @@ class RecordedRun:
         """What the car hit; None: the race did not end in a crash."""
         told = self.summary.get("crash")  # older runs lack it
         return None if told is None else Crash(**told)
+
+    @property
+    def rollover(self) -> Rollover | None:
+        """Where the car rolled over; None: the race did not end so, or was one of several cars."""
+        return None if self.others else Rollover.of(self.summary["end_reason"], self.telemetry)
 
     @cached_property
     def car(self) -> CarParameters:

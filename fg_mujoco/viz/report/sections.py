@@ -70,6 +70,8 @@ def head(run: RecordedRun, title: str, notes: Sequence[str]) -> str:
     wrong_way = [] if run.wrong_way is None else [f"Wrong way: {run.wrong_way}. The map marks the place with a cross."]
     failure = [] if run.planner_failure is None else [_failure(run.planner_failure)]
     crash = [] if run.crash is None else [f"Crash: {run.crash}. The map marks the place with a cross."]
+    if run.rollover is not None:
+        crash.append(f"Rolled over {run.rollover}. The map marks the place with a cross.")
     late = []
     if summary["end_reason"] == "decision_limit":
         late.append(f"Decision limit: {decision_limit_text(summary['decision_limit_s'], run.end)}.")
