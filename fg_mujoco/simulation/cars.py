@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..display import brief, changed
 from ..errors import ModelError, SettingsError
 from ..messages import CarParameters, FloatArray
-from ..vehicle.bodywork import FRICTION, harden, stand_on_ground
+from ..vehicle.bodywork import harden, stand_on_ground
 from ..vehicle.car import element_id, sensor_slice
 from ..vehicle.changes import CarChanges
 from ..vehicle.tires import Tires
@@ -134,7 +134,7 @@ def make_visible(spec: Any, index: int, car: CarParameters) -> None:
     position = (car.lidar_offset - BOX_SIDE - 0.01, 0.0, 0.5 * (low + high) - float(base.pos[2]))
     box = base.add_geom(
         name=BOX, type=mujoco.mjtGeom.mjGEOM_BOX, size=half, pos=position, rgba=car_colour(index), mass=0.0,
-        contype=_BOX_CONTYPE, conaffinity=_BOX_CONAFFINITY, group=2, friction=(FRICTION, 0.005, 0.0001),
+        contype=_BOX_CONTYPE, conaffinity=_BOX_CONAFFINITY, group=2,
     )  # fmt: skip
     harden(box, spec.option.timestep)
     stand_on_ground(spec, BOX)

@@ -126,7 +126,7 @@ class Vehicle:
     def spec(
         self, mu: float | None = None, changes: CarChanges | None = None, tires: Tires | None = None
     ) -> mujoco.MjSpec:
-        """Return its MJCF as a new MjSpec, without the LiDAR.
+        """Return its MJCF as a new MjSpec, without the LiDAR and without the hull, which follows the chassis.
 
         A world that attaches it has its own `option` block; the car is made for this spec's.
 
@@ -147,7 +147,6 @@ class Vehicle:
             )
         spec = parsed(self.text, f"vehicle {self.name!r}")
         put_on(spec, tires or self.tires)
-        add_hull(spec)
         if mu is not None:
             set_mu(spec, mu)
         if self.look is not None:
@@ -163,11 +162,11 @@ class Vehicle:
         """
         if mu is None and changes is None:
             return copy(self._model)
-        return self.spec(mu, changes).compile()
+        return add_hull(self.spec(mu, changes)).compile()
 
     @cached_property
     def _model(self) -> mujoco.MjModel:
-        return self.spec().compile()  # never given away, because a model's arrays can be written to
+        return add_hull(self.spec()).compile()  # never given away, because a model's arrays can be written to
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle without the caches."""
@@ -202,6 +201,5 @@ def _checked(name: str, file: str, text: str, folder: Path | None) -> Vehicle:
         name=name, file=file, text=text, lidar=find_lidar(spec, folder, where), look=find_look(spec, folder, where),
         tires=find_tires(spec, folder, where),
     )  # fmt: skip
-    add_hull(spec)
-    check_model(compiled(spec, where), where)
+    check_model(compiled(add_hull(spec), where), where)
     return vehicle
