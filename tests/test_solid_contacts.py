@@ -1,4 +1,4 @@
-"""How cars bounce off walls, obstacles and each other: depth, restitution and energy, at the default step and others."""
+"""How cars bounce off walls, obstacles and each other: depth, restitution and energy, at several steps."""
 
 import math
 import re

@@ -21,7 +21,7 @@ from ..display import brief, changed
 from ..errors import ModelError, SettingsError
 from ..messages import CarParameters, FloatArray
 from ..vehicle.bodywork import harden, stand_on_ground
-from ..vehicle.car import element_id, sensor_slice
+from ..vehicle.car import WHEELS, element_id, sensor_slice
 from ..vehicle.changes import CarChanges
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
@@ -34,6 +34,11 @@ CAR_PREFIX = "car/"
 
 LIDAR_IN_CAR = "lidar/"
 """And of those of its LiDAR, behind the car's prefix."""
+
+UNREAD_SENSORS = (
+    "position", "orientation", "gyro", "steering_angle", *(f"{wheel}_wheel_speed" for wheel in WHEELS)
+)  # fmt: skip
+"""Sensors of a vehicle that a world goes without: the odometry has them from the state, at its very moment."""
 
 BOX = "visible_box"
 """Name of the geom that makes a car visible."""
@@ -123,6 +128,13 @@ def car_colour(index: int) -> tuple[float, ...]:
 def car_colour_hex(index: int) -> str:
     """Return the colour of a car in plots and pages, as `#rrggbb`."""
     return "#" + "".join(f"{round(255.0 * part):02x}" for part in car_colour(index)[:3])
+
+
+def drop_unread_sensors(spec: Any) -> None:
+    """Take from a vehicle's spec, in place, the sensors of UNREAD_SENSORS that it has."""
+    for name in UNREAD_SENSORS:
+        if (sensor := spec.sensor(name)) is not None:
+            spec.delete(sensor)
 
 
 def make_visible(spec: Any, index: int, car: CarParameters) -> None:

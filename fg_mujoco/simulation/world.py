@@ -41,6 +41,7 @@ from .cars import (
     add_touch_sensors,
     car_prefix,
     car_prefixes,
+    drop_unread_sensors,
     hide_ground,
     lidar_prefix,
     make_visible,
@@ -222,6 +223,7 @@ def _compose(track: Course, builds: Sequence[WorldCar], lidar: str, obstacles: t
     _add_course(spec, track, obstacles)
     for index, (car, vehicle) in enumerate(zip(cars, vehicles, strict=True)):
         drop_tire_sensors(car) if car.numeric(NUMERIC.format("front")) is not None else add_axle_sensors(car)
+        drop_unread_sensors(car)
         if len(cars) > 1:
             make_visible(car, index, vehicle.parameters)
         if index > 0:

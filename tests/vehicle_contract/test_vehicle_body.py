@@ -1,4 +1,4 @@
-"""The body of every vehicle: it lies on the ground, slides as Coulomb says, and stays clear of it while the car drives."""
+"""The body of every vehicle: it lies on the ground, slides as Coulomb says, and is clear of it while the car drives."""
 
 import math
 
@@ -154,7 +154,9 @@ def test_a_chassis_in_the_ground_is_refused_and_a_hull_above_it_accepted(tmp_pat
     def lower(spec):
         spec.geom("chassis").pos[2] -= 0.035
 
-    with pytest.raises(fg.ModelError, match=r"geom 'chassis' is 5 mm in the ground at rest; accepted: above the ground"):
+    with pytest.raises(
+        fg.ModelError, match=r"geom 'chassis' is 5 mm in the ground at rest; accepted: above the ground"
+    ):
         own_vehicle(tmp_path, lower)
 
     def with_hull(spec):
