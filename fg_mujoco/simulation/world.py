@@ -47,6 +47,7 @@ from .cars import (
     make_visible,
     require_alike,
 )
+from .clear_ground import distances_of
 from .course_loading import load_track
 
 _WALL_CONTYPE = 2  # contact roles are those of the vehicles' MJCF: the chassis meets walls and obstacles
@@ -165,6 +166,11 @@ class World(Suggesting):
     def make_lidar(self, car: int = 0) -> Lidar:
         """Return the LiDAR of a car of this world, with the back end it was built for."""
         return make_lidar(self.lidar_backend, self.model, lidar_prefix(car))
+
+    @cached_property
+    def distances(self) -> tuple[FloatArray, FloatArray]:
+        """How far it is to what stands, from anywhere, see `clear_ground.distances_of`."""
+        return distances_of(self.model)
 
     @cached_property
     def all_seen(self) -> ScanlineScene:

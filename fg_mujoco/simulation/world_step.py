@@ -31,6 +31,7 @@ from ..vehicle.tire_forces import (
     resist_rolling,
     steer,
 )
+from .clear_ground import ClearGround, touches_nothing
 
 Rows = NDArray[np.void]
 Places = NDArray[np.int64]
@@ -84,6 +85,7 @@ def step_world(
     records: FloatArray,
     tire_states: FloatArray,
     scratch: FloatArray,
+    ground: ClearGround,
 ) -> None:
     """Do the physics steps `first` up to `end` of a tick in a world, and note what sensors and tires did.
 
@@ -108,6 +110,7 @@ def step_world(
       records: (n, steps, nsensordata) written to.
       tire_states: (n, steps, k USERDATA) written to.
       scratch: of this thread.
+      ground: where its cars are clear.
     """
     userdata = stages.vector(data, found.userdata, sizes.userdata)
     readings = stages.vector(data, found.sensordata, sizes.readings)
@@ -117,9 +120,11 @@ def step_world(
         if not sizes.own_tires:
             stages.step(model, data)
         else:
+            own = cars[world * len(car_places) : (world + 1) * len(car_places)]
+            clear = touches_nothing(stages.vector(data, found.qpos, sizes.positions), own, ground)
             _step_on_tires(
                 model, data, world, step, advance, sizes, found, inertia, gears, car_places, tire_rows, mu, floor,
-                timestep, userdata, scratch,
+                timestep, userdata, scratch, clear,
             )  # fmt: skip
         for k in range(sizes.readings):
             records[world, step, k] = readings[k]
@@ -132,11 +137,11 @@ def step_world(
 def _step_on_tires(
     model: int, data: int, world: int, step: int, advance: bool, sizes: Sizes, found: Fields, inertia: Inertia,
     gears: Rows, car_places: Places, tire_rows: Rows, mu: FloatArray, floor: Floor, timestep: float,
-    userdata: FloatArray, scratch: FloatArray,
+    userdata: FloatArray, scratch: FloatArray, clear: bool,
 ) -> None:  # fmt: skip
     """Do one physics step of a world with tires of ours; arguments as in `step_world`."""
     count, dofs = len(car_places), sizes.dofs
-    begin_step(model, data)
+    begin_step(model, data, found, clear)
     for car in range(count):
         first = car_places[car, FIRST_TIRE]
         if first >= 0:

@@ -879,7 +879,7 @@ def step_by_hand(
     own: FloatArray, scratch: FloatArray, dofs: int, timestep: float, steps: int, advance: bool,
 ) -> None:  # fmt: skip
     """Do a physics step of a model of one car, or only work out its forces and sensors; arguments of `push_car`."""
-    begin_step(model, data)
+    begin_step(model, data, found, False)
     resist_rolling(data, found, tires, own, dofs)
     damp_inertia(model, data, found, inertia, gears, dofs, timestep)
     stages.stage_actuation(model, data)
@@ -899,8 +899,8 @@ def step_by_hand(
 
 
 @kernel
-def begin_step(model: int, data: int) -> None:
-    """Do MuJoCo's stages of positions and velocities, with their sensors."""
+def begin_step(model: int, data: int, found: Fields, clear: bool) -> None:
+    """Do MuJoCo's stages of positions and velocities, with their sensors; `clear`: there are no contacts to be found."""
     stages.check_positions(model, data)
     stages.check_velocities(model, data)
     stages.kinematics(model, data)
@@ -908,7 +908,8 @@ def begin_step(model: int, data: int) -> None:
     stages.cameras_and_lights(model, data)
     stages.tendons(model, data)
     stages.make_inertia(model, data)
-    stages.find_contacts(model, data)
+    if not clear or stages.whole_number_at(data + found.contacts)[0] > 0:
+        stages.find_contacts(model, data)
     stages.make_constraints(model, data)
     stages.make_islands(model, data)
     stages.transmissions(model, data)
