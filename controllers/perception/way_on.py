@@ -57,6 +57,11 @@ NEAR_WALL, WAY_BACK, AT_WALL, HOLE, OPEN, UNSEEN, WITHIN_6, WITHIN_4 = 1, 2, 4, 
 # bits of a cell: within two cells of a wall; closed; within one cell; in the middle of a hole of three cells; free;
 # unknown; with a wall in a square of six cells to each side, and of four
 
+_MOVED = 0.2  # [m] after which a scan is entered
+_TURNED = 0.1  # [rad] the same
+_ENTER_EVERY = 3  # ticks, the same
+_LASTS = 0.25  # of the distance to the way on, after which it is looked for again
+_LASTS_AT_MOST = 2.0  # [m] the same, at most
 _OPENED = 0.6  # [m] before the end of the path that stay open
 _CLOSED = 15.0  # [m] of the path that are closed
 _CLOSED_LOOP = 8.0  # [m] the same, on a course that is shorter
@@ -86,6 +91,11 @@ WAY_ON = np.dtype(
     [
         ("map", LOCAL_MAP),
         ("ticks", np.int64),
+        ("entered", np.int64),  # tick in which a scan was last entered,
+        ("entered_driven", np.float64),  # [m] how far the car had driven then,
+        ("entered_heading", np.float64),  # [rad] and its heading
+        ("searched", np.int64),  # tick of the last search,
+        ("searched_driven", np.float64),  # [m] and how far the car had driven then
         ("found", np.bool_),
         ("hidden", np.bool_),  # the frontier is nearer than the sight, so something hides what is behind it
         ("x", np.float64),  # [m] of the middle of the way on
@@ -93,6 +103,7 @@ WAY_ON = np.dtype(
         ("edge_x", np.float64),  # [m] of the nearest of its cells that is not near a wall
         ("edge_y", np.float64),
         ("to_go", np.uint16, (SIZE, SIZE)),  # to the way on [UNIT], by column and row in the ring; FAR: not known
+        ("nodes", np.int64),  # of all searches for a motion in this tick
         ("blocked", np.uint8, (SIZE, SIZE)),  # bits, see NEAR_WALL, by column and row in the ring
     ]
 )
@@ -101,11 +112,20 @@ WAY_ON = np.dtype(
 
 @kernel
 def look_for_way_on(
-    scan: Record, ranges: FloatArray, odometry: Record, lidar_offset: float, memory: Record, every: int
+    scan: Record,
+    ranges: FloatArray,
+    odometry: Record,
+    lidar_offset: float,
+    memory: Record,
+    every: int,
+    every_plain: int,
+    led: bool,
 ) -> None:
     """Take a scan and odometry into the memory, in every tick.
 
-    The way on is looked for in every `every`-th tick.
+    A scan is entered once the car has moved on by _MOVED or turned by _TURNED since the last one, after _ENTER_EVERY
+    ticks, and before a search. The way on is looked for in every `every`-th tick. Where the way is plain, that is
+    not before the car has come on by _PLAIN_WAY, or after `every_plain` ticks.
 
     Args:
       scan: of type SCAN.
@@ -114,14 +134,26 @@ def look_for_way_on(
       lidar_offset: of the LiDAR ahead of the rear axle [m].
       memory: of type WAY_ON, written to.
       every: ticks.
+      every_plain: ticks.
+      led: the car follows a motion, so the way is not plain.
     """
     world = memory.map
     move(world, odometry.speed, odometry.angular_velocity[2], period_of(scan))
     extend_path(world, scan, ranges)
-    enter_scan(world, scan, ranges, lidar_offset)
-    if memory.ticks % every == 0:
+    since, driven = memory.ticks - memory.searched, world.driven - memory.searched_driven
+    due = memory.ticks == 0 or since >= (every if led or not memory.found else every_plain)
+    if since >= every and not due:
+        apart = math.hypot(memory.x - world.x, memory.y - world.y)
+        due = driven >= min(_LASTS * apart, _LASTS_AT_MOST)
+    moved, turned = world.driven - memory.entered_driven, abs(world.heading - memory.entered_heading)
+    if due or moved >= _MOVED or turned >= _TURNED or memory.ticks - memory.entered >= _ENTER_EVERY:
+        memory.entered, memory.entered_driven, memory.entered_heading = memory.ticks, world.driven, world.heading
+        enter_scan(world, scan, ranges, lidar_offset)
+    if due:
+        memory.searched, memory.searched_driven = memory.ticks, world.driven
         _find(memory, lidar_offset)
     memory.ticks += 1
+    memory.nodes = 0
 
 
 @kernel
@@ -150,13 +182,15 @@ def to_go_around(memory: Record, x: float, y: float) -> float:
 @kernel
 def least_to_go_along(memory: Record, x: float, y: float, heading: float, distance: float) -> tuple[float, float]:
     """Return the least way to go [m] on a line from a place, inf if none is known, and how far along that is [m]."""
-    step_x, step_y = 0.2 * math.cos(heading), 0.2 * math.sin(heading)
-    least, at = math.inf, 0.0
-    for step in range(1, int(min(distance, SIGHT) / 0.2) + 1):
-        cells = to_go_at(memory, x + step * step_x, y + step * step_y)
-        if cells != FAR and cells * UNIT < least:
-            least, at = cells * UNIT, 0.2 * step
-    return least, at
+    step_x, step_y = 0.2 * PER_METRE * math.cos(heading), 0.2 * PER_METRE * math.sin(heading)
+    x, y = x * PER_METRE, y * PER_METRE
+    least, at = FAR, 0
+    for step in range(1, int(min(distance, SIGHT) / 0.2) + 1):  # all of these are in the window
+        i, j = math.floor(x + step * step_x), math.floor(y + step * step_y)
+        cells = int(memory.to_go[i & RING, j & RING])
+        if cells < least:
+            least, at = cells, step
+    return (least * UNIT, 0.2 * at) if least != FAR else (math.inf, 0.0)
 
 
 @kernel
