@@ -26,6 +26,7 @@ from ..vehicle.tire_forces import (
     begin_step,
     damp_inertia,
     end_step,
+    place_between,
     push_car,
     put_steering,
     resist_rolling,
@@ -150,7 +151,7 @@ def _step_on_tires(
     damp_inertia(model, data, found, inertia, gears, dofs, timestep)
     stages.stage_actuation(model, data)
     stages.stage_acceleration(model, data)
-    steering = np.empty((count, 2))
+    kept, qvel = np.empty((count, 4)), stages.vector(data, found.qvel, dofs)
     for car in range(count):
         first = car_places[car, FIRST_TIRE]
         if first >= 0:
@@ -169,14 +170,17 @@ def _step_on_tires(
                         if part != ALONG and part != ACROSS:
                             userdata[USERDATA * (first + k) + part] = own[USERDATA * k + part]
             if gear.steered:
-                steering[car, 0], steering[car, 1] = steer(
+                kept[car, 0], kept[car, 1] = steer(
                     model, data, found, gear, scratch, dofs, timestep, sizes.tire_steps
                 )
+            kept[car, 2], kept[car, 3] = qvel[gear.free_dof], qvel[gear.free_dof + 1]
     end_step(model, data, found, dofs, advance)
     if advance:
         for car in range(count):
-            if car_places[car, FIRST_TIRE] >= 0 and gears[car].steered:
-                put_steering(data, found, gears[car], dofs, steering[car, 0], steering[car, 1])
+            if car_places[car, FIRST_TIRE] >= 0:
+                place_between(data, found, gears[car], dofs, kept[car, 2], kept[car, 3], timestep)
+                if gears[car].steered:
+                    put_steering(data, found, gears[car], dofs, kept[car, 0], kept[car, 1])
 
 
 @kernel

@@ -108,6 +108,8 @@ TIRE = np.dtype(
 
 GEAR = np.dtype(
     [
+        ("free_qpos", np.int64),  # of base_link's joint
+        ("free_dof", np.int64),
         ("commons", np.int64),
         ("common", np.int64, (_MOST_COMMON,)),  # the dofs that move more than one wheel, in order
         ("common_of", np.int64, (_MOST_COMMON, _MOST_COMMON)),  # where what MuJoCo keeps in a row of theirs is among them
@@ -280,6 +282,8 @@ def gear_row(model: mujoco.MjModel, prefix: str = "") -> GearRows:
     """
     gears, kinds = np.zeros(1, GEAR), mujoco.mjtObj
     gear = gears[0]
+    free = element_id(model, kinds.mjOBJ_JOINT, f"{prefix}base_link")
+    gear["free_qpos"], gear["free_dof"] = model.jnt_qposadr[free], model.jnt_dofadr[free]
     _find_common(model, gear, _common(model, prefix, WHEELS))
     for k, name in enumerate(("steering", "speed")):
         servo = element_id(model, kinds.mjOBJ_ACTUATOR, f"{prefix}{name}")
@@ -408,7 +412,9 @@ class TireForces:
         self._model = model
         if len(self.rows):
             take_over(model, prefix)
-            self._gear = gear_row(model, prefix) if tuple(wheels) == WHEELS else np.zeros(1, GEAR)
+            alone = np.zeros(1, GEAR)
+            alone["free_dof"] = -1
+            self._gear = gear_row(model, prefix) if tuple(wheels) == WHEELS else alone
             self._inertia, self._scratch = Inertia.of(model), np.zeros(SCRATCH)
             self._fields = fields()
 
@@ -893,7 +899,12 @@ def step_by_hand(
     steered = gears[0].steered and advance
     if steered:
         angle, rate = steer(model, data, found, gears[0], scratch, dofs, timestep, steps)
+    before = stages.vector(data, found.qvel, dofs)
+    at = max(gears[0].free_dof, 0)
+    before_x, before_y = before[at], before[min(at + 1, dofs - 1)]
     end_step(model, data, found, dofs, advance)
+    if advance and gears[0].free_dof >= 0:
+        place_between(data, found, gears[0], dofs, before_x, before_y, timestep)
     if steered:
         put_steering(data, found, gears[0], dofs, angle, rate)
 
@@ -928,3 +939,18 @@ def end_step(model: int, data: int, found: Fields, dofs: int, advance: bool) -> 
     if advance:
         stages.check_accelerations(model, data)
         stages.advance(model, data)
+
+
+@kernel
+def place_between(
+    data: int, found: Fields, gear: Any, dofs: int, before_x: float, before_y: float, timestep: float
+) -> None:
+    """Move a car over the ground by the mean of its velocities before a physics step and after, and not by the latter.
+
+    MuJoCo takes the new velocity, and so ends v h / 2 short of where a car that slides at v comes to rest. Only where
+    nothing is touched, because contacts count on it.
+    """
+    if stages.whole_number_at(data + found.contacts)[0] == 0:
+        velocity, position = stages.vector(data, found.qvel, dofs), stages.vector(data, found.qpos, gear.free_qpos + 2)
+        position[gear.free_qpos] += 0.5 * timestep * (before_x - velocity[gear.free_dof])
+        position[gear.free_qpos + 1] += 0.5 * timestep * (before_y - velocity[gear.free_dof + 1])
