@@ -27,7 +27,7 @@ from ..errors import SettingsError, accepted_names
 from ..lidar.lidar import LIDAR_BACKENDS, Lidar, make_lidar
 from ..lidar.scene import ScanlineScene
 from ..messages import CarParameters, FloatArray
-from ..vehicle.bodywork import add_hull, harden, stand_on_ground
+from ..vehicle.bodywork import PUSH_OF_MOVING, add_hull, harden, stand_on_ground
 from ..vehicle.car import Car
 from ..vehicle.changes import CarChanges
 from ..vehicle.friction_patches import Patch, add_patches, require_patches
@@ -328,4 +328,7 @@ def _add_hull(spec: Any, name: str, vertices: FloatArray, colour: tuple[float, .
         name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, rgba=colour, contype=_WALL_CONTYPE, conaffinity=0,
         group=_COLLISION_GROUP if colour == _INVISIBLE else 0,
     )  # fmt: skip
-    harden(geom, spec.option.timestep)
+    if body is None:
+        harden(geom, spec.option.timestep)
+    else:
+        harden(geom, spec.option.timestep, PUSH_OF_MOVING)

@@ -31,6 +31,9 @@ HULL = "hull"
 """Name of the geom that the ground stops; a vehicle without one has the box `chassis` for it."""
 
 _PUSH = 0.05  # [-] of a depth that is taken out in a step, which is slower than the rebound from that depth
+PUSH_OF_MOVING = 0.3
+"""[-] The same of what moves by itself, as if it stood, to MuJoCo: it enters a car by 4 times its way in a step."""
+
 _IMPEDANCE = (0.99, 0.99, 0.001, 0.5, 2.0)  # nearly hard at any depth
 _SLOWING = (0.0, -20.0)  # [1/s] rate at which a body that slides slows down, as far as its friction can
 _PAIR_FRICTION = (FRICTION, FRICTION, 0.005, 0.0001, 0.0001)
@@ -38,14 +41,17 @@ _SAME = 1e-3  # relative difference below which a reference is that of a timeste
 _HIDDEN_GROUP = 3
 
 
-def solref(timestep: float) -> tuple[float, float]:
+def solref(timestep: float, push: float = _PUSH) -> tuple[float, float]:
     """Return minus the stiffness [1/s^2] and minus the damping [1/s] of a contact at a timestep [s]."""
-    return -_PUSH / timestep**2, -(1.0 + RESTITUTION) / timestep
+    return -push / timestep**2, -(1.0 + RESTITUTION) / timestep
 
 
-def harden(geom: Any, timestep: float) -> None:
-    """Let a spec's geom bounce as a body does, in place, and without friction; so must what it touches."""
-    geom.solref[:], geom.solimp[:], geom.condim = solref(timestep), _IMPEDANCE, 1
+def harden(geom: Any, timestep: float, push: float = _PUSH) -> None:
+    """Let a spec's geom bounce as a body does, in place, and without friction; so must what it touches.
+
+    Of two geoms that touch, MuJoCo takes the greater push.
+    """
+    geom.solref[:], geom.solimp[:], geom.condim = solref(timestep, push), _IMPEDANCE, 1
 
 
 def stand_on_ground(spec: Any, *geoms: str) -> None:
@@ -75,11 +81,9 @@ def add_hull(spec: Any) -> Any:
 
 def fit_timestep(model: mujoco.MjModel) -> None:
     """Fit the contacts of a compiled world, in place, to its timestep, where that was changed after it was compiled."""
-    wanted = np.array(solref(float(model.opt.timestep)))
-    for references, impedances in (
-        (model.geom_solref, model.geom_solimp),
-        (model.pair_solref, model.pair_solimp),
-    ):
+    wanted = solref(float(model.opt.timestep))[1]
+    for references, impedances in ((model.geom_solref, model.geom_solimp), (model.pair_solref, model.pair_solimp)):
         own = (impedances == _IMPEDANCE).all(axis=1)
-        if not np.allclose(references[own], wanted, rtol=_SAME, atol=0.0):
-            references[own] = wanted
+        if not np.allclose(references[own, 1], wanted, rtol=_SAME, atol=0.0):
+            finer = wanted / references[own, 1]
+            references[own] *= np.column_stack((finer**2, finer))
