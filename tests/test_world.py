@@ -8,6 +8,7 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.course.track_mesh import WALL_HEIGHT
+from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.simulation.cars import CAR_PREFIX
 from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.vehicle.vehicle import Vehicle
@@ -252,3 +253,14 @@ def test_an_obstacle_without_hash_stands_there_all_the_same():
     corners = [(3.0, 0.0), (3.4, 0.0), (3.4, 0.4)]
     worlds = [fg.World("oval", obstacles=(fg.Prism(footprint=kind(corners)),)) for kind in (list, tuple)]
     assert bits(worlds[0].model) == bits(worlds[1].model)
+
+
+def test_a_lidar_whose_geoms_have_no_names_lies_on_the_ground_too(tmp_path):
+    (tmp_path / "lidar.xml").write_text(LidarModel.load().text.replace('geom name="puck"', "geom"), "utf-8")
+    car = Vehicle.load().text.replace('data="hokuyo_ust10lx.xml"', 'data="lidar.xml"')
+    (tmp_path / "car.xml").write_text(car.replace('<text name="look" data="f1tenth_look.xml"/>', ""), "utf-8")
+    model = fg.World("oval", tmp_path / "car.xml").model
+    assert {model.geom("car/lidar/solid_0").id, model.geom("car/ground").id} == {
+        int(model.pair("car/lidar/solid_0").geom1[0]),
+        int(model.pair("car/lidar/solid_0").geom2[0]),
+    }

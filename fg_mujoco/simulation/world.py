@@ -236,12 +236,21 @@ def _compose(track: Course, builds: Sequence[WorldCar], lidar: str, obstacles: t
             hide_ground(car)
         car.memory, car.nuserdata = spec.memory, spec.nuserdata  # attaching warns where they differ
         beams = vehicle.lidar.spec(sensors=lidar == "rangefinder")
-        solids = [geom.name for geom in beams.geoms]
+        solids = _named_solids(beams)
         car.attach(beams, site=car.site("lidar_mount"), prefix=LIDAR_IN_CAR)
         stand_on_ground(car, *(LIDAR_IN_CAR + name for name in solids))
         spec.attach(car, frame=spec.worldbody.add_frame(), prefix=car_prefix(index))
     add_touch_sensors(spec, len(cars))
     return spec
+
+
+def _named_solids(beams: Any) -> list[str]:
+    """Return the names of the geoms of a LiDAR's spec that can lie on the ground; one without a name gets one."""
+    flat = (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD)
+    solids = [geom for geom in beams.geoms if geom.type not in flat]
+    for index, geom in enumerate(solids):
+        geom.name = geom.name or f"solid_{index}"
+    return [geom.name for geom in solids]
 
 
 def shows(xml: str, track: Course) -> bool:
