@@ -203,7 +203,8 @@ def tire_rows(model: mujoco.MjModel, prefix: str = "", wheels: Sequence[str] = W
             row[name] = getattr(axle, name)
         _find_wheel(model, prefix, wheel, row, common)
         stiffness = row["slope"][0] * axle.nominal_load / axle.relaxation_length
-        row["damping"] = 2.0 * _DAMPING_RATIO * math.sqrt(stiffness * _spinning_mass(model, row))
+        # rounded, so that a heavier chassis does not change its last bits: a batch has one row for all of its worlds
+        row["damping"] = six_digits(2.0 * _DAMPING_RATIO * math.sqrt(stiffness * _spinning_mass(model, row)))
     rows.flags.writeable = False
     return rows
 
@@ -323,7 +324,8 @@ def _find_steering(model: mujoco.MjModel, prefix: str, gear: Any) -> None:
     gear["steered"] = 1
     gear["steering_qpos"], gear["steering_dof"] = model.jnt_qposadr[steering], dofs[0]
     gear["kingpin_qpos"], gear["kingpin_dof"] = model.jnt_qposadr[kingpins], dofs[1:]
-    gear["steering_damping"], gear["steering_inertia"] = model.dof_damping[dofs].sum(), model.dof_M0[dofs].sum()
+    gear["steering_damping"] = model.dof_damping[dofs].sum()
+    gear["steering_inertia"] = six_digits(float(model.dof_M0[dofs].sum()))  # rounded for the same reason as damping
     gear["ackermann"] = [model.eq_data[equality, :5] for equality in found]
 
 
@@ -581,7 +583,8 @@ def _shared_force(tire: Any, ratio: float, angle: float, size: float, grip: floa
 def _control(model: int, data: int, found: Fields, gear: Any, servo: int, scratch: FloatArray) -> float:
     """Return what a servo of a car is told now, delay and range included."""
     actuator = gear.actuator[servo]
-    if gear.delayed[servo] >= 0:
+    delay = stages.vector(model, found.actuator_delay, actuator + 1)[actuator]
+    if gear.delayed[servo] >= 0 and delay > 0.0:  # of no delay MuJoCo's history knows the last step's only
         now = stages.number_at(data + found.time)[0]
         address = stages.read_control(model, data, actuator, now, scratch.ctypes.data, gear.delayed[servo])
         told = stages.number_at(address)[0] if address != 0 else scratch[0]
