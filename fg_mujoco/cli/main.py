@@ -398,7 +398,7 @@ def _table(result: RaceResult, out: str | None) -> str:
         ("laps", f"{result.laps_completed} of {result.laps_requested}, {result.end_reason.replace('_', ' ')}"),
         *laps,
         ("collisions", f"{result.collisions}"),
-        ("greatest sliding", f"{result.max_slide_m_s:.4f} m/s (a tire slides {sliding_rule(result.tires)})"),
+        ("greatest sliding", f"{result.max_slide_m_s:.4f} m/s (a tire slides {sliding_rule(result.tires_model)})"),
         ("sliding sideways", f"{result.max_lateral_slide_m_s:.4f} m/s at most"),
         ("time sliding", f"{100.0 * result.slide_time_fraction:.2f} %"),
         ("friction", friction_text(result.mu, result.planner_mu)),

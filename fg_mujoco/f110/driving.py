@@ -32,8 +32,10 @@ from ..simulation.settings import Start
 from ..simulation.simulation import complete_state
 from ..simulation.world import World
 from ..vehicle import motion as car_motion
+from ..vehicle.car import WHEELS
 from ..vehicle.speed_controller import SpeedController
-from ..vehicle.tires import LINEAR
+from ..vehicle.tire_forces import USERDATA, userdata_place
+from ..vehicle.tires import Linear, tires_of
 
 Motion = tuple[float, float, float, float, float, float]
 """Of a car: x [m], y [m], heading [rad], velocity ahead and to the left [m/s], yaw rate [rad/s]."""
@@ -101,7 +103,7 @@ class Driving:
         self._constants = [car.constants for car in self.world.cars]
         self.ahead, self._controllers = [], []
         for build, car in zip(builds, self.world.cars, strict=True):
-            single_track = build.tire_set.model == LINEAR
+            single_track = build.tire_set.model == Linear.model
             self.ahead.append(car.parameters.rear_axle_distance if single_track else 0.0)
             self._controllers.append(SpeedController(car.parameters, over_ground=single_track, timestep=timestep))
 
@@ -172,6 +174,9 @@ class Driving:
         data.qvel[free : free + 2] = speed * cos - left * sin, speed * sin + left * cos
         data.qvel[free + 5], data.qpos[at] = yaw_rate, steering
         data.time = time
+        if not tires_of(self.world.model, car.prefix).is_contact:
+            first = userdata_place(self.world.model, car.prefix)
+            data.userdata[first : first + USERDATA * len(WHEELS)] = 0.0
         mujoco.mj_forward(self.world.model, data)
         self.engine.load(complete_state(self.world.model, data))
         self.motions[agent] = self.motion(agent)

@@ -23,7 +23,7 @@ from ..simulation.cars import WorldCar
 from ..vehicle.car import car_parameters
 from ..vehicle.changes import GREATEST_MU, CarChanges
 from ..vehicle.fitting import fit
-from ..vehicle.tires import LINEAR, Tires
+from ..vehicle.tires import Linear, Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 
 F1TENTH = {
@@ -95,7 +95,7 @@ def car_of(
     not_there = [name for name in numbers if name not in own and name not in _STIFFNESSES]
     stiffnesses = {name: numbers[name] for name in _STIFFNESSES if name in numbers}
     changes = CarChanges()
-    if own_tires.model == LINEAR:
+    if own_tires.model == Linear.model:
         tires, changes = _stiff(own_tires, stiffnesses), CarChanges(center_of_gravity_height=_GROUND)
         lidar_dist = (lidar_dist or 0.0) + numbers.get("lr", own["lr"])
         if "h" in differ:

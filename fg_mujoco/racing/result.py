@@ -18,6 +18,7 @@ from ..simulation.planner_failure import PlannerFailure
 from ..simulation.settings import friction_text
 from ..simulation.telemetry import COMMAND, column_index, column_meant
 from ..simulation.termination import WrongWay
+from ..vehicle.tires import CONTACT, MagicFormula
 from .crash import Crash
 from .decisions import DecisionTimes
 from .driven_line import driven_line, driven_lines
@@ -39,6 +40,7 @@ class CarResult(Suggesting):
     vehicle: str
     vehicle_sha256: str
     tires: str
+    tires_model: str
     tires_sha256: str
     controller: str
     controller_origin: dict[str, Any]
@@ -114,6 +116,7 @@ class RaceResult(Shown):
     vehicle: str
     vehicle_sha256: str  # of its MJCF and its LiDAR's
     tires: str  # their name, `contact` for MuJoCo's contacts
+    tires_model: str  # of their law, or `contact`: it says when they slide
     tires_sha256: str  # of their numbers
     controller: str
     controller_origin: dict[str, Any]  # of the planner: distribution and version, or file; hashes of source and `files`
@@ -275,6 +278,17 @@ class RaceResult(Shown):
 
 
 _OF_SEVERAL = ("overtakes", "contacts", "warnings", "restarts")
+
+
+def tires_model(summary: Mapping[str, Any]) -> str:
+    """Return the model of the tires in a summary.
+
+    Older runs lack it: theirs stood on contacts, or on a curve, whatever it was called.
+    """
+    known = summary.get("tires_model")
+    if known is not None:
+        return str(known)
+    return CONTACT if summary.get("tires", CONTACT) == CONTACT else MagicFormula.model
 
 
 def car_row(values: Mapping[str, Any]) -> dict[str, Any]:

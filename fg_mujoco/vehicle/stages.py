@@ -86,6 +86,7 @@ class Fields(NamedTuple):
     dof_damping: int
     actuator_gainprm: int
     actuator_biasprm: int
+    actuator_delay: int
     pair_friction: int
     # of mjData
     qpos: int
@@ -110,7 +111,7 @@ class Fields(NamedTuple):
     contacts: int  # their number itself, 32 bits
 
 
-_OF_MODEL = ("dof_damping", "actuator_gainprm", "actuator_biasprm", "pair_friction")
+_OF_MODEL = ("dof_damping", "actuator_gainprm", "actuator_biasprm", "actuator_delay", "pair_friction")
 _OF_DATA = {
     "inertia": "M", "inertia_factor": "qLD", "inverse_diagonal": "qLDiagInv",
     **{name: name for name in (

@@ -97,8 +97,8 @@ class Vehicle:
 
     @cached_property
     def sha256(self) -> str:
-        """Hash of its MJCF, of its LiDAR's, and of its tires where they have a curve."""
-        tires = "" if self.tires.is_contact else self.tires.sha256
+        """Hash of its MJCF, of its LiDAR's, and of its tires where the MJCF names a set with a law of ours."""
+        tires = "" if self.tires.is_contact or self.tires == Tires.load(DEFAULT_TIRES) else self.tires.sha256
         return hashlib.sha256(self.text.encode() + self.lidar.text.encode() + tires.encode()).hexdigest()
 
     @cached_property
