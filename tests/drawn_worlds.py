@@ -70,7 +70,8 @@ class Driven:
         odometry = np.zeros(1, ODOMETRY)[0]
         odometry["speed"] = speed
         odometry["angular_velocity"][2] = yaw_rate
-        look_for_way_on(GEOMETRY, self.ranges(), odometry, CAR.lidar_offset, self.way, self.every)
+        every = self.every
+        look_for_way_on(GEOMETRY, self.ranges(), odometry, CAR.lidar_offset, self.way, every, every, False)
 
     def lidar(self):
         offset = CAR.lidar_offset

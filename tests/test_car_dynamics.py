@@ -5,13 +5,15 @@ import math
 import mujoco
 import numpy as np
 import pytest
-from car_worlds import flat_world, run
+from car_worlds import flat_world as flat_world_of
+from car_worlds import forward, run, step
 
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.vehicle.fitting import tire_stiffness
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED, TireSlipMeter
 
+TIRES = ("coulomb", "contact")  # the default, and MuJoCo's own contacts
 SPIN_INERTIA = 1.7e-4  # [kg m^2] of a wheel, as in models/f1tenth.xml
 
 
@@ -46,7 +48,7 @@ def drive_circle(mu, radius, fraction, seconds=10.0, timestep=None):
         command += math.copysign(0.6 * step, target - math.hypot(*data.qvel[:2]))
         steering_angle = steering * min(1.0, data.time / 0.3)
         car.apply(data, DriveCommand(steering_angle=steering_angle, speed=command))
-        mujoco.mj_step(model, data)
+        step(model, data)
         if index * step > 0.8 * seconds:
             meter.record(data)
             motion.append((math.hypot(*data.qvel[:2]), data.qvel[5]))
@@ -69,7 +71,7 @@ def test_car_settles_as_drawn():
     """The wheels roll on where the tires touch, halfway into what they give."""
     model, data, car = flat_world()
     run(model, data, 1.0)
-    mujoco.mj_forward(model, data)
+    forward(model, data)
     center = data.subtree_com[model.body("base_link").id]
     assert center[2] == pytest.approx(car.parameters.center_of_gravity_height, abs=1e-5)
     assert center[0] == pytest.approx(car.parameters.rear_axle_distance, abs=2e-5)
@@ -83,7 +85,7 @@ def test_car_settles_as_drawn():
 def test_tires_give_under_the_car_as_springs_of_the_closed_form_do():
     model, data, car = flat_world()
     run(model, data, 2.0)
-    mujoco.mj_forward(model, data)
+    forward(model, data)
     limits, stiffness = car.parameters, tire_stiffness(model)
     give = model.geom("front_left_tire").size[0] - np.array([data.body(f"{wheel}_wheel").xpos[2] for wheel in WHEELS])
     front, rear = (0.5 * limits.mass * 9.81 * lever / limits.wheelbase
@@ -101,7 +103,7 @@ def drive_open_loop(timestep, steering, speed, seconds=6.0):
     for tick in range(round(seconds / 0.025)):
         car.apply(data, DriveCommand(steering_angle=steering(0.025 * tick), speed=speed(0.025 * tick)))
         for _ in range(round(0.025 / timestep)):
-            mujoco.mj_step(model, data)
+            step(model, data)
             meter.record(data)
         places.append(data.qpos[:2].copy())
     end = np.array([*car.pose(data), car.ground_speed(data)])
@@ -171,7 +173,7 @@ def test_ackermann_holds_while_the_servo_reverses_and_the_car_slides():
         steering_angle, speed = rng.uniform((-0.5, -5.0), (0.5, 12.0))
         car.apply(data, DriveCommand(steering_angle=steering_angle, speed=speed))
         for _ in range(round(0.025 / model.opt.timestep)):
-            mujoco.mj_step(model, data)
+            step(model, data)
             worst = max(worst, *ackermann_errors(data, car.parameters))
     assert math.degrees(worst) < 0.1
     assert data.warning.number.sum() == 0 and np.isfinite(data.qpos).all()
@@ -189,7 +191,7 @@ def test_steering_turns_at_its_rate_standing_and_at_speed(speed, start, end, hol
     data.ctrl[0] = end
     rates = []
     while abs(data.joint("steering").qpos[0] - end) > 1e-3:
-        mujoco.mj_step(model, data)
+        step(model, data)
         rates.append(data.joint("steering").qvel[0])
         assert len(rates) * model.opt.timestep < 1.0
     assert max(rates) == pytest.approx(car.parameters.max_steering_rate, rel=0.02)
@@ -198,7 +200,7 @@ def test_steering_turns_at_its_rate_standing_and_at_speed(speed, start, end, hol
     run(model, data, 0.3)
     reached = []
     for _ in range(round(1.0 / model.opt.timestep)):
-        mujoco.mj_step(model, data)
+        step(model, data)
         reached.append(data.joint("steering").qpos[0])
     # turning wheels are gyroscopes, and sliding tires hop a little: the servo is shaken, by 1.3e-3 rad at most
     assert np.mean(reached) == pytest.approx(end, abs=2e-4)
@@ -255,7 +257,7 @@ def test_light_axle_lets_go_at_the_closed_form(mu, direction):
         while data.time < 0.3:  # ramped over 0.1 s, as springs and load transfer need
             asked = direction * fraction * limit * min(1.0, data.time / 0.1)
             data.ctrl[1] = car.odometry(data).speed + asked * parameters.speed_time_constant
-            mujoco.mj_step(model, data)
+            step(model, data)
             meter.record(data)
             speeds.append(data.qvel[0])
         slip = meter.read()
@@ -277,7 +279,7 @@ def test_no_brake_beats_friction(mu):
     start, speed = data.qpos[0], car.ground_speed(data)
     data.ctrl[1] = 0.0
     while car.ground_speed(data) > 0.05:
-        mujoco.mj_step(model, data)
+        step(model, data)
         assert data.time < 10.0
     distance = data.qpos[0] - start
     best = speed**2 / (2 * mu * 9.81)
@@ -363,7 +365,7 @@ def test_suspension_carries_load_to_the_outer_and_front_wheels():
     """
     data, car, slip, _ = drive_circle(1.0489, 8.0, 0.7)
     limits = car.parameters
-    mujoco.mj_forward(data.model, data)
+    forward(data.model, data)
     front_left, front_right, rear_left, rear_right = slip.normal_force[-1]
     speed, yaw_rate = np.hypot(*data.qvel[:2]), data.qvel[5]
     cos, sin = math.cos(car.pose(data)[2]), math.sin(car.pose(data)[2])

@@ -1,5 +1,7 @@
 """The engine: what each world does is what it does alone; hooks, worlds of their own, worlds that are rebuilt."""
 
+from copy import copy
+
 import mujoco
 import numpy as np
 import pytest
@@ -11,9 +13,10 @@ from fg_mujoco.simulation.cars import CAR_PREFIX
 from fg_mujoco.simulation.engine import Engine, whole_steps
 from fg_mujoco.simulation.physics import STATE, Batch, StateLayout, span_of
 from fg_mujoco.simulation.settings import Start
+from fg_mujoco.vehicle.tire_forces import TireForces
 from fg_mujoco.vehicle.tire_slip import TireSlipMeter
 
-OVAL = fg.World("oval")
+OVAL, ON_CONTACTS = fg.World("oval"), fg.World("oval", tires="contact")
 
 
 def driven(engine, ticks, commands=(0.05, 2.0)):
@@ -31,31 +34,40 @@ def placed(engine, **start):
     return engine
 
 
+def stepper(world, model):
+    """What steps the model of a world by hand."""
+    if world.tires.is_contact:
+        return lambda data: mujoco.mj_step(model, data)
+    return TireForces(model, [car.prefix for car in world.cars]).step
+
+
 def by_hand(world, ticks, command=(0.05, 2.0), s=0.0):
-    """The state after so many ticks of mujoco.mj_step alone: what the engine must give."""
-    model, data = world.model, mujoco.MjData(world.model)
-    engine = Engine(world)
+    """The state after so many ticks by hand, on contacts by mujoco.mj_step alone: what the engine must give."""
+    model = copy(world.model)
+    data, engine, step = mujoco.MjData(model), Engine(world), stepper(world, model)
     engine.place([Start(s=s)])
     mujoco.mj_setState(model, data, engine.state(0), int(STATE))
     for _ in range(ticks):
         world.car.apply(data, fg.DriveCommand(steering_angle=command[0], speed=command[1]))
         for _ in range(engine.substeps):
-            mujoco.mj_step(model, data)
+            step(data)
     state = np.empty(mujoco.mj_stateSize(model, int(STATE)))
     mujoco.mj_getState(model, data, state, int(STATE))
     return state
 
 
-def test_a_world_has_the_bits_of_mujoco_alone():
-    (state,) = driven(placed(Engine(OVAL)), 40)
-    assert state.tobytes() == by_hand(OVAL, 40).tobytes()
+@pytest.mark.parametrize("world", [OVAL, ON_CONTACTS], ids=["coulomb", "contact"])
+def test_a_world_has_the_bits_of_the_same_steps_by_hand(world):
+    (state,) = driven(placed(Engine(world)), 40)
+    assert state.tobytes() == by_hand(world, 40).tobytes()
 
 
 @pytest.mark.parametrize(("count", "threads"), [(3, 1), (9, 2), (9, 4)])
-def test_each_of_many_worlds_has_the_bits_that_it_has_alone(count, threads):
-    states = driven(placed(Engine(OVAL, count, threads=threads)), 20)
+@pytest.mark.parametrize("world", [OVAL, ON_CONTACTS], ids=["coulomb", "contact"])
+def test_each_of_many_worlds_has_the_bits_that_it_has_alone(world, count, threads):
+    states = driven(placed(Engine(world, count, threads=threads)), 20)
     for i, state in enumerate(states):
-        assert state.tobytes() == by_hand(OVAL, 20, s=0.5 * i).tobytes(), i
+        assert state.tobytes() == by_hand(world, 20, s=0.5 * i).tobytes(), i
 
 
 def test_worlds_with_models_of_their_own_are_driven_side_by_side():
@@ -135,15 +147,17 @@ def test_a_state_outlives_its_engine():
     assert state.tobytes() == placed(Engine(OVAL)).state(0).tobytes() and junk
 
 
-def test_slip_of_a_tick_is_that_of_the_slip_meter():
-    engine = placed(Engine(OVAL), speed=3.0)
+@pytest.mark.parametrize("world", [OVAL, ON_CONTACTS], ids=["coulomb", "contact"])
+def test_slip_of_a_tick_is_that_of_the_slip_meter(world):
+    engine = placed(Engine(world), speed=3.0)
     driven(engine, 3, (0.2, 3.0))
-    model, data = OVAL.model, mujoco.MjData(OVAL.model)
+    model = copy(world.model)
+    data, step = mujoco.MjData(model), stepper(world, model)
     mujoco.mj_setState(model, data, engine.state(0), int(STATE))
     meter = TireSlipMeter(model, CAR_PREFIX)
-    OVAL.car.apply(data, fg.DriveCommand(steering_angle=0.2, speed=3.0))
+    world.car.apply(data, fg.DriveCommand(steering_angle=0.2, speed=3.0))
     for _ in range(engine.substeps):
-        mujoco.mj_step(model, data)
+        step(data)
         meter.record(data)
     driven(engine, 1, (0.2, 3.0))
     np.testing.assert_array_equal(engine.slip(), meter.read().values)

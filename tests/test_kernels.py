@@ -25,7 +25,8 @@ from fg_mujoco.kernels import cache_folder, kernel, package_files, source_digest
 
 FOLDER = "from fg_mujoco.kernels import cache_folder; print(cache_folder())"
 REASON = (
-    "from fg_mujoco.simulation.termination import end_reason; print(end_reason(False, True, 0, 1, 0.0, 0.0, 0.0, 1.0))"
+    "from fg_mujoco.simulation.termination import end_reason;"
+    " print(end_reason(False, True, False, 0, 1, 0.0, 0.0, 0.0, 1.0))"
 )
 CRASH = "2\n"  # what REASON prints
 ANNOUNCEMENT = "compiling kernels, once"

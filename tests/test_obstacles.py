@@ -48,7 +48,7 @@ def test_a_cylinder_is_a_regular_prism_inscribed_in_it(x, y, radius):
         fg.Cylinder(x=3.0, y=0.4, radius=0.2),
     ),
 )
-def test_the_compiled_solid_is_the_footprint_raised_to_its_height(obstacle):
+def test_the_compiled_solid_is_the_footprint_from_below_the_ground_to_its_height(obstacle):
     """MuJoCo moves a mesh to its own centre and axes; put back, every corner is where it was asked for."""
     model = fg.World("oval", obstacles=(obstacle,)).model
     data = mujoco.MjData(model)
@@ -57,7 +57,7 @@ def test_the_compiled_solid_is_the_footprint_raised_to_its_height(obstacle):
     mesh = int(geom.dataid[0])
     vertices = model.mesh_vert[model.mesh_vertadr[mesh] :][: model.mesh_vertnum[mesh]].astype(float)
     found = vertices @ data.geom_xmat[geom.id].reshape(3, 3).T + data.geom_xpos[geom.id]
-    expected = [(*corner, z) for z in (0.0, obstacle.height) for corner in obstacle.corners()]
+    expected = [(*corner, z) for z in (-0.5, obstacle.height) for corner in obstacle.corners()]
     distances = np.linalg.norm(found[:, None] - np.array(expected)[None], axis=2)
     assert distances.shape[0] == distances.shape[1]
     assert distances.min(axis=0).max() < 1e-5 and distances.min(axis=1).max() < 1e-5  # MJCF text keeps six digits
@@ -89,9 +89,13 @@ def test_driving_into_an_obstacle_is_a_crash_and_it_stops_the_car(obstacle, spee
     assert simulation.crashed
     touched_at_the_end = speed * simulation.world.model.opt.timestep  # of the tick before: told in the next
     assert nearest - 0.025 * speed - 0.01 < bumper < nearest + touched_at_the_end
+    chassis = simulation.world.model.geom("car/chassis").id
     for _ in range(20):
         simulation.step(fg.DriveCommand(steering_angle=0.0, speed=speed))
-    assert simulation.pose[0] + front < obstacle.corners()[:, 0].max() + 0.01
+        depths = [-contact.dist for contact in simulation.data.contact if chassis in contact.geom]
+        assert max(depths, default=0.0) < 0.01 + touched_at_the_end
+    if getattr(obstacle, "heading", 0.0) == 0.0:  # a turned one has no friction, and turns the car aside
+        assert simulation.pose[0] + front < obstacle.corners()[:, 0].max() + 0.01
 
 
 def test_an_obstacle_beside_the_way_is_no_crash():

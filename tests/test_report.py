@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
+from fg_mujoco.racing.result import tires_model
 from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.viz.report.clip import clip_start
 from fg_mujoco.viz.report.lap_table import lap_length, lap_table
@@ -129,8 +130,32 @@ def test_a_tire_with_a_curve_slides_from_its_peak_on():
     slide[4:6] = 0.01  # of its slip speed, past the peak
     columns = columns_of(time, time, slide_rear_left_m_s=slide)
     assert slide_events(columns, None) == ()
-    (event,) = slide_events(columns, None, tires="forzaeth_nuc2")
+    (event,) = slide_events(columns, None, model="magic_formula")
     assert (event.tire, event.start) == ("rear_left", pytest.approx(4 * TICK))
+
+
+def test_a_tire_of_bristles_slides_from_a_hundredth_of_a_metre_a_second_on():
+    time = TICK * np.arange(10)
+    slide = np.zeros(10)
+    slide[4:6], slide[8] = 0.009, 0.02
+    columns = columns_of(time, time, slide_rear_left_m_s=slide)
+    assert slide_events(columns, None) == ()
+    (event,) = slide_events(columns, None, model="coulomb")
+    assert (event.start, event.greatest) == (pytest.approx(8 * TICK), 0.02)
+
+
+@pytest.mark.parametrize(
+    ("summary", "model"),
+    [
+        ({"tires": "mine", "tires_model": "coulomb"}, "coulomb"),
+        ({}, "contact"),  # of versions before sets of tires
+        ({"tires": "contact"}, "contact"),
+        ({"tires": "coulomb"}, "magic_formula"),  # which that set was before models were written
+        ({"tires": "mine"}, "magic_formula"),
+    ],
+)
+def test_runs_are_judged_by_the_model_of_their_tires_and_older_ones_by_their_name(summary, model):
+    assert tires_model(summary) == model
 
 
 def test_place_of_an_event_is_within_its_lap():

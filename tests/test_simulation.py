@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from fg_mujoco.simulation.cars import UNREAD_SENSORS
 from fg_mujoco.simulation.engine import whole_steps
 from fg_mujoco.simulation.physics import STATE
 from fg_mujoco.vehicle.car import WHEELS
@@ -130,11 +131,21 @@ def test_the_scan_is_that_of_the_walls_in_the_plane(simulation, s, offset):
     assert np.median(np.abs(scan.ranges - expected)) < 1e-4
 
 
-def measured_anew(world, state):
-    """An MjData of the very state, with all sensors measured."""
-    data = mujoco.MjData(world.model)
-    mujoco.mj_setState(world.model, data, state, STATE)
-    mujoco.mj_forward(world.model, data)
+def measured_anew(world, state, others=()):
+    """An MjData of the very state, with all sensors measured, and some `others` of the vehicle that the world drops."""
+    model = world.model
+    if others:
+        spec, own = mujoco.MjSpec.from_string(world.xml), world.vehicle.spec()
+        for name in others:
+            plain = own.sensor(name)
+            spec.add_sensor(
+                name=f"car/{name}", type=plain.type, objtype=plain.objtype, objname=f"car/{plain.objname}",
+                reftype=plain.reftype,
+            )  # fmt: skip
+        model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_setState(model, data, state, STATE)
+    mujoco.mj_forward(model, data)
     return data
 
 
@@ -148,13 +159,14 @@ def test_scan_and_odometry_are_of_the_end_of_their_tick(backend):
         command = fg.DriveCommand(steering_angle=0.05 * (-1) ** (tick // 3), speed=2.0)
         scan, odometry = simulation.step(command)
         anew = measured_anew(world, simulation.state)
-        wheels = [anew.sensor(f"car/{wheel}_wheel_speed").data[0] for wheel in WHEELS]
+        sensors = measured_anew(world, simulation.state, UNREAD_SENSORS)
+        wheels = [sensors.sensor(f"car/{wheel}_wheel_speed").data[0] for wheel in WHEELS]
         assert scan.ranges == pytest.approx(world.make_lidar().ranges(anew), abs=1e-9)
         assert odometry.stamp == anew.time
-        assert odometry.steering_angle == anew.sensor("car/steering_angle").data[0]
+        assert odometry.steering_angle == sensors.sensor("car/steering_angle").data[0]
         assert odometry.wheel_speeds.tolist() == (np.array(wheels) * world.parameters.wheel_radius).tolist()
         assert odometry.speed == pytest.approx(odometry.wheel_speeds.mean(), rel=1e-12)
-        assert odometry.angular_velocity == pytest.approx(anew.sensor("car/gyro").data, abs=1e-12)
+        assert odometry.angular_velocity == pytest.approx(sensors.sensor("car/gyro").data, abs=1e-12)
         assert simulation.pose[:2] == tuple(anew.body("car/base_link").xpos[:2])
 
 

@@ -12,6 +12,7 @@ from fg_mujoco.messages import DriveCommand
 from fg_mujoco.vehicle.car import WHEELS, Car
 from fg_mujoco.vehicle.fitting import tire_stiffness
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED, TireSlipMeter, add_axle_sensors
+from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 FLAT = flat_world()
@@ -19,7 +20,7 @@ FLAT = flat_world()
 
 def with_axles():
     """The same with sensors of the axles, as a World has them."""
-    spec = Vehicle.load().spec()
+    spec = Vehicle.load().spec(tires=Tires.load("contact"))
     add_axle_sensors(spec)
     model = spec.compile()
     return model, mujoco.MjData(model), Car(model)
@@ -96,13 +97,13 @@ def test_without_sensors_of_the_axles_sliding_across_the_heading_is_nan():
 
 
 def test_sensors_of_the_axles_are_added_once_and_change_no_motion():
-    spec = Vehicle.load().spec()
+    spec = Vehicle.load().spec(tires=Tires.load("contact"))
     add_axle_sensors(spec)
     count = len(spec.sensors)
     add_axle_sensors(spec)
     assert len(spec.sensors) == count
     states = []
-    for model in (spec.compile(), Vehicle.load().compile()):
+    for model in (spec.compile(), Vehicle.load().spec(tires=Tires.load("contact")).compile()):
         data, car = mujoco.MjData(model), Car(model)
         car.set_pose(data, 0, 0, 0, 4.0)
         car.apply(data, DriveCommand(steering_angle=0.3, speed=6.0))

@@ -8,6 +8,7 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.course.track_mesh import WALL_HEIGHT
+from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.simulation.cars import CAR_PREFIX
 from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.vehicle.vehicle import Vehicle
@@ -31,8 +32,8 @@ def geoms(model):
 def role(geom):
     """What a geom is, by its name."""
     kind = geom.name.removeprefix(CAR_PREFIX)
-    if kind in ("ground", "chassis"):
-        return kind
+    if kind in ("ground", "chassis", "hull", "lidar/puck"):
+        return kind.removeprefix("lidar/")
     if kind in [f"{wheel}_tire" for wheel in WHEELS]:
         return "tire"
     if kind.startswith(("wall_", "obstacle_")):
@@ -62,7 +63,7 @@ def test_the_model_is_that_of_the_xml_bit_for_bit(backend, tmp_path):
     assert bits(fg.World("l_corridor", lidar=backend).model) != bits(world.model)
 
 
-def test_only_tires_touch_the_ground_and_only_the_chassis_touches_walls_and_obstacles(world):
+def test_tires_hull_and_lidar_touch_the_ground_and_only_the_chassis_touches_walls_and_obstacles(world):
     """MuJoCo's rule: contype against conaffinity either way, over all pairs of geoms; and the explicit pairs."""
     touching = set()
     for first in geoms(world.model):
@@ -72,9 +73,10 @@ def test_only_tires_touch_the_ground_and_only_the_chassis_touches_walls_and_obst
     assert not any("tire" in pair for pair in touching)
     paired = zip(world.model.pair_geom1, world.model.pair_geom2, strict=True)
     touching |= {frozenset(role(world.model.geom(int(geom))) for geom in pair) for pair in paired}
-    assert world.model.npair == 4
+    assert world.model.npair == 6
     # the last is for two cars: a body's own geoms never touch each other
     pairs = (("tire", "ground"), ("chassis", "wall"), ("chassis", "obstacle"), ("chassis", "chassis"))
+    pairs += (("hull", "ground"), ("puck", "ground"))
     assert touching == {frozenset(pair) for pair in pairs}
     roles = [role(geom) for geom in geoms(world.model)]
     assert (roles.count("tire"), roles.count("chassis"), roles.count("obstacle")) == (4, 1, 2)
@@ -126,16 +128,16 @@ def test_what_is_seen_is_what_is_hit(backend, x, y, heading):
     assert touching == pytest.approx(clearance, abs=2e-3)
 
 
-def test_walls_stand_on_the_ground_as_high_as_they_say(world):
+def test_walls_are_seen_from_the_ground_on_and_solids_reach_below_it(world):
     model, data = world.model, mujoco.MjData(world.model)
     mujoco.mj_forward(model, data)
-    for name in ("walls", "wall_0", "obstacle_0"):
+    for name, foot in (("walls", 0.0), ("wall_0", -0.5), ("obstacle_0", -0.5)):
         geom = model.geom(name)
         mesh = int(geom.dataid[0])
         start, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
         vertices = model.mesh_vert[start : start + count] @ data.geom_xmat[geom.id].reshape(3, 3).T
         heights = (vertices + data.geom_xpos[geom.id])[:, 2]
-        assert (heights.min(), heights.max()) == pytest.approx((0.0, WALL_HEIGHT), abs=1e-6)
+        assert (heights.min(), heights.max()) == pytest.approx((foot, WALL_HEIGHT), abs=1e-6)
 
 
 @pytest.mark.parametrize("mu", (None, 0.37, 1.4))
@@ -251,3 +253,14 @@ def test_an_obstacle_without_hash_stands_there_all_the_same():
     corners = [(3.0, 0.0), (3.4, 0.0), (3.4, 0.4)]
     worlds = [fg.World("oval", obstacles=(fg.Prism(footprint=kind(corners)),)) for kind in (list, tuple)]
     assert bits(worlds[0].model) == bits(worlds[1].model)
+
+
+def test_a_lidar_whose_geoms_have_no_names_lies_on_the_ground_too(tmp_path):
+    (tmp_path / "lidar.xml").write_text(LidarModel.load().text.replace('geom name="puck"', "geom"), "utf-8")
+    car = Vehicle.load().text.replace('data="hokuyo_ust10lx.xml"', 'data="lidar.xml"')
+    (tmp_path / "car.xml").write_text(car.replace('<text name="look" data="f1tenth_look.xml"/>', ""), "utf-8")
+    model = fg.World("oval", tmp_path / "car.xml").model
+    assert {model.geom("car/lidar/solid_0").id, model.geom("car/ground").id} == {
+        int(model.pair("car/lidar/solid_0").geom1[0]),
+        int(model.pair("car/lidar/solid_0").geom2[0]),
+    }

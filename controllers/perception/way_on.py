@@ -36,6 +36,7 @@ from .local_map import (
     LEFT,
     LOCAL_MAP,
     PATH,
+    PER_METRE,
     RIGHT,
     RING,
     SIGHT,
@@ -52,9 +53,15 @@ from .scan_geometry import period_of
 
 FAR = 65535  # to_go of cells from which no way on is known
 UNIT = 0.01  # [m] of to_go
-NEAR_WALL, WAY_BACK, AT_WALL, HOLE = 1, 2, 4, 8
-# bits of a blocked cell: within two cells of a wall; closed; within one cell; in the middle of a hole of three cells
+NEAR_WALL, WAY_BACK, AT_WALL, HOLE, OPEN, UNSEEN, WITHIN_6, WITHIN_4 = 1, 2, 4, 8, 16, 32, 64, 128
+# bits of a cell: within two cells of a wall; closed; within one cell; in the middle of a hole of three cells; free;
+# unknown; with a wall in a square of six cells to each side, and of four
 
+_MOVED = 0.2  # [m] after which a scan is entered
+_TURNED = 0.1  # [rad] the same
+_ENTER_EVERY = 3  # ticks, the same
+_LASTS = 0.25  # of the distance to the way on, after which it is looked for again
+_LASTS_AT_MOST = 2.0  # [m] the same, at most
 _OPENED = 0.6  # [m] before the end of the path that stay open
 _CLOSED = 15.0  # [m] of the path that are closed
 _CLOSED_LOOP = 8.0  # [m] the same, on a course that is shorter
@@ -76,6 +83,7 @@ _SAME = 1.0  # [m] from the last way on: a frontier counts as the same, and as 1
 _LEAST_LOOP = 3.0  # [m] to the far side of a closed path
 _LEAST_AGE = 5.0  # [m] of the part of the path that the car comes upon there
 _FREE_START = 4  # cells from the car that may be near a wall
+_BESIDE = 8  # columns beside the known ones, in which their walls count
 _BUCKETS = 64  # above the greatest cost of a step
 _LAST = SIZE * SIZE - 1
 
@@ -83,6 +91,11 @@ WAY_ON = np.dtype(
     [
         ("map", LOCAL_MAP),
         ("ticks", np.int64),
+        ("entered", np.int64),  # tick in which a scan was last entered,
+        ("entered_driven", np.float64),  # [m] how far the car had driven then,
+        ("entered_heading", np.float64),  # [rad] and its heading
+        ("searched", np.int64),  # tick of the last search,
+        ("searched_driven", np.float64),  # [m] and how far the car had driven then
         ("found", np.bool_),
         ("hidden", np.bool_),  # the frontier is nearer than the sight, so something hides what is behind it
         ("x", np.float64),  # [m] of the middle of the way on
@@ -90,7 +103,8 @@ WAY_ON = np.dtype(
         ("edge_x", np.float64),  # [m] of the nearest of its cells that is not near a wall
         ("edge_y", np.float64),
         ("to_go", np.uint16, (SIZE, SIZE)),  # to the way on [UNIT], by column and row in the ring; FAR: not known
-        ("blocked", np.uint8, (SIZE, SIZE)),  # bits, see NEAR_WALL
+        ("nodes", np.int64),  # of all searches for a motion in this tick
+        ("blocked", np.uint8, (SIZE, SIZE)),  # bits, see NEAR_WALL, by column and row in the ring
     ]
 )
 """Type of the memory; zero at the beginning."""
@@ -98,11 +112,20 @@ WAY_ON = np.dtype(
 
 @kernel
 def look_for_way_on(
-    scan: Record, ranges: FloatArray, odometry: Record, lidar_offset: float, memory: Record, every: int
+    scan: Record,
+    ranges: FloatArray,
+    odometry: Record,
+    lidar_offset: float,
+    memory: Record,
+    every: int,
+    every_plain: int,
+    led: bool,
 ) -> None:
     """Take a scan and odometry into the memory, in every tick.
 
-    The way on is looked for in every `every`-th tick.
+    A scan is entered once the car has moved on by _MOVED or turned by _TURNED since the last one, after _ENTER_EVERY
+    ticks, and before a search. The way on is looked for in every `every`-th tick. Where the way is plain, that is
+    not before the car has come on by _PLAIN_WAY, or after `every_plain` ticks.
 
     Args:
       scan: of type SCAN.
@@ -111,20 +134,32 @@ def look_for_way_on(
       lidar_offset: of the LiDAR ahead of the rear axle [m].
       memory: of type WAY_ON, written to.
       every: ticks.
+      every_plain: ticks.
+      led: the car follows a motion, so the way is not plain.
     """
     world = memory.map
     move(world, odometry.speed, odometry.angular_velocity[2], period_of(scan))
     extend_path(world, scan, ranges)
-    enter_scan(world, scan, ranges, lidar_offset)
-    if memory.ticks % every == 0:
+    since, driven = memory.ticks - memory.searched, world.driven - memory.searched_driven
+    due = memory.ticks == 0 or since >= (every if led or not memory.found else every_plain)
+    if since >= every and not due:
+        apart = math.hypot(memory.x - world.x, memory.y - world.y)
+        due = driven >= min(_LASTS * apart, _LASTS_AT_MOST)
+    moved, turned = world.driven - memory.entered_driven, abs(world.heading - memory.entered_heading)
+    if due or moved >= _MOVED or turned >= _TURNED or memory.ticks - memory.entered >= _ENTER_EVERY:
+        memory.entered, memory.entered_driven, memory.entered_heading = memory.ticks, world.driven, world.heading
+        enter_scan(world, scan, ranges, lidar_offset)
+    if due:
+        memory.searched, memory.searched_driven = memory.ticks, world.driven
         _find(memory, lidar_offset)
     memory.ticks += 1
+    memory.nodes = 0
 
 
 @kernel
 def to_go_at(memory: Record, x: float, y: float) -> int:
     """Return the way to go [UNIT] from a place [m], FAR where it is not known."""
-    i, j = math.floor(x / CELL), math.floor(y / CELL)
+    i, j = math.floor(x * PER_METRE), math.floor(y * PER_METRE)
     return memory.to_go[i & RING, j & RING] if in_window(memory.map, i, j) else FAR
 
 
@@ -147,36 +182,42 @@ def to_go_around(memory: Record, x: float, y: float) -> float:
 @kernel
 def least_to_go_along(memory: Record, x: float, y: float, heading: float, distance: float) -> tuple[float, float]:
     """Return the least way to go [m] on a line from a place, inf if none is known, and how far along that is [m]."""
-    step_x, step_y = 0.2 * math.cos(heading), 0.2 * math.sin(heading)
-    least, at = math.inf, 0.0
-    for step in range(1, int(min(distance, SIGHT) / 0.2) + 1):
-        cells = to_go_at(memory, x + step * step_x, y + step * step_y)
-        if cells != FAR and cells * UNIT < least:
-            least, at = cells * UNIT, 0.2 * step
-    return least, at
+    step_x, step_y = 0.2 * PER_METRE * math.cos(heading), 0.2 * PER_METRE * math.sin(heading)
+    x, y = x * PER_METRE, y * PER_METRE
+    least, at = FAR, 0
+    for step in range(1, int(min(distance, SIGHT) / 0.2) + 1):  # all of these are in the window
+        i, j = math.floor(x + step * step_x), math.floor(y + step * step_y)
+        cells = int(memory.to_go[i & RING, j & RING])
+        if cells < least:
+            least, at = cells, step
+    return (least * UNIT, 0.2 * at) if least != FAR else (math.inf, 0.0)
 
 
 @kernel
 def _find(memory: Record, lidar_offset: float) -> None:
-    """Look for the way on, and write how far it is to there."""
-    world, blocked = memory.map, memory.blocked
-    walls, near = np.zeros((SIZE, SIZE), np.uint8), np.zeros((SIZE, SIZE), np.uint8)
-    _mark_walls(world, walls, near)
-    distance = np.empty((SIZE, SIZE), np.uint16)
-    queue, goal = np.empty((SIZE * SIZE, 2), np.int32), np.empty((SIZE * SIZE, 2), np.int32)
-    i = math.floor((world.x + lidar_offset * math.cos(world.heading)) / CELL)
-    j = math.floor((world.y + lidar_offset * math.sin(world.heading)) / CELL)
-    loop, count = False, 0
+    """Look for the way on, and write how far it is to there.
+
+    Below, a cell is a number: its column in the ring times SIZE, and its row.
+    """
+    world, blocked, bits = memory.map, memory.blocked, memory.blocked.reshape(SIZE * SIZE)
+    free = _mark_cells(world, blocked)
+    distance, goal = np.empty(SIZE * SIZE, np.uint16), np.empty(free + 1, np.int32)
+    queue, edge = np.empty(free + 1, np.int32), np.empty(free + 1, np.int32)
+    queue[0] = _cell_at(
+        world.x + lidar_offset * math.cos(world.heading), world.y + lidar_offset * math.sin(world.heading)
+    )
+    loop, count, closings = False, 0, 0
     open_ground = False
     for attempt in range(len(_ATTEMPTS)):
         opened, closed, impassable = _ATTEMPTS[attempt]
         for _ in range(2):
-            blocked[:] = walls
-            _close_way_back(world, blocked, opened, closed, open_ground)
+            if closings > 0:
+                _open_way_back(bits)
+            closings += 1
+            _close_way_back(world, bits, opened, closed, open_ground)
             distance[:] = FAR
-            queue[0, 0], queue[0, 1] = i, j
-            distance[i & RING, j & RING] = 0
-            reached = _flood(world, blocked, distance, queue, impassable)
+            distance[queue[0]] = 0
+            reached, edges = _flood(world, bits, distance, queue, edge, impassable)
             if attempt > 0 or open_ground or not _is_open_ground(world, distance):
                 break
             open_ground = True
@@ -184,7 +225,7 @@ def _find(memory: Record, lidar_offset: float) -> None:
             continue
         least = _LEAST_FRONTIER if opened == _OPENED else _LEAST_FRONTIER_BACK
         if closed == _CLOSED:
-            count = _choose_frontier(memory, blocked, distance, queue, reached, least, goal)
+            count = _choose_frontier(memory, bits, distance, edge[:edges], least, goal)
         if count > 0:
             if opened > _OPENED:
                 cut_path(world, max(world.along - opened, world.furthest - _POCKET))
@@ -192,91 +233,175 @@ def _find(memory: Record, lidar_offset: float) -> None:
         if closed < _CLOSED:
             place = reached - 1
             while place > 0:
-                a, b = queue[place, 0], queue[place, 1]
-                if _beside_way_back(blocked, a, b) and _comes_from_behind(world, distance, a, b):
+                if _beside_way_back(world, bits, queue[place]) and _comes_from_behind(world, distance, queue[place]):
                     break
                 place -= 1
-            a, b = queue[place, 0], queue[place, 1]
-            loop = distance[a & RING, b & RING] * CELL > _LEAST_LOOP
+            loop = distance[queue[place]] * CELL > _LEAST_LOOP
             if loop:
-                goal[0, 0], goal[0, 1], count = a, b, 1
+                goal[0], count = queue[place], 1
+                a, b = _place_of(world, queue[place])
                 memory.x, memory.y = a * CELL, b * CELL
                 break
     memory.found = count > 0
     memory.hidden = memory.found and not loop and math.hypot(memory.x - world.x, memory.y - world.y) < SIGHT - 1.0
     memory.edge_x, memory.edge_y = memory.x, memory.y
     if not loop:
-        _find_edge(memory, goal, count)
+        _find_edge(memory, bits, goal[:count])
     memory.to_go[:] = FAR
-    _spread(world, blocked, near, memory.to_go, goal, count, AT_WALL | impassable & HOLE)
+    _spread(bits, memory.to_go.reshape(SIZE * SIZE), goal[:count], free, AT_WALL | impassable & HOLE)
 
 
 @kernel
-def _mark_walls(world: Record, walls: NDArray[np.uint8], near: NDArray[np.uint8]) -> None:
-    """Write the bits of cells near walls, and near how far they are: 3 within 4 cells, 1 within 6, else 0."""
-    padded = np.zeros(SIZE + 12, np.uint8)
-    one, two = np.zeros((SIZE, SIZE), np.uint8), np.zeros((SIZE, SIZE), np.uint8)
-    four, six = np.zeros((SIZE, SIZE), np.uint8), np.zeros((SIZE, SIZE), np.uint8)
-    holes = np.zeros((SIZE, SIZE), np.uint8)
-    for i in range(SIZE):
-        cells = world.cells[i]
-        some = 0
-        for j in range(SIZE):
-            padded[j + 6] = cells[j] == WALL
-            some |= padded[j + 6]
-        if some == 0:
+def _cell_at(x: float, y: float) -> int:
+    """Return the cell at a place [m]."""
+    return (math.floor(x * PER_METRE) & RING) * SIZE | math.floor(y * PER_METRE) & RING
+
+
+@kernel
+def _place_of(world: Record, cell: int) -> tuple[int, int]:
+    """Return the column and the row of a cell of the window."""
+    half = SIZE // 2
+    i = world.column + (((cell // SIZE) - world.column + half) & RING) - half
+    return i, world.row + (((cell & RING) - world.row + half) & RING) - half
+
+
+@kernel
+def _mark_cells(world: Record, blocked: NDArray[np.uint8]) -> int:
+    """Write the bits of all cells, without WAY_BACK, and return how many are free.
+
+    Only columns with something known in them are looked at. How near walls are is worked out within each column first.
+    Then columns are joined, for the greater distances two and four at a time.
+    """
+    first, end = _known_columns(world)
+    blocked[:] = UNSEEN
+    if first == end:
+        return 0
+    count = end - first + 2 * _BESIDE
+    within = np.zeros((count, SIZE), np.uint8)  # bits as of _mark_column
+    walls = np.empty(SIZE + 12, np.uint8)
+    two, four = np.empty((count, SIZE), np.uint8), np.empty((count, SIZE), np.uint8)  # of this column and those after
+    for k in range(_BESIDE, count - _BESIDE):
+        _mark_column(world.cells[(first + k - _BESIDE) & RING], walls, within[k])
+    for k in range(count - 1):
+        _join(within[k], within[k + 1], two[k])
+    for k in range(count - 3):
+        _join(two[k], two[k + 2], four[k])
+    for k in range(_BESIDE - 2, count - _BESIDE + 2):
+        i = first + k - _BESIDE
+        if abs(i - world.column) > EDGE:
             continue
-        padded[:6], padded[SIZE + 6 :] = padded[SIZE : SIZE + 6].copy(), padded[6:12].copy()
-        for j in range(SIZE):
-            holes[i, j] = padded[j + 4] & padded[j + 8]
-            one[i, j] = padded[j + 5] | padded[j + 6] | padded[j + 7]
-            two[i, j] = one[i, j] | padded[j + 4] | padded[j + 8]
-            four[i, j] = two[i, j] | padded[j + 2] | padded[j + 3] | padded[j + 9] | padded[j + 10]
-            six[i, j] = four[i, j] | padded[j] | padded[j + 1] | padded[j + 11] | padded[j + 12]
-    for i in range(SIZE):
-        a, b, c, d = (i - 2) & RING, (i - 1) & RING, (i + 1) & RING, (i + 2) & RING
-        for j in range(SIZE):
-            octagon = one[a, j] | two[b, j] | two[i, j] | two[c, j] | one[d, j]
-            at_wall = one[i, j] | (world.cells[b, j] == WALL) | (world.cells[c, j] == WALL)
-            hole = holes[i, j] | ((world.cells[a, j] == WALL) & (world.cells[d, j] == WALL))
-            walls[i, j] = octagon * NEAR_WALL | at_wall * AT_WALL | hole * HOLE
-    _mark_distances(four, six, near)
+        _mark_ground(world.cells[i & RING], blocked[i & RING])
+        _mark_near(within[k - 2], within[k - 1], within[k], within[k + 1], within[k + 2], blocked[i & RING])
+        _mark_far(two[k - 6], four[k - 4], four[k], within[k + 4], two[k + 5], blocked[i & RING])
+    return (end - first) * SIZE
 
 
 @kernel
-def _mark_distances(four: NDArray[np.uint8], six: NDArray[np.uint8], near: NDArray[np.uint8]) -> None:
-    """Write 3 to `near` where a wall is within 4 cells, 1 where it is within 6, else 0.
+def _known_columns(world: Record) -> tuple[int, int]:
+    """Return the first column in which a cell is known, and the one after the last; twice the same if none is."""
+    first, end = world.column - EDGE, world.column + EDGE + 1
+    while first < end and not _is_known(world.cells[first & RING]):
+        first += 1
+    while first < end and not _is_known(world.cells[(end - 1) & RING]):
+        end -= 1
+    return first, end
 
-    A row of `four` or `six` says where a wall is so near within the same row. Rows are joined in steps of 2 and 4, so
-    that each is read a few times instead of thirteen.
+
+@kernel
+def _is_known(cells: NDArray[np.uint8]) -> bool:
+    """Say whether any of some cells is known."""
+    known = np.uint8(0)
+    for j in range(len(cells)):
+        known |= cells[j]
+    return bool(known != UNKNOWN)
+
+
+@kernel
+def _mark_column(cells: NDArray[np.uint8], walls: NDArray[np.uint8], within: NDArray[np.uint8]) -> None:
+    """Write how near the walls of a column are to its cells.
+
+    The bits: 1, a wall; 2, within a cell; 4, within two; 8, walls two cells to both sides; WITHIN_4; WITHIN_6.
 
     Args:
-      four: (SIZE, SIZE), 1 where a wall is within 4 cells in the same row; overwritten.
-      six: the same within 6 cells; overwritten.
-      near: written to.
+      cells: (SIZE,) of a column.
+      walls: (SIZE + 12,) room.
+      within: (SIZE,) written to; a column without a wall is left as it is.
     """
-    both = four  # bits: 2, within 4 cells; 1, within 6
-    for i in range(SIZE):
-        for j in range(SIZE):
-            both[i, j] = four[i, j] << np.uint8(1) | six[i, j]
-    two_rows, four_rows = np.empty((SIZE, SIZE), np.uint8), six  # of this row and the next one or three
-    for i in range(SIZE):
-        k = (i + 1) & RING
-        for j in range(SIZE):
-            two_rows[i, j] = both[i, j] | both[k, j]
-    for i in range(SIZE):
-        k = (i + 2) & RING
-        for j in range(SIZE):
-            four_rows[i, j] = two_rows[i, j] | two_rows[k, j]
-    for i in range(SIZE):
-        a, b, c, d = (i - 6) & RING, (i - 4) & RING, (i + 4) & RING, (i + 5) & RING
-        for j in range(SIZE):
-            outer = (two_rows[a, j] | two_rows[d, j]) & np.uint8(1)
-            near[i, j] = four_rows[b, j] | four_rows[i, j] | both[c, j] | outer
+    some = np.uint8(0)
+    for j in range(SIZE):
+        wall = np.uint8(cells[j] == WALL)
+        walls[j + 6] = wall
+        some |= wall
+    if some == 0:
+        return
+    for j in range(6):
+        walls[j], walls[SIZE + 6 + j] = walls[SIZE + j], walls[6 + j]
+    for j in range(SIZE):
+        one = walls[j + 5] | walls[j + 6] | walls[j + 7]
+        two = one | walls[j + 4] | walls[j + 8]
+        four = two | walls[j + 2] | walls[j + 3] | walls[j + 9] | walls[j + 10]
+        six = four | walls[j] | walls[j + 1] | walls[j + 11] | walls[j + 12]
+        hole = walls[j + 4] & walls[j + 8]
+        near = walls[j + 6] | one << np.uint8(1) | two << np.uint8(2) | hole << np.uint8(3)
+        within[j] = near | six << np.uint8(6) | four << np.uint8(7)
 
 
 @kernel
-def _close_way_back(world: Record, blocked: NDArray[np.uint8], opened: float, closed: float, open_ground: bool) -> None:
+def _join(left: NDArray[np.uint8], right: NDArray[np.uint8], both: NDArray[np.uint8]) -> None:
+    """Write the bits of two columns to a third; an expression of whole arrays takes fifty times as long."""
+    for j in range(SIZE):
+        both[j] = left[j] | right[j]
+
+
+@kernel
+def _mark_ground(cells: NDArray[np.uint8], bits: NDArray[np.uint8]) -> None:
+    """Write OPEN or UNSEEN to the bits of a column, or none."""
+    for j in range(SIZE):
+        bits[j] = np.uint8(cells[j] == FREE) << np.uint8(4) | np.uint8(cells[j] == UNKNOWN) << np.uint8(5)
+
+
+@kernel
+def _mark_near(
+    a: NDArray[np.uint8],
+    b: NDArray[np.uint8],
+    c: NDArray[np.uint8],
+    d: NDArray[np.uint8],
+    e: NDArray[np.uint8],
+    bits: NDArray[np.uint8],
+) -> None:
+    """Add NEAR_WALL, AT_WALL and HOLE to the bits of a column, c, with its neighbours: see _mark_column."""
+    for j in range(SIZE):
+        near = (a[j] | e[j]) >> np.uint8(1) | (b[j] | c[j] | d[j]) >> np.uint8(2)
+        touching = c[j] >> np.uint8(1) | b[j] | d[j]
+        hole = c[j] >> np.uint8(3) | (a[j] & e[j])
+        one = np.uint8(1)
+        bits[j] |= (near & one) | (touching & one) << np.uint8(2) | (hole & one) << np.uint8(3)
+
+
+@kernel
+def _mark_far(
+    outer_left: NDArray[np.uint8],
+    left: NDArray[np.uint8],
+    right: NDArray[np.uint8],
+    last: NDArray[np.uint8],
+    outer_right: NDArray[np.uint8],
+    bits: NDArray[np.uint8],
+) -> None:
+    """Add WITHIN_4 and WITHIN_6 to the bits of a column: by those within 4 columns, and the outer ones within 6."""
+    for j in range(SIZE):
+        far = (left[j] | right[j] | last[j]) & np.uint8(WITHIN_4 | WITHIN_6)
+        bits[j] |= far | (outer_left[j] | outer_right[j]) & np.uint8(WITHIN_6)
+
+
+@kernel
+def _open_way_back(bits: NDArray[np.uint8]) -> None:
+    """Take all lines across the path away again."""
+    for cell in range(len(bits)):
+        bits[cell] &= np.uint8(255 - WAY_BACK)
+
+
+@kernel
+def _close_way_back(world: Record, bits: NDArray[np.uint8], opened: float, closed: float, open_ground: bool) -> None:
     """Block a line across the corridor at each point of the path from `opened` to `closed` [m] before its end.
 
     On open ground the lines go on up to a wall, or _WIDEST to either side.
@@ -293,14 +418,18 @@ def _close_way_back(world: Record, blocked: NDArray[np.uint8], opened: float, cl
         sin, cos = math.sin(point[2]), math.cos(point[2])
         for side in (1, -1):
             room = point[LEFT] if side == 1 else point[RIGHT]
-            for step in range(int((_WIDEST if open_ground else room) / (0.5 * CELL)) + 1):
+            steps = int((_WIDEST if open_ground else room) / (0.5 * CELL)) + 1
+            first, last = _aside(point, sin, cos, 0.0), _aside(point, sin, cos, side * 0.5 * CELL * (steps - 1))
+            whole = in_window(world, first[0], first[1]) and in_window(world, last[0], last[1])
+            for step in range(steps):
                 i, j = _aside(point, sin, cos, side * 0.5 * CELL * step)
-                if not in_window(world, i, j):
+                if not (whole or in_window(world, i, j)):
                     break
-                if open_ground and 0.5 * CELL * step > room and world.cells[i & RING, j & RING] == WALL:
+                cell = (i & RING) * SIZE | j & RING
+                if open_ground and 0.5 * CELL * step > room and bits[cell] & (OPEN | UNSEEN) == 0:
                     break
-                blocked[i & RING, j & RING] |= WAY_BACK
-                blocked[(i + 1) & RING, j & RING] |= WAY_BACK  # two cells, or a diagonal step passes it
+                bits[cell] |= np.uint8(WAY_BACK)
+                bits[(cell + SIZE) & _LAST] |= np.uint8(WAY_BACK)  # two cells, or a diagonal step passes it
 
 
 @kernel
@@ -309,7 +438,7 @@ def _aside(point: FloatArray, sin: float, cos: float, aside: float) -> tuple[int
 
     The caller computes the sine and cosine of the point's heading once for all cells of a line.
     """
-    return math.floor((point[0] - aside * sin) / CELL), math.floor((point[1] + aside * cos) / CELL)
+    return math.floor((point[0] - aside * sin) * PER_METRE), math.floor((point[1] + aside * cos) * PER_METRE)
 
 
 @kernel
@@ -330,58 +459,87 @@ def _is_open_ground(world: Record, distance: NDArray[np.uint16]) -> bool:
                 for cells in range(-1, 3):
                     i, j = _aside(point, sin, cos, side * (room + cells * CELL))
                     walled = walled or not in_window(world, i, j) or world.cells[i & RING, j & RING] == WALL
-                if not walled and distance[i & RING, j & RING] != FAR:
+                if not walled and distance[(i & RING) * SIZE | j & RING] != FAR:
                     passed += 1
                     break
     return 3 * passed > points > 10
 
 
 @kernel
-def _neighbour(k: int) -> tuple[int, int]:
-    """Return the offset of a neighbour: the first four share a side."""
-    if k < 4:
-        return (1, 0) if k == 0 else ((-1, 0) if k == 1 else ((0, 1) if k == 2 else (0, -1)))
-    return 1 if k < 6 else -1, 1 if k % 2 == 0 else -1
+def _beside(cell: int) -> tuple[int, int, int, int]:
+    """Return the cells that share a side with a cell."""
+    column, row = cell & ~RING, cell & RING
+    right, left, up, down = (column + SIZE) & _LAST, (column - SIZE) & _LAST, (row + 1) & RING, (row - 1) & RING
+    return right | row, left | row, column | up, column | down
+
+
+@kernel
+def _across(cell: int) -> tuple[int, int, int, int]:
+    """Return the cells that share a corner with a cell, and no side."""
+    column, row = cell & ~RING, cell & RING
+    right, left, up, down = (column + SIZE) & _LAST, (column - SIZE) & _LAST, (row + 1) & RING, (row - 1) & RING
+    return right | up, right | down, left | up, left | down
 
 
 @kernel
 def _flood(
-    world: Record, blocked: NDArray[np.uint8], distance: NDArray[np.uint16], queue: NDArray[np.int32], impassable: int
-) -> int:
+    world: Record,
+    bits: NDArray[np.uint8],
+    distance: NDArray[np.uint16],
+    queue: NDArray[np.int32],
+    edge: NDArray[np.int32],
+    impassable: int,
+) -> tuple[int, int]:
     """Spread distances [cells] from the first cell of the queue; return how many cells were reached.
 
     Steps to four neighbours and to eight take turns, which makes circles octagons. No step leaves the window: the cells
     around it are unknown.
+
+    Args:
+      world: of type LOCAL_MAP.
+      bits: of each cell.
+      distance: of each cell, FAR but for the first of the queue; written to.
+      queue: cells in the order in which they are reached, written to.
+      edge: those of them that share a side with a cell that nobody has seen, in the same order; written to.
+      impassable: bits of cells that are reached in the first _FREE_START steps only.
+
+    Returns:
+      How many cells there are in the queue, and in `edge`.
     """
-    first, count, level = 0, 1, 0
+    first, count, edges, level = 0, 1, 0, 0
     while first < count:
         end = count
+        looked_at = np.uint8(OPEN | WAY_BACK | (impassable if level >= _FREE_START else 0))
         for place in range(first, end):
-            i, j = queue[place, 0], queue[place, 1]
-            for k in range(8 if level % 2 == 1 else 4):
-                di, dj = _neighbour(k)
-                a, b = i + di, j + dj
-                p, q = a & RING, b & RING
-                if distance[p, q] != FAR or world.cells[p, q] != FREE:
-                    continue
-                bits = blocked[p, q]
-                if bits & WAY_BACK != 0 or (bits & impassable != 0 and level >= _FREE_START):
-                    continue
-                distance[p, q] = level + 1
-                queue[count, 0], queue[count, 1] = a, b
-                count += 1
+            unseen = np.uint8(0)
+            for cell in _beside(queue[place]):
+                unseen |= bits[cell]
+                if bits[cell] & looked_at == OPEN and distance[cell] == FAR:
+                    distance[cell] = level + 1
+                    queue[count] = cell
+                    count += 1
+            if level % 2 == 1:
+                for cell in _across(queue[place]):
+                    if bits[cell] & looked_at == OPEN and distance[cell] == FAR:
+                        distance[cell] = level + 1
+                        queue[count] = cell
+                        count += 1
+            if unseen & UNSEEN != 0:
+                i, j = _place_of(world, queue[place])
+                if abs(i - world.column) < EDGE and abs(j - world.row) < EDGE:
+                    edge[edges] = queue[place]
+                    edges += 1
         first = end
         level += 1
-    return count
+    return count, edges
 
 
 @kernel
 def _choose_frontier(
     memory: Record,
-    blocked: NDArray[np.uint8],
+    bits: NDArray[np.uint8],
     distance: NDArray[np.uint16],
-    queue: NDArray[np.int32],
-    reached: int,
+    edge: NDArray[np.int32],
     least: int,
     goal: NDArray[np.int32],
 ) -> int:
@@ -389,43 +547,37 @@ def _choose_frontier(
 
     Args:
       memory: of type WAY_ON, written to.
-      blocked: bits of each cell.
+      bits: of each cell.
       distance: of each cell from the car [cells].
-      queue: the cells that were reached.
-      reached: how many.
+      edge: the cells that were reached at ground that nobody has seen.
       least: cells of a frontier.
       goal: written to.
     """
-    world, cells = memory.map, memory.map.cells
-    label = np.zeros((SIZE, SIZE), np.uint8)  # 1: at unknown ground, 2: in a frontier that was looked at
-    for place in range(reached):
-        i, j = queue[place, 0], queue[place, 1]
-        if abs(i - world.column) < EDGE and abs(j - world.row) < EDGE:
-            for k in range(4):
-                di, dj = _neighbour(k)
-                if cells[(i + di) & RING, (j + dj) & RING] == UNKNOWN:
-                    label[i & RING, j & RING] = 1
-    group, behind = np.empty((reached, 2), np.int32), np.empty((_ROOM + 8, 2), np.int32)
+    world = memory.map
+    label = np.zeros(SIZE * SIZE, np.uint8)  # 1: at unknown ground, 2: in a frontier that was looked at
+    for cell in edge:
+        label[cell] = 1
+    group, behind = np.empty(len(edge), np.int32), np.empty(_ROOM + 8, np.int32)
     best, best_count, last_x, last_y = 0.0, 0, memory.x, memory.y
-    for place in range(reached):
-        i, j = queue[place, 0], queue[place, 1]
-        if label[i & RING, j & RING] != 1:
+    for start in edge:
+        if label[start] != 1:
             continue
-        label[i & RING, j & RING] = 2
-        group[0, 0], group[0, 1] = i, j
+        label[start] = 2
+        group[0] = start
         count, at = 1, 0
         far, x, y = 0.0, 0.0, 0.0
         while at < count:
-            i, j = group[at, 0], group[at, 1]
-            at += 1
-            far += distance[i & RING, j & RING] * CELL
+            i, j = _place_of(world, group[at])
+            far += distance[group[at]] * CELL
             x += i * CELL
             y += j * CELL
+            at += 1
             for a in range(i - 1, i + 2):
                 for b in range(j - 1, j + 2):
-                    if label[a & RING, b & RING] == 1:
-                        label[a & RING, b & RING] = 2
-                        group[count, 0], group[count, 1] = a, b
+                    cell = (a & RING) * SIZE | b & RING
+                    if label[cell] == 1:
+                        label[cell] = 2
+                        group[count] = cell
                         count += 1
         if count < least:
             continue
@@ -433,84 +585,81 @@ def _choose_frontier(
         score = far + 2.0 * min(count * CELL, _WIDE)
         if memory.found and math.hypot(x - last_x, y - last_y) < _SAME:
             score += 1.0
-        if score > best and _has_room_behind(world, blocked, distance, label, group, count, behind):
+        if score > best and _has_room_behind(world, bits, distance, label, group[:count], behind):
             best, best_count, memory.x, memory.y = score, count, x, y
-            for k in range(count):
-                goal[k, 0], goal[k, 1] = group[k, 0], group[k, 1]
+            goal[:count] = group[:count]
     return best_count
 
 
 @kernel
 def _has_room_behind(
     world: Record,
-    blocked: NDArray[np.uint8],
+    bits: NDArray[np.uint8],
     distance: NDArray[np.uint16],
     label: NDArray[np.uint8],
     group: NDArray[np.int32],
-    count: int,
     behind: NDArray[np.int32],
 ) -> bool:
     """Say whether a frontier may lead on: there is room behind it, or ground that the car does not reach otherwise.
 
     Args:
       world: of type LOCAL_MAP.
-      blocked: bits of each cell.
+      bits: of each cell.
       distance: of each cell from the car [cells].
       label: of each cell that nobody has seen, written to: 3: behind a frontier that does not lead on, 4: that does.
       group: cells of the frontier.
-      count: how many.
       behind: written to.
     """
-    reached, at, leads_on = 0, 0, False
+    count, reached, at, leads_on = len(group), 0, 0, False
     while at < count + reached and not leads_on:
         place = group[at] if at < count else behind[at - count]
-        for k in range(4):
-            di, dj = _neighbour(k)
-            i, j = place[0] + di, place[1] + dj
-            p, q = i & RING, j & RING
-            if not in_window(world, i, j) or label[p, q] == 4:
+        for cell in _beside(place):
+            i, j = _place_of(world, cell)
+            if not in_window(world, i, j) or label[cell] == 4:
                 leads_on = True
-            elif world.cells[p, q] == UNKNOWN and label[p, q] == 0 and blocked[p, q] & (NEAR_WALL | WAY_BACK) == 0:
-                label[p, q] = 3
-                behind[reached, 0], behind[reached, 1] = i, j
+            elif bits[cell] & (UNSEEN | NEAR_WALL | WAY_BACK) == UNSEEN and label[cell] == 0:
+                label[cell] = 3
+                behind[reached] = cell
                 reached += 1
-            elif at >= count and world.cells[p, q] == FREE and distance[p, q] == FAR and blocked[p, q] & NEAR_WALL == 0:
+            elif at >= count and bits[cell] & (OPEN | NEAR_WALL) == OPEN and distance[cell] == FAR:
                 leads_on = True
         leads_on = leads_on or reached >= _ROOM
         at += 1
     for k in range(reached if leads_on else 0):
-        label[behind[k, 0] & RING, behind[k, 1] & RING] = 4
+        label[behind[k]] = 4
     return leads_on
 
 
 @kernel
-def _find_edge(memory: Record, goal: NDArray[np.int32], count: int) -> None:
+def _find_edge(memory: Record, bits: NDArray[np.uint8], goal: NDArray[np.int32]) -> None:
     """Write where the nearest cell of a frontier is that is not near a wall."""
     world, least = memory.map, math.inf
-    for k in range(count):
-        i, j = goal[k, 0], goal[k, 1]
+    for cell in goal:
+        i, j = _place_of(world, cell)
         distance = math.hypot((i + 0.5) * CELL - world.x, (j + 0.5) * CELL - world.y)
-        if distance < least and memory.blocked[i & RING, j & RING] & NEAR_WALL == 0:
+        if distance < least and bits[cell] & NEAR_WALL == 0:
             least, memory.edge_x, memory.edge_y = distance, (i + 0.5) * CELL, (j + 0.5) * CELL
 
 
 @kernel
-def _beside_way_back(blocked: NDArray[np.uint8], i: int, j: int) -> bool:
+def _beside_way_back(world: Record, bits: NDArray[np.uint8], cell: int) -> bool:
     """Say whether a cell is within two cells of the closed way back."""
+    i, j = _place_of(world, cell)
     for a in range(i - 2, i + 3):
         for b in range(j - 2, j + 3):
-            if blocked[a & RING, b & RING] & WAY_BACK != 0:
+            if bits[(a & RING) * SIZE | b & RING] & WAY_BACK != 0:
                 return True
     return False
 
 
 @kernel
-def _comes_from_behind(world: Record, distance: NDArray[np.uint16], i: int, j: int) -> bool:
+def _comes_from_behind(world: Record, distance: NDArray[np.uint16], cell: int) -> bool:
     """Say whether distances grow, at a cell beside the path, in the direction in which the car came by there."""
-    x, y, here = 0.0, 0.0, distance[i & RING, j & RING]
+    x, y, here = 0.0, 0.0, distance[cell]
+    i, j = _place_of(world, cell)
     for di in range(-2, 3):
         for dj in range(-2, 3):
-            there = distance[(i + di) & RING, (j + dj) & RING]
+            there = distance[((i + di) & RING) * SIZE | (j + dj) & RING]
             if there != FAR:
                 x += di * (float(there) - here)
                 y += dj * (float(there) - here)
@@ -526,82 +675,63 @@ def _comes_from_behind(world: Record, distance: NDArray[np.uint16], i: int, j: i
 
 @kernel
 def _spread(
-    world: Record,
-    blocked: NDArray[np.uint8],
-    near: NDArray[np.uint8],
-    to_go: NDArray[np.uint16],
-    goal: NDArray[np.int32],
-    count: int,
-    impassable: int,
+    bits: NDArray[np.uint8], to_go: NDArray[np.uint16], goal: NDArray[np.int32], free: int, impassable: int
 ) -> None:
-    """Write the way to go [UNIT] from all free cells to the nearest of `count` cells of `goal`."""
+    """Write the way to go [UNIT] from all free cells to the nearest cell of `goal`.
+
+    Args:
+      bits: of each cell.
+      to_go: of each cell, FAR; written to.
+      goal: cells.
+      free: how many cells are free.
+      impassable: bits of cells that are no way, beside WAY_BACK.
+    """
     heads = np.full(_BUCKETS, -1, np.int32)  # of the lists of cells that wait, by their way to go modulo _BUCKETS
-    cells, links = np.empty(4 * SIZE * SIZE, np.int32), np.empty(4 * SIZE * SIZE, np.int32)
-    kinds, straight, diagonal = _kinds(world, blocked, near, WAY_BACK | impassable)
-    flat = to_go.reshape(SIZE * SIZE)  # a cell is a number: its column in the ring times SIZE, and its row
+    room = 2 * free + len(goal) + 8  # a cell is come upon once over a side and once over a corner, at most
+    cells, links = np.empty(room, np.int32), np.empty(room, np.int32)
+    straight, diagonal = _costs(10, WAY_BACK | impassable), _costs(14, WAY_BACK | impassable)
     made = 0
-    for k in range(count):
-        cell = (goal[k, 0] & RING) * SIZE + (goal[k, 1] & RING)
-        flat[cell] = 0
+    for cell in goal:
+        to_go[cell] = 0
         cells[made], links[made] = cell, heads[0]
         heads[0] = made
         made += 1
     level, empty = 0, 0
-    while empty < _BUCKETS and made < len(links) - 8:
+    while empty < _BUCKETS and made <= room - 8:
         place = heads[level % _BUCKETS]
         if place < 0:
             level, empty = level + 1, empty + 1
             continue
         empty = 0
         heads[level % _BUCKETS] = links[place]
-        cell = cells[place]
-        if flat[cell] != level:
+        if to_go[cells[place]] != level:
             continue  # it was reached by a shorter way meanwhile
-        column, row = cell & ~RING, cell & RING
-        left, right = (column - SIZE) & _LAST, (column + SIZE) & _LAST
-        up, down = (row + 1) & RING, (row - 1) & RING
-        beside = (left | row, right | row, column | up, column | down)
-        across = (left | up, left | down, right | up, right | down)
-        for k, neighbour in enumerate(beside + across):
-            kind = kinds[neighbour]
-            if kind == 0:
-                continue
-            cost = level + (straight[kind] if k < 4 else diagonal[kind])
-            if cost < flat[neighbour]:
-                flat[neighbour] = cost
-                cells[made], links[made] = neighbour, heads[cost % _BUCKETS]
+        for cell in _beside(cells[place]):
+            cost = level + straight[bits[cell]]
+            if cost < to_go[cell]:
+                to_go[cell] = cost
+                cells[made], links[made] = cell, heads[cost % _BUCKETS]
+                heads[cost % _BUCKETS] = made
+                made += 1
+        for cell in _across(cells[place]):
+            cost = level + diagonal[bits[cell]]
+            if cost < to_go[cell]:
+                to_go[cell] = cost
+                cells[made], links[made] = cell, heads[cost % _BUCKETS]
                 heads[cost % _BUCKETS] = made
                 made += 1
 
 
 @kernel
-def _kinds(
-    world: Record, blocked: NDArray[np.uint8], near: NDArray[np.uint8], impassable: int
-) -> tuple[NDArray[np.uint8], NDArray[np.int64], NDArray[np.int64]]:
-    """Return the kind of each cell (SIZE * SIZE,), and what a straight and a diagonal step onto each kind cost.
-
-    Kind 0 cannot be driven on. The others are 1 plus `near` (0, 1 or 3), plus 4 within two cells of a wall. Distances
-    spread faster over one byte for each cell than over the three arrays.
-    """
-    kinds = np.empty(SIZE * SIZE, np.uint8)
-    shut = np.uint8(impassable)
-    for i in range(SIZE):
-        for j in range(SIZE):
-            free = world.cells[i, j] == FREE and blocked[i, j] & shut == 0
-            kind = 1 + near[i, j] + 4 * (blocked[i, j] & NEAR_WALL)
-            kinds[i * SIZE + j] = kind if free else 0
-    straight, diagonal = np.zeros(9, np.int64), np.zeros(9, np.int64)
-    for kind in range(1, 9):
-        straight[kind] = _cost(10, (kind - 1) & 3, NEAR_WALL * ((kind - 1) >> 2))
-        diagonal[kind] = _cost(14, (kind - 1) & 3, NEAR_WALL * ((kind - 1) >> 2))
-    return kinds, straight, diagonal
-
-
-@kernel
-def _cost(length: int, near: int, bits: int) -> int:
-    """Return what a step costs, in units of to_go: up to 4.5 times its length near a wall."""
-    if near > 0:
-        length += length // 2
-    if near > 1:
-        length += length // 2
-    return 2 * length if bits & NEAR_WALL != 0 else length
+def _costs(length: int, impassable: int) -> NDArray[np.int64]:
+    """Return what a step onto a cell costs by its bits, in units of to_go: up to 4.5 times its length near a wall."""
+    costs = np.full(256, FAR)
+    for bits in range(256):
+        if bits & (OPEN | impassable) == OPEN:
+            cost = length
+            if bits & WITHIN_6 != 0:
+                cost += cost // 2
+            if bits & WITHIN_4 != 0:
+                cost += cost // 2
+            costs[bits] = 2 * cost if bits & NEAR_WALL != 0 else cost
+    return costs

@@ -43,7 +43,7 @@ from .turning import TURNING, turn_in_moves
 _BEAMS = 16  # every so many are compared with the planner's goal
 _BENDS = 0.37  # of the curvature at full lock, from which on the planner's goal alone does not end a motion
 _BENDS_SHARPLY = 0.75  # the same, from which on its simulated reference does not end a motion of a careful car
-_NODES = 10000  # of a search while the car drives
+_NODES = 2000  # of a search while the car drives
 _AHEAD = math.radians(15.0)  # to either side: what a car without a way on stops ahead of
 _ON_MOTION = (0.15, 0.4)  # [m] beside a motion and [rad] from its heading, within which the car is on it
 
@@ -57,6 +57,7 @@ class GuidanceSettings(Settings):
     """
 
     every: int = setting(4, "", "ticks between two searches for the way on", POSITIVE)
+    every_plain: int = setting(16, "", "the same at most, where the way is plain", POSITIVE)
     as_good: float = setting(0.6, "", "of the best beam's gain of way: the planner's goal leads on", SHARE)
     worth_simulating: float = setting(0.3, "", "of the best beam's gain: its reference is simulated", SHARE)
     tight_distance: float = setting_of_car(4.5, "m", "way to go to a hidden frontier that counts as nearby", POSITIVE)
@@ -125,7 +126,8 @@ def guide(
     if not (looks and math.isfinite(speed + present + odometry.angular_velocity[2])):
         memory.follows = memory.turning.active = False
         return
-    look_for_way_on(scan, ranges, odometry, car.lidar_offset, way, settings.every)
+    led = memory.follows or memory.turning.active or memory.careful
+    look_for_way_on(scan, ranges, odometry, car.lidar_offset, way, settings.every, settings.every_plain, led)
     turn_in_moves(way, limiter, memory.turning, odometry.steering_angle, speed)
     if memory.turning.active:
         memory.careful = True

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from fg_mujoco.kernels import kernel
 
 from ..control.settings import Record
-from ..perception.local_map import CELL, FREE, RING, SIZE, WALL, in_window
+from ..perception.local_map import FREE, PER_METRE, RING, SIZE, WALL, in_window
 from ..perception.way_on import AT_WALL, FAR, UNIT, to_go_around, to_go_at
 from .friction_limiter import longitudinal_share
 
@@ -47,7 +47,10 @@ _UNKNOWN_LENGTH = 1.5  # [m] from the start on which the way to go may be unknow
 _TOUCHING_LENGTH = 0.8  # [m] from the start on which the car may be nearer to walls than it plans
 _EXACT = 1.4  # [m] from the car within which its outline is compared with the ends of beams
 _MARGIN = 0.03  # [m] round the outline
-_CHECKS_AT_WALL = 5  # places on an arc near a wall where the outline is compared
+_PARTS = (0.2, 0.4, 0.5, 0.6, 0.8, 1.0)  # of an arc, at which the car has to be free
+_HALF, _WHOLE = 2, 5  # where nothing is near, half of the arc and its end; near walls, all but half of it
+_SQUARE, _SQUARES = 0.25, 20  # [m] and how many to each side: ends of beams are looked up by them
+MOST_NODES = 6400  # of all searches in a tick: they take 2 ms
 MOST_LOCK = 0.97  # share of the curvature at full lock, where less leads nowhere
 MOST_IN_WALLS = 7  # points of the outline that may lie in cells of walls, whose cells are thicker than they are
 
@@ -92,26 +95,29 @@ def search_motion(
       horizon: [m].
       nearest: which cells have to be clear of, NEAR_WALL or AT_WALL.
       reverses: the car may drive in reverse, too.
-      most_nodes: after which the search ends.
+      most_nodes: after which the search ends; all searches of a tick have MOST_NODES together, see `way.nodes`.
     """
     car, world = limiter.car, way.map
     lateral = grip * limiter.lateral
     tightest = lock * math.tan(car.max_steering_angle) / car.wheelbase
     slowest = lateral / tightest  # [m^2/s^2] square of the speed at which full lock is held
+    motion.found, motion.count = False, 0
+    most_nodes = min(most_nodes, MOST_NODES - way.nodes)
+    if most_nodes <= 2 * _SHARES:
+        return False
     state = np.empty((most_nodes, 6))  # x, y, heading, curvature, square of the speed, length so far
     value = np.empty(most_nodes)
     share, direction = np.empty(most_nodes, np.int8), np.empty(most_nodes, np.int8)
     parent, heap = np.empty(most_nodes, np.int32), np.empty(most_nodes, np.int32)
-    slots = 4096
+    slots = 1024
     while slots < 2 * most_nodes:
         slots *= 2
-    table = np.zeros(slots, np.int64)
+    table = np.zeros(slots, np.int32)
     turned, driven = curvature * lag * max(speed, 0.0), lag * max(speed, 0.0)
     start = state[0]
     start[0] = world.x + driven * math.cos(world.heading + 0.5 * turned)
     start[1] = world.y + driven * math.sin(world.heading + 0.5 * turned)
     start[2], start[3], start[4], start[5] = world.heading + turned, curvature, max(speed, 0.0) ** 2, 0.0
-    motion.found, motion.count = False, 0
     offset = car.lidar_offset
     whole = to_go_around(way, start[0] + offset * math.cos(start[2]), start[1] + offset * math.sin(start[2]))
     if not math.isfinite(whole):
@@ -121,9 +127,18 @@ def search_motion(
     share[0] = round(min(max(curvature / most, -1.0), 1.0) * middle) + middle
     direction[0], parent[0], value[0], heap[0] = 1, -1, whole, 0
     clear = is_clear(way, car, start[0], start[1], start[2], nearest)
-    hits, margin = outline_in_walls(world, car, start[0], start[1], start[2]), _MARGIN
-    while margin > 0.0 and touches(world, car, start[0], start[1], start[2], margin):
-        margin -= 0.01
+    compares = reverses or nearest == AT_WALL or not clear  # the outline with the ends of beams
+    ends, hits, margin = _sorted_ends(world, world.ends_known if compares else 0), 0, _MARGIN
+    if compares:
+        cos, sin = math.cos(start[2]), math.sin(start[2])
+        hits = outline_in_walls(world, car, start[0], start[1], cos, sin)
+        while margin > 0.0 and _touches(ends, car, start[0], start[1], cos, sin, margin):
+            margin -= 0.01
+    braking = np.empty(_SHARES)  # [m/s^2] by the share of the grip for turning
+    for k in range(_SHARES):
+        used = abs(k - middle) / middle
+        braking[k] = _BRAKING * limiter.braking * longitudinal_share(min(grip, 0.97) * used, limiter.exponent)
+    arcs = np.full((_SHARES, len(_PARTS), 5), math.nan)  # of a car along x: key, see _arc; x, y, cosine and sine
     count, waiting, best, least = 1, 1, 0, whole
     after = np.empty(6)
     while waiting > 0 and count < most_nodes - 2 * _SHARES:
@@ -136,37 +151,49 @@ def search_motion(
             break
         limit = min(tightest, lateral / max(here[4], 1e-3))
         length = _LENGTH + _LENGTH_TIME * math.sqrt(here[4])
+        cos_here, sin_here = math.cos(here[2]), math.sin(here[2])
         for choice in range(2 * _SHARES if reverses else _SHARES):
             to_share, to = choice % _SHARES, 1 if choice < _SHARES else -1
             if direction[node] == to and abs(to_share - share[node]) > 1:
                 continue
-            used = (to_share - middle) / middle
-            _advance(here, used * limit, 0.5 * to * length, after)
-            if abs(after[2] + 0.5 * used * limit * to * length - start[2]) > _MOST_TURN:
+            turn_rate = (to_share - middle) / middle * limit
+            if abs(here[2] + turn_rate * to * length - start[2]) > _MOST_TURN:
                 continue
             touching = not clear and here[5] < _TOUCHING_LENGTH
-            close = math.hypot(after[0] - world.x, after[1] - world.y) < _EXACT
-            exact, corners = close and nearest == AT_WALL, close and reverses  # three discs leave the corners out
-            checks = _CHECKS_AT_WALL if touching or exact or corners else 2
-            passes = True
-            for check in range(checks):
-                _advance(here, used * limit, to * length * (check + 1) / checks, after)
-                passes = _passes(way, car, after, nearest, touching, exact, hits, margin)
-                if not passes or (corners and touches(world, car, after[0], after[1], after[2], margin)):
-                    passes = False
-                    break
-            if not passes:
-                continue
-            if to == -1 and not _tail_is_seen(world, car, after):
-                continue
-            cells = to_go_at(way, after[0] + offset * math.cos(after[2]), after[1] + offset * math.sin(after[2]))
+            cos, sin = _arc(arcs[to_share], _WHOLE, turn_rate, length, to, here, cos_here, sin_here, after)
+            cells = to_go_at(way, after[0] + offset * cos, after[1] + offset * sin)
             if cells == FAR and to == 1 and not touching and here[5] > _UNKNOWN_LENGTH:
                 continue
             to_go = cells * UNIT if cells != FAR else rest + length
-            if not _is_new(table, after, 2 if nearest == AT_WALL else 1, to):
+            key = _key(after, 2 if nearest == AT_WALL else 1, to)
+            slot = _slot(table, key)
+            if table[slot] == key:  # a motion has come there
                 continue
-            braking = _BRAKING * limiter.braking * longitudinal_share(min(grip, 0.97) * abs(used), limiter.exponent)
-            after[4] = max(here[4] - 2.0 * braking * length, min(here[4], slowest))
+            if to == -1 and not _tail_is_seen(world, car, after[0], after[1], cos, sin):
+                continue
+            _arc(arcs[to_share], _HALF, turn_rate, length, to, here, cos_here, sin_here, after)
+            dx, dy = after[0] - world.x, after[1] - world.y
+            close = dx * dx + dy * dy < _EXACT * _EXACT
+            exact, corners = close and nearest == AT_WALL, close and reverses  # three discs leave the corners out
+            compared, passes = touching or exact, True
+            for part in range(len(_PARTS)):
+                if compared == (part == _HALF) and part < _WHOLE:
+                    continue  # half of the arc, or the other parts
+                cos, sin = _arc(arcs[to_share], part, turn_rate, length, to, here, cos_here, sin_here, after)
+                x, y = after[0], after[1]
+                if compared:
+                    most_hits = hits if touching else MOST_IN_WALLS
+                    passes = outline_in_walls(world, car, x, y, cos, sin) <= most_hits
+                else:
+                    passes = _discs_are_clear(way, car, x, y, cos, sin, nearest)
+                if passes and (compared or corners):
+                    passes = not _touches(ends, car, x, y, cos, sin, margin)
+                if not passes:
+                    break
+            if not passes:
+                continue
+            table[slot] = key
+            after[4] = max(here[4] - 2.0 * braking[to_share] * length, min(here[4], slowest))
             after[5] = here[5] + length * (1.5 - 0.5 * to + _TURN_COST * after[3] ** 2)
             after[5] += _STEER_COST * abs(to_share - share[node]) + _REVERSE_COST * (to != direction[node])
             state[count] = after
@@ -177,6 +204,7 @@ def search_motion(
             _push(heap, value, waiting, count)
             waiting += 1
             count += 1
+    way.nodes += count
     _write(motion, best, parent, state, direction)
     return bool(motion.found)
 
@@ -184,25 +212,30 @@ def search_motion(
 @kernel
 def is_clear(way: Record, car: Record, x: float, y: float, heading: float, nearest: int) -> bool:
     """Say whether three discs on the axis of a car at a place keep clear of walls."""
-    cos, sin = math.cos(heading), math.sin(heading)
+    return _discs_are_clear(way, car, x, y, math.cos(heading), math.sin(heading), nearest)
+
+
+@kernel
+def _discs_are_clear(way: Record, car: Record, x: float, y: float, cos: float, sin: float, nearest: int) -> bool:
+    """Say the same of a car by the cosine and sine of its heading."""
     back, front = 0.5 * car.width - car.rear_overhang, car.length - car.rear_overhang - 0.5 * car.width
     for k in range(3):
         place = back + 0.5 * k * (front - back)
-        i, j = math.floor((x + place * cos) / CELL), math.floor((y + place * sin) / CELL)
+        i, j = math.floor((x + place * cos) * PER_METRE), math.floor((y + place * sin) * PER_METRE)
         if not in_window(way.map, i, j) or way.blocked[i & RING, j & RING] & nearest != 0:
             return False
     return True
 
 
 @kernel
-def outline_in_walls(world: Record, car: Record, x: float, y: float, heading: float) -> int:
-    """Return how many of 14 points of the outline of a car at a place lie in cells of walls."""
-    cos, sin = math.cos(heading), math.sin(heading)
+def outline_in_walls(world: Record, car: Record, x: float, y: float, cos: float, sin: float) -> int:
+    """Return how many of 14 points of the outline of a car lie in cells of walls, by its heading's cosine and sine."""
     hits = 0
     for k in range(7):
         place = k * car.length / 6.0 - car.rear_overhang
         for side in (-0.5 * car.width, 0.5 * car.width):
-            i, j = math.floor((x + place * cos - side * sin) / CELL), math.floor((y + place * sin + side * cos) / CELL)
+            i = math.floor((x + place * cos - side * sin) * PER_METRE)
+            j = math.floor((y + place * sin + side * cos) * PER_METRE)
             hits += world.cells[i & RING, j & RING] == WALL
     return hits
 
@@ -220,57 +253,124 @@ def touches(world: Record, car: Record, x: float, y: float, heading: float, marg
 
 
 @kernel
-def _tail_is_seen(world: Record, car: Record, place: NDArray[np.float64]) -> bool:
+def _sorted_ends(world: Record, count: int) -> tuple[NDArray[np.float64], NDArray[np.int64], float, float]:
+    """Return the first ends of the last scan's beams by the squares in which they lie, for `_touches`.
+
+    Returns:
+      The ends (n, 2) [m]; the first of each square and of the one after the last; where the squares begin [m]. Squares
+      have sides of _SQUARE; they are numbered along y first, _SQUARES in a line.
+    """
+    left, low = math.inf, math.inf
+    for k in range(count):
+        left, low = min(left, world.ends[k, 0]), min(low, world.ends[k, 1])
+    ends, first = np.empty((count, 2)), np.zeros(_SQUARES * _SQUARES + 1, np.int64)
+    for k in range(count):
+        first[_square(world.ends[k, 0] - left) * _SQUARES + _square(world.ends[k, 1] - low) + 1] += 1
+    for k in range(_SQUARES * _SQUARES):
+        first[k + 1] += first[k]
+    for k in range(count - 1, -1, -1):  # the first of a square is that of the next until all are in their places
+        square = _square(world.ends[k, 0] - left) * _SQUARES + _square(world.ends[k, 1] - low) + 1
+        first[square] -= 1
+        ends[first[square]] = world.ends[k]
+    for k in range(_SQUARES * _SQUARES):
+        first[k] = first[k + 1]
+    first[_SQUARES * _SQUARES] = count
+    return ends, first, left, low
+
+
+@kernel
+def _square(along: float) -> int:
+    """Return in which line of squares a place is; those beyond the last count as in it, and before the first as -1."""
+    return int(min(max(math.floor(along * (1.0 / _SQUARE)), -1), _SQUARES - 1))
+
+
+@kernel
+def _touches(
+    sorted_ends: tuple[NDArray[np.float64], NDArray[np.int64], float, float],
+    car: Record,
+    x: float,
+    y: float,
+    cos: float,
+    sin: float,
+    margin: float,
+) -> bool:
+    """Say the same as `touches`, by the ends of those squares only in which the car's outline lies."""
+    ends, first, left, low = sorted_ends
+    tail, nose, half = -car.rear_overhang - margin, car.length - car.rear_overhang + margin, 0.5 * car.width + margin
+    middle, reach = 0.5 * (tail + nose), 0.5 * (nose - tail)
+    across, along = abs(cos) * reach + abs(sin) * half + 1e-9, abs(sin) * reach + abs(cos) * half + 1e-9
+    at_x, at_y = x + middle * cos - left, y + middle * sin - low
+    low_j, high_j = max(_square(at_y - along), 0), _square(at_y + along)
+    for i in range(max(_square(at_x - across), 0), _square(at_x + across) + 1):
+        if high_j < low_j:
+            break
+        for k in range(first[i * _SQUARES + low_j], first[i * _SQUARES + high_j + 1]):
+            dx, dy = ends[k, 0] - x, ends[k, 1] - y
+            if tail < cos * dx + sin * dy < nose and abs(cos * dy - sin * dx) < half:
+                return True
+    return False
+
+
+@kernel
+def _tail_is_seen(world: Record, car: Record, x: float, y: float, cos: float, sin: float) -> bool:
     """Say whether the ground under a car's tail was seen: nothing else shows what is behind the car."""
-    x, y = place[0] - car.rear_overhang * math.cos(place[2]), place[1] - car.rear_overhang * math.sin(place[2])
-    i, j = math.floor(x / CELL), math.floor(y / CELL)
+    i = math.floor((x - car.rear_overhang * cos) * PER_METRE)
+    j = math.floor((y - car.rear_overhang * sin) * PER_METRE)
     return bool(in_window(world, i, j) and world.cells[i & RING, j & RING] == FREE)
 
 
 @kernel
-def _passes(
-    way: Record,
-    car: Record,
+def _arc(
+    arcs: NDArray[np.float64],
+    part: int,
+    curvature: float,
+    length: float,
+    direction: int,
     place: NDArray[np.float64],
-    nearest: int,
-    touching: bool,
-    exact: bool,
-    hits: int,
-    margin: float,
-) -> bool:
-    """Say whether the car may be at a place."""
-    x, y, heading = place[0], place[1], place[2]
-    if not (touching or exact):
-        return is_clear(way, car, x, y, heading, nearest)
-    if outline_in_walls(way.map, car, x, y, heading) > (hits if touching else MOST_IN_WALLS):
-        return False
-    return not touches(way.map, car, x, y, heading, margin)
+    cos: float,
+    sin: float,
+    after: NDArray[np.float64],
+) -> tuple[float, float]:
+    """Write where a part of an arc leads: x, y, heading and curvature; return the cosine and sine of the heading there.
+
+    Args:
+      arcs: (parts, 5) the arcs of the last node with this share, which most others have, too; written to.
+      part: index in _PARTS.
+      curvature: [1/m].
+      length: of the whole arc [m].
+      direction: 1 or -1: reverse.
+      place: x, y and heading.
+      cos: of that heading.
+      sin: of that heading.
+      after: written to.
+    """
+    arc, turned = arcs[part], curvature * _PARTS[part] * length
+    if arc[0] != length:  # the length tells the speed, and so the curvature
+        chord, half = _PARTS[part] * length, 0.5 * turned
+        arc[0], arc[3], arc[4] = length, math.cos(turned), math.sin(turned)
+        arc[1], arc[2] = chord * math.cos(half), chord * math.sin(half)
+    ahead, aside, turn_sin = arc[1] * direction, arc[2], arc[4] * direction
+    after[0], after[1] = place[0] + cos * ahead - sin * aside, place[1] + sin * ahead + cos * aside
+    after[2], after[3] = place[2] + turned * direction, curvature
+    return cos * arc[3] - sin * turn_sin, sin * arc[3] + cos * turn_sin
 
 
 @kernel
-def _advance(place: NDArray[np.float64], curvature: float, length: float, after: NDArray[np.float64]) -> None:
-    """Write where an arc of that length [m] leads, negative in reverse: x, y, heading and curvature."""
-    middle = place[2] + 0.5 * curvature * length
-    after[0], after[1] = place[0] + length * math.cos(middle), place[1] + length * math.sin(middle)
-    after[2], after[3] = place[2] + curvature * length, curvature
+def _key(place: NDArray[np.float64], fine: int, direction: int) -> int:
+    """Return the number of the cell, heading and direction of a place, above 0; `fine` times as fine as cells are."""
+    i = math.floor(place[0] * PER_METRE * fine) & (fine * SIZE - 1)
+    j = math.floor(place[1] * PER_METRE * fine) & (fine * SIZE - 1)
+    turn = math.floor(place[2] * (_HEADINGS / (2.0 * math.pi)) * fine) % (_HEADINGS * fine)
+    return ((i * SIZE * fine + j) * _HEADINGS * fine + turn) * 2 + (direction == 1) + 1
 
 
 @kernel
-def _is_new(table: NDArray[np.int64], place: NDArray[np.float64], fine: int, direction: int) -> bool:
-    """Say whether no motion has come to about this place yet, and remember that one has."""
-    i, j = (
-        math.floor(place[0] / CELL * fine) & (fine * SIZE - 1),
-        math.floor(place[1] / CELL * fine) & (fine * SIZE - 1),
-    )
-    turn = int((place[2] % (2.0 * math.pi)) / (2.0 * math.pi) * _HEADINGS * fine) % (_HEADINGS * fine)
-    key = ((i * SIZE * fine + j) * _HEADINGS * fine + turn) * 2 + (direction == 1) + 1
+def _slot(table: NDArray[np.int32], key: int) -> int:
+    """Return where in a table of keys, 0 where it is empty, a key is or belongs."""
     slot = (key * 2654435761) & (len(table) - 1)
-    while table[slot] != 0:
-        if table[slot] == key:
-            return False
+    while table[slot] != 0 and table[slot] != key:
         slot = (slot + 1) & (len(table) - 1)
-    table[slot] = key
-    return True
+    return slot
 
 
 @kernel

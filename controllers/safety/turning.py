@@ -17,7 +17,7 @@ from ..control.settings import Record
 from ..control.steering import arc_through, saturate
 from ..control.tracking import CURVATURE, HEADING, X, Y
 from ..perception.way_on import AT_WALL, NEAR_WALL
-from .motion_search import DIRECTION, MOST_IN_WALLS, MOST_LOCK, MOTION, outline_in_walls, search_motion, touches
+from .motion_search import DIRECTION, MOST_IN_WALLS, MOST_LOCK, MOST_NODES, MOTION, outline_in_walls, search_motion, touches
 
 _SLOW = 0.7  # [m/s]
 _PATIENCE = 14  # ticks
@@ -27,12 +27,12 @@ _BRAKING = 1.5  # [m/s^2] before a change of direction
 _REACH = 0.3  # [m] to the point that the car steers for
 _HORIZON = 1.5  # [m] by which the way to go is shorter at the end
 _GRIP = 0.85  # of the cornering acceleration; the search takes the car to be standing
-_NODES = 16000
 
 TURNING = np.dtype(
     [
         ("active", np.bool_),
         ("slow", np.int64),  # ticks for which the car has been slow; while turning, for which it has stood
+        ("failed", np.int64),  # times that no motion was found
         ("motion", MOTION),
         ("place", np.int64),  # index of the motion's point that is next
         ("in_walls", np.int64),  # points of the outline in cells of walls at the beginning
@@ -99,13 +99,16 @@ def _begins(way: Record, limiter: Record, memory: Record, steering_angle: float,
     memory.slow = 0
     car, world = limiter.car, way.map
     curvature = math.tan(steering_angle) / car.wheelbase
-    for nearest in (NEAR_WALL, AT_WALL):
+    cos, sin = math.cos(world.heading), math.sin(world.heading)
+    for attempt in range(2):  # the second has what the first leaves of the nodes, so next time the other one begins
+        nearest = NEAR_WALL if (attempt + memory.failed) % 2 == 0 else AT_WALL
         if search_motion(
-            way, limiter, memory.motion, curvature, 0.0, 0.0, _GRIP, MOST_LOCK, _HORIZON, nearest, True, _NODES
+            way, limiter, memory.motion, curvature, 0.0, 0.0, _GRIP, MOST_LOCK, _HORIZON, nearest, True, MOST_NODES
         ):
             memory.active, memory.place = True, 0
-            memory.in_walls = outline_in_walls(world, car, world.x, world.y, world.heading)
+            memory.in_walls = outline_in_walls(world, car, world.x, world.y, cos, sin)
             return True
+    memory.failed += 1
     return False
 
 
@@ -114,7 +117,8 @@ def _is_free(way: Record, car: Record, memory: Record) -> bool:
     """Say whether what is left of the motion is free."""
     for k in range(memory.place, memory.motion.count):
         point = memory.motion.points[k]
-        if outline_in_walls(way.map, car, point[X], point[Y], point[HEADING]) > max(memory.in_walls, MOST_IN_WALLS):
+        cos, sin = math.cos(point[HEADING]), math.sin(point[HEADING])
+        if outline_in_walls(way.map, car, point[X], point[Y], cos, sin) > max(memory.in_walls, MOST_IN_WALLS):
             return False
         if touches(way.map, car, point[X], point[Y], point[HEADING], 0.0):
             return False

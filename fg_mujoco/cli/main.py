@@ -398,7 +398,7 @@ def _table(result: RaceResult, out: str | None) -> str:
         ("laps", f"{result.laps_completed} of {result.laps_requested}, {result.end_reason.replace('_', ' ')}"),
         *laps,
         ("collisions", f"{result.collisions}"),
-        ("greatest sliding", f"{result.max_slide_m_s:.4f} m/s (a tire slides {sliding_rule(result.tires)})"),
+        ("greatest sliding", f"{result.max_slide_m_s:.4f} m/s (a tire slides {sliding_rule(result.tires_model)})"),
         ("sliding sideways", f"{result.max_lateral_slide_m_s:.4f} m/s at most"),
         ("time sliding", f"{100.0 * result.slide_time_fraction:.2f} %"),
         ("friction", friction_text(result.mu, result.planner_mu)),
@@ -417,6 +417,8 @@ def _table(result: RaceResult, out: str | None) -> str:
         rows.insert(1, ("planner failed", str(result.planner_failure)))
     if result.crash is not None:
         rows.insert(1, ("crash", str(result.crash)))
+    if result.rollover is not None:
+        rows.insert(1, ("rolled over", str(result.rollover)))
     if result.end_reason == "decision_limit":
         rows.insert(1, ("decision limit", decision_limit_text(result.decision_limit_s, result.sim_time_s)))
     if out is not None:

@@ -30,7 +30,6 @@ from ..studies.rollout.rollouts import (
 )
 from ..studies.rollout.world_batch import RECORDS
 from ..vehicle.tire_slip import sliding_rule
-from ..vehicle.tires import CONTACT
 from .options import (
     add_controller_option,
     add_drive_options,
@@ -158,7 +157,7 @@ def _table(result: RolloutResult, out: str | None) -> str:
     summary = result.summary()
     reasons = ", ".join(f"{count} {reason.replace('_', ' ')}" for reason, count in summary["end_reasons"].items())
     low, high = summary["finished_interval"]
-    rule = f"{sliding_rule(CONTACT)}; one with a curve past its peak"
+    rule = sliding_rule(result.base.tire_set.model)
     rows = [
         ("worlds", f"{len(result)}: {reasons}"),
         ("finished", f"{100.0 * summary['finished']:.1f} %; 95 % interval: {100.0 * low:.1f} to {100.0 * high:.1f} %"),

@@ -54,7 +54,8 @@ class Episodes:
       actions: their bounds.
       commands: of the last step (n, 2) [rad, m/s].
       rewards: of the last step (n,).
-      terminated: whether something has ended the episode: a crash, the last lap, a physics that broke down (n,).
+      terminated: whether something has ended the episode: a crash, a rollover, the last lap, a physics that broke down
+        (n,).
       truncated: whether the time limit has, ten seconds without progress, or five metres the wrong way (n,).
       clipped: how many actions of the episode were held within the bounds (n,).
     """
@@ -145,7 +146,7 @@ class Episodes:
         """Reward the tick that was driven."""
         worlds = self.worlds
         reward_ticks(
-            self._driven, self._progress, self._before, worlds.crashed, worlds.sliding, self._weights, self.rewards
+            self._driven, self._progress, self._before, worlds.wrecked, worlds.sliding, self._weights, self.rewards
         )  # fmt: skip
 
     def stop(self, which: Mask) -> None:

@@ -63,7 +63,7 @@ def reward_ticks(
       driven: (n,) the worlds in which it was driven; the others' rows are left as they are.
       progress: (n,) [m] now.
       before: (n,) [m] at the start of the tick, brought up to date.
-      crashed: (n,) whether the chassis has touched anything.
+      crashed: (n,) whether the chassis has touched a wall or an obstacle, or the car has rolled over.
       sliding: (n,) share of the tick in which a tire slid.
       weights: (3,) of a metre, of a crash, and of a tick in which a tire slides all the while.
       rewards: (n,) written to.

@@ -17,7 +17,7 @@ from .settings import EnvironmentSettings
 
 Mask = NDArray[np.bool_]
 
-_FINISHED = END_REASONS.index("finished")
+_FINISHED, _ROLLED_OVER = END_REASONS.index("finished"), END_REASONS.index("rolled_over")
 _SLIDING_STEPS = TELEMETRY.index("sliding_steps")
 
 
@@ -79,6 +79,12 @@ class Worlds:
     def crashed(self) -> Mask:
         """Whether the chassis has touched a wall or an obstacle since the beginning. Shape (a,)."""
         return np.ascontiguousarray(self.engine.crashed[self._rows])
+
+    @property
+    def wrecked(self) -> Mask:
+        """Whether each agent has crashed or rolled over. Shape (a,)."""
+        wrecked: Mask = self.crashed | (self.monitor.reasons == _ROLLED_OVER)
+        return wrecked
 
     @property
     def ranges(self) -> FloatArray:

@@ -32,7 +32,10 @@ from ..simulation.settings import Start
 from ..simulation.simulation import complete_state
 from ..simulation.world import World
 from ..vehicle import motion as car_motion
+from ..vehicle.car import WHEELS
 from ..vehicle.speed_controller import SpeedController
+from ..vehicle.tire_forces import USERDATA, userdata_place
+from ..vehicle.tires import tires_of
 
 Motion = tuple[float, float, float, float, float, float]
 """Of a car: x [m], y [m], heading [rad], velocity ahead and to the left [m/s], yaw rate [rad/s]."""
@@ -171,12 +174,15 @@ class Driving:
         data.qvel[free : free + 2] = speed * cos - left * sin, speed * sin + left * cos
         data.qvel[free + 5], data.qpos[at] = yaw_rate, steering
         data.time = time
+        if not tires_of(self.world.model, car.prefix).is_contact:
+            first = userdata_place(self.world.model, car.prefix)
+            data.userdata[first : first + USERDATA * len(WHEELS)] = 0.0
         mujoco.mj_forward(self.world.model, data)
         self.engine.load(complete_state(self.world.model, data))
         self.motions[agent] = self.motion(agent)
 
     def drive(self, commands: Any) -> NDArray[np.bool_]:
-        """Hold commands for a step, count the laps, and return whether each car touches something. Shape (cars,).
+        """Hold commands for a step, count the laps, and return which cars touch something or lie. Shape (cars,).
 
         Args:
           commands: steering angle [rad] and speed [m/s] of each car, shape (cars, 2), held within its limits.
@@ -190,6 +196,7 @@ class Driving:
         engine.sense(self._every)
         time = engine.time(0)
         collided: NDArray[np.bool_] = engine.crashed | engine.unstable(0)
+        collided |= [car_motion.is_rolled_over(self._qpos, constants) for constants in self._constants]
         if len(self._agents) > 1:
             collided |= (engine.touched_at >= time).any(axis=1)
         self.motions = [self.motion(agent) for agent in self._agents]

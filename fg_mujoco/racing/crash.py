@@ -10,10 +10,8 @@ import mujoco
 import numpy as np
 
 from ..course.moving_obstacles import PREFIX as MOVING_PREFIX
-from ..course.moving_obstacles import make_mover
 from ..messages import FloatArray
-from ..simulation.engine import whole_steps
-from ..simulation.physics import STATE
+from ..simulation.engine import Engine
 from ..simulation.world import OBSTACLE_PREFIX, World
 from ..vehicle.motion import ground_speed
 
@@ -65,19 +63,21 @@ def crash_of(
       period: of a tick [s].
       row: of the car.
     """
-    model = world.model
-    data, mover = mujoco.MjData(model), make_mover(model)
-    mujoco.mj_setState(model, data, states[-2] if len(ctrl) else states[0], int(STATE))
-    if len(ctrl):
-        data.ctrl[:] = ctrl[-1]
+    model, engine = world.model, Engine(world, period=period)
+    data, before = mujoco.MjData(model), [0.0, 0.0]  # time and speed
+    engine.load(states[-2] if len(ctrl) else states[0])
     prefix, constants = world.cars[row].prefix, world.cars[row].constants
     chassis = model.geom(f"{prefix}chassis").id
     others = {model.geom(f"{car.prefix}chassis").id for car in world.cars if car.prefix != prefix}
-    for _ in range(whole_steps(period, model.opt.timestep)):
-        if mover is not None:
-            mover.place(data)
-        time, speed = data.time, ground_speed(data.qpos, data.qvel, constants)
-        mujoco.mj_step(model, data)  # its contacts are those at the beginning of the step
+    crashes: list[Crash] = []
+
+    def note(engine: Engine, _: Any) -> None:
+        before[:] = engine.time(0), ground_speed(engine.qpos(0), engine.qvel(0), constants)
+
+    def look(engine: Engine, _: Any) -> None:
+        if crashes:
+            return
+        engine.read(0, data)  # its contacts are those at the beginning of the step
         own = [contact for contact in data.contact if chassis in contact.geom]
         touching = [contact for contact in own if not others & set(contact.geom.tolist())]
         if touching:
@@ -86,11 +86,15 @@ def crash_of(
             x, y = map(float, deepest.pos[:2])
             name, place = model.geom(other).name, float(timer["place"])
             done = min(int(timer["laps_completed"]), laps - 1)
-            return Crash(
-                into=_described(name, world, (x, y), deepest.frame[:2], place), geom=name, time_s=time, x_m=x, y_m=y,
-                speed_m_s=float(speed), lap=done + 1, s_m=float(timer["progress"]) - done * world.track.length,
-            )  # fmt: skip
-    return None
+            into = _described(name, world, (x, y), deepest.frame[:2], place)
+            s = float(timer["progress"]) - done * world.track.length
+            time, speed = map(float, before)
+            crashes.append(Crash(into=into, geom=name, time_s=time, x_m=x, y_m=y, speed_m_s=speed, lap=done + 1, s_m=s))
+
+    engine.before_substep.append(note)
+    engine.after_substep.append(look)
+    engine.drive(controls=ctrl[-1:] if len(ctrl) else engine.ctrl(0)[np.newaxis].copy())
+    return crashes[0] if crashes else None
 
 
 def _described(geom: str, world: World, point: tuple[float, float], normal: FloatArray, place: float) -> str:

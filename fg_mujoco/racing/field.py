@@ -145,8 +145,8 @@ def race_field(
         **{
             name: getattr(own, name)
             for name in (
-                "vehicle", "vehicle_sha256", "tires", "tires_sha256", "controller", "controller_origin",
-                "controller_source", "planner_failure", "decision_times", "planner_mu", "speed_limit_m_s",
+                "vehicle", "vehicle_sha256", "tires", "tires_model", "tires_sha256", "controller",
+                "controller_origin", "controller_source", "planner_failure", "decision_times", "planner_mu", "speed_limit_m_s",
                 "odometry_drift", "lidar_effects", "planner_settings", "seed", "laps_completed", "lap_times_s",
                 "finished", "end_reason", "wrong_way", "crash",
             )
@@ -226,7 +226,7 @@ def _car_result(
     source, settings = split_controller(entry.controller, entry.planner_settings)
     return CarResult(
         name=str(entry.name), position=position, vehicle=entry.car.name, vehicle_sha256=entry.car.sha256,
-        tires=entry.tire_set.name, tires_sha256=entry.tire_set.sha256,
+        tires=entry.tire_set.name, tires_model=entry.tire_set.model, tires_sha256=entry.tire_set.sha256,
         controller=source if isinstance(source, str) else type(planner).__name__,
         controller_origin=origin(source, type(planner)) | {"files": files},
         controller_source=source_code(type(planner)),

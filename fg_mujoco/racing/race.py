@@ -216,6 +216,7 @@ def race(
         vehicle=settings.car.name,
         vehicle_sha256=settings.car.sha256,
         tires=settings.tire_set.name,
+        tires_model=settings.tire_set.model,
         tires_sha256=settings.tire_set.sha256,
         controller=controller if isinstance(controller, str) else type(planner).__name__,
         controller_origin=origin(controller, type(planner)) | {"files": files},

@@ -18,9 +18,11 @@ from ..simulation.planner_failure import PlannerFailure
 from ..simulation.settings import friction_text
 from ..simulation.telemetry import COMMAND, column_index, column_meant
 from ..simulation.termination import WrongWay
+from ..vehicle.tires import CONTACT, MagicFormula
 from .crash import Crash
 from .decisions import DecisionTimes
 from .driven_line import driven_line, driven_lines
+from .rollover import Rollover
 
 if TYPE_CHECKING:
     from ..simulation.engine import Engine
@@ -38,6 +40,7 @@ class CarResult(Suggesting):
     vehicle: str
     vehicle_sha256: str
     tires: str
+    tires_model: str
     tires_sha256: str
     controller: str
     controller_origin: dict[str, Any]
@@ -104,15 +107,16 @@ class CarResult(Suggesting):
 class RaceResult(Shown):
     """How a race went. The summary's fields are named as in its JSON; arrays are read-only.
 
-    `end_reason` is one of "finished", "crash", "wrong_way", "no_progress", "time_limit", "unstable" (MuJoCo warned of
-    a bad state), "interrupted", "decision_limit" (the planner took longer for a decision than it was allowed) and
-    "planner_failed" (of a result that a PlannerError carries).
+    `end_reason` is one of "finished", "crash", "rolled_over" (the car lies on its side or its roof), "wrong_way",
+    "no_progress", "time_limit", "unstable" (MuJoCo warned of a bad state), "interrupted", "decision_limit" (the planner
+    took longer for a decision than it was allowed) and "planner_failed" (of a result that a PlannerError carries).
     """
 
     track: str
     vehicle: str
     vehicle_sha256: str  # of its MJCF and its LiDAR's
     tires: str  # their name, `contact` for MuJoCo's contacts
+    tires_model: str  # of their law, or `contact`: it says when they slide
     tires_sha256: str  # of their numbers
     controller: str
     controller_origin: dict[str, Any]  # of the planner: distribution and version, or file; hashes of source and `files`
@@ -177,12 +181,19 @@ class RaceResult(Shown):
         laps += f"{self.sim_time_s:.1f} s{best}"
         return brief(self, f"{quoted(self.controller)} on {quoted(self.track)}: {laps}, {self._end()}")
 
+    @property
+    def rollover(self) -> Rollover | None:
+        """Where the car rolled over; None: the race did not end so, or was one of several cars."""
+        return None if self.car_results else Rollover.of(self.end_reason, self.telemetry)
+
     def _end(self) -> str:
         """Return how the race ended, in words."""
         if self.planner_failure is not None:
             return f"the planner failed: {self.planner_failure}"
         if self.crash is not None or self.wrong_way is not None:
             return str(self.crash or f"wrong way: {self.wrong_way}")
+        if self.rollover is not None:
+            return f"rolled over {self.rollover}"
         return "no collision" if self.finished else f"ended by {self.end_reason}"
 
     def _repr_html_(self) -> str:
@@ -196,7 +207,7 @@ class RaceResult(Shown):
             ("greatest sliding", f"{self.max_slide_m_s:.3f} m/s, {100.0 * self.slide_time_fraction:.2f} % of the time"),
             ("friction coefficient", friction_text(self.mu, self.planner_mu)),
         ]
-        ends = (("crashed here", self.crash), ("turned here", self.wrong_way))
+        ends = (("crashed here", self.crash), ("turned here", self.wrong_way), ("rolled over here", self.rollover))
         marks = [(text, (place.x_m, place.y_m)) for text, place in ends if place is not None]
         line = np.column_stack((self.column("x_m"), self.column("y_m")))
         picture = driven_line(
@@ -267,6 +278,17 @@ class RaceResult(Shown):
 
 
 _OF_SEVERAL = ("overtakes", "contacts", "warnings", "restarts")
+
+
+def tires_model(summary: Mapping[str, Any]) -> str:
+    """Return the model of the tires in a summary.
+
+    Older runs lack it: theirs stood on contacts, or on a curve, whatever it was called.
+    """
+    known = summary.get("tires_model")
+    if known is not None:
+        return str(known)
+    return CONTACT if summary.get("tires", CONTACT) == CONTACT else MagicFormula.model
 
 
 def car_row(values: Mapping[str, Any]) -> dict[str, Any]:

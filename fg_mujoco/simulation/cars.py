@@ -20,7 +20,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..display import brief, changed
 from ..errors import ModelError, SettingsError
 from ..messages import CarParameters, FloatArray
-from ..vehicle.car import element_id, sensor_slice
+from ..vehicle.bodywork import harden, stand_on_ground
+from ..vehicle.car import WHEELS, element_id, sensor_slice
 from ..vehicle.changes import CarChanges
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
@@ -33,6 +34,11 @@ CAR_PREFIX = "car/"
 
 LIDAR_IN_CAR = "lidar/"
 """And of those of its LiDAR, behind the car's prefix."""
+
+UNREAD_SENSORS = (
+    "position", "orientation", "gyro", "steering_angle", *(f"{wheel}_wheel_speed" for wheel in WHEELS)
+)  # fmt: skip
+"""Sensors of a vehicle that a world goes without: the odometry has them from the state, at its very moment."""
 
 BOX = "visible_box"
 """Name of the geom that makes a car visible."""
@@ -124,6 +130,13 @@ def car_colour_hex(index: int) -> str:
     return "#" + "".join(f"{round(255.0 * part):02x}" for part in car_colour(index)[:3])
 
 
+def drop_unread_sensors(spec: Any) -> None:
+    """Take from a vehicle's spec, in place, the sensors of UNREAD_SENSORS that it has."""
+    for name in UNREAD_SENSORS:
+        if (sensor := spec.sensor(name)) is not None:
+            spec.delete(sensor)
+
+
 def make_visible(spec: Any, index: int, car: CarParameters) -> None:
     """Put the box on a vehicle's spec that races others, in place, behind its LiDAR."""
     base = spec.body("base_link")
@@ -131,10 +144,12 @@ def make_visible(spec: Any, index: int, car: CarParameters) -> None:
     half = (0.5 * BOX_SIDE, 0.5 * BOX_SIDE, 0.5 * (high - low))
     # the front face .07 m behind the LiDAR hides what is more than 139 deg to either side; a UST-10LX ends at 135
     position = (car.lidar_offset - BOX_SIDE - 0.01, 0.0, 0.5 * (low + high) - float(base.pos[2]))
-    base.add_geom(
+    box = base.add_geom(
         name=BOX, type=mujoco.mjtGeom.mjGEOM_BOX, size=half, pos=position, rgba=car_colour(index), mass=0.0,
         contype=_BOX_CONTYPE, conaffinity=_BOX_CONAFFINITY, group=2,
     )  # fmt: skip
+    harden(box, spec.option.timestep)
+    stand_on_ground(spec, BOX)
 
 
 def hide_ground(spec: Any) -> None:

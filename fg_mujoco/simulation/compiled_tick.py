@@ -34,6 +34,7 @@ from .array_table import (
     whole_matrix,
     whole_numbers,
 )
+from .clear_ground import ClearGround
 from .physics import Batch, StateLayout, apply_to_states
 from .termination import judge_cars
 from .tick import Mounts, book_cars, hold_commands, read_cars, scan_cars, worlds_to_drive
@@ -46,6 +47,7 @@ NAMES = (
     "standing_since", "table", "tires", "tire_states",
     "patches", "wheels", "floor_mu", "pairs", "car_places", "links", "touch_places", "touched_at", "sizes", "span",
     "fields", "row_counts", "row_starts", "inertia_columns", "gears", "scratch",
+    "distances", "corner", "bodies",
 )  # fmt: skip
 """Of the arrays in a table, in the order of its rows."""
 
@@ -56,6 +58,7 @@ NAMES = (
     _FAILED, _MU, _SLIP, _CRASHED, _STATISTICS, _REASONS, _WARNINGS, _LAP_TIMES, _STANDING_SINCE, _TABLE, _TIRE_ROWS,
     _TIRE_STATES, _PATCHES, _WHEELS, _FLOOR_MU, _PAIRS, _CAR_PLACES, _LINKS, _TOUCH_PLACES, _TOUCHED_AT, _SIZES, _SPAN,
     _FIELDS, _ROW_COUNTS, _ROW_STARTS, _COLUMNS_OF_INERTIA, _GEARS, _SCRATCH,
+    _DISTANCES, _CORNER, _BODIES,
 ) = range(len(NAMES))  # fmt: skip
 
 _ARRAYS = len(NAMES)
@@ -129,7 +132,7 @@ def sense(table: Table, which: NDArray[np.bool_]) -> None:
 def _fields_of(n: Any) -> Fields:
     return Fields(
         n[0], n[1], n[2], n[3], n[4], n[5], n[6], n[7], n[8], n[9], n[10], n[11], n[12], n[13], n[14], n[15], n[16],
-        n[17], n[18], n[19], n[20], n[21], n[22],
+        n[17], n[18], n[19], n[20], n[21], n[22], n[23],
     )  # fmt: skip
 
 
@@ -156,6 +159,7 @@ def _step_world(model: int, data: int, world: int, address: int) -> None:
         gear_rows(table[_GEARS]), whole_matrix(table[_CAR_PLACES]), car_rows(table[_CARS]),
         tire_rows(table[_TIRE_ROWS]), matrix(table[_MU]), _floor(table), matrix(table[_MOTIONS]),
         numbers(table[_TIMES])[_TIMESTEP], cube(table[_RECORDS]), cube(table[_TIRE_STATES]), numbers(table[_SCRATCH]),
+        ClearGround(matrix(table[_DISTANCES]), numbers(table[_CORNER]), matrix(table[_BODIES])),
     )  # fmt: skip
 
 

@@ -21,6 +21,7 @@ from ..errors import MessageError, SettingsError
 from ..lidar.effects import LidarEffects
 from ..lidar.lidar import Lidar
 from ..messages import A_COMMAND, DriveCommand, FloatArray, LaserScan, Odometry, shown
+from ..vehicle.motion import is_rolled_over
 from ..vehicle.tire_slip import TireSlip
 from .engine import Engine
 from .physics import STATE
@@ -150,6 +151,11 @@ class Simulation(Suggesting):
     @crashed.setter
     def crashed(self, crashed: bool) -> None:
         self.engine.crashed[0] = crashed
+
+    @property
+    def rolled_over(self) -> bool:
+        """Whether the car lies on its side or its roof: it is tilted by more than motion.ROLLED_OVER."""
+        return bool(is_rolled_over(self.engine.qpos(0), self.world.car.constants))
 
     @property
     def unstable(self) -> bool:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..course.lap_timer import fresh_timers, time_lap
 from ..kernels import kernel
 from ..messages import FloatArray
-from ..vehicle.motion import CarArray, planar_pose
+from ..vehicle.motion import CarArray, is_rolled_over, planar_pose
 from .physics import BAD_WARNINGS, StateLayout
 
 Mask = NDArray[np.bool_]
@@ -24,16 +24,18 @@ STANDING_SPEED = 0.05  # [m/s] a car slower than this stands still, where the go
 
 END_REASONS = (
     "", "unstable", "crash", "finished", "wrong_way", "no_progress", "time_limit", "interrupted", "failed",
-    "planner_failed", "decision_limit", "worker_died", "disqualified",
+    "planner_failed", "decision_limit", "worker_died", "disqualified", "rolled_over",
 )  # fmt: skip
 """By number; the first is that of a race that goes on. "unstable": MuJoCo warned of a bad state. "wrong_way": the car
 came back by WRONG_WAY_LIMIT from its greatest progress, reversing or with its nose against the course. "failed": in a
 batch, the engine raised. "planner_failed": the planner did, or answered something else than a command.
 "decision_limit": the planner took longer for a decision than it was allowed, or never answered. "worker_died": of a
-world whose planner ended the process that drove it. "disqualified": by race control, after too many warnings."""
+world whose planner ended the process that drove it. "disqualified": by race control, after too many warnings.
+"rolled_over": the car is tilted by more than motion.ROLLED_OVER, on its side or its roof."""
 
 _FIRST_BAD, _END_OF_BAD = BAD_WARNINGS.start, BAD_WARNINGS.stop
 _UNSTABLE, _CRASH, _FINISHED, _WRONG_WAY, _NO_PROGRESS, _TIME_LIMIT = range(1, 7)
+_ROLLED_OVER = END_REASONS.index("rolled_over")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,10 +151,11 @@ def judge_cars(
             unstable = unstable or warnings[world, kind] > 0
         back = timers[row].furthest - timers[row].progress
         since = timers[row].last_progress_time
+        rolled_over = is_rolled_over(qpos, cars[row : row + 1])
         if length < math.inf:
-            reason = end_reason(unstable, crashed[row], done, laps, back, time, since, last_time)
+            reason = end_reason(unstable, crashed[row], rolled_over, done, laps, back, time, since, last_time)
         else:
-            reason = end_of_endless(unstable, crashed[row], time, last_time)
+            reason = end_of_endless(unstable, crashed[row], rolled_over, time, last_time)
         reasons[row] = reason
         running[row] = reason == 0
 
@@ -161,6 +164,7 @@ def judge_cars(
 def end_reason(
     unstable: bool,
     crashed: bool,
+    rolled_over: bool,
     laps_completed: int,
     laps: int,
     back: float,
@@ -177,6 +181,8 @@ def end_reason(
         return _UNSTABLE
     if crashed:
         return _CRASH
+    if rolled_over:
+        return _ROLLED_OVER
     if laps_completed >= laps:
         return _FINISHED
     if back >= WRONG_WAY_LIMIT:
@@ -189,7 +195,7 @@ def end_reason(
 
 
 @kernel
-def end_of_endless(unstable: bool, crashed: bool, time: float, last_time: float) -> int:
+def end_of_endless(unstable: bool, crashed: bool, rolled_over: bool, time: float, last_time: float) -> int:
     """Return the number in END_REASONS of why a race on a course without end is over, as `end_reason` does.
 
     The car may stand or turn round there, and the race is finished when its time is over.
@@ -198,4 +204,6 @@ def end_of_endless(unstable: bool, crashed: bool, time: float, last_time: float)
         return _UNSTABLE
     if crashed:
         return _CRASH
+    if rolled_over:
+        return _ROLLED_OVER
     return _FINISHED if time >= last_time else 0

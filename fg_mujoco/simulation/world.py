@@ -27,6 +27,7 @@ from ..errors import SettingsError, accepted_names
 from ..lidar.lidar import LIDAR_BACKENDS, Lidar, make_lidar
 from ..lidar.scene import ScanlineScene
 from ..messages import CarParameters, FloatArray
+from ..vehicle.bodywork import PUSH_OF_MOVING, add_hull, harden, stand_on_ground
 from ..vehicle.car import Car
 from ..vehicle.changes import CarChanges
 from ..vehicle.friction_patches import Patch, add_patches, require_patches
@@ -40,14 +41,17 @@ from .cars import (
     add_touch_sensors,
     car_prefix,
     car_prefixes,
+    drop_unread_sensors,
     hide_ground,
     lidar_prefix,
     make_visible,
     require_alike,
 )
+from .clear_ground import distances_of
 from .course_loading import load_track
 
 _WALL_CONTYPE = 2  # contact roles are those of the vehicles' MJCF: the chassis meets walls and obstacles
+_BELOW_GROUND = 0.5  # [m] that solids reach down: MuJoCo pushes a car out by the shortest way, which is never down
 _COLLISION_GROUP = 3  # viewers hide it, as the car's own collision geoms
 _WALL_COLOUR = (0.86, 0.84, 0.80, 1.0)
 _OBSTACLE_COLOUR = (0.85, 0.45, 0.15, 1.0)
@@ -164,6 +168,11 @@ class World(Suggesting):
         return make_lidar(self.lidar_backend, self.model, lidar_prefix(car))
 
     @cached_property
+    def distances(self) -> tuple[FloatArray, FloatArray]:
+        """How far it is to what stands, from anywhere, see `clear_ground.distances_of`."""
+        return distances_of(self.model)
+
+    @cached_property
     def all_seen(self) -> ScanlineScene:
         """All that the LiDARs of the cars can meet, each other too, prepared for the beams of car 0's."""
         return ScanlineScene(self.model, self.lidar.beams, None)
@@ -203,8 +212,9 @@ def _compose(track: Course, builds: Sequence[WorldCar], lidar: str, obstacles: t
         raise SettingsError(f"lidar is {lidar!r}; {accepted_names(lidar, LIDAR_BACKENDS)}")
     vehicles = [Vehicle.load(build.vehicle) for build in builds]
     cars = [
-        vehicle.spec(build.mu, build.changes, build.tire_set) for vehicle, build in zip(vehicles, builds, strict=True)
-    ]  # fmt: skip
+        add_hull(vehicle.spec(build.mu, build.changes, build.tire_set))
+        for vehicle, build in zip(vehicles, builds, strict=True)
+    ]
     require_alike(cars, vehicles)
     spec = mujoco.MjSpec()
     spec.modelname = f"fg_mujoco {track.name}"
@@ -219,25 +229,41 @@ def _compose(track: Course, builds: Sequence[WorldCar], lidar: str, obstacles: t
     _add_course(spec, track, obstacles)
     for index, (car, vehicle) in enumerate(zip(cars, vehicles, strict=True)):
         drop_tire_sensors(car) if car.numeric(NUMERIC.format("front")) is not None else add_axle_sensors(car)
+        drop_unread_sensors(car)
         if len(cars) > 1:
             make_visible(car, index, vehicle.parameters)
         if index > 0:
             hide_ground(car)
         car.memory, car.nuserdata = spec.memory, spec.nuserdata  # attaching warns where they differ
         beams = vehicle.lidar.spec(sensors=lidar == "rangefinder")
+        solids = _named_solids(beams)
         car.attach(beams, site=car.site("lidar_mount"), prefix=LIDAR_IN_CAR)
+        stand_on_ground(car, *(LIDAR_IN_CAR + name for name in solids))
         spec.attach(car, frame=spec.worldbody.add_frame(), prefix=car_prefix(index))
     add_touch_sensors(spec, len(cars))
     return spec
 
 
+def _named_solids(beams: Any) -> list[str]:
+    """Return the names of the geoms of a LiDAR's spec that can lie on the ground; one without a name gets one."""
+    flat = (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD)
+    solids = [geom for geom in beams.geoms if geom.type not in flat]
+    for index, geom in enumerate(solids):
+        geom.name = geom.name or f"solid_{index}"
+    return [geom.name for geom in solids]
+
+
 def shows(xml: str, track: Course) -> bool:
     """Say whether the MJCF text of a world has the walls of a course, its obstacles and its moving obstacles."""
-    spec = mujoco.MjSpec()
-    _add_course(spec, track, track.obstacles)
-    wanted, found = _shapes(spec.to_xml()), _shapes(xml)
-    walls = [sum(name.startswith("wall") for _, name in shapes) for shapes in (wanted, found)]
-    return walls[0] == walls[1] and all(found.get(name) == shape for name, shape in wanted.items())
+    found = _shapes(xml)
+    for below in (_BELOW_GROUND, 0.0):  # up to version 0.1 solids ended at the ground
+        spec = mujoco.MjSpec()
+        _add_course(spec, track, track.obstacles, below)
+        wanted = _shapes(spec.to_xml())
+        walls = [sum(name.startswith("wall") for _, name in shapes) for shapes in (wanted, found)]
+        if walls[0] == walls[1] and all(found.get(name) == shape for name, shape in wanted.items()):
+            return True
+    return False
 
 
 def _shapes(xml: str) -> dict[tuple[str, str], str]:
@@ -249,13 +275,13 @@ def _shapes(xml: str) -> dict[tuple[str, str], str]:
     }
 
 
-def _add_course(spec: Any, track: Course, obstacles: tuple[Obstacle, ...]) -> None:
-    """Add the walls of a course and what moves there, and obstacles."""
-    _add_walls(spec, track)
+def _add_course(spec: Any, track: Course, obstacles: tuple[Obstacle, ...], below: float = _BELOW_GROUND) -> None:
+    """Add the walls of a course and what moves there, and obstacles, which reach `below` the ground [m]."""
+    _add_walls(spec, track, below)
     for index, moving in enumerate(track.moving):
-        _add_moving(spec, f"{MOVING_PREFIX}{index}", moving)
+        _add_moving(spec, f"{MOVING_PREFIX}{index}", moving, below)
     for index, obstacle in enumerate(obstacles):
-        _add_hull(spec, f"{OBSTACLE_PREFIX}{index}", _prism(obstacle), _OBSTACLE_COLOUR)
+        _add_hull(spec, f"{OBSTACLE_PREFIX}{index}", _prism(obstacle, below), _OBSTACLE_COLOUR)
 
 
 def _add_light(spec: Any, track: Course) -> None:
@@ -272,7 +298,7 @@ def _add_light(spec: Any, track: Course) -> None:
     )  # fmt: skip
 
 
-def _add_walls(spec: Any, track: Course) -> None:
+def _add_walls(spec: Any, track: Course, below: float) -> None:
     """Add the walls as solids that are hit; where the course has a surface of them, it is seen in their place."""
     surface = track.wall_surface()
     if surface is not None:
@@ -282,22 +308,22 @@ def _add_walls(spec: Any, track: Course) -> None:
             name="walls", type=mujoco.mjtGeom.mjGEOM_MESH, meshname="walls", rgba=_WALL_COLOUR, contype=0, conaffinity=0
         )
     for index, wall in enumerate(track.walls):
-        _add_hull(spec, f"wall_{index}", _prism(wall), _WALL_COLOUR if surface is None else _INVISIBLE)
+        _add_hull(spec, f"wall_{index}", _prism(wall, below), _WALL_COLOUR if surface is None else _INVISIBLE)
 
 
-def _prism(solid: Obstacle) -> FloatArray:
-    """Return the corners of a solid, below and above. Shape (n, 3) [m]."""
+def _prism(solid: Obstacle, below: float) -> FloatArray:
+    """Return the corners of a solid, `below` the ground [m] and above it. Shape (n, 3) [m]."""
     footprint = solid.corners()
-    heights = np.repeat((0.0, solid.height), len(footprint))
+    heights = np.repeat((-below, solid.height), len(footprint))
     return np.column_stack((np.tile(footprint, (2, 1)), heights))
 
 
-def _add_moving(spec: Any, name: str, obstacle: MovingObstacle) -> None:
+def _add_moving(spec: Any, name: str, obstacle: MovingObstacle, below: float) -> None:
     """Add a moving obstacle as a mocap body, whose frame keeps the world's axes, and its motion as numbers."""
     spec.add_numeric(name=name, data=obstacle.numbers())
     body = spec.worldbody.add_body(name=name, mocap=True, pos=(*obstacle.position(0.0), 0.0))
     solid = replace(obstacle.box(0.0), x=0.0, y=0.0)
-    _add_hull(spec, name, _prism(solid), _OBSTACLE_COLOUR, body)
+    _add_hull(spec, name, _prism(solid, below), _OBSTACLE_COLOUR, body)
 
 
 def _add_hull(spec: Any, name: str, vertices: FloatArray, colour: tuple[float, ...], body: Any = None) -> None:
@@ -307,7 +333,11 @@ def _add_hull(spec: Any, name: str, vertices: FloatArray, colour: tuple[float, .
     """
     mesh = spec.add_mesh(name=name, uservert=vertices.ravel())
     mesh.needsdf = False
-    (body or spec.worldbody).add_geom(
+    geom = (body or spec.worldbody).add_geom(
         name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, rgba=colour, contype=_WALL_CONTYPE, conaffinity=0,
         group=_COLLISION_GROUP if colour == _INVISIBLE else 0,
     )  # fmt: skip
+    if body is None:
+        harden(geom, spec.option.timestep)
+    else:
+        harden(geom, spec.option.timestep, PUSH_OF_MOVING)

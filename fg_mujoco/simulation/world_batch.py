@@ -23,6 +23,7 @@ from ..lidar.body_poses import Mount
 from ..lidar.lidar import Lidar, RaycastLidar, lidar_mount
 from ..lidar.links import make_links
 from ..messages import ODOMETRY, FloatArray
+from ..vehicle.bodywork import fit_timestep
 from ..vehicle.car import WHEELS, Car
 from ..vehicle.changes import CarChanges, change_worlds
 from ..vehicle.friction_patches import patch_table, wheel_positions
@@ -33,6 +34,7 @@ from ..vehicle.tire_slip import QUANTITIES, TireSlipMeter
 from . import compiled_tick
 from .array_table import ArrayTable
 from .cars import lidar_prefix, touch_places, tree_of
+from .clear_ground import find_clear_ground
 from .physics import STATE, Batch, StateLayout
 from .settings import Start
 from .telemetry import STATISTICS, TELEMETRY
@@ -124,6 +126,7 @@ class WorldBatch:
             model = copy(model)
         self._on_own_tires = any([take_over(model, car.prefix) for car in world.cars])
         self._model = model
+        fit_timestep(model)
         self.physics = Batch(model, count, substeps)
         if own_model:
             self.physics.set_models([model] * count)
@@ -190,6 +193,7 @@ class WorldBatch:
         """Return all arrays as the one argument of the compiled tick."""
         physics, drawn, course = self.physics, self.drawn, self.world.track
         model, moving, inertia = self.world.model, len(self._motions), Inertia.of(self.world.model)
+        clear = find_clear_ground(self.world.distances, model, [car.prefix for car in self.world.cars])
         arrays: dict[str, Any] = {
             "places": compiled_tick.whole_places(self._cars_per_world, physics, self._monitor.laps, self.layout),
             "times": compiled_tick.course_numbers(
@@ -201,7 +205,7 @@ class WorldBatch:
             "wheels": self.floor.wheels, "floor_mu": self.floor.mu, "pairs": self.floor.pairs, "car_places": self._car_places, "touch_places": self._touch_places,
             "sizes": np.array(self._sizes(), np.int64), "span": np.zeros(3, np.int64), "gears": self._gears,
             "fields": np.array(fields(), np.int64), "row_counts": inertia.row_counts, "row_starts": inertia.row_starts,
-            "inertia_columns": inertia.columns, "scratch": np.zeros(SCRATCH), "motions": self._motions, "cars": self._arrays.constants, **vars(self._arrays),
+            "inertia_columns": inertia.columns, "scratch": np.zeros(SCRATCH), **clear._asdict(), "motions": self._motions, "cars": self._arrays.constants, **vars(self._arrays),
             "running": self._monitor.running, "reasons": self._monitor.reasons, "timers": self._monitor.timers,
             "lap_times": self._monitor.lap_times, "standing_since": self._monitor.standing_since,
         }  # fmt: skip

@@ -26,11 +26,13 @@ from ..vehicle.tire_forces import (
     begin_step,
     damp_inertia,
     end_step,
+    place_between,
     push_car,
     put_steering,
     resist_rolling,
     steer,
 )
+from .clear_ground import ClearGround, touches_nothing
 
 Rows = NDArray[np.void]
 Places = NDArray[np.int64]
@@ -84,6 +86,7 @@ def step_world(
     records: FloatArray,
     tire_states: FloatArray,
     scratch: FloatArray,
+    ground: ClearGround,
 ) -> None:
     """Do the physics steps `first` up to `end` of a tick in a world, and note what sensors and tires did.
 
@@ -108,6 +111,7 @@ def step_world(
       records: (n, steps, nsensordata) written to.
       tire_states: (n, steps, k USERDATA) written to.
       scratch: of this thread.
+      ground: where its cars are clear.
     """
     userdata = stages.vector(data, found.userdata, sizes.userdata)
     readings = stages.vector(data, found.sensordata, sizes.readings)
@@ -117,9 +121,11 @@ def step_world(
         if not sizes.own_tires:
             stages.step(model, data)
         else:
+            own = cars[world * len(car_places) : (world + 1) * len(car_places)]
+            clear = touches_nothing(stages.vector(data, found.qpos, sizes.positions), own, ground)
             _step_on_tires(
                 model, data, world, step, advance, sizes, found, inertia, gears, car_places, tire_rows, mu, floor,
-                timestep, userdata, scratch,
+                timestep, userdata, scratch, clear,
             )  # fmt: skip
         for k in range(sizes.readings):
             records[world, step, k] = readings[k]
@@ -132,11 +138,11 @@ def step_world(
 def _step_on_tires(
     model: int, data: int, world: int, step: int, advance: bool, sizes: Sizes, found: Fields, inertia: Inertia,
     gears: Rows, car_places: Places, tire_rows: Rows, mu: FloatArray, floor: Floor, timestep: float,
-    userdata: FloatArray, scratch: FloatArray,
+    userdata: FloatArray, scratch: FloatArray, clear: bool,
 ) -> None:  # fmt: skip
     """Do one physics step of a world with tires of ours; arguments as in `step_world`."""
     count, dofs = len(car_places), sizes.dofs
-    begin_step(model, data)
+    begin_step(model, data, found, clear)
     for car in range(count):
         first = car_places[car, FIRST_TIRE]
         if first >= 0:
@@ -145,7 +151,7 @@ def _step_on_tires(
     damp_inertia(model, data, found, inertia, gears, dofs, timestep)
     stages.stage_actuation(model, data)
     stages.stage_acceleration(model, data)
-    steering = np.empty((count, 2))
+    kept, qvel = np.empty((count, 4)), stages.vector(data, found.qvel, dofs)
     for car in range(count):
         first = car_places[car, FIRST_TIRE]
         if first >= 0:
@@ -164,14 +170,17 @@ def _step_on_tires(
                         if part != ALONG and part != ACROSS:
                             userdata[USERDATA * (first + k) + part] = own[USERDATA * k + part]
             if gear.steered:
-                steering[car, 0], steering[car, 1] = steer(
+                kept[car, 0], kept[car, 1] = steer(
                     model, data, found, gear, scratch, dofs, timestep, sizes.tire_steps
                 )
+            kept[car, 2], kept[car, 3] = qvel[gear.free_dof], qvel[gear.free_dof + 1]
     end_step(model, data, found, dofs, advance)
     if advance:
         for car in range(count):
-            if car_places[car, FIRST_TIRE] >= 0 and gears[car].steered:
-                put_steering(data, found, gears[car], dofs, steering[car, 0], steering[car, 1])
+            if car_places[car, FIRST_TIRE] >= 0:
+                place_between(data, found, gears[car], dofs, kept[car, 2], kept[car, 3], timestep)
+                if gears[car].steered:
+                    put_steering(data, found, gears[car], dofs, kept[car, 0], kept[car, 1])
 
 
 @kernel

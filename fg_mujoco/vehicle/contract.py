@@ -22,6 +22,7 @@ from ..course.mjcf import checked_mjcf, inside, short_text
 from ..errors import FgMujocoError, ModelError, SettingsError, nearest
 from ..lidar.beams import DEFAULT_LIDAR, LidarModel
 from ..messages import CarParameters, FloatArray
+from .bodywork import HULL
 from .car import WHEELS, Car, car_parameters, element_id, sensor_slice
 from .fitting import ackermann_angle
 from .tire_slip import TireSlipMeter
@@ -246,7 +247,8 @@ def _check_places(model: Any, where: str) -> None:
     base = element_id(model, mujoco.mjtObj.mjOBJ_BODY, "base_link")
     if (height := float(data.geom("ground").xpos[2])) != 0.0:
         raise ModelError(f"{where}: geom 'ground' is at z = {height:.4g} m; accepted: at 0")
-    for owner, name in ((model.site("lidar_mount"), "site 'lidar_mount'"), (model.geom("chassis"), "geom 'chassis'")):
+    owners = ((model.site("lidar_mount"), "site 'lidar_mount'"), (model.geom("chassis"), "geom 'chassis'"))
+    for owner, name in (*owners, (model.geom(HULL), f"geom {HULL!r}")):
         if owner.bodyid[0] != base:
             body = model.body(int(owner.bodyid[0])).name
             raise ModelError(f"{where}: {name} is on body {body!r}; accepted: on 'base_link'")
@@ -286,6 +288,12 @@ def _check_stance(model: Any, wheel_radius: float, where: str) -> None:
                 f"{where}: tendon 'drive' makes wheels roll on {wheel_radius:.4g} m, and the middle of {wheel}_wheel "
                 f"is {height:.4g} m over the ground; accepted: coefficients of a quarter of the radius"
             )
+    hull = model.geom(HULL).id
+    if (clear := mujoco.mj_geomDistance(model, data, hull, ground, 1.0, None)) <= 0.0:
+        raise ModelError(
+            f"{where}: geom 'chassis' is {1e3 * -clear:.3g} mm in the ground at rest; accepted: above the ground, or "
+            f"with a geom {HULL!r} on 'base_link' that is, for the ground to stop"
+        )
     drawn = _chassis_places(data)
     for _ in range(math.ceil(_SETTLING / model.opt.timestep)):
         if data.ncon > _MOST_CONTACTS:

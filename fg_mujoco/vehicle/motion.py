@@ -33,6 +33,12 @@ CAR = np.dtype(
 
 CarArray = NDArray[np.void]
 
+ROLLED_OVER = math.radians(80.0)
+"""[rad] Tilt of base_link from which a car has rolled over. One that lies on its side is at 90 degrees, a little less
+if it leans on its wheels; from 74 on the default car tips over the edge of its chassis and does not come back."""
+
+_LEAST_UPRIGHT = math.cos(ROLLED_OVER)
+
 SIDESLIP_SPEED = 0.1
 """[m/s] Below this speed of the centre of gravity there is no sideslip angle: a car that stands sways on its springs by
 some mm/s, in any direction."""
@@ -44,6 +50,20 @@ def planar_pose(qpos: FloatArray, car: CarArray) -> tuple[float, float, float]:
     i = car[0].free_qpos
     qw, qx, qy, qz = qpos[i + 3], qpos[i + 4], qpos[i + 5], qpos[i + 6]
     return qpos[i], qpos[i + 1], math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+
+
+@kernel
+def uprightness(qpos: FloatArray, car: CarArray) -> float:
+    """Return the cosine of base_link's tilt: 1 on its wheels, 0 on its side, -1 on its roof."""
+    i = car[0].free_qpos
+    upright: float = 1.0 - 2.0 * (qpos[i + 4] * qpos[i + 4] + qpos[i + 5] * qpos[i + 5])
+    return upright
+
+
+@kernel
+def is_rolled_over(qpos: FloatArray, car: CarArray) -> bool:
+    """Return whether a car is tilted by more than ROLLED_OVER."""
+    return uprightness(qpos, car) < _LEAST_UPRIGHT
 
 
 @kernel

@@ -87,6 +87,7 @@ class Fields(NamedTuple):
     dof_damping: int
     actuator_gainprm: int
     actuator_biasprm: int
+    actuator_delay: int
     pair_friction: int
     # of mjData
     qpos: int
@@ -108,9 +109,10 @@ class Fields(NamedTuple):
     actuator_force: int
     actuator_length: int
     time: int
+    contacts: int  # their number itself, 32 bits
 
 
-_OF_MODEL = ("dof_damping", "actuator_gainprm", "actuator_biasprm", "pair_friction")
+_OF_MODEL = ("dof_damping", "actuator_gainprm", "actuator_biasprm", "actuator_delay", "pair_friction")
 _OF_DATA = {
     "inertia": "M", "inertia_factor": "qLD", "inverse_diagonal": "qLDiagInv",
     **{name: name for name in (
@@ -152,7 +154,25 @@ def fields() -> Fields:
     hits = np.flatnonzero(_words(data, before - _BEFORE, before).view(np.float64) == moment)
     if len(hits) != 1:
         raise _unknown("time")
-    return Fields(**found, time=8 * (before - _BEFORE + int(hits[0])))
+    return Fields(**found, time=8 * (before - _BEFORE + int(hits[0])), contacts=_place_of_contacts(found["qpos"]))
+
+
+def _place_of_contacts(end: int) -> int:
+    """Return where a mujoco.MjData keeps how many contacts there are: the last number before `end` that tells it."""
+    found: set[int] = set()
+    for count in (7, 11):  # balls of one body on a plane
+        balls = "".join(f'<geom size=".1" pos="{place} 0 0.05"/>' for place in range(count))
+        model = mujoco.MjModel.from_xml_string(
+            f'<mujoco><worldbody><geom type="plane" size="0 0 1"/><body><freejoint/>{balls}</body></worldbody></mujoco>'
+        )
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        numbers = np.frombuffer((ctypes.c_int32 * (end // 4)).from_address(data._address), np.int32)
+        hits = {4 * int(place) for place in np.flatnonzero(numbers == count)}
+        found = found & hits if found else hits
+    if not found:
+        raise _unknown("ncon")
+    return max(found)  # before it lies the greatest number so far
 
 
 def _words(structure: Any, first: int, end: int) -> NDArray[np.uintp]:
@@ -207,6 +227,12 @@ _pointer: Any = intrinsic(_point)
 def vector(structure: int, place: int, count: int) -> Any:
     """Return the array of `count` numbers whose address a structure keeps at a place of `fields`."""
     return carray(_loaded(structure + place), (count,), np.float64)
+
+
+@kernel
+def whole_number_at(address: int) -> Any:
+    """Return the 32-bit whole number at an address, as an array (1,)."""
+    return carray(_pointer(address), (1,), np.int32)
 
 
 @kernel

@@ -42,6 +42,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arguments import Suggesting
 from ..errors import ModelError
 from ..kernels import kernel
 from ..messages import FloatArray
@@ -56,6 +57,7 @@ _MOST_LINKS = 16  # joints between the world and a wheel, at most
 _DAMPING_RATIO = 0.3  # [-] of a wheel's spin on its tire: between those of rubber and of its foam
 _LONGEST = 0.5  # [-] of a short step times the fastest rate of the tires: errors of yaw rates are then within 1.5 %
 _MOST_STEPS = 64  # short ones in a physics step
+_FIRST_AXLE = "front"
 _STILL = 1.0  # [rad/s] of a wheel: from there on it has all of its rolling resistance
 
 USERDATA = 8
@@ -108,6 +110,8 @@ TIRE = np.dtype(
 
 GEAR = np.dtype(
     [
+        ("free_qpos", np.int64),  # of base_link's joint
+        ("free_dof", np.int64),
         ("commons", np.int64),
         ("common", np.int64, (_MOST_COMMON,)),  # the dofs that move more than one wheel, in order
         ("common_of", np.int64, (_MOST_COMMON, _MOST_COMMON)),  # where what MuJoCo keeps in a row of theirs is among them
@@ -158,6 +162,11 @@ def put_on(spec: Any, tires: Tires) -> Tires:
     Returns:
       The tires, with the vehicle's friction where they give none.
     """
+    for name in ("front", "rear"):  # a spec that was written to a file has the tires of then
+        numbers = spec.numeric(NUMERIC.format(name))
+        if numbers is not None:
+            spec.delete(numbers)
+            spec.nuserdata = 0
     if tires.is_contact:
         return tires
     found = [wheel for wheel in WHEELS if spec.pair(f"{wheel}_tire") is not None]
@@ -196,7 +205,8 @@ def tire_rows(model: mujoco.MjModel, prefix: str = "", wheels: Sequence[str] = W
             row[name] = getattr(axle, name)
         _find_wheel(model, prefix, wheel, row, common)
         stiffness = row["slope"][0] * axle.nominal_load / axle.relaxation_length
-        row["damping"] = 2.0 * _DAMPING_RATIO * math.sqrt(stiffness * _spinning_mass(model, row))
+        # rounded, so that a heavier chassis does not change its last bits: a batch has one row for all of its worlds
+        row["damping"] = six_digits(2.0 * _DAMPING_RATIO * math.sqrt(stiffness * _spinning_mass(model, row)))
     rows.flags.writeable = False
     return rows
 
@@ -280,6 +290,8 @@ def gear_row(model: mujoco.MjModel, prefix: str = "") -> GearRows:
     """
     gears, kinds = np.zeros(1, GEAR), mujoco.mjtObj
     gear = gears[0]
+    free = element_id(model, kinds.mjOBJ_JOINT, f"{prefix}base_link")
+    gear["free_qpos"], gear["free_dof"] = model.jnt_qposadr[free], model.jnt_dofadr[free]
     _find_common(model, gear, _common(model, prefix, WHEELS))
     for k, name in enumerate(("steering", "speed")):
         servo = element_id(model, kinds.mjOBJ_ACTUATOR, f"{prefix}{name}")
@@ -316,7 +328,8 @@ def _find_steering(model: mujoco.MjModel, prefix: str, gear: Any) -> None:
     gear["steered"] = 1
     gear["steering_qpos"], gear["steering_dof"] = model.jnt_qposadr[steering], dofs[0]
     gear["kingpin_qpos"], gear["kingpin_dof"] = model.jnt_qposadr[kingpins], dofs[1:]
-    gear["steering_damping"], gear["steering_inertia"] = model.dof_damping[dofs].sum(), model.dof_M0[dofs].sum()
+    gear["steering_damping"] = model.dof_damping[dofs].sum()
+    gear["steering_inertia"] = six_digits(float(model.dof_M0[dofs].sum()))  # rounded for the same reason as damping
     gear["ackermann"] = [model.eq_data[equality, :5] for equality in found]
 
 
@@ -362,6 +375,13 @@ def _is_plain(model: mujoco.MjModel, actuator: int, transmission: Any) -> bool:
     )
 
 
+def no_gear() -> GearRows:
+    """Return the row of GEAR of wheels that are no car's, (1,): nothing steers or drives them."""
+    gears = np.zeros(1, GEAR)
+    gears["free_dof"] = -1
+    return gears
+
+
 def take_over(model: mujoco.MjModel, prefix: str = "") -> bool:
     """Switch off what `push_car` does in MuJoCo's place, in a compiled model, in place.
 
@@ -386,42 +406,55 @@ def take_over(model: mujoco.MjModel, prefix: str = "") -> bool:
     return True
 
 
-class TireForces:
-    """Steps a model of one car by hand, tires included; of the model `contact` as mujoco.mj_step does.
+class TireForces(Suggesting):
+    """Steps a model by hand, the tires of its cars included; of the model `contact` as mujoco.mj_step does.
 
     Args:
       model: compiled. Its own contacts of tires that have a law of ours are switched off.
-      prefix: of the car's names.
-      wheels: that it has.
+      prefix: of the car's names, or those of several cars, in their order in the model.
+      wheels: that each has.
 
     Attributes:
-      rows: of the tires, (wheels,) of TIRE; none for the model `contact`.
-      mu: lateral peak of each tire [-], (wheels,). Live.
+      rows: of the tires, (cars x wheels,) of TIRE; without those of the model `contact`.
+      mu: lateral peak of each of them [-], likewise; where all are of the model `contact`, of these. Live.
       steps: short ones in a physics step; None: as many as `steps_within` says. Can be set.
 
     Raises:
       ModelError: a time step that is too long for the tires.
     """
 
-    def __init__(self, model: mujoco.MjModel, prefix: str = "", wheels: Sequence[str] = WHEELS) -> None:
-        self.rows = tire_rows(model, prefix, wheels)
-        self.mu: FloatArray = peaks(model, prefix, wheels)
+    def __init__(self, model: mujoco.MjModel, prefix: str | Sequence[str] = "", wheels: Sequence[str] = WHEELS) -> None:
+        prefixes = (prefix,) if isinstance(prefix, str) else tuple(prefix)
+        own = [name for name in prefixes if not tires_of(model, name).is_contact]
+        self.rows: TireRows = np.concatenate([tire_rows(model, name, wheels) for name in own or prefixes[:1]])
+        self.mu: FloatArray = np.concatenate([peaks(model, name, wheels) for name in own or prefixes])
         self.steps: int | None = None
         self._model = model
-        if len(self.rows):
-            take_over(model, prefix)
-            self._gear = gear_row(model, prefix) if tuple(wheels) == WHEELS else np.zeros(1, GEAR)
+        if own:
+            for name in own:
+                take_over(model, name)
+            whole = tuple(wheels) == WHEELS
+            self._gears = np.concatenate([gear_row(model, name) if whole else no_gear() for name in own])
+            self._places = np.array([userdata_place(model, name) for name in own])
             self._inertia, self._scratch = Inertia.of(model), np.zeros(SCRATCH)
             self._fields = fields()
 
+    def _meant(self, name: str) -> str | None:
+        return {"apply": "step", "end": "step"}.get(name) or super()._meant(name)
+
     def begin(self, data: mujoco.MjData) -> None:
         """Let the tires be as they are drawn, and work out everything of the state, sensors too."""
-        if not len(self.rows):
+        if len(self.rows):
+            data.eq_active[:] = self._model.eq_active0
+            data.userdata[:] = 0.0
+        self.forward(data)
+
+    def forward(self, data: mujoco.MjData) -> None:
+        """Work out everything of the state, sensors and tires' forces too, in the place of mujoco.mj_forward."""
+        if len(self.rows):
+            self._step(data, False)
+        else:
             mujoco.mj_forward(self._model, data)
-            return
-        data.eq_active[:] = self._model.eq_active0
-        data.userdata[:] = 0.0
-        self._step(data, False)
 
     def step(self, data: mujoco.MjData) -> None:
         """Do one physics step, in the place of mujoco.mj_step."""
@@ -433,10 +466,18 @@ class TireForces:
     def _step(self, data: mujoco.MjData, advance: bool) -> None:
         timestep = float(self._model.opt.timestep)
         step_by_hand(
-            self._model._address, data._address, self._fields, self._inertia, self._gear, self.rows, self.mu,
-            data.userdata, self._scratch, self._model.nv, timestep,
+            self._model._address, data._address, self._fields, self._inertia, self._gears, self.rows, self.mu,
+            self._places, data.userdata, self._scratch, self._model.nv, timestep,
             self.steps or steps_within(self._model, self.rows, timestep), advance,
         )  # fmt: skip
+
+
+def userdata_place(model: mujoco.MjModel, prefix: str = "") -> int:
+    """Return where in `userdata` that of a car's tires begins: behind that of all cars that come before it."""
+    name = NUMERIC.format(_FIRST_AXLE)
+    own = element_id(model, mujoco.mjtObj.mjOBJ_NUMERIC, prefix + name)
+    before = sum(model.numeric(index).name.endswith(f"/{name}") for index in range(own))
+    return before * USERDATA * len(WHEELS)
 
 
 def peaks(model: mujoco.MjModel, prefix: str = "", wheels: Sequence[str] = WHEELS) -> FloatArray:
@@ -555,7 +596,8 @@ def _shared_force(tire: Any, ratio: float, angle: float, size: float, grip: floa
 def _control(model: int, data: int, found: Fields, gear: Any, servo: int, scratch: FloatArray) -> float:
     """Return what a servo of a car is told now, delay and range included."""
     actuator = gear.actuator[servo]
-    if gear.delayed[servo] >= 0:
+    delay = stages.vector(model, found.actuator_delay, actuator + 1)[actuator]
+    if gear.delayed[servo] >= 0 and delay > 0.0:  # of no delay MuJoCo's history knows the last step's only
         now = stages.number_at(data + found.time)[0]
         address = stages.read_control(model, data, actuator, now, scratch.ctypes.data, gear.delayed[servo])
         told = stages.number_at(address)[0] if address != 0 else scratch[0]
@@ -878,31 +920,50 @@ def _mobility(
 @kernel
 def step_by_hand(
     model: int, data: int, found: Fields, inertia: Inertia, gears: GearRows, tires: TireRows, mu: FloatArray,
-    own: FloatArray, scratch: FloatArray, dofs: int, timestep: float, steps: int, advance: bool,
+    places: NDArray[np.int64], userdata: FloatArray, scratch: FloatArray, dofs: int, timestep: float, steps: int,
+    advance: bool,
 ) -> None:  # fmt: skip
-    """Do a physics step of a model of one car, or only work out its forces and sensors; arguments of `push_car`."""
-    begin_step(model, data)
-    resist_rolling(data, found, tires, own, dofs)
+    """Do a physics step of a model, or only work out its forces and sensors.
+
+    Arguments are those of `push_car`, of all cars (m,) with tires of ours; `places` (m,) are of `userdata_place`.
+    """
+    begin_step(model, data, found, False)
+    count = len(gears)
+    wheels = len(tires) // count
+    for car in range(count):
+        own = userdata[places[car] : places[car] + USERDATA * wheels]
+        resist_rolling(data, found, tires[wheels * car : wheels * (car + 1)], own, dofs)
     damp_inertia(model, data, found, inertia, gears, dofs, timestep)
     stages.stage_actuation(model, data)
     stages.stage_acceleration(model, data)
-    kept = own.copy()
-    push_car(model, data, found, inertia, gears[0], tires, mu, own, scratch, dofs, timestep, steps)
-    if not advance:
-        for k in range(len(tires)):
-            own[USERDATA * k + ALONG], own[USERDATA * k + ACROSS] = kept[USERDATA * k + ALONG], kept[USERDATA * k + ACROSS]
-    angle = rate = 0.0
-    steered = gears[0].steered and advance
-    if steered:
-        angle, rate = steer(model, data, found, gears[0], scratch, dofs, timestep, steps)
+    kept, qvel = np.zeros((count, 4)), stages.vector(data, found.qvel, dofs)
+    for car in range(count):
+        first, own = wheels * car, userdata[places[car] : places[car] + USERDATA * wheels]
+        before = own.copy()
+        push_car(
+            model, data, found, inertia, gears[car], tires[first : first + wheels], mu[first : first + wheels], own,
+            scratch, dofs, timestep, steps,
+        )  # fmt: skip
+        if not advance:
+            for k in range(wheels):  # the tires stay as they are
+                own[USERDATA * k + ALONG] = before[USERDATA * k + ALONG]
+                own[USERDATA * k + ACROSS] = before[USERDATA * k + ACROSS]
+        if gears[car].steered:
+            kept[car, 0], kept[car, 1] = steer(model, data, found, gears[car], scratch, dofs, timestep, steps)
+        if gears[car].free_dof >= 0:
+            kept[car, 2], kept[car, 3] = qvel[gears[car].free_dof], qvel[gears[car].free_dof + 1]
     end_step(model, data, found, dofs, advance)
-    if steered:
-        put_steering(data, found, gears[0], dofs, angle, rate)
+    if advance:
+        for car in range(count):
+            if gears[car].free_dof >= 0:
+                place_between(data, found, gears[car], dofs, kept[car, 2], kept[car, 3], timestep)
+            if gears[car].steered:
+                put_steering(data, found, gears[car], dofs, kept[car, 0], kept[car, 1])
 
 
 @kernel
-def begin_step(model: int, data: int) -> None:
-    """Do MuJoCo's stages of positions and velocities, with their sensors."""
+def begin_step(model: int, data: int, found: Fields, clear: bool) -> None:
+    """Do MuJoCo's stages of positions and velocities, with their sensors; `clear`: there are no contacts to be found."""
     stages.check_positions(model, data)
     stages.check_velocities(model, data)
     stages.kinematics(model, data)
@@ -910,7 +971,8 @@ def begin_step(model: int, data: int) -> None:
     stages.cameras_and_lights(model, data)
     stages.tendons(model, data)
     stages.make_inertia(model, data)
-    stages.find_contacts(model, data)
+    if not clear or stages.whole_number_at(data + found.contacts)[0] > 0:
+        stages.find_contacts(model, data)
     stages.make_constraints(model, data)
     stages.make_islands(model, data)
     stages.transmissions(model, data)
@@ -930,3 +992,18 @@ def end_step(model: int, data: int, found: Fields, dofs: int, advance: bool) -> 
     if advance:
         stages.check_accelerations(model, data)
         stages.advance(model, data)
+
+
+@kernel
+def place_between(
+    data: int, found: Fields, gear: Any, dofs: int, before_x: float, before_y: float, timestep: float
+) -> None:
+    """Move a car over the ground by the mean of its velocities before a physics step and after, and not by the latter.
+
+    MuJoCo takes the new velocity, and so ends v h / 2 short of where a car that slides at v comes to rest. Only where
+    nothing is touched, because contacts count on it.
+    """
+    if stages.whole_number_at(data + found.contacts)[0] == 0:
+        velocity, position = stages.vector(data, found.qvel, dofs), stages.vector(data, found.qpos, gear.free_qpos + 2)
+        position[gear.free_qpos] += 0.5 * timestep * (before_x - velocity[gear.free_dof])
+        position[gear.free_qpos + 1] += 0.5 * timestep * (before_y - velocity[gear.free_dof + 1])

@@ -48,8 +48,9 @@ from .tire_forces import (
     curve_peaks,
     slips,
     tire_rows,
+    userdata_place,
 )
-from .tires import CONTACT, LAW_OF, Tires, tire_names
+from .tires import CONTACT, LAW_OF
 
 READINGS = 19
 """Sensor readings of a tire: found, force in the contact's frame (normal first), point, normal; centre, velocity and
@@ -72,20 +73,19 @@ tire passes this: measured, and much less than that of a contact, which counts i
 """
 
 
-def slides_above(tires: str) -> float:
-    """Return the sliding speed above which a tire slides [m/s], by the name of its set in a summary.
+def slides_above(model: str) -> float:
+    """Return the sliding speed above which a tire of a model slides [m/s].
 
     That of a tire with a curve counts from its peak: it slides where there is any.
     """
-    if tires == CONTACT:
+    if model == CONTACT:
         return SLIDING_SPEED
-    model = Tires.load(tires).model if tires in tire_names() else ""
     return BRISTLES_SLIDE if model in LAW_OF and LAW_OF[model].holds else 0.0
 
 
-def sliding_rule(tires: str) -> str:
-    """Return when a tire slides, in words, by the name of its set in a summary."""
-    speed = slides_above(tires)
+def sliding_rule(model: str) -> str:
+    """Return when a tire of a model slides, in words."""
+    speed = slides_above(model)
     return f"above {speed:g} m/s" if speed else "past its peak"
 
 
@@ -226,6 +226,7 @@ class TireSlipMeter:
         self.pairs = [element_id(model, mujoco.mjtObj.mjOBJ_PAIR, f"{prefix}{wheel}_tire") for wheel in WHEELS]
         self.mu: FloatArray = model.pair_friction[self.pairs, 0]
         self.rows: TireRows = tire_rows(model, prefix)
+        self._place = userdata_place(model, prefix) if len(self.rows) else 0
         self.readings, self.axles = slice(0, 0), -1
         if not len(self.rows):
             slices = [sensor_slice(model, f"{prefix}{wheel}_{sensor}") for wheel in WHEELS for sensor in _SENSORS]
@@ -264,7 +265,9 @@ class TireSlipMeter:
         """
         slip = np.empty((QUANTITIES, len(records), len(WHEELS)))
         states = np.empty((len(records), 0)) if states is None else states
-        measure_slip(records, self.readings.start, self.axles, self.mu[np.newaxis], self.rows, states, 0, slip)
+        measure_slip(
+            records, self.readings.start, self.axles, self.mu[np.newaxis], self.rows, states, self._place, slip
+        )
         return TireSlip(values=slip)
 
 

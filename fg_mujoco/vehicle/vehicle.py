@@ -24,6 +24,7 @@ from ..course.mjcf import MOST_MJCF
 from ..errors import SettingsError, accepted_names
 from ..lidar.beams import LidarModel
 from ..messages import CarParameters
+from .bodywork import add_hull
 from .car import WHEELS, car_parameters
 from .changes import ACCEPTED_MU, GREATEST_MU, CarChanges, change_spec, set_mu
 from .contract import check_model, check_names, compiled, find_lidar, find_look, find_tires, parsed
@@ -96,8 +97,8 @@ class Vehicle:
 
     @cached_property
     def sha256(self) -> str:
-        """Hash of its MJCF, of its LiDAR's, and of its tires where they have a curve."""
-        tires = "" if self.tires.is_contact else self.tires.sha256
+        """Hash of its MJCF, of its LiDAR's, and of its tires where the MJCF names a set with a law of ours."""
+        tires = "" if self.tires.is_contact or self.tires == Tires.load(DEFAULT_TIRES) else self.tires.sha256
         return hashlib.sha256(self.text.encode() + self.lidar.text.encode() + tires.encode()).hexdigest()
 
     @cached_property
@@ -125,7 +126,7 @@ class Vehicle:
     def spec(
         self, mu: float | None = None, changes: CarChanges | None = None, tires: Tires | None = None
     ) -> mujoco.MjSpec:
-        """Return its MJCF as a new MjSpec, without the LiDAR.
+        """Return its MJCF as a new MjSpec, without the LiDAR and without the hull, which follows the chassis.
 
         A world that attaches it has its own `option` block; the car is made for this spec's.
 
@@ -161,11 +162,11 @@ class Vehicle:
         """
         if mu is None and changes is None:
             return copy(self._model)
-        return self.spec(mu, changes).compile()
+        return add_hull(self.spec(mu, changes)).compile()
 
     @cached_property
     def _model(self) -> mujoco.MjModel:
-        return self.spec().compile()  # never given away, because a model's arrays can be written to
+        return add_hull(self.spec()).compile()  # never given away, because a model's arrays can be written to
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle without the caches."""
@@ -200,5 +201,5 @@ def _checked(name: str, file: str, text: str, folder: Path | None) -> Vehicle:
         name=name, file=file, text=text, lidar=find_lidar(spec, folder, where), look=find_look(spec, folder, where),
         tires=find_tires(spec, folder, where),
     )  # fmt: skip
-    check_model(compiled(spec, where), where)
+    check_model(compiled(add_hull(spec), where), where)
     return vehicle

@@ -122,7 +122,11 @@ def trace_picture(result: RaceResult, path: str | Path | BinaryIO) -> None:
         scale = axes.inset_axes((1.015, 0.05, 0.02, 0.9))
         scale.set_in_layout(False)
         figure.colorbar(line, cax=scale, label="speed [m/s]")
-        for text, marked in (("turned here", result.wrong_way), ("crashed here", result.crash)):
+        for text, marked in (
+            ("turned here", result.wrong_way),
+            ("crashed here", result.crash),
+            ("rolled over here", result.rollover),
+        ):
             if marked is not None:
                 axes.plot(marked.x_m, marked.y_m, "x", color=_ALERT, markersize=9.0, markeredgewidth=2.0)
                 place, right = (marked.x_m, marked.y_m), marked.x_m > sum(axes.get_xlim()) / 2.0
@@ -132,14 +136,14 @@ def trace_picture(result: RaceResult, path: str | Path | BinaryIO) -> None:
 
         panels = [figure.add_subplot(grid[1])]
         panels += [figure.add_subplot(grid[row], sharex=panels[0]) for row in (2, 3)]
-        _draw_panels(panels, column, result.tires, result.world.parameters)
+        _draw_panels(panels, column, result.tires_model, result.world.parameters)
         _mark_laps(panels, result.lap_times_s)
         panels[-1].set_xlabel("time [s]")
         end = max(result.sim_time_s, 1e-3)
         panels[-1].set_xlim(-0.005 * end, end)  # what happens at once must not hide behind the axis
         tires = [figure.add_subplot(grid[4])]
         tires += [figure.add_subplot(grid[row], sharex=tires[0]) for row in (5, 6, 7)]
-        _draw_tires(tires, column, result.world.track, result.tires)
+        _draw_tires(tires, column, result.world.track, result.tires_model)
         for panel in (*panels, *tires):
             panel.grid(axis="y", color="0.9", linewidth=0.5)
             panel.spines[["top", "right"]].set_visible(False)
@@ -221,7 +225,7 @@ def _headline(result: RaceResult) -> str:
     return f"{result.track}, {result.controller}: {laps}{best}{end}; greatest sliding {result.max_slide_m_s:.3f} m/s"
 
 
-def _draw_panels(panels: list[Axes], column: dict[str, FloatArray], tires: str, car: CarParameters) -> None:
+def _draw_panels(panels: list[Axes], column: dict[str, FloatArray], model: str, car: CarParameters) -> None:
     """Draw speed, steering and sliding over time; commands as the car holds them, within its limits."""
     speed, steering, sliding = panels
     time, lock = column["time_s"], car.max_steering_angle
@@ -237,7 +241,7 @@ def _draw_panels(panels: list[Axes], column: dict[str, FloatArray], tires: str, 
     for wheel, colour in zip(WHEELS, _TIRE_COLOURS, strict=True):
         label = wheel.replace("_", " ")
         sliding.plot(time, column[f"slide_{wheel}_m_s"], color=colour, linewidth=0.6, label=label)
-    sliding.axhline(slides_above(tires), **_LIMIT, label="limit")
+    sliding.axhline(slides_above(model), **_LIMIT, label="limit")
     sliding.set_ylabel("sliding\n[m/s]")
     sliding.set_ylim(0.0, max(1.2 * SLIDING_SPEED, 1.05 * sliding.dataLim.y1))
     for panel in (speed, sliding):
@@ -245,7 +249,7 @@ def _draw_panels(panels: list[Axes], column: dict[str, FloatArray], tires: str, 
         legend.set_in_layout(False)
 
 
-def _draw_tires(panels: list[Axes], column: dict[str, FloatArray], track: Course, tires: str) -> None:
+def _draw_tires(panels: list[Axes], column: dict[str, FloatArray], track: Course, model: str) -> None:
     """Draw each tire's friction utilisation over the place on the lap: every lap, the greatest, and where it slid.
 
     On a course without end it is drawn over time.
@@ -267,7 +271,7 @@ def _draw_tires(panels: list[Axes], column: dict[str, FloatArray], track: Course
         greatest[np.isneginf(greatest)] = np.nan  # nobody was there, or the tire was off the ground
         panel.stairs(greatest, edges, color=colour, linewidth=1.0, baseline=None)
         panel.stairs(greatest, edges, color=colour, alpha=0.15, fill=True)
-        slid = column[f"slide_{wheel}_m_s"] > slides_above(tires)
+        slid = column[f"slide_{wheel}_m_s"] > slides_above(model)
         panel.plot(place[slid], np.full(slid.sum(), 1.12), "|", color=_ALERT, markersize=5.0, markeredgewidth=1.2)
         panel.axhline(1.0, **_LIMIT)
         panel.set_ylim(0.0, 1.2)
@@ -277,14 +281,14 @@ def _draw_tires(panels: list[Axes], column: dict[str, FloatArray], track: Course
     where = "time [s]" if endless else "place on the lap [m]" if track.closed else "place on the course [m]"
     panels[-1].set_xlabel(where)
     panels[0].set_xlim(edges[0], edges[-1])
-    _explain_tires(panels[0], tires, laps=not endless)
+    _explain_tires(panels[0], model, laps=not endless)
 
 
-def _explain_tires(panel: Axes, tires: str, *, laps: bool) -> None:
+def _explain_tires(panel: Axes, model: str, *, laps: bool) -> None:
     """Put a legend beside the panels of the tires, in no tire's colour."""
     from matplotlib.lines import Line2D
 
-    rule = sliding_rule(tires).replace(" m/s", "\N{NO-BREAK SPACE}m/s")
+    rule = sliding_rule(model).replace(" m/s", "\N{NO-BREAK SPACE}m/s")
     shown = [
         Line2D([], [], color="0.65", linewidth=0.5, label="each lap" if laps else "each tick"),
         Line2D([], [], color=_TIRE_COLOURS[0], linewidth=1.0, label="greatest of\nall laps" if laps else "greatest"),

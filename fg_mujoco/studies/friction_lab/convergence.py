@@ -241,8 +241,8 @@ def _sentences(rows: list[Row]) -> tuple[str, ...]:
     text = [
         f"On {CONTACT}, while tires hold, the car's own {own['value']} s is enough: from there to {finest['value']} s "
         f"the tires let go within {_moves(steps, 'k_grip'):.3f} of one k and creep within "
-        f"{1e3 * np.ptp(creeps):.2f} mm/s, a lap of the oval changes by {100 * abs(lap[0] / lap[-1] - 1):.2f} %, its greatest slide by "
-        f"{abs(lap_slide[0] - lap_slide[-1]):.0f} mm/s.",
+        f"{1e3 * np.ptp(creeps):.2f} mm/s, a lap of the oval changes by "
+        f"{100 * abs(lap[0] / lap[-1] - 1):.2f} %, its greatest slide by {abs(lap_slide[0] - lap_slide[-1]):.0f} mm/s.",
         f"Where tires slide, it matters a little: at {SLIDING:g} of the law's speed one is off the ground for "
         f"{100 * airborne[0]:.0f} % of the time, and slides at up to {slides[0]:.2f} m/s, where {finest['value']} s "
         f"has {100 * airborne[-1]:.0f} % and {slides[-1]:.2f} m/s. What slides on {CONTACT} in this lab is driven at "

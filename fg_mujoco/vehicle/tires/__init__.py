@@ -1,5 +1,7 @@
 """Tires: the sets of models/tires/, and the laws by which the force of a tire on the ground follows from its slip."""
 
+from typing import Any
+
 from .law import GREATEST_SLIP, NUMBERS, Law
 from .laws import CONTACT, LAW_OF, LAWS, MODELS, Brush, Coulomb, Linear, MagicFormula, curve_force
 from .sets import AXLE_KEYS, CONTACT_TIMESTEP, DEFAULT_TIRES, NUMERIC, AxleTires, Tires, tire_names, tires_of
@@ -26,3 +28,13 @@ __all__ = [
     "tire_names",
     "tires_of",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Raise an error that says what took the place of a name of earlier versions."""
+    if name == "TireCurve":  # ImportError: the message of another one does not pass `from ... import`
+        raise ImportError(
+            "fg_mujoco.vehicle.tires has no 'TireCurve' any more; accepted: a law, MagicFormula(B, C, D, E), "
+            "Linear(stiffness, D), Coulomb(stiffness, D) or Brush(D, stiffness)"
+        )
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

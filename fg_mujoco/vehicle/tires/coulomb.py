@@ -59,8 +59,13 @@ class Coulomb(Law):
 
     @property
     def peak(self) -> float:
-        """Friction [-]."""
-        assert self.D is not None, "the friction of the vehicle is put in before it is driven on"
+        """Friction [-].
+
+        Raises:
+          SettingsError: it is that of a vehicle, which is not known here.
+        """
+        if self.D is None:
+            raise SettingsError("Coulomb.D is None, the vehicle's friction; accepted: a number, as Tires.on(friction) has it")
         return self.D
 
     @property

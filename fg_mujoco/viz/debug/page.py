@@ -55,6 +55,7 @@ def _body(seen: Window, title: str) -> str:
     word = "finished" if good else str(summary["end_reason"]).replace("_", " ")
     told = [str(seen.run.crash)] if seen.run.crash is not None else []
     told += [str(seen.run.wrong_way)] if seen.run.wrong_way is not None else []
+    told += [f"rolled over {seen.run.rollover}"] if seen.run.rollover is not None else []
     result = f"{'; '.join(told)}. " if told else ""
     notes = "".join(f'<div class="note warn">{escape(note)}</div>' for note in seen.notes)
     buttons = "".join(

@@ -36,6 +36,7 @@ from ...simulation.settings import DriveSettings, Start
 from ...simulation.simulation import Simulation
 from ...simulation.telemetry import TELEMETRY
 from ...simulation.world import LIDAR_PREFIX, World
+from ...vehicle.motion import is_rolled_over
 from .hand_driver import HandDriver
 
 _TRACE_STEP = 0.2  # [m] from one point of the trace to the next
@@ -156,6 +157,9 @@ class LiveSession:
             return False
         if self.simulation.crashed or self.simulation.unstable:
             self.message = "crashed: reset to go on"
+            return False
+        if self.simulation.rolled_over:
+            self.message = "rolled over: reset to go on"
             return False
         try:
             command = self._command()
@@ -377,12 +381,16 @@ class LiveSession:
         return PlannersOfEach(groups)
 
     def _watch_opponents(self) -> None:
-        """Stop those that have crashed into a wall, which then stand there, and say so; likewise who failed."""
-        engine = self.simulation.engine
+        """Stop those that have crashed into a wall or rolled over, and say so; likewise who failed."""
+        engine, qpos = self.simulation.engine, self.simulation.engine.qpos(0)
         for row, opponent in enumerate(self._opponents, start=1):
-            if engine.running[row] and engine.crashed[row]:
-                engine.monitor.end(np.arange(len(engine.running)) == row, "crash")
-                self.message = f"{opponent.name} crashed"
+            if not engine.running[row]:
+                continue
+            rolled_over = is_rolled_over(qpos, self.world.cars[row].constants)
+            if engine.crashed[row] or rolled_over:
+                reason, said = ("crash", "crashed") if engine.crashed[row] else ("rolled_over", "rolled over")
+                engine.monitor.end(np.arange(len(engine.running)) == row, reason)
+                self.message = f"{opponent.name} {said}"
         if self._opponents and engine.planners is not None:
             for row, error in engine.planners.failures.items():
                 if row not in self._told:

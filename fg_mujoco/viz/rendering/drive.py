@@ -184,10 +184,10 @@ class Player:
         data.ctrl[:] = drive.ctrl[tick]
         steps = int((time - float(drive.time[tick])) / model.opt.timestep + 1e-6)
         for _ in range(steps):
-            mujoco.mj_step(model, data)
+            self.renderer.tires.step(data)
             if self._mover is not None:
                 self._mover.place(data)
-        mujoco.mj_forward(model, data)
+        self.renderer.tires.forward(data)
         rest = time - float(data.time)
         if rest > 1e-9:
             mujoco.mj_integratePos(model, data.qpos, data.qvel, rest)

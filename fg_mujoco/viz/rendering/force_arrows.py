@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import mujoco
@@ -11,7 +12,16 @@ from numpy.typing import NDArray
 from ...messages import FloatArray
 from ...simulation.cars import CAR_PREFIX
 from ...vehicle.car import WHEELS, element_id
-from ...vehicle.tire_forces import curve_peaks, peaks, tire_rows
+from ...vehicle.tire_forces import (
+    FORCE_ACROSS,
+    FORCE_ALONG,
+    LOAD,
+    USERDATA,
+    curve_peaks,
+    peaks,
+    tire_rows,
+    userdata_place,
+)
 from .cameras import View
 from .colours import friction_colour
 from .decor import disc, ring
@@ -39,7 +49,7 @@ class TireForces:
 
 
 class TireForceMeter:
-    """Reads the tires' forces off contacts; those of tires with a curve are in `xfrc_applied`.
+    """Reads the forces of tires: with a law of ours off `userdata`, of the model `contact` off MuJoCo's contacts.
 
     Args:
       model: holds the car.
@@ -51,11 +61,31 @@ class TireForceMeter:
         geoms = [element_id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{prefix}{wheel}_tire") for wheel in WHEELS]
         self._tires = {geom: index for index, geom in enumerate(geoms)}
         self._rows, self._mu = tire_rows(model, prefix), peaks(model, prefix)
+        self._place = userdata_place(model, prefix) if len(self._rows) else 0
         self._ground = element_id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{prefix}ground")
 
     def read(self, data: mujoco.MjData) -> TireForces:
-        """Return the forces at a state that mj_forward has seen."""
-        points, friction, limit = np.full((4, 3), np.nan), np.full((4, 3), np.nan), np.full(4, np.nan)
+        """Return the forces at a state that vehicle.tire_forces.TireForces.forward has seen."""
+        found = TireForces(points=np.full((4, 3), np.nan), friction=np.full((4, 3), np.nan), limit=np.full(4, np.nan))
+        if len(self._rows):
+            self._read_laws(data, found)
+        else:
+            self._read_contacts(data, found)
+        return found
+
+    def _read_laws(self, data: mujoco.MjData, found: TireForces) -> None:
+        own = data.userdata[self._place : self._place + USERDATA * len(WHEELS)].reshape(len(WHEELS), USERDATA)
+        for tire, (row, did) in enumerate(zip(self._rows, own, strict=True)):
+            if did[LOAD] <= 0.0:
+                continue
+            axle = data.xmat[row["body"]].reshape(3, 3) @ row["axle"]
+            ahead = np.array((axle[1], -axle[0], 0.0)) / math.hypot(axle[0], axle[1])
+            left = np.array((-ahead[1], ahead[0], 0.0))
+            found.points[tire] = *data.xpos[row["body"], :2], row["ground"]
+            found.friction[tire] = did[FORCE_ALONG] * ahead + did[FORCE_ACROSS] * left
+            found.limit[tire] = curve_peaks(row, did[LOAD], self._mu[tire])[1]
+
+    def _read_contacts(self, data: mujoco.MjData, found: TireForces) -> None:
         force = np.empty(6)
         for index in range(data.ncon):
             contact = data.contact[index]
@@ -66,13 +96,9 @@ class TireForceMeter:
             mujoco.mj_contactForce(self._model, data, index, force)
             axes = np.asarray(contact.frame).reshape(3, 3)  # rows: normal, from the first geom to the second; tangents
             on_second = force[1] * axes[1] + force[2] * axes[2]
-            points[tire] = contact.pos
-            friction[tire] = on_second if second in self._tires else -on_second
-            limit[tire] = contact.friction[0] * force[0]
-            if len(self._rows):
-                friction[tire] = data.xfrc_applied[self._rows[tire]["body"], :3]
-                limit[tire] = curve_peaks(self._rows[tire], force[0], self._mu[tire])[1]
-        return TireForces(points=points, friction=friction, limit=limit)
+            found.points[tire] = contact.pos
+            found.friction[tire] = on_second if second in self._tires else -on_second
+            found.limit[tire] = contact.friction[0] * force[0]
 
 
 def draw_circles(scene: mujoco.MjvScene, forces: TireForces) -> None:

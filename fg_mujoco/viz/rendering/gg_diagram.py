@@ -13,13 +13,13 @@ import mujoco
 import numpy as np
 
 from ...messages import FloatArray
-from ...racing.result import RaceResult
+from ...racing.result import RaceResult, tires_model
 from ...racing.run_folder import Run
-from ...simulation.cars import CAR_PREFIX
+from ...simulation.cars import CAR_PREFIX, car_prefixes
 from ...simulation.physics import STATE
 from ...vehicle.car import Car
+from ...vehicle.tire_forces import TireForces
 from ...vehicle.tire_slip import slides_above
-from ...vehicle.tires import CONTACT
 from ..plots import require_matplotlib, save_figure
 from .drive import Drive, read_drive
 
@@ -34,12 +34,12 @@ def accelerations(source: Drive | Run | RaceResult | str | Path) -> FloatArray:
     """
     drive = read_drive(source)
     model = mujoco.MjModel.from_xml_string(drive.xml)
-    car, data = Car(model, CAR_PREFIX), mujoco.MjData(model)
+    car, data, tires = Car(model, CAR_PREFIX), mujoco.MjData(model), TireForces(model, car_prefixes(model))
     result = np.empty((len(drive.ctrl), 2))
     for row, state, ctrl in zip(result, drive.states[:-1], drive.ctrl, strict=True):
         mujoco.mj_setState(model, data, state, STATE)
         data.ctrl[:] = ctrl
-        mujoco.mj_forward(model, data)
+        tires.forward(data)
         row[:] = car.odometry(data).linear_acceleration[:2]
     return result
 
@@ -59,7 +59,7 @@ def gg_picture(source: Drive | Run | RaceResult | str | Path, path: str | Path |
 
     drive = read_drive(source)
     ahead, left = accelerations(drive).T
-    least = slides_above(drive.summary.get("tires", CONTACT))  # older runs lack it
+    least = slides_above(tires_model(drive.summary))
     speed, slides = drive.column("speed_m_s"), drive.sliding_speed > least
     gravity = -float(mujoco.MjModel.from_xml_string(drive.xml).opt.gravity[2])
     limit = float(drive.summary["mu"]) * gravity

@@ -24,6 +24,7 @@ from ...messages import FloatArray
 from ...simulation.cars import BOX, car_prefixes, require_car
 from ...simulation.world import World
 from ...vehicle.car import element_id
+from ...vehicle.tire_forces import TireForces
 from .cameras import Camera, Moment, View, find_camera
 from .gl import open_context
 from .presets import find_quality
@@ -54,6 +55,7 @@ class Renderer:
 
     Attributes:
       model: the compiled model for pictures; it takes the states of the world.
+      tires: steps `model` by hand, tires included.
       size: width and height [px].
       car: that the cameras follow.
       oversampling: how many pixels are drawn for each of the picture's, along either side.
@@ -91,6 +93,8 @@ class Renderer:
         model.vis.quality.offsamples = preset.samples
         model.vis.quality.shadowsize = preset.shadow_size or 1
         self._data = mujoco.MjData(model)
+        prefixes = car_prefixes(model)
+        self.tires = TireForces(model, prefixes)
         self._scene = mujoco.MjvScene(model, _MOST_GEOMS)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = preset.shadow_size > 0
         self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
@@ -100,7 +104,6 @@ class Renderer:
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._gl)
         self._gl.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
         self._rect = mujoco.MjrRect(0, 0, self._width, self._height)
-        prefixes = car_prefixes(model)
         self.car = require_car(car, len(prefixes))
         self._bases = [element_id(model, mujoco.mjtObj.mjOBJ_BODY, f"{prefix}base_link") for prefix in prefixes]
         self._carries_box = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, prefixes[car] + BOX) >= 0
@@ -141,7 +144,7 @@ class Renderer:
     def set_state(self, state: FloatArray) -> mujoco.MjData:
         """Return data of `model` at a complete state of the world (mjSTATE_INTEGRATION), forces and poses current."""
         mujoco.mj_setState(self.model, self._data, state, STATE)
-        mujoco.mj_forward(self.model, self._data)
+        self.tires.forward(self._data)
         return self._data
 
     def moment(

@@ -93,8 +93,12 @@ def _dress_car(spec: Any, index: int, *, alone: bool) -> None:
     if not alone and look.material(_PAINT) is not None:
         look.material(_PAINT).rgba = car_colour(index)
     own = [geom for geom in spec.geoms if geom.name.startswith(prefix) and geom.group == _CAR_GROUP]
+    hidden = {geom.name for geom in own if geom.name != prefix + BOX}
+    for pair in list(spec.pairs):  # a picture's contacts do not count
+        if {pair.geomname1, pair.geomname2} & hidden:
+            spec.delete(pair)
     for geom in own:
-        if geom.name != prefix + BOX:
+        if geom.name in hidden:
             spec.delete(geom)
     for frame in list(look.frames):
         body = spec.body(prefix + frame.name) or spec.body(lidar_prefix(index) + frame.name)

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...messages import FloatArray
 from ...racing.crash import Crash
+from ...racing.rollover import Rollover
 from ...simulation.cars import car_colour_hex
 from ...simulation.termination import WrongWay
 from ...vehicle.tire_slip import SLIDING_SPEED
@@ -31,7 +32,7 @@ def map_plot(
     events: tuple[SlideEvent, ...],
     cursor: ColumnDataSource,
     wrong_way: WrongWay | None = None,
-    crash: Crash | None = None,
+    crash: Crash | Rollover | None = None,
     others: Sequence[tuple[int, FloatArray]] = (),
     contacts: Sequence[Mapping[str, Any]] = (),
 ) -> Figure:
@@ -43,7 +44,7 @@ def map_plot(
       events: of sliding, marked where they began.
       cursor: source of the dot at the cursor.
       wrong_way: where the car turned, marked with a cross; None: it did not.
-      crash: where the car hit something, marked with a cross; None: it did not.
+      crash: where the car hit something or rolled over, marked with a cross; None: it did not.
       others: number and line (k, 2) [m] of the other cars, each in its colour.
       contacts: of cars, marked with crosses.
     """

@@ -164,9 +164,9 @@ def _page(
     length = lap_length(columns["time_s"], columns["progress_m"], lap_times)
     unfinished = len(lap_times) < int(summary["laps_requested"])
     laps = lap_table(columns, lap_times, length, end=run.end if unfinished else None)
-    events = slide_events(columns, length, tires=run.tires)
+    events = slide_events(columns, length, model=run.tires_model)
     recorded = summary["end_reason"] == RECORDED
-    slides = sections.NOT_KNOWN if recorded else sections.events(events, run.tires)
+    slides = sections.NOT_KNOWN if recorded else sections.events(events, run.tires_model)
     field = Field.of(run)
     film, whose = None, ""
     if clip_seconds is not None:
@@ -187,11 +187,11 @@ def _page(
                 events,
                 cursor,
                 run.wrong_way,
-                run.crash,
+                run.crash or run.rollover,
                 others=[] if field is None else list(enumerate(field.lines))[1:],
                 contacts=[] if field is None else field.contacts,
             ),
-            "time": time_plots(ticks, columns, lap_times, run.tires),
+            "time": time_plots(ticks, columns, lap_times, run.tires_model),
             "gg": gg_plot(ticks, columns, grip, cursor),
             **({} if field is None else {"field": field_plots(field)}),
         },

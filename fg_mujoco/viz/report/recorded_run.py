@@ -14,13 +14,13 @@ from ...errors import RunFolderError
 from ...messages import CarParameters, FloatArray
 from ...racing.crash import Crash
 from ...racing.resimulation import load_world
-from ...racing.result import RaceResult
+from ...racing.result import RaceResult, tires_model
+from ...racing.rollover import Rollover
 from ...racing.run_folder import RECORDED, SUMMARY, Run, read_run, summary_json
 from ...simulation.cars import CAR_PREFIX
 from ...simulation.telemetry import TELEMETRY
 from ...simulation.termination import WrongWay
 from ...vehicle.car import car_parameters
-from ...vehicle.tires import CONTACT
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,9 +43,9 @@ class RecordedRun:
         return float(self.summary["mu"])
 
     @property
-    def tires(self) -> str:
-        """Name of the set of tires."""
-        return str(self.summary.get("tires", CONTACT))  # older runs lack it
+    def tires_model(self) -> str:
+        """Model of the tires."""
+        return tires_model(self.summary)
 
     @property
     def lap_times(self) -> tuple[float, ...]:
@@ -74,6 +74,11 @@ class RecordedRun:
         """What the car hit; None: the race did not end in a crash."""
         told = self.summary.get("crash")  # older runs lack it
         return None if told is None else Crash(**told)
+
+    @property
+    def rollover(self) -> Rollover | None:
+        """Where the car rolled over; None: the race did not end so, or was one of several cars."""
+        return None if self.others else Rollover.of(self.summary["end_reason"], self.telemetry)
 
     @cached_property
     def car(self) -> CarParameters:

@@ -70,6 +70,8 @@ def head(run: RecordedRun, title: str, notes: Sequence[str]) -> str:
     wrong_way = [] if run.wrong_way is None else [f"Wrong way: {run.wrong_way}. The map marks the place with a cross."]
     failure = [] if run.planner_failure is None else [_failure(run.planner_failure)]
     crash = [] if run.crash is None else [f"Crash: {run.crash}. The map marks the place with a cross."]
+    if run.rollover is not None:
+        crash.append(f"Rolled over {run.rollover}. The map marks the place with a cross.")
     late = []
     if summary["end_reason"] == "decision_limit":
         late.append(f"Decision limit: {decision_limit_text(summary['decision_limit_s'], run.end)}.")
@@ -97,7 +99,7 @@ def _sliding(run: RecordedRun) -> tuple[list[tuple[str, str]], str]:
         *([] if lateral is None else [(f"{lateral:.3f} m/s", "greatest sideways")]),
         (share, "of the time sliding"),
     ]
-    return boxes, "no tire slid" if slides <= slides_above(run.tires) else f"a tire slid {share} of the time"
+    return boxes, "no tire slid" if slides <= slides_above(run.tires_model) else f"a tire slid {share} of the time"
 
 
 def _lap_boxes(run: RecordedRun) -> list[tuple[str, str]]:
@@ -179,10 +181,10 @@ def _time_cell(value: float | None, least: float | None) -> str:
     return f'<td class="{"best" if value == least else ""}">{value:.3f}</td>'
 
 
-def events(events: Sequence[SlideEvent], tires: str) -> str:
+def events(events: Sequence[SlideEvent], model: str) -> str:
     """Return the list of sliding; a click on a row puts the cursor there."""
     if not events:
-        return f'<p class="note">None: no tire slid. It does {sliding_rule(tires)}.</p>'
+        return f'<p class="note">None: no tire slid. It does {sliding_rule(model)}.</p>'
     rows = [
         f'<tr class="here" data-time="{event.start:.3f}"><td>{event.start:.3f}</td>'
         f"<td>{1e3 * (event.end - event.start):.0f}</td><td>{event.lap}</td>"
@@ -193,7 +195,7 @@ def events(events: Sequence[SlideEvent], tires: str) -> str:
     more = f" The first {_MOST_EVENTS} are listed." if len(events) > _MOST_EVENTS else ""
     header = ("time [s]", "for [ms]", "lap", "progress [m]", "tire", "car [m/s]", "greatest [m/s]")
     return (
-        f'<p class="note">{len(events)} times a tire slid, {sliding_rule(tires)}.{more} '
+        f'<p class="note">{len(events)} times a tire slid, {sliding_rule(model)}.{more} '
         "A click shows where.</p>"
         f'<div class="scroll">{table(header, rows)}</div>'
     )

@@ -28,7 +28,7 @@ class SlideEvent:
 
 
 def slide_events(
-    columns: dict[str, FloatArray], length: float | None, period: float = 0.025, tires: str = CONTACT
+    columns: dict[str, FloatArray], length: float | None, period: float = 0.025, model: str = CONTACT
 ) -> tuple[SlideEvent, ...]:
     """Return all sliding of a race, in the order in which it began.
 
@@ -36,13 +36,13 @@ def slide_events(
       columns: of `tick_columns`.
       length: of a lap [m]; None: progress is counted from the start of the race.
       period: of a tick [s].
-      tires: name of the set.
+      model: of the tires.
     """
     time, progress, lap = columns["time_s"], columns["progress_m"], columns["lap"]
     events = []
     for tire in WHEELS:
         slide = columns[f"slide_{tire}_m_s"]
-        for first, end in _runs(slide > slides_above(tires)):
+        for first, end in _runs(slide > slides_above(model)):
             events.append(
                 SlideEvent(
                     tire=tire,

@@ -19,7 +19,7 @@ _HEIGHT = 185  # [px]
 
 
 def time_plots(
-    ticks: ColumnDataSource, columns: dict[str, FloatArray], lap_times: tuple[float, ...], tires: str
+    ticks: ColumnDataSource, columns: dict[str, FloatArray], lap_times: tuple[float, ...], model: str
 ) -> UIElement:
     """Return the plots, one below the other, with one axis; `report.js` switches it from distance to time.
 
@@ -27,7 +27,7 @@ def time_plots(
       ticks: source of all columns.
       columns: of `tick_columns`.
       lap_times: of the laps that were completed [s]; their ends are marked.
-      tires: name of the set.
+      model: of the tires.
     """
     from bokeh.layouts import gridplot
     from bokeh.models import Range1d
@@ -53,7 +53,7 @@ def time_plots(
         _line(friction, ticks, f"friction_use_{wheel}", colour, wheel.replace("_", " "))
         _line(sliding, ticks, f"slide_{wheel}_m_s", colour, wheel.replace("_", " "))
     _mark_height(friction, 1.0)
-    _mark_height(sliding, slides_above(tires))
+    _mark_height(sliding, slides_above(model))
 
     panels = [speed, steering, friction, sliding]
     ends = np.cumsum(lap_times)

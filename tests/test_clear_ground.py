@@ -1,0 +1,181 @@
+"""Cars that can touch nothing are left out of the search for contacts, and nothing else changes, to the last bit."""
+
+import math
+
+import mujoco
+import numpy as np
+import pytest
+
+import fg_mujoco as fg
+from fg_mujoco.course.obstacles import Box
+from fg_mujoco.racing.planner_loading import make_controller
+from fg_mujoco.simulation.cars import WorldCar
+from fg_mujoco.simulation.clear_ground import (
+    REACH,
+    distances_of,
+    find_clear_ground,
+    leave_out_contacts,
+    put_contacts_back,
+)
+from fg_mujoco.simulation.engine import Engine
+from fg_mujoco.simulation.planner_adapter import adapt, start
+from fg_mujoco.simulation.settings import Start
+
+NOTHING = np.zeros((0, 0)), np.zeros(2)
+PERIOD = 0.025
+
+
+def searched(world):
+    """Return the world as it was before: with no place known to be clear."""
+    world.distances = NOTHING
+    return world
+
+
+def clear_of(engine):
+    return engine._batches[0]._clear
+
+
+def left_out(engine):
+    """Return which cars of world 0 are left out in the tick that comes, and put them back."""
+    batch, ids = engine._batches[0], np.zeros(1, np.int32)
+    clear = batch._clear
+    leave_out_contacts(ids, 1, batch.physics.states, batch.layout, batch._arrays.constants, PERIOD, clear)
+    out = [not clear.contact_types[0, body] and not clear.affinities[0, body] for body in clear.bodies]
+    put_contacts_back(ids, 1, clear)
+    back = np.column_stack((clear.contact_types[0, clear.bodies], clear.affinities[0, clear.bodies]))
+    assert (back == clear.own).all()
+    return out
+
+
+def driven(engine, ticks):
+    states = []
+    for _ in range(ticks):
+        engine.sense()
+        engine.decide()
+        engine.drive()
+        engine.judge()
+        states.append(engine.state(0).copy())
+    return np.array(states)
+
+
+@pytest.mark.parametrize("track", ("oval", "tight", "boxes", "maze", "scene:dead_end:1"))
+def test_a_car_that_is_left_out_is_further_from_all_solids_than_it_can_get(track):
+    """Oracle: MuJoCo's own distance of the chassis from each wall and obstacle, at random places and speeds."""
+    world, rng = fg.World(track), np.random.default_rng(3)
+    engine, data = Engine(world), mujoco.MjData(world.model)
+    model = world.model
+    chassis = model.geom("car/chassis").id
+    solids = [g for g in range(model.ngeom) if model.geom_contype[g] == 2]
+    low, high = world.track.bounds
+    counts = [0, 0]
+    for _ in range(150):
+        x, y = rng.uniform(low - 1.0, high + 1.0)
+        speed = rng.uniform(0.0, 12.0)
+        world.car.write_pose(data, x, y, rng.uniform(-math.pi, math.pi), speed)
+        mujoco.mj_forward(model, data)
+        mujoco.mj_getState(model, data, engine.state(0), int(mujoco.mjtState.mjSTATE_INTEGRATION))
+        (out,) = left_out(engine)
+        counts[out] += 1
+        if out:
+            away = np.linalg.norm(data.geom_xpos[solids] - data.geom_xpos[chassis], axis=1) - model.geom_rbound[solids]
+            near = np.array(solids)[away < 1.0].tolist()
+            least = min((mujoco.mj_geomDistance(model, data, chassis, g, 2.0, None) for g in near), default=2.0)
+            assert least > speed * PERIOD
+    assert min(counts) > 10 or track != "oval"
+
+
+@pytest.mark.parametrize("tires", ("contact", "coulomb"))
+def test_a_race_has_the_same_bits_as_when_all_walls_are_searched(tires):
+    states, shares = [], []
+    for make in (lambda world: world, searched):
+        world = make(fg.World("hairpins", tires=tires))
+        planner = make_controller(
+            "gap_finder", car=world.parameters, mu=1.0489, max_speed=8.0, map_line=world.track.map_line
+        )
+        start(planner)
+        engine = Engine(world)
+        engine.planners = adapt([planner])
+        engine.place([Start()])
+        share = 0
+        rows = []
+        for _ in range(200):
+            share += bool(clear_of(engine).distances.size) and left_out(engine)[0]
+            rows.append(driven(engine, 1)[0])
+        states.append(np.array(rows))
+        shares.append(share)
+    assert states[0].tobytes() == states[1].tobytes()
+    assert shares[0] > 60 and shares[1] == 0
+
+
+@pytest.mark.parametrize("speed", (3.0, 20.0))
+def test_a_crash_comes_in_the_same_tick_with_the_same_bits(speed):
+    found = []
+    for make in (lambda world: world, searched):
+        engine = Engine(make(fg.World("oval")))
+        engine.place([Start(s=2.0, heading=0.9, speed=speed)])
+        engine.commands[:] = 0.0, speed
+        states = []
+        while engine.running[0]:
+            engine.commands[:] = 0.0, speed
+            engine.drive()
+            engine.judge()
+            states.append(engine.state(0).copy())
+        assert engine.crashed[0]
+        found.append(np.array(states))
+    assert found[0].tobytes() == found[1].tobytes()
+
+
+def test_a_wrong_map_of_distances_would_miss_the_crash():
+    """The guard of the tests above: were everything clear, the car would drive through the wall."""
+    world = fg.World("oval")
+    world.distances = np.full((1, 1), REACH), np.zeros(2)
+    engine = Engine(world)
+    engine.place([Start(s=2.0, heading=0.9, speed=3.0)])
+    for _ in range(60):
+        engine.commands[:] = 0.0, 3.0
+        engine.drive()
+    assert not engine.crashed[0]
+
+
+def test_cars_near_each_other_are_searched_and_cars_apart_are_not():
+    world = fg.World("fast", others=(WorldCar(), WorldCar()))
+    engine = Engine(world)
+    engine.place([Start(s=2.0), Start(s=2.8), Start(s=12.0)])
+    assert left_out(engine) == [False, False, True]
+    engine.place([Start(s=2.0), Start(s=7.0), Start(s=12.0)])
+    assert left_out(engine) == [True, True, True]
+
+
+def test_worlds_of_a_batch_are_told_apart():
+    engine = Engine(fg.World("oval"), count=2)
+    engine.place([Start(s=2.0), Start(s=2.0, offset=0.8)])
+    clear, batch = clear_of(engine), engine._batches[0]
+    ids = np.arange(2, dtype=np.int32)
+    leave_out_contacts(ids, 2, batch.physics.states, batch.layout, batch._arrays.constants, PERIOD, clear)
+    assert clear.contact_types[:, clear.bodies[0]].tolist() == [0, clear.own[0, 0]]
+    put_contacts_back(ids, 2, clear)
+
+
+def test_what_is_in_the_way_is_known_and_what_moves_or_is_too_large_leaves_nothing_out(monkeypatch):
+    plain, (grid, corner) = fg.World("fast"), fg.World("fast").distances
+    x, y, _ = plain.track.start_pose(2.0)
+    row, column = (round((value - low) / 0.25) for value, low in zip((y, x), corner[::-1], strict=True))
+    assert grid[row, column] > 0.5
+    world = fg.World("fast", obstacles=(Box(x=x, y=y, length=0.8, width=0.8),))
+    assert world.distances[0][row, column] == 0.0
+    assert fg.World("scene:crossing_box:1").distances[0].size == 0
+    monkeypatch.setattr("fg_mujoco.simulation.clear_ground._MOST_CELLS", 100)
+    assert distances_of(plain.model)[0].size == 0
+    assert find_clear_ground(NOTHING, plain.model, None, ("car/",)).distances.size == 0
+
+
+def test_a_car_that_is_no_number_is_searched():
+    engine = Engine(fg.World("fast"))
+    engine.place([Start(s=2.0)])
+    assert left_out(engine) == [True]
+    engine.state(0)[1] = math.nan
+    assert left_out(engine) == [False]
+
+
+def test_a_world_whose_model_its_owner_may_change_is_searched():
+    assert clear_of(fg.Simulation(fg.World("fast")).engine).distances.size == 0

@@ -1,0 +1,181 @@
+"""How cars bounce off walls, obstacles and each other: depth, restitution and energy, at several steps."""
+
+import math
+import re
+
+import mujoco
+import numpy as np
+import pytest
+
+import fg_mujoco as fg
+from fg_mujoco.course.obstacles import Box
+from fg_mujoco.simulation.engine import Engine
+from fg_mujoco.simulation.world import WorldCar, shows
+from fg_mujoco.vehicle.bodywork import RESTITUTION, fit_timestep, solref
+
+PLACE = 2.0  # [m] along the oval: straight for metres
+TRACK = "oval"
+
+
+def energy(model, data):
+    mujoco.mj_energyPos(model, data)
+    mujoco.mj_energyVel(model, data)
+    return float(data.energy.sum())
+
+
+def motorless(world):
+    """Return the model of a world without motors, and its data."""
+    model = world.model
+    for index in range(model.nu):
+        if model.actuator(index).name.endswith("speed"):
+            model.actuator_gainprm[index] = model.actuator_biasprm[index] = 0.0
+    return model, mujoco.MjData(model)
+
+
+def drive_into(world, speed, angle, gap, solid, seconds=0.3):
+    """Let a car of some speed [m/s] meet what is `gap` [m] ahead of its front, at an angle [rad] to the left wall.
+
+    Returns:
+      depths: of the chassis in geoms whose names begin with `solid` (steps,) [m].
+      speeds: of the centre of mass towards the wall (steps,) [m/s].
+      energies: (steps,) [J].
+    """
+    model, data = motorless(world)
+    x, y, heading = world.track.start_pose(PLACE)
+    aside = np.array((-math.sin(heading), math.cos(heading)))
+    chassis, base = model.geom("car/chassis").id, model.body("car/base_link").id
+    half, middle = model.geom_size[chassis], model.geom_pos[chassis]
+    solids = {i for i in range(model.ngeom) if model.geom(i).name.startswith(solid)}
+    corners = np.array([(middle[0] + i * half[0], j * half[1]) for i in (-1, 1) for j in (-1, 1)])
+    reach = (corners @ (math.sin(angle), math.cos(angle))).max()
+    offset = left_wall(world) - reach - gap
+    world.car.write_pose(data, *(np.array((x, y)) + offset * aside), heading + angle, speed)
+    mujoco.mj_forward(model, data)
+    depths, speeds, energies = [], [], []
+    for _ in range(round(seconds / model.opt.timestep)):
+        energies.append(energy(model, data))
+        mujoco.mj_step(model, data)
+        found = [contact.dist for contact in data.contact if chassis in contact.geom and solids & set(contact.geom)]
+        mujoco.mj_subtreeVel(model, data)
+        depths.append(max(0.0, -min(found, default=0.0)))
+        speeds.append(float(data.subtree_linvel[base][:2] @ aside))
+    return np.array(depths), np.array(speeds), np.array(energies)
+
+
+def left_wall(world):
+    """Return how far the left wall is from the line at PLACE [m]."""
+    x, y, heading = world.track.start_pose(PLACE)
+    ahead, found = np.array((math.cos(heading), math.sin(heading))), []
+    for wall in world.track.walls:
+        corners = wall.corners() - (x, y)
+        along, aside = corners @ ahead, corners @ (-ahead[1], ahead[0])
+        if along.min() <= 0.0 <= along.max() and aside.mean() > 0.0:
+            found.append(aside.min())
+    return min(found)
+
+
+@pytest.mark.parametrize("tires", ("contact", "coulomb"))
+@pytest.mark.parametrize("degrees", (90, 70, 45, 30))
+@pytest.mark.parametrize("speed", (2.0, 15.0, 20.0))
+def test_a_wall_stops_a_car_within_the_step_in_which_it_arrives(tires, degrees, speed):
+    """Wherever in its step it arrives: no deeper than it moves in it, and slower afterwards; up to .4 m before."""
+    angle = math.radians(degrees)
+    for phase in np.linspace(0.0, 1.0, 4):
+        world = fg.World(TRACK, tires=tires)
+        gap = 0.05 + phase * speed * math.sin(angle) * 0.005
+        depths, speeds, energies = drive_into(world, speed, angle, gap, "wall_")
+        assert 0.0 < depths.max() <= speed * 0.005 + 0.005
+        assert energies.max() < 1.001 * energies[0]
+        if speed < 10.0 and degrees < 90:
+            continue  # it still turns to the wall when the time is over
+        rebound = -speeds.min() / (speed * math.sin(angle))
+        low, high = {90: (0.15, 0.3), 70: (0.1, 0.4), 45: (0.1, 0.45), 30: (-0.1, 0.4)}[degrees]
+        assert low < rebound < high, (phase, rebound)
+
+
+@pytest.mark.parametrize("timestep", (0.001, 0.0025, 0.01, 0.025))
+def test_a_wall_bounces_alike_at_other_timesteps(timestep):
+    """Fitted to 5 ms and left so, contacts at 10 ms would throw the car back faster than it came."""
+    world = fg.World(TRACK, tires="coulomb")
+    world.model.opt.timestep = timestep
+    before = world.model.geom("car/chassis").solref.copy()
+    fit_timestep(world.model)
+    assert world.model.geom("wall_0").solref == pytest.approx(solref(timestep))
+    assert not np.allclose(world.model.geom("car/chassis").solref, before)
+    _, speeds, energies = drive_into(world, 5.0, 0.5 * math.pi, 0.05, "wall_")
+    assert -speeds.min() / 5.0 == pytest.approx(RESTITUTION, abs=0.1) and energies.max() < 1.001 * energies[0]
+
+
+def test_an_engine_fits_the_contacts_of_a_world_whose_timestep_was_changed():
+    world = fg.World(TRACK)
+    world.model.opt.timestep = 0.0125
+    Engine(world)
+    assert world.model.pair("car/hull").solref == pytest.approx(solref(0.0125))
+    plain = fg.World(TRACK)
+    before = plain.model.geom_solref.copy()
+    Engine(plain)
+    assert (plain.model.geom_solref == before).all()
+
+
+@pytest.mark.parametrize("degrees", (90, 60))
+def test_an_obstacle_stops_a_car_as_a_wall_does(degrees):
+    world = fg.World(TRACK)
+    x, y, heading = world.track.start_pose(PLACE)
+    offset = left_wall(world) - 0.5
+    place = np.array((x, y)) + offset * np.array((-math.sin(heading), math.cos(heading)))
+    box = Box(x=place[0], y=place[1], length=0.6, width=0.3, heading=heading)
+    world = fg.World(TRACK, obstacles=(box,), tires="coulomb")
+    depths, speeds, energies = drive_into(world, 20.0, math.radians(degrees), 0.75, "obstacle_")
+    assert 0.0 < depths.max() <= 0.105 and energies.max() < 1.001 * energies[0]
+    assert speeds[-1] < 0.0
+
+
+def test_two_cars_that_meet_at_20_m_s_part_with_their_momentum_and_less_energy():
+    """Head on, 10 m/s each: apart at the restitution times their closing speed, and their common speed stays 0."""
+    world = fg.World(TRACK, tires="coulomb", others=(WorldCar(tires="coulomb"),))
+    model, data = motorless(world)
+    x, y, heading = world.track.start_pose(PLACE)
+    ahead = np.array((math.cos(heading), math.sin(heading)))
+    for car, sign in zip(world.cars, (1.0, -1.0), strict=True):
+        place = np.array((x, y)) - sign * 0.6 * ahead
+        car.write_pose(data, *place, heading + (0.0 if sign > 0.0 else math.pi), 10.0)
+    chassis = {model.geom(f"{car.prefix}chassis").id for car in world.cars}
+    bodies = [model.body(f"{car.prefix}base_link").id for car in world.cars]
+    mujoco.mj_forward(model, data)
+    deepest, start = 0.0, energy(model, data)
+    energies = []
+    for _ in range(40):
+        mujoco.mj_step(model, data)
+        energies.append(energy(model, data))
+        deepest = max([deepest, *(-contact.dist for contact in data.contact if chassis == set(contact.geom))])
+    mujoco.mj_subtreeVel(model, data)
+    first, second = (float(data.subtree_linvel[body][:2] @ ahead) for body in bodies)
+    assert 0.0 < deepest <= 20.0 * 0.005 + 0.005 and max(energies) < 1.001 * start
+    assert second - first == pytest.approx(20.0 * RESTITUTION, rel=0.4) and abs(first + second) < 0.5
+
+
+def test_a_folder_of_solids_that_ended_at_the_ground_still_shows_its_course():
+    world = fg.World(TRACK)
+    xml = fg.World(TRACK).xml
+    assert shows(xml, world.track)
+    old, other = (re.sub(r' -0\.5(?=[ "])', foot, xml) for foot in (" 0", " -0.4"))
+    assert old != xml and shows(old, world.track)
+    assert not shows(old, fg.World("hairpins").track) and not shows(other, world.track)
+
+
+def test_a_moving_obstacle_pushes_a_car_along_and_hardly_enters_it():
+    """MuJoCo takes it for standing: it goes 4 times the way of a step into a car, 3 cm at 1.5 m/s, and was 18."""
+    world = fg.World("scene:crossing_box:1", tires="coulomb")
+    model, data = motorless(world)
+    motion = world.moving[0]
+    x, y, _ = world.track.start_pose(2.0)
+    world.car.write_pose(data, x, y, 0.0, 0.0)
+    chassis, body = model.geom("car/chassis").id, int(model.body_mocapid[model.body("moving_0").id])
+    half = 0.5 * motion.length + model.geom_size[chassis][1] + 0.05
+    depths, speeds = [], []
+    for step in range(110):  # before it is at the wall
+        data.mocap_pos[body] = x + 0.17, y - half - 0.3 + 1.5 * 0.005 * step, 0.0
+        mujoco.mj_step(model, data)
+        depths.append(max((-contact.dist for contact in data.contact if chassis in contact.geom), default=0.0))
+        speeds.append(data.qvel[1])
+    assert 0.005 < max(depths) < 0.05 and max(speeds) < 1.5 * (1.0 + RESTITUTION) + 0.5
