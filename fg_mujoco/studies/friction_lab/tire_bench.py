@@ -1,8 +1,8 @@
 """The experiment `tire_bench`: one wheel on the ground at a set load, slip angle and slip ratio, as tires are measured.
 
 The wheel of the car f1tenth is under a mass of the load, which is held to a straight line, and free up and down. Its
-heading is turned off the line by the slip angle, and its spin is set, both before each physics step of 5 ms. The force
-is that which the engine's kernel writes for the step. It is compared with the formula of the set's file.
+heading is turned off the line by the slip angle, and its spin is set, both before each physics step of 5 ms, and neither
+moves within one. The force is the mean over the tire's short steps, as the engine's kernel writes it. It is compared with the formula of the set's file.
 
 - `points`: pure side slip, pure slip ratio, and both, over loads of 2 to 20 N;
 - `lag`: a step of the slip angle at 1 to 8 m/s, and over which way the force follows;
@@ -35,6 +35,8 @@ _WAYS = (-60.0, -30.0, 30.0, 45.0, 75.0)  # [deg] of a combined slip, 0 is along
 _SPEED = 3.0  # [m/s]
 _SPEEDS = (1.0, 2.0, 4.0, 8.0)  # [m/s] of the step
 _STEP = 0.002  # [rad] of slip angle, so small that the curve is straight
+_HELD = [0, 1, 3, 4, 5, 6]  # dofs that are set: all but the one up and down
+_HEAVY = 1e9  # [kg, kg m^2] of these, so that no force of the tire moves them within a physics step
 _ROLLED, _MOST_ROLLS, _SETTLED = 40.0, 20, 1e-5  # relaxation lengths, how often, and spread, until a point is read
 _SETTLING = 1.0  # [s] of the load
 _PEAK_SHARE, _LAG_SHARE = 0.005, 0.05  # asked
@@ -57,6 +59,7 @@ class Bench:
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
         self._forces = TireForces(self.model, wheels=(self.wheel,))
+        self.model.dof_armature[_HELD] = _HEAVY  # only now: the tire's damping is that of the wheel's own inertia
         self._speed = speed
         self._forces.begin(self.data)
         self.roll(_SETTLING, 0.0, 0.0)
