@@ -76,6 +76,28 @@ def onset(mu: float, steering: float, car: CarParameters) -> float:
     return 0.5 * (low + high)
 
 
+def held_curvature(steering: float, model: mujoco.MjModel) -> float:
+    """Return the curvature that a car drives at the end of its bristles, over that of its steering angle [-].
+
+    Both axles then run at the slip angle of their peak; 1 on MuJoCo's contacts, which have none.
+
+    Args:
+      steering: angle [rad].
+      model: of the car.
+    """
+    tires = tires_of(model)
+    if tires.is_contact:
+        return 1.0
+    front, rear = (axle.lateral.peak_slip for axle in tires.axles)
+    steering = abs(steering)
+    return (math.tan(steering - front) + math.tan(rear)) * math.cos(rear) / math.tan(steering)
+
+
+def grip_onset(mu: float, steering: float, car: CarParameters, model: mujoco.MjModel) -> float:
+    """Return the k at which an axle lets go [-]: `onset`, on the wider circle that the bristles make of it."""
+    return onset(mu, steering, car) / math.sqrt(held_curvature(steering, model))
+
+
 def creep(k: float, mu: float, steering: float, car: CarParameters, model: mujoco.MjModel) -> float:
     """Return how fast the contact point of the most loaded tire creeps while it holds [m/s].
 
@@ -103,7 +125,7 @@ def sliding_onset(mu: float, steering: float, car: CarParameters, model: mujoco.
     lies below where creep alone passes SLIDING_SPEED, on grippy ground, and above on slippery ground, where the car
     has to run wide by what creep leaves of it.
 
-    Bristles do not creep. Those of the inner front wheel, which rolls slower than the middle of its axle by the yaw
+    Bristles do not creep, and cross their way from `held_curvature` on. Those of the inner front wheel, which rolls slower than the middle of its axle by the yaw
     rate times half the track, take up as much less where both front wheels are at the end of their bristles.
     """
     limit = onset(mu, steering, car)
@@ -114,7 +136,7 @@ def sliding_onset(mu: float, steering: float, car: CarParameters, model: mujoco.
     low, high = 0.5, 3.0
     while high - low > 1e-6:
         k = 0.5 * (low + high)
-        wide = k * law * math.sin(abs(steering)) * max(1.0 - (limit / k) ** 2, 0.0)
+        wide = k * law * math.sin(abs(steering)) * max(held_curvature(steering, model) - (limit / k) ** 2, 0.0)
         held = creep(min(k, limit), mu, steering, car, model) + bent * k * law / car.wheelbase
         slides = held + wide > threshold
         low, high = (low, k) if slides else (k, high)

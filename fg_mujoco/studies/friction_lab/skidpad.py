@@ -26,7 +26,7 @@ from ...vehicle.vehicle import Vehicle
 from . import figure_style as style
 from .experiment import LAW_TIRES, Cell, Experiment, Figure, LabSettings, Row, Section, Tables
 from .figure_style import column
-from .rigid_car import onset, sliding_onset, tire_loads
+from .rigid_car import grip_onset, onset, sliding_onset, tire_loads
 from .steady_circle import CircleReading, SteadyCircle, UnreachableError
 
 if TYPE_CHECKING:
@@ -143,7 +143,7 @@ def _onset_row(circle: SteadyCircle) -> Row:
         "steering_rad": steering,
         "law_speed_m_s": circle.law,
         "k_grip": _middle(grip),
-        "k_grip_closed_form": onset(mu, steering, car),
+        "k_grip_closed_form": grip_onset(mu, steering, car, circle.ground.model),
         "lets_go": grip[1].lets_go if grip else "",
         "k_slides": _middle(slides),
         "k_slides_closed_form": sliding_onset(mu, steering, car, circle.ground.model),
@@ -284,7 +284,7 @@ def _draw_k(figure: matplotlib.figure.Figure, tires: str, onsets: list[Row]) -> 
         rows = _of(onsets, "mu", mu)
         steering = np.abs(column(rows, "steering_rad"))
         for axes, name, closed in (
-            (left, "k_grip", [onset(mu, angle, car) for angle in angles]),
+            (left, "k_grip", [grip_onset(mu, angle, car, model) for angle in angles]),
             (right, "k_slides", [sliding_onset(mu, angle, car, model) for angle in angles]),
         ):
             style.theory(axes, angles, closed, colour=colour)

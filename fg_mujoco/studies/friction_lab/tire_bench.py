@@ -1,8 +1,9 @@
 """The experiment `tire_bench`: one wheel on the ground at a set load, slip angle and slip ratio, as tires are measured.
 
 The wheel of the car f1tenth is under a mass of the load, which is held to a straight line, and free up and down. Its
-heading is turned off the line by the slip angle, and its spin is set, both before each physics step of 5 ms, and neither
-moves within one. The force is the mean over the tire's short steps, as the engine's kernel writes it. It is compared with the formula of the set's file.
+heading is turned off the line by the slip angle, and its spin is set, both before each physics step of 5 ms, and
+neither moves within one. The force is the mean over the tire's short steps, as the engine's kernel writes it. It is
+compared with the formula of the set's file.
 
 - `points`: pure side slip, pure slip ratio, and both, over loads of 2 to 20 N;
 - `lag`: a step of the slip angle at 1 to 8 m/s, and over which way the force follows;

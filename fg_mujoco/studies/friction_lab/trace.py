@@ -115,11 +115,16 @@ class Trace:
 
     @cached_property
     def tire_forces(self) -> FloatArray:
-        """Of the ground on each tire, along and across the car's heading. Shape (n, 4, 2) [N]; 0 in the air."""
+        """Of the ground on each tire, along and across the car's heading. Shape (n, 4, 2) [N]; 0 in the air.
+
+        Tires with a law of ours act along the wheel's heading half a step later, MuJoCo's contacts along that of now.
+        """
+        later = 1 if len(self.sensors.meter.rows) else 0
         along, across = np.nan_to_num(self.slip.longitudinal_force), np.nan_to_num(self.slip.lateral_force)
         forces = []
         for tire, sensor in enumerate(self.sensors.axles):
             axle = self.records[:, sensor][:, :2]
+            axle = axle + np.concatenate((axle[later:], axle[len(axle) - later :]))  # twice that of half a step later
             ahead_x, ahead_y = np.array((axle[:, 1], -axle[:, 0])) / np.hypot(axle[:, 0], axle[:, 1])
             x = ahead_x * along[:, tire] - ahead_y * across[:, tire]
             y = ahead_y * along[:, tire] + ahead_x * across[:, tire]
