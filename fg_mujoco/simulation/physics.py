@@ -15,11 +15,10 @@ from typing import Any, NamedTuple
 import llvmlite.binding
 import mujoco
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
 from ..errors import EngineError
-from ..kernels import kernel
+from ..kernels import kernel, numbas
 from ..messages import FloatArray
 
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
@@ -98,10 +97,12 @@ for _name, (_result, _arguments) in _FUNCTIONS.items():
     _function = getattr(_LIBRARY, _name)
     _function.restype, _function.argtypes = _result, _arguments
 
-_rollout: Any = types.ExternalFunction(
-    "mjb_rollout",
-    types.int32(types.uintp, types.uintp, types.int32, types.int32, types.uintp, types.int32, types.uintp, types.int32),
-)
+@numbas
+def _rollout() -> Any:
+    """Return MuJoCo's function as kernels call it."""
+    from numba.types import ExternalFunction, int32, uintp
+
+    return ExternalFunction("mjb_rollout", int32(uintp, uintp, int32, int32, uintp, int32, uintp, int32))
 
 
 @kernel
