@@ -71,7 +71,7 @@ class Dispatcher(CPUDispatcher):  # type: ignore[misc]
         """Let numba know what has been loaded without it."""
         with contextlib.suppress(Exception), global_compiler_lock:
             kept = read_kernel_file(kernel_file(self.py_func, text, machine()))
-            self.add_overload(self._cache.unpacked(kept[1], self.targetctx))
+            self.add_overload(self._cache.unpacked(pickle.loads(kept[1]), self.targetctx))
 
     def _compile_for_args(self, *args: Any, **kws: Any) -> Any:
         """Compile for arguments, and keep it under their kinds."""
@@ -260,7 +260,7 @@ class _KernelCache:
             return
         with contextlib.suppress(OSError, pickle.PicklingError, TypeError):
             file = self._file(signature, compiled.library.codegen)
-            write_kernel_file(file, dumps(self._kept(compiled)))
+            write_kernel_file(file, self._kept(compiled))
 
     def unpacked(self, packed: Any, target: Any) -> Any:
         """Return what was compiled, as numba calls it."""
@@ -268,14 +268,17 @@ class _KernelCache:
             target.refresh()
         return self._unpack(target, packed)
 
-    def _kept(self, compiled: Any) -> Any:
-        """Return what is kept in a file."""
-        packed = compiled._reduce()
-        return MachineCode.of(compiled), packed
+    def _kept(self, compiled: Any) -> bytes:
+        """Return what is kept in a file, pickled: what Python calls, and what numba needs, pickled once more."""
+        code, packed = MachineCode.of(compiled), dumps(compiled._reduce())
+        try:
+            return pickle.dumps((code, packed))
+        except Exception:  # a constant of the code that only numba can pickle
+            return pickle.dumps((None, packed))
 
     def _numbas(self, kept: Any) -> Any:
         """Return what numba needs of what is kept."""
-        return kept[1]
+        return pickle.loads(kept[1])
 
     def _unpack(self, target: Any, packed: Any) -> Any:
         return CompileResult._rebuild(target, *packed)
@@ -304,11 +307,12 @@ class _KernelCache:
 class _PartCache(_KernelCache):
     """The files of one kernel as other kernels call it."""
 
-    def _kept(self, compiled: Any) -> Any:
+    def _kept(self, compiled: Any) -> bytes:
         bitcode = compiled.library._get_module_for_linking().as_bitcode()
         compiled.fndesc.typemap = compiled.fndesc.calltypes = None
         environments = tuple(compiled._find_referenced_environments())
-        return compiled.library.name, bitcode, compiled.fndesc, compiled.environment, compiled.signature, environments
+        kept = compiled.library.name, bitcode, compiled.fndesc, compiled.environment, compiled.signature, environments
+        return bytes(dumps(kept))
 
     def _numbas(self, kept: Any) -> Any:
         return kept

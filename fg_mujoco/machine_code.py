@@ -14,6 +14,7 @@ import builtins
 import ctypes
 import importlib.util
 import os
+import pickle
 import sys
 import threading
 from collections.abc import Callable, Sequence
@@ -239,11 +240,25 @@ def _runtime() -> _Runtime:
         llvm.add_symbol(f"numba_{name}", address)
     for name, address in memory.c_helpers.items():
         llvm.add_symbol(name if name.startswith("_") else f"NRT_{name}", address)
+    llvm.add_symbol("numba_unpickle", ctypes.cast(_unpickle, ctypes.c_void_p).value)  # numba's own imports numba
     llvm.add_symbol("_Py_NoneStruct", id(None))
     for name, value in vars(builtins).items():
         if isinstance(value, type) and issubclass(value, BaseException):
             llvm.add_symbol(f"PyExc_{name}", id(value))
     return _Runtime(helpers.c_helpers, functions.Environment, functions.make_function)
+
+
+@ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.c_void_p, ctypes.c_int, ctypes.c_void_p)
+def _unpickle(address: int, length: int, digest: int) -> Any:
+    """Return an object that code holds pickled: the same one each time."""
+    key = address, ctypes.string_at(digest, _DIGEST)
+    if key not in _unpickled:
+        _unpickled[key] = pickle.loads(ctypes.string_at(address, length))
+    return _unpickled[key]
+
+
+_DIGEST = 20  # bytes of SHA-1
+_unpickled: dict[tuple[int, bytes], Any] = {}
 
 
 @cache
