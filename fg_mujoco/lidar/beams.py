@@ -12,6 +12,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from ..arguments import explain_class
 from ..course.files import read_text
 from ..course.mjcf import MOST_MJCF, checked_mjcf
 from ..display import brief
@@ -27,6 +28,7 @@ _BEAMS = "beams"  # the name of the frame that holds the sites of the beams
 _TEXT_ROUNDING = 1e-5  # MJCF text keeps six digits: 2.5e-6 rad of a beam's direction
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Beams:
     """The beams of a LiDAR, rightmost first, in the frame of its body: x ahead, y left, z up. Arrays are read-only."""

@@ -97,6 +97,7 @@ for _name, (_result, _arguments) in _FUNCTIONS.items():
     _function = getattr(_LIBRARY, _name)
     _function.restype, _function.argtypes = _result, _arguments
 
+
 @numbas
 def _rollout() -> Any:
     """Return MuJoCo's function as kernels call it."""
