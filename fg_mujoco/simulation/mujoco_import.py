@@ -2,16 +2,24 @@
 
 With MUJOCO_GL=egl, `import mujoco` itself looks for EGL and ends in a traceback from ctypes without it. Then it is
 imported as with MUJOCO_GL=disable; whoever asks for a picture is told what to install (rendering/gl.py).
+
+By default MuJoCo draws with the package `glfw`, which starts another Python to look for its library, and takes longer
+to import than MuJoCo itself. Here it is imported once something draws.
 """
 
 from __future__ import annotations
 
+import contextlib
+import importlib.util
 import os
+import sys
 
 
 def import_mujoco() -> None:
     """Import mujoco, with its own OpenGL or without."""
     wanted, platform = os.environ.get("MUJOCO_GL"), os.environ.get("PYOPENGL_PLATFORM")
+    if not wanted:
+        _import_glfw_later()
     try:
         import mujoco
     except Exception:
@@ -24,6 +32,18 @@ def import_mujoco() -> None:
             os.environ["MUJOCO_GL"] = wanted
             if platform is None:
                 os.environ.pop("PYOPENGL_PLATFORM", None)
+
+
+def _import_glfw_later() -> None:
+    """Let `import glfw` import it once it is used."""
+    if "glfw" in sys.modules or "mujoco" in sys.modules:
+        return
+    with contextlib.suppress(ImportError, ValueError):
+        spec = importlib.util.find_spec("glfw")
+        if spec is not None and spec.loader is not None:
+            spec.loader = importlib.util.LazyLoader(spec.loader)
+            module = sys.modules["glfw"] = importlib.util.module_from_spec(spec)
+            spec.loader.exec_module(module)
 
 
 import_mujoco()
