@@ -27,7 +27,7 @@ from numba.core.registry import CPUDispatcher, cpu_target
 from numba.core.serialize import dumps
 from numba.core.sigutils import normalize_signature
 
-from .kernel_files import cache_folder, kernel_file, read_kernel_file, say, write_kernel_file
+from .kernel_files import cache_folder, kernel_file, read_kept, say, write_kept
 from .machine_code import INLINED, OPTIONS, MachineCode, kinds, machine, omitted, text_of
 from .numba_events import LOADING
 
@@ -70,7 +70,7 @@ class Dispatcher(CPUDispatcher):  # type: ignore[misc]
     def _load(self, text: str) -> None:
         """Let numba know what has been loaded without it."""
         with contextlib.suppress(Exception), global_compiler_lock:
-            kept = read_kernel_file(kernel_file(self.py_func, text, machine()))
+            kept = read_kept(kernel_file(self.py_func, text, machine()))
             self.add_overload(self._cache.unpacked(pickle.loads(kept[1]), self.targetctx))
 
     def _compile_for_args(self, *args: Any, **kws: Any) -> Any:
@@ -248,7 +248,7 @@ class _KernelCache:
     def load_overload(self, signature: Any, target: Any) -> Any:
         """Return what was compiled for a signature; None where it is not there, or damaged."""
         with contextlib.suppress(Exception):  # whatever is wrong with it, compiling helps
-            kept = read_kernel_file(self._file(signature, target.codegen()))
+            kept = read_kept(self._file(signature, target.codegen()))
             if kept is not None:
                 return self.unpacked(self._numbas(kept), target)
         return None
@@ -260,7 +260,7 @@ class _KernelCache:
             return
         with contextlib.suppress(OSError, pickle.PicklingError, TypeError):
             file = self._file(signature, compiled.library.codegen)
-            write_kernel_file(file, self._kept(compiled))
+            write_kept(file, self._kept(compiled))
 
     def unpacked(self, packed: Any, target: Any) -> Any:
         """Return what was compiled, as numba calls it."""

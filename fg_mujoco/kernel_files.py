@@ -88,7 +88,7 @@ def kernel_file(function: Callable[..., Any], *key: object) -> Path:
     return cache_folder() / f"{function.__qualname__.rpartition('.')[2]}-{digest[:32]}"
 
 
-def read_kernel_file(file: Path) -> Any:
+def read_kept(file: Path) -> Any:
     """Return what is kept in a file; None where it is not there, or damaged."""
     with contextlib.suppress(Exception):  # whatever is wrong with it, compiling helps
         kept = file.read_bytes()
@@ -98,7 +98,7 @@ def read_kernel_file(file: Path) -> Any:
     return None
 
 
-def write_kernel_file(file: Path, payload: bytes) -> None:
+def write_kept(file: Path, payload: bytes) -> None:
     """Keep something pickled in a file, if one can be written there."""
     unfinished = file.with_name(f"{file.name}.{uuid.uuid4().hex}")
     with contextlib.suppress(OSError):

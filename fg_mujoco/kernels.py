@@ -23,7 +23,7 @@ from functools import cached_property
 from types import MethodType
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
 
-from .kernel_files import cache_folder, kernel_file, own_folder, package_files, read_kernel_file, source_digest
+from .kernel_files import cache_folder, kernel_file, own_folder, package_files, read_kept, source_digest
 from .machine_code import INLINED, Kind, kinds, machine, omitted, text_of
 
 if TYPE_CHECKING:
@@ -120,7 +120,7 @@ class _Kernel:
         with _lock, _timed():
             if text not in self._loaded:
                 with contextlib.suppress(Exception):  # whatever is wrong with it, numba helps
-                    code, _ = read_kernel_file(kernel_file(self.py_func, text, machine()))
+                    code, _ = read_kept(kernel_file(self.py_func, text, machine()))
                     self._loaded[text] = code.load(self.py_func)
             return self._loaded.get(text)
 

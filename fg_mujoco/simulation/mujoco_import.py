@@ -13,6 +13,8 @@ import contextlib
 import importlib.util
 import os
 import sys
+from types import ModuleType
+from typing import Any
 
 
 def import_mujoco() -> None:
@@ -34,6 +36,22 @@ def import_mujoco() -> None:
                 os.environ.pop("PYOPENGL_PLATFORM", None)
 
 
+class _Later(ModuleType):
+    """A module that is imported once something of it is asked for. (`importlib.util.LazyLoader` imports it earlier.)"""
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
+        self.__class__ = ModuleType
+        assert self.__spec__ is not None and self.__spec__.loader is not None
+        try:
+            self.__spec__.loader.exec_module(self)
+        except BaseException:
+            self.__class__ = _Later
+            raise
+        return getattr(self, name)
+
+
 def _import_glfw_later() -> None:
     """Let `import glfw` import it once it is used."""
     if "glfw" in sys.modules or "mujoco" in sys.modules:
@@ -41,9 +59,8 @@ def _import_glfw_later() -> None:
     with contextlib.suppress(ImportError, ValueError):
         spec = importlib.util.find_spec("glfw")
         if spec is not None and spec.loader is not None:
-            spec.loader = importlib.util.LazyLoader(spec.loader)
             module = sys.modules["glfw"] = importlib.util.module_from_spec(spec)
-            spec.loader.exec_module(module)
+            module.__class__ = _Later
 
 
 import_mujoco()
