@@ -17,7 +17,7 @@ from weakref import WeakSet
 
 import numba
 from llvmlite.binding import parse_bitcode
-from numba.core import event, types
+from numba.core import errors, event, types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, CompilerBase, CompileResult, DefaultPassBuilder, compile_result
 from numba.core.compiler_lock import global_compiler_lock
@@ -26,6 +26,9 @@ from numba.core.errors import ForceLiteralArg
 from numba.core.registry import CPUDispatcher, cpu_target
 from numba.core.serialize import dumps
 from numba.core.sigutils import normalize_signature
+from numba.core.types.functions import BaseFunction
+from numba.extending import overload
+from numba.np import arrayobj
 
 from .kernel_files import cache_folder, kernel_file, read_kept, say, write_kept
 from .machine_code import INLINED, OPTIONS, MachineCode, kinds, machine, omitted, text_of
@@ -71,7 +74,9 @@ class Dispatcher(CPUDispatcher):  # type: ignore[misc]
         """Let numba know what has been loaded without it."""
         with contextlib.suppress(Exception), global_compiler_lock:
             kept = read_kept(kernel_file(self.py_func, text, machine()))
-            self.add_overload(self._cache.unpacked(pickle.loads(kept[1]), self.targetctx))
+            compiled = self._cache.unpacked(pickle.loads(kept[1]), self.targetctx)
+            self.targetctx.insert_user_function(compiled.entry_point, compiled.fndesc, [compiled.library])
+            self.add_overload(compiled)
 
     def _compile_for_args(self, *args: Any, **kws: Any) -> Any:
         """Compile for arguments, and keep it under their kinds."""
@@ -108,7 +113,8 @@ class Dispatcher(CPUDispatcher):  # type: ignore[misc]
         collecting = gc.isenabled()
         gc.disable()  # most of what is made here stays: to look through it again and again would take a second
         try:
-            return _with_room(partial(super().compile, signature))
+            with _in_less_time():
+                return _with_room(partial(super().compile, signature))
         finally:
             if collecting:
                 gc.enable()
@@ -131,6 +137,61 @@ def _with_room(function: Callable[[], Any]) -> Any:
 # first in one. Compiling calls so much so deep that this alone costs two seconds. A frame that is made out to be large
 # gets a chunk of 1 MiB, and shares it with the frames above it.
 _with_room.__code__ = _with_room.__code__.replace(co_stacksize=70_000)
+
+
+@contextlib.contextmanager
+def _in_less_time() -> Iterator[None]:
+    """Let numba do what it does for nothing once, or not at all, while it compiles a kernel.
+
+    It looks up again what a function of its own returns for arguments of the same types, in each function that calls
+    it; marks up, in bold, messages that are thrown away; and compiles a formatter of shapes wherever an array is
+    assigned to a part of another one, for the message of an error.
+    """
+    with global_compiler_lock:
+        changes = (
+            (BaseFunction, "get_call_type", _call_type),
+            (errors, "_termcolor_inst", _Plain()),
+            (arrayobj, "raise_with_shape_context", _refuse_shapes),
+        )
+        before = [getattr(place, name, None) for place, name, _ in changes]
+        for place, name, value in changes:
+            setattr(place, name, value)
+        try:
+            yield
+        finally:
+            for (place, name, _), value in zip(changes, before, strict=True):
+                setattr(place, name, value)
+
+
+class _Plain(errors._DummyColorScheme):  # type: ignore[misc]
+    """Messages without colours, and not in bold."""
+
+    code = errmsg = filename = indicate = highlight = reset = staticmethod(lambda message: message)
+
+
+def _refuse_shapes(source: Any, target: Any) -> None:
+    """Refuse to assign an array to a part of another one that has another shape."""
+
+
+@overload(_refuse_shapes)
+def _of_refusal(source: Any, target: Any) -> Any:
+    def refuse(source: Any, target: Any) -> None:
+        raise ValueError("cannot assign slice from input of different size")
+
+    return refuse
+
+
+_look_up = BaseFunction.get_call_type
+_looked_up: dict[tuple[Any, ...], Any] = {}
+
+
+def _call_type(self: Any, context: Any, args: Any, kws: Any) -> Any:
+    """Return the signature of a call of one of numba's own functions, looked up once."""
+    key = self, context, tuple(args), tuple(kws.items())
+    found = _looked_up.get(key)
+    if found is None:
+        found = _looked_up[key] = _look_up(self, context, args, kws)
+    return found
 
 
 @contextlib.contextmanager

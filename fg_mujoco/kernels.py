@@ -191,6 +191,11 @@ class _Inlined:
         return inlined_dispatcher(self.py_func)
 
     @property
+    def signatures(self) -> list[Any]:
+        """What it has been compiled for, called from Python."""
+        return list(self._dispatcher.signatures)
+
+    @property
     def _numba_type_(self) -> Any:
         return self._dispatcher._numba_type_
 
