@@ -148,7 +148,7 @@ def _in_less_time() -> Iterator[None]:
     assigned to a part of another one, for the message of an error.
     """
     with global_compiler_lock:
-        changes = (
+        changes: tuple[tuple[Any, str, Any], ...] = (
             (BaseFunction, "get_call_type", _call_type),
             (errors, "_termcolor_inst", _Plain()),
             (arrayobj, "raise_with_shape_context", _refuse_shapes),
@@ -163,7 +163,7 @@ def _in_less_time() -> Iterator[None]:
                 setattr(place, name, value)
 
 
-class _Plain(errors._DummyColorScheme):  # type: ignore[misc]
+class _Plain(errors._DummyColorScheme):  # type: ignore[misc, name-defined]
     """Messages without colours, and not in bold."""
 
     code = errmsg = filename = indicate = highlight = reset = staticmethod(lambda message: message)
@@ -173,7 +173,7 @@ def _refuse_shapes(source: Any, target: Any) -> None:
     """Refuse to assign an array to a part of another one that has another shape."""
 
 
-@overload(_refuse_shapes)
+@overload(_refuse_shapes)  # type: ignore[untyped-decorator]
 def _of_refusal(source: Any, target: Any) -> Any:
     def refuse(source: Any, target: Any) -> None:
         raise ValueError("cannot assign slice from input of different size")

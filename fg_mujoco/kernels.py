@@ -24,7 +24,7 @@ from types import MethodType
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
 
 from .kernel_files import cache_folder, kernel_file, own_folder, package_files, read_kept, source_digest
-from .machine_code import INLINED, Kind, kinds, machine, omitted, text_of
+from .machine_code import INLINED, Kind, kind_of, kinds, machine, omitted, text_of
 
 if TYPE_CHECKING:
     from .compiling import Dispatcher
@@ -107,10 +107,7 @@ class _Kernel:
             return arguments, None
         given = set(bound.arguments)
         bound.apply_defaults()
-        found = [
-            (kinds([value]) or [None])[0] if name in given else omitted(value)
-            for name, value in bound.arguments.items()
-        ]
+        found = [kind_of(value) if name in given else omitted(value) for name, value in bound.arguments.items()]
         if bound.kwargs or len(bound.args) != len(found) or None in found:
             return arguments, None
         return bound.args, cast(list[Kind], found)
@@ -128,7 +125,9 @@ class _Kernel:
     def dispatcher(self) -> Dispatcher:
         """Numba's dispatcher of this kernel, which compiles it."""
         if self._dispatcher is None:
-            from .compiling import Dispatcher, global_compiler_lock
+            from numba.core.compiler_lock import global_compiler_lock
+
+            from .compiling import Dispatcher
 
             with global_compiler_lock:
                 if self._dispatcher is None:

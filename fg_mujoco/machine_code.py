@@ -48,19 +48,19 @@ def kinds(arguments: Sequence[Any]) -> list[Kind] | None:
     try:
         return list(map(_of_numpy, arguments))
     except AttributeError:
-        found = [_kind(argument) for argument in arguments]
+        found = [kind_of(argument) for argument in arguments]
         return None if None in found else found  # type: ignore[return-value]
 
 
-def _kind(value: Any) -> Kind | None:
-    """Return the kind of an argument."""
+def kind_of(value: Any) -> Kind | None:
+    """Return the kind of an argument; None: only numba knows its type."""
     of = type(value)
     if of is int:
         return (int,) if -_LARGEST <= value < _LARGEST else None
     if of in _PLAIN:
         return (of,)
     if isinstance(value, tuple) and (of is tuple or hasattr(of, "_fields")):
-        parts = [_kind(part) for part in value]
+        parts = [kind_of(part) for part in value]
         return None if None in parts else (of, *parts)
     return _of_numpy(value) if isinstance(value, (np.ndarray, np.generic)) else None
 
@@ -248,7 +248,7 @@ def _runtime() -> _Runtime:
     return _Runtime(helpers.c_helpers, functions.Environment, functions.make_function)
 
 
-@ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.c_void_p, ctypes.c_int, ctypes.c_void_p)
+@ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.c_void_p, ctypes.c_int, ctypes.c_void_p)  # type: ignore[untyped-decorator]
 def _unpickle(address: int, length: int, digest: int) -> Any:
     """Return an object that code holds pickled: the same one each time."""
     key = address, ctypes.string_at(digest, _DIGEST)
