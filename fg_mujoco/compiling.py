@@ -215,6 +215,12 @@ def _calls_in_turn(library: Any) -> bool:
     return any(variable.name.startswith(prefix) for variable in library._final_module.global_variables)
 
 
+def _any_of(found: Iterable[Any]) -> tuple[Any, ...]:
+    """Return types, with any number or truth value in the place of a constant."""
+    constants = types.IntegerLiteral, types.BooleanLiteral
+    return tuple(types.unliteral(each) if isinstance(each, constants) else each for each in found)
+
+
 class _Part(CPUDispatcher):  # type: ignore[misc]
     """A kernel as other kernels call it: linked into each of them.
 
@@ -237,6 +243,16 @@ class _Part(CPUDispatcher):  # type: ignore[misc]
             compiled = compiled._replace(entry_point=object())  # a name for it: there is no entry point
             self.targetctx.insert_user_function(compiled.entry_point, compiled.fndesc, [compiled.library])
         self.overloads[args] = compiled
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Return what a call gives, compiled once for all whole numbers and truth values, unless it needs to know them.
+
+        Numba compiles a function once more for each constant that it is called with, to the same machine code.
+        """
+        try:
+            return super().get_call_template(_any_of(args), dict(zip(kws, _any_of(kws.values()), strict=True)))
+        except (ForceLiteralArg, errors.TypingError):
+            return super().get_call_template(args, kws)
 
     def compile(self, signature: Any) -> None:
         """Compile for a signature, as numba's dispatchers do, but without timers of every call of LLVM."""
