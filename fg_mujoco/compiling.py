@@ -18,6 +18,7 @@ from weakref import WeakSet
 import numba
 from llvmlite.binding import parse_bitcode
 from numba.core import errors, event, types
+from numba.core.caching import NullCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, CompilerBase, CompileResult, DefaultPassBuilder, compile_result
 from numba.core.compiler_lock import global_compiler_lock
@@ -27,6 +28,8 @@ from numba.core.registry import CPUDispatcher, cpu_target
 from numba.core.serialize import dumps
 from numba.core.sigutils import normalize_signature
 from numba.core.types.functions import BaseFunction
+from numba.core.types.misc import unliteral
+from numba.core.typing.templates import _OverloadFunctionTemplate
 from numba.extending import overload
 from numba.np import arrayobj
 
@@ -145,13 +148,15 @@ def _in_less_time() -> Iterator[None]:
 
     It looks up again what a function of its own returns for arguments of the same types, in each function that calls
     it; marks up, in bold, messages that are thrown away; and compiles a formatter of shapes wherever an array is
-    assigned to a part of another one, for the message of an error.
+    assigned to a part of another one, for the message of an error. And it makes machine code of each function of its
+    own, which is not called: it is linked into each kernel, as kernels' parts are.
     """
     with global_compiler_lock:
         changes: tuple[tuple[Any, str, Any], ...] = (
             (BaseFunction, "get_call_type", _call_type),
             (errors, "_termcolor_inst", _Plain()),
             (arrayobj, "raise_with_shape_context", _refuse_shapes),
+            (_OverloadFunctionTemplate, "_get_jit_decorator", lambda template: _numbas_part),
         )
         before = [getattr(place, name, None) for place, name, _ in changes]
         for place, name, value in changes:
@@ -218,7 +223,7 @@ def _calls_in_turn(library: Any) -> bool:
 def _any_of(found: Iterable[Any]) -> tuple[Any, ...]:
     """Return types, with any number or truth value in the place of a constant."""
     constants = types.IntegerLiteral, types.BooleanLiteral
-    return tuple(types.unliteral(each) if isinstance(each, constants) else each for each in found)
+    return tuple(unliteral(each) if isinstance(each, constants) else each for each in found)
 
 
 class _Part(CPUDispatcher):  # type: ignore[misc]
@@ -231,7 +236,7 @@ class _Part(CPUDispatcher):  # type: ignore[misc]
     def __init__(self, function: Any, variables: Any = None, options: Any = None, pipeline: Any = None) -> None:
         super().__init__(function, variables, options, pipeline or _PartCompiler)
         self._cache = _PartCache(function)
-        self.kernel: Dispatcher | None = None
+        self.kernel: Any = None  # a Dispatcher
 
     def add_overload(self, compiled: Any) -> None:
         """Let other kernels find what was compiled for a signature."""
@@ -273,6 +278,29 @@ class _Part(CPUDispatcher):  # type: ignore[misc]
                     raise error.bind_fold_arguments(lambda *given: fold(*given)[1]) from None
                 self.add_overload(compiled)
             self._cache.save_overload(signature, compiled)
+
+
+class _NumbasPart(_Part):
+    """A function of numba's own as kernels call it."""
+
+    get_call_template = CPUDispatcher.get_call_template  # what it does may depend on constants
+
+    def __init__(self, function: Any, options: Any) -> None:
+        super().__init__(function, None, {"boundscheck": None, **options})
+        self._cache = NullCache()
+
+    def add_overload(self, compiled: Any) -> None:
+        """Let kernels find what was compiled for a signature."""
+        if self.kernel is None and _calls_in_turn(compiled.library):
+            self.kernel = CPUDispatcher(self.py_func, None, self.targetoptions)
+        super().add_overload(compiled)
+
+
+def _numbas_part(**options: Any) -> Callable[[Any], Any]:
+    """Return what makes of a function of numba's own what kernels call: a decorator, as numba's `jit`."""
+    if options.keys() - {"nopython", "no_cpython_wrapper"}:
+        return numba.jit(**options)  # type: ignore[no-any-return]
+    return lambda function: _NumbasPart(function, options)
 
 
 class _PartCompiler(CompilerBase):  # type: ignore[misc]
