@@ -24,7 +24,7 @@ from types import MethodType
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
 
 from .kernel_files import cache_folder, kernel_file, own_folder, package_files, read_kept, source_digest
-from .machine_code import INLINED, Kind, kind_of, kinds, machine, omitted, text_of
+from .machine_code import INLINED, Kind, each_kind, kind_of, kinds, machine, omitted, text_of
 
 if TYPE_CHECKING:
     from .compiling import Dispatcher
@@ -71,10 +71,8 @@ class _Kernel:
 
     def __call__(self, *arguments: Any, **named: Any) -> Any:
         last, compiled = self._last  # most calls have arguments of the same kinds as the one before
-        if not named:
-            found = kinds(arguments)
-            if found == last:
-                return compiled(*arguments)
+        if not named and each_kind(arguments) == last:
+            return compiled(*arguments)
         return self._call(*arguments, **named)
 
     def _call(self, *arguments: Any, **named: Any) -> Any:

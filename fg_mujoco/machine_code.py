@@ -40,16 +40,22 @@ Kind = tuple[Any, ...]
 _OWN_DATA = 4  # flag of an array that does not matter to numba's type of it
 _LARGEST = 2**63  # an integer that is larger has another type
 _of_numpy: Callable[[Any], Kind] = attrgetter("__class__", "dtype", "ndim", "flags.num")
-_PLAIN = (bool, float, complex, type(None))
+_ARRAY = np.ndarray
+_PLAIN: dict[type, Kind] = {each: (each,) for each in (bool, float, complex, type(None))}
 
 
 def kinds(arguments: Sequence[Any]) -> list[Kind] | None:
     """Return the kinds of arguments; None where there is one that only numba knows the type of."""
-    try:
-        return list(map(_of_numpy, arguments))
-    except AttributeError:
-        found = [kind_of(argument) for argument in arguments]
-        return None if None in found else found  # type: ignore[return-value]
+    found = each_kind(arguments)
+    return None if None in found else found  # type: ignore[return-value]
+
+
+def each_kind(arguments: Sequence[Any]) -> list[Kind | None]:
+    """Return the kind of each argument; None of one that only numba knows the type of."""
+    return [
+        _of_numpy(argument) if argument.__class__ is _ARRAY else _PLAIN.get(argument.__class__) or kind_of(argument)
+        for argument in arguments
+    ]
 
 
 def kind_of(value: Any) -> Kind | None:
@@ -58,7 +64,7 @@ def kind_of(value: Any) -> Kind | None:
     if of is int:
         return (int,) if -_LARGEST <= value < _LARGEST else None
     if of in _PLAIN:
-        return (of,)
+        return _PLAIN[of]
     if isinstance(value, tuple) and (of is tuple or hasattr(of, "_fields")):
         parts = [kind_of(part) for part in value]
         return None if None in parts else (of, *parts)
