@@ -1,15 +1,18 @@
 """Kernels on disk are called without numba, as numba calls them, and only for arguments of the types they are for."""
 
+import ast
 import json
 import os
 import pickle
 import subprocess
 import sys
 from collections import namedtuple
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import fg_mujoco as fg
 from fg_mujoco.distinct import distinct, distinct_rows
 from fg_mujoco.kernels import cache_folder, kernel
 from fg_mujoco.machine_code import kinds, text_of
@@ -164,3 +167,12 @@ def test_a_command_starts_without_numba_once_its_kernels_are_on_disk():
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.stderr.strip().splitlines()[-1] == "[]"
     assert cache_folder().is_dir()
+
+
+def test_every_public_name_is_where_type_checkers_look_for_it():
+    tree = ast.parse(Path(fg.__file__).read_text())
+    (block,) = [node for node in tree.body if isinstance(node, ast.If)]
+    typed = {name.name: node.module for node in block.body if isinstance(node, ast.ImportFrom) for name in node.names}
+    assert typed == fg._HOMES
+    assert {*typed, "__version__"} == set(fg.__all__)
+    assert set(fg.__all__) <= set(dir(fg)) and fg.__version__
