@@ -17,7 +17,16 @@ from ..control.settings import Record
 from ..control.steering import arc_through, saturate
 from ..control.tracking import CURVATURE, HEADING, X, Y
 from ..perception.way_on import AT_WALL, NEAR_WALL
-from .motion_search import DIRECTION, MOST_IN_WALLS, MOST_LOCK, MOST_NODES, MOTION, outline_in_walls, search_motion, touches
+from .motion_search import (
+    DIRECTION,
+    MOST_IN_WALLS,
+    MOST_LOCK,
+    MOST_NODES,
+    MOTION,
+    outline_in_walls,
+    search_motion,
+    touches,
+)
 
 _SLOW = 0.7  # [m/s]
 _PATIENCE = 14  # ticks
