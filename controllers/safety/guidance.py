@@ -37,7 +37,7 @@ from ..control.tracking import CURVATURE, HEADING, LAG, X, Y, errors, next_place
 from ..perception.local_map import SIGHT, forget, move
 from ..perception.scan_geometry import beams_between, looks_ahead, period_of, sees
 from ..perception.way_on import AT_WALL, NEAR_WALL, WAY_ON, least_to_go_along, look_again, look_for_way_on, to_go_around
-from .motion_search import MOST_LOCK, MOTION, is_clear, search_motion
+from .motion_search import MOST_LOCK, MOST_NODES, MOTION, is_clear, search_motion
 from .turning import TURNING, turn_in_moves
 
 _BEAMS = 16  # every so many are compared with the planner's goal
@@ -209,7 +209,7 @@ def _planner_drives(
         look_again(scan, ranges, car.lidar_offset, way)
     if not search_motion(
         way, limiter, memory.trial, 0.5 * (present + wanted), speed, settings.viable_time, 1.0, MOST_LOCK,
-        settings.horizon + 0.1 * speed * speed, NEAR_WALL, False, _NODES,
+        settings.horizon + 0.1 * speed * speed, NEAR_WALL, False, min(_NODES, MOST_NODES - way.nodes),
     ):  # fmt: skip
         return False
     memory.follows = False
@@ -242,12 +242,14 @@ def _renew_motion(limiter: Record, settings: Record, memory: Record, present: fl
     found, narrow = False, False
     for grip, lock in ((settings.grip, settings.lock), (1.0, MOST_LOCK)):
         if not found:
+            nodes = min(_NODES, MOST_NODES - way.nodes)
             found = search_motion(
-                way, limiter, trial, present, speed, LAG, grip, lock, horizon, NEAR_WALL, False, _NODES
+                way, limiter, trial, present, speed, LAG, grip, lock, horizon, NEAR_WALL, False, nodes
             )
     if not found and speed < 2.0:
         narrow = True
-        found = search_motion(way, limiter, trial, present, speed, LAG, 1.0, MOST_LOCK, 2.0, AT_WALL, False, _NODES)
+        nodes = min(_NODES, MOST_NODES - way.nodes)
+        found = search_motion(way, limiter, trial, present, speed, LAG, 1.0, MOST_LOCK, 2.0, AT_WALL, False, nodes)
     if found:
         memory.motion.count = trial.count
         memory.motion.points[:] = trial.points
