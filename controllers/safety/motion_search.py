@@ -360,7 +360,7 @@ def _key(place: NDArray[np.float64], fine: int, direction: int) -> int:
     i = math.floor(place[0] * PER_METRE * fine) & (fine * SIZE - 1)
     j = math.floor(place[1] * PER_METRE * fine) & (fine * SIZE - 1)
     turn = math.floor(place[2] * (_HEADINGS / (2.0 * math.pi)) * fine) % (_HEADINGS * fine)
-    return ((i * SIZE * fine + j) * _HEADINGS * fine + turn) * 2 + (direction == 1) + 1
+    return int(((i * SIZE * fine + j) * _HEADINGS * fine + turn) * 2 + (direction == 1) + 1)
 
 
 @kernel
