@@ -10,7 +10,7 @@ from fg_mujoco.studies.friction_lab import mismatch
 from fg_mujoco.studies.friction_lab.experiment import LabSettings
 from fg_mujoco.studies.friction_lab.lab_figures import render
 from fg_mujoco.studies.friction_lab.mismatch import EXPERIMENT
-from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
+from fg_mujoco.vehicle.tire_slip import BRISTLES_SLIDE
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 
@@ -24,7 +24,7 @@ def test_believing_in_less_friction_is_slower_and_in_more_slides(tables):
     # measured on the oval at .7, 1 and 1.3: 9.85, 8.40, 7.68 s; .028, .040, .245 m/s
     careful, right, bold = tables["laps"]
     assert careful["best_lap_s"] > 1.1 * right["best_lap_s"] > 1.1 * bold["best_lap_s"]
-    assert careful["max_slide_m_s"] < right["max_slide_m_s"] < SLIDING_SPEED < bold["max_slide_m_s"]
+    assert careful["max_slide_m_s"] < right["max_slide_m_s"] < BRISTLES_SLIDE < bold["max_slide_m_s"]
     assert careful["sliding_share"] == right["sliding_share"] == 0.0 < bold["sliding_share"]
     assert right["planner_mu"] == right["mu"] == Vehicle.load().nominal_mu
 
@@ -54,7 +54,9 @@ def test_section_names_the_ratios_and_draws(tables):
 
 @pytest.mark.parametrize("threshold", [0.95, 1.1, 1.234])
 def test_knee_is_found_where_the_tires_begin_to_slide(monkeypatch, threshold):
-    monkeypatch.setattr(mismatch, "_drive", lambda *cell: SimpleNamespace(max_slide_m_s=0.1 * (cell[2] > threshold)))
+    monkeypatch.setattr(
+        mismatch, "_drive", lambda *cell: SimpleNamespace(slide_time_fraction=0.1 * (cell[2] > threshold))
+    )
     (row,) = EXPERIMENT.measure({"track": "oval", "mu": 0.6, "ratio": None})["knee"]
     assert row["holds_at"] <= threshold <= row["slides_at"] and row["slides_at"] - row["holds_at"] <= 0.02
     assert row["sliding_from"] == pytest.approx(threshold, abs=0.01) and row["reason"] == ""
@@ -62,7 +64,7 @@ def test_knee_is_found_where_the_tires_begin_to_slide(monkeypatch, threshold):
 
 @pytest.mark.parametrize(("slide", "reason"), [(0.0, "slides at no ratio up to 1.5"), (1.0, "slides at 0.9")])
 def test_knee_that_is_not_there_is_nan_with_a_reason(monkeypatch, slide, reason):
-    monkeypatch.setattr(mismatch, "_drive", lambda *_: SimpleNamespace(max_slide_m_s=slide))
+    monkeypatch.setattr(mismatch, "_drive", lambda *_: SimpleNamespace(slide_time_fraction=slide))
     (row,) = EXPERIMENT.measure({"track": "oval", "mu": 0.6, "ratio": None})["knee"]
     assert math.isnan(row["sliding_from"]) and row["reason"] == reason
 

@@ -18,7 +18,7 @@ from fg_mujoco.studies.friction_lab.steady_circle import SteadyCircle, Unreachab
 from fg_mujoco.studies.friction_lab.tire_law import EXPERIMENT, passes_peak
 from fg_mujoco.vehicle.changes import CarChanges
 from fg_mujoco.vehicle.tire_slip import slides_above, sliding_rule
-from fg_mujoco.vehicle.tires import AxleTires, TireCurve, Tires, tire_names
+from fg_mujoco.vehicle.tires import AxleTires, MagicFormula, Tires, tire_names
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 CAR = Vehicle.load().parameters
@@ -29,7 +29,7 @@ OWN_TIMESTEP = Engine(timestep=None)
 
 def stiff(load_sensitivity=0.0, mu=1.0):
     """Equal tires in front and behind, whose peak is at a slip angle so small that it hardly turns the car."""
-    curve = TireCurve(B=75.0, C=1.4, D=mu, E=0.0)
+    curve = MagicFormula(B=75.0, C=1.4, D=mu, E=0.0)
     axle = AxleTires(lateral=curve, longitudinal=curve, relaxation_length=0.1, load_sensitivity=load_sensitivity)
     return Tires(model="magic_formula", front=axle, rear=axle, name="stiff")
 
@@ -194,13 +194,14 @@ def test_the_onset_is_the_same_at_a_fifth_of_the_timestep():
     assert ks[0] == pytest.approx(ks[1], rel=2e-3)
 
 
-@pytest.mark.parametrize("name", ["contact", "forzaeth_nuc2", "f1tenth_gym"])
+@pytest.mark.parametrize("name", ["contact", "coulomb", "forzaeth_nuc2", "f1tenth_gym"])
 def test_a_sliding_speed_says_whether_a_tire_slides(name):
     """One rule for the lab, races and reports, which have the speed only."""
     tires = Tires.load(name)
     ground = OpenGround(tires.peak, OWN_TIMESTEP, tires)
     ground.place(6.0)
     slip = ground.run([DriveCommand(steering_angle=0.3, speed=6.0)] * 40).slip
-    assert (slip.slides == (np.nan_to_num(slip.sliding_speed) > slides_above(name))).all()
+    assert (slip.slides == (np.nan_to_num(slip.sliding_speed) > slides_above(tires.model))).all()
     assert slip.slides.any() == (name != "f1tenth_gym")
-    assert sliding_rule(name) == ("above 0.05 m/s" if name == "contact" else "past its peak")
+    rules = {"contact": "above 0.05 m/s", "coulomb": "above 0.01 m/s"}
+    assert sliding_rule(tires.model) == rules.get(name, "past its peak")

@@ -16,7 +16,7 @@ from fg_mujoco.messages import DriveCommand
 from fg_mujoco.vehicle.car import Car
 from fg_mujoco.vehicle.changes import CarChanges
 from fg_mujoco.vehicle.tire_forces import TireForces
-from fg_mujoco.vehicle.tires import Tires
+from fg_mujoco.vehicle.tires import Coulomb, Tires
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 integrate = pytest.importorskip("scipy.integrate")
@@ -25,7 +25,7 @@ TIMESTEP = 0.005
 
 
 def set_of(name):
-    tires = Tires.load(name)
+    tires = Tires.load(name).on(Vehicle.load().nominal_mu)
     front, rear = (replace(axle, load_sensitivity=0.0) for axle in tires.axles)
     return replace(tires, front=front, rear=rear)
 
@@ -45,14 +45,14 @@ def drive(tires, steering, speed, seconds):
         ahead, left = cos * data.qvel[0] + sin * data.qvel[1], cos * data.qvel[1] - sin * data.qvel[0]
         left += yaw_rate * car.parameters.rear_axle_distance
         rows.append((data.time, ahead, left, yaw_rate, float(data.joint("steering").qpos[0])))
-        forces.apply(data)
-        mujoco.mj_step(model, data)
-        forces.end(data)
+        forces.step(data)
     return car.parameters, np.array(rows).T
 
 
 def curve(of):
-    """The Magic Formula, written anew."""
+    """The Magic Formula, or Coulomb's law of bristles, written anew."""
+    if isinstance(of, Coulomb):
+        return lambda slip: math.copysign(of.D * min(of.stiffness * abs(slip), 1.0), slip)
 
     def force(slip):
         x = of.B * min(abs(slip), of.hold_slip)

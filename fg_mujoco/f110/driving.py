@@ -35,7 +35,7 @@ from ..vehicle import motion as car_motion
 from ..vehicle.car import WHEELS
 from ..vehicle.speed_controller import SpeedController
 from ..vehicle.tire_forces import USERDATA, userdata_place
-from ..vehicle.tires import Linear, tires_of
+from ..vehicle.tires import tires_of
 
 Motion = tuple[float, float, float, float, float, float]
 """Of a car: x [m], y [m], heading [rad], velocity ahead and to the left [m/s], yaw rate [rad/s]."""
@@ -103,7 +103,7 @@ class Driving:
         self._constants = [car.constants for car in self.world.cars]
         self.ahead, self._controllers = [], []
         for build, car in zip(builds, self.world.cars, strict=True):
-            single_track = build.tire_set.model == Linear.model
+            single_track = not build.tire_set.slides
             self.ahead.append(car.parameters.rear_axle_distance if single_track else 0.0)
             self._controllers.append(SpeedController(car.parameters, over_ground=single_track, timestep=timestep))
 

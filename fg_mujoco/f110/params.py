@@ -3,8 +3,8 @@
     build = car_of({"m": 3.9, "mu": 0.8}, Vehicle.load())
 
 Each parameter is built into the model, or named once in a warning as not there. Parameters within 1 % of the vehicle's
-leave its MJCF as it is. C_Sf and C_Sr are those of linear tires, which the set `f1tenth_gym` has, and MuJoCo's contacts
-have not.
+leave its MJCF as it is. C_Sf and C_Sr are those of linear tires, which the set `f1tenth_gym` has, and tires with a
+peak have not.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from ..simulation.cars import WorldCar
 from ..vehicle.car import car_parameters
 from ..vehicle.changes import GREATEST_MU, CarChanges
 from ..vehicle.fitting import fit
-from ..vehicle.tires import Linear, Tires
+from ..vehicle.tires import Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 
 F1TENTH = {
@@ -95,7 +95,7 @@ def car_of(
     not_there = [name for name in numbers if name not in own and name not in _STIFFNESSES]
     stiffnesses = {name: numbers[name] for name in _STIFFNESSES if name in numbers}
     changes = CarChanges()
-    if own_tires.model == Linear.model:
+    if not own_tires.slides:
         tires, changes = _stiff(own_tires, stiffnesses), CarChanges(center_of_gravity_height=_GROUND)
         lidar_dist = (lidar_dist or 0.0) + numbers.get("lr", own["lr"])
         if "h" in differ:

@@ -76,6 +76,7 @@ stage_acceleration = _stage("mj_fwdAcceleration")
 stage_constraint = _stage("mj_fwdConstraint")
 sensors_of_position = _stage("mj_sensorPos")
 sensors_of_velocity = _stage("mj_sensorVel")
+body_accelerations = _stage("mj_rnePostConstraint")  # the sensors' own call believes those of mj_forward to be new
 sensors_of_acceleration = _stage("mj_sensorAcc")
 factor_inertia = _stage("mj_factorM")
 advance = _stage("mj_Euler")

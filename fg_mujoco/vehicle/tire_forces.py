@@ -417,6 +417,7 @@ class TireForces(Suggesting):
     Attributes:
       rows: of the tires, (cars x wheels,) of TIRE; without those of the model `contact`.
       mu: lateral peak of each of them [-], likewise; where all are of the model `contact`, of these. Live.
+      steps: short ones in a physics step; None: as many as `steps_within` says. Can be set.
 
     Raises:
       ModelError: a time step that is too long for the tires.
@@ -427,6 +428,7 @@ class TireForces(Suggesting):
         own = [name for name in prefixes if not tires_of(model, name).is_contact]
         self.rows: TireRows = np.concatenate([tire_rows(model, name, wheels) for name in own or prefixes[:1]])
         self.mu: FloatArray = np.concatenate([peaks(model, name, wheels) for name in own or prefixes])
+        self.steps: int | None = None
         self._model = model
         if own:
             for name in own:
@@ -466,7 +468,7 @@ class TireForces(Suggesting):
         step_by_hand(
             self._model._address, data._address, self._fields, self._inertia, self._gears, self.rows, self.mu,
             self._places, data.userdata, self._scratch, self._model.nv, timestep,
-            steps_within(self._model, self.rows, timestep), advance,
+            self.steps or steps_within(self._model, self.rows, timestep), advance,
         )  # fmt: skip
 
 
@@ -985,6 +987,7 @@ def end_step(model: int, data: int, found: Fields, dofs: int, advance: bool) -> 
     acceleration, smooth = stages.vector(data, found.qacc_smooth, dofs), stages.vector(data, found.qfrc_smooth, dofs)
     stages.solve_inertia(model, data, acceleration.ctypes.data, smooth.ctypes.data, 1)
     stages.stage_constraint(model, data)
+    stages.body_accelerations(model, data)
     stages.sensors_of_acceleration(model, data)
     if advance:
         stages.check_accelerations(model, data)

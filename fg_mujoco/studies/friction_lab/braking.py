@@ -23,9 +23,10 @@ from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longi
 
 from ...messages import DriveCommand, FloatArray, Odometry
 from ...vehicle.car import WHEELS
-from ...vehicle.tire_slip import SLIDING_SPEED
+from ...vehicle.tire_slip import slides_above
+from ...vehicle.tires import DEFAULT_TIRES, Tires
 from .braking_figures import draw_gg, draw_splits, draw_stops
-from .experiment import Cell, Experiment, Figure, LabSettings, Row, Section, Tables
+from .experiment import LAW_TIRES, Cell, Experiment, Figure, LabSettings, Row, Section, Tables
 from .figure_style import column
 from .open_ground import OpenGround
 from .speed_laws import LAWS
@@ -49,8 +50,8 @@ _PERIOD = 0.005  # [s] of the brake's control
 _STANDING = 0.05  # [m/s]
 _HOLDING = 10.0  # [N m s/rad] damping of a held wheel: it creeps at 2 mm/s under all its friction
 _HOWS = ("held", "full", "guard")
-_EVERY = 20  # [steps] of the g-g diagram
-_WINDOW = 20  # [steps] over which a car's acceleration is told
+_EVERY = 0.02  # [s] of the g-g diagram
+_WINDOW = 0.02  # [s] over which a car's acceleration is told
 
 
 class Braking:
@@ -60,75 +61,89 @@ class Braking:
     title = "Braking, accelerating and the friction circle"
 
     def cells(self, settings: LabSettings) -> list[Cell]:
-        """One for each stop, each run at full throttle, and each split of the friction circle."""
+        """One for each stop, each run at full throttle, and each split of the friction circle, on each set of tires."""
         mus = MUS[:1] if settings.quick else MUS
         speeds, shares = (_QUICK_SPEEDS, _QUICK_SHARES) if settings.quick else (SPEEDS, SHARES)
-        return [
+        cells = [
             *({"part": "stop", "mu": mu, "speed": speed} for mu in mus for speed in speeds),
             *({"part": "throttle", "mu": mu} for mu in (*mus, GRIPPY)),
             *({"part": "split", "mu": mu, "share": share} for mu in mus for share in shares),
         ]
+        return [{"tires": tires, **cell} for tires in LAW_TIRES for cell in cells]
 
     def measure(self, cell: Cell) -> Tables:
         """Drive the cell's part."""
         tables: Tables = {"stops": [], "throttle": [], "splits": [], "gg": []}
+        tires = Tires.load(cell["tires"])
         if cell["part"] == "stop":
-            tables["stops"] = [_stop(cell["mu"], cell["speed"], how) for how in _HOWS]
+            tables["stops"] = [_stop(tires, cell["mu"], cell["speed"], how) for how in _HOWS]
         elif cell["part"] == "throttle":
-            tables["throttle"] = _throttle(cell["mu"])
+            tables["throttle"] = _throttle(tires, cell["mu"])
         else:
             for direction in (-1, 1):
-                row, points = _split(cell["mu"], cell["share"], direction)
+                row, points = _split(tires, cell["mu"], cell["share"], direction)
                 tables["splits"].append(row)
                 tables["gg"] += points
-        return tables
+        return {name: [{"tires": cell["tires"], **row} for row in rows] for name, rows in tables.items()}
 
     def section(self, tables: Tables) -> Section:
         """Say what share of mu g the car reaches, straight ahead and in turns."""
+        sets = list(dict.fromkeys(str(row["tires"]) for row in tables["stops"]))
         return Section(
-            sentences=_sentences(tables),
-            figures=(
-                Figure(
-                    name="stops",
-                    caption="Left: stopping distance over v²/(2 mu g): with all wheels held, at full brake by the one "
-                    "motor, and with the friction limiter; lines: closed forms. Right: acceleration at full throttle; "
-                    "lines: the motor's limit or the closed form of the front axle; broken: the motor's with a set "
-                    "point held for a tick.",
-                    draw=lambda figure: draw_stops(figure, tables),
-                ),
-                Figure(
-                    name="gg",
-                    caption="Left: force over load of all tires, in turns in which braking and accelerating grow until "
-                    "tires slide, and after. Right: the car's acceleration there. Circles: mu, and mu g.",
-                    draw=lambda figure: draw_gg(figure, tables["gg"]),
-                    height=3.8,
-                ),
-                Figure(
-                    name="splits",
-                    caption="Acceleration along and across when the first tire slid; line: the friction limiter's.",
-                    draw=lambda figure: draw_splits(figure, tables["splits"]),
-                ),
-            ),
+            sentences=tuple(line for name in sets for line in _sentences(name, _on(tables, name))),
+            figures=tuple(figure for name in sets for figure in _figures(name, _on(tables, name))),
             columns={
                 "stops": (
-                    "mu", "speed_m_s", "how", "distance_m", "closed_form_m", "best_m", "ratio", "slide_m_s",
+                    "tires", "mu", "speed_m_s", "how", "distance_m", "closed_form_m", "best_m", "ratio", "slide_m_s",
                     "turned_rad",
                 ),
                 "splits": (
-                    "mu", "lateral_share_begun", "direction", "lateral_share", "longitudinal_share", "guard_share",
-                    "use_of_car", "first_tire", "greatest_use", "reason",
+                    "tires", "mu", "lateral_share_begun", "direction", "lateral_share", "longitudinal_share",
+                    "guard_share", "use_of_car", "first_tire", "greatest_use", "reason",
                 ),
             },
-            expected=_expected(tables),
+            expected=tuple(line for name in sets for line in _expected(name, _on(tables, name))),
         )  # fmt: skip
 
 
 EXPERIMENT: Experiment = Braking()
 
 
-def _stop(mu: float, speed: float, how: str) -> Row:
+def _on(tables: Tables, tires: str) -> Tables:
+    return {name: [row for row in rows if row["tires"] == tires] for name, rows in tables.items()}
+
+
+def _figures(tires: str, tables: Tables) -> tuple[Figure, ...]:
+    """Return the figures of a set of tires."""
+    ending = "" if tires == DEFAULT_TIRES else f"_{tires}"
+    return (
+        Figure(
+            name=f"stops{ending}",
+            caption=f"Tires {tires}. Left: stopping distance over v²/(2 mu g): with all wheels held, at full brake by "
+            "the one motor, and with the friction limiter; lines: closed forms. Right: acceleration at full throttle; "
+            "lines: the motor's limit or the closed form of the front axle; broken: the motor's with a set point held "
+            "for a tick.",
+            draw=lambda figure: draw_stops(figure, tables),
+        ),
+        Figure(
+            name=f"gg{ending}",
+            caption=f"Tires {tires}. Left: force over load of all tires, in turns in which braking and accelerating "
+            "grow until tires slide, and after. Right: the car's acceleration there. Circles: mu, and mu g.",
+            draw=lambda figure: draw_gg(figure, tables["gg"]),
+            height=3.8,
+        ),
+        Figure(
+            name=f"splits{ending}",
+            caption=f"Tires {tires}. Acceleration along and across when the first tire slid; line: the friction "
+            "limiter's.",
+            draw=lambda figure: draw_splits(figure, tables["splits"]),
+        ),
+    )
+
+
+def _stop(tires: Tires, mu: float, speed: float, how: str) -> Row:
     """Brake from a speed to a stand."""
-    ground = OpenGround(mu)
+    ground = OpenGround(mu, tires=tires)
     car = ground.car.parameters
     hold = LAWS["guard" if how == "guard" else "none"](car, mu)
     ground.place(speed)
@@ -156,9 +171,9 @@ def _stop(mu: float, speed: float, how: str) -> Row:
     }
 
 
-def _throttle(mu: float) -> list[Row]:
+def _throttle(tires: Tires, mu: float) -> list[Row]:
     """Accelerate at full throttle from 0.5 m/s for three seconds, and return the acceleration of each tenth of one."""
-    ground = OpenGround(mu)
+    ground = OpenGround(mu, tires=tires)
     car = ground.car.parameters
     ground.place(0.5)
     rows: list[Row] = []
@@ -180,18 +195,19 @@ def _throttle(mu: float) -> list[Row]:
     return rows
 
 
-def _split(mu: float, share: float, direction: int) -> tuple[Row, list[Row]]:
+def _split(tires: Tires, mu: float, share: float, direction: int) -> tuple[Row, list[Row]]:
     """Corner at a share of mu g, and let braking (direction -1) or accelerating grow until a tire slides."""
     if share:
-        circle = SteadyCircle(mu, _STEERING)
+        circle = SteadyCircle(mu, _STEERING, tires=tires)
         circle.at(math.sqrt(share))
         ground, steering = circle.ground, _STEERING
     else:
-        ground, steering = OpenGround(mu), 0.0
+        ground, steering = OpenGround(mu, tires=tires), 0.0
         ground.place(_FASTEST if direction < 0 else _SLOWEST)
     trace, slid = _ramp(ground, mu, steering, direction)
     car, gravity = ground.car.parameters, mu * ground.car.parameters.gravity
-    then = trace[max(slid - _WINDOW, 0) : slid + 1] if slid is not None else trace.last(0.02)
+    window = round(_WINDOW / trace.timestep)
+    then = trace[max(slid - window, 0) : slid + 1] if slid is not None else trace.last(_WINDOW)
     along, across = then.acceleration.mean(axis=0) / gravity
     limiter = FrictionLimiter(car, mu)
     most = limiter.braking if direction < 0 else limiter.accelerating
@@ -232,12 +248,13 @@ def _ramp(ground: OpenGround, mu: float, steering: float, direction: int) -> tup
 
 def _gg_points(trace: Trace, mu: float) -> list[Row]:
     """Return force over load of each tire, and the car's acceleration over g, at some of the steps."""
-    window = np.ones(_WINDOW) / _WINDOW
+    steps, every = round(_WINDOW / trace.timestep), round(_EVERY / trace.timestep)
+    window = np.ones(steps) / steps
     gravity = trace.sensors.parameters.gravity
     car = np.column_stack([np.convolve(axis, window, "same") for axis in trace.acceleration.T]) / gravity
     use = trace.tire_forces / trace.slip.normal_force[:, :, np.newaxis]
     rows: list[Row] = []
-    for step in range(_EVERY, len(car) - _EVERY, _EVERY):
+    for step in range(every, len(car) - every, every):
         row: Row = {"mu": mu, "along_g": float(car[step, 0]), "across_g": float(car[step, 1])}
         for wheel, (along, across) in zip(WHEELS, use[step].tolist(), strict=True):
             row |= {f"along_{wheel}": along, f"across_{wheel}": across}
@@ -255,15 +272,15 @@ def _span(values: FloatArray, digits: int = 3) -> str:
     return f"{np.nanmin(values):.{digits}f} to {np.nanmax(values):.{digits}f}"
 
 
-def _sentences(tables: Tables) -> tuple[str, ...]:
+def _sentences(tires: str, tables: Tables) -> tuple[str, ...]:
     stops, splits = tables["stops"], tables["splits"]
     grippy = [row for row in tables["throttle"] if row["mu"] == GRIPPY]
     motor = column(grippy, "acceleration_m_s2") / column(grippy, "motor_limit_m_s2")
     held = column(grippy, "acceleration_m_s2") / column(grippy, "held_limit_m_s2")
     return (
-        f"With all wheels held a stop takes {_span(_ratios(stops, 'held', 'best_m'))} of v²/(2 mu g). By its one motor "
-        f"the car takes {_span(_ratios(stops, 'full', 'best_m'), 2)}, because open differentials let the rear axle, "
-        "which braking lightens, limit the braking of all wheels; with the friction limiter "
+        f"On {tires}, with all wheels held a stop takes {_span(_ratios(stops, 'held', 'best_m'))} of v²/(2 mu g). By "
+        f"its one motor the car takes {_span(_ratios(stops, 'full', 'best_m'), 2)}, because open differentials let the "
+        "rear axle, which braking lightens, limit the braking of all wheels; with the friction limiter "
         f"{_span(_ratios(stops, 'guard', 'best_m'), 2)}, without sliding, which is its closed form to "
         f"{100 * np.abs(_ratios(stops, 'guard', 'closed_form_m') - 1.0).max():.1f} %.",
         f"At full throttle on ground of mu {GRIPPY:g} the car has {_span(motor, 2)} of the motor's limit, and "
@@ -281,19 +298,19 @@ def _least_margin(splits: list[Row]) -> float:
     return float((1.0 - column(slid, "guard_share") / column(slid, "longitudinal_share")).min()) if slid else math.nan
 
 
-def _expected(tables: Tables) -> tuple[tuple[str, str, str], ...]:
+def _expected(tires: str, tables: Tables) -> tuple[tuple[str, str, str], ...]:
     stops, splits, points = tables["stops"], tables["splits"], tables["gg"]
     slide = column([row for row in stops if row["how"] == "guard"], "slide_m_s").max()
     car = np.hypot(column(points, "along_g"), column(points, "across_g")) / column(points, "mu")
     return (
-        ("stop with all wheels held, over v²/(2 mu g)", "1", _span(_ratios(stops, "held", "best_m"))),
+        (f"{tires}: stop with all wheels held, over v²/(2 mu g)", "1", _span(_ratios(stops, "held", "best_m"))),
         (
             "stop by the motor, over the closed form of the rear axle",
             "1",
             _span(_ratios(stops, "full", "closed_form_m")),
         ),
         ("stop with the friction limiter, over its closed form", "1", _span(_ratios(stops, "guard", "closed_form_m"))),
-        ("stop with the friction limiter, greatest slide", f"below {SLIDING_SPEED} m/s", f"{slide:.3f} m/s"),
+        ("stop with the friction limiter, greatest slide", f"below {slides_above(tires)} m/s", f"{slide:.3f} m/s"),
         ("g-g: force over mu times load, any tire", "at most 1", f"{column(splits, 'greatest_use').max():.6f}"),
         ("g-g: the car's acceleration over mu g", "at most 1, while loads stay", f"{car.max():.3f}"),
     )

@@ -1,7 +1,9 @@
-"""Convergence: how the results depend on the timestep and on the settings of the solver and of the contact.
+"""Convergence: how the results depend on the timestep, on the tires' short steps, and on the solver and the contact.
 
 One setting of the car is changed at a time. Measured are, on a circle of dry ground, where the tires let go, how fast a
-holding tire creeps at 0.95 of the law's speed, and how a tire slides at 1.03 and 1.1; and a lap of the oval.
+holding tire creeps at 0.95 of the law's speed, and how a tire slides at 1.03 and 1.1; and a lap of the oval. On our own
+tires these are the timestep, and in how many short steps a physics step of the car moves the tires (`tire_forces`). The
+rest is of MuJoCo's contacts.
 
 `impedance` varies the cause of a sliding tire's hops. MuJoCo's elliptic friction cones are convex: a contact point that
 slides at v is also pushed up, by mu s v, where s is the rate [1/s] at which solreffriction slows it down. Against that
@@ -23,7 +25,9 @@ import numpy as np
 from ...errors import ModelError
 from ...messages import FloatArray
 from ...vehicle.car import WHEELS, car_parameters, element_id
-from ...vehicle.tire_slip import SLIDING_SPEED
+from ...vehicle.tire_forces import steps_within, tire_rows
+from ...vehicle.tire_slip import SLIDING_SPEED, slides_above
+from ...vehicle.tires import CONTACT, CONTACT_TIMESTEP, DEFAULT_TIRES, Tires
 from ...vehicle.vehicle import Vehicle
 from . import figure_style as style
 from .experiment import Cell, Experiment, Figure, LabSettings, Row, Section, Tables
@@ -39,8 +43,12 @@ if TYPE_CHECKING:
 STEERING = 0.1  # [rad] of the circle
 CREEPING, SLIDING, FAST = 0.95, 1.03, 1.1  # of the law's speed
 EXACT = 0.00025  # [s] the timestep that others are compared with
+TIMESTEPS = (0.005, 0.0025, 0.002, 0.001, 0.0005, EXACT)  # [s]
+OWN_GROUPS: dict[str, tuple[Any, ...]] = {"timestep": TIMESTEPS, "short steps": (64, 1, 2, 3, 4, 6, 8, 16)}
+"""Settings of our own tires that are varied one at a time, and their values."""
+
 GROUPS: dict[str, tuple[Any, ...]] = {
-    "timestep": (0.005, 0.0025, 0.002, 0.001, 0.0005, EXACT),
+    "timestep": TIMESTEPS,
     "impratio": (1.0, 10.0, 20.0, 40.0, 100.0),
     "solver": ("Newton", "CG"),
     "cone": ("elliptic", "pyramidal"),
@@ -48,8 +56,9 @@ GROUPS: dict[str, tuple[Any, ...]] = {
     "tolerance": (1e-4, 1e-8, 1e-12),
     "impedance": (0.5, 0.4, 0.6, 0.7, 0.8),
 }
-"""Settings that are varied one at a time, and their values."""
+"""Those of MuJoCo's contacts."""
 
+_OWN_QUICK = {"timestep": (0.005, 0.001), "short steps": (64, 4)}
 _QUICK = {"timestep": (0.005, 0.001), "impratio": (1.0, 40.0)}
 _LAPS = 2  # of the oval; the second is told, a flying one
 _CIRCLE = ("k_grip", "k_slides", "creep_m_s", "slide_m_s", "airborne_share", "fast_slide_m_s")
@@ -64,41 +73,52 @@ class Convergence:
 
     def cells(self, settings: LabSettings) -> list[Cell]:
         """One for each value of each setting."""
-        groups = _QUICK if settings.quick else GROUPS
-        return [{"setting": setting, "value": value} for setting, values in groups.items() for value in values]
+        own, contact = (_OWN_QUICK, _QUICK) if settings.quick else (OWN_GROUPS, GROUPS)
+        return [
+            {"tires": tires, "setting": setting, "value": value}
+            for tires, groups in ((DEFAULT_TIRES, own), (CONTACT, contact))
+            for setting, values in groups.items()
+            for value in values
+        ]
 
     def measure(self, cell: Cell) -> Tables:
         """Drive a circle and a lap with one setting changed."""
-        row: Row = {"setting": cell["setting"], "value": str(cell["value"]), **_circle(cell), **_lap(cell)}
+        told: Row = {"tires": cell["tires"], "setting": cell["setting"], "value": str(cell["value"])}
+        row: Row = {**told, **_circle(cell), **_lap(cell)}
         reasons = [str(row.pop(name)) for name in ("why_no_k", "why_no_lap")]
         return {"settings": [{**row, "reason": "; ".join(reason for reason in reasons if reason)}]}
 
     def section(self, tables: Tables) -> Section:
         """Say which results change, and why the timestep is as it is."""
-        rows = tables["settings"]
+        own, rows = ([row for row in tables["settings"] if row["tires"] == tires] for tires in (DEFAULT_TIRES, CONTACT))
         return Section(
-            sentences=_sentences(rows),
+            sentences=(*_own_sentences(own), *_sentences(rows)),
             figures=(
-                Figure(
-                    name="timestep",
-                    caption="What moves with the timestep, the rightmost the car's own. Grey: 1 % about the law; "
-                    "the axis of the lap spans 2 % of it; broken: where tires count as sliding.",
-                    draw=lambda figure: _draw_timestep(figure, _of(rows, "timestep")),
-                ),
+                _timestep_figure(DEFAULT_TIRES, own, ""),
+                _timestep_figure(CONTACT, rows, f"_{CONTACT}"),
                 Figure(
                     name="impratio",
-                    caption=f"Creep of a holding tire at {CREEPING:g} of the law's speed; line: the closed form. "
-                    "At 1 tires give way before their friction is used up.",
+                    caption=f"Tires {CONTACT}. Creep of a holding tire at {CREEPING:g} of the law's speed; line: the "
+                    "closed form. At 1 tires give way before their friction is used up.",
                     draw=lambda figure: _draw_impratio(figure, _of(rows, "impratio")),
                     height=2.6,
                 ),
             ),
-            columns={"settings": ("setting", "value", *_CIRCLE, *_LAP, "reason")},
-            expected=_expected(rows),
+            columns={"settings": ("tires", "setting", "value", *_CIRCLE, *_LAP, "reason")},
+            expected=(*_expected(DEFAULT_TIRES, own), *_expected(CONTACT, rows)),
         )
 
 
 EXPERIMENT: Experiment = Convergence()
+
+
+def _timestep_figure(tires: str, rows: list[Row], ending: str) -> Figure:
+    return Figure(
+        name=f"timestep{ending}",
+        caption=f"Tires {tires}. What moves with the timestep, the rightmost the car's own. Grey: 1 % about the law; "
+        "the axis of the lap spans 2 % of it; broken: where tires count as sliding.",
+        draw=lambda figure: _draw_timestep(figure, tires, _of(rows, "timestep")),
+    )
 
 
 def soften(model: mujoco.MjModel, impedance: float, prefix: str = "") -> None:
@@ -117,15 +137,20 @@ def soften(model: mujoco.MjModel, impedance: float, prefix: str = "") -> None:
 
 
 def _change(model: mujoco.MjModel, cell: Cell, prefix: str = "") -> None:
+    """Change the setting of a cell in a compiled model; `short steps` are none of it."""
+    if cell["setting"] == "short steps":
+        return
     if cell["setting"] == "impedance":
         soften(model, cell["value"], prefix)
     else:
-        Engine(**{"timestep": None, cell["setting"]: cell["value"]}).apply(model)
+        Engine(**{cell["setting"]: cell["value"]}).apply(model)
 
 
 def _circle(cell: Cell) -> Row:
-    circle = SteadyCircle(Vehicle.load().nominal_mu, STEERING, Engine(timestep=None))
+    circle = SteadyCircle(Vehicle.load().nominal_mu, STEERING, Engine(), Tires.load(cell["tires"]))
     _change(circle.ground.model, cell)
+    if cell["setting"] == "short steps":
+        circle.ground.forces.steps = cell["value"]
     row: Row = {"creep_closed_form_m_s": creep(CREEPING, circle.mu, STEERING, circle.car, circle.ground.model)}
     reasons = []
 
@@ -142,16 +167,18 @@ def _circle(cell: Cell) -> Row:
 
     tell(("creep_m_s",), lambda: (circle.at(CREEPING).slide,))
     tell(("k_grip",), lambda: k(lambda reading: bool(reading.lets_go)))
-    tell(("k_slides",), lambda: k(lambda reading: reading.slide > SLIDING_SPEED))
+    tell(("k_slides",), lambda: k(lambda reading: bool(reading.sliding.any())))
     tell(("slide_m_s", "airborne_share"), lambda: (circle.at(SLIDING).slide, circle.at(SLIDING).airborne))
     tell(("fast_slide_m_s",), lambda: (circle.at(FAST).slide,))
     return {**row, "why_no_k": "; ".join(reasons)}
 
 
 def _lap(cell: Cell) -> Row:
-    world = LabWorld("oval")
-    _change(world.model, cell, world.car.prefix)
     nothing: Row = dict.fromkeys(_LAP, math.nan)
+    if cell["setting"] == "short steps":
+        return {**nothing, "why_no_lap": "lap_s: a race has its own number of short steps"}
+    world = LabWorld("oval", tires=cell["tires"])
+    _change(world.model, cell, world.car.prefix)
     try:
         laps = drive_laps(world, laps=_LAPS)
     except ModelError as error:
@@ -174,7 +201,36 @@ def _moves(rows: list[Row], name: str) -> float:
     return float(np.ptp(column(rows, name)[np.isfinite(column(rows, name))]))
 
 
+def _own_sentences(rows: list[Row]) -> tuple[str, ...]:
+    """Return what is said of our own tires."""
+    steps, short = _of(rows, "timestep"), _of(rows, "short steps")
+    own, finest, lap = steps[0], steps[-1], column(steps, "lap_s")
+    k, slide, fast = (column(steps, name) for name in ("k_slides", "slide_m_s", "fast_slide_m_s"))
+    model = Vehicle.load().compile()
+    used = steps_within(model, tire_rows(model), model.opt.timestep)
+    text = [
+        f"On {DEFAULT_TIRES} the car's own {own['value']} s is right where tires slide, too: from there to "
+        f"{finest['value']} s they let go within {_moves(steps, 'k_grip'):.4f} of one k and slide within "
+        f"{float(np.nanmax(k) - np.nanmin(k)):.4f}; at {SLIDING:g} and {FAST:g} of the law's speed they slide at "
+        f"{slide[0]:.3f} and {fast[0]:.3f} m/s, where {finest['value']} s has {slide[-1]:.3f} and {fast[-1]:.3f}. "
+        f"A lap of the oval changes by {100 * abs(lap[0] / lap[-1] - 1):.2f} %."
+    ]
+    if len(short) > 1:
+        most = short[0]
+        said = "; ".join(
+            f"{row['value']}: k {float(row['k_slides'] or 0.0) - float(most['k_slides'] or 0.0):+.4f}, "
+            f"{1e3 * (float(row['fast_slide_m_s'] or 0.0) - float(most['fast_slide_m_s'] or 0.0)):+.1f} mm/s"
+            for row in short[1:]
+        )
+        text.append(
+            f"A physics step of {own['value']} s moves the tires by {used} short ones. By number of them, the k at "
+            f"which tires slide and how fast they do at {FAST:g}, against {most['value']} short steps: {said}."
+        )
+    return tuple(text)
+
+
 def _sentences(rows: list[Row]) -> tuple[str, ...]:
+    """Return what is said of MuJoCo's contacts."""
     steps = _of(rows, "timestep")
     own, finest = steps[0], steps[-1]
     lap, lap_slide = column(steps, "lap_s"), 1e3 * column(steps, "lap_slide_m_s")
@@ -183,13 +239,14 @@ def _sentences(rows: list[Row]) -> tuple[str, ...]:
     by_ratio = 1e3 * column(ratios, "creep_m_s")
     closed = 1e3 * column(ratios, "creep_closed_form_m_s")
     text = [
-        f"While tires hold, the car's own {own['value']} s is enough: from there to {finest['value']} s the tires let "
-        f"go within {_moves(steps, 'k_grip'):.3f} of one k and creep within {1e3 * np.ptp(creeps):.2f} mm/s, a lap "
-        f"of the oval changes by {100 * abs(lap[0] / lap[-1] - 1):.2f} %, its greatest slide by "
-        f"{abs(lap_slide[0] - lap_slide[-1]):.0f} mm/s.",
+        f"On {CONTACT}, while tires hold, the car's own {own['value']} s is enough: from there to {finest['value']} s "
+        f"the tires let go within {_moves(steps, 'k_grip'):.3f} of one k and creep within "
+        f"{1e3 * np.ptp(creeps):.2f} mm/s, a lap of the oval changes by "
+        f"{100 * abs(lap[0] / lap[-1] - 1):.2f} %, its greatest slide by {abs(lap_slide[0] - lap_slide[-1]):.0f} mm/s.",
         f"Where tires slide, it matters a little: at {SLIDING:g} of the law's speed one is off the ground for "
         f"{100 * airborne[0]:.0f} % of the time, and slides at up to {slides[0]:.2f} m/s, where {finest['value']} s "
-        f"has {100 * airborne[-1]:.0f} % and {slides[-1]:.2f} m/s. What slides in this lab is driven at 1 ms.",
+        f"has {100 * airborne[-1]:.0f} % and {slides[-1]:.2f} m/s. What slides on {CONTACT} in this lab is driven at "
+        f"{1e3 * CONTACT_TIMESTEP:g} ms.",
         f"Creep falls with impratio, from {by_ratio[0]:.1f} mm/s at {ratios[0]['value']} to {by_ratio[-1]:.1f} at "
         f"{ratios[-1]['value']}, as the closed form says to {100 * np.abs(by_ratio / closed - 1).max():.1f} %: what is "
         "left there is solreffriction's.",
@@ -211,21 +268,25 @@ def _sentences(rows: list[Row]) -> tuple[str, ...]:
     return tuple(text)
 
 
-def _expected(rows: list[Row]) -> tuple[tuple[str, str, str], ...]:
+def _expected(tires: str, rows: list[Row]) -> tuple[tuple[str, str, str], ...]:
     steps = _of(rows, "timestep")
     laps = column(steps, "lap_s")
     return (
-        ("k where tires let go, over all timesteps", "moves by less than 0.01", f"{_moves(steps, 'k_grip'):.3f}"),
+        (
+            f"{tires}: k where they let go, over all timesteps",
+            "moves by less than 0.01",
+            f"{_moves(steps, 'k_grip'):.3f}",
+        ),
         ("creep at 0.95, over all timesteps", "the same", f"within {1e3 * _moves(steps, 'creep_m_s'):.2f} mm/s"),
         ("lap of the oval, own timestep over the finest", "1", f"{laps[0] / laps[-1]:.4f}"),
     )
 
 
-def _draw_timestep(figure: matplotlib.figure.Figure, rows: list[Row]) -> None:
+def _draw_timestep(figure: matplotlib.figure.Figure, tires: str, rows: list[Row]) -> None:
     panels = figure.subplots(2, 2, sharex=True)
     timestep = 1e3 * _values(rows)
     drawn: tuple[tuple[str, str, tuple[tuple[str, str], ...]], ...] = (
-        ("k [-]", "", (("k_grip", "tires let go"), ("k_slides", f"above {SLIDING_SPEED} m/s"))),
+        ("k [-]", "", (("k_grip", "tires let go"), ("k_slides", f"above {slides_above(tires)} m/s"))),
         ("sliding [m/s]", "log", (("creep_m_s", f"at {CREEPING:g}"), ("slide_m_s", f"at {SLIDING:g}"))),
         ("lap of the oval [s]", "", (("lap_s", ""),)),
         ("time with a tire off\nthe ground [-]", "", (("airborne_share", f"at {SLIDING:g}"),)),
@@ -238,7 +299,7 @@ def _draw_timestep(figure: matplotlib.figure.Figure, rows: list[Row]) -> None:
         axes.set_xscale("log")
         if scale:
             axes.set_yscale(scale)
-            style.limit(axes, SLIDING_SPEED)
+            style.limit(axes, slides_above(tires))
         style.finish(axes, "timestep [ms]" if place > 1 else "", label)
     panels[0, 0].axhspan(0.99, 1.01, color="0.93", zorder=0.5)
     panels[0, 0].set_ylim(0.98, 1.02)
@@ -250,7 +311,7 @@ def _draw_timestep(figure: matplotlib.figure.Figure, rows: list[Row]) -> None:
 
 def _draw_impratio(figure: matplotlib.figure.Figure, rows: list[Row]) -> None:
     axes = figure.add_subplot()
-    model = Vehicle.load().compile()
+    model = Vehicle.load().spec(tires=Tires.load(CONTACT)).compile()
     car = car_parameters(model)
     ratios = np.geomspace(_values(rows)[0], _values(rows)[-1], 60)
     closed = []

@@ -26,7 +26,7 @@ import math
 import numpy as np
 
 from ...messages import CarParameters, FloatArray
-from ...vehicle.tires import AxleTires, TireCurve, Tires
+from ...vehicle.tires import AxleTires, Law, Tires
 from .rigid_car import tire_loads
 
 _GRIPS = 1000  # values of A up to the peak
@@ -90,7 +90,7 @@ def _greatest(axle: AxleTires, place: int, car: CarParameters, peak: float) -> f
     return low
 
 
-def _slip_angles(curve: TireCurve, forces: FloatArray) -> FloatArray:
+def _slip_angles(curve: Law, forces: FloatArray) -> FloatArray:
     """Return the slip angles, up to the peak's, at which a curve has some forces over the load."""
     slips = np.linspace(0.0, curve.peak_slip, _SLIPS + 1)
     found: FloatArray = np.interp(forces, [curve.force(float(slip)) for slip in slips], slips)

@@ -15,13 +15,17 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 from ...errors import SettingsError
 from ...messages import require_whole
 from ...vehicle.changes import GREATEST_MU
-from ...vehicle.tires import Tires
+from ...vehicle.tires import CONTACT, DEFAULT_TIRES, Tires
 
 if TYPE_CHECKING:
     import matplotlib.figure
 
 ON_CIRCLES, OF_TIRES = ("skidpad", "tire_law"), "tire_law"
 """The experiments that take frictions and steering angles, and the one that takes sets of tires."""
+
+LAW_TIRES = (DEFAULT_TIRES, CONTACT)
+"""The sets of tires that the law itself is measured on: ours, and MuJoCo's contacts, which were not made for it. Each
+is driven at a timestep at which it is right when it slides."""
 
 Cell: TypeAlias = dict[str, Any]
 """One unit of work: names to JSON values."""

@@ -4,8 +4,8 @@
     laps = drive_laps(world, laps=2, planner_mu=0.9)
     print(laps.lap_times_s, laps.max_slide_m_s)
 
-Tires that slide do so a little faster at the default timestep, so runs that are to slide use
-open_ground.LAB_TIMESTEP. With neither patches nor a timestep, a race here is `race`'s, bit for bit.
+MuJoCo's contacts are wrong at the default timestep where they slide (Tires.sliding_timestep); our own tires are not.
+With neither patches nor a timestep, a race here is `race`'s, bit for bit.
 """
 
 from __future__ import annotations

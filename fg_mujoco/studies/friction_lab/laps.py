@@ -20,7 +20,8 @@ from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longi
 from ...messages import FloatArray
 from ...racing.race import race
 from ...vehicle.car import WHEELS
-from ...vehicle.tire_slip import SLIDING_SPEED
+from ...vehicle.tire_slip import slides_above
+from ...vehicle.tires import DEFAULT_TIRES
 from .driven_line import best_flying_lap, driven_lap
 from .experiment import Cell, Figure, LabSettings, Row, Section, Tables, no_number
 from .figure_style import COLOURS, column, finish, limit, measured, theory
@@ -160,7 +161,8 @@ class LapsExperiment:
             expected += [
                 (f"lap over its lower bound, {planner}", f"<= {GREATEST_RATIO}",
                  f"{spread}; {within} of {len(rows)} circuits within"),
-                (f"greatest slide in these laps, {planner}", f"<= {SLIDING_SPEED} m/s", f"{slide:.3f} m/s"),
+                (f"greatest slide in these laps, {planner}", f"<= {slides_above(DEFAULT_TIRES)} m/s",
+                 f"{slide:.3f} m/s"),
             ]  # fmt: skip
         if len(planners) > 1:
             sentences.append(_with_a_map(laps))

@@ -14,12 +14,12 @@ import numpy as np
 
 from ...messages import FloatArray
 from ...vehicle.car import WHEELS
-from ...vehicle.tire_slip import SLIDING_SPEED
+from ...vehicle.tire_slip import slides_above
+from ...vehicle.tires import DEFAULT_TIRES
 from ...vehicle.vehicle import Vehicle
 from .experiment import Cell, Figure, LabSettings, Row, Section, Tables
 from .figure_style import COLOURS, column, finish, limit, measured
 from .lab_laps import LabLaps, LabWorld, drive_laps
-from .open_ground import LAB_TIMESTEP
 
 if TYPE_CHECKING:
     import matplotlib.figure
@@ -95,21 +95,21 @@ class MismatchExperiment:
 
 
 def _drive(track: str, mu: float, ratio: float) -> LabLaps:
-    return drive_laps(LabWorld(track, mu=mu, timestep=LAB_TIMESTEP), laps=_LAPS, planner_mu=mu * ratio)
+    return drive_laps(LabWorld(track, mu=mu), laps=_LAPS, planner_mu=mu * ratio)
 
 
 def _knee(track: str, mu: float) -> Row:
     """Find the ratio from which on a tire slides, by bisection."""
     low, high = _KNEE_BETWEEN
     row: Row = {"track": track, "mu": mu, "sliding_from": math.nan, "holds_at": low, "slides_at": high}
-    slides = [_drive(track, mu, ratio).max_slide_m_s > SLIDING_SPEED for ratio in _KNEE_BETWEEN]
+    slides = [_drive(track, mu, ratio).slide_time_fraction > 0.0 for ratio in _KNEE_BETWEEN]
     if slides[0]:
         return {**row, "holds_at": math.nan, "slides_at": low, "reason": f"slides at {low:g}"}
     if not slides[1]:
         return {**row, "holds_at": high, "slides_at": math.nan, "reason": f"slides at no ratio up to {high:g}"}
     while high - low > _WIDTH:
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if _drive(track, mu, middle).max_slide_m_s > SLIDING_SPEED else (middle, high)
+        low, high = (low, middle) if _drive(track, mu, middle).slide_time_fraction > 0.0 else (middle, high)
     return {**row, "sliding_from": 0.5 * (low + high), "holds_at": low, "slides_at": high, "reason": ""}
 
 
@@ -184,7 +184,7 @@ def _draw(figure: matplotlib.figure.Figure, laps: list[Row]) -> None:
             slides.plot(ratio[crashed], column(rows, "max_slide_m_s")[crashed], "x", color="black", markersize=6.0)
         times.set_title(f"tires of mu {mu:g}", fontsize=8.0)
         slides.set_yscale("log")
-        limit(slides, SLIDING_SPEED)
+        limit(slides, slides_above(DEFAULT_TIRES))
         for axes in axes_of_mu:
             axes.axvline(1.0, color="0.25", linewidth=0.6, zorder=1.0)
         shares.set_xlabel("planner's mu over tires' mu [-]")

@@ -26,15 +26,13 @@ from ...simulation.simulation import complete_state
 from ...vehicle.car import Car
 from ...vehicle.changes import GREATEST_MU, CarChanges
 from ...vehicle.tire_forces import TireForces
+from ...vehicle.tire_slip import add_axle_sensors
 from ...vehicle.tires import Tires
 from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .trace import CarSensors, Trace, join
 
 TICK = 0.025
 """[s] A command is held this long: the period of the LiDAR."""
-
-LAB_TIMESTEP = 0.001
-"""[s] Of the lab's physics. The car's own 5 ms are made for tires that hold; here many slide, 15 % faster at 5 ms."""
 
 Driver: TypeAlias = Callable[[Odometry], DriveCommand]
 """What decides, once a period, from the present motion."""
@@ -45,13 +43,13 @@ _CONES = {"elliptic": mujoco.mjtCone.mjCONE_ELLIPTIC, "pyramidal": mujoco.mjtCon
 
 @dataclass(frozen=True, kw_only=True)
 class Engine:
-    """Settings of the physics engine; None: as in models/f1tenth.xml.
+    """Settings of the physics engine; None: as in the vehicle's MJCF.
 
     Raises:
       SettingsError: an unknown solver or cone, or a number out of its range.
     """
 
-    timestep: float | None = LAB_TIMESTEP  # [s]
+    timestep: float | None = None  # [s]
     impratio: float | None = None  # [-] of frictional to normal impedance
     solver: str | None = None
     cone: str | None = None
@@ -96,7 +94,7 @@ class OpenGround:
 
     Args:
       mu: friction coefficient of the tires, or the greatest peak of those with a curve [-]; None: as in the MJCF.
-      engine: settings of the physics.
+      engine: settings of the physics; None: at the timestep at which the tires are right when they slide.
       tires: that the car stands on; None: its own.
       vehicle: the car.
       changes: what differs from its MJCF.
@@ -105,6 +103,7 @@ class OpenGround:
       model: the compiled mujoco.MjModel.
       data: its mujoco.MjData.
       car: the Car in it.
+      forces: of the tires.
 
     Raises:
       SettingsError: a friction coefficient that is no number above 0 and up to GREATEST_MU.
@@ -120,31 +119,33 @@ class OpenGround:
     ) -> None:
         if mu is not None:
             require_mu(mu)
-        self.model = Vehicle.load(vehicle).spec(mu, changes, tires).compile()
-        (engine or Engine()).apply(self.model)
+        built = Vehicle.load(vehicle)
+        tires = tires or built.tires
+        spec = built.spec(mu, changes, tires)
+        add_axle_sensors(spec)
+        self.model = spec.compile()
+        (engine or Engine(timestep=tires.sliding_timestep)).apply(self.model)
         self.data = mujoco.MjData(self.model)
         self.car = Car(self.model)
-        self._forces = TireForces(self.model)
+        self.forces = TireForces(self.model)
         self._sensors = CarSensors(self.model)
 
     def place(self, speed: float = 0.0) -> None:
         """Place the car at the origin, heading along x, rolling at `speed` [m/s]."""
         mujoco.mj_resetData(self.model, self.data)
         self.car.set_pose(self.data, 0.0, 0.0, 0.0, speed)
-        self._forces.begin(self.data)
+        self.forces.begin(self.data)
 
     def hold(self, command: DriveCommand, seconds: float = TICK) -> Trace:
         """Hold a command and return what happened, at each physics step."""
         records = np.empty((whole_steps(seconds, self.model.opt.timestep), self.model.nsensordata))
         states = np.empty((len(records), self.model.nuserdata))
-        model, data, forces = self.model, self.data, self._forces
+        data = self.data
         self.car.apply(data, command)
         for row, own in zip(records, states, strict=True):
-            forces.apply(data)
-            mujoco.mj_step(model, data)
-            forces.end(data)
+            self.forces.step(data)
             row[:], own[:] = data.sensordata, data.userdata
-        return Trace(records=records, states=states, sensors=self._sensors, timestep=model.opt.timestep)
+        return Trace(records=records, states=states, sensors=self._sensors, timestep=self.model.opt.timestep)
 
     def run(self, commands: Iterable[DriveCommand], seconds: float = TICK) -> Trace:
         """Hold one command after another, each for so many seconds."""

@@ -1,13 +1,14 @@
 """Which friction acts on a patch: a car that slides sideways, and one on a circle, by each way to lay a patch.
 
-The first four ways are those that MuJoCo offers, and why each is wrong. The last one is used (friction_patches):
+The first four ways are those that MuJoCo offers for its own contacts, and why each is wrong. The last one is used
+(friction_patches), on any tires; here on the vehicle's:
 
     maximum   a flush geom with its own friction: of two geoms the greater counts, and the tire's is the ground's
     priority  a flush geom with `priority`: its friction counts in its contacts, and the ground's contacts stay
     pair      a flush geom with a `pair` of its own for each tire: likewise. The two contacts share the load of a tire
               that holds; once it slides, that of the greater friction has all of it
     raised    the same, 0.9 mm higher, more than the tires give: the friction is right, and its edge is a step
-    site      no geom: each tire's pair with the ground gets the friction of what is under it
+    site      no geom: each tire gets the friction of what is under it
 """
 
 from __future__ import annotations
@@ -23,8 +24,11 @@ import numpy as np
 from ...messages import DriveCommand, FloatArray
 from ...vehicle.car import WHEELS, Car
 from ...vehicle.friction_patches import Patch, PatchedFloor, add_patches
-from ...vehicle.tire_slip import SLIDING_SPEED, TireSlip, TireSlipMeter
+from ...vehicle.tire_forces import LOAD, USERDATA, TireForces
+from ...vehicle.tire_slip import TireSlip, TireSlipMeter
+from ...vehicle.tires import Tires
 from ...vehicle.vehicle import Vehicle
+from .open_ground import Engine
 
 WAYS = ("maximum", "priority", "pair", "raised", "site")
 
@@ -40,21 +44,23 @@ class Slab:
     Args:
       way: one of WAYS.
       patch: what is asked for.
-      timestep: of the physics [s].
+      timestep: of the physics [s]; None: at which the tires are right when they slide.
 
     Attributes:
       model, data, car: as they are in any world.
       base: index of the car's body.
     """
 
-    def __init__(self, way: str, patch: Patch, *, timestep: float) -> None:
-        spec = Vehicle.load().spec()
+    def __init__(self, way: str, patch: Patch, *, timestep: float | None = None) -> None:
+        tires = Vehicle.load().tires if way == "site" else Tires()
+        spec = Vehicle.load().spec(tires=tires)
         if way == "site":
             add_patches(spec, (patch,))
         else:
             _add_geom(spec, way, patch)
         self.model = spec.compile()
-        self.model.opt.timestep = timestep
+        Engine(timestep=timestep or tires.sliding_timestep).apply(self.model)
+        self._forces = TireForces(self.model)
         self.data, self.car = mujoco.MjData(self.model), Car(self.model)
         self.base = self.model.body("base_link").id
         self._floor = PatchedFloor(self.model)
@@ -62,17 +68,20 @@ class Slab:
     def step(self) -> None:
         """Step the physics."""
         self._floor.apply(self.data.qpos)
-        mujoco.mj_step(self.model, self.data)
+        self._forces.mu[:] = self._floor.mu
+        self._forces.step(self.data)
         mujoco.mj_subtreeVel(self.model, self.data)
 
     def tire_loads(self) -> FloatArray:
-        """Return what the tires carried in the last step, all contacts together. Shape (4,) [N]."""
+        """Return what the tires carried in the last step, all that carries each together. Shape (4,) [N]."""
         loads, wrench = np.zeros(len(WHEELS)), np.empty(6)
         tires = [self.model.geom(f"{wheel}_tire").id for wheel in WHEELS]
         for index, contact in enumerate(self.data.contact):
             for tire in set(contact.geom.tolist()) & set(tires):
                 mujoco.mj_contactForce(self.model, self.data, index, wrench)
                 loads[tires.index(tire)] += wrench[0]
+        for tire in range(len(self._forces.rows)):
+            loads[tire] += self.data.userdata[USERDATA * tire + LOAD]
         return loads
 
 
@@ -105,7 +114,7 @@ def _add_geom(spec: Any, way: str, patch: Patch) -> None:
         geom.condim, geom.solref, geom.solimp = tire.condim, tire.solref, tire.solimp
 
 
-def sliding_sideways(way: str, mu: float, *, speed: float = 3.0, timestep: float) -> float:
+def sliding_sideways(way: str, mu: float, *, speed: float = 3.0, timestep: float | None = None) -> float:
     """Return the deceleration over g of a car that slides sideways on a patch [-]: the mu that acts.
 
     Sideways, because no wheel can roll away from it: the car's brake works through open differentials, and cannot lock
@@ -125,7 +134,7 @@ def sliding_sideways(way: str, mu: float, *, speed: float = 3.0, timestep: float
     return -float(np.polyfit(time, velocity, 1)[0]) / slab.car.parameters.gravity
 
 
-def brake_onset(mu: float, *, timestep: float, tolerance: float = 0.004) -> float:
+def brake_onset(mu: float, *, timestep: float | None = None, tolerance: float = 0.004) -> float:
     """Return from which fraction of the closed form a tire of a car that brakes on a patch slides, by bisection [-].
 
     The rear axle carries M (g lf - a h') / b and passes on M a / 2 of a braking a: it lets go at
@@ -146,12 +155,12 @@ def brake_onset(mu: float, *, timestep: float, tolerance: float = 0.004) -> floa
             slab.data.ctrl[1] = slab.car.odometry(slab.data).speed - asked * car.speed_time_constant
             slab.step()
             meter.record(slab.data)
-        return bool(np.nanmax(meter.read().sliding_speed) > SLIDING_SPEED)
+        return bool(meter.read().slides.any())
 
     return bisect(slides, 0.9, 1.2, tolerance)
 
 
-def edge_load(way: str, mu: float, *, speed: float = 4.0, timestep: float) -> float:
+def edge_load(way: str, mu: float, *, speed: float = 4.0, timestep: float | None = None) -> float:
     """Return the greatest load of a tire that rolls over the edge of a patch, over its load before it [-]."""
     slab = Slab(way, Patch(x=5.0, y=0.0, length=8.0, width=4.0, mu=mu), timestep=timestep)
     slab.car.set_pose(slab.data, -1.0, 0.0, 0.0, speed)
@@ -165,7 +174,9 @@ def edge_load(way: str, mu: float, *, speed: float = 4.0, timestep: float) -> fl
     return greatest
 
 
-def circle(mu: float, radius: float, fraction: float, *, timestep: float) -> tuple[float, TireSlip, float]:
+def circle(
+    mu: float, radius: float, fraction: float, *, timestep: float | None = None
+) -> tuple[float, TireSlip, float]:
     """Drive into a patch and there on a circle, at `fraction` of the law's speed, sqrt(g mu radius).
 
     Returns:
@@ -181,7 +192,7 @@ def circle(mu: float, radius: float, fraction: float, *, timestep: float) -> tup
     command, motion, seconds = 0.6 * target, [], 2.0 + 0.8 * target / 0.6
     while data.time < seconds:
         # gently; the servo holds the mean of all wheels, of which the front ones go faster
-        command += math.copysign(0.6 * timestep, target - math.hypot(*data.qvel[:2]))
+        command += math.copysign(0.6 * slab.model.opt.timestep, target - math.hypot(*data.qvel[:2]))
         angle = steering * min(1.0, data.time / 0.3)
         car.apply(data, DriveCommand(steering_angle=angle, speed=command))
         slab.step()
@@ -192,7 +203,7 @@ def circle(mu: float, radius: float, fraction: float, *, timestep: float) -> tup
     return float(speed / yaw_rate), meter.read(), float(speed * yaw_rate / (mu * car.parameters.gravity))
 
 
-def onset(mu: float, radius: float, *, timestep: float, tolerance: float = 0.004) -> tuple[float, float]:
+def onset(mu: float, radius: float, *, timestep: float | None = None, tolerance: float = 0.004) -> tuple[float, float]:
     """Return the fractions of the law's speed from which the car runs wide, and from which a tire slides.
 
     Both by bisection, to `tolerance`. Wide is a circle wider than the kinematic one by half a percent, which a car at
@@ -202,7 +213,7 @@ def onset(mu: float, radius: float, *, timestep: float, tolerance: float = 0.004
     @cache
     def drive(fraction: float) -> tuple[bool, bool]:
         driven, slip, _ = circle(mu, radius, fraction, timestep=timestep)
-        return driven > (1.0 + _WIDE) * radius, bool(np.nanmax(slip.sliding_speed) > SLIDING_SPEED)
+        return driven > (1.0 + _WIDE) * radius, bool(slip.slides.any())
 
     wide = bisect(lambda fraction: drive(fraction)[0], 0.9, 1.2, tolerance)
     return wide, bisect(lambda fraction: drive(fraction)[1], 0.9, 1.2, tolerance)

@@ -15,13 +15,13 @@ from ...messages import FloatArray
 from ...simulation.course_loading import load_track
 from ...vehicle.car import WHEELS
 from ...vehicle.friction_patches import Patch, random_patches, read_patches
-from ...vehicle.tire_slip import SLIDING_SPEED
+from ...vehicle.tire_slip import slides_above
+from ...vehicle.tires import DEFAULT_TIRES
 from ...vehicle.vehicle import Vehicle
 from ...viz.course_drawing import draw_course
 from .experiment import Cell, Figure, LabSettings, Row, Section, Tables
 from .figure_style import COLOURS, column, finish, measured, theory
 from .lab_laps import LabLaps, LabWorld, drive_laps
-from .open_ground import LAB_TIMESTEP
 from .patch_manoeuvres import WAYS, brake_onset, circle, edge_load, onset, sliding_sideways
 
 if TYPE_CHECKING:
@@ -116,17 +116,17 @@ class PatchesExperiment:
 
 def _way(cell: Cell) -> Tables:
     way, mu = cell["way"], cell["mu"]
-    acting = sliding_sideways(way, mu, timestep=LAB_TIMESTEP)
-    edge = edge_load(way, mu, timestep=LAB_TIMESTEP)
+    acting = sliding_sideways(way, mu)
+    edge = edge_load(way, mu)
     return {"ways": [{"way": way, "asked_mu": mu, "acting_mu": acting, "edge_load_ratio": edge, "reason": ""}]}
 
 
 def _acting(cell: Cell) -> Tables:
     mu, width = cell["mu"], cell["width"]
-    acting = sliding_sideways("site", mu, timestep=LAB_TIMESTEP)
-    wide, slides = onset(mu, _RADIUS, timestep=LAB_TIMESTEP, tolerance=width)
-    lateral = circle(mu, _RADIUS, _BEYOND, timestep=LAB_TIMESTEP)[2]
-    braking = brake_onset(mu, timestep=LAB_TIMESTEP, tolerance=width)
+    acting = sliding_sideways("site", mu)
+    wide, slides = onset(mu, _RADIUS, tolerance=width)
+    lateral = circle(mu, _RADIUS, _BEYOND)[2]
+    braking = brake_onset(mu, tolerance=width)
     row: Row = {"asked_mu": mu, "acting_mu": acting, "acting_ratio": acting / mu, "runs_wide_from_k": wide,
                 "slides_from_k": slides, "lateral_ratio": lateral, "brake_onset": braking, "reason": ""}  # fmt: skip
     if math.isnan(wide + slides + braking):
@@ -139,7 +139,7 @@ def _laps(cell: Cell) -> Tables:
     patches: tuple[Patch, ...] = ()
     if cell["patches"]:
         patches = random_patches(track, cell["patches"], np.random.default_rng(cell["seed"]), mu=_PATCH_MU)
-    world = LabWorld(track, timestep=LAB_TIMESTEP, patches=patches)
+    world = LabWorld(track, patches=patches)
     laps = drive_laps(world, laps=_LAPS, planner_mu=cell["planner_mu"])
     on_patch = (laps.floor_mu < world.car.mu).any(axis=1)
     sliding, steps = laps.column("sliding_steps")[on_patch].sum(), laps.column("steps")[on_patch].sum()
@@ -247,7 +247,7 @@ def _draw_map(figure: matplotlib.figure.Figure, ticks: list[Row], places: list[R
         points = np.column_stack((column(own, "x_m"), column(own, "y_m")))
         line = LineCollection(
             list(np.stack((points[:-1], points[1:]), axis=1)), array=column(own, "slide_m_s")[:-1],
-            cmap=colours, norm=LogNorm(SLIDING_SPEED, 5.0), linewidth=1.4, capstyle="round",
+            cmap=colours, norm=LogNorm(slides_above(DEFAULT_TIRES), 5.0), linewidth=1.4, capstyle="round",
         )  # fmt: skip
         axes.add_collection(line)
         axes.set_title(f"planner assumes mu {planner_mu:g}", fontsize=8.0)

@@ -27,7 +27,8 @@ from fg_mujoco.controllers.control.speed import friction_speed
 
 from ...messages import CarParameters, FloatArray
 from ...vehicle.car import WHEELS, element_id
-from ...vehicle.tire_slip import SLIDING_SPEED
+from ...vehicle.tire_slip import BRISTLES_SLIDE, SLIDING_SPEED
+from ...vehicle.tires import tires_of
 
 
 def tire_loads(k: float, mu: float, steering: float, car: CarParameters) -> FloatArray:
@@ -75,14 +76,38 @@ def onset(mu: float, steering: float, car: CarParameters) -> float:
     return 0.5 * (low + high)
 
 
+def held_curvature(steering: float, model: mujoco.MjModel) -> float:
+    """Return the curvature that a car drives at the end of its bristles, over that of its steering angle [-].
+
+    Both axles then run at the slip angle of their peak; 1 on MuJoCo's contacts, which have none.
+
+    Args:
+      steering: angle [rad].
+      model: of the car.
+    """
+    tires = tires_of(model)
+    if tires.is_contact:
+        return 1.0
+    front, rear = (axle.lateral.peak_slip for axle in tires.axles)
+    steering = abs(steering)
+    return (math.tan(steering - front) + math.tan(rear)) * math.cos(rear) / math.tan(steering)
+
+
+def grip_onset(mu: float, steering: float, car: CarParameters, model: mujoco.MjModel) -> float:
+    """Return the k at which an axle lets go [-]: `onset`, on the wider circle that the bristles make of it."""
+    return onset(mu, steering, car) / math.sqrt(held_curvature(steering, model))
+
+
 def creep(k: float, mu: float, steering: float, car: CarParameters, model: mujoco.MjModel) -> float:
     """Return how fast the contact point of the most loaded tire creeps while it holds [m/s].
 
     MuJoCo's contact is regularised: it slows a contact point by c v, and lets it accelerate by r F. In a car that needs
     the acceleration a of its tires c v = a + r F, with r = (1 - d) / d / effective mass / impratio (MuJoCo
     documentation, "Computation", on friction constraints; the numbers are those of models/f1tenth.xml). Near the limit
-    F is mu times the load.
+    F is mu times the load. The bristles of the law `coulomb` hold without creep.
     """
+    if not tires_of(model).is_contact:
+        return 0.0
     pair = element_id(model, mujoco.mjtObj.mjOBJ_PAIR, f"{WHEELS[0]}_tire")
     wheel = element_id(model, mujoco.mjtObj.mjOBJ_BODY, f"{WHEELS[0]}_wheel")
     impedance = float(model.pair_solimp[pair, 1])
@@ -93,19 +118,26 @@ def creep(k: float, mu: float, steering: float, car: CarParameters, model: mujoc
 
 
 def sliding_onset(mu: float, steering: float, car: CarParameters, model: mujoco.MjModel) -> float:
-    """Return the k at which the front tires pass SLIDING_SPEED [-]; arguments as in `creep`.
+    """Return the k at which the front tires slide [-]: pass SLIDING_SPEED, or BRISTLES_SLIDE; arguments as in `creep`.
 
     Up to the onset k0 they creep. Beyond, the car's curvature stays (k0 / k)^2 of the one that its front wheels point
     along, and they cross their way at v sin d (1 - (k0 / k)^2), above what they creep. So this k is not `onset`: it
     lies below where creep alone passes SLIDING_SPEED, on grippy ground, and above on slippery ground, where the car
     has to run wide by what creep leaves of it.
+
+    Bristles do not creep, and cross their way from `held_curvature` on. Those of the inner front wheel, which rolls slower than the middle of its axle by the yaw
+    rate times half the track, take up as much less where both front wheels are at the end of their bristles.
     """
     limit = onset(mu, steering, car)
     law = friction_speed(steering, mu, car.wheelbase, car.gravity)
+    front = tires_of(model).front
+    threshold = SLIDING_SPEED if front is None else BRISTLES_SLIDE
+    bent = 0.0 if front is None else front.lateral.peak_slip * 0.5 * car.track_width * math.tan(abs(steering))
     low, high = 0.5, 3.0
     while high - low > 1e-6:
         k = 0.5 * (low + high)
-        wide = k * law * math.sin(abs(steering)) * max(1.0 - (limit / k) ** 2, 0.0)
-        slides = creep(min(k, limit), mu, steering, car, model) + wide > SLIDING_SPEED
+        wide = k * law * math.sin(abs(steering)) * max(held_curvature(steering, model) - (limit / k) ** 2, 0.0)
+        held = creep(min(k, limit), mu, steering, car, model) + bent * k * law / car.wheelbase
+        slides = held + wide > threshold
         low, high = (low, k) if slides else (k, high)
     return 0.5 * (low + high)

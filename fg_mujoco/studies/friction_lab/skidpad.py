@@ -4,9 +4,10 @@ Constant steering, the speed brought slowly to k times the law's sqrt(g mu b / t
 
 - `k_grip`: the tires let go, whatever they creep: an axle has used up its friction, forces over loads, or a light wheel
   spins;
-- `k_slides`: a contact point passes SLIDING_SPEED, which is the same for all grounds.
+- `k_slides`: a tire slides, by the threshold of its set, which is the same for all grounds (`tire_slip`).
 
-Both have a closed form in `rigid_car`. Beyond them the curvature falls as 1 / k^2, as Coulomb's law has it.
+All is measured on our own tires and on MuJoCo's contacts (LAW_TIRES). Both ks have a closed form in `rigid_car`. Beyond
+them the curvature falls as 1 / k^2, as Coulomb's law has it.
 """
 
 from __future__ import annotations
@@ -19,12 +20,13 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from ...vehicle.car import WHEELS, car_parameters
-from ...vehicle.tire_slip import SLIDING_SPEED
+from ...vehicle.tire_slip import slides_above
+from ...vehicle.tires import DEFAULT_TIRES, Tires
 from ...vehicle.vehicle import Vehicle
 from . import figure_style as style
-from .experiment import Cell, Experiment, Figure, LabSettings, Row, Section, Tables
+from .experiment import LAW_TIRES, Cell, Experiment, Figure, LabSettings, Row, Section, Tables
 from .figure_style import column
-from .rigid_car import onset, sliding_onset, tire_loads
+from .rigid_car import grip_onset, onset, sliding_onset, tire_loads
 from .steady_circle import CircleReading, SteadyCircle, UnreachableError
 
 if TYPE_CHECKING:
@@ -48,55 +50,73 @@ class Skidpad:
     title = "Steady circles: where the tires let go"
 
     def cells(self, settings: LabSettings) -> list[Cell]:
-        """One for each friction, steering and side."""
+        """One for each set of tires, friction, steering and side."""
         mus = settings.mus or (_QUICK_MUS if settings.quick else MUS)
         steerings = settings.steerings or (_QUICK_STEERINGS if settings.quick else STEERINGS)
         ks = list(_QUICK_KS if settings.quick else CURVATURE_KS)
         angles = [side * abs(steering) for steering in steerings for side in (1, -1)]
-        return [{"mu": mu, "steering": angle, "ks": ks} for mu in mus for angle in angles]
+        return [
+            {"tires": tires, "mu": mu, "steering": angle, "ks": ks}
+            for tires in LAW_TIRES
+            for mu in mus
+            for angle in angles
+        ]
 
     def measure(self, cell: Cell) -> Tables:
         """Find both ks of a circle, and the curvature at each of the cell's."""
-        circle = SteadyCircle(cell["mu"], cell["steering"])
+        circle = SteadyCircle(cell["mu"], cell["steering"], tires=Tires.load(cell["tires"]))
         return {"onset": [_onset_row(circle)], "curvature": [_curvature_row(circle, k) for k in cell["ks"]]}
 
     def section(self, tables: Tables) -> Section:
         """Say where the tires let go, and draw it beside the closed forms."""
-        onsets, curvatures = tables["onset"], tables["curvature"]
+        parts = [
+            (tires, _on(tables["onset"], tires), _on(tables["curvature"], tires))
+            for tires in dict.fromkeys(str(row["tires"]) for row in tables["onset"])
+        ]
         return Section(
-            sentences=_sentences(onsets, curvatures),
-            figures=(
-                Figure(
-                    name="k",
-                    caption="Left: k at which the tires let go, and 1 % about the law. Right: k at "
-                    f"which a contact point passes {SLIDING_SPEED} m/s. Lines: the closed form, a rigid car on four "
-                    "wheels, with the contact's creep. Points: turns to the left and to the right.",
-                    draw=lambda figure: _draw_k(figure, onsets),
-                ),
-                Figure(
-                    name="curvature",
-                    caption="Curvature over that of the steering angle. Left: against k, and 1/k² as a line. Right: "
-                    "times k², with 5 % about 1; broken lines: the closed form's k, squared, on each circle.",
-                    draw=lambda figure: _draw_curvature(figure, curvatures),
-                ),
-                Figure(
-                    name="loads",
-                    caption="What the tires carry where they let go. Lines: a rigid car; that the "
-                    "body rolls on its springs, and that wheels are gyroscopes, moves a little more.",
-                    draw=lambda figure: _draw_loads(figure, onsets),
-                ),
-            ),
+            sentences=tuple(sentence for part in parts for sentence in _sentences(*part)),
+            figures=tuple(figure for part in parts for figure in _figures(*part)),
             columns={
                 "onset": (
-                    "mu", "steering_rad", "law_speed_m_s", "k_grip", "k_grip_closed_form", "lets_go", "k_slides",
-                    "k_slides_closed_form", "first_tire", "lightest_tire", "lightest_load_N", "reason",
+                    "tires", "mu", "steering_rad", "law_speed_m_s", "k_grip", "k_grip_closed_form", "lets_go",
+                    "k_slides", "k_slides_closed_form", "first_tire", "lightest_tire", "lightest_load_N", "reason",
                 )
             },
-            expected=_expected(onsets, curvatures),
+            expected=tuple(line for part in parts for line in _expected(*part)),
         )  # fmt: skip
 
 
 EXPERIMENT: Experiment = Skidpad()
+
+
+def _on(rows: list[Row], tires: str) -> list[Row]:
+    return [row for row in rows if row["tires"] == tires]
+
+
+def _figures(tires: str, onsets: list[Row], curvatures: list[Row]) -> tuple[Figure, ...]:
+    """Return the figures of a set of tires."""
+    ending = "" if tires == DEFAULT_TIRES else f"_{tires}"
+    return (
+        Figure(
+            name=f"k{ending}",
+            caption=f"Tires {tires}. Left: k at which the tires let go, and 1 % about the law. Right: k at which a "
+            f"tire slides, above {slides_above(tires)} m/s. Lines: the closed form, a rigid car on four wheels, with "
+            "the creep of MuJoCo's contact. Points: turns to the left and to the right.",
+            draw=lambda figure: _draw_k(figure, tires, onsets),
+        ),
+        Figure(
+            name=f"curvature{ending}",
+            caption=f"Tires {tires}. Curvature over that of the steering angle. Left: against k, and 1/k² as a line. "
+            "Right: times k², with 5 % about 1; broken lines: the closed form's k, squared, on each circle.",
+            draw=lambda figure: _draw_curvature(figure, curvatures),
+        ),
+        Figure(
+            name=f"loads{ending}",
+            caption=f"Tires {tires}. What the tires carry where they let go. Lines: a rigid car; that the body rolls "
+            "on its springs, and that wheels are gyroscopes, moves a little more.",
+            draw=lambda figure: _draw_loads(figure, onsets),
+        ),
+    )
 
 
 def _bracket(circle: SteadyCircle, happens: Callable[[CircleReading], bool]) -> tuple[_Bracket | None, str]:
@@ -114,15 +134,16 @@ def _middle(bracket: _Bracket | None) -> float:
 def _onset_row(circle: SteadyCircle) -> Row:
     mu, steering, car = circle.mu, circle.steering, circle.car
     grip, why_no_grip = _bracket(circle, lambda reading: bool(reading.lets_go))
-    slides, why_no_slide = _bracket(circle, lambda reading: reading.slide > SLIDING_SPEED)
+    slides, why_no_slide = _bracket(circle, lambda reading: bool(reading.sliding.any()))
     loads = grip[0].loads if grip else np.full(len(WHEELS), math.nan)
     reasons = [f"{name}: {why}" for name, why in (("k_grip", why_no_grip), ("k_slides", why_no_slide)) if why]
     return {
+        "tires": circle.tires.name,
         "mu": mu,
         "steering_rad": steering,
         "law_speed_m_s": circle.law,
         "k_grip": _middle(grip),
-        "k_grip_closed_form": onset(mu, steering, car),
+        "k_grip_closed_form": grip_onset(mu, steering, car, circle.ground.model),
         "lets_go": grip[1].lets_go if grip else "",
         "k_slides": _middle(slides),
         "k_slides_closed_form": sliding_onset(mu, steering, car, circle.ground.model),
@@ -135,12 +156,14 @@ def _onset_row(circle: SteadyCircle) -> Row:
 
 
 def _curvature_row(circle: SteadyCircle, k: float) -> Row:
-    row: Row = {"mu": circle.mu, "steering_rad": circle.steering, "k_asked": k}
+    row: Row = {"tires": circle.tires.name, "mu": circle.mu, "steering_rad": circle.steering, "k_asked": k}
+    nothing: Row = dict.fromkeys(("k", "curvature_ratio", "closed_form", "slide_m_s", "airborne_share"), math.nan)
     try:
         reading = circle.at(k)
     except UnreachableError as error:
-        nothing = dict.fromkeys(("k", "curvature_ratio", "closed_form", "slide_m_s", "airborne_share"), math.nan)
         return {**row, **nothing, "reason": str(error)}
+    if reading.lost:
+        return {**row, **nothing, "reason": f"{reading.why_lost} at {reading.speed:.2f} m/s"}
     limit = onset(circle.mu, circle.steering, circle.car)
     return {
         **row,
@@ -176,7 +199,7 @@ def _wide(rows: list[Row]) -> list[Row]:
     return [row for row in rows if abs(float(row["steering_rad"] or 0.0)) <= _WIDE]
 
 
-def _sentences(onsets: list[Row], curvatures: list[Row]) -> tuple[str, ...]:
+def _sentences(tires: str, onsets: list[Row], curvatures: list[Row]) -> tuple[str, ...]:
     off, worst = _worst(onsets, "k_grip", 1.0)
     form, form_worst = _worst(_gripping(onsets), "k_grip", "k_grip_closed_form")
     slide_off, slide_worst = _worst(onsets, "k_slides", 1.0)
@@ -186,15 +209,15 @@ def _sentences(onsets: list[Row], curvatures: list[Row]) -> tuple[str, ...]:
     silent = [row for row in onsets if row["reason"]]
     lightest = min(onsets, key=lambda row: float(np.nan_to_num(column([row], "lightest_load_N")[0], nan=math.inf)))
     return (
-        f"Up to {_WIDE:g} rad the tires let go at {_span(_wide(onsets), 'k_grip')} of the law's speed; on all circles "
-        f"at {_span(onsets, 'k_grip')}, the farthest from 1 at {_cell(worst)}, {100 * off:.1f} % off.",
+        f"On {tires}, up to {_WIDE:g} rad the tires let go at {_span(_wide(onsets), 'k_grip')} of the law's speed; on "
+        f"all circles at {_span(onsets, 'k_grip')}, the farthest from 1 at {_cell(worst)}, {100 * off:.1f} % off.",
         "That is no fault of the tires: a rigid car on four wheels, whose centre of gravity runs wider than its rear "
         "axle and whose outer front wheel is turned in less, lets go there too, to within "
         f"{100 * form:.1f} % (farthest at {_cell(form_worst)}).{_spinning(onsets)}",
-        f"By the threshold of {SLIDING_SPEED} m/s, which is the same for all grounds, sliding begins at "
+        f"By the threshold of {slides_above(tires)} m/s, which is the same for all grounds, sliding begins at "
         f"{_span(onsets, 'k_slides')}, farthest from 1 at {_cell(slide_worst)}, {100 * slide_off:.1f} % off: on "
-        "slippery ground a car runs wide slowly, and at mu 1.3 tires that hold creep as fast. With both in it the "
-        f"closed form is right to {100 * slide_form:.1f} %.",
+        "slippery ground a car runs wide slowly, and at mu 1.3 MuJoCo's contacts creep as fast while they hold. With "
+        f"both in it the closed form is right to {100 * slide_form:.1f} %.",
         f"Beyond, the curvature falls as 1/k², to within {100 * curvature_form:.1f} % from the closed form's k on.",
         "Load transfer alone moves nothing: under Coulomb's law the outer tire gains what the inner one loses. The "
         f"lightest wheel at the limit is the {str(lightest['lightest_tire']).replace('_', ' ')} one, with "
@@ -219,18 +242,18 @@ def _spinning(onsets: list[Row]) -> str:
     )
 
 
-def _expected(onsets: list[Row], curvatures: list[Row]) -> tuple[tuple[str, str, str], ...]:
+def _expected(tires: str, onsets: list[Row], curvatures: list[Row]) -> tuple[tuple[str, str, str], ...]:
     off, worst = _worst(onsets, "k_grip", 1.0)
     slide_off, slide_worst = _worst(onsets, "k_slides", 1.0)
     form, _ = _worst(_gripping(onsets), "k_grip", "k_grip_closed_form")
     beyond = [row for row in curvatures if column([row], "closed_form")[0] < 1.0]
     wide = column(beyond, "curvature_ratio") * column(beyond, "k") ** 2
     return (
-        (f"k at which the tires let go, to {_WIDE:g} rad", "0.99 to 1.01", _span(_wide(onsets), "k_grip")),
+        (f"{tires}: k at which the tires let go, to {_WIDE:g} rad", "0.99 to 1.01", _span(_wide(onsets), "k_grip")),
         ("the same on all circles, worst cell", "within 1 %", f"{100 * off:.1f} % at {_cell(worst)}"),
         ("the same where no wheel spins, against a rigid car on four wheels", "-", f"within {100 * form:.1f} %"),
         (
-            f"k at which a tire passes {SLIDING_SPEED} m/s, worst cell",
+            f"k at which a tire slides, above {slides_above(tires)} m/s, worst cell",
             "within 1 %",
             f"{100 * slide_off:.1f} % at {_cell(slide_worst)}",
         ),
@@ -250,9 +273,9 @@ def _different(rows: list[Row], name: str) -> list[float]:
     return values
 
 
-def _draw_k(figure: matplotlib.figure.Figure, onsets: list[Row]) -> None:
+def _draw_k(figure: matplotlib.figure.Figure, tires: str, onsets: list[Row]) -> None:
     left, right = figure.subplots(1, 2)
-    model = Vehicle.load().compile()
+    model = Vehicle.load().spec(tires=Tires.load(tires)).compile()
     car = car_parameters(model)
     angles = np.linspace(0.02, max(0.41, *_different(onsets, "steering_rad")), 60)
     for axes in (left, right):
@@ -261,13 +284,13 @@ def _draw_k(figure: matplotlib.figure.Figure, onsets: list[Row]) -> None:
         rows = _of(onsets, "mu", mu)
         steering = np.abs(column(rows, "steering_rad"))
         for axes, name, closed in (
-            (left, "k_grip", [onset(mu, angle, car) for angle in angles]),
+            (left, "k_grip", [grip_onset(mu, angle, car, model) for angle in angles]),
             (right, "k_slides", [sliding_onset(mu, angle, car, model) for angle in angles]),
         ):
             style.theory(axes, angles, closed, colour=colour)
             style.measured(axes, steering, column(rows, name), f"mu {mu:g}", colour=colour)
     style.finish(left, "steering [rad]", "k where the tires let go [-]")
-    style.finish(right, "steering [rad]", f"k where a tire passes {SLIDING_SPEED} m/s [-]", legend=False)
+    style.finish(right, "steering [rad]", "k where a tire slides [-]", legend=False)
 
 
 def _draw_curvature(figure: matplotlib.figure.Figure, curvatures: list[Row]) -> None:

@@ -3,7 +3,7 @@
     circle = SteadyCircle(mu=0.7, steering=0.2)
     reading = circle.at(0.98)
     reading.slide, reading.axle_use, reading.curvature
-    circle.bisect(lambda reading: reading.slide > SLIDING_SPEED)  # the readings before and after
+    circle.bisect(lambda reading: reading.sliding.any())  # the readings before and after
 
 The state settles at each k: it is reached from the nearest slower one that was settled before, gaining 3 % of mu g of
 speed at most, so that the tires have the circle to hold and nothing else.
@@ -34,7 +34,7 @@ _GAIN = 3.0  # [1/s] of the command's rate, per missing speed: slower than the s
 _GENTLE = 0.03  # of mu g, for gaining speed
 _SETTLING = 1.5  # [s] after the speed is there: several times what yaw (.1 s), springs (.2 s) and command (.4 s) take
 _WINDOW = 0.5  # [s] that is measured
-_STEADY, _WINDOWS = 5e-4, 40  # change of speed and yaw rate from one window to the next, with a curve; and how many
+_STEADY, _WINDOWS = 5e-4, 40  # change of speed and yaw rate from one window to the next; and how many
 _START = 0.8  # of the law's speed
 _STRIDE = 0.05  # of the law's speed, upwards to where a bisection begins
 _SHORT = 0.02  # of the law's speed, by which a car may fall behind what was asked for
@@ -57,7 +57,7 @@ class CircleReading:
     slides: FloatArray  # (4,) [m/s] greatest sliding speed of each tire; NaN: off the ground all the time
     sliding: NDArray[np.bool_]  # (4,) whether each tire slides, as `TireSlip.slides` says, at any time
     first_tire: str  # name of the one that slid first on the way here and in it; "": none
-    lost: bool  # whether tires with a curve slid, and the car did not keep its speed
+    lost: bool  # whether tires slid, and the car did not keep its speed
     axle_use: tuple[float, float]  # [-] friction over the greatest at the load, of the front and of the rear axle
     acceleration: float  # [m/s^2] of the centre of gravity along the ground
     slip_angles: FloatArray  # (4,) [rad] positive where the force is to the left
@@ -74,7 +74,16 @@ class CircleReading:
         """What lets go: an axle, its friction used up, or a wheel, too light for the torque that all share; or ""."""
         if max(self.axle_use) > _EXHAUSTED:
             return ("front axle", "rear axle")[int(np.argmax(self.axle_use))]
-        return f"{self.fastest_tire} spins" if self.slide > _SPINNING else ""
+        return f"{self.fastest_tire} spins" if self.slide > _SPINNING or self.lost else ""
+
+    @property
+    def why_lost(self) -> str:
+        """Why the car did not keep its speed; only of a reading in which it did not."""
+        if self.slide > _SPINNING:
+            wheel = self.fastest_tire.replace("_", " ")
+            load = np.min(self.loads)
+            return f"the {wheel} wheel, with {load:.1f} N on it, spins, and open differentials stop there"
+        return "the car slides" if self.lost else "the motor gives no more"
 
     @property
     def fastest_tire(self) -> str:
@@ -88,7 +97,7 @@ class SteadyCircle:
     Args:
       mu: friction coefficient of the tires [-]; of those with a curve the least peak, which planners are told.
       steering: angle [rad], left positive.
-      engine: settings of the physics.
+      engine: settings of the physics; None: at the timestep at which the tires are right when they slide.
       tires: that the car stands on; None: its own.
       vehicle: the car.
       changes: what differs from its MJCF.
@@ -180,7 +189,7 @@ class SteadyCircle:
         for _ in range(round((ramp + _SETTLING + _WINDOW) / _PERIOD)):
             command = self._next_command(command, target)
             traces.append(self.ground.hold(self._drive(command), _PERIOD))
-        for _ in range(0 if self.tires.is_contact else _WINDOWS):
+        for _ in range(_WINDOWS):
             if self._steady(join(traces[-2 * round(_WINDOW / _PERIOD) :]), target):
                 break
             for _ in range(round(_WINDOW / _PERIOD)):
@@ -188,7 +197,7 @@ class SteadyCircle:
                 traces.append(self.ground.hold(self._drive(command), _PERIOD))
         reading = self._read(join(traces), k)
         if reading.k < k - _SHORT and not reading.lost:
-            raise UnreachableError(f"{_why_not(reading)} at {reading.speed:.2f} m/s; {target:.2f} were asked for")
+            raise UnreachableError(f"{reading.why_lost} at {reading.speed:.2f} m/s; {target:.2f} were asked for")
         self._settled[k] = self.ground.state, command, reading
 
     def _drive(self, command: float) -> DriveCommand:
@@ -208,9 +217,9 @@ class SteadyCircle:
         return command + _PERIOD * max(-gentle, min(gentle, rate))
 
     def _steady(self, trace: Trace, target: float) -> bool:
-        """Return whether a car on tires with a curve runs steadily, or has begun to slide.
+        """Return whether the car runs steadily, or has begun to slide.
 
-        Near the speed at which it would spin, such a car leaves its circle slowly.
+        Near the speed at which it would spin, a car on tires with a curve leaves its circle slowly.
         """
         before, last = trace[: len(trace.records) // 2], trace.last(_WINDOW)
         if last.slip.slides.any():
@@ -222,9 +231,9 @@ class SteadyCircle:
         trace = whole.last(_WINDOW)
         slip, speed, sliding = trace.slip, float(trace.speed.mean()), whole.slip.slides
         friction, load = np.nan_to_num(slip.friction_force).mean(axis=0), np.nan_to_num(slip.normal_force).mean(axis=0)
-        most = self.mu * load if self.tires.is_contact else _greatest_forces(trace)
+        most = _greatest_forces(trace)
         front, rear = (float(friction[axle].sum() / most[axle].sum()) for axle in (slice(2), slice(2, 4)))
-        lost = not self.tires.is_contact and speed < (k - _SHORT) * self.law and bool(sliding.any())
+        lost = speed < (k - _SHORT) * self.law and bool(sliding.any())
         first = np.argwhere(sliding)
         airborne = np.isnan(slip.normal_force)
         slides = np.nanmax(np.where(airborne, -1.0, slip.sliding_speed), axis=0)
@@ -245,21 +254,14 @@ class SteadyCircle:
 
 
 def greatest_peak(tires: Tires, mu: float) -> float:
-    """Return the greatest peak that gives tires the least peak `mu` [-]; of the model `contact` it is mu."""
+    """Return the greatest peak that gives tires the least peak `mu` [-]: mu where the friction is the vehicle's."""
     if tires.peak is None or tires.least_peak is None:
         return mu
     return tires.peak * mu / tires.least_peak
 
 
 def _greatest_forces(trace: Trace) -> FloatArray:
-    """Return the greatest force of each tire with a curve at its load, in the direction of its slip. Shape (4,) [N]."""
+    """Return the greatest force of each tire at its load, in the direction of its slip. Shape (4,) [N]."""
     slip = trace.slip
     found: FloatArray = np.nan_to_num(slip.friction_force / np.maximum(slip.friction_utilisation, 1e-9)).mean(axis=0)
     return found
-
-
-def _why_not(reading: CircleReading) -> str:
-    if reading.slide > _SPINNING:
-        wheel = reading.fastest_tire.replace("_", " ")
-        return f"the {wheel} wheel, with {np.min(reading.loads):.1f} N on it, spins, and open differentials stop there"
-    return "the motor gives no more"

@@ -1,8 +1,9 @@
 """The experiment `tire_bench`: one wheel on the ground at a set load, slip angle and slip ratio, as tires are measured.
 
 The wheel of the car f1tenth is under a mass of the load, which is held to a straight line, and free up and down. Its
-heading is turned off the line by the slip angle, and its spin is set, both before each physics step of 5 ms. The force
-is that which the engine's kernel writes for the step. It is compared with the formula of the set's file.
+heading is turned off the line by the slip angle, and its spin is set, both before each physics step of 5 ms, and
+neither moves within one. The force is the mean over the tire's short steps, as the engine's kernel writes it. It is
+compared with the formula of the set's file.
 
 - `points`: pure side slip, pure slip ratio, and both, over loads of 2 to 20 N;
 - `lag`: a step of the slip angle at 1 to 8 m/s, and over which way the force follows;
@@ -19,7 +20,7 @@ import numpy as np
 
 from ...messages import FloatArray
 from ...vehicle.tire_forces import FORCE_ACROSS, FORCE_ALONG, LOAD, TireForces, put_on
-from ...vehicle.tires import AxleTires, TireCurve, Tires, tire_names
+from ...vehicle.tires import AxleTires, Law, Tires, tire_names
 from ...vehicle.vehicle import Vehicle
 from . import figure_style as style
 from .experiment import Cell, Experiment, Figure, LabSettings, Row, Section, Tables
@@ -35,6 +36,8 @@ _WAYS = (-60.0, -30.0, 30.0, 45.0, 75.0)  # [deg] of a combined slip, 0 is along
 _SPEED = 3.0  # [m/s]
 _SPEEDS = (1.0, 2.0, 4.0, 8.0)  # [m/s] of the step
 _STEP = 0.002  # [rad] of slip angle, so small that the curve is straight
+_HELD = [0, 1, 3, 4, 5, 6]  # dofs that are set: all but the one up and down
+_HEAVY = 1e9  # [kg, kg m^2] of these, so that no force of the tire moves them within a physics step
 _ROLLED, _MOST_ROLLS, _SETTLED = 40.0, 20, 1e-5  # relaxation lengths, how often, and spread, until a point is read
 _SETTLING = 1.0  # [s] of the load
 _PEAK_SHARE, _LAG_SHARE = 0.005, 0.05  # asked
@@ -57,8 +60,8 @@ class Bench:
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
         self._forces = TireForces(self.model, wheels=(self.wheel,))
+        self.model.dof_armature[_HELD] = _HEAVY  # only now: the tire's damping is that of the wheel's own inertia
         self._speed = speed
-        mujoco.mj_forward(self.model, self.data)
         self._forces.begin(self.data)
         self.roll(_SETTLING, 0.0, 0.0)
 
@@ -70,11 +73,8 @@ class Bench:
             data.qvel[:2], data.qvel[3:6] = (self._speed, 0.0), 0.0
             arm = 0.5 * (self._forces.rows[0]["radius"] + data.qpos[2])
             data.qvel[6] = self._speed * math.cos(angle) * (1.0 + ratio) / arm
-            self._forces.apply(data)
-            used = float(data.userdata[LOAD])
-            rows.append((used, data.userdata[FORCE_ALONG], data.userdata[FORCE_ACROSS]))
-            mujoco.mj_step(self.model, data)
-            self._forces.end(data)
+            self._forces.step(data)
+            rows.append((data.userdata[LOAD], data.userdata[FORCE_ALONG], data.userdata[FORCE_ACROSS]))
         return np.array(rows)
 
 
@@ -114,7 +114,7 @@ def formula(axle: AxleTires, load: float, ratio: float, angle: float) -> tuple[f
     return along, grip * axle.lateral.force(size * scale[1]) * angle / scale[1]
 
 
-def _scale(curve: TireCurve) -> float:
+def _scale(curve: Law) -> float:
     return curve.peak_slip if math.isfinite(curve.peak_slip) else 1.0
 
 

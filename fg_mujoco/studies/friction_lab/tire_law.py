@@ -8,7 +8,8 @@ curve slides when it is past its peak (`tire_slip`). Measured are, for each set 
   that of its steering angle. `curve_onset` has a closed form of it;
 - `transients`: the greatest k at which none does, in the lab's manoeuvres and in steps to the skidpad's angles, the
   speed held; and whether the friction limiter keeps all below their peak;
-- `bridge`: `coulomb` beside MuJoCo's `contact`, by the same measure: an axle uses 99 % of its friction;
+- `bridge`: `coulomb` at the car's own timestep beside MuJoCo's `contact` at one at which that is right, by the same
+  measure: an axle uses 99 % of its friction;
 - `timestep`: the first, at 5 ms and at .25 ms.
 """
 
@@ -18,15 +19,15 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiterSettings
 
 from ...messages import CarParameters, Odometry
-from ...vehicle.tires import LINEAR, Tires, tire_names
-from ...vehicle.vehicle import DEFAULT_VEHICLE
+from ...vehicle.tires import CONTACT, Tires, tire_names
+from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from . import figure_style as style
 from .curve_onset import curve_onset
 from .experiment import Cell, Experiment, Figure, LabSettings, Row, Section, Tables
@@ -69,33 +70,38 @@ class TireLaw:
 
     def cells(self, settings: LabSettings) -> list[Cell]:
         """One for each circle, manoeuvre, and comparison."""
-        named = settings.tires or (_QUICK_TIRES if settings.quick else tuple(n for n in tire_names() if n != "contact"))
-        sets = [Tires.load(name).described() for name in named]
+        named = settings.tires or (_QUICK_TIRES if settings.quick else tuple(n for n in tire_names() if n != CONTACT))
+        sets = [Tires.load(name) for name in named]
         steerings = settings.steerings or (_QUICK_STEERINGS if settings.quick else STEERINGS)
         mus: tuple[float | None, ...] = settings.mus or ((None,) if settings.quick else (None, *MUS))
         manoeuvres = _QUICK_MANOEUVRES if settings.quick else tuple(MANOEUVRES)
-        curved = [tires for tires in sets if tires["model"] != LINEAR]
+        curved = [tires for tires in sets if tires.slides]
         cells: list[Cell] = []
 
-        def circles(vehicle: str, tires: dict[str, Any], sensitivity: float | None, mu: float | None) -> None:
+        def circles(vehicle: str, tires: Tires, sensitivity: float | None, mu: float | None) -> None:
             cells.extend(
-                {"part": "circles", "vehicle": vehicle, "tires": tires, "load_sensitivity": sensitivity, "mu": mu,
-                 "steering": steering} for steering in steerings
+                {"part": "circles", "vehicle": vehicle, "tires": tires.described(), "load_sensitivity": sensitivity,
+                 "mu": mu, "steering": steering} for steering in steerings
             )  # fmt: skip
 
         for tires in sets:
-            for mu in mus if tires["model"] != LINEAR else mus[:1]:
+            for mu in mus if tires.slides else mus[:1]:
                 circles(DEFAULT_VEHICLE, tires, None, mu)
-            for vehicle in [vehicle for vehicle, own in OWN_VEHICLES.items() if own == tires["name"]]:
+            for vehicle in [vehicle for vehicle, own in OWN_VEHICLES.items() if own == tires.name]:
                 circles(vehicle, tires, None, mus[0])
         for tires, sensitivity in product(curved, LOAD_SENSITIVITIES):
-            if any(tires[axle]["load_sensitivity"] != sensitivity for axle in ("front", "rear")):
+            if any(axle.load_sensitivity != sensitivity for axle in tires.axles):
                 circles(DEFAULT_VEHICLE, tires, sensitivity, mus[0])
         names = (*manoeuvres, *(_STEP.format(steering) for steering in steerings))
         for tires, name in product(curved, names):
             angle = None if name in MANOEUVRES else steerings[names.index(name) - len(manoeuvres)]
-            cells.append({"part": "transients", "tires": tires, "mu": mus[0], "manoeuvre": name, "steering": angle})
-        cells += [{"part": "timestep", "tires": tires, "mu": mus[0], "steering": steerings[-1]} for tires in curved]
+            cells.append(
+                {"part": "transients", "tires": tires.described(), "mu": mus[0], "manoeuvre": name, "steering": angle}
+            )
+        cells += [
+            {"part": "timestep", "tires": tires.described(), "mu": mus[0], "steering": steerings[-1]}
+            for tires in curved
+        ]
         if _BRIDGE in named:
             cells += [{"part": "bridge", "mu": mu, "steering": angle} for mu, angle in product(_BRIDGE_MUS, steerings)]
         return cells
@@ -154,10 +160,11 @@ EXPERIMENT: Experiment = TireLaw()
 
 
 def _tires(cell: Cell) -> Tires:
-    """Return the tires of a cell, with its load sensitivity."""
-    tires = Tires.load(cell["tires"])
+    """Return the tires of a cell, with its load sensitivity, and its vehicle's friction where they give none."""
+    friction = Vehicle.load(cell.get("vehicle", DEFAULT_VEHICLE)).nominal_mu
+    tires = Tires.load(cell["tires"]).on(friction)
     sensitivity = cell.get("load_sensitivity")
-    if sensitivity is None or tires.model == LINEAR:
+    if sensitivity is None or not tires.slides:
         return tires
     front, rear = (replace(axle, load_sensitivity=sensitivity) for axle in tires.axles)
     return replace(tires, front=front, rear=rear)
@@ -189,7 +196,7 @@ def _circle_row(cell: Cell) -> Row:
     numbers = ("k_peak", "k_closed_form", "k_reached", "grip", "curvature_ratio", "slip_angle_front_rad",
                "slip_angle_rear_rad", "curvature_at_law", "lightest_load_N")  # fmt: skip
     nothing: Row = {**dict.fromkeys(numbers, math.nan), "first_tire": ""}
-    if tires.model == LINEAR:
+    if not tires.slides:
         return {**row, **nothing, "reason": _NO_PEAK}
     circle = SteadyCircle(mu, steering, _CAR_TIMESTEP, tires, cell["vehicle"])
     row = {**row, **nothing, "k_closed_form": curve_onset(tires, mu, steering, circle.car), "reason": ""}
@@ -301,8 +308,8 @@ def _timestep_row(cell: Cell) -> Row:
 
 def _bridge_row(cell: Cell) -> Row:
     row: Row = {"mu": cell["mu"], "steering_rad": cell["steering"]}
-    for name, engine, tires in (("contact", Engine(), None), ("coulomb", _CAR_TIMESTEP, Tires.load(_BRIDGE))):
-        circle = SteadyCircle(cell["mu"], cell["steering"], engine, tires)
+    for name in (CONTACT, _BRIDGE):
+        circle = SteadyCircle(cell["mu"], cell["steering"], tires=Tires.load(name))
         for what, happens in (("axle", _uses_its_friction), ("slides", passes_peak)):
             try:
                 before, after = circle.bisect(happens, width=_FINE_WIDTH)

@@ -18,7 +18,7 @@ class CarSensors:
     """Where in a row of `sensordata` a car's sensors are.
 
     Raises:
-      ModelError: the model does not hold the car.
+      ModelError: the model does not hold the car, with what `add_axle_sensors` adds.
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
@@ -28,7 +28,7 @@ class CarSensors:
             setattr(self, name, sensor_slice(model, name))
         self.wheel_speeds = [sensor_slice(model, f"{wheel}_wheel_speed").start for wheel in WHEELS]
         self.velocities = [sensor_slice(model, f"{wheel}_wheel_velocity") for wheel in WHEELS]
-        self.contacts = [sensor_slice(model, f"{wheel}_tire_contact") for wheel in WHEELS]
+        self.axles = [sensor_slice(model, f"{wheel}_wheel_axle") for wheel in WHEELS]
 
     position: slice
     orientation: slice
@@ -42,7 +42,7 @@ class Trace:
     """A car's motion over some physics steps, n of them. The rear axle's where nothing else is said."""
 
     records: FloatArray  # (n, nsensordata) sensors at each step, of the state at its start
-    states: FloatArray  # (n, nuserdata) user data at each step: of tires with a curve
+    states: FloatArray  # (n, nuserdata) user data at each step: of tires with a law of ours
     sensors: CarSensors
     timestep: float  # [s]
 
@@ -115,13 +115,21 @@ class Trace:
 
     @cached_property
     def tire_forces(self) -> FloatArray:
-        """Of the ground on each tire of the model `contact`, along and across the heading. (n, 4, 2) [N]; 0 in air.
+        """Of the ground on each tire, along and across the car's heading. Shape (n, 4, 2) [N]; 0 in the air.
 
-        On level ground the tangents of a contact's frame are y and x of the world: a sensor that names the tire, which
-        is the first geom of its pair, has the frame that points down.
+        Tires with a law of ours act along the wheel's heading half a step later, MuJoCo's contacts along that of now.
         """
-        forces = [self.records[:, contact][:, 1:4] for contact in self.sensors.contacts]
-        return np.stack([self._along_heading(force[:, 2], force[:, 1]) for force in forces], axis=1)
+        later = 1 if len(self.sensors.meter.rows) else 0
+        along, across = np.nan_to_num(self.slip.longitudinal_force), np.nan_to_num(self.slip.lateral_force)
+        forces = []
+        for tire, sensor in enumerate(self.sensors.axles):
+            axle = self.records[:, sensor][:, :2]
+            axle = axle + np.concatenate((axle[later:], axle[len(axle) - later :]))  # twice that of half a step later
+            ahead_x, ahead_y = np.array((axle[:, 1], -axle[:, 0])) / np.hypot(axle[:, 0], axle[:, 1])
+            x = ahead_x * along[:, tire] - ahead_y * across[:, tire]
+            y = ahead_y * along[:, tire] + ahead_x * across[:, tire]
+            forces.append(self._along_heading(x, y))
+        return np.stack(forces, axis=1)
 
     def _along_heading(self, x: FloatArray, y: FloatArray) -> FloatArray:
         cos, sin = np.cos(self.heading), np.sin(self.heading)

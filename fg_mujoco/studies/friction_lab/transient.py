@@ -17,9 +17,10 @@ import numpy as np
 from fg_mujoco.controllers.control.speed import friction_speed
 
 from ...messages import DriveCommand, Odometry
-from ...vehicle.tire_slip import SLIDING_SPEED
+from ...vehicle.tire_slip import slides_above
+from ...vehicle.tires import DEFAULT_TIRES, Tires
 from . import figure_style as style
-from .experiment import Cell, Experiment, Figure, LabSettings, Row, Section, Tables
+from .experiment import LAW_TIRES, Cell, Experiment, Figure, LabSettings, Row, Section, Tables
 from .figure_style import column
 from .manoeuvres import CURVATURE, MANOEUVRES, Manoeuvre
 from .open_ground import OpenGround
@@ -45,54 +46,69 @@ class Transient:
     title = "Transients: one way, both ways, and the whole friction limiter"
 
     def cells(self, settings: LabSettings) -> list[Cell]:
-        """One for each manoeuvre, friction and speed; a cell drives under every law."""
+        """One for each set of tires, manoeuvre, friction and speed; a cell drives under every law."""
         names = _QUICK_MANOEUVRES if settings.quick else tuple(MANOEUVRES)
         mus, ks = (MUS[:1], _QUICK_KS) if settings.quick else (MUS, KS)
-        return [{"manoeuvre": name, "mu": mu, "k": k} for name, mu, k in product(names, mus, ks)]
+        return [
+            {"tires": tires, "manoeuvre": name, "mu": mu, "k": k}
+            for tires, name, mu, k in product(LAW_TIRES, names, mus, ks)
+        ]
 
     def measure(self, cell: Cell) -> Tables:
         """Drive a manoeuvre under each of the laws."""
         tables: Tables = {"runs": [], "trace": []}
-        ground = OpenGround(cell["mu"])
+        ground = OpenGround(cell["mu"], tires=Tires.load(cell["tires"]))
         for law in LAWS:
             trace, reference = drive(ground, cell["manoeuvre"], cell["mu"], cell["k"], law)
             tables["runs"].append({**cell, "law": law, **_figures(trace, reference, cell["manoeuvre"])})
             if (cell["manoeuvre"], cell["mu"], cell["k"]) == _SHOWN:
-                tables["trace"] += _samples(trace, law)
+                tables["trace"] += [{"tires": cell["tires"], **row} for row in _samples(trace, law)]
         return tables
 
     def section(self, tables: Tables) -> Section:
         """Say which use of the law slides, and what time the others cost."""
-        runs = tables["runs"]
-        name, mu, k = _SHOWN
+        sets = list(dict.fromkeys(str(row["tires"]) for row in tables["runs"]))
+        parts = [(tires, _on(tables["runs"], tires), _on(tables["trace"], tires)) for tires in sets]
         return Section(
-            sentences=_sentences(runs),
-            figures=(
-                Figure(
-                    name="sliding",
-                    caption="Share of the physics steps in which a tire slides, and the time lost against a car that "
-                    "keeps the reference speed, over that speed, k times the law's. A car that spins has no time.",
-                    draw=lambda figure: _draw_runs(figure, runs),
-                    height=1.2 + 1.5 * (1 + len({row["mu"] for row in runs})),
-                ),
-                Figure(
-                    name="time",
-                    caption=f"A {name} at {k:g} times the law's speed, mu {mu:g}, under each law.",
-                    draw=lambda figure: _draw_time(figure, tables["trace"]),
-                    height=4.2,
-                ),
-            ),
+            sentences=tuple(sentence for tires, runs, _ in parts for sentence in _sentences(tires, runs)),
+            figures=tuple(figure for part in parts for figure in _pictures(*part)),
             columns={
                 "runs": (
-                    "manoeuvre", "mu", "k", "law", "sliding_share", "greatest_slide_m_s", "time_s", "time_lost_s",
-                    "off_path_m", "reason",
+                    "tires", "manoeuvre", "mu", "k", "law", "sliding_share", "greatest_slide_m_s", "time_s",
+                    "time_lost_s", "off_path_m", "reason",
                 )
             },
-            expected=_expected(runs),
+            expected=tuple(line for tires, runs, _ in parts for line in _expected(tires, runs)),
         )  # fmt: skip
 
 
 EXPERIMENT: Experiment = Transient()
+
+
+def _on(rows: list[Row], tires: str) -> list[Row]:
+    return [row for row in rows if row["tires"] == tires]
+
+
+def _pictures(tires: str, runs: list[Row], samples: list[Row]) -> tuple[Figure, ...]:
+    """Return the figures of a set of tires."""
+    ending = "" if tires == DEFAULT_TIRES else f"_{tires}"
+    name, mu, k = _SHOWN
+    return (
+        Figure(
+            name=f"sliding{ending}",
+            caption=f"Tires {tires}. Share of the physics steps in which a tire slides, and the time lost against a "
+            "car that keeps the reference speed, over that speed, k times the law's. A car that spins has no time.",
+            draw=lambda figure: _draw_runs(figure, runs),
+            height=1.2 + 1.5 * (1 + len({row["mu"] for row in runs})),
+        ),
+        Figure(
+            name=f"time{ending}",
+            caption=f"Tires {tires}. A {name} at {k:g} times the law's speed, mu {mu:g}, under each law. Broken: where "
+            "tires count as sliding.",
+            draw=lambda figure: _draw_time(figure, tires, samples),
+            height=4.2,
+        ),
+    )
 
 
 def drive(
@@ -160,18 +176,18 @@ def _greatest(rows: list[Row], name: str) -> float:
     return float(np.nanmax(column(rows, name)))
 
 
-def _sentences(runs: list[Row]) -> tuple[str, ...]:
+def _sentences(tires: str, runs: list[Row]) -> tuple[str, ...]:
     limited, both, one = (_under(runs, law) for law in ("guard", "both ways", "one way"))
     longest = 100.0 * _greatest(limited, "sliding_share")
     fastest = _greatest(limited, "greatest_slide_m_s")
     if longest == 0.0:
         first = (
-            f"Under the whole friction limiter no tire slides in any of {len(limited)} runs: {fastest:.3f} m/s "
-            f"at most, where {SLIDING_SPEED} m/s count as sliding."
+            f"On {tires}, under the whole friction limiter no tire slides in any of {len(limited)} runs: "
+            f"{fastest:.3f} m/s at most, where {slides_above(tires)} m/s count as sliding."
         )
     else:
         first = (
-            f"Under the whole friction limiter a tire slides for up to {longest:.1f} % of the time, "
+            f"On {tires}, under the whole friction limiter a tire slides for up to {longest:.1f} % of the time, "
             f"at {fastest:.3f} m/s."
         )
     return (
@@ -201,15 +217,16 @@ def _lost(rows: list[Row]) -> str:
     return f"{np.nanmin(lost):.2f} to {np.nanmax(lost):.2f}"
 
 
-def _expected(runs: list[Row]) -> tuple[tuple[str, str, str], ...]:
+def _expected(tires: str, runs: list[Row]) -> tuple[tuple[str, str, str], ...]:
+    asked_of = {"guard": f"none, below {slides_above(tires)} m/s", "both ways": "-", "one way": "slides"}
     return tuple(
         (
-            f"{law}: longest share of time sliding, greatest slide",
+            f"{tires}, {law}: longest share of time sliding, greatest slide",
             asked,
             f"{100 * _greatest(_under(runs, law), 'sliding_share'):.1f} %, "
             f"{_greatest(_under(runs, law), 'greatest_slide_m_s'):.3f} m/s",
         )
-        for law, asked in (("guard", f"none, below {SLIDING_SPEED} m/s"), ("both ways", "-"), ("one way", "slides"))
+        for law, asked in asked_of.items()
     )
 
 
@@ -233,7 +250,7 @@ def _draw_runs(figure: matplotlib.figure.Figure, runs: list[Row]) -> None:
     figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=len(LAWS))
 
 
-def _draw_time(figure: matplotlib.figure.Figure, samples: list[Row]) -> None:
+def _draw_time(figure: matplotlib.figure.Figure, tires: str, samples: list[Row]) -> None:
     if not samples:
         return
     panels = figure.subplots(3, 1, sharex=True)
@@ -241,9 +258,9 @@ def _draw_time(figure: matplotlib.figure.Figure, samples: list[Row]) -> None:
         rows = _under(samples, law)
         for axes, name in zip(panels, ("steering_rad", "speed_m_s", "slide_m_s"), strict=True):
             axes.plot(column(rows, "time_s"), column(rows, name), color=colour, label=law)
-    style.limit(panels[2], SLIDING_SPEED)
+    style.limit(panels[2], slides_above(tires))
     panels[2].set_yscale("log")
-    panels[2].set_ylim(1e-2, None)
+    panels[2].set_ylim(1e-3, None)
     panels[2].set_xlim(0.4, 2.0)
     style.finish(panels[0], "", "steering [rad]")
     style.finish(panels[1], "", "speed [m/s]", legend=False)

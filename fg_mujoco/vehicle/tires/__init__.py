@@ -4,11 +4,12 @@ from typing import Any
 
 from .law import GREATEST_SLIP, NUMBERS, Law
 from .laws import CONTACT, LAW_OF, LAWS, MODELS, Brush, Coulomb, Linear, MagicFormula, curve_force
-from .sets import AXLE_KEYS, DEFAULT_TIRES, NUMERIC, AxleTires, Tires, tire_names, tires_of
+from .sets import AXLE_KEYS, CONTACT_TIMESTEP, DEFAULT_TIRES, NUMERIC, AxleTires, Tires, tire_names, tires_of
 
 __all__ = [
     "AXLE_KEYS",
     "CONTACT",
+    "CONTACT_TIMESTEP",
     "DEFAULT_TIRES",
     "GREATEST_SLIP",
     "LAWS",

@@ -47,6 +47,9 @@ AXLE_KEYS = (
     "rolling_resistance",
 )  # fmt: skip
 
+CONTACT_TIMESTEP = 0.0005
+"""[s] Of the physics, at which tires that MuJoCo's contacts carry are right when they slide: see the friction lab."""
+
 _MOST_BYTES = 2**16  # of a tire file
 _AXLES = ("front", "rear")
 
@@ -144,6 +147,16 @@ class Tires:
     def is_contact(self) -> bool:
         """Whether MuJoCo's own contacts carry the car, friction included."""
         return self.model == CONTACT
+
+    @property
+    def sliding_timestep(self) -> float | None:
+        """Timestep of the physics at which these tires are right when they slide [s]; None: the vehicle's own."""
+        return CONTACT_TIMESTEP if self.is_contact else None
+
+    @property
+    def slides(self) -> bool:
+        """Whether the tires have a peak, past which they slide."""
+        return LAW_OF[self.model].slides if self.model in LAW_OF else True
 
     @property
     def axles(self) -> tuple[AxleTires, AxleTires]:
