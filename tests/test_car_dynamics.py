@@ -289,7 +289,7 @@ def test_light_axle_lets_go_at_the_closed_form(mu, direction, tires):
         speeds = []
         while data.time < 0.3:  # ramped over 0.1 s, as springs and load transfer need
             asked = direction * fraction * limit * min(1.0, data.time / 0.1)
-            lag = 0.0 if tires == "contact" else model.opt.timestep * asked  # the sensors are those of a step ago
+            lag = 0.0 if tires == "contact" else 0.5 * model.opt.timestep * asked  # of the servo within a step
             data.ctrl[1] = car.odometry(data).speed + lag + asked * parameters.speed_time_constant
             step(model, data)
             meter.record(data)
