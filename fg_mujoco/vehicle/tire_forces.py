@@ -987,7 +987,7 @@ def end_step(model: int, data: int, found: Fields, dofs: int, advance: bool) -> 
     acceleration, smooth = stages.vector(data, found.qacc_smooth, dofs), stages.vector(data, found.qfrc_smooth, dofs)
     stages.solve_inertia(model, data, acceleration.ctypes.data, smooth.ctypes.data, 1)
     stages.stage_constraint(model, data)
-    stages.body_accelerations(model, data)
+    stages.body_accelerations(model, data)  # else accelerometers keep those of the first step
     stages.sensors_of_acceleration(model, data)
     if advance:
         stages.check_accelerations(model, data)
