@@ -74,7 +74,6 @@ stage_velocity = _stage("mj_fwdVelocity")
 stage_actuation = _stage("mj_fwdActuation")
 stage_acceleration = _stage("mj_fwdAcceleration")
 stage_constraint = _stage("mj_fwdConstraint")
-body_accelerations = _stage("mj_rnePostConstraint")
 sensors_of_position = _stage("mj_sensorPos")
 sensors_of_velocity = _stage("mj_sensorVel")
 body_accelerations = _stage("mj_rnePostConstraint")  # the sensors' own call believes those of mj_forward to be new
