@@ -9,86 +9,88 @@ What loads slowly (trimesh, embreex, matplotlib) is imported where it is used.
 """
 
 import sys as _sys
-from importlib.metadata import version as _version
+from importlib import import_module as _import_module
 from types import FunctionType as _FunctionType
 from types import ModuleType as _ModuleType
+from typing import TYPE_CHECKING
 from typing import Any as _Any
 
 from .simulation import mujoco_import as _mujoco_import  # noqa: F401  # first: it chooses how pictures are drawn
 
 # isort: split
 from . import tracks as _tracks  # noqa: F401
-from .arguments import explain_class as _explain_class
 from .arguments import explained as _explained
-from .course.centreline_csv import read_centreline, write_centreline
-from .course.course import Course
-from .course.formats import track_names
-from .course.generator import GeneratorSettings, generate_track
-from .course.lap_timer import LapTimer
-from .course.maps.export import export_track
-from .course.maps.map_track import MapTrack, read_map
-from .course.moving_obstacles import MovingObstacle
-from .course.obstacles import Box, Cylinder, Prism
-from .course.open_ground import OpenGround
-from .course.scene import Scene
-from .course.scenes.catalogue import scene_names
-from .course.tight import TightSettings, generate_tight_track
-from .course.track import Track
-from .envs.parallel import parallel_env
 from .envs.registration import register_once_imported as _register_once_imported
-from .errors import (
-    BagError,
-    ControllerError,
-    EngineError,
-    FgMujocoError,
-    MessageError,
-    MissingExtraError,
-    ModelError,
-    PlannerError,
-    RunFolderError,
-    SettingsError,
-    TrackError,
-)
 from .errors import nearest as _nearest
-from .lidar.beams import Beams
-from .lidar.effects import LidarEffects
-from .lidar.lidar import Lidar, RangefinderLidar, RaycastLidar, lidar_spec, make_lidar
-from .messages import STOP, CarParameters, Controller, DriveCommand, LaserScan, Odometry
-from .racing.commands import Commands
-from .racing.drive import drive
-from .racing.entries import Entry
-from .racing.handling import handling
-from .racing.manoeuvres import find_manoeuvre
-from .racing.planner_loading import controller_names, make_controller
-from .racing.race import RaceProgress, race
-from .racing.race_control import Contact, Overtake
-from .racing.replay import ReplayReport, replay
-from .racing.resimulation import scan_at
-from .racing.result import CarResult, RaceResult
-from .racing.run_folder import Run, check_run_folder, read_failed_scan, read_run
-from .ros.bag_drive import identify
-from .showing import show
-from .simulation.cars import WorldCar
-from .simulation.course_loading import load_track
-from .simulation.settings import Scenario, Start
-from .simulation.simulation import Simulation
-from .simulation.telemetry import TELEMETRY
-from .simulation.world import World
-from .studies.comparison.comparison import Comparison, ComparisonProgress, compare
-from .studies.rollout.randomization import Choice, Randomization, Uniform
-from .studies.rollout.result import RolloutResult, read_rollout
-from .studies.rollout.rollouts import RolloutProgress, rollout
-from .vehicle.car import Car, car_parameters
-from .vehicle.changes import CarChanges
-from .vehicle.friction_patches import Patch
-from .vehicle.tire_slip import SLIDING_SPEED, TireSlip, TireSlipMeter
-from .vehicle.tires import Tires, tire_names
-from .vehicle.vehicle import Vehicle, car_spec, vehicle_names
-from .viz.debug import DebuggedRun, Decision, debug
-from .viz.plots import trace_picture, track_picture, write_run
-from .viz.rendering import Film, Renderer, render, write_video
 
-__version__ = _version("fg-mujoco")
+if TYPE_CHECKING:
+    from .course.centreline_csv import read_centreline, write_centreline
+    from .course.course import Course
+    from .course.formats import track_names
+    from .course.generator import GeneratorSettings, generate_track
+    from .course.lap_timer import LapTimer
+    from .course.maps.export import export_track
+    from .course.maps.map_track import MapTrack, read_map
+    from .course.moving_obstacles import MovingObstacle
+    from .course.obstacles import Box, Cylinder, Prism
+    from .course.open_ground import OpenGround
+    from .course.scene import Scene
+    from .course.scenes.catalogue import scene_names
+    from .course.tight import TightSettings, generate_tight_track
+    from .course.track import Track
+    from .envs.parallel import parallel_env
+    from .errors import (
+        BagError,
+        ControllerError,
+        EngineError,
+        FgMujocoError,
+        MessageError,
+        MissingExtraError,
+        ModelError,
+        PlannerError,
+        RunFolderError,
+        SettingsError,
+        TrackError,
+    )
+    from .lidar.beams import Beams
+    from .lidar.effects import LidarEffects
+    from .lidar.lidar import Lidar, RangefinderLidar, RaycastLidar, lidar_spec, make_lidar
+    from .messages import STOP, CarParameters, Controller, DriveCommand, LaserScan, Odometry
+    from .racing.commands import Commands
+    from .racing.drive import drive
+    from .racing.entries import Entry
+    from .racing.handling import handling
+    from .racing.manoeuvres import find_manoeuvre
+    from .racing.planner_loading import controller_names, make_controller
+    from .racing.race import RaceProgress, race
+    from .racing.race_control import Contact, Overtake
+    from .racing.replay import ReplayReport, replay
+    from .racing.resimulation import scan_at
+    from .racing.result import CarResult, RaceResult
+    from .racing.run_folder import Run, check_run_folder, read_failed_scan, read_run
+    from .ros.bag_drive import identify
+    from .showing import show
+    from .simulation.cars import WorldCar
+    from .simulation.course_loading import load_track
+    from .simulation.settings import Scenario, Start
+    from .simulation.simulation import Simulation
+    from .simulation.telemetry import TELEMETRY
+    from .simulation.world import World
+    from .studies.comparison.comparison import Comparison, ComparisonProgress, compare
+    from .studies.rollout.randomization import Choice, Randomization, Uniform
+    from .studies.rollout.result import RolloutResult, read_rollout
+    from .studies.rollout.rollouts import RolloutProgress, rollout
+    from .vehicle.car import Car, car_parameters
+    from .vehicle.changes import CarChanges
+    from .vehicle.friction_patches import Patch
+    from .vehicle.tire_slip import SLIDING_SPEED, TireSlip, TireSlipMeter
+    from .vehicle.tires import Tires, tire_names
+    from .vehicle.vehicle import Vehicle, car_spec, vehicle_names
+    from .viz.debug import DebuggedRun, Decision, debug
+    from .viz.plots import trace_picture, track_picture, write_run
+    from .viz.rendering import Film, Renderer, render, write_video
+
+    __version__: str
 
 __all__ = [
     "SLIDING_SPEED",
@@ -200,6 +202,66 @@ __all__ = [
     "write_video",
 ]
 
+_PLACES = {
+    "course.centreline_csv": "read_centreline write_centreline",
+    "course.course": "Course",
+    "course.formats": "track_names",
+    "course.generator": "GeneratorSettings generate_track",
+    "course.lap_timer": "LapTimer",
+    "course.maps.export": "export_track",
+    "course.maps.map_track": "MapTrack read_map",
+    "course.moving_obstacles": "MovingObstacle",
+    "course.obstacles": "Box Cylinder Prism",
+    "course.open_ground": "OpenGround",
+    "course.scene": "Scene",
+    "course.scenes.catalogue": "scene_names",
+    "course.tight": "TightSettings generate_tight_track",
+    "course.track": "Track",
+    "envs.parallel": "parallel_env",
+    "errors": "BagError ControllerError EngineError FgMujocoError MessageError MissingExtraError "
+    "ModelError PlannerError RunFolderError SettingsError TrackError",
+    "lidar.beams": "Beams",
+    "lidar.effects": "LidarEffects",
+    "lidar.lidar": "Lidar RangefinderLidar RaycastLidar lidar_spec make_lidar",
+    "messages": "STOP CarParameters Controller DriveCommand LaserScan Odometry",
+    "racing.commands": "Commands",
+    "racing.drive": "drive",
+    "racing.entries": "Entry",
+    "racing.handling": "handling",
+    "racing.manoeuvres": "find_manoeuvre",
+    "racing.planner_loading": "controller_names make_controller",
+    "racing.race": "RaceProgress race",
+    "racing.race_control": "Contact Overtake",
+    "racing.replay": "ReplayReport replay",
+    "racing.resimulation": "scan_at",
+    "racing.result": "CarResult RaceResult",
+    "racing.run_folder": "Run check_run_folder read_failed_scan read_run",
+    "ros.bag_drive": "identify",
+    "showing": "show",
+    "simulation.cars": "WorldCar",
+    "simulation.course_loading": "load_track",
+    "simulation.settings": "Scenario Start",
+    "simulation.simulation": "Simulation",
+    "simulation.telemetry": "TELEMETRY",
+    "simulation.world": "World",
+    "studies.comparison.comparison": "Comparison ComparisonProgress compare",
+    "studies.rollout.randomization": "Choice Randomization Uniform",
+    "studies.rollout.result": "RolloutResult read_rollout",
+    "studies.rollout.rollouts": "RolloutProgress rollout",
+    "vehicle.car": "Car car_parameters",
+    "vehicle.changes": "CarChanges",
+    "vehicle.friction_patches": "Patch",
+    "vehicle.tire_slip": "SLIDING_SPEED TireSlip TireSlipMeter",
+    "vehicle.tires": "Tires tire_names",
+    "vehicle.vehicle": "Vehicle car_spec vehicle_names",
+    "viz.debug": "DebuggedRun Decision debug",
+    "viz.plots": "trace_picture track_picture write_run",
+    "viz.rendering": "Film Renderer render write_video",
+}
+"""Module -> what of it is public."""
+
+_HOMES = {name: module for module, names in _PLACES.items() for name in names.split()}
+_MODULES = frozenset(module.partition(".")[0] for module in _PLACES) | {"controllers", "f110", "kernels", "models"}
 _GYMNASIUM = "gymnasium.make('fg_mujoco/F1Tenth-v0')"
 _ELSEWHERE = {
     "AckermannDrive": "DriveCommand", "Command": "DriveCommand", "Env": _GYMNASIUM, "F1TenthEnv": _GYMNASIUM,
@@ -212,20 +274,27 @@ _ELSEWHERE = {
 
 
 def __getattr__(name: str) -> _Any:
-    """Refuse a name that is not here with the one that was probably meant."""
-    meant = None if name.startswith("_") else _ELSEWHERE.get(name) or _nearest(name, __all__)
-    raise AttributeError(f"fg_mujoco has no {name!r}" + ("" if meant is None else f"; did you mean {meant!r}?"))
-
-
-def _explain() -> None:
-    """Let all that is public answer wrong arguments with the right ones."""
-    for name in __all__:
-        found = globals()[name]
+    """Import what is public when it is first used; refuse another name with the one that was probably meant."""
+    if name in _HOMES:
+        found = getattr(_import_module(f".{_HOMES[name]}", __name__), name)
         if isinstance(found, _FunctionType):
-            globals()[name] = _explained(found)
-            globals()[name].__module__ = __name__  # by which it is pickled
-        elif isinstance(found, type) and not issubclass(found, Exception) and not getattr(found, "_is_protocol", False):
-            _explain_class(found)
+            found = _explained(found)
+            found.__module__ = __name__  # by which it is pickled
+    elif name == "__version__":
+        from importlib.metadata import version
+
+        found = version("fg-mujoco")
+    elif name in _MODULES:
+        return _import_module(f".{name}", __name__)
+    else:
+        meant = None if name.startswith("_") else _ELSEWHERE.get(name) or _nearest(name, __all__)
+        raise AttributeError(f"fg_mujoco has no {name!r}" + ("" if meant is None else f"; did you mean {meant!r}?"))
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
 
 
 class _Tracks(_ModuleType):
@@ -236,5 +305,4 @@ class _Tracks(_ModuleType):
 
 
 _sys.modules["fg_mujoco.tracks"].__class__ = _Tracks
-_explain()
 _register_once_imported()

@@ -21,6 +21,7 @@ import numpy as np
 from .errors import ArgumentError, accepted_names, nearest
 
 _F = TypeVar("_F", bound=Callable[..., Any])
+_C = TypeVar("_C", bound=type)
 
 _VIEW = "`fg-mujoco view` shows a race as it goes"
 _WRITE = "fg_mujoco.write_run(result, DIR) writes a run folder"
@@ -84,7 +85,7 @@ def _refusal(function: Callable[..., Any], name: str, args: tuple[Any, ...], nam
     return f"{name} lacks {', '.join(lacking)}; accepted: {accepted}" if lacking else None
 
 
-def explain_class(kind: type) -> None:
+def explain_class(kind: _C) -> _C:
     """Explain the arguments of a class and of its public methods, in place."""
     made = "__init__"  # its own or that of a base
     if isinstance(getattr(kind, made), types.FunctionType):
@@ -92,6 +93,7 @@ def explain_class(kind: type) -> None:
     for name, member in list(vars(kind).items()):
         if not name.startswith("_") and isinstance(member, types.FunctionType):
             setattr(kind, name, explained(member, f"{kind.__name__}.{name}"))
+    return kind
 
 
 class Suggesting:

@@ -6,7 +6,6 @@ import difflib
 import shlex
 import sys
 from collections.abc import Iterable
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -167,6 +166,8 @@ def install_command(extra: str) -> str:
     if (clone / "pyproject.toml").is_file():
         what = ["-e", f"{clone}[{extra}]"]
     else:
+        from importlib import metadata  # takes longer to import than all of this
+
         marker = f'extra == "{extra}"'
         what = [line.partition(";")[0].strip() for line in metadata.requires("fg-mujoco") or () if marker in line]
     return shlex.join([sys.executable or "python3", "-m", "pip", "install", *what])

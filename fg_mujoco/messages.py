@@ -16,7 +16,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .arguments import Suggesting
+from .arguments import Suggesting, explain_class
 from .display import Drawing, Shown, brief, paragraph
 from .errors import MessageError, SettingsError
 
@@ -127,6 +127,7 @@ def _bearings(count: int, angle_min: float, angle_increment: float) -> FloatArra
     return read_only(angle_min + angle_increment * np.arange(count))
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class LaserScan(Shown):
     """One sweep of the LiDAR (sensor_msgs/LaserScan).
@@ -197,6 +198,7 @@ _VECTORS = (("angular_velocity", (3,)), ("linear_acceleration", (3,)), ("wheel_s
 _NO_POSE = read_only((math.nan, math.nan, math.nan))
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Odometry(Suggesting):
     """What the car's own sensors say between scans: wheel encoders, steering sensor, IMU; and where it is on the map.
@@ -238,6 +240,7 @@ class Odometry(Suggesting):
         return float(self.angular_velocity[2])
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True)
 class DriveCommand:
     """What a planner asks of the car (ackermann_msgs/AckermannDrive). As an array: [steering, speed].
@@ -301,6 +304,7 @@ class Sketch:
 _OF_TIRES = ("cornering_stiffness", "peak", "peak_slip")
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True, repr=False)
 class CarParameters:
     """What a planner is told of its car. Read off the compiled model by `fg_mujoco.vehicle.car`, never typed twice.

@@ -11,10 +11,36 @@ from car_worlds import forward, run, step
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.vehicle.fitting import tire_stiffness
-from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED, TireSlipMeter
+from fg_mujoco.vehicle.tire_slip import BRISTLES_SLIDE, SLIDING_SPEED, TireSlipMeter, slides_above
 
 TIRES = ("coulomb", "contact")  # the default, and MuJoCo's own contacts
 SPIN_INERTIA = 1.7e-4  # [kg m^2] of a wheel, as in models/f1tenth.xml
+
+
+@pytest.fixture(autouse=True, params=TIRES)
+def tires(request, monkeypatch):
+    """All tests are of the car on the default tires, and on MuJoCo's contacts."""
+    monkeypatch.setitem(ON, "tires", request.param)
+    return request.param
+
+
+ON = {"tires": "coulomb"}
+
+
+def flat_world(**settings):
+    return flat_world_of(**ON, **settings)
+
+
+def touched(model, data):
+    """Where the tires touch the ground, halfway into what they give: under the lowest points of ellipsoids. (4, 3)."""
+    if ON["tires"] == "contact":
+        return data.contact.pos
+    points = []
+    for wheel in WHEELS:
+        tire, turn = data.geom(f"{wheel}_tire"), data.geom(f"{wheel}_tire").xmat.reshape(3, 3)
+        squares = turn @ np.diag(model.geom(f"{wheel}_tire").size ** 2) @ turn.T
+        points.append(tire.xpos - squares[:, 2] / math.sqrt(squares[2, 2]))
+    return np.array(points) * (1.0, 1.0, 0.5)
 
 
 def kinematic_speed_limit(mu, radius):
@@ -40,16 +66,16 @@ def drive_circle(mu, radius, fraction, seconds=10.0, timestep=None):
     target = fraction * kinematic_speed_limit(mu, radius)
     steering = math.atan(car.parameters.wheelbase / radius)
     car.set_pose(data, 0.0, 0.0, 0.0, 0.6 * target)
-    step = model.opt.timestep
+    timestep = model.opt.timestep
     command = 0.6 * target
     motion = []
-    for index in range(round(seconds / step)):
+    for index in range(round(seconds / timestep)):
         # gently, at 0.6 m/s^2; the servo holds the mean of all wheels, of which the front ones go faster
-        command += math.copysign(0.6 * step, target - math.hypot(*data.qvel[:2]))
+        command += math.copysign(0.6 * timestep, target - math.hypot(*data.qvel[:2]))
         steering_angle = steering * min(1.0, data.time / 0.3)
         car.apply(data, DriveCommand(steering_angle=steering_angle, speed=command))
         step(model, data)
-        if index * step > 0.8 * seconds:
+        if index * timestep > 0.8 * seconds:
             meter.record(data)
             motion.append((math.hypot(*data.qvel[:2]), data.qvel[5]))
     speed, yaw_rate = np.mean(motion, axis=0)
@@ -77,7 +103,7 @@ def test_car_settles_as_drawn():
     assert center[0] == pytest.approx(car.parameters.rear_axle_distance, abs=2e-5)
     assert abs(data.qpos[3:7] - [1, 0, 0, 0]).max() < 1e-4
     axles = np.mean([data.body(f"{wheel}_wheel").xpos[2] for wheel in WHEELS])
-    assert axles - data.contact.pos[:, 2].mean() == pytest.approx(car.parameters.wheel_radius, abs=1e-6)
+    assert axles - touched(model, data)[:, 2].mean() == pytest.approx(car.parameters.wheel_radius, abs=1e-6)
     assert axles == pytest.approx(model.qpos0[2], abs=2e-6)
     assert [data.joint(f"{wheel}_suspension").qpos[0] for wheel in WHEELS] == pytest.approx([0.0] * 4, abs=1e-6)
 
@@ -86,7 +112,8 @@ def test_tires_give_under_the_car_as_springs_of_the_closed_form_do():
     model, data, car = flat_world()
     run(model, data, 2.0)
     forward(model, data)
-    limits, stiffness = car.parameters, tire_stiffness(model)
+    limits = car.parameters
+    stiffness = tire_stiffness(model) if ON["tires"] == "contact" else np.full(4, 11.7e3)  # models/tires/coulomb.toml
     give = model.geom("front_left_tire").size[0] - np.array([data.body(f"{wheel}_wheel").xpos[2] for wheel in WHEELS])
     front, rear = (0.5 * limits.mass * 9.81 * lever / limits.wheelbase
                    for lever in (limits.rear_axle_distance, limits.front_axle_distance))  # fmt: skip
@@ -120,20 +147,26 @@ MANOEUVRES = {  # steering [rad] and speed [m/s] over the time [s], and how far 
 def test_places_converge_as_the_timestep_shrinks(name):
     """Oracle: a timestep of 0.25 ms, from which a method of the first order is off by timestep - 0.25 ms.
 
-    Measured at 5, 2.5, 1 and 0.5 ms: slalom, 18.0 m, off by 18.2, 8.6, 2.9 and 1.0 mm at most; bends, 16.6 m, by 35.5,
+    Tires of bristles do not creep: slalom is off by 4.3, 2.2, 0.8 and 0.4 mm at most, bends by 5.0, 2.8, 1.2 and 0.8.
+
+    Of contacts, measured at 5, 2.5, 1 and 0.5 ms: slalom, 18.0 m, off by 18.2, 8.6, 2.9 and 1.0 mm at most; bends, 16.6 m, by 35.5,
     16.8, 5.6 and 1.9 mm. The greatest slide, 22.4 and 41.8 mm/s, stays within 0.1 mm/s; at 5 ms the headings end 0.7
     and 12.5 mrad off, and the speeds 1.5 and 5.3 mm/s.
     """
     steering, speed, tolerance = MANOEUVRES[name]
     exact, exact_end, exact_slide = drive_open_loop(0.00025, steering, speed)
-    assert 0.02 < exact_slide < SLIDING_SPEED
+    creeps = ON["tires"] == "contact"
+    assert 0.02 < exact_slide < SLIDING_SPEED if creeps else exact_slide < BRISTLES_SLIDE
     timesteps, errors = np.array([0.005, 0.0025, 0.001, 0.0005]), []
     assert timesteps[0] == flat_world()[0].opt.timestep
     for timestep in timesteps:
         places, end, slide = drive_open_loop(timestep, steering, speed)
         errors.append(np.hypot(*(places - exact).T).max())
-        assert slide == pytest.approx(exact_slide, abs=2e-4)
-        assert end == pytest.approx(exact_end, abs=0.015)
+        assert slide == pytest.approx(exact_slide, abs=2e-4 if creeps else 1.5e-3)
+        assert end == pytest.approx(exact_end, abs=0.015 if creeps else 0.0035)
+    if not creeps:
+        assert errors[0] < 0.006 and (np.diff(errors) < 0.0).all()
+        return
     assert errors[0] < tolerance
     assert errors == pytest.approx(errors[0] * (timesteps - 0.00025) / (0.005 - 0.00025), rel=0.05)
 
@@ -242,7 +275,7 @@ def test_braking_keeps_the_full_force_above_the_power_limit():
 
 @pytest.mark.parametrize("mu", [1.0489, 0.6])
 @pytest.mark.parametrize("direction", [-1, 1])
-def test_light_axle_lets_go_at_the_closed_form(mu, direction):
+def test_light_axle_lets_go_at_the_closed_form(mu, direction, tires):
     """Braking lightens the rear axle (c = lf), accelerating the front axle (c = lr)."""
     model, _, car = flat_world(mu=mu)
     parameters = car.parameters
@@ -256,7 +289,8 @@ def test_light_axle_lets_go_at_the_closed_form(mu, direction):
         speeds = []
         while data.time < 0.3:  # ramped over 0.1 s, as springs and load transfer need
             asked = direction * fraction * limit * min(1.0, data.time / 0.1)
-            data.ctrl[1] = car.odometry(data).speed + asked * parameters.speed_time_constant
+            lag = 0.0 if tires == "contact" else 0.5 * model.opt.timestep * asked  # of the servo within a step
+            data.ctrl[1] = car.odometry(data).speed + lag + asked * parameters.speed_time_constant
             step(model, data)
             meter.record(data)
             speeds.append(data.qvel[0])
@@ -299,11 +333,18 @@ def test_no_brake_beats_friction(mu):
         (0.6, 8.0, 0.97, 1.05),
     ],
 )
-def test_steady_circle_holds_up_to_the_speed_law_and_slides_beyond(mu, radius, holds, slides):
-    _, _, slip, driven = drive_circle(mu, radius, holds)
-    assert np.isfinite(slip.sliding_speed).all() and slip.sliding_speed.max() < SLIDING_SPEED
-    assert driven == pytest.approx(radius, rel=3e-3)
-    assert np.nanmax(drive_circle(mu, radius, slides)[2].sliding_speed) > SLIDING_SPEED
+def test_steady_circle_holds_up_to_the_speed_law_and_slides_beyond(mu, radius, holds, slides, tires):
+    data, car, slip, driven = drive_circle(mu, radius, holds)
+    assert np.isfinite(slip.sliding_speed).all() and slip.sliding_speed.max() < slides_above(tires)
+    if tires == "contact":
+        kinematic = radius
+    else:  # the bristles bend, by up to half a degree: the axles go that much aside of where their wheels point
+        base, (front, rear) = car.parameters.wheelbase, slip.slip_angle.mean(axis=0).reshape(2, 2).mean(axis=1)
+        turned = math.tan(math.atan(base / radius) - front) + math.tan(rear)
+        kinematic = base / math.cos(rear) / turned
+        assert kinematic == pytest.approx(radius, rel=0.01)
+    assert driven == pytest.approx(kinematic, rel=3e-3)
+    assert np.nanmax(drive_circle(mu, radius, slides)[2].sliding_speed) > slides_above(tires)
 
 
 @pytest.mark.parametrize(("mu", "fraction"), [(0.6, 1.02), (0.6, 1.03), (0.6, 1.04), (0.4, 1.05)])
@@ -369,7 +410,7 @@ def test_suspension_carries_load_to_the_outer_and_front_wheels():
     front_left, front_right, rear_left, rear_right = slip.normal_force[-1]
     speed, yaw_rate = np.hypot(*data.qvel[:2]), data.qvel[5]
     cos, sin = math.cos(car.pose(data)[2]), math.sin(car.pose(data)[2])
-    outward = data.subtree_com[data.model.body("base_link").id] - data.contact.pos.mean(axis=0)
+    outward = data.subtree_com[data.model.body("base_link").id] - touched(data.model, data).mean(axis=0)
     aside, above = sin * outward[0] - cos * outward[1], outward[2]  # to the right, which is outside
     roll_moment = limits.mass * (speed * yaw_rate * above + 9.81 * aside)
     gyroscopes = 4 * SPIN_INERTIA * speed / limits.wheel_radius * yaw_rate

@@ -11,7 +11,7 @@ import pytest
 from numba.core import event
 
 import fg_mujoco as fg
-from fg_mujoco import kernels
+from fg_mujoco import compiling
 from fg_mujoco.kernels import CompileTime, kernel
 from fg_mujoco.racing.decisions import DecisionClock, DecisionTimes
 from fg_mujoco.racing.result import clamped_commands
@@ -169,7 +169,7 @@ def test_the_time_of_compiling_is_that_of_the_first_call(compiler):
 
 def test_the_time_of_compiling_lasts_until_what_was_made_for_it_is_collected(monkeypatch):
     compile_time, collected = CompileTime(), []
-    monkeypatch.setattr(kernels.gc, "collect", lambda *_: collected.append(compile_time.running))
+    monkeypatch.setattr(compiling.gc, "collect", lambda *_: collected.append(compile_time.running))
 
     @kernel
     def triple(x):

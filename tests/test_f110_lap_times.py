@@ -138,7 +138,7 @@ def test_several_cars_have_the_tires():
     env = f110.make(map="oval", num_agents=2, tires="f1tenth_gym", params=FULL_PARAMS)
     first, second = (car.parameters for car in env.world.cars)
     assert first.front_cornering_stiffness == second.front_cornering_stiffness == pytest.approx(C_F, rel=0.1)
-    assert f110.make(map="oval").world.tires.is_contact  # the default
+    assert f110.make(map="oval").world.tires.model == "coulomb"  # the default
     with pytest.warns(UserWarning, match="h \\(linear tires have no load that moves\\)"):
         f110.make(map="oval", tires="f1tenth_gym", params={"h": 0.1})
 

@@ -268,7 +268,7 @@ def installed(tmp_path_factory):
 DIGESTS = """
 import json, sys
 import users
-from fg_mujoco import kernels
+from fg_mujoco import kernel_files
 from fg_mujoco.studies.rollout import job as rollout_job
 from types import SimpleNamespace
 from fg_mujoco.controllers.gap_finder import GapFinder
@@ -278,11 +278,11 @@ from fg_mujoco.one.above import above
 from fg_mujoco.one.two.deep import deep
 import linecache, pathlib
 def digests():
-    for cached in (kernels._modules, kernels._digest_of, kernels._read, rollout_job.versions):
+    for cached in (kernel_files._modules, kernel_files._digest_of, kernel_files._read, rollout_job.versions):
         cached.cache_clear()
     linecache.clearcache()
     found = {"decide": decide, "scan": scan, "above": above, "deep": deep, "mine": users.mine}
-    found = {name: kernels.source_digest(function.py_func) for name, function in found.items()}
+    found = {name: kernel_files.source_digest(function.py_func) for name, function in found.items()}
     return found | {"all": rollout_job.versions()["sources_sha256"]}
 before, changes = digests(), {}
 for path in map(pathlib.Path, sys.argv[1:]):

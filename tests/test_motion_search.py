@@ -10,7 +10,7 @@ from scan_worlds import CAR, MU
 from fg_mujoco.controllers.perception.local_map import CELL, FREE, RING, WALL
 from fg_mujoco.controllers.perception.way_on import AT_WALL, FAR, NEAR_WALL, WAY_ON
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longitudinal_share
-from fg_mujoco.controllers.safety.motion_search import MOTION, search_motion, touches
+from fg_mujoco.controllers.safety.motion_search import MOTION, _sorted_ends, _touches, search_motion, touches
 
 LIMITER = FrictionLimiter(CAR, MU)
 TIGHTEST = math.tan(CAR.max_steering_angle) / CAR.wheelbase
@@ -223,3 +223,31 @@ def test_the_same_question_has_the_same_answer_to_the_bit(name, reverses):
 def test_a_search_that_may_not_look_far_ends_and_stays_within_its_nodes(nodes):
     motion = search(world(u_turn(1.8), (-1.0, 1.9)), nodes=nodes, reverses=True)
     assert not motion["found"] and motion["count"] <= nodes
+
+
+def test_ends_by_squares_are_touched_as_all_ends_are():
+    """Ends of beams in the outline, looked up by squares and one by one, at places among and beside them."""
+    rng = np.random.default_rng(5)
+    way = world(OPEN, (6.0, 0.0))
+    way["map"]["ends"][:300], way["map"]["ends_known"] = rng.uniform(-2.0, 2.0, (300, 2)) * (1.0, 0.7), 300
+    ends, car = _sorted_ends(way["map"], 300), LIMITER.record[0]["car"]
+    found = []
+    for x, y, heading in rng.uniform((-3.0, -3.0, -4.0), (3.0, 3.0, 4.0), (2000, 3)):
+        found.append(touches(way["map"], car, x, y, heading, 0.03))
+        assert _touches(ends, car, x, y, math.cos(heading), math.sin(heading), 0.03) == found[-1]
+    assert 200 < sum(found) < 1800
+
+
+@pytest.mark.parametrize("reverses", [False, True])
+def test_the_nodes_of_searches_are_counted_and_no_more_than_allowed(reverses):
+    way = world(u_turn(0.8), (-1.5, 0.9))
+    counts = []
+    for nodes in (100, 300):
+        before = int(way["nodes"])
+        motion = np.zeros(1, MOTION)[0]
+        search_motion(
+            way, LIMITER.record[0], motion, 0.0, 0.0, 0.0, GRIP, 0.97, 100.0, NEAR_WALL, reverses, nodes
+        )  # fmt: skip
+        counts.append(int(way["nodes"]) - before)
+        assert 0 < counts[-1] <= nodes
+    assert counts[0] < counts[1] or not reverses

@@ -124,8 +124,8 @@ def look_for_way_on(
     """Take a scan and odometry into the memory, in every tick.
 
     A scan is entered once the car has moved on by _MOVED or turned by _TURNED since the last one, after _ENTER_EVERY
-    ticks, and before a search. The way on is looked for in every `every`-th tick. Where the way is plain, that is
-    not before the car has come on by _PLAIN_WAY, or after `every_plain` ticks.
+    ticks, and before a search. The way on is looked for after `every` ticks. As long as the planner drives, that is
+    not before the car has come on by a share _LASTS of the distance to the way on, or after `every_plain` ticks.
 
     Args:
       scan: of type SCAN.
@@ -135,7 +135,7 @@ def look_for_way_on(
       memory: of type WAY_ON, written to.
       every: ticks.
       every_plain: ticks.
-      led: the car follows a motion, so the way is not plain.
+      led: the car is not driven by its planner alone.
     """
     world = memory.map
     move(world, odometry.speed, odometry.angular_velocity[2], period_of(scan))
@@ -146,14 +146,31 @@ def look_for_way_on(
         apart = math.hypot(memory.x - world.x, memory.y - world.y)
         due = driven >= min(_LASTS * apart, _LASTS_AT_MOST)
     moved, turned = world.driven - memory.entered_driven, abs(world.heading - memory.entered_heading)
-    if due or moved >= _MOVED or turned >= _TURNED or memory.ticks - memory.entered >= _ENTER_EVERY:
-        memory.entered, memory.entered_driven, memory.entered_heading = memory.ticks, world.driven, world.heading
-        enter_scan(world, scan, ranges, lidar_offset)
-    if due:
-        memory.searched, memory.searched_driven = memory.ticks, world.driven
-        _find(memory, lidar_offset)
-    memory.ticks += 1
     memory.nodes = 0
+    memory.ticks += 1
+    if due:
+        look_again(scan, ranges, lidar_offset, memory)
+    elif moved >= _MOVED or turned >= _TURNED or memory.ticks - memory.entered > _ENTER_EVERY:
+        _enter(scan, ranges, lidar_offset, memory)
+
+
+@kernel
+def look_again(scan: Record, ranges: FloatArray, lidar_offset: float, memory: Record) -> None:
+    """Enter a scan, and look for the way on, unless that was done in this tick; arguments as of `look_for_way_on`."""
+    if memory.searched == memory.ticks:
+        return
+    if memory.entered != memory.ticks:
+        _enter(scan, ranges, lidar_offset, memory)
+    memory.searched, memory.searched_driven = memory.ticks, memory.map.driven
+    _find(memory, lidar_offset)
+
+
+@kernel
+def _enter(scan: Record, ranges: FloatArray, lidar_offset: float, memory: Record) -> None:
+    """Enter a scan; arguments as of `look_for_way_on`."""
+    world = memory.map
+    memory.entered, memory.entered_driven, memory.entered_heading = memory.ticks, world.driven, world.heading
+    enter_scan(world, scan, ranges, lidar_offset)
 
 
 @kernel

@@ -36,8 +36,8 @@ from ..control.steering import saturate
 from ..control.tracking import CURVATURE, HEADING, LAG, X, Y, errors, next_place, steer_along
 from ..perception.local_map import SIGHT, forget, move
 from ..perception.scan_geometry import beams_between, looks_ahead, period_of, sees
-from ..perception.way_on import AT_WALL, NEAR_WALL, WAY_ON, least_to_go_along, look_for_way_on, to_go_around
-from .motion_search import MOST_LOCK, MOTION, is_clear, search_motion
+from ..perception.way_on import AT_WALL, NEAR_WALL, WAY_ON, least_to_go_along, look_again, look_for_way_on, to_go_around
+from .motion_search import MOST_LOCK, MOST_NODES, MOTION, is_clear, search_motion
 from .turning import TURNING, turn_in_moves
 
 _BEAMS = 16  # every so many are compared with the planner's goal
@@ -57,7 +57,7 @@ class GuidanceSettings(Settings):
     """
 
     every: int = setting(4, "", "ticks between two searches for the way on", POSITIVE)
-    every_plain: int = setting(16, "", "the same at most, where the way is plain", POSITIVE)
+    every_plain: int = setting(16, "", "the same at most, as long as the planner drives", POSITIVE)
     as_good: float = setting(0.6, "", "of the best beam's gain of way: the planner's goal leads on", SHARE)
     worth_simulating: float = setting(0.3, "", "of the best beam's gain: its reference is simulated", SHARE)
     tight_distance: float = setting_of_car(4.5, "m", "way to go to a hidden frontier that counts as nearby", POSITIVE)
@@ -153,6 +153,8 @@ def guide(
     bend = _bend(memory, car) if memory.follows and _is_on_motion(memory, car) else math.nan
     if _planner_drives(scan, ranges, odometry, limiter, settings, memory, reference, x, y, here, gain, bend):
         return
+    if way.ticks - way.searched >= settings.every:
+        look_again(scan, ranges, car.lidar_offset, way)
     if not _renew_motion(limiter, settings, memory, present, speed):
         memory.follows = not math.isnan(bend)
     memory.knows_speed, memory.stuck = memory.follows, not memory.follows
@@ -203,9 +205,11 @@ def _planner_drives(
     present = math.tan(odometry.steering_angle) / car.wheelbase
     wanted = saturate(math.tan(saturate(reference.steering_angle, car.max_steering_angle)) / car.wheelbase, most)
     memory.narrow = False
+    if way.ticks - way.searched >= settings.every:  # walls that were not known then would be driven into
+        look_again(scan, ranges, car.lidar_offset, way)
     if not search_motion(
         way, limiter, memory.trial, 0.5 * (present + wanted), speed, settings.viable_time, 1.0, MOST_LOCK,
-        settings.horizon + 0.1 * speed * speed, NEAR_WALL, False, _NODES,
+        settings.horizon + 0.1 * speed * speed, NEAR_WALL, False, min(_NODES, MOST_NODES - way.nodes),
     ):  # fmt: skip
         return False
     memory.follows = False
@@ -238,12 +242,14 @@ def _renew_motion(limiter: Record, settings: Record, memory: Record, present: fl
     found, narrow = False, False
     for grip, lock in ((settings.grip, settings.lock), (1.0, MOST_LOCK)):
         if not found:
+            nodes = min(_NODES, MOST_NODES - way.nodes)
             found = search_motion(
-                way, limiter, trial, present, speed, LAG, grip, lock, horizon, NEAR_WALL, False, _NODES
+                way, limiter, trial, present, speed, LAG, grip, lock, horizon, NEAR_WALL, False, nodes
             )
     if not found and speed < 2.0:
         narrow = True
-        found = search_motion(way, limiter, trial, present, speed, LAG, 1.0, MOST_LOCK, 2.0, AT_WALL, False, _NODES)
+        nodes = min(_NODES, MOST_NODES - way.nodes)
+        found = search_motion(way, limiter, trial, present, speed, LAG, 1.0, MOST_LOCK, 2.0, AT_WALL, False, nodes)
     if found:
         memory.motion.count = trial.count
         memory.motion.points[:] = trial.points

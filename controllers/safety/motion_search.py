@@ -95,14 +95,13 @@ def search_motion(
       horizon: [m].
       nearest: which cells have to be clear of, NEAR_WALL or AT_WALL.
       reverses: the car may drive in reverse, too.
-      most_nodes: after which the search ends; all searches of a tick have MOST_NODES together, see `way.nodes`.
+      most_nodes: after which the search ends. `way.nodes` counts them; all searches of a tick have MOST_NODES.
     """
     car, world = limiter.car, way.map
     lateral = grip * limiter.lateral
     tightest = lock * math.tan(car.max_steering_angle) / car.wheelbase
     slowest = lateral / tightest  # [m^2/s^2] square of the speed at which full lock is held
     motion.found, motion.count = False, 0
-    most_nodes = min(most_nodes, MOST_NODES - way.nodes)
     if most_nodes <= 2 * _SHARES:
         return False
     state = np.empty((most_nodes, 6))  # x, y, heading, curvature, square of the speed, length so far
@@ -361,7 +360,7 @@ def _key(place: NDArray[np.float64], fine: int, direction: int) -> int:
     i = math.floor(place[0] * PER_METRE * fine) & (fine * SIZE - 1)
     j = math.floor(place[1] * PER_METRE * fine) & (fine * SIZE - 1)
     turn = math.floor(place[2] * (_HEADINGS / (2.0 * math.pi)) * fine) % (_HEADINGS * fine)
-    return ((i * SIZE * fine + j) * _HEADINGS * fine + turn) * 2 + (direction == 1) + 1
+    return int(((i * SIZE * fine + j) * _HEADINGS * fine + turn) * 2 + (direction == 1) + 1)
 
 
 @kernel
@@ -370,7 +369,7 @@ def _slot(table: NDArray[np.int32], key: int) -> int:
     slot = (key * 2654435761) & (len(table) - 1)
     while table[slot] != 0 and table[slot] != key:
         slot = (slot + 1) & (len(table) - 1)
-    return slot
+    return int(slot)
 
 
 @kernel

@@ -17,7 +17,16 @@ from ..control.settings import Record
 from ..control.steering import arc_through, saturate
 from ..control.tracking import CURVATURE, HEADING, X, Y
 from ..perception.way_on import AT_WALL, NEAR_WALL
-from .motion_search import DIRECTION, MOST_IN_WALLS, MOST_LOCK, MOST_NODES, MOTION, outline_in_walls, search_motion, touches
+from .motion_search import (
+    DIRECTION,
+    MOST_IN_WALLS,
+    MOST_LOCK,
+    MOST_NODES,
+    MOTION,
+    outline_in_walls,
+    search_motion,
+    touches,
+)
 
 _SLOW = 0.7  # [m/s]
 _PATIENCE = 14  # ticks
@@ -102,8 +111,9 @@ def _begins(way: Record, limiter: Record, memory: Record, steering_angle: float,
     cos, sin = math.cos(world.heading), math.sin(world.heading)
     for attempt in range(2):  # the second has what the first leaves of the nodes, so next time the other one begins
         nearest = NEAR_WALL if (attempt + memory.failed) % 2 == 0 else AT_WALL
+        nodes = MOST_NODES - way.nodes
         if search_motion(
-            way, limiter, memory.motion, curvature, 0.0, 0.0, _GRIP, MOST_LOCK, _HORIZON, nearest, True, MOST_NODES
+            way, limiter, memory.motion, curvature, 0.0, 0.0, _GRIP, MOST_LOCK, _HORIZON, nearest, True, nodes
         ):
             memory.active, memory.place = True, 0
             memory.in_walls = outline_in_walls(world, car, world.x, world.y, cos, sin)

@@ -16,10 +16,10 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
 
-from .. import __version__
 from ..course.course import USUAL_LAPS
 from ..course.formats import track_names
 from ..errors import FgMujocoError, PlannerError, RunFolderError, accepted_names, nearest
@@ -40,15 +40,7 @@ from ..simulation.planner_failure import whole_traceback
 from ..simulation.settings import friction_text
 from ..vehicle.tire_slip import sliding_rule
 from ..viz.plots import write_run
-from .bags import add_bags
-from .compare import add_compare
-from .completion import complete
 from .config import add_config, parse, settings_of
-from .controllers import add_controllers
-from .debug import add_debug
-from .drive import add_drive
-from .friction import add_friction
-from .identify import add_identify
 from .options import (
     add_controller_option,
     add_drive_options,
@@ -63,14 +55,9 @@ from .options import (
     whole,
 )
 from .out import RUN, add_out_options, chosen_folder
-from .overtake import add_overtake
 from .progress import ProgressLine
-from .render import add_render, check_film, film_race
-from .report import PAGE, add_report, report_race
-from .rollout import add_rollout
-from .track import add_track
-from .vehicles import add_vehicles
-from .view import add_view
+from .render import check_film, film_race
+from .report import PAGE, report_race
 from .words import command_for
 
 _DONE, _NOT_DONE, _BAD_INPUT = 0, 1, 2
@@ -83,8 +70,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     terminated = threading.Event()
     try:
         with _warnings_in_a_line(), _ended_in_order(terminated):
-            parser = _parser()
-            complete(parser)
+            parser = _parser(_first(arguments))
+            if "_ARGCOMPLETE" in os.environ:
+                from .completion import complete
+
+                complete(parser)
             options = parse(parser, arguments)
             with chosen_folder(options, getattr(options, "folder_kind", None)):
                 code: int = options.run(options)
@@ -211,30 +201,43 @@ _MEANS = {
 """Option -> whether a word is a value of it."""
 
 
+_COMMANDS = (
+    "race", "replay", "drive", "track", "controllers", "vehicles", "rollout", "compare", "overtake", "render", "report",
+    "debug", "view", "friction", "identify", "bags",
+)  # fmt: skip
+"""In the order in which the help lists them."""
+
+
+class _Version(argparse.Action):
+    """Prints the version, which takes a while to look up."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        from .. import __version__
+
+        print(f"fg-mujoco {__version__}")
+        parser.exit()
+
+
+def _first(arguments: Sequence[str] | None) -> str | None:
+    """Return the command of a command line, if the shell does not ask what it may become."""
+    given = sys.argv[1:] if arguments is None else arguments
+    return given[0] if given and given[0] in _COMMANDS and "_ARGCOMPLETE" not in os.environ else None
+
+
 @cache
-def _parser() -> argparse.ArgumentParser:
+def _parser(only: str | None = None) -> argparse.ArgumentParser:
+    """Return the parser of one command, or of all: their options name what there is, which takes a while to import."""
     parser = _Parser(prog="fg-mujoco", description="A MuJoCo 3D testbed for F1TENTH cars.", allow_abbrev=False)
-    parser.add_argument("--version", action="version", version=f"fg-mujoco {__version__}")
+    parser.add_argument("--version", action=_Version, nargs=0, help="show program's version number and exit")
     commands = parser.add_subparsers(title="commands", required=True)
-    _add_race(commands)
-
-    command = _add(commands, "replay", _replay, "simulate a run folder again and compare it bit for bit")
-    command.add_argument("folder", metavar="DIR", help="written by race --out")
-
-    add_drive(_add, commands)
-    add_track(_add, commands)
-    add_controllers(_add, commands)
-    add_vehicles(_add, commands)
-    add_rollout(_add, commands)
-    add_compare(_add, commands)
-    add_overtake(_add, commands)
-    add_render(_add, commands)
-    add_report(_add, commands)
-    add_debug(_add, commands)
-    add_view(_add, commands)
-    add_friction(_add, commands)
-    add_identify(_add, commands)
-    add_bags(_add, commands)
+    for name in _COMMANDS if only is None else (only,):
+        if name == "race":
+            _add_race(commands)
+        elif name == "replay":
+            command = _add(commands, name, _replay, "simulate a run folder again and compare it bit for bit")
+            command.add_argument("folder", metavar="DIR", help="written by race --out")
+        else:
+            getattr(import_module(f".{name}", __package__), f"add_{name}")(_add, commands)
     return parser
 
 

@@ -17,6 +17,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from ..arguments import explain_class
 from ..errors import SettingsError, TrackError
 from ..messages import FloatArray, require
 from .polyline import resample, rounded_polygon, smooth, step_lengths, turns
@@ -46,6 +47,7 @@ def require_order(settings: object, *names: str) -> None:
             )
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True)
 class GeneratorSettings:
     """What every generated circuit keeps.

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arguments import explain_class
 from ..display import brief
 from ..kernels import kernel
 from ..messages import FloatArray
@@ -58,6 +59,7 @@ def first_seen(timers: NDArray[np.void], course: Course, positions: FloatArray) 
         timers["progress"] = timers["place"] - course.origin
 
 
+@explain_class
 class LapTimer:
     """Times the laps of one car, from where it is first seen.
 

@@ -19,6 +19,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from ..arguments import explain_class
 from ..display import brief
 from ..errors import SettingsError
 from ..kernels import kernel
@@ -30,6 +31,7 @@ PREFIX = "moving_"
 """Of the names of the bodies, geoms, meshes and custom numerics of moving obstacles."""
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True, repr=False)
 class MovingObstacle:
     """An upright box that keeps its heading and moves from one point to another at a constant speed.

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arguments import explain_class
 from ..display import brief
 from ..errors import SettingsError
 from ..messages import FloatArray, require, shown
@@ -17,6 +18,7 @@ from .track_mesh import WALL_HEIGHT
 _CYLINDER_SIDES = 24
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True)
 class Box:
     """An upright box standing on the ground.
@@ -44,6 +46,7 @@ class Box:
         return np.add(turned, (self.x, self.y))
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True)
 class Cylinder:
     """An upright cylinder standing on the ground, as a prism of 24 sides inscribed in it.
@@ -67,6 +70,7 @@ class Cylinder:
         return np.column_stack((self.x + self.radius * np.cos(angles), self.y + self.radius * np.sin(angles)))
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Prism:
     """An upright solid of any convex footprint standing on the ground.

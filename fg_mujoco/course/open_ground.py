@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..arguments import explain_class
 from ..display import Shown, brief, quoted
 from ..errors import SettingsError
 from ..messages import CarParameters, FloatArray, MapLine, read_only, require
@@ -27,6 +28,7 @@ _HALF_LINE = 0.3  # [m] to either side of the origin, of the line on the ground 
 _AROUND = 2.0  # [m] round the origin, at least, in pictures
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class OpenGround(Shown):
     """Open ground that is driven on for some time.

@@ -17,6 +17,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..arguments import explain_class
 from ..display import Shown, brief, quoted
 from ..errors import SettingsError
 from ..messages import CarParameters, FloatArray, MapLine, read_only
@@ -32,6 +33,7 @@ STOP_TIME = 2.0  # [s] that the car has to stand still where the goal is to stop
 _HALF_LINE = 0.3  # [m] to either side of the way, of the lines on the ground at the start and the goal
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Scene(Shown):
     """A way to be driven once, among solids. Progress on the way is counted from its first point.

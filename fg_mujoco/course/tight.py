@@ -17,6 +17,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from ..arguments import explain_class
 from ..errors import SettingsError, TrackError
 from ..messages import FloatArray, require
 from .chicanes import Block, with_boxes
@@ -36,6 +37,7 @@ _BLOCK = (0.2, 0.6)  # [m] length of a box
 _THICK = (1.8, 5.0)  # [m] of a row or column that no two lanes share
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True)
 class TightSettings:
     """What every tight circuit keeps.

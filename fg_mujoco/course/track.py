@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..arguments import explain_class
 from ..display import Shown, brief, quoted
 from ..errors import SettingsError, TrackError
 from ..kernels import kernel
@@ -46,6 +47,7 @@ _SEARCH = 1.5  # [m] to either side of the previous progress; a car at 20 m/s do
 _CHUNK = 256  # points projected at once against the whole line, to bound the memory
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Track(Shown):
     """A circuit, driven in the order of its points.

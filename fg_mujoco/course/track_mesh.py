@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ..distinct import distinct, distinct_rows
 from ..errors import SettingsError
 from ..messages import FloatArray
 from .polyline import crossings, segments, step_lengths, steps, turns
@@ -94,8 +95,8 @@ def wall_surface(track: Walled, height: float = WALL_HEIGHT, thickness: float = 
     first = 8 * np.arange(len(prisms))[:, None, None]
     faces = [(first + np.array(face)).reshape(-1, 3) for face in (_FRONT, _BACK, _TOP)]
     seams = np.concatenate((prisms[:, [1, 2], :2], prisms[:, [0, 3], :2])).reshape(-1, 4)
-    _, which, count = np.unique(np.round(seams, 9), axis=0, return_inverse=True, return_counts=True)
-    open_ends = (count[which.ravel()] == 1).reshape(2, -1)
+    _, which, count = distinct_rows(np.round(seams, 9))
+    open_ends = (count[which] == 1).reshape(2, -1)
     faces += [(first[bare] + np.array(end)).reshape(-1, 3) for bare, end in zip(open_ends, _ENDS, strict=True)]
     return prisms.reshape(-1, 3), np.concatenate(faces)
 
@@ -138,4 +139,4 @@ def _reach_another(feet: FloatArray, wall: FloatArray) -> np.ndarray:
     edges = np.concatenate((feet[:, [1, 2]], feet[:, [2, 3]], feet[:, [3, 0]]))
     i, j = crossings(edges, segments(wall))
     apart = (j - i + 1) % count > 2
-    return np.unique(i[apart] % count)
+    return distinct(i[apart] % count)

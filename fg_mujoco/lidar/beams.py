@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
 import math
+import pickle
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from importlib.resources import as_file, files
@@ -12,10 +15,12 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from ..arguments import explain_class
 from ..course.files import read_text
 from ..course.mjcf import MOST_MJCF, checked_mjcf
 from ..display import brief
 from ..errors import ModelError, SettingsError, accepted_names
+from ..kernel_files import cache_folder, read_kept, source_digest, write_kept
 from ..messages import FloatArray, LaserScan, ScanGeometry, read_only
 
 DEFAULT_LIDAR = "hokuyo_ust10lx.xml"
@@ -27,6 +32,7 @@ _BEAMS = "beams"  # the name of the frame that holds the sites of the beams
 _TEXT_ROUNDING = 1e-5  # MJCF text keeps six digits: 2.5e-6 rad of a beam's direction
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Beams:
     """The beams of a LiDAR, rightmost first, in the frame of its body: x ahead, y left, z up. Arrays are read-only."""
@@ -134,7 +140,7 @@ class LidarModel:
     @property
     def body(self) -> str:
         """Name of its body, whose origin the beams leave: x ahead, y left, z up."""
-        name: str = self._parsed.worldbody.bodies[0].name
+        name: str = self._without_sensors.worldbody.bodies[0].name
         return name
 
     @cached_property
@@ -182,6 +188,18 @@ class LidarModel:
             if np.abs(present[sites] - exact).max() > _TEXT_ROUNDING:
                 raise ModelError(f"{name} of the rangefinders is not that of LiDAR file {self.file}")
             present[sites] = exact
+
+    def _take(self, kept: Any) -> bool:
+        """Take over what MuJoCo has made of this text before, and say whether it is that."""
+        try:
+            model, text = kept
+            if not isinstance(model, mujoco.MjModel):
+                return False
+            vars(self)["_without_sensors"] = mujoco.MjSpec.from_string(text)
+            vars(self)["_model"] = model
+        except (TypeError, ValueError):
+            return False
+        return True
 
     @cached_property
     def _parsed(self) -> Any:
@@ -251,6 +269,9 @@ def _read(file: str, source: Path) -> LidarModel:
 def _checked(file: str, text: str) -> LidarModel:
     """Return the LiDAR of an MJCF text that keeps what is asked of one."""
     lidar, where = LidarModel(file=file, text=text), f"LiDAR file {file}"
+    kept = _kept_file(text)
+    if kept is not None and lidar._take(read_kept(kept)):
+        return lidar
     try:
         spec, model = lidar._parsed, lidar._model
     except ValueError as error:
@@ -272,4 +293,14 @@ def _checked(file: str, text: str) -> LidarModel:
             f"{beams.angle_increment} rad between beams; accepted: 0 <= range_min < cutoff, an interval above 0, "
             "the rightmost beam first"
         )
+    if kept is not None:
+        write_kept(kept, pickle.dumps((model, lidar._without_sensors.to_xml())))
     return lidar
+
+
+def _kept_file(text: str) -> Path | None:
+    """Return the file of what MuJoCo made of a LiDAR's MJCF: a thousand beams take it a tenth of a second."""
+    with contextlib.suppress(OSError):
+        key = (text, mujoco.__version__, source_digest(_checked.__wrapped__))
+        return cache_folder() / f"lidar-{hashlib.sha256(repr(key).encode()).hexdigest()[:32]}"
+    return None

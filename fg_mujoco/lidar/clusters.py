@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..distinct import distinct_rows
 from ..messages import FloatArray
 
 CLUSTER_TRIANGLES = 80  # at most
@@ -35,8 +36,8 @@ class Clusters:
 
 def make_clusters(vertices: FloatArray, triangles: NDArray[np.int32]) -> Clusters:
     """Return the clusters of `triangles` (t, 3), indices of `vertices` (v, 3) [m]."""
-    places, index = np.unique(vertices + 0.0, axis=0, return_inverse=True)  # in the order of x, y, z; -0.0 is 0.0
-    corners = index.reshape(-1)[triangles.reshape(-1, 3)]
+    places, index, _ = distinct_rows(vertices + 0.0)  # in the order of x, y, z; -0.0 is 0.0
+    corners = index[triangles.reshape(-1, 3)]
     sides = places[corners[:, 1:]] - places[corners[:, :1]]
     normals = np.cross(sides[:, 0], sides[:, 1])
     doubled_areas = np.linalg.norm(normals, axis=1)
@@ -48,7 +49,7 @@ def make_clusters(vertices: FloatArray, triangles: NDArray[np.int32]) -> Cluster
 
     # Each edge once in each cluster; the upright ones first, because a level scan plane cuts those.
     ends = np.sort(corners[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
-    edges, of_triangle = np.unique(np.column_stack((np.repeat(cluster, 3), ends)), axis=0, return_inverse=True)
+    edges, of_triangle, _ = distinct_rows(np.column_stack((np.repeat(cluster, 3), ends)))
     along = places[edges[:, 2]] - places[edges[:, 1]]
     lying = np.hypot(along[:, 0], along[:, 1]) > np.abs(along[:, 2])
     order = np.lexsort((edges[:, 2], edges[:, 1], lying, edges[:, 0]))

@@ -20,6 +20,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from ..arguments import explain_class
 from ..errors import SettingsError, accepted_names
 from ..kernels import kernel
 from ..messages import FloatArray, LaserScan, require
@@ -36,6 +37,7 @@ LONGEST_LATENCY = 1.0
 """[s] Longest latency that is accepted, forty sweeps."""
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True)
 class LidarEffects:
     """Settings of a LiDAR's imperfections.

@@ -22,6 +22,7 @@ from typing import Any, Protocol
 import mujoco
 import numpy as np
 
+from ..arguments import explain_class
 from ..display import brief
 from ..errors import ModelError, SettingsError, accepted_names
 from ..kernels import kernel
@@ -51,6 +52,7 @@ def lidar_spec(file: str = DEFAULT_LIDAR, *, sensors: bool = True) -> Any:
     return LidarModel.load(file).spec(sensors=sensors)
 
 
+@explain_class
 class RangefinderLidar:
     """MuJoCo's own rangefinder sensors. The model must have them: `lidar_spec(sensors=True)`.
 
@@ -92,6 +94,7 @@ class RangefinderLidar:
         return self.beams.readings(distances)
 
 
+@explain_class
 class RaycastLidar:
     """The visible geoms of the model, except those of the car that carries the LiDAR, drawn into a scanline.
 

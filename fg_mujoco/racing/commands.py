@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..arguments import explain_class
 from ..course.files import read_text
 from ..display import brief, quoted
 from ..errors import SettingsError, nearest
@@ -26,6 +27,7 @@ COLUMNS = ("time_s", "steering_angle_rad", "speed_m_s")
 SUFFIX = ".csv"
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Commands:
     """A table of commands, linear between its rows. Time is counted from the first row.

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arguments import explain_class
 from ..course.course import Course
 from ..course.obstacles import Obstacle
 from ..course.standing import off_course, stands_in_something
@@ -33,6 +34,7 @@ _BETWEEN = 0.30  # [m] side by side: 30 cm apart
 _LONGEST_NAME = 60
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Entry(DriveSettings):
     """A car of a race, its planner, and what both are set to.

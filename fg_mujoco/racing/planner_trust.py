@@ -17,7 +17,6 @@ from ..errors import ControllerError, TrackError
 from ..messages import CarParameters, Controller
 from ..simulation.course_loading import load_track
 from ..simulation.planner_adapter import start
-from .manoeuvres import is_driven_by_commands
 from .planner_choice import ControllerChoice
 from .planner_files import Files, changed_file, changed_text, recorded_files
 from .planner_loading import bundled_names, file_in, make_controller, moved_to, origin, text_of
@@ -55,6 +54,8 @@ def require_trusted(
     if source in bundled_names():
         _require_same(source, files, where, "accepted: the file as it was raced")
         return
+    from .manoeuvres import is_driven_by_commands  # nobody else here needs what it imports
+
     if is_driven_by_commands(source):
         raise ControllerError(f"{where}: {source!r} has no planner; its commands were made beforehand")
     said = f"{where}: planner {source!r}"

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..arguments import explain_class
 from ..course.course import USUAL_LAPS, Course, laps_to_drive
 from ..course.obstacles import Obstacle
 from ..course.random_obstacles import random_boxes
@@ -72,6 +73,7 @@ def require_decision_limit(settings: Any) -> None:
         require(settings, lambda value: 0.0 < value < math.inf, "a positive number", ("decision_limit",), SettingsError)
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True)
 class RaceProgress:
     """What a race tells whoever watches it, once a tick."""

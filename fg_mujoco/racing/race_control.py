@@ -20,6 +20,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arguments import explain_class
 from ..errors import SettingsError, accepted_names
 from ..messages import FloatArray
 from ..simulation.cars import TOUCH_READINGS, touch_places
@@ -63,6 +64,7 @@ RULES = {
 """By name. Source of the numbers: RoboRacer rules, version 3.2026-draft."""
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True)
 class Contact:
     """Two cars that touched, from their first touch until they were apart. Fields are as in the JSON."""
@@ -77,6 +79,7 @@ class Contact:
     y_m: float
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True)
 class Overtake:
     """A car passed another. Fields are as in the JSON."""

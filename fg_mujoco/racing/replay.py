@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arguments import explain_class
 from ..course.course import Course
 from ..display import brief
 from ..errors import FgMujocoError, RunFolderError
@@ -56,6 +57,7 @@ class Difference:
         return f"{self.name}: recorded {self.recorded}, recomputed {self.recomputed}"
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True, repr=False)
 class ReplayReport:
     """How a replay compares with what was recorded; its text is one line, and `lines` has all of it."""

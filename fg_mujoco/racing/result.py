@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
 
-from ..arguments import Suggesting
+from ..arguments import Suggesting, explain_class
 from ..display import Shown, brief, quoted, table
 from ..lidar.effects import LidarEffects
 from ..messages import CarParameters, FloatArray, read_only
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from .race_control import Contact, Overtake, Restart, Warned
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class CarResult(Suggesting):
     """How one of several cars fared. Fields are as in RaceResult; arrays are read-only."""
@@ -103,6 +104,7 @@ class CarResult(Suggesting):
         return values | {"planner_failure": None if failure is None else failure.summary()}
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class RaceResult(Shown):
     """How a race went. The summary's fields are named as in its JSON; arrays are read-only.

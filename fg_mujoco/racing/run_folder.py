@@ -39,7 +39,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from ..arguments import Suggesting
+from ..arguments import Suggesting, explain_class
 from ..course.files import file_sha256, is_file, read_arrays, read_bytes, read_text, require_regular
 from ..course.mjcf import MOST_MJCF
 from ..course.writing import claimed_folder, require_writable, staged_folder
@@ -77,6 +77,7 @@ RECORDED = "recorded"
 _READ_BACK = (_SCENE, _STATES, _TELEMETRY, _CONTROLLER, FAILED_SCAN)  # pictures and pages can be made again
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Run(Suggesting):
     """A run folder, read back. Arrays are as in RaceResult."""

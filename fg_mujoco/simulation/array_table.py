@@ -14,13 +14,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numba import carray, types
-from numba.core import cgutils
-from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from ..course.lap_timer import LAP_TIMER
-from ..kernels import kernel
+from ..kernels import kernel, numbas
 from ..lidar.links import LINK
 from ..messages import ODOMETRY
 from ..vehicle.motion import CAR
@@ -60,16 +57,28 @@ class ArrayTable:
             row[0], row[1 : 1 + array.ndim] = array.ctypes.data, array.shape
 
 
-def _as_pointer(context: Any, address: Any) -> Any:
-    """Return what carray takes for an address."""
+@numbas
+def carray() -> Any:
+    """Return numba's function that makes an array of what lies at an address."""
+    from numba import carray
 
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.inttoptr(arguments[0], cgutils.voidptr_t)
-
-    return types.voidptr(types.int64), generate
+    return carray
 
 
-_pointer: Any = intrinsic(_as_pointer)
+@numbas
+def _pointer() -> Any:
+    """Return what makes of an address what carray takes."""
+    from numba import types
+    from numba.core import cgutils
+    from numba.extending import intrinsic
+
+    def as_pointer(context: Any, address: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return builder.inttoptr(arguments[0], cgutils.voidptr_t)
+
+        return types.voidptr(types.int64), generate
+
+    return intrinsic(as_pointer)
 
 
 @kernel

@@ -17,6 +17,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..arguments import explain_class
 from ..display import brief, changed
 from ..errors import ModelError, SettingsError
 from ..messages import CarParameters, FloatArray
@@ -63,6 +64,7 @@ _HIDDEN_GROUP = 3
 _SAME_OPTIONS = ("timestep", "integrator", "cone", "impratio", "gravity")
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True, repr=False)
 class WorldCar:
     """A car besides car 0, as it is put into a world.

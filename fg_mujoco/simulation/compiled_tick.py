@@ -6,7 +6,6 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
 from ..course.course import Course
@@ -132,7 +131,7 @@ def sense(table: Table, which: NDArray[np.bool_]) -> None:
 def _fields_of(n: Any) -> Fields:
     return Fields(
         n[0], n[1], n[2], n[3], n[4], n[5], n[6], n[7], n[8], n[9], n[10], n[11], n[12], n[13], n[14], n[15], n[16],
-        n[17], n[18], n[19], n[20], n[21], n[22], n[23],
+        n[17], n[18], n[19], n[20], n[21], n[22], n[23], n[24],
     )  # fmt: skip
 
 
@@ -163,7 +162,7 @@ def _step_world(model: int, data: int, world: int, address: int) -> None:
     )  # fmt: skip
 
 
-_step_world_in_c = c_function(_step_world, types.int64, types.int64, types.int32, types.int64)
+_step_world_in_c = c_function(_step_world, "int64", "int64", "int32", "int64")
 
 
 @kernel

@@ -2,16 +2,26 @@
 
 With MUJOCO_GL=egl, `import mujoco` itself looks for EGL and ends in a traceback from ctypes without it. Then it is
 imported as with MUJOCO_GL=disable; whoever asks for a picture is told what to install (rendering/gl.py).
+
+By default MuJoCo draws with the package `glfw`, which starts another Python to look for its library, and takes longer
+to import than MuJoCo itself. Here it is imported once something draws.
 """
 
 from __future__ import annotations
 
+import contextlib
+import importlib.util
 import os
+import sys
+from types import ModuleType
+from typing import Any
 
 
 def import_mujoco() -> None:
     """Import mujoco, with its own OpenGL or without."""
     wanted, platform = os.environ.get("MUJOCO_GL"), os.environ.get("PYOPENGL_PLATFORM")
+    if not wanted:
+        _import_glfw_later()
     try:
         import mujoco
     except Exception:
@@ -24,6 +34,33 @@ def import_mujoco() -> None:
             os.environ["MUJOCO_GL"] = wanted
             if platform is None:
                 os.environ.pop("PYOPENGL_PLATFORM", None)
+
+
+class _Later(ModuleType):
+    """A module that is imported once something of it is asked for. (`importlib.util.LazyLoader` imports it earlier.)"""
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
+        self.__class__ = ModuleType  # type: ignore[assignment]
+        assert self.__spec__ is not None and self.__spec__.loader is not None
+        try:
+            self.__spec__.loader.exec_module(self)
+        except BaseException:
+            self.__class__ = _Later
+            raise
+        return getattr(self, name)
+
+
+def _import_glfw_later() -> None:
+    """Let `import glfw` import it once it is used."""
+    if "glfw" in sys.modules or "mujoco" in sys.modules:
+        return
+    with contextlib.suppress(ImportError, ValueError):
+        spec = importlib.util.find_spec("glfw")
+        if spec is not None and spec.loader is not None:
+            module = sys.modules["glfw"] = importlib.util.module_from_spec(spec)
+            module.__class__ = _Later
 
 
 import_mujoco()

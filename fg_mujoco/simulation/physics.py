@@ -13,11 +13,10 @@ from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
 from ..errors import EngineError
-from ..kernels import kernel
+from ..kernels import kernel, numbas
 from ..messages import FloatArray
 from ..vehicle.stages import library_path
 
@@ -72,9 +71,13 @@ for _name, (_result, _arguments) in _FUNCTIONS.items():
     _function = getattr(_LIBRARY, _name)
     _function.restype, _function.argtypes = _result, _arguments
 
-_apply: Any = types.ExternalFunction(
-    "mjb_apply", types.int32(types.uintp, types.uintp, types.int32, types.uintp, types.uintp, types.int32)
-)
+
+@numbas
+def _apply() -> Any:
+    """Return MuJoCo's function as kernels call it."""
+    from numba.types import ExternalFunction, int32, uintp
+
+    return ExternalFunction("mjb_apply", int32(uintp, uintp, int32, uintp, uintp, int32))
 
 
 @kernel

@@ -12,6 +12,7 @@ from dataclasses import MISSING, Field, asdict, dataclass, field, fields, is_dat
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
+from ..arguments import explain_class
 from ..course.course import Course
 from ..course.obstacles import Obstacle
 from ..display import brief, changed
@@ -130,6 +131,7 @@ def required(of: Field[Any]) -> bool:
     return of.default is MISSING and of.default_factory is MISSING
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True)
 class Start:
     """Where a race starts, along the centreline.
@@ -316,6 +318,7 @@ class DriveSettings(CarSettings):
         return unsaid if settings.planner_mu == unsaid.assumed_mu else settings
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Scenario(DriveSettings):
     """Everything that a world's result depends on, but for the controller and when to end.

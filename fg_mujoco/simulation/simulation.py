@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from ..arguments import Suggesting
+from ..arguments import Suggesting, explain_class
 from ..display import brief
 from ..errors import MessageError, SettingsError
 from ..lidar.effects import LidarEffects
@@ -30,6 +30,7 @@ from .settings import DriveSettings, Start
 from .world import World
 
 
+@explain_class
 class Simulation(Suggesting):
     """A car in a world, placed on the start of the track.
 

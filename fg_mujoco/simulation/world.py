@@ -17,7 +17,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from ..arguments import Suggesting
+from ..arguments import Suggesting, explain_class
 from ..course.course import Course
 from ..course.moving_obstacles import PREFIX as MOVING_PREFIX
 from ..course.moving_obstacles import MovingObstacle, moving_obstacles
@@ -63,6 +63,7 @@ LIDAR_PREFIX = lidar_prefix(0)
 """Of the names of everything that belongs to car 0's LiDAR."""
 
 
+@explain_class
 class World(Suggesting):
     """A compiled world.
 

@@ -125,7 +125,7 @@ def step_world(
             clear = touches_nothing(stages.vector(data, found.qpos, sizes.positions), own, ground)
             _step_on_tires(
                 model, data, world, step, advance, sizes, found, inertia, gears, car_places, tire_rows, mu, floor,
-                timestep, userdata, scratch, clear,
+                timestep, userdata, scratch, clear, step == end - 1,
             )  # fmt: skip
         for k in range(sizes.readings):
             records[world, step, k] = readings[k]
@@ -138,7 +138,7 @@ def step_world(
 def _step_on_tires(
     model: int, data: int, world: int, step: int, advance: bool, sizes: Sizes, found: Fields, inertia: Inertia,
     gears: Rows, car_places: Places, tire_rows: Rows, mu: FloatArray, floor: Floor, timestep: float,
-    userdata: FloatArray, scratch: FloatArray, clear: bool,
+    userdata: FloatArray, scratch: FloatArray, clear: bool, last: bool,
 ) -> None:  # fmt: skip
     """Do one physics step of a world with tires of ours; arguments as in `step_world`."""
     count, dofs = len(car_places), sizes.dofs
@@ -174,7 +174,7 @@ def _step_on_tires(
                     model, data, found, gear, scratch, dofs, timestep, sizes.tire_steps
                 )
             kept[car, 2], kept[car, 3] = qvel[gear.free_dof], qvel[gear.free_dof + 1]
-    end_step(model, data, found, dofs, advance)
+    end_step(model, data, found, dofs, advance, last)
     if advance:
         for car in range(count):
             if car_places[car, FIRST_TIRE] >= 0:

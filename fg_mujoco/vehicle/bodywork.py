@@ -5,9 +5,9 @@ of approach v into e v within one step, whatever the depth, and stiffness 0.05 /
 is left of the depth in each. So a body goes no deeper than it moves in the step in which it arrives, and no contact
 gives energy to it. MuJoCo's default, a spring of 10 ms, let a car of 20 m/s 0.4 m into a wall, and through it.
 
-Walls, obstacles and cars have no friction: MuJoCo pushes a contact that slides at v apart by its friction times v times
-the damping, which at these angles was most of the rebound. On the ground the friction has a damping of its own, so that
-a body that slides at 20 m/s hops by 2 cm.
+Walls, obstacles and cars have no friction. MuJoCo pushes a sliding contact apart, by its friction times its damping
+times its sliding speed: at a friction of 0.3 a car that met a wall at 20 m/s and 30 degrees left it as fast as it came.
+On the ground the friction has a damping of its own, 20 / s, so that a body that slides at 20 m/s hops by 2 cm only.
 
 What the ground stops is the geom `hull`, by a `pair` as the tires have: a chassis contact stays a crash. Tires and
 hull are all of a car that touches the ground, and its LiDAR and its box, where it has them.
@@ -32,7 +32,7 @@ HULL = "hull"
 
 _PUSH = 0.05  # [-] of a depth that is taken out in a step, which is slower than the rebound from that depth
 PUSH_OF_MOVING = 0.3
-"""[-] The same of what moves by itself, as if it stood, to MuJoCo: it enters a car by 4 times its way in a step."""
+"""[-] The same of what moves by itself, which stands still for MuJoCo: it enters a car by 4 times its way in a step."""
 
 _IMPEDANCE = (0.99, 0.99, 0.001, 0.5, 2.0)  # nearly hard at any depth
 _SLOWING = (0.0, -20.0)  # [1/s] rate at which a body that slides slows down, as far as its friction can

@@ -11,6 +11,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from ..arguments import explain_class
 from ..display import brief
 from ..errors import ModelError
 from ..messages import ODOMETRY, CarParameters, DriveCommand, Odometry
@@ -126,6 +127,7 @@ def _positive(value: Any, what: str) -> float:
     return float(value)
 
 
+@explain_class
 class Car:
     """One car in a compiled model: reads its sensors, places it and drives it.
 

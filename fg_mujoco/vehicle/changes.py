@@ -14,6 +14,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from ..arguments import explain_class
 from ..errors import SettingsError
 from ..messages import FloatArray, require
 from .car import WHEELS
@@ -28,6 +29,7 @@ _DELAY_SAMPLES = 32
 _CHASSIS, _SERVOS = "base_link", ("steering", "speed")
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True)
 class CarChanges:
     """What differs from the vehicle's MJCF; None: nothing does.

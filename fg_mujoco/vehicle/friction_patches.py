@@ -29,6 +29,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arguments import explain_class
 from ..course.obstacles import Box
 from ..course.track import Track
 from ..errors import SettingsError
@@ -45,6 +46,7 @@ _COLOUR = (0.55, 0.75, 0.95, 0.8)
 _CLEAR = 3.0  # [m] of the start, without the middle of any random patch
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True)
 class Patch:
     """A rectangle of floor.

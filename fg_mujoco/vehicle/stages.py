@@ -18,13 +18,10 @@ from typing import Any, NamedTuple
 import llvmlite.binding
 import mujoco
 import numpy as np
-from numba import carray, types
-from numba.core import cgutils
-from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from ..errors import EngineError
-from ..kernels import kernel
+from ..kernels import kernel, numbas
 
 
 def library_path() -> str:
@@ -43,8 +40,19 @@ def library_path() -> str:
 llvmlite.binding.load_library_permanently(library_path())  # so that kernels, compiled or read from disk, find it
 
 
+def _function(name: str, result: str, *arguments: str) -> Any:
+    """Return a function of MuJoCo as kernels call it, by the names of numba's types."""
+
+    def made() -> Any:
+        from numba import types
+
+        return types.ExternalFunction(name, getattr(types, result)(*(getattr(types, kind) for kind in arguments)))
+
+    return numbas(made)
+
+
 def _stage(name: str) -> Any:
-    return types.ExternalFunction(name, types.void(types.uintp, types.uintp))
+    return _function(name, "void", "uintp", "uintp")
 
 
 step = _stage("mj_step")
@@ -72,12 +80,8 @@ body_accelerations = _stage("mj_rnePostConstraint")  # the sensors' own call bel
 sensors_of_acceleration = _stage("mj_sensorAcc")
 factor_inertia = _stage("mj_factorM")
 advance = _stage("mj_Euler")
-solve_inertia: Any = types.ExternalFunction(
-    "mj_solveM", types.void(types.uintp, types.uintp, types.uintp, types.uintp, types.int32)
-)
-read_control: Any = types.ExternalFunction(
-    "mj_readCtrl", types.uintp(types.uintp, types.uintp, types.int32, types.float64, types.uintp, types.int32)
-)
+solve_inertia = _function("mj_solveM", "void", "uintp", "uintp", "uintp", "uintp", "int32")
+read_control = _function("mj_readCtrl", "uintp", "uintp", "uintp", "int32", "float64", "uintp", "int32")
 
 
 class Fields(NamedTuple):
@@ -205,22 +209,36 @@ def _unknown(name: str) -> EngineError:
     return EngineError(f"MuJoCo {mujoco.__version__} keeps {name!r} where it is not found; accepted: MuJoCo 3.17")
 
 
-def _load(context: Any, address: Any) -> Any:
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.load(builder.inttoptr(arguments[0], cgutils.voidptr_t.as_pointer()))
+@numbas
+def carray() -> Any:
+    """Return numba's function that makes an array of what lies at an address."""
+    from numba import carray
 
-    return types.voidptr(types.int64), generate
-
-
-def _point(context: Any, address: Any) -> Any:
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.inttoptr(arguments[0], cgutils.voidptr_t)
-
-    return types.voidptr(types.int64), generate
+    return carray
 
 
-_loaded: Any = intrinsic(_load)
-_pointer: Any = intrinsic(_point)
+def _pointer_to(load: bool) -> Any:
+    """Return what makes of an address what carray takes: a pointer to it, or the pointer that lies there."""
+
+    def made() -> Any:
+        from numba import types
+        from numba.core import cgutils
+        from numba.extending import intrinsic
+
+        def pointer(context: Any, address: Any) -> Any:
+            def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+                if load:
+                    return builder.load(builder.inttoptr(arguments[0], cgutils.voidptr_t.as_pointer()))
+                return builder.inttoptr(arguments[0], cgutils.voidptr_t)
+
+            return types.voidptr(types.int64), generate
+
+        return intrinsic(pointer)
+
+    return numbas(made)
+
+
+_loaded, _pointer = _pointer_to(True), _pointer_to(False)
 
 
 @kernel

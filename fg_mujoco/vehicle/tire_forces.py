@@ -952,7 +952,7 @@ def step_by_hand(
             kept[car, 0], kept[car, 1] = steer(model, data, found, gears[car], scratch, dofs, timestep, steps)
         if gears[car].free_dof >= 0:
             kept[car, 2], kept[car, 3] = qvel[gears[car].free_dof], qvel[gears[car].free_dof + 1]
-    end_step(model, data, found, dofs, advance)
+    end_step(model, data, found, dofs, advance, True)
     if advance:
         for car in range(count):
             if gears[car].free_dof >= 0:
@@ -982,12 +982,16 @@ def begin_step(model: int, data: int, found: Fields, clear: bool) -> None:
 
 
 @kernel
-def end_step(model: int, data: int, found: Fields, dofs: int, advance: bool) -> None:
-    """Do MuJoCo's stages from the acceleration with the tires' forces on; `advance`: move the state, too."""
+def end_step(model: int, data: int, found: Fields, dofs: int, advance: bool, last: bool) -> None:
+    """Do MuJoCo's stages from the acceleration with the tires' forces on.
+
+    `advance`: move the state, too; `last`: somebody reads the accelerometers of this step.
+    """
     acceleration, smooth = stages.vector(data, found.qacc_smooth, dofs), stages.vector(data, found.qfrc_smooth, dofs)
     stages.solve_inertia(model, data, acceleration.ctypes.data, smooth.ctypes.data, 1)
     stages.stage_constraint(model, data)
-    stages.body_accelerations(model, data)
+    if last:
+        stages.body_accelerations(model, data)  # else accelerometers keep those of the first step
     stages.sensors_of_acceleration(model, data)
     if advance:
         stages.check_accelerations(model, data)

@@ -29,6 +29,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arguments import explain_class
 from ..display import brief
 from ..errors import ModelError
 from ..kernels import kernel
@@ -103,6 +104,7 @@ QUANTITIES = 10
 ) = range(QUANTITIES)  # fmt: skip
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class TireSlip:
     """What the tires did in the recorded steps; columns: front left, front right, rear left, rear right.
@@ -206,6 +208,7 @@ def drop_tire_sensors(spec: Any) -> None:
             spec.delete(sensor)
 
 
+@explain_class
 class TireSlipMeter:
     """Records the tires' contacts at every physics step.
 

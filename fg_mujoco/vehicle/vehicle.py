@@ -19,6 +19,7 @@ from typing import Any
 
 import mujoco
 
+from ..arguments import explain_class
 from ..course.files import read_text
 from ..course.mjcf import MOST_MJCF
 from ..errors import SettingsError, accepted_names
@@ -42,6 +43,7 @@ def vehicle_names() -> tuple[str, ...]:
     return tuple(sorted(file.name.removesuffix(".xml") for file in sources if _MOUNT in file.read_text("utf-8")))
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True)
 class Vehicle:
     """A vehicle, as its MJCF describes it. Two are equal if all that makes them is.

@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 
+from ...arguments import explain_class
 from ...errors import TrackError, accepted_names
 from ...messages import FloatArray, read_only
 from ..centreline_csv import DIRECTIONS, Direction, read_points, read_settings
@@ -49,6 +50,7 @@ _WALL_SPACING = 0.02  # [m] of the points of walls that the line's distance is m
 _SPECIFICATION = re.compile(r"(?P<path>.*\.ya?ml)(\[(?P<settings>.*)\])?", re.IGNORECASE)
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class MapTrack(Track):
     """A circuit whose walls are given, and not those of its widths. The widths are the distances to the walls.

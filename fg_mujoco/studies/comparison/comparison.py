@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from ...arguments import explain_class
 from ...course.scenes.catalogue import PREFIX
 from ...course.writing import write_file
 from ...display import Shown, brief, paragraph, quoted, table
@@ -56,6 +57,7 @@ from .tables import LEGEND, Cell, cells_csv, header_of, make_cells, markdown, ru
 DEFAULT_SEEDS = range(10)
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True)
 class ComparisonProgress:
     """What a comparison tells whoever watches it."""
@@ -71,6 +73,7 @@ class ComparisonProgress:
         return time_left(self.runs, self.runs_found, self.runs_driven, self.wall_time_s)
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Comparison(Shown):
     """How all runs went."""

@@ -19,6 +19,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arguments import explain_class
 from ...course.course import Course, Sites
 from ...display import brief
 from ...errors import SettingsError, accepted_names
@@ -54,6 +55,7 @@ _OBSTACLES = "obstacles"
 _MOST_OBSTACLES = 1000
 
 
+@explain_class
 @dataclass(frozen=True)
 class Uniform:
     """Any number from `low` to `high`, each as likely.
@@ -85,6 +87,7 @@ class Uniform:
         return f"{_text(self.low)}:{_text(self.high)}"
 
 
+@explain_class
 @dataclass(frozen=True, repr=False)
 class Choice:
     """One of some values, each as likely; where there is one, that one.
@@ -140,6 +143,7 @@ def as_range(value: Any) -> Range:
     return Choice((_plain(value),))
 
 
+@explain_class
 @dataclass(frozen=True, repr=False)
 class Randomization:
     """The range of each randomised parameter, by its name: one of PARAMETERS, or `planner.` and one of its settings.

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arguments import explain_class
 from ...course.course import Course
 from ...course.writing import write_file
 from ...display import Shown, brief, paragraph, quoted, table
@@ -33,6 +34,7 @@ QUANTILES = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 """Of lap times and sliding, in a summary."""
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class RolloutResult(Shown):
     """How a rollout went. Arrays are read-only; `result["mu"]` is the column of `worlds` of that name.

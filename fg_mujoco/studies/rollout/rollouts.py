@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arguments import explain_class
 from ...course.course import Course
 from ...errors import SettingsError, accepted_names
 from ...lidar.effects import LidarEffects
@@ -49,6 +50,7 @@ DEFAULT_CHUNK = 64
 DEFAULT_MEMORY_BUDGET = 2**30  # [bytes]
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True)
 class RolloutProgress:
     """What a rollout tells whoever watches it."""

@@ -22,6 +22,7 @@ from typing import Any
 
 import mujoco
 
+from ...arguments import explain_class
 from ...course.files import read_text
 from ...display import brief, quoted
 from ...errors import ModelError, SettingsError, accepted_names
@@ -83,6 +84,7 @@ class AxleTires:
         return float((load / self.nominal_load) ** -self.load_sensitivity)
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Tires:
     """A set of tires.

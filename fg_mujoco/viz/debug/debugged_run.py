@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ...arguments import explain_class
 from ...errors import FgMujocoError, RunFolderError, SettingsError
 from ...messages import Controller, FloatArray, LaserScan, Odometry
 from ...racing.planner_trust import recorded_planner
@@ -26,6 +27,7 @@ WINDOW = 3.0  # [s]
 LONGEST_WINDOW = 30.0  # [s] of a page, which then has some 20 MB
 
 
+@explain_class
 class DebuggedRun(Window):
     """A window of a run's decisions, which can be written as a page or drawn as a picture."""
 

@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 
+from ...arguments import explain_class
 from ...display import brief
 from ...errors import ControllerError
 from ...messages import CarParameters, Controller, DriveCommand, FloatArray, LaserScan, Odometry, Sketch
@@ -57,6 +58,7 @@ class Drawn:
     colour: tuple[int, int, int]  # red, green, blue in 0..255
 
 
+@explain_class
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Decision:
     """One decision. Places are in the frame of the rear axle, x ahead and y to the left."""

@@ -15,6 +15,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arguments import explain_class
 from ...display import brief
 from ...errors import SettingsError
 from ...lidar.beams import lidar_body
@@ -35,6 +36,7 @@ from .telemetry_strip import draw_legend, draw_strip, require_pillow, strip_heig
 _MARKED = 14.0  # [m] of a picture's height from which on the car gets a marker
 
 
+@explain_class
 class Film:
     """Pictures of a recorded drive. One frame does not depend on another.
 

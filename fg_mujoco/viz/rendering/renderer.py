@@ -18,6 +18,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arguments import explain_class
 from ...display import brief
 from ...errors import SettingsError
 from ...messages import FloatArray
@@ -42,6 +43,7 @@ Decorate = Callable[[mujoco.MjvScene], None]
 """Adds geoms that are in no model to a scene."""
 
 
+@explain_class
 class Renderer:
     """Draws pictures of one world, all of one size.
 

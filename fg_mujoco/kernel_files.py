@@ -1,0 +1,218 @@
+"""Where compiled kernels are kept: a folder of the user's own, and names made of all sources that a kernel depends on.
+
+The name of a file holds a hash of the sources that the kernel depends on: its own module, and every module of this
+package that this one imports, directly or not. An edit of a planner compiles that planner anew, and not the ray caster.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import linecache
+import os
+import pickle
+import re
+import stat
+import sys
+import tempfile
+import uuid
+from collections.abc import Callable, Iterator
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from importlib.abc import Traversable
+
+_PACKAGE = "fg_mujoco"
+_ELSEWHERE = ("controllers", "models", "tracks")  # packages of ours that are top-level folders in the repository
+
+
+@cache
+def cache_folder() -> Path:
+    """Return the folder of compiled kernels: in $XDG_CACHE_HOME or ~/.cache, else a new temporary one.
+
+    Its files are run, so a folder that another user owns or may write to is not used.
+    """
+    return own_folder("kernels", "compiled kernels are not kept there") or Path(tempfile.mkdtemp(prefix="fg_mujoco-"))
+
+
+def own_folder(name: str, otherwise: str) -> Path | None:
+    """Return a folder in $XDG_CACHE_HOME or ~/.cache, made if it is new, that only this user may write to.
+
+    Args:
+      name: of the folder, in that of this package.
+      otherwise: what follows where others may write to it, which is said on stderr.
+
+    Returns:
+      None where others may, or it cannot be made.
+    """
+    try:
+        parent = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / _PACKAGE
+        folder = parent / name
+        parent.parent.mkdir(parents=True, exist_ok=True)
+        for path in (parent, folder):
+            path.mkdir(mode=0o700, exist_ok=True)
+        unsafe = [path for path in (parent, folder) if _open_to_others(path)]
+        if not unsafe:
+            return folder
+        say(f"other users may write to {unsafe[0]}: {otherwise}")
+    except (OSError, RuntimeError):  # it cannot be made, or there is no home
+        pass
+    return None
+
+
+def _open_to_others(folder: Path) -> bool:
+    """Say whether a folder is another user's, or group or others may write to it."""
+    status = folder.stat()
+    return hasattr(os, "geteuid") and (
+        status.st_uid != os.geteuid() or bool(status.st_mode & (stat.S_IWGRP | stat.S_IWOTH))
+    )
+
+
+def say(line: str) -> None:
+    """Write a line to stderr, if there is one and it is open."""
+    if sys.stderr is not None:
+        with contextlib.suppress(OSError, ValueError):
+            print(f"fg_mujoco: {line}", file=sys.stderr, flush=True)
+
+
+def kernel_file(function: Callable[..., Any], *key: object) -> Path:
+    """Return the file of a kernel, compiled for what `key` says.
+
+    Raises:
+      OSError: the function has no source.
+    """
+    digest = hashlib.sha256(repr((*key, identity(function))).encode()).hexdigest()
+    return cache_folder() / f"{function.__qualname__.rpartition('.')[2]}-{digest[:32]}"
+
+
+def read_kept(file: Path) -> Any:
+    """Return what is kept in a file; None where it is not there, or damaged."""
+    with contextlib.suppress(Exception):  # whatever is wrong with it, compiling helps
+        kept = file.read_bytes()
+        digest, payload = kept[:32], kept[32:]
+        if hashlib.sha256(payload).digest() == digest:
+            return pickle.loads(payload)
+    return None
+
+
+def write_kept(file: Path, payload: bytes) -> None:
+    """Keep something pickled in a file, if one can be written there."""
+    unfinished = file.with_name(f"{file.name}.{uuid.uuid4().hex}")
+    with contextlib.suppress(OSError):
+        try:
+            unfinished.write_bytes(hashlib.sha256(payload).digest() + payload)
+            unfinished.replace(file)
+        except OSError:
+            unfinished.unlink(missing_ok=True)
+
+
+def identity(function: Callable[..., Any]) -> tuple[str, ...]:
+    """Return what tells a function from all others: its sources, its place in there, and what it is a closure over."""
+    code = function.__code__
+    values = [cell.cell_contents for cell in function.__closure__ or ()]
+    closure = [repr(identity(value.py_func)) if hasattr(value, "py_func") else _pickled(value) for value in values]
+    return source_digest(function), str(code.co_firstlineno), code.co_code.hex(), *closure
+
+
+def _pickled(value: Any) -> str:
+    """Return a value that a function is a closure over, as text."""
+    try:
+        return pickle.dumps(value).hex()
+    except Exception:  # such as a function within another one: numba pickles it by its code
+        from numba.core.serialize import dumps
+
+        return str(dumps(value).hex())
+
+
+def source_digest(function: Callable[..., Any]) -> str:
+    """Return a hash of all sources that a function depends on: its file, and what of this package that imports.
+
+    Raises:
+      OSError: the function has no source.
+    """
+    if function.__module__ in _modules():
+        return _digest_of(function.__module__)
+    # A user's file: its own text, and what it imports of ours. Its imports from elsewhere are not looked at.
+    text = "".join(linecache.getlines(function.__code__.co_filename)).encode()
+    if not text:
+        raise OSError(f"{function.__qualname__} has no source")
+    imported = sorted(_imports_in(text, ""))
+    return hashlib.sha256(text + "".join(_digest_of(module) for module in imported).encode()).hexdigest()
+
+
+def package_files(*suffixes: str) -> Iterator[tuple[str, Traversable]]:
+    """Yield the files of this package with these suffixes, and their paths in it ("controllers/gaps.py"), in order.
+
+    The paths are the same in a checkout, where some folders lie beside fg_mujoco/, and where it is installed.
+    """
+    found = dict(_walk(files(_PACKAGE), "", suffixes, skip=_ELSEWHERE))
+    for folder in _ELSEWHERE:
+        found |= _walk(files(f"{_PACKAGE}.{folder}"), f"{folder}/", suffixes)
+    yield from sorted(found.items())
+
+
+def _walk(
+    folder: Traversable, path: str, suffixes: tuple[str, ...], skip: tuple[str, ...] = ()
+) -> Iterator[tuple[str, Traversable]]:
+    for entry in folder.iterdir():
+        if entry.name.endswith(suffixes):
+            yield path + entry.name, entry
+        elif "." not in entry.name and entry.name not in ("__pycache__", *skip) and entry.is_dir():
+            yield from _walk(entry, f"{path}{entry.name}/", suffixes)
+
+
+@cache
+def _modules() -> dict[str, tuple[str, Traversable]]:
+    """Return the package of each module of ours, by the module's name, and its file."""
+    modules = {}
+    for path, file in package_files(".py"):
+        name = f"{_PACKAGE}/{path}"[: -len(".py")].replace("/", ".")
+        package = name.rpartition(".")[0]
+        modules[package if name.endswith(".__init__") else name] = package, file
+    return modules
+
+
+@cache
+def _digest_of(module: str) -> str:
+    """Return a hash of the sources of a module of ours and of all modules of ours that it imports, directly or not."""
+    found, waiting = {module}, [module]
+    while waiting:
+        new = _read(waiting.pop())[1] - found
+        found |= new
+        waiting += new
+    digest = hashlib.sha256()
+    for name in sorted(found):
+        digest.update(f"{name} {_read(name)[0]}\n".encode())
+    return digest.hexdigest()
+
+
+@cache
+def _read(module: str) -> tuple[str, frozenset[str]]:
+    """Return the hash of a module's own source, and which modules of ours it imports."""
+    package, file = _modules()[module]
+    text = file.read_bytes()
+    return hashlib.sha256(text).hexdigest(), frozenset(_imports_in(text, package))
+
+
+_IMPORT = re.compile(r"^[ \t]*(?:from[ \t]+([.\w]+)[ \t]+import[ \t]+(\([^)]*\)|.*)|import[ \t]+(.*))", re.MULTILINE)
+
+
+def _imports_in(text: bytes, package: str) -> set[str]:
+    """Return the modules of ours that a text imports anywhere: found as text, which is quick, rather too many than few.
+
+    `from package import name` depends on the module of that name, or else on the package's __init__.py.
+    """
+    modules, found = _modules(), set()
+    for source, names, plain in _IMPORT.findall(text.decode(errors="replace")):
+        if plain:
+            found |= set(re.findall(r"[.\w]+", plain)) & modules.keys()
+            continue
+        above = len(source) - len(source.lstrip("."))
+        parts = package.split(".")[: package.count(".") + 2 - above] if above else []
+        start = ".".join([*parts, source[above:]]).strip(".")
+        for name in re.findall(r"\w+", names):
+            found |= {f"{start}.{name}" if f"{start}.{name}" in modules else start} & modules.keys()
+    return found
