@@ -140,7 +140,7 @@ def test_walls_stand_on_the_ground_as_high_as_they_say(world):
 
 @pytest.mark.parametrize("mu", (None, 0.37, 1.4))
 def test_mu_reaches_all_four_tires_and_acts_in_the_contacts(mu):
-    world = fg.World("oval", mu=mu)
+    world = fg.World("oval", mu=mu, tires="contact")
     expected = 1.0489 if mu is None else mu
     assert Vehicle.load().nominal_mu == 1.0489
     assert world.car.mu == expected
@@ -151,6 +151,21 @@ def test_mu_reaches_all_four_tires_and_acts_in_the_contacts(mu):
     assert touching == {"car/ground", *(f"car/{wheel}_tire" for wheel in WHEELS)}
     assert len(contacts) == 4
     assert contacts.friction[:, :2].tolist() == [[expected, expected]] * 4  # both directions along the ground
+
+
+@pytest.mark.parametrize("mu", (None, 0.37, 1.4))
+def test_mu_reaches_all_four_tires_of_the_default_law(mu):
+    """Dragged sideways, each has mu times its load, and nothing touches the ground but the tires' law."""
+    world = fg.World("oval", mu=mu)
+    expected = 1.0489 if mu is None else mu
+    assert world.car.mu == expected
+    simulation = fg.Simulation(world)
+    simulation.reset(s=3.0)
+    simulation.engine.qvel(0)[1] = 3.0
+    simulation.step(fg.STOP)
+    slip = simulation.engine.slip()
+    assert slip[3][1:] == pytest.approx(expected * slip[2][1:], rel=1e-6) and (slip[2] > 1.0).all()
+    assert len(simulation.data.contact) == 0
 
 
 @pytest.mark.parametrize("mu", (0.2, 0.4))

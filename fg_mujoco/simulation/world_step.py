@@ -81,6 +81,7 @@ def step_world(
     floor: Floor,
     motions: FloatArray,
     timestep: float,
+    sensors: FloatArray,
     records: FloatArray,
     tire_states: FloatArray,
     scratch: FloatArray,
@@ -105,6 +106,7 @@ def step_world(
       floor: of all worlds.
       motions: (obstacles, 8) of `motion_table`.
       timestep: [s].
+      sensors: (n, nsensordata) of the last step, written to.
       records: (n, steps, nsensordata) written to.
       tire_states: (n, steps, k USERDATA) written to.
       scratch: of this thread.
@@ -122,7 +124,7 @@ def step_world(
                 timestep, userdata, scratch,
             )  # fmt: skip
         for k in range(sizes.readings):
-            records[world, step, k] = readings[k]
+            sensors[world, k] = records[world, step, k] = readings[k]
         for k in range(sizes.userdata):
             tire_states[world, step, k] = userdata[k]
     _place_obstacles(data, found, motions)
