@@ -159,13 +159,14 @@ def test_mu_reaches_all_four_tires_of_the_default_law(mu):
     world = fg.World("oval", mu=mu)
     expected = 1.0489 if mu is None else mu
     assert world.car.mu == expected
-    simulation = fg.Simulation(world)
-    simulation.reset(s=3.0)
-    simulation.engine.qvel(0)[1] = 3.0
-    simulation.step(fg.STOP)
-    slip = simulation.engine.slip()
+    engine, data = Engine(world), mujoco.MjData(world.model)
+    engine.place([Start(s=3.0)])
+    engine.qvel(0)[1] = 3.0
+    engine.drive()
+    slip = engine.slip()
     assert slip[3][1:] == pytest.approx(expected * slip[2][1:], rel=1e-6) and (slip[2] > 1.0).all()
-    assert len(simulation.data.contact) == 0
+    engine.read(0, data)
+    assert len(data.contact) == 0
 
 
 @pytest.mark.parametrize("mu", (0.2, 0.4))
