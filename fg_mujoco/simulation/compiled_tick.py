@@ -161,9 +161,6 @@ def _step_world(model: int, data: int, world: int, address: int) -> None:
         numbers(table[_SCRATCH]),
         ClearGround(matrix(table[_DISTANCES]), numbers(table[_CORNER]), matrix(table[_BODIES])),
     )  # fmt: skip
-    sensors, last = matrix(table[_SENSORS])[world], cube(table[_RECORDS])[world, span[_END] - 1]
-    for k in range(len(sensors)):  # what odometry reads: MuJoCo's batch writes it in steps of its own only
-        sensors[k] = last[k]
 
 
 _step_world_in_c = c_function(_step_world, "int64", "int64", "int32", "int64")
