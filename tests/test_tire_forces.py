@@ -357,7 +357,7 @@ def state_of(ground):
 @pytest.mark.parametrize(("tires", "timestep"), [("coulomb", 0.005), ("coulomb", 0.0001), (BRUSH, 0.0001)])
 @pytest.mark.parametrize("motion", [*MOTIONS, "corners", "brakes"])
 def test_mean_forces_are_those_of_tiny_steps_by_numpy(tires, timestep, motion):
-    """Of bristles, whose means decide whether a car that slides is right; in steps after the first ones of the motion."""
+    """Of bristles, whose means decide whether a car that slides is right; in steps soon after the motion begins."""
     ground = Ground(tires, timestep=timestep)
     command = DriveCommand(steering_angle=0.0, speed=0.0)
     if motion in MOTIONS:
