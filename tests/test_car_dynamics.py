@@ -150,7 +150,8 @@ def test_places_converge_as_the_timestep_shrinks(name):
     Tires of bristles do not creep: slalom is off by 4.3, 2.2, 0.8 and 0.4 mm at most, bends by 5.0, 2.8, 1.2 and 0.8.
 
     Of contacts, measured at 5, 2.5, 1 and 0.5 ms: slalom, 18.0 m, off by 18.2, 8.6, 2.9 and 1.0 mm at most; bends,
-    16.6 m, by 35.5, 16.8, 5.6 and 1.9 mm. The greatest slide, 22.4 and 41.8 mm/s, stays within 0.1 mm/s; at 5 ms the headings end 0.7
+    16.6 m, by 35.5, 16.8, 5.6 and 1.9 mm. The greatest slide, 22.4 and 41.8 mm/s, stays within 0.1 mm/s; at 5 ms the
+    headings end 0.7
     and 12.5 mrad off, and the speeds 1.5 and 5.3 mm/s.
     """
     steering, speed, tolerance = MANOEUVRES[name]
