@@ -22,7 +22,7 @@ from common import parser, report, table
 
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.vehicle.car import WHEELS, Car
-from fg_mujoco.vehicle.tire_forces import USERDATA, TireForces
+from fg_mujoco.vehicle.tire_forces import LOAD, USERDATA, TireForces
 from fg_mujoco.vehicle.tires import Tires, tire_names
 from fg_mujoco.vehicle.vehicle import Vehicle, vehicle_names
 
@@ -222,9 +222,10 @@ def _energy(model: mujoco.MjModel, data: mujoco.MjData, forces: TireForces) -> f
     for k, row in enumerate(forces.rows):
         depth = row["radius"] - data.xpos[row["body"], 2]
         total += 0.5 * float(row["vertical_stiffness"]) * max(depth, 0.0) ** 2
-        along, across, load = data.userdata[USERDATA * k : USERDATA * k + 3]
-        stiffness = row["slope"] * load / row["relaxation_length"]
-        total += 0.5 * float(stiffness[0] * along**2 + stiffness[1] * across**2)
+        load, along, across = data.userdata[USERDATA * k + LOAD : USERDATA * k + LOAD + 3]
+        if load > 0.0:  # what a deflected tire gives back: its force over its stiffness
+            stiffness = row["slope"] * load / row["relaxation_length"]
+            total += 0.5 * float(along**2 / stiffness[0] + across**2 / stiffness[1])
     return total
 
 

@@ -3,10 +3,9 @@
 import math
 from itertools import pairwise
 
-import mujoco
 import numpy as np
 import pytest
-from car_worlds import flat_world
+from car_worlds import flat_world, forward, step
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scan_worlds import CAR, MU, odometry_of
@@ -22,8 +21,9 @@ from fg_mujoco.controllers.safety.friction_limiter import (
 )
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import STOP, DriveCommand
-from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED, TireSlipMeter
+from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED, TireSlipMeter, slides_above
 
+TIRES = ("coulomb", "contact")  # the default, and MuJoCo's own contacts
 PERIOD = 0.025  # [s] of the LiDAR
 GRAVITY, WHEELBASE, HEIGHT, FRONT, REAR, MASS, INERTIA = 9.81, 0.3302, 0.074, 0.15875, 0.17145, 3.74, 0.04712
 YAW_LAG = REAR + INERTIA / (MASS * REAR)  # [m] .245: Newton and Euler, moments about the rear axle
@@ -291,9 +291,9 @@ def test_it_never_asks_for_more_than_the_car_was_measured_to_hold(mu, direction,
 # -- the car
 
 
-def greatest_slide(speed, reference, limiter):
+def greatest_slide(speed, reference, limiter, tires):
     """Slide [m/s] of the car at `speed` given a step of the steering reference, through the limiter or straight."""
-    model, data, car = flat_world()
+    model, data, car = flat_world(tires=tires)
     meter = TireSlipMeter(model)
     car.set_pose(data, 0.0, 0.0, 0.0, speed)
     for _ in range(40):
@@ -302,35 +302,38 @@ def greatest_slide(speed, reference, limiter):
             command = limiter(reference, speed, car.odometry(data), PERIOD)
         car.apply(data, command)
         for _ in range(round(PERIOD / model.opt.timestep)):
-            mujoco.mj_step(model, data)
+            step(model, data)
             meter.record(data)
-        mujoco.mj_forward(model, data)
+        forward(model, data)
     return np.nanmax(meter.read().sliding_speed), data
 
 
+@pytest.mark.parametrize("tires", TIRES)
 @pytest.mark.parametrize("speed", [3.0, 5.0, 7.0])
-def test_a_step_of_the_steering_reference_slides_no_tire_and_does_without_the_limiter(speed):
-    slide, data = greatest_slide(speed, -CAR.max_steering_angle, FrictionLimiter(CAR, MU))
-    assert slide < SLIDING_SPEED
+def test_a_step_of_the_steering_reference_slides_no_tire_and_does_without_the_limiter(speed, tires):
+    slide, data = greatest_slide(speed, -CAR.max_steering_angle, FrictionLimiter(CAR, MU), tires)
+    assert slide < slides_above(tires)
     heading = 2.0 * math.atan2(data.qpos[6], data.qpos[3])
     assert heading < -0.5  # it did turn
-    assert greatest_slide(speed, -CAR.max_steering_angle, None)[0] > 2.0 * SLIDING_SPEED
+    assert greatest_slide(speed, -CAR.max_steering_angle, None, tires)[0] > 2.0 * SLIDING_SPEED
 
 
-def test_a_limiter_that_believes_in_half_as_much_grip_again_slides():
-    assert greatest_slide(5.0, CAR.max_steering_angle, FrictionLimiter(CAR, 1.5 * MU))[0] > SLIDING_SPEED
+@pytest.mark.parametrize("tires", TIRES)
+def test_a_limiter_that_believes_in_half_as_much_grip_again_slides(tires):
+    assert greatest_slide(5.0, CAR.max_steering_angle, FrictionLimiter(CAR, 1.5 * MU), tires)[0] > SLIDING_SPEED
 
 
-def test_full_braking_and_full_accelerating_through_the_limiter_slide_no_tire():
+@pytest.mark.parametrize("tires", TIRES)
+def test_full_braking_and_full_accelerating_through_the_limiter_slide_no_tire(tires):
     for speed, reference in ((7.0, 0.0), (0.0, 8.0)):
-        model, data, car = flat_world()
+        model, data, car = flat_world(tires=tires)
         meter, limiter = TireSlipMeter(model), FrictionLimiter(CAR, MU)
         car.set_pose(data, 0.0, 0.0, 0.0, speed)
         for _ in range(60):
             car.apply(data, limiter(0.0, reference, car.odometry(data), PERIOD))
             for _ in range(round(PERIOD / model.opt.timestep)):
-                mujoco.mj_step(model, data)
+                step(model, data)
                 meter.record(data)
-            mujoco.mj_forward(model, data)
-        assert np.nanmax(meter.read().sliding_speed) < SLIDING_SPEED
+            forward(model, data)
+        assert np.nanmax(meter.read().sliding_speed) < slides_above(tires)
         assert abs(car.ground_speed(data) - reference) < 0.3

@@ -48,6 +48,22 @@ def test_full_throttle_is_the_motors_limit_where_the_ground_holds(tires):
         assert row["held_limit_m_s2"] == pytest.approx(closed, rel=1e-4)
 
 
+def test_tires_that_slip_leave_less_of_an_acceleration_and_none_of_it_to_a_car_that_stands():
+    """Oracle: the servo and the slip of its wheels, integrated over ticks until they repeat."""
+    speed, slope, lag = 8.0, 60.0, CAR.speed_time_constant
+    wheel, car, shares = 0.0, 0.0, []
+    for _ in range(80):
+        target, start = wheel - lag, car  # asks for 1 m/s^2 less
+        for _ in range(2500):
+            # the wheels are slower than the car by speed times force / (slope g)
+            force = (car - target) / lag / (1.0 + speed / (lag * CAR.gravity * slope))
+            car -= 1e-5 * force
+        wheel = car - speed * force / (CAR.gravity * slope)
+        shares.append((start - car) / 0.025)
+    assert held_share(CAR, speed, slope) == pytest.approx(shares[-1], rel=1e-3)
+    assert held_share(CAR, 0.0, slope) == held_share(CAR) == pytest.approx(held_share(CAR, speed), rel=1e-12)
+
+
 def test_a_servo_that_follows_at_once_would_lose_nothing_to_the_tick():
     assert held_share(CAR) == pytest.approx((1 - math.exp(-0.25)) / 0.25, rel=1e-3)
 
@@ -66,7 +82,8 @@ def test_tires_stay_in_their_circle_and_the_guard_in_what_holds(mu, share, tires
     tables = EXPERIMENT.measure({"tires": tires, "part": "split", "mu": mu, "share": share})
     for row in tables["splits"]:
         assert row["reason"] == ""
-        assert row["greatest_use"] == pytest.approx(1.0, abs=1e-6)  # reached, and not passed
+        # reached, and not passed; on bristles forces and loads are means over short steps
+        assert 1.0 - (1e-6 if tires == "contact" else 1e-4) < row["greatest_use"] < 1.0 + 1e-6
         assert abs(row["guard_share"]) < 0.95 * abs(row["longitudinal_share"])  # measured: .90 at the nearest
         assert row["use_of_car"] < 1.02
     car = np.array([(row["along_g"], row["across_g"]) for row in tables["gg"]])

@@ -6,15 +6,16 @@ import pytest
 
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.studies.friction_lab.convergence import EXPERIMENT, GROUPS, soften
-from fg_mujoco.studies.friction_lab.experiment import LabSettings
+from fg_mujoco.studies.friction_lab.experiment import LAW_TIRES, LabSettings
 from fg_mujoco.studies.friction_lab.lab_figures import render
 from fg_mujoco.studies.friction_lab.open_ground import Engine, OpenGround
 from fg_mujoco.studies.friction_lab.rigid_car import creep
 from fg_mujoco.studies.friction_lab.steady_circle import SteadyCircle
+from fg_mujoco.vehicle.tires import Tires
 
 
-def reading(k=0.95, change=None, **engine):
-    circle = SteadyCircle(1.0489, 0.1, Engine(**engine))
+def reading(k=0.95, change=None, tires="contact", timestep=0.001, **engine):
+    circle = SteadyCircle(1.0489, 0.1, Engine(timestep=timestep, **engine), Tires.load(tires))
     if change is not None:
         change(circle.ground.model)
     return circle.at(k), circle
@@ -51,7 +52,7 @@ def test_sliding_tires_slide_at_the_cars_own_timestep_as_at_finer_ones_and_with_
 
 
 def test_softening_keeps_stiffness_and_creep():
-    changed, plain = OpenGround(), OpenGround()
+    changed, plain = OpenGround(tires=Tires()), OpenGround(tires=Tires())
     soften(changed.model, 0.8)
     assert (changed.model.pair_solimp[:, :2] == 0.8).all()
     for ground in (changed, plain):
@@ -65,10 +66,10 @@ def test_softening_keeps_stiffness_and_creep():
 
 def test_each_cell_changes_one_setting():
     for cell in EXPERIMENT.cells(LabSettings()):
-        if cell["setting"] == "impedance":
+        if cell["setting"] in ("impedance", "short steps"):
             continue
-        model, plain = OpenGround(engine=Engine(timestep=None)).model, OpenGround(engine=Engine(timestep=None)).model
-        Engine(**{"timestep": None, cell["setting"]: cell["value"]}).apply(model)
+        model, plain = (OpenGround(engine=Engine(), tires=Tires.load(cell["tires"])).model for _ in range(2))
+        Engine(**{cell["setting"]: cell["value"]}).apply(model)
         different = [name for name in ("timestep", "impratio", "solver", "cone", "iterations", "tolerance")
                      if getattr(model.opt, name) != getattr(plain.opt, name)]  # fmt: skip
         assert different in ([], [cell["setting"]])
@@ -77,17 +78,35 @@ def test_each_cell_changes_one_setting():
 
 
 def test_a_timestep_that_the_lidar_does_not_know_has_a_circle_but_no_lap():
-    row = EXPERIMENT.measure({"setting": "timestep", "value": 0.002})["settings"][0]
+    row = EXPERIMENT.measure({"tires": "contact", "setting": "timestep", "value": 0.002})["settings"][0]
     assert row["k_grip"] == pytest.approx(0.997, abs=0.003)
     assert math.isnan(row["lap_s"]) and "0.025 s" in row["reason"]
 
 
+@pytest.mark.parametrize("k", [0.95, 1.03, 1.1])
+def test_our_own_tires_are_right_at_the_cars_own_timestep_and_short_steps(k):
+    """Against .25 ms, holding and sliding."""
+    own, fine = (reading(k, tires="coulomb", timestep=timestep)[0] for timestep in (None, 0.00025))
+    assert own.curvature == pytest.approx(fine.curvature, rel=1e-3)
+    assert own.slide == pytest.approx(fine.slide, rel=0.01, abs=1e-3)
+    assert own.loads == pytest.approx(fine.loads, rel=0.01)
+
+
+def test_more_short_steps_change_little():
+    ground = SteadyCircle(1.0489, 0.1)
+    ground.ground.forces.steps = 64
+    own, fine = reading(1.1, tires="coulomb", timestep=None)[0], ground.at(1.1)
+    assert own.slide == pytest.approx(fine.slide, rel=0.01)
+    assert own.slide != fine.slide  # they are what acts
+
+
 def test_own_and_fine_timestep_give_one_lap_and_the_section_draws():
     rows = [row for cell in EXPERIMENT.cells(LabSettings(quick=True)) for row in EXPERIMENT.measure(cell)["settings"]]
-    own, fine = rows[:2]
-    assert own["lap_s"] == pytest.approx(fine["lap_s"], rel=2e-3)
-    assert own["lap_slide_m_s"] == pytest.approx(fine["lap_slide_m_s"], abs=0.006)
-    assert own["k_grip"] == pytest.approx(fine["k_grip"], abs=0.002)
+    for tires in LAW_TIRES:
+        own, fine = [row for row in rows if row["tires"] == tires][:2]
+        assert own["lap_s"] == pytest.approx(fine["lap_s"], rel=2e-3)
+        assert own["lap_slide_m_s"] == pytest.approx(fine["lap_slide_m_s"], abs=0.006)
+        assert own["k_grip"] == pytest.approx(fine["k_grip"], abs=0.002)
     section = EXPERIMENT.section({"settings": rows})
     assert all(name in own for name in section.columns["settings"])
     for figure in section.figures:

@@ -1,6 +1,7 @@
 """What pictures are made of, without drawing: states between ticks, tire forces, planner stages, cameras, the look."""
 
 import math
+from copy import copy
 from pathlib import Path
 
 import mujoco
@@ -9,8 +10,10 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.course.track_mesh import wall_prisms
+from fg_mujoco.simulation.cars import CAR_PREFIX
 from fg_mujoco.simulation.physics import STATE
 from fg_mujoco.vehicle.car import WHEELS
+from fg_mujoco.vehicle.tire_forces import TireForces
 from fg_mujoco.viz.rendering import car_meshes
 from fg_mujoco.viz.rendering.cameras import CAMERAS, Moment, View
 from fg_mujoco.viz.rendering.colours import friction_colour
@@ -30,13 +33,13 @@ def scenery(lap):
 
 def test_model_for_pictures_takes_the_states_of_the_race_and_moves_the_same(lap, scenery):
     """Stepping either model from a recorded state leads to the next one, bit for bit."""
-    for model in (lap.world.model, scenery):
+    for model in (copy(lap.world.model), copy(scenery)):
         assert mujoco.mj_stateSize(model, STATE) == lap.states.shape[1]
-        data = mujoco.MjData(model)
+        data, tires = mujoco.MjData(model), TireForces(model, CAR_PREFIX)
         mujoco.mj_setState(model, data, lap.states[200], STATE)
         data.ctrl[:] = lap.ctrl[200]
         for _ in range(5):
-            mujoco.mj_step(model, data)
+            tires.step(data)
         reached = np.empty(lap.states.shape[1])
         mujoco.mj_getState(model, data, reached, STATE)
         np.testing.assert_array_equal(reached, lap.states[201])
@@ -132,7 +135,7 @@ def _area(line):
 def test_forces_of_a_car_at_rest_can_carry_mu_times_its_weight(lap, scenery):
     data = mujoco.MjData(scenery)
     mujoco.mj_setState(scenery, data, lap.states[0], STATE)
-    mujoco.mj_forward(scenery, data)
+    TireForces(copy(scenery), CAR_PREFIX).forward(data)
     forces = TireForceMeter(scenery).read(data)
     weight = lap.world.parameters.mass * lap.world.parameters.gravity
     assert forces.limit.sum() == pytest.approx(lap.mu * weight, rel=0.03)
@@ -140,18 +143,19 @@ def test_forces_of_a_car_at_rest_can_carry_mu_times_its_weight(lap, scenery):
 
 def test_forces_on_the_tires_are_what_moves_the_car(lap, scenery):
     """Newton: their sum is mass times the acceleration of the CoG, here by the accelerometer's states."""
-    data = mujoco.MjData(scenery)
+    scenery = copy(scenery)
+    data, tires = mujoco.MjData(scenery), TireForces(scenery, CAR_PREFIX)
     meter = TireForceMeter(scenery)
     for tick in (60, 110, 200, 300):
         mujoco.mj_setState(scenery, data, lap.states[tick], STATE)
         data.ctrl[:] = lap.ctrl[tick]
-        mujoco.mj_forward(scenery, data)
+        tires.forward(data)
         forces = meter.read(data)
         mujoco.mj_subtreeVel(scenery, data)
         base = scenery.body("car/base_link").id
         before = data.subtree_linvel[base].copy()
-        mujoco.mj_step(scenery, data)
-        mujoco.mj_forward(scenery, data)
+        tires.step(data)
+        tires.forward(data)
         mujoco.mj_subtreeVel(scenery, data)
         acceleration = (data.subtree_linvel[base] - before) / scenery.opt.timestep
         total = np.nansum(forces.friction, axis=0)[:2]
@@ -277,8 +281,16 @@ def test_gg_diagram_has_the_accelerations_of_the_drive(lap, tmp_path):
     """Along by the change of speed, across by speed times yaw rate; within the circle of mu g where nothing slides."""
     ahead, left = accelerations(lap).T
     speed, yaw_rate = lap.column("speed_m_s"), lap.column("yaw_rate_rad_s")
-    share = 0.025 / lap.world.parameters.speed_time_constant  # within a tick the servo's pull dies away
-    assert np.median(np.abs(ahead[:-1] * (1.0 - math.exp(-share)) / share - np.diff(speed) / 0.025)) < 0.1
+    # within a tick the servo's pull dies away: it is measured in the first physics step
+    model, gained = copy(lap.world.model), []
+    data, tires = mujoco.MjData(model), TireForces(model, CAR_PREFIX)
+    for state, ctrl in zip(lap.states[:-1], lap.ctrl, strict=True):
+        mujoco.mj_setState(model, data, state, STATE)
+        data.ctrl[:] = ctrl
+        before = lap.world.car.ground_speed(data)
+        tires.step(data)
+        gained.append((lap.world.car.ground_speed(data) - before) / model.opt.timestep)
+    assert np.median(np.abs(ahead - gained)) < 0.1
     assert np.median(np.abs(left - speed * yaw_rate)) < 0.3
     assert np.hypot(ahead, left).max() < 1.02 * lap.mu * lap.world.parameters.gravity
     gg_picture(lap, tmp_path / "gg.png")

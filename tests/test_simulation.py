@@ -1,16 +1,18 @@
 """One world, one tick: 25 ms, the same bits every time, and sensors that agree with the truth."""
 
 import math
+from copy import copy
 
 import mujoco
 import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.simulation.cars import UNREAD_SENSORS
+from fg_mujoco.simulation.cars import CAR_PREFIX, UNREAD_SENSORS
 from fg_mujoco.simulation.engine import whole_steps
 from fg_mujoco.simulation.physics import STATE
 from fg_mujoco.vehicle.car import WHEELS
+from fg_mujoco.vehicle.tire_forces import TireForces
 
 GENTLE = fg.DriveCommand(steering_angle=0.03, speed=2.0)
 
@@ -143,9 +145,10 @@ def measured_anew(world, state, others=()):
                 reftype=plain.reftype,
             )  # fmt: skip
         model = spec.compile()
+    model = copy(model)
     data = mujoco.MjData(model)
     mujoco.mj_setState(model, data, state, STATE)
-    mujoco.mj_forward(model, data)
+    TireForces(model, CAR_PREFIX).forward(data)
     return data
 
 
@@ -170,10 +173,12 @@ def test_scan_and_odometry_are_of_the_end_of_their_tick(backend):
         assert simulation.pose[:2] == tuple(anew.body("car/base_link").xpos[:2])
 
 
-def test_the_accelerometer_is_that_of_the_last_physics_step():
+@pytest.mark.parametrize("tires", ["coulomb", "contact"])
+def test_the_accelerometer_is_that_of_the_last_physics_step(tires):
     """Oracle: another MjData, stepped alongside; the sensors of a step are those of the state that it starts from."""
-    world = fg.World("oval")
+    world = fg.World("oval", tires=tires)
     simulation, alongside = fg.Simulation(world), mujoco.MjData(world.model)
+    forces = TireForces(copy(world.model), CAR_PREFIX)
     simulation.reset(s=8.0, speed=4.0)
     before = None
     for tick in range(12):
@@ -181,11 +186,11 @@ def test_the_accelerometer_is_that_of_the_last_physics_step():
         mujoco.mj_setState(world.model, alongside, simulation.state, STATE)
         world.car.apply(alongside, command)
         for _ in range(simulation.substeps - 1):
-            mujoco.mj_step(world.model, alongside)
+            forces.step(alongside)
         state = np.empty_like(simulation.state)
         mujoco.mj_getState(world.model, alongside, state, STATE)
         expected = measured_anew(world, state).sensor("car/accelerometer").data.tolist()
-        mujoco.mj_step(world.model, alongside)
+        forces.step(alongside)
         mujoco.mj_getState(world.model, alongside, state, STATE)
         _, odometry = simulation.step(command)
         assert same_bits(simulation.state, state)

@@ -142,7 +142,7 @@ def test_walls_are_seen_from_the_ground_on_and_solids_reach_below_it(world):
 
 @pytest.mark.parametrize("mu", (None, 0.37, 1.4))
 def test_mu_reaches_all_four_tires_and_acts_in_the_contacts(mu):
-    world = fg.World("oval", mu=mu)
+    world = fg.World("oval", mu=mu, tires="contact")
     expected = 1.0489 if mu is None else mu
     assert Vehicle.load().nominal_mu == 1.0489
     assert world.car.mu == expected
@@ -153,6 +153,22 @@ def test_mu_reaches_all_four_tires_and_acts_in_the_contacts(mu):
     assert touching == {"car/ground", *(f"car/{wheel}_tire" for wheel in WHEELS)}
     assert len(contacts) == 4
     assert contacts.friction[:, :2].tolist() == [[expected, expected]] * 4  # both directions along the ground
+
+
+@pytest.mark.parametrize("mu", (None, 0.37, 1.4))
+def test_mu_reaches_all_four_tires_of_the_default_law(mu):
+    """Dragged sideways, each has mu times its load, and nothing touches the ground but the tires' law."""
+    world = fg.World("oval", mu=mu)
+    expected = 1.0489 if mu is None else mu
+    assert world.car.mu == expected
+    engine, data = Engine(world), mujoco.MjData(world.model)
+    engine.place([Start(s=3.0)])
+    engine.qvel(0)[1] = 3.0
+    engine.drive()
+    slip = engine.slip()
+    assert slip[3][1:] == pytest.approx(expected * slip[2][1:], rel=1e-6) and (slip[2] > 1.0).all()
+    engine.read(0, data)
+    assert len(data.contact) == 0
 
 
 @pytest.mark.parametrize("mu", (0.2, 0.4))

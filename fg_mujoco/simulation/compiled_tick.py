@@ -157,7 +157,8 @@ def _step_world(model: int, data: int, world: int, address: int) -> None:
         ),
         gear_rows(table[_GEARS]), whole_matrix(table[_CAR_PLACES]), car_rows(table[_CARS]),
         tire_rows(table[_TIRE_ROWS]), matrix(table[_MU]), _floor(table), matrix(table[_MOTIONS]),
-        numbers(table[_TIMES])[_TIMESTEP], cube(table[_RECORDS]), cube(table[_TIRE_STATES]), numbers(table[_SCRATCH]),
+        numbers(table[_TIMES])[_TIMESTEP], matrix(table[_SENSORS]), cube(table[_RECORDS]), cube(table[_TIRE_STATES]),
+        numbers(table[_SCRATCH]),
         ClearGround(matrix(table[_DISTANCES]), numbers(table[_CORNER]), matrix(table[_BODIES])),
     )  # fmt: skip
 

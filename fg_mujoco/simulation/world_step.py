@@ -83,6 +83,7 @@ def step_world(
     floor: Floor,
     motions: FloatArray,
     timestep: float,
+    sensors: FloatArray,
     records: FloatArray,
     tire_states: FloatArray,
     scratch: FloatArray,
@@ -108,6 +109,7 @@ def step_world(
       floor: of all worlds.
       motions: (obstacles, 8) of `motion_table`.
       timestep: [s].
+      sensors: (n, nsensordata) of the last step, written to.
       records: (n, steps, nsensordata) written to.
       tire_states: (n, steps, k USERDATA) written to.
       scratch: of this thread.
@@ -128,7 +130,7 @@ def step_world(
                 timestep, userdata, scratch, clear, step == end - 1,
             )  # fmt: skip
         for k in range(sizes.readings):
-            records[world, step, k] = readings[k]
+            sensors[world, k] = records[world, step, k] = readings[k]
         for k in range(sizes.userdata):
             tire_states[world, step, k] = userdata[k]
     _place_obstacles(data, found, motions)

@@ -544,30 +544,22 @@ def deflect(
       Deflections, forces, the size of the slip over that of the peak, and how fast it slides, forward and to the left
       [m/s].
     """
-    sigma, sliding_x, sliding_y = tire.relaxation_length, 0.0, 0.0
     if tire.holds:
-        rolled = 1.0 + timestep * forward / sigma
-        share = 1.0 / rolled
-        new_along, new_across = (along + timestep * over_x) * share, (across + timestep * over_y) * share
-        ratio, angle = new_along / (sigma * tire.peak_slip[0]), new_across / (sigma * tire.peak_slip[1])
-        size = math.sqrt(ratio * ratio + angle * angle)
-        if size > 1.0:
-            beyond = (1.0 - 1.0 / size) * rolled / timestep
-            sliding_x, sliding_y = new_along * beyond, new_across * beyond
-            new_along, new_across = new_along / size, new_across / size
-    else:
-        if tire.slides and along * over_x + across * over_y < 0.0 and slips(tire, along, across)[2] > 1.0:
-            # A tire that slid, and now moves back, springs back by what gives its force, and no more.
-            force_x, force_y = patch_force(tire, along, across, grip)
-            along, across = -force_x * sigma / (grip * tire.slope[0]), -force_y * sigma / (grip * tire.slope[1])
-        # a locked wheel deflects no further than to GREATEST_SLIP
-        roll = max(forward, math.sqrt(over_x * over_x + over_y * over_y) / GREATEST_SLIP)
-        share = 1.0 / (1.0 + timestep * roll / sigma)
-        new_along, new_across = (along + timestep * over_x) * share, (across + timestep * over_y) * share
-        ratio, angle, size = slips(tire, new_along, new_across)
-        ratio, angle = ratio / tire.peak_slip[0], angle / tire.peak_slip[1]
-        if tire.slides and size > 1.0:
-            sliding_x, sliding_y = over_x * (1.0 - 1.0 / size), over_y * (1.0 - 1.0 / size)
+        rolled = 1.0 / (1.0 + timestep * forward / tire.relaxation_length)
+        return bend(tire, along, across, over_x, over_y, rolled, grip, timestep)
+    sigma, sliding_x, sliding_y = tire.relaxation_length, 0.0, 0.0
+    if tire.slides and along * over_x + across * over_y < 0.0 and slips(tire, along, across)[2] > 1.0:
+        # A tire that slid, and now moves back, springs back by what gives its force, and no more.
+        force_x, force_y = patch_force(tire, along, across, grip)
+        along, across = -force_x * sigma / (grip * tire.slope[0]), -force_y * sigma / (grip * tire.slope[1])
+    # a locked wheel deflects no further than to GREATEST_SLIP
+    roll = max(forward, math.sqrt(over_x * over_x + over_y * over_y) / GREATEST_SLIP)
+    share = 1.0 / (1.0 + timestep * roll / sigma)
+    new_along, new_across = (along + timestep * over_x) * share, (across + timestep * over_y) * share
+    ratio, angle, size = slips(tire, new_along, new_across)
+    ratio, angle = ratio / tire.peak_slip[0], angle / tire.peak_slip[1]
+    if tire.slides and size > 1.0:
+        sliding_x, sliding_y = over_x * (1.0 - 1.0 / size), over_y * (1.0 - 1.0 / size)
     force_x, force_y = _shared_force(tire, ratio, angle, size, grip)
     force_x -= tire.damping * (new_along - along) / timestep
     force_y -= tire.damping * (new_across - across) / timestep
@@ -577,6 +569,31 @@ def deflect(
         if much > grip * grip:
             down = grip / math.sqrt(much)
             force_x, force_y = force_x * down, force_y * down
+    return new_along, new_across, force_x, force_y, size, sliding_x, sliding_y
+
+
+@kernel
+def bend(
+    tire: Any, along: float, across: float, over_x: float, over_y: float, rolled: float, grip: float, timestep: float
+) -> tuple[float, float, float, float, float, float, float]:
+    """Do what `deflect` does, for a tire of bristles; `rolled` is the share of a deflection that rolling leaves."""
+    new_along, new_across = (along + timestep * over_x) * rolled, (across + timestep * over_y) * rolled
+    ratio = new_along / (tire.relaxation_length * tire.peak_slip[0])
+    angle = new_across / (tire.relaxation_length * tire.peak_slip[1])
+    square, sliding_x, sliding_y = ratio * ratio + angle * angle, 0.0, 0.0
+    size = math.sqrt(square)
+    if square > 1.0:
+        beyond = (1.0 - 1.0 / size) / (rolled * timestep)
+        sliding_x, sliding_y = new_along * beyond, new_across * beyond
+        new_along, new_across = new_along / size, new_across / size
+    force_x, force_y = _shared_force(tire, ratio, angle, size, grip)
+    slow = tire.damping / timestep
+    force_x, force_y = force_x - slow * (new_along - along), force_y - slow * (new_across - across)
+    share_x, share_y = force_x / tire.peak[0], force_y / tire.peak[1]
+    much = share_x * share_x + share_y * share_y
+    if much > grip * grip:
+        down = grip / math.sqrt(much)
+        force_x, force_y = force_x * down, force_y * down
     return new_along, new_across, force_x, force_y, size, sliding_x, sliding_y
 
 
@@ -698,7 +715,7 @@ def push_car(
     shared = scratch[512:768].reshape(16, 16)  # by velocity and common dof
     mobility = scratch[768:1024].reshape(16, 16)
     velocity, force, mean, free = scratch[1024:1040], scratch[1040:1056], scratch[1056:1072], scratch[1072:1088]
-    depth, forward = scratch[1088:1092], scratch[1092:1096]
+    depth, forward, rolled = scratch[1088:1092], scratch[1092:1096], scratch[1096:1100]
     short = timestep / steps
     for i in range(CONTACTS):
         velocity[i] = force[i] = mean[i] = free[i] = 0.0
@@ -707,7 +724,9 @@ def push_car(
     for k in range(wheels):
         depth[k], turn = _wheel_rows(data, found, tires[k], gear.drive_share[k], dofs, timestep, jacobian[k])
         forward[k] = _move(data, found, tires[k], k, short, dofs, turn, timestep, jacobian[k], velocity, free)
-        own[USERDATA * k + LOAD : USERDATA * (k + 1)] = 0.0
+        rolled[k] = 1.0 / (1.0 + short * forward[k] / tires[k].relaxation_length)
+        for part in range(LOAD, USERDATA):
+            own[USERDATA * k + part] = 0.0
         _half_solve(data, found, inertia, tires[k], k, dofs, jacobian[k], halves[k], shared)
     _half_solve_common(data, found, inertia, gear, dofs, shared)
     _mobility(gear, tires, short, halves, shared, mobility)
@@ -728,10 +747,15 @@ def push_car(
             if depth[k] <= 0.0 or load <= 0.0:
                 state[ALONG] = state[ACROSS] = force[3 * k] = force[3 * k + 1] = force[3 * k + 2] = 0.0
                 continue
-            state[ALONG], state[ACROSS], force[3 * k], force[3 * k + 1], size, sliding_x, sliding_y = deflect(
-                tire, state[ALONG], state[ACROSS], velocity[3 * k], velocity[3 * k + 1], forward[k],
-                grip_of(tire, load, mu[k]), short,
-            )  # fmt: skip
+            grip = grip_of(tire, load, mu[k])
+            if tire.holds:
+                state[ALONG], state[ACROSS], force[3 * k], force[3 * k + 1], size, sliding_x, sliding_y = bend(
+                    tire, state[ALONG], state[ACROSS], velocity[3 * k], velocity[3 * k + 1], rolled[k], grip, short
+                )
+            else:
+                state[ALONG], state[ACROSS], force[3 * k], force[3 * k + 1], size, sliding_x, sliding_y = deflect(
+                    tire, state[ALONG], state[ACROSS], velocity[3 * k], velocity[3 * k + 1], forward[k], grip, short
+                )
             force[3 * k + 2] = load
             if size > state[SLIP_SIZE]:
                 state[SLIP_SIZE] = size
@@ -899,10 +923,13 @@ def _mobility(
     """Write by how much each force changes each velocity in a short step (CONTACTS, CONTACTS)."""
     for i in range(CONTACTS):
         for j in range(i + 1):
-            total = 0.0
-            for place in range(gear.commons):
-                total += shared[i, place] * shared[j, place]
-            mobility[i, j] = total
+            even = odd = 0.0  # two sums go on at a time
+            for place in range(0, gear.commons - 1, 2):
+                even += shared[i, place] * shared[j, place]
+                odd += shared[i, place + 1] * shared[j, place + 1]
+            if gear.commons % 2 == 1:
+                even += shared[i, gear.commons - 1] * shared[j, gear.commons - 1]
+            mobility[i, j] = even + odd
     for k in range(len(tires)):
         for link in range(tires[k].own_links):
             row = halves[k, link]

@@ -163,7 +163,7 @@ def _stop(tires: Tires, mu: float, speed: float, how: str) -> Row:
         "speed_m_s": speed,
         "how": how,
         "distance_m": float(np.hypot(*moved)),
-        "closed_form_m": stopping_distance(speed, mu, car, how),
+        "closed_form_m": stopping_distance(speed, mu, car, how, tires.on(mu).longitudinal_slope),
         "best_m": best,
         "ratio": float(np.hypot(*moved)) / best,
         "slide_m_s": float(np.nanmax(trace.slip.sliding_speed)),

@@ -134,12 +134,13 @@ def sliding_sideways(way: str, mu: float, *, speed: float = 3.0, timestep: float
     return -float(np.polyfit(time, velocity, 1)[0]) / slab.car.parameters.gravity
 
 
-def brake_onset(mu: float, *, timestep: float | None = None, tolerance: float = 0.004) -> float:
+def brake_onset(mu: float, *, timestep: float = 0.001, tolerance: float = 0.004) -> float:
     """Return from which fraction of the closed form a tire of a car that brakes on a patch slides, by bisection [-].
 
     The rear axle carries M (g lf - a h') / b and passes on M a / 2 of a braking a: it lets go at
     a = g lf / b / (h' / b + 1 / (2 mu)), where h' is the CoG's height and what the wheels' own inertia adds to it,
-    4 I / (M r). NaN where it is not between 0.9 and 1.2.
+    4 I / (M r). NaN where it is not between 0.9 and 1.2. The set point is given anew at each step, hence a fine one: held
+    for 5 ms, the servo gives 2.5 % less than was asked for.
     """
 
     def slides(fraction: float) -> bool:

@@ -125,8 +125,9 @@ def sliding_onset(mu: float, steering: float, car: CarParameters, model: mujoco.
     lies below where creep alone passes SLIDING_SPEED, on grippy ground, and above on slippery ground, where the car
     has to run wide by what creep leaves of it.
 
-    Bristles do not creep, and cross their way from `held_curvature` on. Those of the inner front wheel, which rolls slower than the middle of its axle by the yaw
-    rate times half the track, take up as much less where both front wheels are at the end of their bristles.
+    Bristles do not creep, and cross their way from `held_curvature` on. Those of the inner front wheel, which rolls
+    slower than the middle of its axle by the yaw rate times half the track, take up as much less where both front
+    wheels are at the end of their bristles.
     """
     limit = onset(mu, steering, car)
     law = friction_speed(steering, mu, car.wheelbase, car.gravity)

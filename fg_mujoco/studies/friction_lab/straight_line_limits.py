@@ -29,33 +29,45 @@ def even_torque_limit(mu: float, car: CarParameters, direction: int, spin_inerti
     return car.gravity * lever / car.wheelbase / (height / car.wheelbase + 0.5 / mu)
 
 
-def held_share(car: CarParameters) -> float:
+def held_share(car: CarParameters, speed: float = 0.0, slope: float = math.inf) -> float:
     """Return the share of an asked acceleration that the car has on average, its set point held for a tick [-].
 
-    The servo, of time constant t, catches up with the set point in the tick T: t / T (1 - exp(-T / t)).
+    The servo, of time constant t, catches up with the set point in the tick T: t / T (1 - exp(-T / t)). A tire slips by
+    a ratio that goes with its force, so that the wheels of a car at the speed v take up a part c = v / (t g slope) of
+    what is asked at once, and give it back as the force falls. With t' = t (1 + c) and e = exp(-T / t') this makes
+    t / T (1 - e) / (1 - e c / (1 + c)).
+
+    Args:
+      car: parameters.
+      speed: of the car [m/s].
+      slope: force over load for each unit of slip ratio [-]; infinite: tires that do not slip.
     """
     lag = car.speed_time_constant
-    return lag / TICK * -math.expm1(-TICK / lag)
+    taken = speed / (lag * car.gravity * slope)
+    left = math.exp(-TICK / (lag * (1.0 + taken)))
+    return lag / TICK * (1.0 - left) / (1.0 - left * taken / (1.0 + taken))
 
 
-def stopping_distance(speed: float, mu: float, car: CarParameters, how: str) -> float:
+def stopping_distance(speed: float, mu: float, car: CarParameters, how: str, slope: float = math.inf) -> float:
     """Return the closed form of a stop [m].
 
     held: mu g. full: twice the rear axle's friction. guard: the friction limiter's braking, the mean over each
-    tick. It grows over the load's transfer time, of which one tick is there at once.
+    tick, of which tires that slip leave less (`held_share`, at two thirds of the speed: the mean over the way). It grows
+    over the load's transfer time, of which one tick is there at once.
 
     Args:
       speed: at its beginning [m/s].
       mu: friction coefficient [-].
       car: parameters.
       how: "held", "full" or "guard".
+      slope: of `held_share`.
     """
     if how == "held":
         return speed**2 / (2.0 * mu * car.gravity)
     if how == "full":
         return speed**2 / (2.0 * even_torque_limit(mu, car, -1))
     limiter = FrictionLimiter(car, mu)
-    braking = limiter.braking
+    braking = limiter.braking * held_share(car, speed / 1.5, slope) / held_share(car)
     growing = limiter.settings.load_transfer_time - TICK
     distance: float = speed**2 / (2.0 * braking) + 0.5 * speed * growing - braking * growing**2 / 24.0
     return distance
