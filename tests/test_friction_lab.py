@@ -370,6 +370,9 @@ def test_each_experiment_says_its_whole_work_in_json_the_same_each_time(name, mo
 
 
 def test_the_command_line_starts_without_the_experiments():
-    code = "import sys, fg_mujoco.cli.main; print([name for name in sys.modules if 'friction_lab' in name])"
+    code = (
+        "import sys, fg_mujoco.cli.main, fg_mujoco.cli.friction; "
+        "print([name for name in sys.modules if 'friction_lab' in name])"
+    )
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout
     assert "lab_report" in loaded and "skidpad" not in loaded and "single_track" not in loaded

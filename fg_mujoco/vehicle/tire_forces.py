@@ -55,7 +55,7 @@ from .tires.sets import numbers_of
 
 _MOST_LINKS = 16  # joints between the world and a wheel, at most
 _DAMPING_RATIO = 0.3  # [-] of a wheel's spin on its tire: between those of rubber and of its foam
-_LONGEST = 0.5  # [-] of a short step times the fastest rate of the tires: errors of yaw rates are then within 1.5 %
+_LONGEST = (0.35, 0.5)  # [-] of a short step times the fastest rate of the tires, of curves and of bristles: measured
 _MOST_STEPS = 64  # short ones in a physics step
 _FIRST_AXLE = "front"
 _STILL = 1.0  # [rad/s] of a wheel: from there on it has all of its rolling resistance
@@ -264,20 +264,20 @@ def steps_within(model: mujoco.MjModel, rows: TireRows, timestep: float) -> int:
     Raises:
       ModelError: a step that is too long for tires so stiff.
     """
-    fastest = 0.0
+    fastest = 0.0  # [rad/s] of all, over what a short step may be of it
     for row in rows:
         mass = float(model.body_mass[row["body"]])
         unsprung = float(model.body_subtreemass[model.body_parentid[row["body"]]]) if mass else mass
         upright = math.sqrt(float(row["vertical_stiffness"]) / max(min(unsprung, 1.0), mass, 1e-3))
         greatest = max(float(slope) for slope in row["slope"])
         stiffness = greatest * float(row["nominal_load"]) / float(row["relaxation_length"])
-        fastest = max(fastest, upright, math.sqrt(stiffness / _spinning_mass(model, row)))
-    steps = max(math.ceil(timestep * fastest / _LONGEST - 1e-9), 1)
+        rate = max(upright, math.sqrt(stiffness / _spinning_mass(model, row)))
+        fastest = max(fastest, rate / _LONGEST[int(row["holds"])])
+    steps = max(math.ceil(timestep * fastest - 1e-9), 1)
     if steps > _MOST_STEPS:
-        longest = _MOST_STEPS * _LONGEST / fastest
         raise ModelError(
-            f"timestep is {timestep:g} s with tires that follow at {fastest:.4g} rad/s; accepted: up to {longest:.3g} s, "
-            "or tires with less stiffness or a longer relaxation_length"
+            f"timestep is {timestep:g} s with tires so stiff; accepted: up to {_MOST_STEPS / fastest:.3g} s, or tires with "
+            "less stiffness or a longer relaxation_length"
         )
     return steps
 
@@ -545,8 +545,8 @@ def deflect(
       [m/s].
     """
     if tire.holds:
-        rolled = 1.0 / (1.0 + timestep * forward / tire.relaxation_length)
-        return bend(tire, along, across, over_x, over_y, rolled, grip, timestep)
+        left, reach = rolled(forward, tire.relaxation_length, timestep)
+        return bend(tire, along, across, over_x, over_y, left, reach, grip, timestep)
     sigma, sliding_x, sliding_y = tire.relaxation_length, 0.0, 0.0
     if tire.slides and along * over_x + across * over_y < 0.0 and slips(tire, along, across)[2] > 1.0:
         # A tire that slid, and now moves back, springs back by what gives its force, and no more.
@@ -554,8 +554,8 @@ def deflect(
         along, across = -force_x * sigma / (grip * tire.slope[0]), -force_y * sigma / (grip * tire.slope[1])
     # a locked wheel deflects no further than to GREATEST_SLIP
     roll = max(forward, math.sqrt(over_x * over_x + over_y * over_y) / GREATEST_SLIP)
-    share = 1.0 / (1.0 + timestep * roll / sigma)
-    new_along, new_across = (along + timestep * over_x) * share, (across + timestep * over_y) * share
+    left, reach = rolled(roll, sigma, timestep)
+    new_along, new_across = along * left + reach * over_x, across * left + reach * over_y
     ratio, angle, size = slips(tire, new_along, new_across)
     ratio, angle = ratio / tire.peak_slip[0], angle / tire.peak_slip[1]
     if tire.slides and size > 1.0:
@@ -573,17 +573,31 @@ def deflect(
 
 
 @kernel
+def rolled(forward: float, relaxation_length: float, timestep: float) -> tuple[float, float]:
+    """Return which share of a deflection is left after a short step of rolling, and what a velocity adds to it [s].
+
+    Both are exact where the velocities stay.
+    """
+    way = timestep * forward / relaxation_length
+    if way < 1e-6:
+        return 1.0 - way, timestep
+    left = math.exp(-way)
+    return left, timestep * (1.0 - left) / way
+
+
+@kernel
 def bend(
-    tire: Any, along: float, across: float, over_x: float, over_y: float, rolled: float, grip: float, timestep: float
-) -> tuple[float, float, float, float, float, float, float]:
-    """Do what `deflect` does, for a tire of bristles; `rolled` is the share of a deflection that rolling leaves."""
-    new_along, new_across = (along + timestep * over_x) * rolled, (across + timestep * over_y) * rolled
+    tire: Any, along: float, across: float, over_x: float, over_y: float, left: float, reach: float, grip: float,
+    timestep: float,
+) -> tuple[float, float, float, float, float, float, float]:  # fmt: skip
+    """Do what `deflect` does, for a tire of bristles; `left` and `reach` are of `rolled`."""
+    new_along, new_across = along * left + reach * over_x, across * left + reach * over_y
     ratio = new_along / (tire.relaxation_length * tire.peak_slip[0])
     angle = new_across / (tire.relaxation_length * tire.peak_slip[1])
     square, sliding_x, sliding_y = ratio * ratio + angle * angle, 0.0, 0.0
     size = math.sqrt(square)
     if square > 1.0:
-        beyond = (1.0 - 1.0 / size) / (rolled * timestep)
+        beyond = (1.0 - 1.0 / size) / reach
         sliding_x, sliding_y = new_along * beyond, new_across * beyond
         new_along, new_across = new_along / size, new_across / size
     force_x, force_y = _shared_force(tire, ratio, angle, size, grip)
@@ -715,7 +729,8 @@ def push_car(
     shared = scratch[512:768].reshape(16, 16)  # by velocity and common dof
     mobility = scratch[768:1024].reshape(16, 16)
     velocity, force, mean, free = scratch[1024:1040], scratch[1040:1056], scratch[1056:1072], scratch[1072:1088]
-    depth, forward, rolled = scratch[1088:1092], scratch[1092:1096], scratch[1096:1100]
+    depth, forward = scratch[1088:1092], scratch[1092:1096]
+    left, reach = scratch[1096:1100], scratch[1100:1104]
     short = timestep / steps
     for i in range(CONTACTS):
         velocity[i] = force[i] = mean[i] = free[i] = 0.0
@@ -724,7 +739,7 @@ def push_car(
     for k in range(wheels):
         depth[k], turn = _wheel_rows(data, found, tires[k], gear.drive_share[k], dofs, timestep, jacobian[k])
         forward[k] = _move(data, found, tires[k], k, short, dofs, turn, timestep, jacobian[k], velocity, free)
-        rolled[k] = 1.0 / (1.0 + short * forward[k] / tires[k].relaxation_length)
+        left[k], reach[k] = rolled(forward[k], tires[k].relaxation_length, short)
         for part in range(LOAD, USERDATA):
             own[USERDATA * k + part] = 0.0
         _half_solve(data, found, inertia, tires[k], k, dofs, jacobian[k], halves[k], shared)
@@ -750,7 +765,7 @@ def push_car(
             grip = grip_of(tire, load, mu[k])
             if tire.holds:
                 state[ALONG], state[ACROSS], force[3 * k], force[3 * k + 1], size, sliding_x, sliding_y = bend(
-                    tire, state[ALONG], state[ACROSS], velocity[3 * k], velocity[3 * k + 1], rolled[k], grip, short
+                    tire, state[ALONG], state[ACROSS], velocity[3 * k], velocity[3 * k + 1], left[k], reach[k], grip, short
                 )
             else:
                 state[ALONG], state[ACROSS], force[3 * k], force[3 * k + 1], size, sliding_x, sliding_y = deflect(

@@ -58,8 +58,8 @@ GROUPS: dict[str, tuple[Any, ...]] = {
 }
 """Those of MuJoCo's contacts."""
 
-_OWN_QUICK = {"timestep": (0.005, 0.001), "short steps": (64, 4)}
-_QUICK = {"timestep": (0.005, 0.001), "impratio": (1.0, 40.0)}
+_OWN_QUICK = {"timestep": (0.005, 0.0005), "short steps": (64, 4)}
+_QUICK = {"timestep": (0.005, 0.0005), "impratio": (1.0, 40.0)}
 _LAPS = 2  # of the oval; the second is told, a flying one
 _CIRCLE = ("k_grip", "k_slides", "creep_m_s", "slide_m_s", "airborne_share", "fast_slide_m_s")
 _LAP = ("lap_s", "lap_slide_m_s")

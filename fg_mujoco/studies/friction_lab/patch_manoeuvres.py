@@ -139,8 +139,8 @@ def brake_onset(mu: float, *, timestep: float = 0.001, tolerance: float = 0.004)
 
     The rear axle carries M (g lf - a h') / b and passes on M a / 2 of a braking a: it lets go at
     a = g lf / b / (h' / b + 1 / (2 mu)), where h' is the CoG's height and what the wheels' own inertia adds to it,
-    4 I / (M r). NaN where it is not between 0.9 and 1.2. The set point is given anew at each step, hence a fine one: held
-    for 5 ms, the servo gives 2.5 % less than was asked for.
+    4 I / (M r). NaN where it is not between 0.9 and 1.2. The set point is given anew at each step, hence a fine one:
+    held for 5 ms, the servo gives 2.5 % less than was asked for.
     """
 
     def slides(fraction: float) -> bool:

@@ -52,8 +52,8 @@ def stopping_distance(speed: float, mu: float, car: CarParameters, how: str, slo
     """Return the closed form of a stop [m].
 
     held: mu g. full: twice the rear axle's friction. guard: the friction limiter's braking, the mean over each
-    tick, of which tires that slip leave less (`held_share`, at two thirds of the speed: the mean over the way). It grows
-    over the load's transfer time, of which one tick is there at once.
+    tick, of which tires that slip leave less (`held_share`, at two thirds of the speed: the mean over the way). It
+    grows over the load's transfer time, of which one tick is there at once.
 
     Args:
       speed: at its beginning [m/s].
