@@ -467,7 +467,7 @@ class _Announcer(event.Listener):  # type: ignore[misc]
     def on_start(self, event: Any) -> None:
         if _ANNOUNCED not in os.environ and isinstance(event.data["dispatcher"], (Dispatcher, _Part)):
             os.environ[_ANNOUNCED] = "announced"  # processes that this one starts say nothing
-            say("compiling kernels, once; this takes about 10 s")
+            say("compiling kernels, once; this takes 10 to 30 s")
 
     def on_end(self, event: Any) -> None:
         """Nothing to say."""

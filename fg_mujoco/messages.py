@@ -310,7 +310,7 @@ class CarParameters:
     """What a planner is told of its car. Read off the compiled model by `fg_mujoco.vehicle.car`, never typed twice.
 
     The last seven are of its tires, as `fg-mujoco identify` finds them on a real car. Their defaults are those of tires
-    that need no slip angle, as MuJoCo's contacts.
+    that need hardly any slip angle: the default set `coulomb`, and MuJoCo's contacts.
 
     Raises:
       MessageError: a value that is not a positive number (`min_speed`: not a finite one; of the tires: inf is one).

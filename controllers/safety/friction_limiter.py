@@ -13,7 +13,7 @@ acceleration that the tires can hold:
    braking and off the front axle in accelerating, so straight ahead the lighter axle slides first, at
    g (l / b) / (h / b + 1 / (2 mu)), with l = lf in braking and lr in accelerating. In a corner the lighter inner wheel
    slides first: at a share u of the lateral grip a share (1 - u)^p of the straight-line limit is left. For the F1TENTH
-   car p = .7 was measured on steady circles, at mu .6 and 1.0489, and p = .8 is used, because turning in and braking
+   car p = .7 was measured on steady circles, at mu .6 and 1.0489, and p = .9 is used, because turning in and braking
    at once is not a steady circle. `cornering_exponent` scales p for cars that move more load to the outer wheels.
 5. Load moves in the time that the suspension takes: braking and accelerating grow over that time, and may fall at once.
 

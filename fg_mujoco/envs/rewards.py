@@ -1,7 +1,7 @@
 """What a tick is worth to a policy that learns: three terms, of what a race is judged by.
 
     reward = progress * metres driven along the centreline        (backward counts negative)
-           - collision, once, when the chassis touches anything
+           - collision, once, when the chassis touches anything or the car rolls over
            - sliding * seconds of the tick in which a tire slides (see `TireSlip.slides`)
 
 With the default weights a lap is worth its length, less what was done wrong.

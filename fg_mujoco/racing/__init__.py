@@ -2,6 +2,6 @@
 
 `race` has race, the closed loop for one car, and `result` its RaceResult. `run_folder` writes and reads run folders.
 `resimulation` simulates a run again from its recorded controls, and `replay` checks that every bit is the same.
-`hints` says what a race shows of a mistake in its planner.
+`crash` and `rollover` say where a race ended so, and `hints` what a race shows of a mistake in its planner.
 `planner_loading` finds and builds planners, and `planner_choice` reads `NAME[SETTING=VALUE,...]`.
 """

@@ -117,7 +117,7 @@ class RaceResult(Shown):
     track: str
     vehicle: str
     vehicle_sha256: str  # of its MJCF and its LiDAR's
-    tires: str  # their name, `contact` for MuJoCo's contacts
+    tires: str  # the name of their set; `contact`: MuJoCo's own contacts
     tires_model: str  # of their law, or `contact`: it says when they slide
     tires_sha256: str  # of their numbers
     controller: str
@@ -131,7 +131,7 @@ class RaceResult(Shown):
     planner_failure: PlannerFailure | None  # where and why the planner failed; None: it did not
     lap_times_s: tuple[float, ...]  # the first from a standing start
     collisions: int
-    max_slide_m_s: float  # fastest that any tire's contact point moved over the ground
+    max_slide_m_s: float  # greatest sliding speed of any tire (`TireSlip.sliding_speed`)
     max_lateral_slide_m_s: float  # the same, across the wheel's heading: sideways, and not by spinning or locked wheels
     slide_time_fraction: float  # share of the physics steps in which a tire slid (`TireSlip.slides`)
     mean_speed_m_s: float

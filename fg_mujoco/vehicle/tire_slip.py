@@ -2,7 +2,7 @@
 
     meter = TireSlipMeter(model)
     for _ in range(substeps):
-        mujoco.mj_step(model, data)
+        forces.step(data)  # of TireForces(model)
         meter.record(data)
     slip = meter.read()  # arrays of shape (substeps, 4)
 
@@ -58,10 +58,10 @@ READINGS = 19
 angular velocity of the wheel."""
 
 SLIDING_SPEED = 0.05
-"""[m/s] A tire slides when its contact point moves faster than this over the ground.
+"""[m/s] A tire of the model `contact` slides when its contact point moves faster than this over the ground.
 
-A tire that holds still creeps by 4 mm/s for each m/s^2 (see the tires' `solreffriction` in models/f1tenth.xml): 42 mm/s
-at the limit of dry ground, measured on steady circles; past the limit the speed soon exceeds 100 mm/s.
+While it holds it creeps by 4 mm/s for each m/s^2 (see the tires' `solreffriction` in models/f1tenth.xml): 42 mm/s at
+the limit of dry ground, measured on steady circles; past the limit the speed soon exceeds 100 mm/s.
 """
 
 
@@ -124,7 +124,11 @@ class TireSlip:
 
     @property
     def sliding_speed(self) -> FloatArray:
-        """Of the contact point over the ground; of a tire with a curve, as far as it is past its peak [m/s]."""
+        """How fast each tire slides [m/s].
+
+        Of bristles: the ground under them, beyond what bends them. Of the model `contact`: the contact point over the
+        ground. Of any other tire: the part of its slip speed by which it is past its peak.
+        """
         values: FloatArray = self.values[_SLIDING_SPEED]
         return values
 
