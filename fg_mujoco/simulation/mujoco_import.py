@@ -13,6 +13,7 @@ import contextlib
 import importlib.util
 import os
 import sys
+import threading
 from types import ModuleType
 from typing import Any
 
@@ -37,19 +38,28 @@ def import_mujoco() -> None:
 
 
 class _Later(ModuleType):
-    """A module that is imported once something of it is asked for. (`importlib.util.LazyLoader` imports it earlier.)"""
+    """A module that is imported once something of it is asked for. (`importlib.util.LazyLoader` imports it earlier.)
+
+    A thread that asks while another one imports it waits.
+    """
 
     def __getattr__(self, name: str) -> Any:
-        if name.startswith("__"):
-            raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
-        self.__class__ = ModuleType  # type: ignore[assignment]
-        assert self.__spec__ is not None and self.__spec__.loader is not None
-        try:
-            self.__spec__.loader.exec_module(self)
-        except BaseException:
-            self.__class__ = _Later
-            raise
+        with _importing:
+            if name in vars(self):  # another thread has imported it meanwhile
+                return vars(self)[name]
+            if name.startswith("__") or "_begun" in vars(self) or type(self) is ModuleType:
+                raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
+            assert self.__spec__ is not None and self.__spec__.loader is not None
+            vars(self)["_begun"] = True
+            try:
+                self.__spec__.loader.exec_module(self)
+                self.__class__ = ModuleType  # type: ignore[assignment]
+            finally:
+                vars(self).pop("_begun", None)
         return getattr(self, name)
+
+
+_importing = threading.RLock()
 
 
 def _import_glfw_later() -> None:
