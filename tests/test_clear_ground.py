@@ -1,4 +1,4 @@
-"""Cars that can touch nothing are left out of the search for contacts, and nothing else changes, to the last bit."""
+"""Where cars touch nothing, contacts are not searched for, and nothing else changes, to the last bit."""
 
 import math
 
@@ -14,15 +14,14 @@ from fg_mujoco.simulation.clear_ground import (
     REACH,
     distances_of,
     find_clear_ground,
-    leave_out_contacts,
-    put_contacts_back,
+    touches_nothing,
 )
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.planner_adapter import adapt, start
 from fg_mujoco.simulation.settings import Start
+from fg_mujoco.vehicle.car import WHEELS
 
 NOTHING = np.zeros((0, 0)), np.zeros(2)
-PERIOD = 0.025
 
 
 def searched(world):
@@ -31,20 +30,11 @@ def searched(world):
     return world
 
 
-def clear_of(engine):
-    return engine._batches[0]._clear
-
-
-def left_out(engine):
-    """Return which cars of world 0 are left out in the tick that comes, and put them back."""
-    batch, ids = engine._batches[0], np.zeros(1, np.int32)
-    clear = batch._clear
-    leave_out_contacts(ids, 1, batch.physics.states, batch.layout, batch._arrays.constants, PERIOD, clear)
-    out = [not clear.contact_types[0, body] and not clear.affinities[0, body] for body in clear.bodies]
-    put_contacts_back(ids, 1, clear)
-    back = np.column_stack((clear.contact_types[0, clear.bodies], clear.affinities[0, clear.bodies]))
-    assert (back == clear.own).all()
-    return out
+def is_clear(engine):
+    """Say whether the cars of world 0 are clear of everything now."""
+    batch = engine._batches[0]
+    cars = batch._arrays.constants[: engine.cars_per_world]
+    return touches_nothing(engine.qpos(0), cars, batch.clear)
 
 
 def driven(engine, ticks):
@@ -59,8 +49,8 @@ def driven(engine, ticks):
 
 
 @pytest.mark.parametrize("track", ("oval", "tight", "boxes", "maze", "scene:dead_end:1"))
-def test_a_car_that_is_left_out_is_further_from_all_solids_than_it_can_get(track):
-    """Oracle: MuJoCo's own distance of the chassis from each wall and obstacle, at random places and speeds."""
+def test_a_car_that_is_clear_touches_nothing(track):
+    """Oracle: MuJoCo's own search for contacts, and its distance of the chassis from each solid, at random places."""
     world, rng = fg.World(track), np.random.default_rng(3)
     engine, data = Engine(world), mujoco.MjData(world.model)
     model = world.model
@@ -70,17 +60,21 @@ def test_a_car_that_is_left_out_is_further_from_all_solids_than_it_can_get(track
     counts = [0, 0]
     for _ in range(150):
         x, y = rng.uniform(low - 1.0, high + 1.0)
-        speed = rng.uniform(0.0, 12.0)
-        world.car.write_pose(data, x, y, rng.uniform(-math.pi, math.pi), speed)
+        world.car.write_pose(data, x, y, rng.uniform(-math.pi, math.pi), 0.0)
+        tilt = rng.normal(0.0, 0.1, 3)
+        data.qpos[2] += rng.uniform(-0.02, 0.02)
+        data.qpos[4:7] += tilt
+        data.qpos[3:7] /= np.linalg.norm(data.qpos[3:7])
         mujoco.mj_forward(model, data)
         mujoco.mj_getState(model, data, engine.state(0), int(mujoco.mjtState.mjSTATE_INTEGRATION))
-        (out,) = left_out(engine)
-        counts[out] += 1
-        if out:
+        clear = is_clear(engine)
+        counts[clear] += 1
+        if clear:
+            tires = {model.geom(f"car/{wheel}_tire").id for wheel in WHEELS}
+            assert all(set(contact.geom.tolist()) & tires for contact in data.contact)
             away = np.linalg.norm(data.geom_xpos[solids] - data.geom_xpos[chassis], axis=1) - model.geom_rbound[solids]
             near = np.array(solids)[away < 1.0].tolist()
-            least = min((mujoco.mj_geomDistance(model, data, chassis, g, 2.0, None) for g in near), default=2.0)
-            assert least > speed * PERIOD
+            assert min((mujoco.mj_geomDistance(model, data, chassis, g, 2.0, None) for g in near), default=2.0) > 0.0
     assert min(counts) > 10 or track != "oval"
 
 
@@ -99,7 +93,7 @@ def test_a_race_has_the_same_bits_as_when_all_walls_are_searched(tires):
         share = 0
         rows = []
         for _ in range(200):
-            share += bool(clear_of(engine).distances.size) and left_out(engine)[0]
+            share += is_clear(engine)
             rows.append(driven(engine, 1)[0])
         states.append(np.array(rows))
         shares.append(share)
@@ -140,20 +134,19 @@ def test_a_wrong_map_of_distances_would_miss_the_crash():
 def test_cars_near_each_other_are_searched_and_cars_apart_are_not():
     world = fg.World("fast", others=(WorldCar(), WorldCar()))
     engine = Engine(world)
-    engine.place([Start(s=2.0), Start(s=2.8), Start(s=12.0)])
-    assert left_out(engine) == [False, False, True]
+    engine.place([Start(s=2.0), Start(s=2.5), Start(s=12.0)])
+    assert not is_clear(engine)
     engine.place([Start(s=2.0), Start(s=7.0), Start(s=12.0)])
-    assert left_out(engine) == [True, True, True]
+    assert is_clear(engine)
 
 
-def test_worlds_of_a_batch_are_told_apart():
-    engine = Engine(fg.World("oval"), count=2)
-    engine.place([Start(s=2.0), Start(s=2.0, offset=0.8)])
-    clear, batch = clear_of(engine), engine._batches[0]
-    ids = np.arange(2, dtype=np.int32)
-    leave_out_contacts(ids, 2, batch.physics.states, batch.layout, batch._arrays.constants, PERIOD, clear)
-    assert clear.contact_types[:, clear.bodies[0]].tolist() == [0, clear.own[0, 0]]
-    put_contacts_back(ids, 2, clear)
+@pytest.mark.parametrize(("height", "roll"), [(-0.04, 0.0), (0.0, 0.5), (0.0, math.pi)])
+def test_a_car_that_is_low_or_tilts_is_searched(height, roll):
+    engine = Engine(fg.World("fast"))
+    engine.place([Start(s=2.0)])
+    engine.qpos(0)[2] += height
+    engine.qpos(0)[3:7] = math.cos(0.5 * roll), math.sin(0.5 * roll), 0.0, 0.0
+    assert is_clear(engine) == (height == 0.0 and roll == 0.0)
 
 
 def test_what_is_in_the_way_is_known_and_what_moves_or_is_too_large_leaves_nothing_out(monkeypatch):
@@ -166,16 +159,16 @@ def test_what_is_in_the_way_is_known_and_what_moves_or_is_too_large_leaves_nothi
     assert fg.World("scene:crossing_box:1").distances[0].size == 0
     monkeypatch.setattr("fg_mujoco.simulation.clear_ground._MOST_CELLS", 100)
     assert distances_of(plain.model)[0].size == 0
-    assert find_clear_ground(NOTHING, plain.model, None, ("car/",)).distances.size == 0
+    assert find_clear_ground(NOTHING, plain.model, ("car/",)).distances.size == 0
 
 
 def test_a_car_that_is_no_number_is_searched():
     engine = Engine(fg.World("fast"))
     engine.place([Start(s=2.0)])
-    assert left_out(engine) == [True]
+    assert is_clear(engine)
     engine.state(0)[1] = math.nan
-    assert left_out(engine) == [False]
+    assert not is_clear(engine)
 
 
 def test_a_world_whose_model_its_owner_may_change_is_searched():
-    assert clear_of(fg.Simulation(fg.World("fast")).engine).distances.size == 0
+    assert fg.Simulation(fg.World("fast")).engine._batches[0].clear.distances.size == 0

@@ -34,7 +34,7 @@ from ..vehicle.tire_slip import QUANTITIES, TireSlipMeter
 from . import compiled_tick
 from .array_table import ArrayTable
 from .cars import lidar_prefix, touch_places, tree_of
-from .clear_ground import find_clear_ground
+from .clear_ground import ClearGround, find_clear_ground
 from .physics import STATE, Batch, StateLayout
 from .settings import Start
 from .telemetry import STATISTICS, TELEMETRY
@@ -103,6 +103,7 @@ class WorldBatch:
       physics: the Batch of their states.
       cars: Car of each row.
       slip: what the tires of the car that was driven last did, (QUANTITIES, substeps, 4), as TireSlip.values.
+      clear: where the cars touch nothing.
     """
 
     def __init__(
@@ -122,6 +123,7 @@ class WorldBatch:
         self.world, self.worlds = world, worlds
         self.rows = slice(worlds.start * cars_per_world, worlds.stop * cars_per_world)
         self.layout = StateLayout.of(model)
+        self._own_model = own_model
         if not own_model:
             model = copy(model)
         self._on_own_tires = any([take_over(model, car.prefix) for car in world.cars])
@@ -193,7 +195,7 @@ class WorldBatch:
         """Return all arrays as the one argument of the compiled tick."""
         physics, drawn, course = self.physics, self.drawn, self.world.track
         model, moving, inertia = self.world.model, len(self._motions), Inertia.of(self.world.model)
-        clear = find_clear_ground(self.world.distances, model, [car.prefix for car in self.world.cars])
+        self.clear = self._find_clear_ground()
         arrays: dict[str, Any] = {
             "places": compiled_tick.whole_places(self._cars_per_world, physics, self._monitor.laps, self.layout),
             "times": compiled_tick.course_numbers(
@@ -205,7 +207,7 @@ class WorldBatch:
             "wheels": self.floor.wheels, "floor_mu": self.floor.mu, "pairs": self.floor.pairs, "car_places": self._car_places, "touch_places": self._touch_places,
             "sizes": np.array(self._sizes(), np.int64), "span": np.zeros(3, np.int64), "gears": self._gears,
             "fields": np.array(fields(), np.int64), "row_counts": inertia.row_counts, "row_starts": inertia.row_starts,
-            "inertia_columns": inertia.columns, "scratch": np.zeros(SCRATCH), **clear._asdict(), "motions": self._motions, "cars": self._arrays.constants, **vars(self._arrays),
+            "inertia_columns": inertia.columns, "scratch": np.zeros(SCRATCH), **self.clear._asdict(), "motions": self._motions, "cars": self._arrays.constants, **vars(self._arrays),
             "running": self._monitor.running, "reasons": self._monitor.reasons, "timers": self._monitor.timers,
             "lap_times": self._monitor.lap_times, "standing_since": self._monitor.standing_since,
         }  # fmt: skip
@@ -218,6 +220,12 @@ class WorldBatch:
             arrays["offset_rotations"] = np.array([mount.offset_rotation for mount in self._mounts])
             arrays["links"] = make_links(model, scene.moving[moving:])
         return ArrayTable(compiled_tick.NAMES, arrays)
+
+    def _find_clear_ground(self) -> ClearGround:
+        """Return where cars touch nothing; of a model that its owner may change, nothing is known."""
+        nothing = np.zeros((0, 0)), np.zeros(2)
+        grid = nothing if self._own_model else self.world.distances
+        return find_clear_ground(grid, self.world.model, [car.prefix for car in self.world.cars])
 
     @cached_property
     def drawn(self) -> RaycastLidar | None:
