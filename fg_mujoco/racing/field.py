@@ -146,9 +146,9 @@ def race_field(
             name: getattr(own, name)
             for name in (
                 "vehicle", "vehicle_sha256", "tires", "tires_model", "tires_sha256", "controller",
-                "controller_origin", "controller_source", "planner_failure", "decision_times", "planner_mu", "speed_limit_m_s",
-                "odometry_drift", "lidar_effects", "planner_settings", "seed", "laps_completed", "lap_times_s",
-                "finished", "end_reason", "wrong_way", "crash",
+                "controller_origin", "controller_source", "planner_failure", "decision_times", "planner_mu",
+                "speed_limit_m_s", "odometry_drift", "lidar_effects", "planner_settings", "seed",
+                "laps_completed", "lap_times_s", "finished", "end_reason", "wrong_way", "crash",
             )
         },
         **driven,

@@ -476,7 +476,7 @@ def userdata_place(model: mujoco.MjModel, prefix: str = "") -> int:
     """Return where in `userdata` that of a car's tires begins: behind that of all cars that come before it."""
     name = NUMERIC.format(_FIRST_AXLE)
     own = element_id(model, mujoco.mjtObj.mjOBJ_NUMERIC, prefix + name)
-    before = sum(model.numeric(index).name.endswith(f"/{name}") for index in range(own))
+    before: int = sum(model.numeric(index).name.endswith(f"/{name}") for index in range(own))
     return before * USERDATA * len(WHEELS)
 
 
