@@ -49,7 +49,7 @@ from ..control.slip import SLIP, fastest_on, slip_row, tightest_arc
 from ..control.speed import friction_speed, friction_steering, share_of_way
 from ..control.steering import saturate
 
-_CORNERING_EXPONENT = 0.9  # of the F1TENTH car, see 4 above
+_CORNERING_EXPONENT = 1.0  # of the F1TENTH car, see 4 above
 _LOAD_MOVED = 0.074 / 0.236  # height of the centre of gravity over the track width, of the F1TENTH car
 
 
@@ -73,8 +73,8 @@ class FrictionLimiterSettings(Settings):
     most_left: float = setting(
         2.0, "", "what cornering leaves counts as at most this share of mu g; 2 is all that there can be", POSITIVE
     )
-    braking_use: float = setting(0.82, "", "share of the greatest braking that locks no axle", SHARE)
-    accelerating_use: float = setting(0.82, "", "share of the greatest accelerating that spins no wheel", SHARE)
+    braking_use: float = setting(0.865, "", "share of the greatest braking that locks no axle", SHARE)
+    accelerating_use: float = setting(0.865, "", "share of the greatest accelerating that spins no wheel", SHARE)
     load_transfer_time: float = setting(0.2, "s", "a period of the car's pitching on its springs", POSITIVE)
     speed_response: float = setting(
         0.05, "s", "a reference speed is approached at (reference - speed) / speed_response", POSITIVE

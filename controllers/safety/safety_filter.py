@@ -44,6 +44,7 @@ EVASIVE = FrictionLimiterSettings(most_left=0.6, turn_in_use=0.45)
 _LATERAL_USES = (0.5, 1.0, 0.75, 0.25)  # simulated in this order: the limiter's own first
 _FINE_TICKS = 8  # later ones are simulated two at a time
 _TICKS = 64  # of the longest stop: 3 s
+_LONGER = 1.02  # [-] way of a stop over that of wheels that do not slip; tires that brake slip by up to 1 %
 _WIDEST = 1.8  # [rad] to either side; directions further back are not simulated
 
 
@@ -210,7 +211,7 @@ def speed_at_contact(
         command = limited(limiter, memory, reference, reference_speed, lateral_use, angle, speed, ticks * period)
         next_angle = angle + ticks * turned * (command[0] - angle)
         next_speed = speed + (slowed if tick < _FINE_TICKS else slowed_twice) * (command[1] - speed)
-        way = 0.5 * (speed + next_speed) * ticks * period
+        way = _LONGER * 0.5 * (speed + next_speed) * ticks * period
         curvature = math.tan(0.5 * (angle + next_angle)) / car.wheelbase
         if soft:
             follow = 1.0 - math.exp(-way / path_lag(limiter.slip, 0.5 * (speed + next_speed)))
