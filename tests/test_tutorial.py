@@ -86,7 +86,7 @@ def test_the_scan_shows_why(ran):
     beside = scan.bearings[farthest] + 0.1  # a little further to the left there is the corner of the wall
     corner = scan.ranges[abs(scan.bearings - beside).argmin()]
     assert corner < 0.6 * scan.ranges[farthest]
-    assert values["call"].steering_angle == scan.bearings[farthest] > 0.0
+    assert values["call"].steering_angle == scan.bearings[farthest] >= 0.0
 
 
 def test_the_second_planner_laps(ran):
@@ -94,7 +94,7 @@ def test_the_second_planner_laps(ran):
     second = names["second"]
     assert second.finished and second.collisions == 0 and second.laps_completed == 2
     assert "no collision" in values["race-second"]._repr_html_()
-    assert 0.15 < second.slide_time_fraction < 0.25  # "about a fifth"
+    assert 0.2 < second.slide_time_fraction < 0.3  # "about a quarter"
 
 
 def test_the_comparison_is_as_the_text_says(ran):
