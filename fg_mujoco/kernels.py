@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from .compiling import Dispatcher
 
 __all__ = [
-    "CompileTime", "cache_folder", "call_at", "inlined", "interpreted", "kernel", "own_folder", "package_files",
+    "CompileTime", "cache_folder", "call_at", "inlined", "kernel", "own_folder", "package_files",
     "source_digest",
 ]  # fmt: skip
 
@@ -41,12 +41,12 @@ _lock = threading.RLock()
 
 def kernel(function: _F) -> _F:
     """Compile a function of numbers and arrays, at its first call; division by zero gives inf or NaN, as in numpy."""
-    return function if interpreted() else cast(_F, _Kernel(function))
+    return function if _interpreted() else cast(_F, _Kernel(function))
 
 
 def inlined(function: _F) -> _F:
     """Write a function out wherever kernels call it, for what is called in their inner loops."""
-    return function if interpreted() else cast(_F, _Inlined(function))
+    return function if _interpreted() else cast(_F, _Inlined(function))
 
 
 def c_function(function: Any, *arguments: str) -> Any:
@@ -73,10 +73,10 @@ def _caller() -> Any:
 
 def numbas(make: Callable[[], Any]) -> Any:
     """Return what stands in kernels for something of numba's that `make` returns, once a kernel is compiled."""
-    return make() if interpreted() else _Numbas(make)
+    return make() if _interpreted() else _Numbas(make)
 
 
-def interpreted() -> bool:
+def _interpreted() -> bool:
     """Say whether the user wants Python to run kernels, to look for faults."""
     if "numba" in sys.modules:
         return bool(sys.modules["numba"].config.DISABLE_JIT)

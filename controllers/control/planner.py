@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 
 from fg_mujoco.array_table import ArrayTable, flags, matrix, read_only, rows, table_at
 from fg_mujoco.errors import ControllerError, SettingsError
-from fg_mujoco.kernels import interpreted, kernel
+from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import (
     ODOMETRY,
     CarParameters,
@@ -365,8 +365,7 @@ class PlannerBatch:
         self._driven = np.zeros(count, DRIVEN)
         own = [("settings", record_type(planner_class.Settings)), ("memory", planner_class.memory_type)]
         self._own = np.zeros(count, np.dtype(own))
-        self._refer_worlds = planner_class.refer_worlds
-        self._refer_at = _refer_at(self._refer_worlds, self._own.dtype)
+        self._refer_at = _refer_at(planner_class.refer_worlds, self._own.dtype)
         for world, planner in enumerate(planners):
             self._driven["driver"][world], self._own["settings"][world] = planner.driver[0], planner.settings_row[0]
             driver = self._driven["driver"][world]
@@ -402,15 +401,8 @@ class PlannerBatch:
         """Write the command of each running world into `commands`; see ControllerBatch."""
         written = np.ascontiguousarray(commands, np.float64)
         self._take(geometry, ranges, odometry, running, written)
-        self._refer()
-        if interpreted():
-            a = self._arrays
-            drive_worlds(
-                a["scan"], a["valid"], a["guiding"], a["odometry"], a["running"], self._driven, self._trajectories,
-                a["commands"],
-            )  # fmt: skip
-        else:
-            _drive_at(self._table.address)
+        self._refer_at(self._table.address)
+        _drive_at(self._table.address)
         if written is not commands:
             commands[:] = written
 
@@ -423,7 +415,7 @@ class PlannerBatch:
     ) -> None:
         """Write the reference of each running world into `references`; arguments as of a call."""
         self._take(geometry, ranges, odometry, running, np.empty((len(running), 2)))
-        self._refer()
+        self._refer_at(self._table.address)
 
     def compiled_calls(
         self,
@@ -432,10 +424,8 @@ class PlannerBatch:
         odometry: NDArray[np.void],
         running: NDArray[np.bool_],
         commands: FloatArray,
-    ) -> NDArray[np.int64] | None:
+    ) -> NDArray[np.int64]:
         """Return what a kernel is to call instead of this, see ControllerBatch."""
-        if interpreted():
-            return None
         self._take(geometry, ranges, odometry, running, commands)
         table, self._given = self._table, ()  # from now on nobody puts anything else into this table
         self._arrays["scan"] = self._arrays["scan"].copy()
@@ -472,17 +462,6 @@ class PlannerBatch:
         else:
             self._table = ArrayTable(_ARRAYS, self._arrays)
         self._given = ranges, odometry, running, commands
-
-    def _refer(self) -> None:
-        """Write the references for the arrays of the table."""
-        if not interpreted():
-            self._refer_at(self._table.address)
-            return
-        a = self._arrays
-        self._refer_worlds(
-            a["scan"], a["ranges"], a["odometry"], a["running"], self._own, self._driven, self._lines, a["valid"],
-            a["shown"],
-        )  # fmt: skip
 
 
 def _joined(tables: list[NDArray[Any]], none: NDArray[Any]) -> NDArray[Any]:
