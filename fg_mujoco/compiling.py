@@ -18,7 +18,7 @@ from weakref import WeakSet
 import numba
 from llvmlite.binding import parse_bitcode
 from llvmlite.ir import Function, FunctionType, IRBuilder, VoidType
-from numba.core import errors, event, types
+from numba.core import cgutils, errors, event, types
 from numba.core.caching import NullCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, CompilerBase, CompileResult, DefaultPassBuilder, compile_result
@@ -81,6 +81,24 @@ def address_in_c(function: Any, arguments: tuple[str, ...]) -> Any:
     return intrinsic(address)
 
 
+def call_at_address() -> Any:
+    """Return what calls the code of a kernel of one whole number at an address, and raises what it raises."""
+
+    def call_at(typing: Any, address: Any, argument: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+            convention, number = context.call_conv, types.int64
+            kind = convention.get_function_type(types.none, (number,))
+            function = builder.inttoptr(given[0], kind.as_pointer())
+            status, _ = convention.call_function(builder, function, types.none, (number,), [given[1]])
+            with cgutils.if_unlikely(builder, status.is_error):
+                convention.return_status_propagate(builder, status)
+            return context.get_dummy_value()
+
+        return types.none(types.int64, types.int64), generate
+
+    return intrinsic(call_at)
+
+
 class Dispatcher(CPUDispatcher):  # type: ignore[misc]
     """Numba's dispatcher of a kernel, for Python and functions of others that numba compiles. Kernels call its `_Part`.
 
@@ -107,6 +125,17 @@ class Dispatcher(CPUDispatcher):  # type: ignore[misc]
             compiled = self._cache.unpacked(pickle.loads(kept[1]), self.targetctx)
             self.targetctx.insert_user_function(compiled.entry_point, compiled.fndesc, [compiled.library])
             self.add_overload(compiled)
+
+    def address(self, *args: Any) -> int:
+        """Return the address of the machine code for arguments, see `kernels`."""
+        signature = tuple(map(self.typeof_pyval, args))
+        text = text_of(kinds(args))
+        if text is not None:
+            self._cache.texts[signature] = text
+        self.compile(signature)
+        compiled = self.overloads[signature]
+        found: int = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name)
+        return found
 
     def _compile_for_args(self, *args: Any, **kws: Any) -> Any:
         """Compile for arguments, and keep it under their kinds."""

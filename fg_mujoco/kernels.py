@@ -29,7 +29,10 @@ from .machine_code import INLINED, Kind, each_kind, kind_of, kinds, machine, omi
 if TYPE_CHECKING:
     from .compiling import Dispatcher
 
-__all__ = ["CompileTime", "cache_folder", "inlined", "kernel", "own_folder", "package_files", "source_digest"]
+__all__ = [
+    "CompileTime", "cache_folder", "call_at", "inlined", "kernel", "own_folder", "package_files",
+    "source_digest",
+]  # fmt: skip
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
@@ -62,6 +65,12 @@ def c_function(function: Any, *arguments: str) -> Any:
     return numbas(made)
 
 
+def _caller() -> Any:
+    from .compiling import call_at_address
+
+    return call_at_address()
+
+
 def numbas(make: Callable[[], Any]) -> Any:
     """Return what stands in kernels for something of numba's that `make` returns, once a kernel is compiled."""
     return make() if _interpreted() else _Numbas(make)
@@ -83,6 +92,7 @@ class _Kernel:
         self.__name__, self.__qualname__ = function.__name__, function.__qualname__
         self._last: tuple[list[Kind] | None, Callable[..., Any]] = [], self._call
         self._loaded: dict[str, Callable[..., Any]] = {}
+        self._addresses: dict[str, int] = {}
         self._dispatcher: Dispatcher | None = None
 
     def __call__(self, *arguments: Any, **named: Any) -> Any:
@@ -132,8 +142,24 @@ class _Kernel:
             if text not in self._loaded:
                 with contextlib.suppress(Exception):  # whatever is wrong with it, numba helps
                     code, _ = read_kept(kernel_file(self.py_func, text, machine()))
-                    self._loaded[text] = code.load(self.py_func)
+                    self._loaded[text], self._addresses[text] = code.load(self.py_func)
             return self._loaded.get(text)
+
+    def address(self, *arguments: Any) -> int:
+        """Return the address of the machine code for such arguments, which `call_at` calls; it is compiled if need be.
+
+        The code is there as long as the kernel is.
+
+        Args:
+          arguments: all that the kernel takes.
+        """
+        text = text_of(kinds(arguments))
+        if text is not None and (self._dispatcher is None or text in self._loaded):
+            self._load(text)
+        if text not in self._addresses:
+            with _timed() if self._dispatcher is None else contextlib.nullcontext():
+                return self.dispatcher.address(*arguments)
+        return self._addresses[text]
 
     @property
     def dispatcher(self) -> Dispatcher:
@@ -224,6 +250,10 @@ class _Numbas:
         from .compiling import type_in_kernels
 
         return type_in_kernels(self._make())
+
+
+call_at = numbas(_caller)
+"""Calls the code of a kernel of one whole number, for kernels: `call_at(kernel.address(0), number)`."""
 
 
 class CompileTime:

@@ -1,7 +1,9 @@
 """Machine code of kernels from disk, called without numba: importing numba takes longer than a race of one lap.
 
     code = MachineCode.of(compiled)  # when a kernel has been compiled
-    call = code.load(function)  # in another process, which has the same Python, numpy, numba, llvmlite and processor
+    call, address = code.load(function)  # in another process
+
+The other process has the same Python, numpy, numba, llvmlite and processor.
 
 The code is numba's own, to the last bit, and so is what hands arrays over from Python: LLVM links both, and three
 extension modules of numba, which are loaded by themselves, give it what it calls. `kinds` tells arguments of one type
@@ -123,6 +125,7 @@ class MachineCode:
     Attributes:
       object_code: machine code, in the format that the system links.
       entry: name in there of what Python calls.
+      native: name in there of what other machine code calls.
       symbols: names of what the code needs from elsewhere.
       math: names of functions of mathematics that numba takes from C, and the code may need without saying so.
       own: environment of the kernel: name, module, constants.
@@ -131,6 +134,7 @@ class MachineCode:
 
     object_code: bytes
     entry: str
+    native: str
     symbols: tuple[str, ...]
     math: tuple[str, ...]
     own: tuple[str, str, list[Any]]
@@ -148,14 +152,17 @@ class MachineCode:
         return cls(
             object_code=compiled.library._get_compiled_object(),
             entry=compiled.fndesc.llvm_cpython_wrapper_name,
+            native=compiled.fndesc.llvm_func_name,
             symbols=tuple(sorted(names)),
             math=tuple(INTR_MATH),
             own=_values(own),
             environments=tuple(_values(each) for name, each in environments.items() if name != own.env_name),
         )
 
-    def load(self, function: Callable[..., Any]) -> Callable[..., Any]:
-        """Return what Python is to call, with arguments of the kinds that the code is for.
+    def load(self, function: Callable[..., Any]) -> tuple[Callable[..., Any], int]:
+        """Return what Python is to call, with arguments of the kinds that the code is for, and the address of the code.
+
+        The code is there as long as what Python calls is.
 
         Raises:
           LookupError: something that the code needs is not in this process.
@@ -172,7 +179,7 @@ class MachineCode:
             engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target().create_target_machine())
             engine.add_object_file(llvm.ObjectFileRef.from_data(self.object_code))
             engine.finalize_object()
-            entry = engine.get_function_address(self.entry)
+            entry, native = engine.get_function_address(self.entry), engine.get_function_address(self.native)
             if entry == 0:
                 raise LookupError(self.entry)
             made = []
@@ -188,7 +195,7 @@ class MachineCode:
             call: Callable[..., Any] = numba.make_function(
                 home, function.__name__, doc, entry, made[0], (engine, *made)
             )
-            return call
+            return call, native
 
 
 def _values(environment: Any) -> tuple[str, str, list[Any]]:

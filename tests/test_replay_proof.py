@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import signal
 
 import numpy as np
 import pytest
@@ -25,7 +26,6 @@ TELLTALE = (
 
 PLANNER = """
 import os
-import signal
 
 from fg_mujoco.messages import DriveCommand
 
@@ -302,24 +302,32 @@ def test_a_race_of_python_is_proved_but_for_a_limit_that_nobody_wrote_down(short
     assert set(report.proved["summary.json"]) == set(TELLTALE) - {"end_reason"}
 
 
-@pytest.mark.parametrize("ended", ["History.append", "judge"])
+@pytest.mark.parametrize("ended", ["History.append", "judge", "tick"])
 def test_ctrl_c_between_two_parts_of_a_tick_leaves_whole_ticks(ended, tmp_path, monkeypatch):
     """As a second Ctrl-C can, which ends a race at any place."""
     from fg_mujoco.racing import race
     from fg_mujoco.racing.result import History
     from fg_mujoco.simulation.engine import Engine
+    from fg_mujoco.simulation.world_batch import WorldBatch
 
-    owner, name = (History, "append") if ended == "History.append" else (Engine, "judge")
+    owners = {"History.append": (History, "append"), "judge": (Engine, "judge"), "tick": (WorldBatch, "tick")}
+    owner, name = owners[ended]
     whole, calls = getattr(owner, name), []
 
-    def interrupted(self):
+    def interrupted(self, *arguments):
         calls.append(None)
+        if name == "tick":
+            found = whole(self, *arguments)
+            if len(calls) == 10:
+                signal.raise_signal(signal.SIGINT)  # it came in while compiled code ran
+            return found
         if len(calls) == 10:
             raise KeyboardInterrupt
         whole(self)
 
     monkeypatch.setattr(owner, name, interrupted)
-    result = race.race("oval", laps=1)
+    drift = 0.0 if name == "tick" else 1e-3  # with a drift, what a tick consists of is called one by one
+    result = race.race("oval", laps=1, odometry_drift=drift)
     monkeypatch.undo()
     assert result.end_reason == "interrupted" and len(result.ctrl) == 10
     report = fg.replay(fg.write_run(result, tmp_path / "run", picture=False))

@@ -18,7 +18,8 @@ also reads odometry, the planner's memory and a line through the map:
         return steering_angle, speed, bearing
 
 A tick has two compiled calls for all worlds of a batch: one by the planner, from scans to references, and one that all
-planners share, from references to commands. A planner that is called alone is a batch of one.
+planners share, from references to commands. An engine makes both from within its own compiled call (ControllerBatch).
+A planner that is called alone is a batch of one.
 """
 
 from __future__ import annotations
@@ -26,12 +27,14 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable, Sequence
+from functools import cache
 from operator import attrgetter
 from typing import Any, ClassVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fg_mujoco.array_table import ArrayTable, flags, matrix, read_only, rows, table_at
 from fg_mujoco.errors import ControllerError, SettingsError
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import (
@@ -135,7 +138,7 @@ class Planner:
             BrakingTrajectories(car, limiter, max_speed).record if limiter is not None and stops else None
         )
         self._alone = PlannerBatch(type(self), [self])
-        self._odometry = np.zeros(1, ODOMETRY)
+        self._ranges, self._odometry = np.empty((1, 0)), np.zeros(1, ODOMETRY)
         self._running = np.ones(1, np.bool_)
         self._commands = np.zeros((1, 2))
 
@@ -157,7 +160,10 @@ class Planner:
     def __call__(self, scan: LaserScan, odometry: Odometry) -> DriveCommand:
         """Answer the command to hold until the next scan."""
         self._odometry[0] = _motion_of(odometry)
-        self._alone(scan, scan.ranges[np.newaxis], self._odometry, self._running, self._commands)
+        if self._ranges.shape[1] != len(scan.ranges):
+            self._ranges = np.empty((1, len(scan.ranges)))
+        self._ranges[0] = scan.ranges
+        self._alone(scan, self._ranges, self._odometry, self._running, self._commands)
         steering_angle, speed = self._commands[0].tolist()
         return DriveCommand(steering_angle=steering_angle, speed=speed)
 
@@ -283,6 +289,49 @@ def _references_of_worlds(reference: Callable[..., tuple[float, float, float]]) 
     return made
 
 
+_ARRAYS = (
+    "scan", "ranges", "odometry", "running", "own", "driven", "lines", "trajectories", "valid", "guiding", "shown",
+    "commands",
+)  # fmt: skip
+_COUNT = len(_ARRAYS)
+(
+    _SCAN, _RANGES, _ODOMETRY, _RUNNING, _OWN, _DRIVEN, _LINES, _TRAJECTORIES, _VALID, _GUIDING, _SHOWN, _COMMANDS,
+) = range(_COUNT)  # fmt: skip
+
+
+@cache
+def _refer_at(refer_worlds: Callable[..., None], own: np.dtype[np.void]) -> Callable[[int], None]:
+    """Return the kernel that calls `refer_worlds` with the arrays of the table at an address.
+
+    Args:
+      refer_worlds: of a planner's class.
+      own: type of what it reads and keeps of each world.
+    """
+
+    @kernel
+    def refer_at(address):  # type: ignore[no-untyped-def]
+        table = table_at(address, _COUNT)
+        refer_worlds(
+            rows(table[_SCAN], SCAN), read_only(matrix(table[_RANGES])), rows(table[_ODOMETRY], ODOMETRY),
+            flags(table[_RUNNING]), rows(table[_OWN], own), rows(table[_DRIVEN], DRIVEN),
+            read_only(matrix(table[_LINES])), matrix(table[_VALID]), matrix(table[_SHOWN]),
+        )  # fmt: skip
+
+    made: Callable[[int], None] = refer_at
+    return made
+
+
+@kernel
+def _drive_at(address: int) -> None:
+    """Call `drive_worlds` with the arrays of a table at an address."""
+    table = table_at(address, _COUNT)
+    drive_worlds(
+        rows(table[_SCAN], SCAN), matrix(table[_VALID]), matrix(table[_GUIDING]), rows(table[_ODOMETRY], ODOMETRY),
+        flags(table[_RUNNING]), rows(table[_DRIVEN], DRIVEN), read_only(rows(table[_TRAJECTORIES], TRAJECTORIES)),
+        matrix(table[_COMMANDS]),
+    )  # fmt: skip
+
+
 class PlannerBatch:
     """Planners of one class, one for each world: a fg_mujoco.messages.ControllerBatch.
 
@@ -312,10 +361,11 @@ class PlannerBatch:
         places = {table: place for place, table in enumerate(tables)}
         lines = {id(p.line): p.line for p in planners if p.line is not None}
         ends = dict(zip(lines, np.cumsum([len(line) for line in lines.values()]).tolist(), strict=True))
-        self._refer_worlds, self._scans = planner_class.refer_worlds, 2 if planner_class.hides_cars else 1
+        self._scans = 2 if planner_class.hides_cars else 1
         self._driven = np.zeros(count, DRIVEN)
         own = [("settings", record_type(planner_class.Settings)), ("memory", planner_class.memory_type)]
         self._own = np.zeros(count, np.dtype(own))
+        self._refer_at = _refer_at(planner_class.refer_worlds, self._own.dtype)
         for world, planner in enumerate(planners):
             self._driven["driver"][world], self._own["settings"][world] = planner.driver[0], planner.settings_row[0]
             driver = self._driven["driver"][world]
@@ -325,8 +375,14 @@ class PlannerBatch:
                 driver["line_first"], driver["line_end"] = end - len(planner.line), end
         self._trajectories = _joined(list(tables.values()), np.zeros(0, TRAJECTORIES))
         self._lines = _joined(list(lines.values()), _NO_LINE)
-        self._scan, self._geometry = np.zeros(1, SCAN), cast(Any, None)
-        self._valid, self.shown = np.empty((count, 0)), np.empty((len(IntermediateScans._fields), 0))
+        self._geometry, self._given = cast(Any, None), cast(tuple[Any, ...], ())
+        self._table = ArrayTable(_ARRAYS, {})
+        self._lent: list[ArrayTable] = []
+        self._arrays: dict[str, Any] = {
+            "scan": np.zeros(1, SCAN), "own": self._own, "driven": self._driven, "lines": self._lines,
+            "trajectories": self._trajectories,
+        }  # fmt: skip
+        self.shown = np.empty((len(IntermediateScans._fields), 0))
         self.references, self.memory = self._driven["reference"], self._driven["memory"]
 
     def reset(self) -> None:
@@ -343,9 +399,12 @@ class PlannerBatch:
         commands: FloatArray,
     ) -> None:
         """Write the command of each running world into `commands`; see ControllerBatch."""
-        self.refer(geometry, ranges, odometry, running)
-        guiding = self._valid[-len(running) :]
-        drive_worlds(self._scan, self._valid, guiding, odometry, running, self._driven, self._trajectories, commands)
+        written = np.ascontiguousarray(commands, np.float64)
+        self._take(geometry, ranges, odometry, running, written)
+        self._refer_at(self._table.address)
+        _drive_at(self._table.address)
+        if written is not commands:
+            commands[:] = written
 
     def refer(
         self,
@@ -355,15 +414,54 @@ class PlannerBatch:
         running: NDArray[np.bool_],
     ) -> None:
         """Write the reference of each running world into `references`; arguments as of a call."""
+        self._take(geometry, ranges, odometry, running, np.empty((len(running), 2)))
+        self._refer_at(self._table.address)
+
+    def compiled_calls(
+        self,
+        geometry: ScanGeometry | LaserScan,
+        ranges: FloatArray,
+        odometry: NDArray[np.void],
+        running: NDArray[np.bool_],
+        commands: FloatArray,
+    ) -> NDArray[np.int64]:
+        """Return what a kernel is to call instead of this, see ControllerBatch."""
+        self._take(geometry, ranges, odometry, running, commands)
+        table, self._given = self._table, ()  # from now on nobody puts anything else into this table
+        self._arrays["scan"] = self._arrays["scan"].copy()
+        self._lent.append(table)
+        kernels: tuple[Any, ...] = self._refer_at, _drive_at
+        return np.array([(each.address(table.address), table.address) for each in kernels], np.int64)
+
+    def _take(
+        self,
+        geometry: ScanGeometry | LaserScan,
+        ranges: FloatArray,
+        odometry: NDArray[np.void],
+        running: NDArray[np.bool_],
+        commands: FloatArray,
+    ) -> None:
+        """Put what a call is given into the table of all arrays, where it is not what the last one was given."""
         if geometry is not self._geometry:  # neither a scan nor a geometry changes
-            self._scan[0], self._geometry = scan_values(geometry), geometry
-        if ranges.shape[1] != self._valid.shape[1]:
-            self._valid = np.empty((self._scans * len(ranges), ranges.shape[1]))
-            self.shown = np.full((len(self.shown), ranges.shape[1]), math.nan)
-        self._refer_worlds(
-            self._scan, _read_only(ranges), odometry, running, self._own, self._driven, self._lines, self._valid,
-            self.shown,
-        )  # fmt: skip
+            self._arrays["scan"][0], self._geometry = scan_values(geometry), geometry
+        ranges, running = np.ascontiguousarray(ranges, np.float64), np.ascontiguousarray(running, np.bool_)
+        odometry, given = np.ascontiguousarray(odometry, ODOMETRY), self._given
+        if given and given[0] is ranges and given[1] is odometry and given[2] is running and given[3] is commands:
+            return
+        beams = ranges.shape[1]
+        if "valid" not in self._arrays or beams != self.shown.shape[1]:
+            valid = np.empty((self._scans * len(running), beams))
+            self.shown = np.full((len(self.shown), beams), math.nan)
+            self._arrays |= {"valid": valid, "guiding": valid[-len(running) :], "shown": self.shown}
+            given = ()
+        new = {"ranges": ranges, "odometry": odometry, "running": running, "commands": commands}
+        self._arrays |= new
+        if given:
+            for name, array in new.items():
+                self._table.put(name, array)
+        else:
+            self._table = ArrayTable(_ARRAYS, self._arrays)
+        self._given = ranges, odometry, running, commands
 
 
 def _joined(tables: list[NDArray[Any]], none: NDArray[Any]) -> NDArray[Any]:

@@ -16,6 +16,7 @@ threads, and on systems without this timer, the limit is checked when the planne
 
 from __future__ import annotations
 
+import math
 import signal
 import threading
 import time
@@ -82,10 +83,12 @@ class DecisionClock:
 
     Attributes:
       seconds: that each decision took, in their order; one that was interrupted is the last.
+      limit: [s]; inf: there is none.
     """
 
     def __init__(self, limit: float | None = None) -> None:
         self.seconds: list[float] = []
+        self.limit = math.inf if limit is None else limit
         self._limit = limit
         self._compile_time = CompileTime()
         self._deciding = False
@@ -131,9 +134,19 @@ class DecisionClock:
             if self._interrupts:
                 signal.setitimer(signal.ITIMER_REAL, 0.0)
             self.seconds.append(self._elapsed)
-        if self._limit is not None and self.seconds[-1] > self._limit:  # nothing could interrupt it
+        if self.seconds[-1] > self.limit:  # nothing could interrupt it
             raise DecisionLimitReached
         return answer
+
+    def note(self, seconds: float) -> None:
+        """Keep how long a decision took that was timed otherwise, in compiled code.
+
+        Raises:
+          DecisionLimitReached: it took longer than the limit.
+        """
+        self.seconds.append(seconds)
+        if seconds > self.limit:
+            raise DecisionLimitReached
 
     @property
     def _elapsed(self) -> float:

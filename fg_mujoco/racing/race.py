@@ -314,11 +314,7 @@ def _drive(
     """Run the loop until the race is over."""
     running, timers = engine.running, engine.monitor.timers
     while running[0]:
-        engine.sense()
-        clock.time(engine.decide)
-        engine.drive()
-        history.append()
-        engine.judge()
+        engine.tick(clock=clock, history=history)
         if watch is not None:
             watch(
                 RaceProgress(

@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING, Any, TypedDict
 import numpy as np
 
 from ..arguments import Suggesting, explain_class
+from ..array_table import ArrayTable, Table
 from ..display import Shown, brief, quoted, table
 from ..lidar.effects import LidarEffects
 from ..messages import CarParameters, FloatArray, read_only
+from ..simulation.compiled_tick import KEPT
 from ..simulation.planner_failure import PlannerFailure
 from ..simulation.settings import friction_text
 from ..simulation.telemetry import COMMAND, column_index, column_meant
@@ -326,27 +328,48 @@ class History:
     """
 
     def __init__(self, engine: Engine) -> None:
-        self.ticks = 0
         self.first_end: float | None = None  # when the first tick was over, on time.perf_counter's clock [s]
+        self._ticks = np.zeros(1, np.int64)
         state, ctrl = engine.state(0), engine.ctrl(0)
         self._now = (engine.telemetry, state, ctrl)  # live
         self._telemetry = np.empty((512, *engine.telemetry.shape))  # of all cars
         self._states = np.empty((513, len(state)))
         self._ctrl = np.empty((512, len(ctrl)))
         self._states[0] = state
+        self._table: ArrayTable | None = None
+
+    @property
+    def ticks(self) -> int:
+        """How many are complete."""
+        return int(self._ticks[0])
 
     def append(self) -> None:
         """Keep the tick that was driven."""
-        tick = self.ticks
-        if tick == len(self._telemetry):
+        self._make_room()
+        tick = self._ticks[0]
+        telemetry, state, ctrl = self._now
+        self._telemetry[tick], self._states[tick + 1], self._ctrl[tick] = telemetry, state, ctrl
+        self._ticks[0] = tick + 1  # last: an interrupted tick leaves no row
+        if self.first_end is None:
+            self.first_end = time.perf_counter()
+
+    def room(self) -> Table:
+        """Return a table of compiled_tick.KEPT, in which compiled code keeps another tick."""
+        if self._ticks[0] == 1 and self.first_end is None:
+            self.first_end = time.perf_counter()
+        self._make_room()
+        if self._table is None:
+            rows = {"telemetry": self._telemetry, "states": self._states, "controls": self._ctrl}
+            self._table = ArrayTable(KEPT, {"ticks": self._ticks, **rows})
+        return self._table.rows
+
+    def _make_room(self) -> None:
+        """See to it that another tick has room."""
+        if self._ticks[0] == len(self._telemetry):
             for name in ("_telemetry", "_ctrl", "_states"):
                 rows = getattr(self, name)
                 setattr(self, name, np.concatenate((rows, np.empty_like(rows))))
-        telemetry, state, ctrl = self._now
-        self._telemetry[tick], self._states[tick + 1], self._ctrl[tick] = telemetry, state, ctrl
-        if self.first_end is None:
-            self.first_end = time.perf_counter()
-        self.ticks = tick + 1  # last: an interrupted tick leaves no row
+            self._table = None
 
     def arrays(self, row: int = 0) -> Trajectory:
         """Return telemetry of a car, states and ctrl as in RaceResult, of the ticks that are complete."""

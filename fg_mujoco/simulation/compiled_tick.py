@@ -1,4 +1,4 @@
-"""The parts of a tick as kernels of one argument: a table of all arrays of some worlds (array_table)."""
+"""A tick and its parts as kernels of a table of all arrays of some worlds (array_table)."""
 
 from __future__ import annotations
 
@@ -8,34 +8,30 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..course.course import Course
-from ..kernels import c_function, kernel
-from ..lidar.scene import SceneArrays, Scratch
-from ..vehicle.stages import Fields
-from ..vehicle.tire_forces import Inertia
-from .array_table import (
+from ..array_table import (
+    ArrayTable,
     Table,
-    car_rows,
     corner_numbers,
     cube,
     flags,
-    gear_rows,
-    link_rows,
     matrix,
     numbers,
-    odometry_rows,
     short_matrix,
     short_numbers,
-    statistics_rows,
     table_at,
-    timer_rows,
-    tire_rows,
     whole_matrix,
     whole_numbers,
 )
+from ..course.course import Course
+from ..kernels import c_function, call_at, kernel
+from ..lidar.scene import SceneArrays, Scratch
+from ..vehicle.stages import Fields
+from ..vehicle.tire_forces import Inertia
 from .clear_ground import ClearGround
+from .clock import seconds
 from .physics import Batch, StateLayout, apply_to_states
-from .termination import judge_cars
+from .record_rows import car_rows, gear_rows, link_rows, odometry_rows, statistics_rows, timer_rows, tire_rows
+from .termination import END_REASONS, judge_cars
 from .tick import Mounts, book_cars, hold_commands, read_cars, scan_cars, worlds_to_drive
 from .world_step import Floor, Sizes, step_world
 
@@ -61,6 +57,19 @@ NAMES = (
 ) = range(len(NAMES))  # fmt: skip
 
 _ARRAYS = len(NAMES)
+
+KEPT = ("ticks", "telemetry", "states", "controls")
+"""Of the arrays in a table that whole ticks of world 0 are kept in: how many are, (1,), and for each the telemetry of
+all cars, the state after it, and the controls; in the row before the first state is that before it."""
+
+NOTHING_KEPT = ArrayTable(KEPT, {}).rows
+
+DRIVEN, LATE, NO_NUMBERS = range(3)
+"""How a whole tick ended: driven, or before the cars were driven, after a decision over its limit, or because the
+command of a car that runs is no number."""
+
+_TICKS, _KEPT_TELEMETRY, _KEPT_STATES, _KEPT_CONTROLS = range(len(KEPT))
+_FAILED_REASON = END_REASONS.index("failed")
 
 _CARS_PER_WORLD, _BATCH, _LAPS, _FIRST_OF_LAYOUT = range(4)
 _FIRST, _END, _ADVANCE = range(3)
@@ -215,3 +224,63 @@ def judge(table: Table) -> None:
         timer_rows(table[_TIMERS]), matrix(table[_LAP_TIMES]), numbers(table[_STANDING_SINCE]), matrix(table[_TABLE]),
         times[_LENGTH], times[_MODULUS], times[_STOP_TIME], places[_LAPS], times[_LAST_TIME],
     )  # fmt: skip
+
+
+@kernel
+def _commands_are_numbers(table: Table) -> bool:
+    """Say whether the commands of all cars that run are numbers."""
+    running, commands = flags(table[_RUNNING]), matrix(table[_COMMANDS])
+    for row in range(len(running)):
+        if running[row] and not (math.isfinite(commands[row, 0]) and math.isfinite(commands[row, 1])):
+            return False
+    return True
+
+
+@kernel
+def _end_failed(table: Table) -> None:
+    """End the races of the cars whose engine has failed."""
+    running, failed, reasons = flags(table[_RUNNING]), flags(table[_FAILED]), whole_numbers(table[_REASONS])
+    for row in range(len(running)):
+        if running[row] and failed[row]:
+            running[row], reasons[row] = False, _FAILED_REASON
+
+
+@kernel
+def _keep(table: Table, kept: Table) -> None:
+    """Keep the tick that world 0 was driven for, in a table of KEPT with room for it; none: in one of empty arrays."""
+    ticks = whole_numbers(kept[_TICKS])
+    if len(ticks) == 0:
+        return
+    tick, state = ticks[0], matrix(table[_STATES])[0]
+    first, end = _layout(whole_numbers(table[_PLACES])).ctrl
+    telemetry, kept_telemetry = matrix(table[_TELEMETRY]), cube(kept[_KEPT_TELEMETRY])
+    for row in range(kept_telemetry.shape[1]):
+        kept_telemetry[tick, row] = telemetry[row]
+    matrix(kept[_KEPT_STATES])[tick + 1], matrix(kept[_KEPT_CONTROLS])[tick] = state, state[first:end]
+    ticks[0] = tick + 1
+
+
+@kernel
+def tick(table: Table, calls: NDArray[np.int64], limit: float, kept: Table) -> tuple[int, float]:
+    """Sense, decide, drive and judge, for worlds of one car; return how it ended, and how long the decision took [s].
+
+    Args:
+      table: of the worlds.
+      calls: that decide, see ControllerBatch.
+      limit: of a decision [s].
+      kept: a table of KEPT.
+    """
+    sense(table, flags(table[_RUNNING]))
+    began = seconds()
+    for place in range(len(calls)):
+        call_at(calls[place, 0], calls[place, 1])
+    took = seconds() - began
+    if took > limit:
+        return LATE, took
+    if not _commands_are_numbers(table):
+        return NO_NUMBERS, took
+    drive(table)
+    _end_failed(table)
+    _keep(table, kept)
+    judge(table)
+    return DRIVEN, took

@@ -8,21 +8,26 @@
         engine.drive()
         engine.judge()
 
+`engine.tick()` does the four, in one compiled call where planners are compiled, at the same bits.
+
 Arrays have one row a car: the m cars of world 0, then those of world 1. A race is an engine of one world; rollouts and
 environments are engines of many. Each world's result is the same, bit for bit, whatever the others are.
 """
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, Protocol
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ..array_table import Table
 from ..display import brief
 from ..errors import ModelError, SettingsError
 from ..lidar.beams import Beams
@@ -32,8 +37,10 @@ from ..messages import FloatArray, LaserScan
 from ..vehicle.car import Car
 from ..vehicle.changes import CarChanges
 from ..vehicle.motion import ground_speed, planar_pose
+from .compiled_tick import DRIVEN, NO_NUMBERS, NOTHING_KEPT
 from .physics import span_of
-from .planner_adapter import OtherCar, Planners, Surroundings
+from .planner_adapter import BatchPlanners, Calls, OtherCar, Planners, Reasons, Surroundings
+from .planner_failure import is_of_planner
 from .settings import Start
 from .termination import END_REASONS, RaceMonitor
 from .world import World
@@ -44,6 +51,28 @@ Hook = Callable[["Engine", NDArray[np.int64]], None]
 
 _FINISHED = END_REASONS.index("finished")
 _WORLDS_A_THREAD = 4  # fewer are driven sooner than a thread is woken
+
+
+class Clock(Protocol):
+    """Times decisions."""
+
+    limit: float  # of a decision [s]; inf: none
+
+    def time(self, decide: Callable[[], None]) -> None:
+        """Call what decides, and note how long it took."""
+
+    def note(self, seconds: float) -> None:
+        """Note how long a decision took; raise where that is longer than the limit."""
+
+
+class Keeper(Protocol):
+    """Keeps ticks."""
+
+    def append(self) -> None:
+        """Keep the tick that was driven."""
+
+    def room(self) -> Table:
+        """Return a table of compiled_tick.KEPT with room for another tick."""
 
 
 class Engine:
@@ -120,6 +149,9 @@ class Engine:
         self._odometry_drift = np.zeros(cars)
         self._drifts = False
         self._data: dict[int, mujoco.MjData] = {}
+        self._driven = np.zeros(cars, np.bool_)
+        self._called: Planners | None = None  # whose calls the next are
+        self._calls: Calls | None = None
 
     def __repr__(self) -> str:
         return brief(self, f"{self.count} worlds", f"tick {self.period:g} s of {self.substeps} steps", repr(self.world))
@@ -281,6 +313,7 @@ class Engine:
                     new.go_on_from(batch, slice(part.start - first, part.stop - first))
                 fresh.append(new)
         self._batches[k : k + 1] = fresh
+        self._called = None
         self.running[i * self.cars_per_world : (i + 1) * self.cars_per_world] = False
         self._data.pop(i, None)
 
@@ -381,10 +414,7 @@ class Engine:
         assert self.planners is not None
         reasons = self.planners(self)
         if reasons is not None:
-            for reason in set(reasons[reasons > 0].tolist()):
-                ended = reasons == reason
-                self.failed |= ended
-                self.monitor.end(ended, END_REASONS[reason])
+            self._end(reasons)
         if self.cars_per_world > 1:  # a car that nobody drives brakes, wheels as they are
             self.commands[~self.running, 1] = 0.0
 
@@ -415,12 +445,73 @@ class Engine:
                 batch, place = self._place_of(row // self.cars_per_world)
                 batch.take_off(place, row % self.cars_per_world)
 
-    def tick(self) -> None:
-        """Sense, decide, drive and judge."""
-        self.sense()
-        self.decide()
+    def tick(self, *, clock: Clock | None = None, history: Keeper | None = None) -> Mask:
+        """Sense, decide, drive and judge; return which cars were driven, (r,).
+
+        That is one compiled call for worlds of one car, where the planners are compiled and there are no hooks, no
+        effects of the LiDAR and no drift of the odometry, which happen in Python.
+
+        Args:
+          clock: is told how long the decision took; what it raises then leaves the cars as they are.
+          history: keeps the tick of world 0, once its cars are driven.
+        """
+        calls = self._compiled_calls()
+        if calls is None:
+            self.sense()
+            if clock is None:
+                self.decide()
+            else:
+                clock.time(self.decide)
+        elif self._tick_at_once(calls, clock, history):
+            return self._driven
+        driven = self.running.copy()
         self.drive()
+        if history is not None:
+            history.append()
         self.judge()
+        return driven
+
+    def _compiled_calls(self) -> Calls | None:
+        """Return the calls that decide in a tick of one compiled call; None where it takes more."""
+        if self.before_substep or self.after_substep or self._pipelines or self._drifts:
+            return None
+        if self._called is not self.planners:
+            self._called, self._calls, batch = self.planners, None, self._batches[0]
+            if isinstance(self.planners, BatchPlanners) and len(self._batches) == 1 and batch.ticks_at_once:
+                self._calls = self.planners.compiled_calls(self)
+        return self._calls
+
+    def _tick_at_once(self, calls: Calls, clock: Clock | None, history: Keeper | None) -> bool:
+        """Do a tick in one compiled call; return False where the planners have failed and the rest is still to be done.
+
+        What `clock` raises, and planners that have failed, leave the cars as they are.
+        """
+        planners = self.planners
+        assert isinstance(planners, BatchPlanners)
+        self._driven[:] = self.running
+        kept = NOTHING_KEPT if history is None else history.room()
+        began = time.perf_counter()
+        try:
+            how, took = self._batches[0].tick(calls, math.inf if clock is None else clock.limit, kept)
+        except BaseException as error:
+            if not is_of_planner(error):
+                raise
+            if clock is not None:
+                clock.note(time.perf_counter() - began)
+            self._end(planners.failed(error, self))
+            return False
+        if clock is not None:
+            clock.note(took)
+        if how == NO_NUMBERS:
+            self._end(planners.refused(self))
+        return how == DRIVEN
+
+    def _end(self, reasons: Reasons) -> None:
+        """End the races of the cars whose planner has failed."""
+        for reason in set(reasons[reasons > 0].tolist()):
+            ended = reasons == reason
+            self.failed |= ended
+            self.monitor.end(ended, END_REASONS[reason])
 
     def interrupt(self) -> None:
         """End the races that still run."""

@@ -39,6 +39,9 @@ _FAILED, _LATE = END_REASONS.index("planner_failed"), END_REASONS.index("decisio
 Reasons = NDArray[np.int64]
 """Why races end by their planners, (r,): a number in END_REASONS, 0 where the planner has answered."""
 
+Calls = NDArray[np.int64]
+"""Calls of compiled code that decide, (k, 2), see ControllerBatch."""
+
 Decide = Callable[[], DriveCommand]
 
 
@@ -160,14 +163,41 @@ class BatchPlanners:
         except BaseException as error:
             if not is_of_planner(error):
                 raise
-            row = int(cars.running.argmax())
-            failed_one = _failed(error, self._kind, *_told(cars, row))
-            if self._raises or cars.running.sum() > 1:
-                raise failed_one from error
-            self.failures[row] = failed_one
-            return np.where(cars.running, _FAILED, 0)
-        if np.isfinite(cars.commands).all():
+            return self.failed(error, cars)
+        return None if np.isfinite(cars.commands).all() else self.refused(cars)
+
+    def compiled_calls(self, cars: Cars) -> Calls | None:
+        """Return the calls that decide for these cars, see ControllerBatch; None: there are none."""
+        calls = getattr(self._planners, "compiled_calls", None)
+        if calls is None:
             return None
+        try:
+            found = calls(cars.beams.geometry, cars.ranges, cars.odometry, cars.running, cars.commands)
+        except BaseException as error:
+            if not is_of_planner(error):
+                raise
+            return None  # a call of the planners says why
+        return found if isinstance(found, np.ndarray) and found.dtype == np.int64 and found.ndim == 2 else None
+
+    def failed(self, error: BaseException, cars: Cars) -> Reasons:
+        """Return whose planner has failed, after the planners have raised.
+
+        Raises:
+          PlannerError: as a call does.
+        """
+        row = int(cars.running.argmax())
+        failed_one = _failed(error, self._kind, *_told(cars, row))
+        if self._raises or cars.running.sum() > 1:
+            raise failed_one from error
+        self.failures[row] = failed_one
+        return np.where(cars.running, _FAILED, 0)
+
+    def refused(self, cars: Cars) -> Reasons:
+        """Return whose planner has failed, after the planners have commanded what is no number.
+
+        Raises:
+          PlannerError: as a call does.
+        """
         failed = not_finite(cars.running, cars.commands)
         for row in map(int, np.flatnonzero(failed)):
             steering_angle, speed = cars.commands[row].tolist()

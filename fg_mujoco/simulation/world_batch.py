@@ -16,6 +16,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ..array_table import ArrayTable, Table
 from ..course.lap_timer import first_seen, fresh_timers
 from ..course.moving_obstacles import make_mover, motion_table
 from ..course.standing import off_course
@@ -32,10 +33,11 @@ from ..vehicle.stages import fields
 from ..vehicle.tire_forces import GEAR, SCRATCH, USERDATA, Inertia, gear_row, steps_within, take_over
 from ..vehicle.tire_slip import QUANTITIES, TireSlipMeter
 from . import compiled_tick
-from .array_table import ArrayTable
 from .cars import lidar_prefix, touch_places, tree_of
 from .clear_ground import ClearGround, find_clear_ground
+from .clock import HAS_CLOCK
 from .physics import STATE, Batch, StateLayout
+from .planner_adapter import Calls
 from .settings import Start
 from .telemetry import STATISTICS, TELEMETRY
 from .termination import RaceMonitor
@@ -384,6 +386,15 @@ class WorldBatch:
     def drive(self) -> None:
         """Hold the commands for a tick in the worlds whose cars race."""
         compiled_tick.drive(self._table.rows)
+
+    @property
+    def ticks_at_once(self) -> bool:
+        """Whether `tick` can drive these worlds."""
+        return self.drawn is not None and self.world.track is not None and self._cars_per_world == 1 and HAS_CLOCK
+
+    def tick(self, calls: Calls, limit: float, kept: Table) -> tuple[int, float]:
+        """Sense, decide, drive and judge in one compiled call, see compiled_tick.tick."""
+        return compiled_tick.tick(self._table.rows, calls, limit, kept)
 
     def judge(self) -> None:
         """Time the laps of the cars that race and end what is over."""

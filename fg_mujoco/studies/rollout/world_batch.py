@@ -167,11 +167,7 @@ def drive_worlds(
             if stop is not None and stop():
                 engine.interrupt()
                 break
-            engine.sense()
-            engine.decide()
-            driven = _worlds(engine.running, engine)
-            engine.drive()
-            engine.judge()
+            driven = _worlds(engine.tick(), engine)
             for place in map(int, np.flatnonzero(driven) if controls else ()):
                 controls[place].after_tick()
             results.add(members, engine, driven & ~_worlds(engine.monitor.reasons == _FAILED, engine))

@@ -16,13 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..course.lap_timer import LAP_TIMER
-from ..kernels import kernel, numbas
-from ..lidar.links import LINK
-from ..messages import ODOMETRY
-from ..vehicle.motion import CAR
-from ..vehicle.tire_forces import GEAR, TIRE
-from .telemetry import STATISTICS
+from .kernels import kernel, numbas
 
 Row = NDArray[np.int64]
 """Of a table: an array's address, and its length along up to three axes. Shape (4,)."""
@@ -40,21 +34,31 @@ class ArrayTable:
 
     Attributes:
       rows: the table, (names, 4).
+      address: of the table, for `table_at`.
 
     Raises:
       ValueError: an array that is not contiguous.
     """
 
     def __init__(self, names: tuple[str, ...], arrays: Mapping[str, NDArray[Any]]) -> None:
-        self._arrays = dict(arrays)
+        self._names, self._arrays = names, dict[str, NDArray[Any]]()
         self.rows: Table = np.zeros((len(names), 4), np.int64)
-        for row, name in zip(self.rows, names, strict=True):
-            array = arrays.get(name)
-            if array is None:
-                continue
-            if not array.flags.c_contiguous:
-                raise ValueError(f"array {name!r} is not contiguous; accepted: rows side by side")
-            row[0], row[1 : 1 + array.ndim] = array.ctypes.data, array.shape
+        self.address = self.rows.ctypes.data
+        for name in names:
+            if name in arrays:
+                self.put(name, arrays[name])
+
+    def put(self, name: str, array: NDArray[Any]) -> None:
+        """Put an array in the place of another one.
+
+        Raises:
+          ValueError: it is not contiguous.
+        """
+        if not array.flags.c_contiguous:
+            raise ValueError(f"array {name!r} is not contiguous; accepted: rows side by side")
+        row = self.rows[self._names.index(name)]
+        row[0], row[1 : 1 + array.ndim] = array.ctypes.data, array.shape
+        self._arrays[name] = array
 
 
 @numbas
@@ -66,118 +70,97 @@ def carray() -> Any:
 
 
 @numbas
-def _pointer() -> Any:
+def pointer() -> Any:
     """Return what makes of an address what carray takes."""
     from numba import types
     from numba.core import cgutils
     from numba.extending import intrinsic
 
-    def as_pointer(context: Any, address: Any) -> Any:
+    def aspointer(context: Any, address: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             return builder.inttoptr(arguments[0], cgutils.voidptr_t)
 
         return types.voidptr(types.int64), generate
 
-    return intrinsic(as_pointer)
+    return intrinsic(aspointer)
 
 
 @kernel
 def table_at(address: int, count: int) -> Any:
     """Return the table of so many arrays that is at an address."""
-    return carray(_pointer(address), (count, 4), np.int64)
+    return carray(pointer(address), (count, 4), np.int64)
 
 
 @kernel
 def numbers(row: Row) -> Any:
     """Return the array of a row: numbers along one axis."""
-    return carray(_pointer(row[0]), (row[1],), np.float64)
+    return carray(pointer(row[0]), (row[1],), np.float64)
 
 
 @kernel
 def matrix(row: Row) -> Any:
     """Return the array of a row: numbers along two axes."""
-    return carray(_pointer(row[0]), (row[1], row[2]), np.float64)
+    return carray(pointer(row[0]), (row[1], row[2]), np.float64)
 
 
 @kernel
 def cube(row: Row) -> Any:
     """Return the array of a row: numbers along three axes."""
-    return carray(_pointer(row[0]), (row[1], row[2], row[3]), np.float64)
+    return carray(pointer(row[0]), (row[1], row[2], row[3]), np.float64)
 
 
 @kernel
 def flags(row: Row) -> Any:
     """Return the array of a row: truth values."""
-    return carray(_pointer(row[0]), (row[1],), np.bool_)
+    return carray(pointer(row[0]), (row[1],), np.bool_)
 
 
 @kernel
 def whole_numbers(row: Row) -> Any:
     """Return the array of a row: whole numbers."""
-    return carray(_pointer(row[0]), (row[1],), np.int64)
+    return carray(pointer(row[0]), (row[1],), np.int64)
 
 
 @kernel
 def whole_matrix(row: Row) -> Any:
     """Return the array of a row: whole numbers along two axes."""
-    return carray(_pointer(row[0]), (row[1], row[2]), np.int64)
+    return carray(pointer(row[0]), (row[1], row[2]), np.int64)
 
 
 @kernel
 def short_numbers(row: Row) -> Any:
     """Return the array of a row: 32-bit whole numbers."""
-    return carray(_pointer(row[0]), (row[1],), np.int32)
+    return carray(pointer(row[0]), (row[1],), np.int32)
 
 
 @kernel
 def short_matrix(row: Row) -> Any:
     """Return the array of a row: 32-bit whole numbers along two axes."""
-    return carray(_pointer(row[0]), (row[1], row[2]), np.int32)
+    return carray(pointer(row[0]), (row[1], row[2]), np.int32)
 
 
 @kernel
 def corner_numbers(row: Row) -> Any:
     """Return the array of a row: 16-bit whole numbers along two axes."""
-    return carray(_pointer(row[0]), (row[1], row[2]), np.uint16)
+    return carray(pointer(row[0]), (row[1], row[2]), np.uint16)
 
 
 @kernel
-def car_rows(row: Row) -> Any:
-    """Return the array of a row: of type CAR."""
-    return carray(_pointer(row[0]), (row[1],), CAR)
+def rows(row: Row, kind: Any) -> Any:
+    """Return the array of a row: of a type of records."""
+    return carray(pointer(row[0]), (row[1],), kind)
 
 
-@kernel
-def link_rows(row: Row) -> Any:
-    """Return the array of a row: of type LINK."""
-    return carray(_pointer(row[0]), (row[1],), LINK)
+@numbas
+def read_only() -> Any:
+    """Return what makes of an array one that cannot be written to."""
+    from numba.extending import intrinsic
 
+    def read_only(context: Any, array: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            context.nrt.incref(builder, signature.return_type, arguments[0])
+            return arguments[0]
 
-@kernel
-def tire_rows(row: Row) -> Any:
-    """Return the array of a row: of type TIRE."""
-    return carray(_pointer(row[0]), (row[1],), TIRE)
+        return array.copy(readonly=True)(array), generate
 
-
-@kernel
-def gear_rows(row: Row) -> Any:
-    """Return the array of a row: of type GEAR."""
-    return carray(_pointer(row[0]), (row[1],), GEAR)
-
-
-@kernel
-def timer_rows(row: Row) -> Any:
-    """Return the array of a row: of type LAP_TIMER."""
-    return carray(_pointer(row[0]), (row[1],), LAP_TIMER)
-
-
-@kernel
-def odometry_rows(row: Row) -> Any:
-    """Return the array of a row: of type ODOMETRY."""
-    return carray(_pointer(row[0]), (row[1],), ODOMETRY)
-
-
-@kernel
-def statistics_rows(row: Row) -> Any:
-    """Return the array of a row: of type STATISTICS."""
-    return carray(_pointer(row[0]), (row[1],), STATISTICS)
+    return intrinsic(read_only)
