@@ -112,7 +112,7 @@ def add_drive_options(add: Callable[..., Any], *names: str, of: str = "the") -> 
         },
         "tires": {
             "metavar": "NAME|FILE.toml",
-            "help": f"{', '.join(tire_names())}, or the file of a set; default: the vehicle's, contact",
+            "help": f"{', '.join(tire_names())}, or the file of a set; default: the vehicle's, coulomb",
         },
         "mu": {
             "type": number, "metavar": "MU",
