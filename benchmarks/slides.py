@@ -267,7 +267,9 @@ def main() -> None:
                      "fine": asdict(fine), "closed_form": form, "missed": list(map(bool, fails))}
                 )  # fmt: skip
     header = ("manoeuvre", "5 ms/.25 ms", "lateral", "yaw 5 ms", "yaw .25 ms", "apart", "closed form", "energy")
-    report({"slides": figures}, table(header, rows) + f"\n\n{missed} of {len(rows)} rows miss what is asked.", given.json)
+    report(
+        {"slides": figures}, table(header, rows) + f"\n\n{missed} of {len(rows)} rows miss what is asked.", given.json
+    )
 
 
 if __name__ == "__main__":

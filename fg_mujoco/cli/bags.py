@@ -160,9 +160,7 @@ def _write_run(
     from ..ros.mapping.recorded_run import write_recorded_run
 
     with contextlib.redirect_stdout(sys.stderr):
-        write_recorded_run(
-            bag, sweeps, made, course, vehicle, options.out, drive_topic=options.drive_topic
-        )
+        write_recorded_run(bag, sweeps, made, course, vehicle, options.out, drive_topic=options.drive_topic)
         report_race(options.out)
     print(f"written to {options.out}: {read_run(options.out)!r}")
 

@@ -31,11 +31,11 @@ _UPRIGHT = 0.8  # [-] cosine of a car's tilt, up to which the corners of its hul
 
 
 class ClearGround(NamedTuple):
-    """What tells where the cars of a world touch nothing; empty `distances`: nothing is known, and none ever is clear."""
+    """What tells where the cars of a world touch nothing; empty `distances`: nothing is known, and none is clear."""
 
     distances: FloatArray  # (rows, columns) [m] from the middles of cells to what stands, REACH at most
     corner: FloatArray  # (2,) x and y of the middle of cell (0, 0) [m]
-    bodies: FloatArray  # (m, 7) of the cars: middle of the hull in its body, its half sides, radius of all that touches [m]
+    bodies: FloatArray  # (m, 7) of the cars: middle of the hull in its body, its half sides, radius of what touches [m]
 
 
 def find_clear_ground(

@@ -128,7 +128,7 @@ class WorldBatch:
         self._own_model = own_model
         if not own_model:
             model = copy(model)
-        self._on_own_tires = any([take_over(model, car.prefix) for car in world.cars])
+        self._on_own_tires = sum(take_over(model, car.prefix) for car in world.cars) > 0
         self._model = model
         fit_timestep(model)
         self.physics = Batch(model, count, substeps)
@@ -206,10 +206,12 @@ class WorldBatch:
             "states": physics.states, "sensors": physics.sensors, "records": physics.records,
             "status": physics.status, "warnings": physics.warnings, "slip": self.slip, "ids": self._ids,
             "tires": self._tire_rows, "tire_states": self._tire_states, "patches": self.floor.patches,
-            "wheels": self.floor.wheels, "floor_mu": self.floor.mu, "pairs": self.floor.pairs, "car_places": self._car_places, "touch_places": self._touch_places,
+            "wheels": self.floor.wheels, "floor_mu": self.floor.mu, "pairs": self.floor.pairs,
+            "car_places": self._car_places, "touch_places": self._touch_places,
             "sizes": np.array(self._sizes(), np.int64), "span": np.zeros(3, np.int64), "gears": self._gears,
             "fields": np.array(fields(), np.int64), "row_counts": inertia.row_counts, "row_starts": inertia.row_starts,
-            "inertia_columns": inertia.columns, "scratch": np.zeros(SCRATCH), **self.clear._asdict(), "motions": self._motions, "cars": self._arrays.constants, **vars(self._arrays),
+            "inertia_columns": inertia.columns, "scratch": np.zeros(SCRATCH), **self.clear._asdict(),
+            "motions": self._motions, "cars": self._arrays.constants, **vars(self._arrays),
             "running": self._monitor.running, "reasons": self._monitor.reasons, "timers": self._monitor.timers,
             "lap_times": self._monitor.lap_times, "standing_since": self._monitor.standing_since,
         }  # fmt: skip

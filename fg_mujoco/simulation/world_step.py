@@ -172,9 +172,7 @@ def _step_on_tires(
                         if part != ALONG and part != ACROSS:
                             userdata[USERDATA * (first + k) + part] = own[USERDATA * k + part]
             if gear.steered:
-                kept[car, 0], kept[car, 1] = steer(
-                    model, data, found, gear, scratch, dofs, timestep, sizes.tire_steps
-                )
+                kept[car, 0], kept[car, 1] = steer(model, data, found, gear, scratch, dofs, timestep, sizes.tire_steps)
             kept[car, 2], kept[car, 3] = qvel[gear.free_dof], qvel[gear.free_dof + 1]
     end_step(model, data, found, dofs, advance, last)
     if advance:

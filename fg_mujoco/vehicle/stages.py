@@ -130,7 +130,10 @@ _SAMPLE = """
   <contact><pair geom1="one" geom2="two"/></contact>
   <worldbody>
     <body mocap="true"/>
-    <body><freejoint/><geom name="one" size=".1"/><body><joint name="a"/><geom name="two" size=".1" pos="0 .2 0"/></body></body>
+    <body>
+      <freejoint/><geom name="one" size=".1"/>
+      <body><joint name="a"/><geom name="two" size=".1" pos="0 .2 0"/></body>
+    </body>
   </worldbody>
   <actuator><position joint="a"/></actuator>
   <sensor><jointpos joint="a"/></sensor>
@@ -171,7 +174,8 @@ def _place_of_contacts(end: int) -> int:
         )
         data = mujoco.MjData(model)
         mujoco.mj_forward(model, data)
-        numbers = np.frombuffer((ctypes.c_int32 * (end // 4)).from_address(data._address), np.int32)
+        buffer: Any = (ctypes.c_int32 * (end // 4)).from_address(data._address)
+        numbers = np.frombuffer(buffer, np.int32)
         hits = {4 * int(place) for place in np.flatnonzero(numbers == count)}
         found = found & hits if found else hits
     if not found:
@@ -182,7 +186,9 @@ def _place_of_contacts(end: int) -> int:
 def _words(structure: Any, first: int, end: int) -> NDArray[np.uintp]:
     """Return the words of a structure from one up to another."""
     size = ctypes.sizeof(ctypes.c_size_t)
-    return np.frombuffer((ctypes.c_size_t * (end - first)).from_address(structure._address + size * first), np.uintp)
+    buffer: Any = (ctypes.c_size_t * (end - first)).from_address(structure._address + size * first)
+    words: NDArray[np.uintp] = np.frombuffer(buffer, np.uintp)
+    return words
 
 
 def _places(structure: Any, names: dict[str, str], anchor: str, behind: int) -> dict[str, int]:

@@ -114,7 +114,7 @@ GEAR = np.dtype(
         ("free_dof", np.int64),
         ("commons", np.int64),
         ("common", np.int64, (_MOST_COMMON,)),  # the dofs that move more than one wheel, in order
-        ("common_of", np.int64, (_MOST_COMMON, _MOST_COMMON)),  # where what MuJoCo keeps in a row of theirs is among them
+        ("common_of", np.int64, (_MOST_COMMON, _MOST_COMMON)),  # where the entries of their rows are among them
         ("steered", np.int64),  # whether the kingpins follow the steering by polynomials, and are put there
         ("steering_qpos", np.int64),
         ("steering_dof", np.int64),
@@ -276,8 +276,8 @@ def steps_within(model: mujoco.MjModel, rows: TireRows, timestep: float) -> int:
     steps = max(math.ceil(timestep * fastest - 1e-9), 1)
     if steps > _MOST_STEPS:
         raise ModelError(
-            f"timestep is {timestep:g} s with tires so stiff; accepted: up to {_MOST_STEPS / fastest:.3g} s, or tires with "
-            "less stiffness or a longer relaxation_length"
+            f"timestep is {timestep:g} s with tires so stiff; accepted: up to {_MOST_STEPS / fastest:.3g} s, or tires "
+            "with less stiffness or a longer relaxation_length"
         )
     return steps
 
@@ -765,7 +765,8 @@ def push_car(
             grip = grip_of(tire, load, mu[k])
             if tire.holds:
                 state[ALONG], state[ACROSS], force[3 * k], force[3 * k + 1], size, sliding_x, sliding_y = bend(
-                    tire, state[ALONG], state[ACROSS], velocity[3 * k], velocity[3 * k + 1], left[k], reach[k], grip, short
+                    tire, state[ALONG], state[ACROSS], velocity[3 * k], velocity[3 * k + 1], left[k], reach[k], grip,
+                    short,
                 )
             else:
                 state[ALONG], state[ACROSS], force[3 * k], force[3 * k + 1], size, sliding_x, sliding_y = deflect(
@@ -1005,7 +1006,7 @@ def step_by_hand(
 
 @kernel
 def begin_step(model: int, data: int, found: Fields, clear: bool) -> None:
-    """Do MuJoCo's stages of positions and velocities, with their sensors; `clear`: there are no contacts to be found."""
+    """Do MuJoCo's stages of positions and velocities, with their sensors; `clear`: there is no contact to be found."""
     stages.check_positions(model, data)
     stages.check_velocities(model, data)
     stages.kinematics(model, data)

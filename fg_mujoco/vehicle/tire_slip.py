@@ -69,8 +69,8 @@ BRISTLES_SLIDE = 0.01
 """[m/s] A tire of bristles (Law.holds) slides when the ground moves under it by more than this beyond what bends them.
 
 In a corner the light inner wheel bends its bristles to their end first, and slides by some mm/s, which the car does not
-feel. Where the car slides, its speed is within 1 % of that of the law v^2 = g mu b / tan(steering), up to .2 rad, when a
-tire passes this: measured, and much less than that of a contact, which counts its creep, too.
+feel. Where the car slides, its speed is within 1 % of that of the law v^2 = g mu b / tan(steering), up to .2 rad, when
+a tire passes this: measured, and much less than that of a contact, which counts its creep, too.
 """
 
 

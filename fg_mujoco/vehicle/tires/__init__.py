@@ -2,8 +2,12 @@
 
 from typing import Any
 
+from .brush import Brush
+from .coulomb import Coulomb
 from .law import GREATEST_SLIP, NUMBERS, Law
-from .laws import CONTACT, LAW_OF, LAWS, MODELS, Brush, Coulomb, Linear, MagicFormula, curve_force
+from .laws import CONTACT, LAW_OF, LAWS, MODELS, curve_force
+from .linear import Linear
+from .magic_formula import MagicFormula
 from .sets import AXLE_KEYS, CONTACT_TIMESTEP, DEFAULT_TIRES, NUMERIC, AxleTires, Tires, tire_names, tires_of
 
 __all__ = [

@@ -1,8 +1,9 @@
 """Coulomb friction: the force grows with the slip up to friction times load, and stays there.
 
 The contact patch is a layer of bristles. They bend until their force is that of friction, and then slide: elastic and
-perfectly plastic, as in Dahl's model. A tire that holds does not creep, and one that slides has the full friction in any
-direction. How stiff the bristles are hardly matters to where a car begins to slide; it sets how far it drifts before.
+perfectly plastic, as in Dahl's model. A tire that holds does not creep, and one that slides has the full friction in
+any direction. How stiff the bristles are hardly matters to where a car begins to slide; it sets how far it drifts
+before.
 
 Source: P. Dahl, "A solid friction model" (1968); the bound on the deflection is that of elasto-plastic friction models
 (Dupont et al., IEEE Trans. Autom. Control 47(5), 2002).
@@ -35,7 +36,8 @@ class Coulomb(Law):
 
     def __post_init__(self) -> None:
         if self.D is not None:
-            require(self, lambda v: 0.0 < v <= 3.0, "above 0, up to 3, which no such tire reaches", ("D",), SettingsError)
+            accepted = "above 0, up to 3, which no such tire reaches"
+            require(self, lambda v: 0.0 < v <= 3.0, accepted, ("D",), SettingsError)
         require(self, lambda v: 1.0 <= v <= 1000.0, "1 to 1000 per rad", ("stiffness",), SettingsError)
 
     @classmethod
@@ -65,7 +67,7 @@ class Coulomb(Law):
           SettingsError: it is that of a vehicle, which is not known here.
         """
         if self.D is None:
-            raise SettingsError("Coulomb.D is None, the vehicle's friction; accepted: a number, as Tires.on(friction) has it")
+            raise SettingsError("Coulomb.D is None, the vehicle's; accepted: a number, as Tires.on(friction) has it")
         return self.D
 
     @property

@@ -4,7 +4,7 @@
         model = "my_law"
 
 A law is a frozen dataclass, in a module of its own, with a kernel `force` of its numbers. `tire_forces` does for all
-laws what they share: load, deflection of the contact patch, slip of both directions at once, damping. `laws` lists them.
+laws what they share: load, deflection of the contact patch, slip of both directions at once, damping. `laws` has them.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Law:
     Attributes:
       model: its name in tire files.
       holds: whether the contact patch deflects no further than where it slides, as bristles do, so that the slip never
-        passes that of the peak. Else the slip goes on to GREATEST_SLIP, and the force follows the curve behind its peak.
+        passes that of the peak. Else the slip goes on to GREATEST_SLIP, and the force follows the curve behind it.
       slides: whether it has a peak, past which a tire slides.
     """
 
@@ -65,14 +65,14 @@ class Law:
         """What its kernel needs, up to NUMBERS of them."""
 
     @classmethod
-    def keys(cls) -> tuple[str, ...]:
+    def value_names(cls) -> tuple[str, ...]:
         """Return the names of its values in a tire file."""
         return tuple(field.name for field in fields(cls))
 
     @classmethod
     def needed(cls) -> tuple[str, ...]:
         """Return the names of those that a tire file must have."""
-        return cls.keys()
+        return cls.value_names()
 
     def row(self) -> FloatArray:
         """Return its numbers, and zeros behind them. Shape (NUMBERS,)."""

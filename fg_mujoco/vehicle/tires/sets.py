@@ -195,11 +195,11 @@ class Tires:
         """Return the set on a vehicle whose MJCF has this friction [-]: with it where the set gives none."""
         if self.is_contact or not self._of_vehicle:
             return self
-        with_it = {
-            name: replace(axle, lateral=_rubbed(axle.lateral, friction), longitudinal=_rubbed(axle.longitudinal, friction))
-            for name, axle in zip(_AXLES, self.axles, strict=True)
-        }  # fmt: skip
-        return replace(self, **with_it)
+        front, rear = (
+            replace(axle, lateral=_rubbed(axle.lateral, friction), longitudinal=_rubbed(axle.longitudinal, friction))
+            for axle in self.axles
+        )
+        return replace(self, front=front, rear=rear)
 
     def told(self) -> dict[str, float]:
         """Return what a planner is told of the tires, as fields of CarParameters; of Coulomb friction nothing more."""
@@ -227,20 +227,20 @@ class Tires:
         return hashlib.sha256(json.dumps(self.described(), sort_keys=True).encode()).hexdigest()
 
 
-def _rubbed(curve: Law, friction: float) -> Law:
+def _rubbed(curve: Any, friction: float) -> Any:
     return replace(curve, D=friction) if getattr(curve, "D", 0.0) is None else curve
 
 
 def _values(curve: Law) -> dict[str, float]:
     """Return the values of a curve as a tire file has them."""
-    return {key: getattr(curve, key) for key in curve.keys() if getattr(curve, key) is not None}
+    return {key: getattr(curve, key) for key in curve.value_names() if getattr(curve, key) is not None}
 
 
 def numbers_of(axle: AxleTires, law: str) -> list[float]:
     """Return what `tires_of` reads from a compiled model: see NUMERIC."""
     found = [float([own.model for own in LAWS].index(law))]
     for curve in (axle.lateral, axle.longitudinal):
-        found += [getattr(curve, key) for key in curve.keys()]
+        found += [getattr(curve, key) for key in curve.value_names()]
     return found + [getattr(axle, key) for key in AXLE_KEYS]
 
 
@@ -258,7 +258,7 @@ def tires_of(model: mujoco.MjModel, prefix: str = "") -> Tires:
         first = model.numeric_adr[index]
         values = model.numeric_data[first : first + model.numeric_size[index]].tolist()
         law = LAWS[int(values[0])] if values[0] in range(len(LAWS)) else LAWS[0]
-        keys = law.keys()
+        keys = law.value_names()
         if values[0] not in range(len(LAWS)) or len(values) != 1 + 2 * len(keys) + len(AXLE_KEYS):
             raise ModelError(
                 f"numeric {model.numeric(index).name!r} is not that of tires of this version; accepted: a model that "
@@ -317,12 +317,12 @@ def _of(table: Mapping[str, Any], where: str) -> Tires:
 
 def _axle(table: Mapping[str, Any], model: str, where: str) -> AxleTires:
     law = LAW_OF[model]
-    _known(table, (*law.keys(), *AXLE_KEYS, "longitudinal"), where)
-    lateral = _curve({name: table[name] for name in law.keys() if name in table}, law, where)
+    _known(table, (*law.value_names(), *AXLE_KEYS, "longitudinal"), where)
+    lateral = _curve({name: table[name] for name in law.value_names() if name in table}, law, where)
     longitudinal = lateral
     if "longitudinal" in table:
         own, where_own = _table(table, "longitudinal", where), f"{where[:-1]}.longitudinal]"
-        _known(own, law.keys(), where_own)
+        _known(own, law.value_names(), where_own)
         longitudinal = _curve(own, law, where_own)
     if "relaxation_length" not in table:
         raise SettingsError(f"{where}: has no relaxation_length; accepted: a length in metres")
