@@ -67,7 +67,9 @@ class Coulomb(Law):
           SettingsError: it is that of a vehicle, which is not known here.
         """
         if self.D is None:
-            raise SettingsError("Coulomb.D is None, the vehicle's; accepted: a number, as Tires.on(friction) has it")
+            raise SettingsError(
+                "Coulomb.D is None, the vehicle's friction; accepted: a number, as Tires.on(friction) has it"
+            )
         return self.D
 
     @property
