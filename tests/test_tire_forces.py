@@ -580,12 +580,12 @@ def test_a_state_holds_all_that_the_next_step_depends_on(stop):
 @kernel
 def in_turn(model, data, found, dofs, count):
     for _ in range(count):
-        begin_step(model, data)
+        begin_step(model, data, found, False)
         stages.factor_inertia(model, data)
         stages.project_constraints(model, data)
         stages.stage_actuation(model, data)
         stages.stage_acceleration(model, data)
-        end_step(model, data, found, dofs, True)
+        end_step(model, data, found, dofs, True, True)
 
 
 def test_mujocos_stages_called_in_turn_are_its_step():

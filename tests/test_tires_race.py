@@ -193,7 +193,7 @@ def test_telemetry_has_load_force_and_slip_of_each_tire_at_the_state_of_the_row(
     assert again == slip[2, 0].tolist() == load[:, 150].tolist()
 
 
-ICE = fg.Patch(x=6.0, y=0.0, length=3.0, width=2.0, mu=0.3)
+ICE = fg.Patch(x=6.0, y=0.0, length=3.0, width=2.0, mu=0.15)
 
 
 @pytest.mark.parametrize("tires", ["contact", "coulomb", NUC2])
@@ -217,7 +217,7 @@ def test_patches_are_part_of_any_world(tires, tmp_path):
     simulation.reset(s=5.0, speed=3.0)
     simulation.drive(0.0, 3.0)
     own = simulation.engine.floor_friction()
-    under = [0.3, 0.3, 0.3, 0.3] if tires != NUC2 else [0.3, 0.3, *2 * [0.3 * 0.96465 / 1.2307]]
+    under = [ICE.mu] * 4 if tires != NUC2 else [ICE.mu, ICE.mu, *2 * [ICE.mu * 0.96465 / 1.2307]]
     np.testing.assert_allclose(own[-1], under, rtol=1e-4)
     if tires == "contact":
         pairs = [simulation.world.model.pair(f"{CAR_PREFIX}{wheel}_tire").id for wheel in fg.vehicle.car.WHEELS]

@@ -158,7 +158,7 @@ def _step_world(model: int, data: int, world: int, address: int) -> None:
     sizes, span = whole_numbers(table[_SIZES]), whole_numbers(table[_SPAN])
     step_world(
         model, data, world, span[_FIRST], span[_END], span[_ADVANCE] != 0,
-        Sizes(sizes[0], sizes[1], sizes[2], sizes[3], sizes[4], sizes[5], sizes[6]),
+        Sizes(sizes[0], sizes[1], sizes[2], sizes[3], sizes[4], sizes[5]),
         _fields_of(whole_numbers(table[_FIELDS])),
         Inertia(
             short_numbers(table[_ROW_COUNTS]), short_numbers(table[_ROW_STARTS]),

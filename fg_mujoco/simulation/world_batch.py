@@ -148,8 +148,7 @@ class WorldBatch:
         self._tire_rows = np.concatenate([meter.rows for meter in meters])
         self._tire_states = np.zeros((count, substeps, USERDATA * len(self._tire_rows)))
         self._car_places = self._make_car_places(meters)
-        self._gears = np.concatenate([gear_row(model, car.prefix) if len(meter.rows) else np.zeros(1, GEAR)
-                                      for car, meter in zip(world.cars, meters, strict=True)])  # fmt: skip
+        self._gears = np.concatenate([self._gear_of(car, meter) for car, meter in zip(world.cars, meters, strict=True)])
         self._ids = np.empty(count, np.int32)
         self.floor = self._make_floor(substeps)
         self._motions, self._mover = motion_table(world.moving), make_mover(model)
@@ -186,12 +185,19 @@ class WorldBatch:
         return Floor(patches, wheels, np.zeros((room, substeps, len(WHEELS))), self._pairs.ravel())
 
     def _sizes(self) -> Sizes:
-        """Return how large the model is, and in how many short steps its tires are moved."""
-        model, timestep = self.world.model, float(self.world.model.opt.timestep)
+        """Return how large the model is, and whether any car has tires of ours."""
+        model = self.world.model
         return Sizes(
-            model.nq, model.nv, model.nsensordata, model.nuserdata, model.npair,
-            steps_within(model, self._tire_rows, timestep), int(self._on_own_tires),
+            model.nq, model.nv, model.nsensordata, model.nuserdata, model.npair, int(self._on_own_tires)
         )  # fmt: skip
+
+    def _gear_of(self, car: Car, meter: TireSlipMeter) -> NDArray[np.void]:
+        """Return how a car is steered and driven on tires of ours, (1,) of GEAR; zeros on others."""
+        if not len(meter.rows):
+            return np.zeros(1, GEAR)
+        gear = gear_row(self._model, car.prefix).copy()
+        gear["tire_steps"] = steps_within(self._model, meter.rows, float(self._model.opt.timestep))
+        return gear
 
     def _make_table(self, period: float, time_limit: float | None) -> ArrayTable:
         """Return all arrays as the one argument of the compiled tick."""

@@ -60,7 +60,6 @@ class Sizes(NamedTuple):
     readings: int
     userdata: int
     pairs: int
-    tire_steps: int  # short ones in a physics step, of `steps_within`
     own_tires: int  # whether any car has tires with a law of ours
 
 
@@ -164,7 +163,7 @@ def _step_on_tires(
                 own = own.copy()
             push_car(
                 model, data, found, inertia, gear, tire_rows[first : first + 4], under, own, scratch, dofs, timestep,
-                sizes.tire_steps,
+                gear.tire_steps,
             )  # fmt: skip
             if not advance:
                 for k in range(4):  # the tires stay as they are
@@ -172,7 +171,7 @@ def _step_on_tires(
                         if part != ALONG and part != ACROSS:
                             userdata[USERDATA * (first + k) + part] = own[USERDATA * k + part]
             if gear.steered:
-                kept[car, 0], kept[car, 1] = steer(model, data, found, gear, scratch, dofs, timestep, sizes.tire_steps)
+                kept[car, 0], kept[car, 1] = steer(model, data, found, gear, scratch, dofs, timestep, gear.tire_steps)
             kept[car, 2], kept[car, 3] = qvel[gear.free_dof], qvel[gear.free_dof + 1]
     end_step(model, data, found, dofs, advance, last)
     if advance:

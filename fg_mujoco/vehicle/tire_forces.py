@@ -58,6 +58,7 @@ _DAMPING_RATIO = 0.3  # [-] of a wheel's spin on its tire: between those of rubb
 _LONGEST = (0.35, 0.5)  # [-] of a short step times the fastest rate of the tires, of curves and of bristles: measured
 _MOST_STEPS = 64  # short ones in a physics step
 _FIRST_AXLE = "front"
+_MOST_PULL = 30.0  # [m/s^2] of a car: no tires give as much, and a wall that stops it gives more
 _STILL = 1.0  # [rad/s] of a wheel: from there on it has all of its rolling resistance
 
 USERDATA = 8
@@ -112,6 +113,7 @@ GEAR = np.dtype(
     [
         ("free_qpos", np.int64),  # of base_link's joint
         ("free_dof", np.int64),
+        ("tire_steps", np.int64),  # short steps in a physics step, of `steps_within`
         ("commons", np.int64),
         ("common", np.int64, (_MOST_COMMON,)),  # the dofs that move more than one wheel, in order
         ("common_of", np.int64, (_MOST_COMMON, _MOST_COMMON)),  # where the entries of their rows are among them
@@ -464,11 +466,13 @@ class TireForces(Suggesting):
             mujoco.mj_step(self._model, data)
 
     def _step(self, data: mujoco.MjData, advance: bool) -> None:
-        timestep = float(self._model.opt.timestep)
+        timestep, wheels = float(self._model.opt.timestep), len(self.rows) // len(self._gears)
+        for car, gear in enumerate(self._gears):
+            own = self.rows[wheels * car : wheels * (car + 1)]
+            gear["tire_steps"] = self.steps or steps_within(self._model, own, timestep)
         step_by_hand(
             self._model._address, data._address, self._fields, self._inertia, self._gears, self.rows, self.mu,
-            self._places, data.userdata, self._scratch, self._model.nv, timestep,
-            self.steps or steps_within(self._model, self.rows, timestep), advance,
+            self._places, data.userdata, self._scratch, self._model.nv, timestep, advance,
         )  # fmt: skip
 
 
@@ -963,7 +967,7 @@ def _mobility(
 @kernel
 def step_by_hand(
     model: int, data: int, found: Fields, inertia: Inertia, gears: GearRows, tires: TireRows, mu: FloatArray,
-    places: NDArray[np.int64], userdata: FloatArray, scratch: FloatArray, dofs: int, timestep: float, steps: int,
+    places: NDArray[np.int64], userdata: FloatArray, scratch: FloatArray, dofs: int, timestep: float,
     advance: bool,
 ) -> None:  # fmt: skip
     """Do a physics step of a model, or only work out its forces and sensors.
@@ -985,14 +989,16 @@ def step_by_hand(
         before = own.copy()
         push_car(
             model, data, found, inertia, gears[car], tires[first : first + wheels], mu[first : first + wheels], own,
-            scratch, dofs, timestep, steps,
+            scratch, dofs, timestep, gears[car].tire_steps,
         )  # fmt: skip
         if not advance:
             for k in range(wheels):  # the tires stay as they are
                 own[USERDATA * k + ALONG] = before[USERDATA * k + ALONG]
                 own[USERDATA * k + ACROSS] = before[USERDATA * k + ACROSS]
         if gears[car].steered:
-            kept[car, 0], kept[car, 1] = steer(model, data, found, gears[car], scratch, dofs, timestep, steps)
+            kept[car, 0], kept[car, 1] = steer(
+                model, data, found, gears[car], scratch, dofs, timestep, gears[car].tire_steps
+            )
         if gears[car].free_dof >= 0:
             kept[car, 2], kept[car, 3] = qvel[gears[car].free_dof], qvel[gears[car].free_dof + 1]
     end_step(model, data, found, dofs, advance, True)
@@ -1047,10 +1053,11 @@ def place_between(
 ) -> None:
     """Move a car over the ground by the mean of its velocities before a physics step and after, and not by the latter.
 
-    MuJoCo takes the new velocity, and so ends v h / 2 short of where a car that slides at v comes to rest. Only where
-    nothing is touched, because contacts count on it.
+    MuJoCo takes the new velocity, and so ends v h / 2 short of where a car that slides at v comes to rest. Not where
+    something else than tires stops the car: a contact counts on it.
     """
-    if stages.whole_number_at(data + found.contacts)[0] == 0:
-        velocity, position = stages.vector(data, found.qvel, dofs), stages.vector(data, found.qpos, gear.free_qpos + 2)
-        position[gear.free_qpos] += 0.5 * timestep * (before_x - velocity[gear.free_dof])
-        position[gear.free_qpos + 1] += 0.5 * timestep * (before_y - velocity[gear.free_dof + 1])
+    velocity, position = stages.vector(data, found.qvel, dofs), stages.vector(data, found.qpos, gear.free_qpos + 2)
+    lost_x, lost_y = before_x - velocity[gear.free_dof], before_y - velocity[gear.free_dof + 1]
+    if math.hypot(lost_x, lost_y) < _MOST_PULL * timestep:
+        position[gear.free_qpos] += 0.5 * timestep * lost_x
+        position[gear.free_qpos + 1] += 0.5 * timestep * lost_y

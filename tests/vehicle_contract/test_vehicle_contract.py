@@ -13,6 +13,7 @@ import pytest
 from vehicle_worlds import drive, load
 
 import fg_mujoco as fg
+from fg_mujoco.vehicle.bodywork import add_hull
 from fg_mujoco.vehicle.car import WHEELS, Car
 from fg_mujoco.vehicle.contract import PARTS
 from fg_mujoco.vehicle.fitting import ackermann_angle, fit
@@ -43,7 +44,8 @@ def test_the_documentation_lists_the_parts_and_the_bundled_vehicles():
     rows = re.findall(r"^\| (\w+) \| (`.*?`) \|", page.read_text("utf-8"), re.MULTILINE)
     named = [(kind, name) for kind, names in rows for name in re.findall(r"`(.+?)`", names)]
     listed = {(kind, name.format(wheel=wheel)) for kind, name in named for wheel in WHEELS}
-    assert listed - {("text", "lidar"), ("text", "look")} == {(part.kind, part.name) for part in PARTS}
+    optional = {("text", "lidar"), ("text", "look"), ("text", "tires"), ("geom", "hull")}
+    assert listed - optional == {(part.kind, part.name) for part in PARTS}
     bundled = re.findall(r"^\| `(\w+)` \| .* kg, ", page.read_text("utf-8"), re.MULTILINE)
     assert sorted(bundled) == sorted(fg.vehicle_names())
 
@@ -103,7 +105,7 @@ def test_its_numbers_are_those_that_fitting_gives(name):
         center_of_gravity=(limits.rear_axle_distance, limits.center_of_gravity_height),
         yaw_inertia=limits.yaw_inertia,
     )
-    fitted, model = spec.compile(), vehicle.compile()
+    fitted, model = add_hull(spec).compile(), vehicle.compile()
     for array in ("body_mass", "body_ipos", "body_inertia", "body_pos", "geom_size", "site_pos", "qpos_spring",
                   "eq_data", "actuator_gainprm", "actuator_biasprm", "actuator_forcerange"):  # fmt: skip
         rounding = 4e-5 if array == "eq_data" else 3e-6
@@ -169,7 +171,7 @@ def test_it_can_be_compared_hashed_copied_and_pickled_and_not_changed(name):
     model.body_mass[:] = 1.0
     model.pair_friction[:] = 0.1
     assert vehicle.compile().body_mass.sum() == pytest.approx(vehicle.parameters.mass)
-    assert vehicle.compile().pair_friction[0, 0] == vehicle.nominal_mu
+    assert vehicle.compile().pair("front_left_tire").friction[0] == vehicle.nominal_mu
 
 
 @every_vehicle
