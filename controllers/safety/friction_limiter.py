@@ -49,7 +49,7 @@ from ..control.slip import SLIP, fastest_on, slip_row, tightest_arc
 from ..control.speed import friction_speed, friction_steering, share_of_way
 from ..control.steering import saturate
 
-_CORNERING_EXPONENT = 1.0  # of the F1TENTH car, see 4 above
+_CORNERING_EXPONENT = 0.9  # of the F1TENTH car, see 4 above
 _LOAD_MOVED = 0.074 / 0.236  # height of the centre of gravity over the track width, of the F1TENTH car
 
 
