@@ -29,7 +29,7 @@ from fg_mujoco.studies.identification.drive import Channel, Drive
 from fg_mujoco.studies.identification.identification import Identification, identify_drives
 from fg_mujoco.studies.identification.problem import PARAMETERS, DriveProblem
 from fg_mujoco.studies.identification.single_track import Steering
-from fg_mujoco.vehicle.tires import AxleTires, TireCurve
+from fg_mujoco.vehicle.tires import AxleTires, MagicFormula
 
 DRIVES = (
     (4.0, 1.0, 0.08), (7.0, 1.0, 0.05), (2.5, 1.4, 0.4), (3.5, 2.0, 0.4), (4.5, 1.4, 0.4), (5.0, 0.8, 0.4),
@@ -82,7 +82,7 @@ def random_tires(seed: int) -> fg.Tires:
         }
         sigma = 0.045 * 2.0 ** rng.uniform(-1.0, 1.0)
         try:
-            curves = {axle: TireCurve(**dict(zip("BCDE", values, strict=True))) for axle, values in drawn.items()}
+            curves = {axle: MagicFormula(**dict(zip("BCDE", values, strict=True))) for axle, values in drawn.items()}
         except fg.SettingsError:  # a curve without a peak is no set
             continue
         axles = {

@@ -93,7 +93,7 @@ def test_a_wall_stops_a_car_within_the_step_in_which_it_arrives(tires, degrees, 
         assert low < rebound < high, (phase, rebound)
 
 
-@pytest.mark.parametrize("timestep", (0.001, 0.0025, 0.01, 0.025))
+@pytest.mark.parametrize("timestep", (0.001, 0.0025, 0.01))
 def test_a_wall_bounces_alike_at_other_timesteps(timestep):
     """Fitted to 5 ms and left so, contacts at 10 ms would throw the car back faster than it came."""
     world = fg.World(TRACK, tires="coulomb")

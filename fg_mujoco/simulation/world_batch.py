@@ -126,11 +126,11 @@ class WorldBatch:
         self.rows = slice(worlds.start * cars_per_world, worlds.stop * cars_per_world)
         self.layout = StateLayout.of(model)
         self._own_model = own_model
+        fit_timestep(model)
         if not own_model:
             model = copy(model)
         self._on_own_tires = sum(take_over(model, car.prefix) for car in world.cars) > 0
         self._model = model
-        fit_timestep(model)
         self.physics = Batch(model, count, substeps)
         if own_model:
             self.physics.set_models([model] * count)

@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ...messages import CarParameters, DriveCommand, FloatArray
+from ...vehicle.tires import Tires
 from ...vehicle.vehicle import Vehicle
 from .experiment import Cell, LabSettings, Row, Section, Tables, no_number
 from .linear_tire_model import SingleTrack
@@ -29,6 +30,7 @@ _SECONDS = 4.5  # of a manoeuvre
 _START = 0.5  # [s] of straight driving before it
 _SETTLING = 4.0  # [s] of a circle: many times what the model takes
 _TIMESTEP = 0.001  # [s] of the model
+_CONTACT = Tires()  # whose creep makes them the stiffest linear tires that there are here
 
 
 def _step(time: float) -> tuple[float, float]:
@@ -83,9 +85,9 @@ EXPERIMENT = Models()
 
 
 def creep_stiffness(mu: float, gravity: float, speed: float) -> float:
-    """Return the cornering stiffness [1/rad] of a linear tire that creeps as ours at this speed [m/s].
+    """Return the cornering stiffness [1/rad] of a linear tire that creeps as MuJoCo's contacts at this speed [m/s].
 
-    A tire of ours that carries a side acceleration a moves sideways at a / rate (`solreffriction` over the impedance,
+    A contact that carries a side acceleration a moves sideways at a / rate (`solreffriction` over the impedance,
     see models/f1tenth.xml), which is a slip angle of a / (rate speed); a linear tire's is a / (mu g stiffness).
     """
     model = Vehicle.load().compile()
@@ -96,9 +98,9 @@ def creep_stiffness(mu: float, gravity: float, speed: float) -> float:
 
 def measure_circle(steering: float, ks: Sequence[float]) -> list[Row]:
     """Return a row for each k: our car's settled yaw rate on a circle, and the models' at the same angle and speed."""
-    car = OpenGround().car
+    car = OpenGround(tires=_CONTACT).car
     mu, gravity, lr = car.mu, car.parameters.gravity, car.parameters.rear_axle_distance
-    circle = SteadyCircle(mu, steering)
+    circle = SteadyCircle(mu, steering, tires=_CONTACT)
     kinematic = math.tan(steering) / car.parameters.wheelbase  # [1/m] curvature of the rear axle's path
     rows: list[Row] = []
     for k in ks:
@@ -127,7 +129,7 @@ def measure_manoeuvre(name: str, swing: float, k: float) -> tuple[Row, list[Row]
     Returns:
       How the yaw rates differ over all of it, and a row for each tick.
     """
-    ground = OpenGround()
+    ground = OpenGround(tires=_CONTACT)
     mu, car = ground.car.mu, ground.car.parameters
     top = k * math.sqrt(car.gravity * mu * car.wheelbase / math.tan(swing))
     shares = [MANOEUVRES[name](tick * TICK - _START) for tick in range(round(_SECONDS / TICK))]
