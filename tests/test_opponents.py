@@ -86,7 +86,7 @@ def test_same_seed_same_bits_and_nothing_is_left_of_an_episode(opponents):
 def test_worlds_of_the_vector_environment_are_environments_of_their_own(mode):
     """Any number of worlds and threads, crashes and new episodes in between: the bits of one environment each."""
     settings = {"track": "oval", "beam_step": 60, "opponents": ["gap_finder", steady], "grid_order": "random"}
-    rng = np.random.default_rng(0)
+    rng = np.random.default_rng(1)  # of which world 0 crashes, without touching a car
     actions = rng.uniform((-0.4, 1.0), (0.4, 5.0), (60, 9, 2))
     told = {}
     for count, threads in ((2, 1), (9, 2)):

@@ -26,6 +26,7 @@ TELLTALE = (
 
 PLANNER = """
 import os
+import signal
 
 from fg_mujoco.messages import DriveCommand
 

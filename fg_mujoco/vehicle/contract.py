@@ -35,6 +35,7 @@ _GAP, _DEPTH = 0.001, 0.005  # [m] of a tire over the ground, and in it, before 
 _SETTLING, _SETTLED = 0.5, 0.005  # [s] that a car is given to come to rest, and [m] by which it may move meanwhile
 _MOST_DOFS, _MOST_CONTACTS = 200, 200  # of a vehicle alone on its ground
 _STEERING_TOLERANCE = 0.005  # [rad] of a front wheel's angle at the steering's limit, from Ackermann's
+_BAD_STATE = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC) + 1)
 _RADIUS_TOLERANCE = 0.05  # [-] of the radius that wheels roll on, from the height of their middles
 
 
@@ -298,7 +299,7 @@ def _check_stance(model: Any, wheel_radius: float, where: str) -> None:
     for _ in range(math.ceil(_SETTLING / model.opt.timestep)):
         if data.ncon > _MOST_CONTACTS:
             raise ModelError(f"{where}: {data.ncon} contacts at rest; accepted: {_MOST_CONTACTS} at most")
-        mujoco.mj_step(model, data)
+        _step(model, data, where)
     moved = float(np.abs(_chassis_places(data) - drawn).max())
     for wheel in WHEELS:
         if not data.sensordata[sensor_slice(model, f"{wheel}_tire_contact")][0] > 0.0:
@@ -313,6 +314,18 @@ def _check_stance(model: Any, wheel_radius: float, where: str) -> None:
         )
 
 
+def _step(model: Any, data: Any, where: str) -> None:
+    """Do a physics step; refuse a car that MuJoCo resets, which says so on stderr the first time only."""
+    time, counts = data.time, data.warning.number[_BAD_STATE]
+    counts[:] = 2  # none is the first one; after a reset they are 0 and 1
+    mujoco.mj_step(model, data)
+    if not (counts == 2).all():
+        raise ModelError(
+            f"{where}: MuJoCo gives the car at rest positions, speeds or accelerations without bounds after "
+            f"{time:.3g} s; accepted: springs, dampers and masses with which it stands"
+        )
+
+
 def _chassis_places(data: Any) -> FloatArray:
     """Return where two points of the chassis are, behind and ahead (2, 3) [m]."""
     return np.array((data.body("base_link").xpos, data.site("lidar_mount").xpos))
@@ -323,7 +336,7 @@ def _check_steering(model: Any, car: CarParameters, where: str) -> None:
     data = mujoco.MjData(model)
     data.ctrl[:] = car.max_steering_angle, 0.0
     for _ in range(math.ceil(_SETTLING / model.opt.timestep)):
-        mujoco.mj_step(model, data)
+        _step(model, data, where)
     for side, track_width in (("left", car.track_width), ("right", -car.track_width)):
         kingpin = f"front_{side}_kingpin"
         angle = float(data.joint(kingpin).qpos[0])
