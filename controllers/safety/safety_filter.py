@@ -10,11 +10,11 @@ something, it brakes at once, and directions to both sides of the reference are 
 the car stops in time the one with the longest view is taken, because the nearest to the reference often ends in the
 corner between a box and a wall. If there is none, the car brakes in the direction in which it would be slowest at
 the contact; the margins often make that a stop. It keeps its steering angle if that is no worse: steering to and fro
-between two directions that are as bad takes from braking at every scan. Each direction is simulated with several shares of the grip for
-cornering, from braking first and turning late to the reverse. Where guidance leads the car, the reference is the
-motion that it follows, and its stop is simulated along the motion, not towards a goal. This is a dynamic window (D.
-Fox, W. Burgard and S. Thrun, The Dynamic Window Approach to Collision Avoidance, IEEE Robotics & Automation
-Magazine 4(1), 1997) over directions and shares of grip.
+between two directions that are as bad takes from braking at every scan. Each direction is simulated with several
+shares of the grip for cornering, from braking first and turning late to the reverse. Where guidance leads the car, the
+reference is the motion that it follows, and its stop is simulated along the motion, not towards a goal. This is a
+dynamic window (D. Fox, W. Burgard and S. Thrun, The Dynamic Window Approach to Collision Avoidance, IEEE Robotics &
+Automation Magazine 4(1), 1997) over directions and shares of grip.
 
 These stops are as hard as the tires hold, and those that limit the speed are far softer. On a track without obstacles
 the reference is therefore rarely changed.
