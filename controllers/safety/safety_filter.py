@@ -9,11 +9,12 @@ next scan, and then brakes to a stop, with the same friction limiter that drives
 something, it brakes at once, and directions to both sides of the reference are simulated as well. Of those in which
 the car stops in time the one with the longest view is taken, because the nearest to the reference often ends in the
 corner between a box and a wall. If there is none, the car brakes in the direction in which it would be slowest at
-the contact; the margins often make that a stop. Each direction is simulated with several shares of the grip for
-cornering, from braking first and turning late to the reverse. Where guidance leads the car, the reference is the
-motion that it follows, and its stop is simulated along the motion, not towards a goal. This is a dynamic window (D.
-Fox, W. Burgard and S. Thrun, The Dynamic Window Approach to Collision Avoidance, IEEE Robotics & Automation
-Magazine 4(1), 1997) over directions and shares of grip.
+the contact; the margins often make that a stop. It keeps its steering angle if that is no worse: steering to and fro
+between two directions that are as bad takes from braking at every scan. Each direction is simulated with several
+shares of the grip for cornering, from braking first and turning late to the reverse. Where guidance leads the car, the
+reference is the motion that it follows, and its stop is simulated along the motion, not towards a goal. This is a
+dynamic window (D. Fox, W. Burgard and S. Thrun, The Dynamic Window Approach to Collision Avoidance, IEEE Robotics &
+Automation Magazine 4(1), 1997) over directions and shares of grip.
 
 These stops are as hard as the tires hold, and those that limit the speed are far softer. On a track without obstacles
 the reference is therefore rarely changed.
@@ -140,6 +141,17 @@ def safe_steering(
                 break
         views[number] = 0.0
         number = int(np.argmax(views))
+    if least > 0.0:  # steering takes from braking, and at the next scan another direction may be the best
+        bearing = bearing_of_arc(angle_now, pursuit, car.lidar_offset, car.wheelbase)
+        goal = (bearing, max(reading(widened, angle_min, angle_increment, bearing), settings.pursuit_distance))
+        last = memory.acceleration
+        left = speed_at_contact(
+            limiter, memory, settings, widened, angle_min, angle_increment, goal, best_use, settings.margin_aside, 0.0,
+            angle_now, speed, period, path[:0],
+        )  # fmt: skip
+        memory.acceleration = last
+        if left <= least:
+            return angle_now, best_use, left == 0.0
     return pursue(best, pursuit, car.lidar_offset, car.wheelbase), best_use, least == 0.0
 
 
