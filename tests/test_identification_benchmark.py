@@ -22,7 +22,6 @@ def benchmark():
         sys.path.remove(str(SCRIPT.parent))
 
 
-@pytest.mark.xfail(reason="tires of ours damp at any speed, which shortens the relaxation that is looked for")
 def test_the_tires_of_a_car_are_found_in_three_dimensions(benchmark, monkeypatch):
     fast = ((3.5, 2.0, 0.4), (5.0, 0.8, 0.4), (6.5, 1.4, 0.4), (9.0, 2.4, 0.4))  # fewer, for a short test
     monkeypatch.setattr(benchmark, "DRIVES", fast)

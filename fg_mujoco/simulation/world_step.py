@@ -152,7 +152,7 @@ def _step_on_tires(
     damp_inertia(model, data, found, inertia, gears, dofs, timestep)
     stages.stage_actuation(model, data)
     stages.stage_acceleration(model, data)
-    kept, qvel = np.empty((count, 4)), stages.vector(data, found.qvel, dofs)
+    kept, qvel = np.empty((count, 5)), stages.vector(data, found.qvel, dofs)
     for car in range(count):
         first = car_places[car, FIRST_TIRE]
         if first >= 0:
@@ -172,12 +172,13 @@ def _step_on_tires(
                             userdata[USERDATA * (first + k) + part] = own[USERDATA * k + part]
             if gear.steered:
                 kept[car, 0], kept[car, 1] = steer(model, data, found, gear, scratch, dofs, timestep, gear.tire_steps)
-            kept[car, 2], kept[car, 3] = qvel[gear.free_dof], qvel[gear.free_dof + 1]
+            free = gear.free_dof
+            kept[car, 2], kept[car, 3], kept[car, 4] = qvel[free], qvel[free + 1], qvel[free + 5]
     end_step(model, data, found, dofs, advance, last)
     if advance:
         for car in range(count):
             if car_places[car, FIRST_TIRE] >= 0:
-                place_between(data, found, gears[car], dofs, kept[car, 2], kept[car, 3], timestep)
+                place_between(data, found, gears[car], dofs, kept[car, 2:], timestep)
                 if gears[car].steered:
                     put_steering(data, found, gears[car], dofs, kept[car, 0], kept[car, 1])
 

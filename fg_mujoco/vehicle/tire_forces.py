@@ -15,7 +15,9 @@ ratio, across it the tangent of the slip angle. In a slip of both, each is measu
 (similarity): the size r of this slip vector gives the force, the law's at r times the peak's slip, along the slip
 vector. So the greatest forces lie on an ellipse, and a tire is past its peak where r is above 1. A law of bristles
 (Law.holds) keeps u where r is 1; what the contact point moves beyond that is sliding. Rubber also damps: a force
-against du/dt. The load is that of a spring and a damper under the lowest point of the tire.
+against du/dt, across the heading only of a wheel that hardly rolls, since there rolling damps by itself, and the force
+would come V c / k sooner than the relaxation length says. The load is that of a spring and a damper under the lowest
+point of the tire.
 
 All this is far stiffer than the car: a wheel's spin follows its tire at some 300 rad/s, where a body rolls on its
 springs at 50. So a physics step h moves the tires by n shorter ones (`steps_within`) while the rest of the car goes on
@@ -60,6 +62,7 @@ _MOST_STEPS = 64  # short ones in a physics step
 _FIRST_AXLE = "front"
 _MOST_PULL = 30.0  # [m/s^2] of a car: no tires give as much, and a wall that stops it gives more
 _STILL = 1.0  # [rad/s] of a wheel: from there on it has all of its rolling resistance
+_ROLLING = 0.5  # [m/s] of a wheel: from there on its tire does not damp across the heading
 
 USERDATA = 8
 """Numbers of each tire in `userdata`."""
@@ -105,6 +108,8 @@ TIRE = np.dtype(
         ("own_links", np.int64),  # how many of them move this wheel only: the first ones
         ("chain", np.int64, (_MOST_LINKS,)),  # the dofs that move it, from its spin to the root
         ("common", np.int64, (_MOST_LINKS,)),  # their places in `Gear.common`, behind its own
+        ("turned_by", np.int64, (_MOST_LINKS,)),  # how many, the first ones, turn the wheel against the body of each
+        ("straight", np.int64, (_MOST_LINKS,)),  # whether each moves without turning
     ]
 )
 """A tire with a law of ours, and its wheel. Kernels take an array (tires,) of it; none for the model `contact`."""
@@ -250,9 +255,18 @@ def _find_wheel(model: mujoco.MjModel, prefix: str, wheel: str, row: Any, common
     row["links"], row["chain"], row["common"] = len(chain), -1, -1
     row["chain"][: len(chain)] = chain
     row["own_links"] = sum(dof not in common for dof in chain)
+    joints = model.dof_jntid[chain].tolist()
     for link, dof in enumerate(chain):
         if dof in common:
             row["common"][link] = common.index(dof)
+        row["turned_by"][link], row["straight"][link] = joints.index(joints[link]), _moves_straight(model, dof)
+
+
+def _moves_straight(model: mujoco.MjModel, dof: int) -> bool:
+    """Say whether a dof turns nothing: that of a slide, or one of the first three of a free joint."""
+    joint, kinds = int(model.dof_jntid[dof]), mujoco.mjtJoint
+    free = model.jnt_type[joint] == kinds.mjJNT_FREE
+    return bool(model.jnt_type[joint] == kinds.mjJNT_SLIDE or (free and dof < model.jnt_dofadr[joint] + 3))
 
 
 def _spinning_mass(model: mujoco.MjModel, row: Any) -> float:
@@ -550,7 +564,7 @@ def deflect(
     """
     if tire.holds:
         left, reach = rolled(forward, tire.relaxation_length, timestep)
-        return bend(tire, along, across, over_x, over_y, left, reach, grip, timestep)
+        return bend(tire, along, across, over_x, over_y, left, reach, standing(forward), grip, timestep)
     sigma, sliding_x, sliding_y = tire.relaxation_length, 0.0, 0.0
     if tire.slides and along * over_x + across * over_y < 0.0 and slips(tire, along, across)[2] > 1.0:
         # A tire that slid, and now moves back, springs back by what gives its force, and no more.
@@ -565,14 +579,10 @@ def deflect(
     if tire.slides and size > 1.0:
         sliding_x, sliding_y = over_x * (1.0 - 1.0 / size), over_y * (1.0 - 1.0 / size)
     force_x, force_y = _shared_force(tire, ratio, angle, size, grip)
-    force_x -= tire.damping * (new_along - along) / timestep
-    force_y -= tire.damping * (new_across - across) / timestep
+    slow_x, slow_y = tire.damping / timestep, tire.damping * standing(forward) / timestep
+    force_x, force_y = force_x - slow_x * (new_along - along), force_y - slow_y * (new_across - across)
     if tire.slides:
-        share_x, share_y = force_x / tire.peak[0], force_y / tire.peak[1]
-        much = share_x * share_x + share_y * share_y
-        if much > grip * grip:
-            down = grip / math.sqrt(much)
-            force_x, force_y = force_x * down, force_y * down
+        force_x, force_y = within_peaks(tire, force_x, force_y, grip)
     return new_along, new_across, force_x, force_y, size, sliding_x, sliding_y
 
 
@@ -590,11 +600,18 @@ def rolled(forward: float, relaxation_length: float, timestep: float) -> tuple[f
 
 
 @kernel
+def standing(forward: float) -> float:
+    """Return how much a wheel stands, 1, or rolls at this speed [m/s], 0: a share of its tire's damping across."""
+    share: float = max(1.0 - forward / _ROLLING, 0.0)
+    return share
+
+
+@kernel
 def bend(
-    tire: Any, along: float, across: float, over_x: float, over_y: float, left: float, reach: float, grip: float,
-    timestep: float,
+    tire: Any, along: float, across: float, over_x: float, over_y: float, left: float, reach: float, still: float,
+    grip: float, timestep: float,
 ) -> tuple[float, float, float, float, float, float, float]:  # fmt: skip
-    """Do what `deflect` does, for a tire of bristles; `left` and `reach` are of `rolled`."""
+    """Do what `deflect` does, for a tire of bristles; `left` and `reach` are of `rolled`, `still` of `standing`."""
     new_along, new_across = along * left + reach * over_x, across * left + reach * over_y
     ratio = new_along / (tire.relaxation_length * tire.peak_slip[0])
     angle = new_across / (tire.relaxation_length * tire.peak_slip[1])
@@ -605,14 +622,21 @@ def bend(
         sliding_x, sliding_y = new_along * beyond, new_across * beyond
         new_along, new_across = new_along / size, new_across / size
     force_x, force_y = _shared_force(tire, ratio, angle, size, grip)
-    slow = tire.damping / timestep
-    force_x, force_y = force_x - slow * (new_along - along), force_y - slow * (new_across - across)
-    share_x, share_y = force_x / tire.peak[0], force_y / tire.peak[1]
-    much = share_x * share_x + share_y * share_y
-    if much > grip * grip:
-        down = grip / math.sqrt(much)
-        force_x, force_y = force_x * down, force_y * down
+    slow_x, slow_y = tire.damping / timestep, tire.damping * still / timestep
+    force_x, force_y = force_x - slow_x * (new_along - along), force_y - slow_y * (new_across - across)
+    force_x, force_y = within_peaks(tire, force_x, force_y, grip)
     return new_along, new_across, force_x, force_y, size, sliding_x, sliding_y
+
+
+@kernel
+def within_peaks(tire: Any, along: float, across: float, grip: float) -> tuple[float, float]:
+    """Return a force [N] that is no greater than a tire that slides can give."""
+    share_x, share_y = along / tire.peak[0], across / tire.peak[1]
+    much = share_x * share_x + share_y * share_y
+    if much <= grip * grip:
+        return along, across
+    down = grip / math.sqrt(much)
+    return along * down, across * down
 
 
 @kernel
@@ -734,16 +758,17 @@ def push_car(
     mobility = scratch[768:1024].reshape(16, 16)
     velocity, force, mean, free = scratch[1024:1040], scratch[1040:1056], scratch[1056:1072], scratch[1072:1088]
     depth, forward = scratch[1088:1092], scratch[1092:1096]
-    left, reach = scratch[1096:1100], scratch[1100:1104]
+    left, reach, still, moves = scratch[1096:1100], scratch[1100:1104], scratch[1104:1108], scratch[1108:1113]
     short = timestep / steps
     for i in range(CONTACTS):
         velocity[i] = force[i] = mean[i] = free[i] = 0.0
         for place in range(gear.commons):
             shared[i, place] = 0.0
     for k in range(wheels):
-        depth[k], turn = _wheel_rows(data, found, tires[k], gear.drive_share[k], dofs, timestep, jacobian[k])
-        forward[k] = _move(data, found, tires[k], k, short, dofs, turn, timestep, jacobian[k], velocity, free)
+        depth[k] = _wheel_rows(data, found, tires[k], gear.drive_share[k], dofs, timestep, jacobian[k], moves)
+        forward[k] = _move(data, found, tires[k], k, short, dofs, jacobian[k], moves, velocity, free)
         left[k], reach[k] = rolled(forward[k], tires[k].relaxation_length, short)
+        still[k] = standing(forward[k])
         for part in range(LOAD, USERDATA):
             own[USERDATA * k + part] = 0.0
         _half_solve(data, found, inertia, tires[k], k, dofs, jacobian[k], halves[k], shared)
@@ -769,8 +794,8 @@ def push_car(
             grip = grip_of(tire, load, mu[k])
             if tire.holds:
                 state[ALONG], state[ACROSS], force[3 * k], force[3 * k + 1], size, sliding_x, sliding_y = bend(
-                    tire, state[ALONG], state[ACROSS], velocity[3 * k], velocity[3 * k + 1], left[k], reach[k], grip,
-                    short,
+                    tire, state[ALONG], state[ACROSS], velocity[3 * k], velocity[3 * k + 1], left[k], reach[k],
+                    still[k], grip, short,
                 )
             else:
                 state[ALONG], state[ACROSS], force[3 * k], force[3 * k + 1], size, sliding_x, sliding_y = deflect(
@@ -807,15 +832,20 @@ def push_car(
 
 @kernel
 def _wheel_rows(
-    data: int, found: Fields, tire: Any, drive_share: float, dofs: int, timestep: float, rows: FloatArray
-) -> tuple[float, float]:
+    data: int, found: Fields, tire: Any, drive_share: float, dofs: int, timestep: float, rows: FloatArray,
+    moves: FloatArray,
+) -> float:  # fmt: skip
     """Write what each dof of a wheel's chain moves its contact point by, and the drive, (links, 4).
 
     Forward and left are those of the wheel half a physics step later, so that its mean force acts along its mean
-    heading, and a car that turns neither gains nor loses by it.
+    heading, and a car that turns neither gains nor loses by it. They are seen from the body that the dof moves: what
+    the car itself turns by then is left to `place_between`.
+
+    `moves` (5,) is filled with what is seen of the contact point from the wheel, without its spin: its velocity now,
+    forward, to the left and up, and how fast the first two change because the wheel turns.
 
     Returns:
-      How deep the tire is in the ground [m], and how fast its heading turns [rad/s].
+      How deep the tire is in the ground [m].
     """
     body, center = tire.body, 3 * tire.root
     position = stages.vector(data, found.xpos, 3 * body + 3)
@@ -834,54 +864,64 @@ def _wheel_rows(
     z = position[3 * body + 2] - deep + 0.5 * max(depth, 0.0) - mass_center[center + 2]  # half way to the ground
     level = math.sqrt(ax * ax + ay * ay)
     hx, hy = (ay / level, -ax / level) if level > 1e-9 else (1.0, 0.0)  # to the left of the heading is (-hy, hx)
-    turning = 0.0
-    for link in range(1, tire.links):
-        turning += axes[6 * tire.chain[link] + 2] * qvel[tire.chain[link]]
-    half = 0.5 * timestep * turning
-    sin, cos = math.sin(half), math.cos(half)
-    hx, hy = hx * cos - hy * sin, hy * cos + hx * sin
+    for part in range(5):
+        moves[part] = 0.0
+    total, turning, by, sin, cos = 0.0, 0.0, 0, 0.0, 1.0  # [rad/s]: of the links before, and of the first `by`
     for link in range(tire.links):
         c = 6 * tire.chain[link]
         # velocity of the point that the dof makes: what it moves, and what it turns
         vx = axes[c + 3] + axes[c + 1] * z - axes[c + 2] * y
         vy = axes[c + 4] + axes[c + 2] * x - axes[c] * z
-        rows[link, 0], rows[link, 1] = hx * vx + hy * vy, hx * vy - hy * vx
-        rows[link, 2] = axes[c + 5] + axes[c] * y - axes[c + 1] * x
-        rows[link, 3] = 0.0
+        up = axes[c + 5] + axes[c] * y - axes[c + 1] * x
+        along, across = hx * vx + hy * vy, hx * vy - hy * vx
+        if by < tire.turned_by[link]:
+            while by < tire.turned_by[link]:
+                if by > 0:  # its spin turns no heading
+                    turning += axes[6 * tire.chain[by] + 2] * qvel[tire.chain[by]]
+                by += 1
+            half = 0.5 * timestep * turning
+            sin, cos = math.sin(half), math.cos(half)
+        rows[link, 0], rows[link, 1] = along * cos + across * sin, across * cos - along * sin
+        rows[link, 2], rows[link, 3] = up, 0.0
+        if link > 0:
+            speed = qvel[tire.chain[link]]
+            moves[0] += along * speed
+            moves[1] += across * speed
+            moves[2] += up * speed
+            seen = total if tire.straight[link] else turning
+            moves[3] += seen * across * speed
+            moves[4] -= seen * along * speed
+            total += axes[c + 2] * speed
     rows[0, 3] = drive_share
-    return depth, turning
+    return depth
 
 
 @kernel
 def _move(
-    data: int, found: Fields, tire: Any, wheel: int, short: float, dofs: int, turning: float, timestep: float,
-    rows: FloatArray, velocity: FloatArray, free: FloatArray,
+    data: int, found: Fields, tire: Any, wheel: int, short: float, dofs: int, rows: FloatArray, moves: FloatArray,
+    velocity: FloatArray, free: FloatArray,
 ) -> float:  # fmt: skip
     """Write how a contact point moves now, and by how much faster in a short step; return the wheel's speed forward.
 
-    Both are seen from the wheel, whose heading turns.
+    Both are seen from the wheel, whose heading turns; `moves` is of `_wheel_rows`.
     """
     qvel, acceleration = stages.vector(data, found.qvel, dofs), stages.vector(data, found.qacc_smooth, dofs)
-    along = across = up = pull_along = pull_across = pull_up = 0.0
+    along = across = up = 0.0
     for link in range(1, tire.links):
-        dof = tire.chain[link]
-        speed, pull = qvel[dof], acceleration[dof] * short
-        along, pull_along = along + rows[link, 0] * speed, pull_along + rows[link, 0] * pull
-        across, pull_across = across + rows[link, 1] * speed, pull_across + rows[link, 1] * pull
-        up, pull_up = up + rows[link, 2] * speed, pull_up + rows[link, 2] * pull
-    spin, spin_pull = qvel[tire.chain[0]], acceleration[tire.chain[0]] * short
-    half = 0.5 * timestep * turning
-    sin, cos = math.sin(half), math.cos(half)
-    along, across = along * cos - across * sin, along * sin + across * cos  # at the heading of now
-    velocity[3 * wheel] = along + rows[0, 0] * spin
-    velocity[3 * wheel + 1] = across + rows[0, 1] * spin
-    velocity[3 * wheel + 2] = up + rows[0, 2] * spin
-    free[3 * wheel] = pull_along + rows[0, 0] * spin_pull + short * turning * across
-    free[3 * wheel + 1] = pull_across + rows[0, 1] * spin_pull - short * turning * along
-    free[3 * wheel + 2] = pull_up + rows[0, 2] * spin_pull
+        pull = acceleration[tire.chain[link]] * short
+        along += rows[link, 0] * pull
+        across += rows[link, 1] * pull
+        up += rows[link, 2] * pull
+    spin, pull = qvel[tire.chain[0]], acceleration[tire.chain[0]] * short
+    velocity[3 * wheel] = moves[0] + rows[0, 0] * spin
+    velocity[3 * wheel + 1] = moves[1] + rows[0, 1] * spin
+    velocity[3 * wheel + 2] = moves[2] + rows[0, 2] * spin
+    free[3 * wheel] = along + rows[0, 0] * pull + short * moves[3]
+    free[3 * wheel + 1] = across + rows[0, 1] * pull + short * moves[4]
+    free[3 * wheel + 2] = up + rows[0, 2] * pull
     velocity[_DRIVE] += rows[0, 3] * spin
-    free[_DRIVE] += rows[0, 3] * spin_pull
-    return abs(along)
+    free[_DRIVE] += rows[0, 3] * pull
+    return abs(moves[0])
 
 
 @kernel
@@ -983,7 +1023,7 @@ def step_by_hand(
     damp_inertia(model, data, found, inertia, gears, dofs, timestep)
     stages.stage_actuation(model, data)
     stages.stage_acceleration(model, data)
-    kept, qvel = np.zeros((count, 4)), stages.vector(data, found.qvel, dofs)
+    kept, qvel = np.zeros((count, 5)), stages.vector(data, found.qvel, dofs)
     for car in range(count):
         first, own = wheels * car, userdata[places[car] : places[car] + USERDATA * wheels]
         before = own.copy()
@@ -1000,12 +1040,13 @@ def step_by_hand(
                 model, data, found, gears[car], scratch, dofs, timestep, gears[car].tire_steps
             )
         if gears[car].free_dof >= 0:
-            kept[car, 2], kept[car, 3] = qvel[gears[car].free_dof], qvel[gears[car].free_dof + 1]
+            free = gears[car].free_dof
+            kept[car, 2], kept[car, 3], kept[car, 4] = qvel[free], qvel[free + 1], qvel[free + 5]
     end_step(model, data, found, dofs, advance, True)
     if advance:
         for car in range(count):
             if gears[car].free_dof >= 0:
-                place_between(data, found, gears[car], dofs, kept[car, 2], kept[car, 3], timestep)
+                place_between(data, found, gears[car], dofs, kept[car, 2:], timestep)
             if gears[car].steered:
                 put_steering(data, found, gears[car], dofs, kept[car, 0], kept[car, 1])
 
@@ -1048,16 +1089,36 @@ def end_step(model: int, data: int, found: Fields, dofs: int, advance: bool, las
 
 
 @kernel
-def place_between(
-    data: int, found: Fields, gear: Any, dofs: int, before_x: float, before_y: float, timestep: float
-) -> None:
-    """Move a car over the ground by the mean of its velocities before a physics step and after, and not by the latter.
+def place_between(data: int, found: Fields, gear: Any, dofs: int, before: FloatArray, timestep: float) -> None:
+    """Do what a car that turns does in a physics step, where MuJoCo takes what is at its beginning or at its end.
 
-    MuJoCo takes the new velocity, and so ends v h / 2 short of where a car that slides at v comes to rest. Not where
-    something else than tires stops the car: a contact counts on it.
+    Forces turn with the car: it speeds up along its mean heading, and not along that of before. It moves over the
+    ground by the mean of its velocities before and after, and turns likewise: with the velocity after, a car that
+    slides at v comes to rest v h / 2 too soon, and its tires answer to steering late. Not where something else than
+    tires stops the car: a contact counts on it.
+
+    Args:
+      data: address of the mujoco.MjData, written to.
+      found: where its arrays are.
+      gear: of GEAR.
+      dofs: of the model.
+      before: velocities before the step, (3,): along x and y of the ground [m/s], and of the heading [rad/s].
+      timestep: [s].
     """
-    velocity, position = stages.vector(data, found.qvel, dofs), stages.vector(data, found.qpos, gear.free_qpos + 2)
-    lost_x, lost_y = before_x - velocity[gear.free_dof], before_y - velocity[gear.free_dof + 1]
-    if math.hypot(lost_x, lost_y) < _MOST_PULL * timestep:
-        position[gear.free_qpos] += 0.5 * timestep * lost_x
-        position[gear.free_qpos + 1] += 0.5 * timestep * lost_y
+    velocity, position = stages.vector(data, found.qvel, dofs), stages.vector(data, found.qpos, gear.free_qpos + 7)
+    free = gear.free_dof
+    after_x, after_y, after_turn = velocity[free], velocity[free + 1], velocity[free + 5]
+    gain_x, gain_y = after_x - before[0], after_y - before[1]
+    if math.hypot(gain_x, gain_y) >= _MOST_PULL * timestep:
+        return
+    half = 0.25 * timestep * (before[2] + after_turn)
+    sin, cos = math.sin(half), math.cos(half)
+    velocity[free] = before[0] + gain_x * cos - gain_y * sin
+    velocity[free + 1] = before[1] + gain_y * cos + gain_x * sin
+    position[gear.free_qpos] += timestep * (0.5 * (before[0] + velocity[free]) - after_x)
+    position[gear.free_qpos + 1] += timestep * (0.5 * (before[1] + velocity[free + 1]) - after_y)
+    quarter = 0.25 * timestep * (before[2] - after_turn)  # half of the angle
+    sin, cos = math.sin(quarter), math.cos(quarter)
+    turn = position[gear.free_qpos + 3 : gear.free_qpos + 7]
+    w, x, y, z = turn[0], turn[1], turn[2], turn[3]
+    turn[0], turn[1], turn[2], turn[3] = w * cos - z * sin, x * cos + y * sin, y * cos - x * sin, z * cos + w * sin
