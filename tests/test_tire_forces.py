@@ -275,7 +275,7 @@ MOTIONS = {
 def slow_means(ground, command, count=2000):
     """The mean forces of the tires in the next physics step, along, across and up, by tiny steps in numpy. (4, 3) [N].
 
-    M and J are MuJoCo's at the state; the laws are those of vehicle/tires in Python, in the world's axes.
+    M and J are MuJoCo's at the state; the laws are those of vehicle/tires in Python; all is seen from the car.
     """
     model, h = ground.model, ground.model.opt.timestep
     data = mujoco.MjData(model)
@@ -289,6 +289,7 @@ def slow_means(ground, command, count=2000):
         dof = model.joint(name).dofadr[0]
         inertia[dof, dof] += 1e3
     jacobian, points, headings, turns = np.zeros((13, model.nv)), [], [], []
+    car = model.joint("base_link")
     for k, wheel in enumerate(WHEELS):
         body, tire = data.body(f"{wheel}_wheel"), data.geom(f"{wheel}_tire")
         squares = tire.xmat.reshape(3, 3) @ np.diag(model.geom(f"{wheel}_tire").size ** 2) @ tire.xmat.reshape(3, 3).T
@@ -301,6 +302,7 @@ def slow_means(ground, command, count=2000):
         turning = np.zeros((3, model.nv))
         mujoco.mj_jacBody(model, data, None, turning, model.body(f"{wheel}_wheel").id)
         turning[:, model.joint(f"{wheel}_wheel").dofadr[0]] = 0.0
+        turning[:, car.dofadr[0] : car.dofadr[0] + 6] = 0.0  # seen from the car, whose velocity then turns backwards
         axle = body.xmat.reshape(3, 3) @ model.jnt_axis[model.joint(f"{wheel}_wheel").id]
         headings.append(math.atan2(-axle[0], axle[1]))
         turns.append((turning @ data.qvel)[2])
@@ -310,6 +312,9 @@ def slow_means(ground, command, count=2000):
     least, most = model.actuator_forcerange[motor]
     before, length = data.actuator_force[motor], data.actuator_length[motor]
     free = jacobian @ np.linalg.solve(inertia, data.qfrc_smooth)
+    for k in range(4):
+        vx, vy, yaw_rate = data.qvel[[car.dofadr[0], car.dofadr[0] + 1, car.dofadr[0] + 5]]
+        free[3 * k : 3 * k + 2] += yaw_rate * np.array((vy, -vx))
     mobility = jacobian @ np.linalg.solve(inertia, jacobian.T)
     w, depth, dt, sums = jacobian @ data.qvel, np.array(points), h / count, np.zeros((4, 3))
     deflection = ground.tires[:, [ALONG, ACROSS]].copy()
@@ -337,7 +342,7 @@ def slow_means(ground, command, count=2000):
             rate, deflection[k] = (fresh - deflection[k]) / dt, fresh
             slip = np.hypot(*fresh) / sigma
             pull = np.zeros(2) if slip == 0.0 else -load * axle.lateral.force(slip) * fresh / sigma / slip
-            pull -= row["damping"] * rate
+            pull -= row["damping"] * rate * np.array((1.0, max(1.0 - forward / 0.5, 0.0)))
             pull *= min(1.0, load * axle.lateral.peak / max(np.hypot(*pull), 1e-12))
             force[3 * k : 3 * k + 3] = *(pull[0] * ahead + pull[1] * left), load
             sums[k] += *pull, load

@@ -921,7 +921,8 @@ def _move(
     free[3 * wheel + 2] = up + rows[0, 2] * pull
     velocity[_DRIVE] += rows[0, 3] * spin
     free[_DRIVE] += rows[0, 3] * pull
-    return abs(moves[0])
+    forward: float = abs(moves[0])
+    return forward
 
 
 @kernel
