@@ -75,7 +75,9 @@ class FrictionLimiterSettings(Settings):
     )
     braking_use: float = setting(0.865, "", "share of the greatest braking that locks no axle", SHARE)
     accelerating_use: float = setting(0.865, "", "share of the greatest accelerating that spins no wheel", SHARE)
-    load_transfer_time: float = setting(0.2, "s", "a period of the car's pitching on its springs", POSITIVE)
+    load_transfer_time: float = setting(
+        0.25, "s", "in which the car pitches to within 4 % of where it stays, on its springs", POSITIVE
+    )
     speed_response: float = setting(
         0.05, "s", "a reference speed is approached at (reference - speed) / speed_response", POSITIVE
     )
