@@ -38,11 +38,9 @@ def test_tires_let_go_within_one_percent_of_the_law(mu, steering, tires):
 @pytest.mark.parametrize("vehicle", ["f1tenth", "nuc2"])
 @pytest.mark.parametrize("tires", LAW_TIRES)
 def test_the_first_tire_slides_within_one_percent_of_the_law(vehicle, tires, steering):
-    """Measured: .9957 to 1.0074 on bristles, .9957 to 1.0066 on contacts."""
+    """Measured: .9969 to 1.0094 on bristles, .9957 to 1.0066 on contacts."""
     circle = SteadyCircle(1.0489, steering, tires=Tires.load(tires), vehicle=vehicle)
     before, after = circle.bisect(lambda reading: bool(reading.sliding.any()), low=0.95, high=1.05)
-    if (vehicle, tires, steering) == ("nuc2", "coulomb", 0.05) and after.k >= 1.01:
-        pytest.xfail(f"{after.k:.4f} there, a miss of .1 %")
     assert 0.99 < before.k < after.k < 1.01
 
 
@@ -76,7 +74,7 @@ def test_creep_moves_the_threshold_as_the_closed_form_says():
 
     Bristles hold without creep. Measured on them: 1.005 at mu 1.3, 1.023 at mu .3.
     """
-    for tires, least, most in (("contact", 0.96, 1.08), ("coulomb", 1.012, 1.02)):
+    for tires, least, most in (("contact", 0.96, 1.08), ("coulomb", 1.01, 1.02)):
         for mu, early in ((1.3, True), (0.3, False)):
             circle = SteadyCircle(mu, 0.05, tires=Tires.load(tires))
             before, after = circle.bisect(lambda reading: bool(reading.sliding.any()))

@@ -77,7 +77,7 @@ def test_trace_picture_draws_what_was_measured(lap, monkeypatch):
         np.testing.assert_array_equal(tire.lines[0].get_xdata(), lap.column("progress_m"))
         assert shows(tire, [1.0, 1.0])
         assert shows(sliding, lap.column(f"slide_{wheel}_m_s"))
-    assert shows(sliding, [0.0115, 0.0115])  # tires of bristles, the default
+    assert shows(sliding, [0.01, 0.01])  # tires of bristles, the default
     for axes in (speed, steering, sliding):  # the end of the lap
         assert any(np.array_equal(curve.get_xdata(), [lap.lap_times_s[0]] * 2) for curve in axes.lines)
 

@@ -16,6 +16,8 @@ acceleration that the tires can hold:
    car p = .7 was measured on steady circles, at mu .6 and 1.0489, and p = .9 is used, because turning in and braking
    at once is not a steady circle. `cornering_exponent` scales p for cars that move more load to the outer wheels.
 5. Load moves in the time that the suspension takes: braking and accelerating grow over that time, and may fall at once.
+   In a corner braking grows slower by the share that is left, down to .7 of that: where a car ends to turn in and
+   brakes harder at once, the light inner rear wheel slides first.
 
 Sources: 1 is in the notes of the field's gap_finder_base. 3 and 4 are Newton's and Euler's laws for the rigid
 single-track car, and moments about its axles. The exponent is a fit; tests/test_friction_limiter.py compares it with
@@ -50,6 +52,7 @@ from ..control.speed import friction_speed, friction_steering, share_of_way
 from ..control.steering import saturate
 
 _CORNERING_EXPONENT = 0.9  # of the F1TENTH car, see 4 above
+_SLOWEST_GROWTH = 0.7  # [-] of braking, see 5 above: slower, and stops get longer than the car sees
 _LOAD_MOVED = 0.074 / 0.236  # height of the centre of gravity over the track width, of the F1TENTH car
 
 
@@ -261,7 +264,7 @@ def _approach(
     """
     growth = period / limiter.settings.load_transfer_time
     reference = missing_speed / limiter.settings.speed_response
-    lowest = max(-limiter.braking * braking, min(last, 0.0) - limiter.braking * growth)
+    lowest = max(-limiter.braking * braking, min(last, 0.0) - limiter.braking * max(braking, _SLOWEST_GROWTH) * growth)
     highest = min(limiter.accelerating * accelerating, max(last, 0.0) + limiter.accelerating * growth)
     return float(min(max(reference, lowest), highest))
 

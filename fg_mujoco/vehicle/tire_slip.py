@@ -65,7 +65,7 @@ the limit of dry ground, measured on steady circles; past the limit the speed so
 """
 
 
-BRISTLES_SLIDE = 0.0115
+BRISTLES_SLIDE = 0.010
 """[m/s] A tire of bristles (Law.holds) slides when the ground moves under it by more than this beyond what bends them.
 
 In a corner the light inner wheel bends its bristles to their end first, and slides by some mm/s, which the car does not
