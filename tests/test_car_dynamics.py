@@ -147,7 +147,8 @@ MANOEUVRES = {  # steering [rad] and speed [m/s] over the time [s], and how far 
 def test_places_converge_as_the_timestep_shrinks(name):
     """Oracle: a timestep of 0.25 ms, from which a method of the first order is off by timestep - 0.25 ms.
 
-    Tires of bristles do not creep: slalom is off by 4.8, 2.1 and 0.5 mm at 5, 2.5 and 1 ms, bends by 9.1, 3.9 and 1.0.
+    Tires of bristles do not creep, and their steps are of the second order: slalom is off by .42 mm at 5 ms, bends by
+    .28, and most of that, .19, is of the short steps of the tires, which are no longer at 5 ms than at .5 ms.
 
     Of contacts, measured at 5, 2.5, 1 and 0.5 ms: slalom, 18.0 m, off by 18.2, 8.6, 2.9 and 1.0 mm at most; bends,
     16.6 m, by 35.5, 16.8, 5.6 and 1.9 mm. The greatest slide, 22.4 and 41.8 mm/s, stays within 0.1 mm/s; at 5 ms the
@@ -166,7 +167,7 @@ def test_places_converge_as_the_timestep_shrinks(name):
         assert slide == pytest.approx(exact_slide, abs=2e-4 if creeps else 1.5e-3)
         assert end == pytest.approx(exact_end, abs=0.015 if creeps else 0.0035)
     if not creeps:
-        assert errors[0] < 0.010 and (np.diff(errors) < 0.0).all()
+        assert errors[0] == max(errors) < 0.001
         return
     assert errors[0] < tolerance
     assert errors == pytest.approx(errors[0] * (timesteps - 0.00025) / (0.005 - 0.00025), rel=0.05)

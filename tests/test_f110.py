@@ -81,7 +81,13 @@ def test_a_waypoint_follower_laps_a_real_map():
     env = f110.F110Env(map=str(path.with_suffix("")), map_ext=".png", num_agents=1, timestep=0.02)
     observed, _, done, _ = drive(env, waypoints, speed=3.5)
     assert done and observed[-1]["lap_counts"].tolist() == [2.0]
-    assert max(abs(obs["linear_vels_y"][0]) for obs in observed) > 0.05  # which the 2D gym has at zero
+    x, y, heading, across = (
+        np.array([obs[name][0] for obs in observed]) for name in ("poses_x", "poses_y", "poses_theta", "linear_vels_y")
+    )
+    middle, means = np.unwrap(heading)[:-1] + 0.5 * np.diff(np.unwrap(heading)), 0.5 * (across[:-1] + across[1:])
+    moved = (np.diff(y) * np.cos(middle) - np.diff(x) * np.sin(middle)) / 0.02
+    assert np.abs(moved).max() > 0.05  # which the 2D gym has at zero
+    assert np.corrcoef(means, moved)[0, 1] > 0.95 and np.abs(means - moved).max() < 0.02
 
 
 def test_observations_are_of_the_published_shape(drawn):

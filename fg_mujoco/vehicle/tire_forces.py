@@ -677,11 +677,12 @@ def steer(
     gain = stages.vector(model, found.actuator_gainprm, 10 * servo + 10)[10 * servo] * control
     bias = stages.vector(model, found.actuator_biasprm, 10 * servo + 10)[10 * servo : 10 * servo + 3]
     least, most = gear.force_range[0, 0], gear.force_range[0, 1]
-    push, slowed = short / gear.steering_inertia, 1.0 / (1.0 + short * gear.steering_damping / gear.steering_inertia)
-    for _ in range(steps):
-        force = min(max(gain + bias[0] + bias[1] * angle + bias[2] * rate, least), most)
-        rate = (rate + push * force) * slowed
-        angle += short * rate
+    push, slowed = short / gear.steering_inertia, 0.5 * short * gear.steering_damping / gear.steering_inertia
+    for _ in range(steps):  # of the second order: the force in the middle of a step, and means of rates
+        middle = angle + 0.5 * short * rate
+        force = min(max(gain + bias[0] + bias[1] * middle + bias[2] * rate, least), most)
+        before, rate = rate, (rate * (1.0 - slowed) + push * force) / (1.0 + slowed)
+        angle += 0.5 * short * (before + rate)
     return angle, rate
 
 

@@ -117,18 +117,19 @@ class Trace:
     def tire_forces(self) -> FloatArray:
         """Of the ground on each tire, along and across the car's heading. Shape (n, 4, 2) [N]; 0 in the air.
 
-        Tires with a law of ours act along the wheel's heading half a step later, MuJoCo's contacts along that of now.
+        Tires with a law of ours act along the wheel's heading half a step later, as seen from the car, which turns, too;
+        MuJoCo's contacts along that of now.
         """
         later = 1 if len(self.sensors.meter.rows) else 0
         along, across = np.nan_to_num(self.slip.longitudinal_force), np.nan_to_num(self.slip.lateral_force)
         forces = []
         for tire, sensor in enumerate(self.sensors.axles):
-            axle = self.records[:, sensor][:, :2]
+            axle = self._along_heading(*self.records[:, sensor][:, :2].T)
             axle = axle + np.concatenate((axle[later:], axle[len(axle) - later :]))  # twice that of half a step later
             ahead_x, ahead_y = np.array((axle[:, 1], -axle[:, 0])) / np.hypot(axle[:, 0], axle[:, 1])
             x = ahead_x * along[:, tire] - ahead_y * across[:, tire]
             y = ahead_y * along[:, tire] + ahead_x * across[:, tire]
-            forces.append(self._along_heading(x, y))
+            forces.append(np.stack((x, y), axis=1))
         return np.stack(forces, axis=1)
 
     def _along_heading(self, x: FloatArray, y: FloatArray) -> FloatArray:
