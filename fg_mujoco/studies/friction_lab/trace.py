@@ -117,7 +117,7 @@ class Trace:
     def tire_forces(self) -> FloatArray:
         """Of the ground on each tire, along and across the car's heading. Shape (n, 4, 2) [N]; 0 in the air.
 
-        Tires with a law of ours act along the wheel's heading half a step later, as seen from the car, which turns, too;
+        Tires with a law of ours act along the wheel's heading half a step later, seen from the car, which turns, too;
         MuJoCo's contacts along that of now.
         """
         later = 1 if len(self.sensors.meter.rows) else 0
