@@ -21,6 +21,7 @@ import numpy as np
 from common import parser, report, table
 
 from fg_mujoco.messages import DriveCommand
+from fg_mujoco.vehicle.bodywork import add_hull, fit_timestep
 from fg_mujoco.vehicle.car import WHEELS, Car
 from fg_mujoco.vehicle.tire_forces import LOAD, USERDATA, TireForces
 from fg_mujoco.vehicle.tires import Tires, tire_names
@@ -111,9 +112,9 @@ def slide(manoeuvre: Slide, vehicle: str, tires: str, timestep: float) -> Outcom
     """Drive a manoeuvre."""
     own = Vehicle.load(vehicle)
     spec = own.spec(manoeuvre.mu, tires=Tires.load(tires))
-    model = _with_hull(spec).compile()
+    model = add_hull(spec).compile()
     model.opt.timestep = timestep
-    _fit(model)
+    fit_timestep(model)
     data, car, forces = mujoco.MjData(model), Car(model), TireForces(model)
     spins = [model.joint(f"{wheel}_wheel").dofadr[0] for wheel in WHEELS]
     if manoeuvre.blocked:
@@ -181,18 +182,6 @@ def closed_form(manoeuvre: Slide, vehicle: str, tires: str) -> float:
     if manoeuvre.closed == "gain":
         return friction * GRAVITY * manoeuvre.duration
     return math.nan
-
-
-def _with_hull(spec: Any) -> Any:
-    from fg_mujoco.vehicle.bodywork import add_hull
-
-    return add_hull(spec)
-
-
-def _fit(model: mujoco.MjModel) -> None:
-    from fg_mujoco.vehicle.bodywork import fit_timestep
-
-    fit_timestep(model)
 
 
 def _near(angle: float, other: float) -> float:

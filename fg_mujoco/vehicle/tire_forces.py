@@ -27,6 +27,8 @@ as MuJoCo has it. The velocities of the four contact points and of the drive mak
 
 with MuJoCo's own inertia M, joint damping taken implicitly as its `implicitfast` does, and the Jacobian J of w. What is
 then given to MuJoCo is the mean of f over the step, so that it ends with the very w that the short steps ended with.
+All of this is seen from the car, whose velocity turns the other way while it turns; `place_between` turns what it
+gained. So a step is of the second order: at 5 ms the yaw rate follows the steering within .05 ms as it does at .25 ms.
 The motor's force is a part of f, and the steering servo, which no tire moves, is stepped beside it; Ackermann's
 kingpins are then put where they belong.
 
