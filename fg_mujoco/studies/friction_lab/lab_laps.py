@@ -24,7 +24,8 @@ from ...racing.planner_loading import make_controller
 from ...racing.result import History, trajectory_sha256
 from ...simulation.cars import CAR_PREFIX
 from ...simulation.engine import Engine
-from ...simulation.planner_adapter import adapt, start
+from ...simulation.planner_adapter import adapt
+from ...simulation.planner_adapter import start as start_planner
 from ...simulation.settings import Start
 from ...simulation.simulation import Simulation
 from ...simulation.telemetry import TELEMETRY, statistics_figures
@@ -142,6 +143,7 @@ def drive_laps(
     laps: int,
     planner_mu: float | None = None,
     planner_settings: Mapping[str, Any] | None = None,
+    start: Start | None = None,
 ) -> LabLaps:
     """Drive laps as `race` does, and return how they went.
 
@@ -151,6 +153,7 @@ def drive_laps(
       laps: to be driven.
       planner_mu: friction coefficient that the planner assumes; None: that of the world's tires, without patches.
       planner_settings: settings of the controller that differ from its own.
+      start: where the car stands at first; None: on the line.
 
     Raises:
       ControllerError: a controller that cannot be built, or fails.
@@ -160,10 +163,10 @@ def drive_laps(
         controller, car=world.car.parameters, mu=assumed,
         max_speed=MAX_SPEED, settings=planner_settings or {}, map_line=world.track.map_line,
     )  # fmt: skip
-    start(planner)
+    start_planner(planner)
     engine = LabEngine(world, laps=laps)
     engine.planners = adapt([planner], raises=True)
-    engine.place([Start()])
+    engine.place([start or Start()])
     history, floor_mu = History(engine), []
     while engine.running[0]:
         engine.sense()
