@@ -28,11 +28,14 @@ PARAMETERS = (
 )  # fmt: skip
 """What is found: stiffness [1/rad], C, D, E [-] of both axles; gain [-], offset [rad], lag [s] and delay [s] of the
 steering; the relaxation length of the tires [m]; and of the sensors the gyro's bias [rad/s], the accelerometer's bias
-[m/s^2] and gain [-] (a car that rolls measures a part of gravity), the angle between the pose's heading and the car's
-[rad], and the delay of the pose [s]."""
+[m/s^2] and gain [-] (a car that rolls measures a part of gravity, and by that part the two-track model rolls), the
+angle between the pose's heading and the car's [rad], and the delay of the pose [s]."""
 
 SIMULATED = 13
-"""The first of PARAMETERS, which change the motion; the others change what the sensors say of it."""
+"""The first of PARAMETERS, which change the motion; the others but ROLL change what the sensors say of it."""
+
+ROLL = PARAMETERS.index("lateral_gain")
+"""Of the parameter that says how far a car rolls, which moves its wheels, too."""
 
 _SHORTEST_SEGMENT = 0.5  # [s]
 _SPIN = 0.5  # [rad] of sideslip, beyond which a car spins: far behind the peak, where tires are not what a formula says
@@ -118,24 +121,24 @@ class DriveProblem:
         out = np.full((len(motion.time), STATES + 1), np.nan)
         angles = self.steering.angles(*parameters[8:12])
         simulate(
-            np.ascontiguousarray(parameters[:8]), self.car, parameters[12], angles, motion.forward_speed,
-            motion.forward_acceleration, STEP, self.segments, np.ascontiguousarray(starts), out,
+            np.ascontiguousarray(parameters[:8]), self.car, parameters[12], parameters[ROLL], angles,
+            motion.forward_speed, motion.forward_acceleration, STEP, self.segments, np.ascontiguousarray(starts), out,
         )  # fmt: skip
         return out
 
     def measured(self, parameters: FloatArray, nodes: FloatArray) -> FloatArray:
         """Return what the sensors would measure, less what they did, in the channels' order."""
-        gyro_bias, lateral_bias, lateral_gain, heading_offset, pose_delay = parameters[SIMULATED:]
+        gyro_bias, lateral_bias, _, heading_offset, pose_delay = parameters[SIMULATED:]
         ahead = self.drive.car.rear_axle_distance
         found = []
         for rows in self._rows:
             part = rows.part[:, np.newaxis]
             states = nodes[rows.node] * (1.0 - part) + nodes[rows.node + 1] * part
-            vy, r, x, y, heading, ay = states.T
+            vy, r, x, y, heading, reading = states.T
             if rows.channel == 0:
                 found.append(r + gyro_bias - rows.values[:, 0])
             elif rows.channel == 1:
-                found.append(lateral_gain * ay + lateral_bias - rows.values[:, 1])
+                found.append(reading + lateral_bias - rows.values[:, 1])
             elif rows.channel == 2:  # across the heading: along it, the position says nothing of the tires
                 smoothed = self.motion.heading[rows.node]
                 behind_x = x - ahead * np.cos(heading) - rows.values[:, 0]
@@ -185,7 +188,7 @@ class DriveProblem:
             moved = parameters.copy()
             step = _DIFFERENCE * max(1.0, abs(moved[index]))
             moved[index] += step
-            again = self.run(moved, starts) if index < SIMULATED else nodes
+            again = self.run(moved, starts) if index < SIMULATED or index == ROLL else nodes
             columns[:, index] = (self.measured(moved, again) - here) / step
         begun = np.empty((len(here), STATES))
         for state in range(STATES):

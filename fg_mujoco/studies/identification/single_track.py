@@ -101,7 +101,7 @@ def _across(slip: float, load: float, drive: float, stiffness: float, c: float, 
 
 @inlined
 def _slips(vy: float, r: float, steering: float, vx: float, car: FloatArray) -> tuple[float, float]:
-    """Return the slip angles of both axles [rad]."""
+    """Return the slip angles of both axles [rad]; `vy` is of what the wheels stand on, below the centre of gravity."""
     return steering - math.atan2(vy + car[2] * r, vx), -math.atan2(vy - car[3] * r, vx)
 
 
@@ -161,6 +161,7 @@ def simulate(
     tires: FloatArray,
     car: FloatArray,
     relaxation_length: float,
+    gain: float,
     steering: FloatArray,
     forward_speed: FloatArray,
     forward_acceleration: FloatArray,
@@ -175,27 +176,39 @@ def simulate(
       tires: (8,) of TIRE, front and rear.
       car: of `car_array`.
       relaxation_length: over which the slip angles follow [m]; 0: they follow at once.
+      gain: reading of an accelerometer over the lateral acceleration, in a steady turn [-].
       steering: (n,) [rad] of the front wheels.
       forward_speed: (n,) [m/s] as measured.
       forward_acceleration: (n,) [m/s^2] as measured.
       step: of the grid [s].
       segments: (m, 2) first node and the one behind the last.
       starts: (m, STATES).
-      out: (n, STATES + 1), written to: the states and the lateral acceleration [m/s^2].
+      out: (n, STATES + 1), written to: the states and what the accelerometer reads across the car [m/s^2].
+
+    A car that rolls by phi reads g phi, too, and its wheels move out from under its centre of gravity by h phi', as if
+    its tires relaxed over a longer way. In a steady turn phi is a_y (gain - 1) / g. It follows with a time constant,
+    the damping over the stiffness of a suspension that is damped by half of critical, as that of our cars is. Where
+    slip angles follow at once, the car does not roll.
     """
     # slip angles that follow at once make the stiffest motion of all
     parts = 2 if relaxation_length == 0.0 else 1
     part = step / parts
+    height, half = car[4], car[7]
+    rolls = relaxation_length > 0.0 and half > 0.0 and height > 0.0 and gain != 1.0
+    lean = (gain - 1.0) / car[5] if rolls else 0.0  # [rad s^2/m]
+    rolled = math.exp(-part / (half * math.sqrt(abs(lean) / height))) if rolls else 0.0
     for segment in range(len(segments)):
         first, end = segments[segment]
         vy, r, x, y, heading = starts[segment]
         slip_front, slip_rear = _slips(vy, r, steering[first], forward_speed[first], car)
         leaning = forward_speed[first] * r
+        roll = lean * leaning  # [rad] to the outside
         for node in range(first, end):
             now, vx, ax = steering[node], forward_speed[node], forward_acceleration[node]
             out[node, 0], out[node, 1], out[node, 2], out[node, 3], out[node, 4] = vy, r, x, y, heading
             if node == end - 1:
-                out[node, 5] = _accelerations(slip_front, slip_rear, vy, r, now, vx, ax, leaning, car, tires)[0]
+                ay = _accelerations(slip_front, slip_rear, vy, r, now, vx, ax, leaning, car, tires)[0]
+                out[node, 5] = ay + car[5] * roll if rolls else gain * ay
                 break
             turn_speed = (forward_speed[node + 1] - vx) / parts
             turn_acceleration = (forward_acceleration[node + 1] - ax) / parts
@@ -203,11 +216,13 @@ def simulate(
             for k in range(parts):
                 ay, turn = _accelerations(slip_front, slip_rear, vy, r, now, vx, ax, leaning, car, tires)
                 if k == 0:
-                    out[node, 5] = ay
-                steady_front, steady_rear = _slips(vy, r, now, vx, car)
+                    out[node, 5] = ay + car[5] * roll if rolls else gain * ay
+                # the wheels move to the inside of the turn
+                swing = height * (1.0 - rolled) * (lean * ay - roll) / part if rolls else 0.0  # [m/s]
+                steady_front, steady_rear = _slips(vy + swing, r, now, vx, car)
                 new_vx, new_ax, new_now = vx + turn_speed, ax + turn_acceleration, now + turn_angle
                 new_vy, new_r = vy + part * (ay - vx * r), r + part * turn
-                new_front, new_rear = _slips(new_vy, new_r, new_now, new_vx, car)
+                new_front, new_rear = _slips(new_vy + swing, new_r, new_now, new_vx, car)
                 if relaxation_length > 0.0:
                     # exact where the slip angle that they follow changes evenly
                     way = part * 0.5 * (vx + new_vx) / relaxation_length
@@ -218,6 +233,8 @@ def simulate(
                 new_ay, new_turn = _accelerations(
                     new_front, new_rear, new_vy, new_r, new_now, new_vx, new_ax, ay, car, tires
                 )
+                if rolls:
+                    roll = rolled * roll + (1.0 - rolled) * lean * 0.5 * (ay + new_ay)
                 old_vy, old_r, old_heading = vy, r, heading
                 vy += 0.5 * part * (ay - vx * r + new_ay - new_vx * new_r)
                 r += 0.5 * part * (turn + new_turn)
@@ -244,28 +261,53 @@ class Steering:
 
     def __init__(self, commands: Channel, time: FloatArray, *, limit: float, rate: float, held: bool) -> None:
         angles = np.clip(commands.values[:, 0], -limit, limit)
+        steps = np.diff(commands.time)
         self._time, self._rate = time, rate
-        knots = commands.time
-        steps = np.diff(knots)
-        between = angles[:-1] if held else 0.5 * (angles[1:] + angles[:-1])
-        first, last = min(knots[0], time[0]) - 1.0, max(knots[-1], time[-1]) + 1.0
-        self._knots = np.concatenate(([first], knots, [last]))
-        self._integral = np.cumsum(np.concatenate(([0.0, angles[0] * (knots[0] - first)], between * steps,
-                                                   [angles[-1] * (last - knots[-1])])))  # fmt: skip
+        before = min(commands.time[0], time[0]) - 1.0  # [s]: the first one holds from long ago
+        self._knots = np.concatenate(([before], commands.time))
+        self._values = np.concatenate((angles[:1], angles))
+        self._slopes = np.zeros(len(self._knots))
+        if not held:
+            self._slopes[1:-1] = np.diff(angles) / steps
 
     def angles(self, gain: float, offset: float, lag: float, delay: float) -> FloatArray:
         """Return the angle of the front wheels on the grid (n,) [rad]."""
-        # the mean command over each step: continuous in the delay, which its value at one time is not
-        integral = np.interp(self._time - delay, self._knots, self._integral)
-        targets = gain * np.diff(integral) / np.diff(self._time) + offset
         out = np.empty(len(self._time))
-        _follow(targets, lag, self._rate, float(self._time[1] - self._time[0]), out)
+        targets = gain * self._values + offset
+        _follow(self._knots + delay, targets, gain * self._slopes, self._time, lag, self._rate, out)
         return out
 
 
 @kernel
-def _follow(targets: FloatArray, lag: float, rate: float, step: float, out: FloatArray) -> None:
-    part = 1.0 - math.exp(-step / lag) if lag > 0.0 else 1.0
-    out[0] = targets[0]
-    for i in range(len(targets)):
-        out[i + 1] = out[i] + min(max((targets[i] - out[i]) * part, -rate * step), rate * step)
+def _follow(
+    knots: FloatArray, targets: FloatArray, slopes: FloatArray, time: FloatArray, lag: float, rate: float,
+    out: FloatArray,
+) -> None:  # fmt: skip
+    """Write the angle at each time, exact whenever the targets change: between two knots each has a constant slope."""
+    piece, now = max(np.searchsorted(knots, time[0], "right") - 1, 0), time[0]
+    angle = targets[piece] + slopes[piece] * (now - knots[piece])
+    for i in range(len(time)):
+        while now < time[i]:
+            until = time[i]
+            if piece + 1 < len(knots):
+                until = min(until, knots[piece + 1])
+            target = targets[piece] + slopes[piece] * (now - knots[piece])
+            angle = _turned(angle, target, slopes[piece], lag, rate, until - now)
+            now = until
+            if piece + 1 < len(knots) and now >= knots[piece + 1]:
+                piece += 1
+        out[i] = angle
+
+
+@inlined
+def _turned(angle: float, target: float, slope: float, lag: float, rate: float, seconds: float) -> float:
+    """Return the angle after some time; a servo with a greatest rate has a target that stays."""
+    left, away = seconds, target - angle
+    if slope == 0.0 and abs(away) > rate * lag:
+        turning = min(left, (abs(away) - rate * lag) / rate)
+        angle += math.copysign(rate * turning, away)
+        left -= turning
+    if lag == 0.0:
+        return target + slope * seconds if left > 0.0 else angle
+    end = target + slope * (seconds - lag)
+    return end + (angle - target + slope * lag) * math.exp(-left / lag)
