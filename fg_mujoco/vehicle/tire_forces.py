@@ -56,6 +56,7 @@ from .changes import six_digits
 from .stages import Fields, fields
 from .tires import GREATEST_SLIP, LAW_OF, LAWS, NUMBERS, NUMERIC, Tires, curve_force, tires_of
 from .tires.sets import numbers_of
+from .vector_sums import add_scaled_4, add_scaled_16
 
 _MOST_LINKS = 16  # joints between the world and a wheel, at most
 _DAMPING_RATIO = 0.3  # [-] of a wheel's spin on its tire: between those of rubber and of its foam
@@ -142,6 +143,16 @@ GEAR = np.dtype(
     ]
 )
 """The steering and the drive of a car on tires of ours."""
+
+LANES = 16
+"""Numbers in a row of `push_car`'s matrices: CONTACTS and, behind them, zeros."""
+
+_JACOBIAN = 0  # (4, 16, 4) by wheel, dof of its chain, and velocity: forward, left, up, drive
+_HALVES = 256  # likewise, see `_half_solve`
+_COMMON = 512  # (16, LANES) of the common dofs
+_MOBILITY = 768  # (CONTACTS, LANES)
+_ODD = 1024  # likewise, a part of its sums, and of those of a short step
+_VELOCITY, _FORCE, _MEAN, _FREE, _EVEN, _WHEELS = range(1280, 1376, LANES)  # (LANES,) each; of the wheels 25
 
 SCRATCH = 1536
 """Numbers that `push_car` needs room for."""
@@ -755,18 +766,17 @@ def push_car(
       steps: of `steps_within`.
     """
     wheels = len(tires)
-    jacobian = scratch[:256].reshape(4, 16, 4)  # by wheel, dof of its chain, and velocity: forward, left, up, drive
-    halves = scratch[256:512].reshape(4, 16, 4)
-    shared = scratch[512:768].reshape(16, 16)  # by velocity and common dof
-    mobility = scratch[768:1024].reshape(16, 16)
-    velocity, force, mean, free = scratch[1024:1040], scratch[1040:1056], scratch[1056:1072], scratch[1072:1088]
-    depth, forward = scratch[1088:1092], scratch[1092:1096]
-    left, reach, still, moves = scratch[1096:1100], scratch[1100:1104], scratch[1104:1108], scratch[1108:1113]
+    jacobian = scratch[_JACOBIAN:_HALVES].reshape(4, 16, 4)
+    velocity, force = scratch[_VELOCITY:_FORCE], scratch[_FORCE:_MEAN]
+    mean, free = scratch[_MEAN:_FREE], scratch[_FREE:_EVEN]
+    depth, forward = scratch[_WHEELS : _WHEELS + 4], scratch[_WHEELS + 4 : _WHEELS + 8]
+    left, reach = scratch[_WHEELS + 8 : _WHEELS + 12], scratch[_WHEELS + 12 : _WHEELS + 16]
+    still, moves = scratch[_WHEELS + 16 : _WHEELS + 20], scratch[_WHEELS + 20 : _WHEELS + 25]
     short = timestep / steps
-    for i in range(CONTACTS):
+    for i in range(LANES):
         velocity[i] = force[i] = mean[i] = free[i] = 0.0
-        for place in range(gear.commons):
-            shared[i, place] = 0.0
+    for i in range(LANES * gear.commons):
+        scratch[_COMMON + i] = 0.0
     for k in range(wheels):
         depth[k] = _wheel_rows(data, found, tires[k], gear.drive_share[k], dofs, timestep, jacobian[k], moves)
         forward[k] = _move(data, found, tires[k], k, short, dofs, jacobian[k], moves, velocity, free)
@@ -774,9 +784,9 @@ def push_car(
         still[k] = standing(forward[k])
         for part in range(LOAD, USERDATA):
             own[USERDATA * k + part] = 0.0
-        _half_solve(data, found, inertia, tires[k], k, dofs, jacobian[k], halves[k], shared)
-    _half_solve_common(data, found, inertia, gear, dofs, shared)
-    _mobility(gear, tires, short, halves, shared, mobility)
+        _half_solve(data, found, inertia, tires[k], k, dofs, scratch)
+    _half_solve_common(data, found, inertia, gear, dofs, scratch)
+    _mobility(gear, tires, short, scratch)
     gain = bias = slope = damping = length = before = least = most = 0.0
     if gear.driven:
         motor = gear.actuator[1]
@@ -814,13 +824,15 @@ def push_car(
             pull = gain + bias + slope * length + damping * velocity[_DRIVE]
             force[_DRIVE] = min(max(pull, least), most) - before
             length += short * velocity[_DRIVE]
-        for i in range(CONTACTS):
-            even, odd = free[i], 0.0  # two sums go on at a time
-            for j in range(0, CONTACTS - 1, 2):
-                even += mobility[i, j] * force[j]
-                odd += mobility[i, j + 1] * force[j + 1]
-            velocity[i] += even + odd + mobility[i, CONTACTS - 1] * force[CONTACTS - 1]
-            mean[i] += force[i]
+        for i in range(LANES):
+            scratch[_EVEN + i], scratch[_ODD + i] = free[i], 0.0  # two sums go on at a time
+        for j in range(0, CONTACTS - 1, 2):
+            add_scaled_16(scratch, _EVEN, _MOBILITY + LANES * j, force[j])
+            add_scaled_16(scratch, _ODD, _MOBILITY + LANES * (j + 1), force[j + 1])
+        add_scaled_16(scratch, _EVEN, _ODD, 1.0)
+        add_scaled_16(scratch, _EVEN, _MOBILITY + LANES * _DRIVE, force[_DRIVE])
+        add_scaled_16(scratch, _VELOCITY, _EVEN, 1.0)
+        add_scaled_16(scratch, _MEAN, _FORCE, 1.0)
         for k in range(wheels):
             depth[k] -= short * velocity[3 * k + 2]
     share, smooth = 1.0 / steps, stages.vector(data, found.qfrc_smooth, dofs)
@@ -878,12 +890,14 @@ def _wheel_rows(
         up = axes[c + 5] + axes[c] * y - axes[c + 1] * x
         along, across = hx * vx + hy * vy, hx * vy - hy * vx
         if by < tire.turned_by[link]:
+            before = turning
             while by < tire.turned_by[link]:
                 if by > 0:  # its spin turns no heading
                     turning += axes[6 * tire.chain[by] + 2] * qvel[tire.chain[by]]
                 by += 1
-            half = 0.5 * timestep * turning
-            sin, cos = math.sin(half), math.cos(half)
+            if turning != before:
+                half = 0.5 * timestep * turning
+                sin, cos = math.sin(half), math.cos(half)
         rows[link, 0], rows[link, 1] = along * cos + across * sin, across * cos - along * sin
         rows[link, 2], rows[link, 3] = up, 0.0
         if link > 0:
@@ -930,82 +944,80 @@ def _move(
 
 @kernel
 def _half_solve(
-    data: int, found: Fields, inertia: Inertia, tire: Any, wheel: int, dofs: int, rows: FloatArray, halves: FloatArray,
-    shared: FloatArray,
-) -> None:  # fmt: skip
+    data: int, found: Fields, inertia: Inertia, tire: Any, wheel: int, dofs: int, scratch: FloatArray
+) -> None:
     """Write D^-1/2 L^-T times the rows of a wheel, where MuJoCo's inertia is L' D L, as far as its own dofs go.
 
-    What that makes of the common dofs is added to `shared`.
+    What that makes of the common dofs is added to theirs (commons, LANES).
     """
     factor = stages.vector(data, found.inertia_factor, len(inertia.columns))
     diagonal = stages.vector(data, found.inverse_diagonal, dofs)
-    last = tire.links - 1
-    for link in range(tire.links):
-        for i in range(4):
-            halves[link, i] = rows[link, i]
+    rows, halves, last = _JACOBIAN + 64 * wheel, _HALVES + 64 * wheel, tire.links - 1
+    for i in range(4 * tire.links):
+        scratch[halves + i] = scratch[rows + i]
     for link in range(tire.own_links):
-        dof = tire.chain[link]
-        start = inertia.row_starts[dof]
-        a, b, c, d = halves[link, 0], halves[link, 1], halves[link, 2], halves[link, 3]
+        dof, own = tire.chain[link], halves + 4 * link
+        start, root = inertia.row_starts[dof], math.sqrt(diagonal[dof])
         for entry in range(last - link):  # its row has all that it hangs on, the root first
-            to, share = last - entry, factor[start + entry]
-            halves[to, 0] -= share * a
-            halves[to, 1] -= share * b
-            halves[to, 2] -= share * c
-            halves[to, 3] -= share * d
-        root = math.sqrt(diagonal[dof])
-        halves[link, 0], halves[link, 1], halves[link, 2], halves[link, 3] = a * root, b * root, c * root, d * root
+            add_scaled_4(scratch, halves + 4 * (last - entry), own, -factor[start + entry])
+        for i in range(4):
+            scratch[own + i] *= root
     for link in range(tire.own_links, tire.links):
-        place = tire.common[link]
+        common = _COMMON + LANES * tire.common[link]
         for i in range(3):
-            shared[3 * wheel + i, place] = halves[link, i]
-        shared[_DRIVE, place] += halves[link, 3]
+            scratch[common + 3 * wheel + i] = scratch[halves + 4 * link + i]
+        scratch[common + _DRIVE] += scratch[halves + 4 * link + 3]
 
 
 @kernel
 def _half_solve_common(
-    data: int, found: Fields, inertia: Inertia, gear: Any, dofs: int, shared: FloatArray
+    data: int, found: Fields, inertia: Inertia, gear: Any, dofs: int, scratch: FloatArray
 ) -> None:  # fmt: skip
-    """Go on with what `_half_solve` does, for the common dofs (CONTACTS, commons)."""
+    """Go on with what `_half_solve` does, for the common dofs."""
     factor = stages.vector(data, found.inertia_factor, len(inertia.columns))
     diagonal = stages.vector(data, found.inverse_diagonal, dofs)
     for place in range(gear.commons - 1, -1, -1):
-        dof = gear.common[place]
+        dof, own = gear.common[place], _COMMON + LANES * place
         start, root = inertia.row_starts[dof], math.sqrt(diagonal[dof])
         for entry in range(inertia.row_counts[dof] - 1):
-            to, share = gear.common_of[place, entry], factor[start + entry]
-            for i in range(CONTACTS):
-                shared[i, to] -= share * shared[i, place]
-        for i in range(CONTACTS):
-            shared[i, place] *= root
+            add_scaled_16(scratch, _COMMON + LANES * gear.common_of[place, entry], own, -factor[start + entry])
+        for i in range(LANES):
+            scratch[own + i] *= root
 
 
 @kernel
-def _mobility(
-    gear: Any, tires: TireRows, short: float, halves: FloatArray, shared: FloatArray, mobility: FloatArray
-) -> None:
-    """Write by how much each force changes each velocity in a short step (CONTACTS, CONTACTS)."""
-    for i in range(CONTACTS):
-        for j in range(i + 1):
-            even = odd = 0.0  # two sums go on at a time
-            for place in range(0, gear.commons - 1, 2):
-                even += shared[i, place] * shared[j, place]
-                odd += shared[i, place + 1] * shared[j, place + 1]
-            if gear.commons % 2 == 1:
-                even += shared[i, gear.commons - 1] * shared[j, gear.commons - 1]
-            mobility[i, j] = even + odd
+def _mobility(gear: Any, tires: TireRows, short: float, scratch: FloatArray) -> None:
+    """Write by how much each force changes each velocity in a short step (CONTACTS, LANES)."""
+    for i in range(LANES * CONTACTS):
+        scratch[_MOBILITY + i] = scratch[_ODD + i] = 0.0
+    for place in range(gear.commons):
+        sums, row = _ODD if place % 2 == 1 else _MOBILITY, _COMMON + LANES * place
+        for i in range(CONTACTS):
+            add_scaled_16(scratch, sums + LANES * i, row, scratch[row + i])
+    for i in range(LANES * CONTACTS):
+        scratch[_MOBILITY + i] += scratch[_ODD + i]
+    drive = _MOBILITY + LANES * _DRIVE
     for k in range(len(tires)):
+        block = _MOBILITY + (LANES + 1) * 3 * k
         for link in range(tires[k].own_links):
-            row = halves[k, link]
-            for i in range(3):
-                for j in range(i + 1):
-                    mobility[3 * k + i, 3 * k + j] += row[i] * row[j]
-                mobility[_DRIVE, 3 * k + i] += row[3] * row[i]
-            mobility[_DRIVE, _DRIVE] += row[3] * row[3]
-    for i in range(CONTACTS):
-        for j in range(i + 1):
-            mobility[i, j] *= short
-            mobility[j, i] = mobility[i, j]
+            own = _HALVES + 64 * k + 4 * link
+            x, y, z, pull = scratch[own], scratch[own + 1], scratch[own + 2], scratch[own + 3]
+            scratch[block] += x * x
+            scratch[block + LANES] += y * x
+            scratch[block + LANES + 1] += y * y
+            scratch[block + 2 * LANES] += z * x
+            scratch[block + 2 * LANES + 1] += z * y
+            scratch[block + 2 * LANES + 2] += z * z
+            scratch[drive + 3 * k] += pull * x
+            scratch[drive + 3 * k + 1] += pull * y
+            scratch[drive + 3 * k + 2] += pull * z
+            scratch[drive + _DRIVE] += pull * pull
+        for i in range(3):
+            for j in range(i):
+                scratch[block + LANES * j + i] = scratch[block + LANES * i + j]
+            scratch[block + LANES * i + _DRIVE - 3 * k] = scratch[drive + 3 * k + i]
+    for i in range(LANES * CONTACTS):
+        scratch[_MOBILITY + i] *= short
 
 
 @kernel
