@@ -152,7 +152,9 @@ _HALVES = 256  # likewise, see `_half_solve`
 _COMMON = 512  # (16, LANES) of the common dofs
 _MOBILITY = 768  # (CONTACTS, LANES)
 _ODD = 1024  # likewise, a part of its sums, and of those of a short step
-_VELOCITY, _FORCE, _MEAN, _FREE, _EVEN, _WHEELS = range(1280, 1376, LANES)  # (LANES,) each; of the wheels 25
+_VELOCITY, _FORCE, _MEAN, _FREE, _EVEN = range(1280, 1360, LANES)  # (LANES,) each
+_DEPTH, _FORWARD, _LEFT, _REACH, _SLOW_X, _SLOW_Y = range(1360, 1384, 4)  # (4,) each, by wheel
+_MOVES = 1384  # (5,) of the last wheel, see `_wheel_rows`
 
 SCRATCH = 1536
 """Numbers that `push_car` needs room for."""
@@ -577,7 +579,8 @@ def deflect(
     """
     if tire.holds:
         left, reach = rolled(forward, tire.relaxation_length, timestep)
-        return bend(tire, along, across, over_x, over_y, left, reach, standing(forward), grip, timestep)
+        slow_x, slow_y = damping_of(tire, forward, timestep)
+        return bend(tire, along, across, over_x, over_y, left, reach, slow_x, slow_y, grip)
     sigma, sliding_x, sliding_y = tire.relaxation_length, 0.0, 0.0
     if tire.slides and along * over_x + across * over_y < 0.0 and slips(tire, along, across)[2] > 1.0:
         # A tire that slid, and now moves back, springs back by what gives its force, and no more.
@@ -592,7 +595,7 @@ def deflect(
     if tire.slides and size > 1.0:
         sliding_x, sliding_y = over_x * (1.0 - 1.0 / size), over_y * (1.0 - 1.0 / size)
     force_x, force_y = _shared_force(tire, ratio, angle, size, grip)
-    slow_x, slow_y = tire.damping / timestep, tire.damping * standing(forward) / timestep
+    slow_x, slow_y = damping_of(tire, forward, timestep)
     force_x, force_y = force_x - slow_x * (new_along - along), force_y - slow_y * (new_across - across)
     if tire.slides:
         force_x, force_y = within_peaks(tire, force_x, force_y, grip)
@@ -613,18 +616,21 @@ def rolled(forward: float, relaxation_length: float, timestep: float) -> tuple[f
 
 
 @kernel
-def standing(forward: float) -> float:
-    """Return how much a wheel stands, 1, or rolls at this speed [m/s], 0: a share of its tire's damping across."""
-    share: float = max(1.0 - forward / _ROLLING, 0.0)
-    return share
+def damping_of(tire: Any, forward: float, timestep: float) -> tuple[float, float]:
+    """Return the force of damping for each metre of deflection in a short step, along the heading and across [N/m].
+
+    Across it fades with the wheel's speed forward [m/s].
+    """
+    standing = max(1.0 - forward / _ROLLING, 0.0)
+    return tire.damping / timestep, tire.damping * standing / timestep
 
 
 @kernel
 def bend(
-    tire: Any, along: float, across: float, over_x: float, over_y: float, left: float, reach: float, still: float,
-    grip: float, timestep: float,
+    tire: Any, along: float, across: float, over_x: float, over_y: float, left: float, reach: float, slow_x: float,
+    slow_y: float, grip: float,
 ) -> tuple[float, float, float, float, float, float, float]:  # fmt: skip
-    """Do what `deflect` does, for a tire of bristles; `left` and `reach` are of `rolled`, `still` of `standing`."""
+    """Do what `deflect` does, for a tire of bristles; `left` and `reach` are of `rolled`, the rest of `damping_of`."""
     new_along, new_across = along * left + reach * over_x, across * left + reach * over_y
     ratio = new_along / (tire.relaxation_length * tire.peak_slip[0])
     angle = new_across / (tire.relaxation_length * tire.peak_slip[1])
@@ -635,7 +641,6 @@ def bend(
         sliding_x, sliding_y = new_along * beyond, new_across * beyond
         new_along, new_across = new_along / size, new_across / size
     force_x, force_y = _shared_force(tire, ratio, angle, size, grip)
-    slow_x, slow_y = tire.damping / timestep, tire.damping * still / timestep
     force_x, force_y = force_x - slow_x * (new_along - along), force_y - slow_y * (new_across - across)
     force_x, force_y = within_peaks(tire, force_x, force_y, grip)
     return new_along, new_across, force_x, force_y, size, sliding_x, sliding_y
@@ -766,25 +771,21 @@ def push_car(
       steps: of `steps_within`.
     """
     wheels = len(tires)
-    jacobian = scratch[_JACOBIAN:_HALVES].reshape(4, 16, 4)
-    velocity, force = scratch[_VELOCITY:_FORCE], scratch[_FORCE:_MEAN]
-    mean, free = scratch[_MEAN:_FREE], scratch[_FREE:_EVEN]
-    depth, forward = scratch[_WHEELS : _WHEELS + 4], scratch[_WHEELS + 4 : _WHEELS + 8]
-    left, reach = scratch[_WHEELS + 8 : _WHEELS + 12], scratch[_WHEELS + 12 : _WHEELS + 16]
-    still, moves = scratch[_WHEELS + 16 : _WHEELS + 20], scratch[_WHEELS + 20 : _WHEELS + 25]
     short = timestep / steps
     for i in range(LANES):
-        velocity[i] = force[i] = mean[i] = free[i] = 0.0
+        scratch[_VELOCITY + i] = scratch[_FORCE + i] = scratch[_MEAN + i] = scratch[_FREE + i] = 0.0
     for i in range(LANES * gear.commons):
         scratch[_COMMON + i] = 0.0
     for k in range(wheels):
-        depth[k] = _wheel_rows(data, found, tires[k], gear.drive_share[k], dofs, timestep, jacobian[k], moves)
-        forward[k] = _move(data, found, tires[k], k, short, dofs, jacobian[k], moves, velocity, free)
-        left[k], reach[k] = rolled(forward[k], tires[k].relaxation_length, short)
-        still[k] = standing(forward[k])
+        tire = tires[k]
+        scratch[_DEPTH + k] = _wheel_rows(data, found, tire, k, gear.drive_share[k], dofs, timestep, scratch)
+        forward = _move(data, found, tire, k, short, dofs, scratch)
+        scratch[_LEFT + k], scratch[_REACH + k] = rolled(forward, tire.relaxation_length, short)
+        scratch[_SLOW_X + k], scratch[_SLOW_Y + k] = damping_of(tire, forward, short)
+        scratch[_FORWARD + k] = forward
         for part in range(LOAD, USERDATA):
             own[USERDATA * k + part] = 0.0
-        _half_solve(data, found, inertia, tires[k], k, dofs, scratch)
+        _half_solve(data, found, inertia, tire, k, dofs, scratch)
     _half_solve_common(data, found, inertia, gear, dofs, scratch)
     _mobility(gear, tires, short, scratch)
     gain = bias = slope = damping = length = before = least = most = 0.0
@@ -792,63 +793,69 @@ def push_car(
         motor = gear.actuator[1]
         gains = stages.vector(model, found.actuator_gainprm, 10 * motor + 10)
         biases = stages.vector(model, found.actuator_biasprm, 10 * motor + 10)
-        gain = gains[10 * motor] * _control(model, data, found, gear, 1, force[:1])
+        gain = gains[10 * motor] * _control(model, data, found, gear, 1, scratch[_EVEN:])
         bias, slope, damping = biases[10 * motor], biases[10 * motor + 1], biases[10 * motor + 2]
         length = stages.vector(data, found.actuator_length, motor + 1)[motor]
         before = stages.vector(data, found.actuator_force, motor + 1)[motor]
         least, most = gear.force_range[1, 0], gear.force_range[1, 1]
     for _ in range(steps):
         for k in range(wheels):
-            tire, state = tires[k], own[USERDATA * k : USERDATA * (k + 1)]
-            load = tire.vertical_stiffness * depth[k] - tire.vertical_damping * velocity[3 * k + 2]
-            if depth[k] <= 0.0 or load <= 0.0:
-                state[ALONG] = state[ACROSS] = force[3 * k] = force[3 * k + 1] = force[3 * k + 2] = 0.0
+            tire, state, at = tires[k], USERDATA * k, _FORCE + 3 * k
+            depth, over = scratch[_DEPTH + k], _VELOCITY + 3 * k
+            load = tire.vertical_stiffness * depth - tire.vertical_damping * scratch[over + 2]
+            if depth <= 0.0 or load <= 0.0:
+                own[state + ALONG] = own[state + ACROSS] = scratch[at] = scratch[at + 1] = scratch[at + 2] = 0.0
                 continue
             grip = grip_of(tire, load, mu[k])
             if tire.holds:
-                state[ALONG], state[ACROSS], force[3 * k], force[3 * k + 1], size, sliding_x, sliding_y = bend(
-                    tire, state[ALONG], state[ACROSS], velocity[3 * k], velocity[3 * k + 1], left[k], reach[k],
-                    still[k], grip, short,
-                )
+                along, across, fx, fy, size, sliding_x, sliding_y = bend(
+                    tire, own[state + ALONG], own[state + ACROSS], scratch[over], scratch[over + 1],
+                    scratch[_LEFT + k], scratch[_REACH + k], scratch[_SLOW_X + k], scratch[_SLOW_Y + k], grip,
+                )  # fmt: skip
             else:
-                state[ALONG], state[ACROSS], force[3 * k], force[3 * k + 1], size, sliding_x, sliding_y = deflect(
-                    tire, state[ALONG], state[ACROSS], velocity[3 * k], velocity[3 * k + 1], forward[k], grip, short
-                )
-            force[3 * k + 2] = load
-            if size > state[SLIP_SIZE]:
-                state[SLIP_SIZE] = size
+                along, across, fx, fy, size, sliding_x, sliding_y = deflect(
+                    tire, own[state + ALONG], own[state + ACROSS], scratch[over], scratch[over + 1],
+                    scratch[_FORWARD + k], grip, short,
+                )  # fmt: skip
+            own[state + ALONG], own[state + ACROSS] = along, across
+            scratch[at], scratch[at + 1], scratch[at + 2] = fx, fy, load
+            own[state + SLIP_SIZE] = max(own[state + SLIP_SIZE], size)
             if sliding_x != 0.0 or sliding_y != 0.0:
-                state[SLIDING] = max(state[SLIDING], math.hypot(sliding_x, sliding_y))
-                state[SLIDING_ACROSS] = max(state[SLIDING_ACROSS], abs(sliding_y))
+                own[state + SLIDING] = max(own[state + SLIDING], math.hypot(sliding_x, sliding_y))
+                own[state + SLIDING_ACROSS] = max(own[state + SLIDING_ACROSS], abs(sliding_y))
         if gear.driven:
-            pull = gain + bias + slope * length + damping * velocity[_DRIVE]
-            force[_DRIVE] = min(max(pull, least), most) - before
-            length += short * velocity[_DRIVE]
+            speed = scratch[_VELOCITY + _DRIVE]
+            pull = gain + bias + slope * length + damping * speed
+            scratch[_FORCE + _DRIVE] = min(max(pull, least), most) - before
+            length += short * speed
         for i in range(LANES):
-            scratch[_EVEN + i], scratch[_ODD + i] = free[i], 0.0  # two sums go on at a time
+            scratch[_EVEN + i], scratch[_ODD + i] = scratch[_FREE + i], 0.0  # two sums go on at a time
         for j in range(0, CONTACTS - 1, 2):
-            add_scaled_16(scratch, _EVEN, _MOBILITY + LANES * j, force[j])
-            add_scaled_16(scratch, _ODD, _MOBILITY + LANES * (j + 1), force[j + 1])
+            add_scaled_16(scratch, _EVEN, _MOBILITY + LANES * j, scratch[_FORCE + j])
+            add_scaled_16(scratch, _ODD, _MOBILITY + LANES * (j + 1), scratch[_FORCE + j + 1])
         add_scaled_16(scratch, _EVEN, _ODD, 1.0)
-        add_scaled_16(scratch, _EVEN, _MOBILITY + LANES * _DRIVE, force[_DRIVE])
+        add_scaled_16(scratch, _EVEN, _MOBILITY + LANES * _DRIVE, scratch[_FORCE + _DRIVE])
         add_scaled_16(scratch, _VELOCITY, _EVEN, 1.0)
         add_scaled_16(scratch, _MEAN, _FORCE, 1.0)
         for k in range(wheels):
-            depth[k] -= short * velocity[3 * k + 2]
+            scratch[_DEPTH + k] -= short * scratch[_VELOCITY + 3 * k + 2]
     share, smooth = 1.0 / steps, stages.vector(data, found.qfrc_smooth, dofs)
+    pull = scratch[_MEAN + _DRIVE] * share
     for k in range(wheels):
-        fx, fy, fz, pull = mean[3 * k] * share, mean[3 * k + 1] * share, mean[3 * k + 2] * share, mean[_DRIVE] * share
-        for link in range(tires[k].links):
-            j = jacobian[k, link]
-            smooth[tires[k].chain[link]] += j[0] * fx + j[1] * fy + j[2] * fz + j[3] * pull
-        state = own[USERDATA * k : USERDATA * (k + 1)]
-        state[FORCE_ALONG], state[FORCE_ACROSS], state[LOAD] = fx, fy, fz
+        tire, mean, state = tires[k], _MEAN + 3 * k, USERDATA * k
+        fx, fy, fz = scratch[mean] * share, scratch[mean + 1] * share, scratch[mean + 2] * share
+        for link in range(tire.links):
+            j = _JACOBIAN + 64 * k + 4 * link
+            smooth[tire.chain[link]] += (
+                scratch[j] * fx + scratch[j + 1] * fy + scratch[j + 2] * fz + scratch[j + 3] * pull
+            )
+        own[state + FORCE_ALONG], own[state + FORCE_ACROSS], own[state + LOAD] = fx, fy, fz
 
 
 @kernel
 def _wheel_rows(
-    data: int, found: Fields, tire: Any, drive_share: float, dofs: int, timestep: float, rows: FloatArray,
-    moves: FloatArray,
+    data: int, found: Fields, tire: Any, wheel: int, drive_share: float, dofs: int, timestep: float,
+    scratch: FloatArray,
 ) -> float:  # fmt: skip
     """Write what each dof of a wheel's chain moves its contact point by, and the drive, (links, 4).
 
@@ -856,8 +863,8 @@ def _wheel_rows(
     heading, and a car that turns neither gains nor loses by it. They are seen from the body that the dof moves: what
     the car itself turns by then is left to `place_between`.
 
-    `moves` (5,) is filled with what is seen of the contact point from the wheel, without its spin: its velocity now,
-    forward, to the left and up, and how fast the first two change because the wheel turns.
+    Written is, too, what is seen of the contact point from the wheel, without its spin (5,): its velocity now, forward,
+    to the left and up, and how fast the first two change because the wheel turns.
 
     Returns:
       How deep the tire is in the ground [m].
@@ -879,8 +886,7 @@ def _wheel_rows(
     z = position[3 * body + 2] - deep + 0.5 * max(depth, 0.0) - mass_center[center + 2]  # half way to the ground
     level = math.sqrt(ax * ax + ay * ay)
     hx, hy = (ay / level, -ax / level) if level > 1e-9 else (1.0, 0.0)  # to the left of the heading is (-hy, hx)
-    for part in range(5):
-        moves[part] = 0.0
+    speed_along = speed_across = speed_up = gain_along = gain_across = 0.0
     total, turning, by, sin, cos = 0.0, 0.0, 0, 0.0, 1.0  # [rad/s]: of the links before, and of the first `by`
     for link in range(tire.links):
         c = 6 * tire.chain[link]
@@ -898,47 +904,50 @@ def _wheel_rows(
             if turning != before:
                 half = 0.5 * timestep * turning
                 sin, cos = math.sin(half), math.cos(half)
-        rows[link, 0], rows[link, 1] = along * cos + across * sin, across * cos - along * sin
-        rows[link, 2], rows[link, 3] = up, 0.0
+        row = _JACOBIAN + 64 * wheel + 4 * link
+        scratch[row], scratch[row + 1] = along * cos + across * sin, across * cos - along * sin
+        scratch[row + 2], scratch[row + 3] = up, drive_share if link == 0 else 0.0
         if link > 0:
             speed = qvel[tire.chain[link]]
-            moves[0] += along * speed
-            moves[1] += across * speed
-            moves[2] += up * speed
+            speed_along += along * speed
+            speed_across += across * speed
+            speed_up += up * speed
             seen = total if tire.straight[link] else turning
-            moves[3] += seen * across * speed
-            moves[4] -= seen * along * speed
+            gain_along += seen * across * speed
+            gain_across -= seen * along * speed
             total += axes[c + 2] * speed
-    rows[0, 3] = drive_share
+    scratch[_MOVES], scratch[_MOVES + 1], scratch[_MOVES + 2] = speed_along, speed_across, speed_up
+    scratch[_MOVES + 3], scratch[_MOVES + 4] = gain_along, gain_across
     return depth
 
 
 @kernel
 def _move(
-    data: int, found: Fields, tire: Any, wheel: int, short: float, dofs: int, rows: FloatArray, moves: FloatArray,
-    velocity: FloatArray, free: FloatArray,
+    data: int, found: Fields, tire: Any, wheel: int, short: float, dofs: int, scratch: FloatArray
 ) -> float:  # fmt: skip
     """Write how a contact point moves now, and by how much faster in a short step; return the wheel's speed forward.
 
-    Both are seen from the wheel, whose heading turns; `moves` is of `_wheel_rows`.
+    Both are seen from the wheel, whose heading turns.
     """
     qvel, acceleration = stages.vector(data, found.qvel, dofs), stages.vector(data, found.qacc_smooth, dofs)
     along = across = up = 0.0
+    first = _JACOBIAN + 64 * wheel
     for link in range(1, tire.links):
         pull = acceleration[tire.chain[link]] * short
-        along += rows[link, 0] * pull
-        across += rows[link, 1] * pull
-        up += rows[link, 2] * pull
+        along += scratch[first + 4 * link] * pull
+        across += scratch[first + 4 * link + 1] * pull
+        up += scratch[first + 4 * link + 2] * pull
     spin, pull = qvel[tire.chain[0]], acceleration[tire.chain[0]] * short
-    velocity[3 * wheel] = moves[0] + rows[0, 0] * spin
-    velocity[3 * wheel + 1] = moves[1] + rows[0, 1] * spin
-    velocity[3 * wheel + 2] = moves[2] + rows[0, 2] * spin
-    free[3 * wheel] = along + rows[0, 0] * pull + short * moves[3]
-    free[3 * wheel + 1] = across + rows[0, 1] * pull + short * moves[4]
-    free[3 * wheel + 2] = up + rows[0, 2] * pull
-    velocity[_DRIVE] += rows[0, 3] * spin
-    free[_DRIVE] += rows[0, 3] * pull
-    forward: float = abs(moves[0])
+    velocity, free = _VELOCITY + 3 * wheel, _FREE + 3 * wheel
+    scratch[velocity] = scratch[_MOVES] + scratch[first] * spin
+    scratch[velocity + 1] = scratch[_MOVES + 1] + scratch[first + 1] * spin
+    scratch[velocity + 2] = scratch[_MOVES + 2] + scratch[first + 2] * spin
+    scratch[free] = along + scratch[first] * pull + short * scratch[_MOVES + 3]
+    scratch[free + 1] = across + scratch[first + 1] * pull + short * scratch[_MOVES + 4]
+    scratch[free + 2] = up + scratch[first + 2] * pull
+    scratch[_VELOCITY + _DRIVE] += scratch[first + 3] * spin
+    scratch[_FREE + _DRIVE] += scratch[first + 3] * pull
+    forward: float = abs(scratch[_MOVES])
     return forward
 
 
