@@ -35,7 +35,7 @@ class ClearGround(NamedTuple):
 
     distances: FloatArray  # (rows, columns) [m] from the middles of cells to what stands, REACH at most
     corner: FloatArray  # (2,) x and y of the middle of cell (0, 0) [m]
-    bodies: FloatArray  # (m, 7) of the cars: middle of the hull in its body, its half sides, radius of what touches [m]
+    bodies: FloatArray  # (m, 9) of the cars, see `_write_body`
 
 
 def find_clear_ground(
@@ -48,23 +48,36 @@ def find_clear_ground(
       model: of the world.
       prefixes: of its cars.
     """
-    bodies, known = np.zeros((len(prefixes), 7)), grid[0].size > 0
+    bodies, known = np.zeros((len(prefixes), 9)), grid[0].size > 0
     for row, prefix in zip(bodies, prefixes, strict=True):
         hull = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{prefix}{HULL}")
         if hull < 0 or model.geom_type[hull] != mujoco.mjtGeom.mjGEOM_BOX or model.geom_quat[hull, 0] != 1.0:
             known = False
             continue
-        row[:3], row[3:6] = model.geom_pos[hull], model.geom_size[hull]
         base = element_id(model, mujoco.mjtObj.mjOBJ_BODY, f"{prefix}base_link")
-        for geom in np.flatnonzero(model.body_rootid[model.geom_bodyid] == model.body_rootid[base]):
-            touches = model.geom_contype[geom] or model.geom_conaffinity[geom]
-            if touches and model.geom_bodyid[geom] != base:
-                known = False
-            elif touches or geom == hull:
-                row[6] = max(row[6], math.dist(model.geom_pos[geom], row[:3]) + model.geom_rbound[geom])
+        own = np.flatnonzero(model.body_rootid[model.geom_bodyid] == model.body_rootid[base])
+        touching = own[(model.geom_contype[own] | model.geom_conaffinity[own]) != 0]
+        known = known and bool((model.geom_bodyid[touching] == base).all())
+        _write_body(model, hull, {hull, *touching.tolist()}, row)
     if not known or model.ntree != len(prefixes):  # something else moves
         return ClearGround(np.zeros((0, 0)), np.zeros(2), bodies)
     return ClearGround(grid[0], grid[1], bodies)
+
+
+def _write_body(model: mujoco.MjModel, hull: int, geoms: set[int], row: FloatArray) -> None:
+    """Write what is known of a car (9,): the middle of its hull in its body, and the hull's half sides; the radius of a
+    ball about that middle which holds all that touches; how far before and behind the middle are those of two more
+    balls, which with a third there hold the same; and the radius of these three. All in [m].
+    """
+    row[:3], row[3:6] = model.geom_pos[hull], model.geom_size[hull]
+    sides = np.zeros(3)
+    for geom in geoms:
+        away, around = model.geom_pos[geom] - row[:3], model.geom_rbound[geom]
+        margin = model.geom_margin[geom]
+        straight = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_BOX and model.geom_quat[geom, 0] == 1.0
+        row[6] = max(row[6], float(np.linalg.norm(away)) + around + margin)
+        sides = np.maximum(sides, np.abs(away) + (model.geom_size[geom] if straight else around) + margin)
+    row[7], row[8] = 2.0 * sides[0] / 3.0, math.hypot(sides[0] / 3.0, sides[1], sides[2])
 
 
 def distances_of(model: mujoco.MjModel) -> tuple[FloatArray, FloatArray]:
@@ -202,11 +215,17 @@ def touches_nothing(qpos: FloatArray, cars: CarArray, clear: ClearGround) -> boo
         lowest = middle - body[3] * abs(up_x) - body[4] * abs(up_y) - body[5] * abs(up_z)
         if not (up_z > _UPRIGHT and lowest > 0.0):  # nor is NaN
             return False
-        here_x, here_y = _middle(qpos, q, body)
-        if not _distance(clear, here_x, here_y) > body[6]:
-            return False
+        here_x, here_y = _place(qpos, q, body, 0.0)
+        away = _distance(clear, here_x, here_y)
+        if not away > body[6]:
+            if not away > body[8]:
+                return False
+            for along in (-body[7], body[7]):
+                end_x, end_y = _place(qpos, q, body, along)
+                if not _distance(clear, end_x, end_y) > body[8]:
+                    return False
         for other in range(car):
-            there_x, there_y = _middle(qpos, cars[other].free_qpos, clear.bodies[other])
+            there_x, there_y = _place(qpos, cars[other].free_qpos, clear.bodies[other], 0.0)
             reach = body[6] + clear.bodies[other, 6]
             if not (here_x - there_x) ** 2 + (here_y - there_y) ** 2 > reach * reach:
                 return False
@@ -214,25 +233,30 @@ def touches_nothing(qpos: FloatArray, cars: CarArray, clear: ClearGround) -> boo
 
 
 @kernel
-def _middle(qpos: FloatArray, q: int, body: FloatArray) -> tuple[float, float]:
-    """Return where the middle of a car's hull is from above [m]."""
+def _place(qpos: FloatArray, q: int, body: FloatArray, along: float) -> tuple[float, float]:
+    """Return where a point so far before the middle of a car's hull is from above [m]."""
     w, x, y, z = qpos[q + 3], qpos[q + 4], qpos[q + 5], qpos[q + 6]
-    a, b, c = body[0], body[1], body[2]
-    along = a * (1.0 - 2.0 * (y * y + z * z)) + 2.0 * (b * (x * y - w * z) + c * (x * z + w * y))
-    across = b * (1.0 - 2.0 * (x * x + z * z)) + 2.0 * (a * (x * y + w * z) + c * (y * z - w * x))
-    return qpos[q] + along, qpos[q + 1] + across
+    a, b, c = body[0] + along, body[1], body[2]
+    forward = a * (1.0 - 2.0 * (y * y + z * z)) + 2.0 * (b * (x * y - w * z) + c * (x * z + w * y))
+    left = b * (1.0 - 2.0 * (x * x + z * z)) + 2.0 * (a * (x * y + w * z) + c * (y * z - w * x))
+    return qpos[q] + forward, qpos[q + 1] + left
 
 
 @kernel
 def _distance(clear: ClearGround, x: float, y: float) -> float:
-    """Return at least how far a point is from what stands [m], REACH at most; NaN of a point that is none."""
+    """Return at least how far a point is from what stands [m], REACH at most; NaN of a point that is none.
+
+    It is as far as from the middle of any cell, less the way to there: the best of the four around it counts.
+    """
     rows, columns = clear.distances.shape
     across, up = (x - clear.corner[0]) / _CELL, (y - clear.corner[1]) / _CELL
     if not (abs(across) < 1e9 and abs(up) < 1e9):
         return math.nan
-    column, row = round(across), round(up)
-    if not (0 <= column < columns and 0 <= row < rows):
-        return REACH
-    away = math.hypot(across - column, up - row) * _CELL
-    nearest: float = clear.distances[row, column] - away
+    column, row = math.floor(across), math.floor(up)
+    nearest = 0.0
+    for i in range(row, row + 2):
+        for j in range(column, column + 2):
+            within = 0 <= i < rows and 0 <= j < columns
+            cell = clear.distances[i, j] if within else REACH
+            nearest = max(nearest, cell - _CELL * math.sqrt((across - j) * (across - j) + (up - i) * (up - i)))
     return nearest
