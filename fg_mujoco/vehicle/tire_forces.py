@@ -48,7 +48,7 @@ from numpy.typing import NDArray
 
 from ..arguments import Suggesting
 from ..errors import ModelError
-from ..kernels import kernel
+from ..kernels import inlined, kernel
 from ..messages import FloatArray
 from . import stages
 from .car import WHEELS, element_id
@@ -625,7 +625,7 @@ def damping_of(tire: Any, forward: float, timestep: float) -> tuple[float, float
     return tire.damping / timestep, tire.damping * standing / timestep
 
 
-@kernel
+@inlined
 def bend(
     tire: Any, along: float, across: float, over_x: float, over_y: float, left: float, reach: float, slow_x: float,
     slow_y: float, grip: float,
@@ -657,7 +657,7 @@ def within_peaks(tire: Any, along: float, across: float, grip: float) -> tuple[f
     return along * down, across * down
 
 
-@kernel
+@inlined
 def _shared_force(tire: Any, ratio: float, angle: float, size: float, grip: float) -> tuple[float, float]:
     """Return the force [N] along the heading and to the left, by slips over those of the peaks, and their size."""
     if size == 0.0:
