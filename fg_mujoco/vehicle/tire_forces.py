@@ -51,12 +51,12 @@ from ..errors import ModelError
 from ..kernels import inlined, kernel
 from ..messages import FloatArray
 from . import stages
+from .arithmetic import add_scaled_4, add_scaled_16, unlikely
 from .car import WHEELS, element_id
 from .changes import six_digits
 from .stages import Fields, fields
 from .tires import GREATEST_SLIP, LAW_OF, LAWS, NUMBERS, NUMERIC, Tires, curve_force, tires_of
 from .tires.sets import numbers_of
-from .vector_sums import add_scaled_4, add_scaled_16
 
 _MOST_LINKS = 16  # joints between the world and a wheel, at most
 _DAMPING_RATIO = 0.3  # [-] of a wheel's spin on its tire: between those of rubber and of its foam
@@ -636,7 +636,7 @@ def bend(
     angle = new_across / (tire.relaxation_length * tire.peak_slip[1])
     square, sliding_x, sliding_y = ratio * ratio + angle * angle, 0.0, 0.0
     size = math.sqrt(square)
-    if square > 1.0:
+    if unlikely(square > 1.0):
         beyond = (1.0 - 1.0 / size) / reach
         sliding_x, sliding_y = new_along * beyond, new_across * beyond
         new_along, new_across = new_along / size, new_across / size
@@ -651,10 +651,10 @@ def within_peaks(tire: Any, along: float, across: float, grip: float) -> tuple[f
     """Return a force [N] that is no greater than a tire that slides can give."""
     share_x, share_y = along / tire.peak[0], across / tire.peak[1]
     much = share_x * share_x + share_y * share_y
-    if much <= grip * grip:
-        return along, across
-    down = grip / math.sqrt(much)
-    return along * down, across * down
+    if unlikely(much > grip * grip):
+        down = grip / math.sqrt(much)
+        return along * down, across * down
+    return along, across
 
 
 @inlined

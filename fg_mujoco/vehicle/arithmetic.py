@@ -1,8 +1,10 @@
-"""Arithmetic on several consecutive numbers at once, for kernels whose loops numba does not make vector code of.
+"""Arithmetic of kernels that numba does not make fast code of by itself.
 
     add_scaled_4(numbers, to, of, factor)  # numbers[to : to + 4] += factor * numbers[of : of + 4]
+    if unlikely(size > 1.0):
 
-The bits are those of a loop: each product is rounded, then each sum. Indices are not checked.
+The bits of a sum are those of a loop: each product is rounded, then each sum. Indices are not checked. What follows
+`unlikely` is not worked out beforehand, which the compiler else does even with divisions and square roots.
 """
 
 from __future__ import annotations
@@ -42,3 +44,21 @@ def _add_scaled(lanes: int) -> Any:
 
 add_scaled_4 = _add_scaled(4)
 add_scaled_16 = _add_scaled(16)
+
+
+@numbas
+def unlikely() -> Any:
+    """Return what returns a condition as it is, and has the compiler believe that it is seldom true."""
+    from llvmlite.ir import Constant, FunctionType, IntType
+    from numba.core import types
+    from numba.extending import intrinsic
+
+    def unlikely(context: Any, condition: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+            bit = IntType(1)
+            expect = builder.module.declare_intrinsic("llvm.expect", [bit], FunctionType(bit, [bit, bit]))
+            return builder.call(expect, [given[0], Constant(bit, 0)])
+
+        return types.boolean(types.boolean), generate
+
+    return intrinsic(unlikely)
