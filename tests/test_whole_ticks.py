@@ -221,3 +221,36 @@ def test_code_at_an_address_is_called_and_raises():
     assert calls(address, 4) == 5
     with pytest.raises(ValueError, match="odd"):
         calls(address, 3)
+
+
+FAILING = """
+from fg_mujoco.controllers.control.driving import DrivingSettings
+from fg_mujoco.controllers.control.planner import Planner
+from fg_mujoco.kernels import kernel
+
+
+@kernel
+def reference(scan, ranges, odometry, car, settings, memory, line):
+    if odometry.stamp > 0.09:
+        raise ValueError("too late")
+    return 0.0, 1.0, 0.0
+
+
+class Failing(Planner):
+    Settings = DrivingSettings
+    reference = staticmethod(reference)
+"""
+
+
+def test_a_planner_that_was_compiled_in_another_folder_fails_in_its_own(tmp_path):
+    """What numba compiled is kept by its text, and says the file of then."""
+    for folder in ("first", "second"):
+        file = tmp_path / folder / "failing_planner.py"
+        file.parent.mkdir()
+        file.write_text(FAILING)
+        with pytest.raises(fg.PlannerError) as failed:
+            fg.race("oval", f"{file}:Failing", laps=1)
+        failure = failed.value.failure
+        line = FAILING.splitlines().index('        raise ValueError("too late")') + 1
+        assert (failure.file, failure.line) == (str(file), line)
+        assert f'"{file}", line {line}' in failure.traceback

@@ -146,13 +146,25 @@ def line_of(error: BaseException, file: str | None) -> int | None:
     if file is not None and _of_numba(error):
         said = re.findall(rf'File "[^"]*{re.escape(Path(file).name)}", line (\d+)', _COLOURS.sub("", _message(error)))
         return int(said[-1]) if said else None
-    lines = [frame.lineno for frame in traceback.extract_tb(_traceback(error)) if frame.filename == file]
+    lines = [frame.lineno for frame in _frames(error, file) if frame.filename == file]
     return lines[-1] if lines else None
+
+
+def _frames(error: BaseException, file: str | None) -> list[traceback.FrameSummary]:
+    """Return the frames of an error; a kernel that was compiled of the same text in another folder is of this file."""
+    frames = list(traceback.extract_tb(_traceback(error)))
+    if file is None or any(frame.filename == file for frame in frames):
+        return frames
+    own = Path(file).name
+    return [
+        traceback.FrameSummary(file, frame.lineno, frame.name) if Path(frame.filename).name == own else frame
+        for frame in frames
+    ]
 
 
 def own_traceback(error: BaseException, file: str | None) -> str:
     """Return the traceback of an error from the first frame in a planner's file on; where none is in it, all of it."""
-    frames = traceback.extract_tb(_traceback(error))
+    frames = _frames(error, file)
     first = next((i for i, frame in enumerate(frames) if frame.filename == file), 0)
     try:
         ends = _bounded("".join(traceback.format_exception_only(error)))
