@@ -64,12 +64,12 @@ def clip_to_lookahead(ranges: FloatArray, lookahead: float) -> FloatArray:
 
 
 @kernel
-def _bubble_width(distance: float, radius: float, angle_increment: float) -> np.int32:
+def _bubble_width(distance: float, radius: float, angle_increment: float) -> int:
     """Return how many beams to either side of one of length `distance` [m] pass within `radius` [m] of its end."""
     nearest = radius / math.pi  # from here on the bubble spans half a turn
     width = np.ceil(radius / (angle_increment * (nearest if distance < nearest else distance)))
     width = width if width > 0.0 else 0.0  # NaN, which no width should be, is 0
-    return np.int32(width if width < _MOST_BEAMS else _MOST_BEAMS)  # 32 bits: eight at a time
+    return int(np.int32(width if width < _MOST_BEAMS else _MOST_BEAMS))  # 32 bits: eight at a time
 
 
 @kernel
