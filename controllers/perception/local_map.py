@@ -189,7 +189,7 @@ def enter_scan(memory: Record, scan: Record, ranges: FloatArray, lidar_offset: f
             if _WITHIN_PART < square < _JOINED * _JOINED:
                 parts = int(math.sqrt(square) / _PART) + 1
         for part in range(parts):
-            share = part / parts
+            share = part / parts if part > 0 else 0.0
             i = math.floor((x + share * (before_x - x)) * PER_METRE) & RING
             j = math.floor((y + share * (before_y - y)) * PER_METRE) & RING
             cells[i, j], seen[i, j] = WALL, now
