@@ -128,7 +128,7 @@ def is_hidden(right: int, left: int, nearest: float, turn: int, out: FloatArray)
 
 @kernel
 def _all_above(values: FloatArray, first: int, behind: int, limit: float) -> bool:
-    """Say whether none of some values is below a limit: by blocks, whose values a processor compares eight at a time."""
+    """Say whether none of some values is below a limit: by blocks, whose values are compared eight at a time."""
     start, end = np.uintp(first), np.uintp(max(first, behind))
     while start < end:
         below, block_end = 0, min(start + np.uintp(_BLOCK), end)
