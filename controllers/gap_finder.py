@@ -39,6 +39,7 @@ from .perception.intermediate_scans import IntermediateScans, keep, keep_run
 from .perception.scan_filters import (
     clip_to_lookahead,
     extend_disparities,
+    greatest_beam,
     mask_nearest,
     prioritise_centre,
     rolling_mean,
@@ -89,7 +90,7 @@ class GapFinder(GoalPlanner):
         preferred = prioritise_centre(shown.filtered[first:end], bearings, settings.edge_weight)
         if len(preferred) == 0:
             return math.nan, 0.0
-        goal = int(np.argmax(preferred))
+        goal = greatest_beam(preferred)
         if preferred[goal] <= 0.0:
             return math.nan, 0.0
         gap_first, gap_end = run_around(shown.filtered, first + goal, first, end)

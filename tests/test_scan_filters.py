@@ -292,3 +292,9 @@ def test_centre_priority_does_not_outweigh_a_range_longer_by_more_than_it():
     ranges = np.full(1081, 5.0)
     ranges[0] = 5.0 / 0.9989
     assert np.argmax(filters.prioritise_centre(ranges, BEARINGS)) == 0
+
+
+@unhurried
+@given(ranges_of_scans)
+def test_the_greatest_beam_is_the_rightmost_of_the_greatest_ranges(ranges):
+    assert filters.greatest_beam(ranges) == (np.argmax(ranges) if len(ranges) else 0)

@@ -36,7 +36,7 @@ SIGHT = 9.8  # [m] along a beam that is entered
 UNKNOWN, FREE, WALL = 0, 1, 2
 
 PATH = 160  # points of the path that are kept
-RIGHT, LEFT, ALONG = 3, 4, 5  # columns of the path, after x, y and heading
+RIGHT, LEFT, ALONG, SIN, COS = range(3, 8)  # columns of the path, after x, y and heading; the last two are of that
 
 _FORGET = 72  # quarters of a metre: longer than the path that way_on closes
 _SWEPT = 8  # rows that are searched for old cells each time: all of them within 32 entries
@@ -71,7 +71,8 @@ LOCAL_MAP = np.dtype(
         ("swept", np.int64),  # row that was last searched for old cells
         ("cells", np.uint8, (SIZE, SIZE)),  # UNKNOWN, FREE or WALL, by column and row in the ring
         ("seen", np.uint8, (SIZE, SIZE)),  # `driven` when the cell was seen, in quarters of a metre modulo 256
-        ("path", np.float64, (PATH, 6)),  # ring buffer: x, y [m], heading [rad], room to the right and left, along [m]
+        # ring buffer: x, y [m], heading [rad], room to the right and left, along [m], sine and cosine of the heading
+        ("path", np.float64, (PATH, 8)),
         ("newest", np.int64),  # index of the last point of the path
         ("known", np.int64),  # how many of them there are
         ("ends", np.float64, (_ENDS, 2)),  # [m] ends of the last scan's beams that are close
@@ -188,7 +189,7 @@ def enter_scan(memory: Record, scan: Record, ranges: FloatArray, lidar_offset: f
             if _WITHIN_PART < square < _JOINED * _JOINED:
                 parts = int(math.sqrt(square) / _PART) + 1
         for part in range(parts):
-            share = part / parts
+            share = part / parts if part > 0 else 0.0
             i = math.floor((x + share * (before_x - x)) * PER_METRE) & RING
             j = math.floor((y + share * (before_y - y)) * PER_METRE) & RING
             cells[i, j], seen[i, j] = WALL, now
@@ -226,6 +227,7 @@ def extend_path(memory: Record, scan: Record, ranges: FloatArray) -> None:
         point = memory.path[memory.newest]
         point[0], point[1], point[2] = memory.x, memory.y, memory.heading
         point[RIGHT], point[LEFT] = min(right, _WIDEST), min(left, _WIDEST)
+        point[SIN], point[COS] = math.sin(memory.heading), math.cos(memory.heading)
         point[ALONG] = memory.known - 1.0 if begins else memory.along
         if not begins or point[ALONG] >= _BEFORE:
             break

@@ -35,16 +35,17 @@ def valid_ranges(ranges: FloatArray, range_max: float) -> FloatArray:
     count = len(ranges)
     result = np.empty(count)
     failed = 0
-    neighbour = math.inf  # the last valid one to the right
     for beam in range(count):
-        if math.isnan(ranges[beam]):
-            failed += 1
-        else:
-            neighbour = min(max(ranges[beam], 0.0), range_max)
-        result[beam] = neighbour
+        failed += math.isnan(ranges[beam])
+        result[beam] = min(max(ranges[beam], 0.0), range_max)
     if failed == count:
         return np.zeros(count)
     if failed > 0:
+        neighbour = math.inf  # the last valid one to the right
+        for beam in range(count):
+            if math.isnan(ranges[beam]):
+                result[beam] = neighbour
+            neighbour = result[beam]
         neighbour = math.inf  # the last valid one to the left
         for beam in range(count - 1, -1, -1):
             if not math.isnan(ranges[beam]):
@@ -66,18 +67,19 @@ def clip_to_lookahead(ranges: FloatArray, lookahead: float) -> FloatArray:
 def _bubble_width(distance: float, radius: float, angle_increment: float) -> int:
     """Return how many beams to either side of one of length `distance` [m] pass within `radius` [m] of its end."""
     nearest = radius / math.pi  # from here on the bubble spans half a turn
-    width = math.ceil(radius / (angle_increment * max(distance, nearest)))
-    return int(min(_MOST_BEAMS, max(0.0, width)))  # in this order: NaN, which no width should be, is 0
+    width = np.ceil(radius / (angle_increment * (nearest if distance < nearest else distance)))
+    width = width if width > 0.0 else 0.0  # NaN, which no width should be, is 0
+    return int(np.int32(width if width < _MOST_BEAMS else _MOST_BEAMS))  # 32 bits: eight at a time
 
 
 @kernel
-def bubble_beams(ranges: FloatArray, radius: float, angle_increment: float) -> NDArray[np.int64]:
+def bubble_beams(ranges: FloatArray, radius: float, angle_increment: float) -> NDArray[np.int32]:
     """Return how many beams to either side of each one pass within `radius` [m] of its end. Shape (n,).
 
     The arc between neighbouring beams, angle_increment * range, is taken as straight and in line with the bubble's
     diameter, so the count is radius / (angle_increment * range), rounded up; half a turn at most.
     """
-    result = np.empty(len(ranges), np.int64)
+    result = np.empty(len(ranges), np.int32)
     for beam in range(len(ranges)):
         result[beam] = _bubble_width(ranges[beam], radius, angle_increment)
     return result
@@ -130,8 +132,8 @@ def widen_all(ranges: FloatArray, angle_increment: float, radius: float) -> Floa
     result = ranges.copy()
     widths = bubble_beams(ranges, radius, angle_increment)
     line, end = np.empty(count), np.empty(count, np.int64)
-    _shorten_onwards(result, ranges, widths, line, end, 0, 1)
-    _shorten_onwards(result, ranges, widths, line, end, count - 1, -1)
+    _shorten_onwards(result, ranges, widths, line, end, True)
+    _shorten_onwards(result, ranges, widths, line, end, False)
     return result
 
 
@@ -139,11 +141,10 @@ def widen_all(ranges: FloatArray, angle_increment: float, radius: float) -> Floa
 def _shorten_onwards(
     result: FloatArray,
     ranges: FloatArray,
-    widths: NDArray[np.int64],
+    widths: NDArray[np.int32],
     line: FloatArray,
     end: NDArray[np.int64],
-    start: int,
-    direction: int,
+    to_left: bool,
 ) -> None:
     """Shorten each beam of `result` to the nearest of the bubbles that reach it from beams before it.
 
@@ -156,25 +157,25 @@ def _shorten_onwards(
       widths: of the bubbles, in beams to either side (n,).
       line: (n,) room for the ranges of those that wait [m].
       end: (n,) room for the steps at which their bubbles end.
-      start: the first beam.
-      direction: 1 to the left, -1 to the right.
+      to_left: from the rightmost beam to the leftmost; else the other way round.
     """
+    one = np.uintp(1)  # unsigned: else numba asks of each index if it is negative
     nearest, until = math.inf, -1  # the bubble that holds: its range, and the step at which it ends
-    first, after = 0, 0  # who waits: those from `first` to before `after`
+    first, after = np.uintp(0), np.uintp(0)  # who waits: those from `first` to before `after`
     for step in range(len(ranges)):
-        beam = start + direction * step
+        beam = np.uintp(step if to_left else len(ranges) - 1 - step)
         distance = ranges[beam]
         if distance <= nearest:
             nearest, until = distance, step + widths[beam]
-            first, after = 0, 0
+            first, after = np.uintp(0), np.uintp(0)
             continue
-        while after > first and line[after - 1] >= distance:
-            after -= 1
+        while after > first and line[after - one] >= distance:
+            after -= one
         line[after], end[after] = distance, step + widths[beam]
-        after += 1
+        after += one
         while until < step and first < after:
             nearest, until = line[first], end[first]
-            first += 1
+            first += one
         result[beam] = min(result[beam], nearest)
 
 
@@ -189,6 +190,23 @@ def least_of(ranges: FloatArray) -> float:
     for beam in range(whole, len(ranges)):
         a = min(a, ranges[beam])
     return float(min(min(a, b), min(c, d)))
+
+
+@kernel
+def greatest_beam(ranges: FloatArray) -> int:
+    """Return the beam of the greatest of ranges (n,), the rightmost of several; 0 of none: in parts as `least_of`."""
+    a, b, c, d = -math.inf, -math.inf, -math.inf, -math.inf
+    whole = len(ranges) // 4 * 4
+    for beam in range(0, whole, 4):
+        a, b = max(a, ranges[beam]), max(b, ranges[beam + 1])
+        c, d = max(c, ranges[beam + 2]), max(d, ranges[beam + 3])
+    for beam in range(whole, len(ranges)):
+        a = max(a, ranges[beam])
+    greatest = max(max(a, b), max(c, d))
+    for beam in range(len(ranges)):
+        if ranges[beam] == greatest:
+            return beam
+    return 0
 
 
 @kernel
@@ -229,8 +247,8 @@ def rolling_mean(ranges: FloatArray, angle_increment: float, radius: float) -> F
     result = np.zeros(count)
     for beam in range(count):
         if ranges[beam] > 0.0:
-            first = max(beam - widths[beam], 0)
-            end = min(beam + widths[beam] + 1, count)
+            first = np.uintp(max(beam - widths[beam], 0))
+            end = np.uintp(min(beam + widths[beam] + 1, count))
             result[beam] = (total[end] - total[first]) / (end - first)
     return result
 

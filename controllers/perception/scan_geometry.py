@@ -58,6 +58,28 @@ def bearing_of(scan: Record, beam: float) -> float:
 
 
 @kernel
+def nearest_place(angle_min: float, angle_increment: float, ahead: float, left: float) -> float:
+    """Return the place of the beam whose bearing is nearest to that of a point; below 0 or beyond the last: no beam.
+
+    That is the arctangent, rounded, to the bit, in a quarter of the time. A polynomial gives the bearing to 2e-6 rad
+    (C. Hastings, Approximations for Digital Computers, 1955), which is enough except halfway between two beams.
+    """
+    low, high = min(abs(ahead), abs(left)), max(abs(ahead), abs(left))
+    q = low / (high + 1e-300)
+    s = q * q
+    bearing = q * (
+        0.99997726 + s * (-0.33262347 + s * (0.19354346 + s * (-0.11643287 + s * (0.05265332 + s * -0.01172120))))
+    )
+    bearing = 0.5 * math.pi - bearing if abs(left) > abs(ahead) else bearing
+    bearing = math.pi - bearing if ahead < 0.0 else bearing
+    place = (math.copysign(bearing, left) - angle_min) / angle_increment
+    nearest = np.rint(place)
+    if abs(place - nearest) < 0.5 - 3e-6 / angle_increment:
+        return float(nearest)
+    return float(np.rint((math.atan2(left, ahead) - angle_min) / angle_increment))
+
+
+@kernel
 def beams_between(scan: Record, count: int, right: float, left: float) -> tuple[int, int]:
     """Return the beams with bearings from `right` to `left` [rad], of so many: first, and last + 1."""
     first = math.ceil((right - scan.angle_min) / scan.angle_increment - 1e-6)

@@ -31,6 +31,7 @@ from ..control.settings import Record
 from .local_map import (
     ALONG,
     CELL,
+    COS,
     EDGE,
     FREE,
     LEFT,
@@ -40,6 +41,7 @@ from .local_map import (
     RIGHT,
     RING,
     SIGHT,
+    SIN,
     SIZE,
     UNKNOWN,
     WALL,
@@ -84,7 +86,8 @@ _LEAST_LOOP = 3.0  # [m] to the far side of a closed path
 _LEAST_AGE = 5.0  # [m] of the part of the path that the car comes upon there
 _FREE_START = 4  # cells from the car that may be near a wall
 _BESIDE = 8  # columns beside the known ones, in which their walls count
-_BUCKETS = 64  # above the greatest cost of a step
+_BUCKETS = 64  # above the greatest cost of a step; a power of two, so that `cost & _BUCKET` is the bucket of a cost
+_BUCKET = _BUCKETS - 1
 _LAST = SIZE * SIZE - 1
 
 WAY_ON = np.dtype(
@@ -199,7 +202,15 @@ def to_go_around(memory: Record, x: float, y: float) -> float:
 @kernel
 def least_to_go_along(memory: Record, x: float, y: float, heading: float, distance: float) -> tuple[float, float]:
     """Return the least way to go [m] on a line from a place, inf if none is known, and how far along that is [m]."""
-    step_x, step_y = 0.2 * PER_METRE * math.cos(heading), 0.2 * PER_METRE * math.sin(heading)
+    return least_to_go_towards(memory, x, y, math.cos(heading), math.sin(heading), distance)
+
+
+@kernel
+def least_to_go_towards(
+    memory: Record, x: float, y: float, cos: float, sin: float, distance: float
+) -> tuple[float, float]:
+    """Return the same as `least_to_go_along`, for the cosine and the sine of the line's heading."""
+    step_x, step_y = 0.2 * PER_METRE * cos, 0.2 * PER_METRE * sin
     x, y = x * PER_METRE, y * PER_METRE
     least, at = FAR, 0
     for step in range(1, int(min(distance, SIGHT) / 0.2) + 1):  # all of these are in the window
@@ -214,12 +225,13 @@ def least_to_go_along(memory: Record, x: float, y: float, heading: float, distan
 def _find(memory: Record, lidar_offset: float) -> None:
     """Look for the way on, and write how far it is to there.
 
-    Below, a cell is a number: its column in the ring times SIZE, and its row.
+    Below, a cell is a number: its column in the ring times SIZE, and its row. Arrays of cells are unsigned: else numba
+    asks of each index if it is negative.
     """
     world, blocked, bits = memory.map, memory.blocked, memory.blocked.reshape(SIZE * SIZE)
     free = _mark_cells(world, blocked)
-    distance, goal = np.empty(SIZE * SIZE, np.uint16), np.empty(free + 1, np.int32)
-    queue, edge = np.empty(free + 1, np.int32), np.empty(free + 1, np.int32)
+    distance, goal = np.empty(SIZE * SIZE, np.uint16), np.empty(free + 1, np.uint16)
+    queue, edge = np.empty(free + 1, np.uint16), np.empty(free + 1, np.uint16)
     queue[0] = _cell_at(
         world.x + lidar_offset * math.cos(world.heading), world.y + lidar_offset * math.sin(world.heading)
     )
@@ -427,19 +439,19 @@ def _close_way_back(world: Record, bits: NDArray[np.uint8], opened: float, close
     if opened > _OPENED:
         until = max(until, world.furthest - _POCKET)
     for back in range(world.known):
-        point = world.path[(world.newest - back) % PATH]
-        if world.along - point[ALONG] > closed:
+        place = (world.newest - back) % PATH
+        x, y, sin, cos = _path_point(world, place)
+        if world.along - world.path[place, ALONG] > closed:
             break
-        if point[ALONG] > until:
+        if world.path[place, ALONG] > until:
             continue
-        sin, cos = math.sin(point[2]), math.cos(point[2])
         for side in (1, -1):
-            room = point[LEFT] if side == 1 else point[RIGHT]
+            room = world.path[place, LEFT if side == 1 else RIGHT]
             steps = int((_WIDEST if open_ground else room) / (0.5 * CELL)) + 1
-            first, last = _aside(point, sin, cos, 0.0), _aside(point, sin, cos, side * 0.5 * CELL * (steps - 1))
+            first, last = _aside(x, y, sin, cos, 0.0), _aside(x, y, sin, cos, side * 0.5 * CELL * (steps - 1))
             whole = in_window(world, first[0], first[1]) and in_window(world, last[0], last[1])
             for step in range(steps):
-                i, j = _aside(point, sin, cos, side * 0.5 * CELL * step)
+                i, j = _aside(x, y, sin, cos, side * 0.5 * CELL * step)
                 if not (whole or in_window(world, i, j)):
                     break
                 cell = (i & RING) * SIZE | j & RING
@@ -450,12 +462,15 @@ def _close_way_back(world: Record, bits: NDArray[np.uint8], opened: float, close
 
 
 @kernel
-def _aside(point: FloatArray, sin: float, cos: float, aside: float) -> tuple[int, int]:
-    """Return the column and row of the cell beside a point of the path [m], left positive.
+def _path_point(world: Record, place: int) -> tuple[float, float, float, float]:
+    """Return x [m], y [m], and the sine and cosine of the heading, of a point of the path."""
+    return world.path[place, 0], world.path[place, 1], world.path[place, SIN], world.path[place, COS]
 
-    The caller computes the sine and cosine of the point's heading once for all cells of a line.
-    """
-    return math.floor((point[0] - aside * sin) * PER_METRE), math.floor((point[1] + aside * cos) * PER_METRE)
+
+@kernel
+def _aside(x: float, y: float, sin: float, cos: float, aside: float) -> tuple[int, int]:
+    """Return the column and row of the cell beside a point of the path [m], left positive; see `_path_point`."""
+    return math.floor((x - aside * sin) * PER_METRE), math.floor((y + aside * cos) * PER_METRE)
 
 
 @kernel
@@ -463,18 +478,18 @@ def _is_open_ground(world: Record, distance: NDArray[np.uint16]) -> bool:
     """Say whether the ground beside the closed path is reached from the car at a third of its points, or more."""
     points, passed = 0, 0
     for back in range(world.known):
-        point = world.path[(world.newest - back) % PATH]
-        age = world.along - point[ALONG]
+        place = (world.newest - back) % PATH
+        age = world.along - world.path[place, ALONG]
         if age > _CLOSED:
             break
         if age > 2.0:
             points += 1
-            sin, cos = math.sin(point[2]), math.cos(point[2])
+            x, y, sin, cos = _path_point(world, place)
             for side in (1, -1):
-                room = point[LEFT] if side == 1 else point[RIGHT]
+                room = world.path[place, LEFT if side == 1 else RIGHT]
                 walled = False  # the ground behind a thin barrier is another lane
                 for cells in range(-1, 3):
-                    i, j = _aside(point, sin, cos, side * (room + cells * CELL))
+                    i, j = _aside(x, y, sin, cos, side * (room + cells * CELL))
                     walled = walled or not in_window(world, i, j) or world.cells[i & RING, j & RING] == WALL
                 if not walled and distance[(i & RING) * SIZE | j & RING] != FAR:
                     passed += 1
@@ -503,8 +518,8 @@ def _flood(
     world: Record,
     bits: NDArray[np.uint8],
     distance: NDArray[np.uint16],
-    queue: NDArray[np.int32],
-    edge: NDArray[np.int32],
+    queue: NDArray[np.uint16],
+    edge: NDArray[np.uint16],
     impassable: int,
 ) -> tuple[int, int]:
     """Spread distances [cells] from the first cell of the queue; return how many cells were reached.
@@ -556,9 +571,9 @@ def _choose_frontier(
     memory: Record,
     bits: NDArray[np.uint8],
     distance: NDArray[np.uint16],
-    edge: NDArray[np.int32],
+    edge: NDArray[np.uint16],
     least: int,
-    goal: NDArray[np.int32],
+    goal: NDArray[np.uint16],
 ) -> int:
     """Write the cells of the best frontier to `goal`, and where its middle is; return how many cells, 0: none.
 
@@ -574,7 +589,7 @@ def _choose_frontier(
     label = np.zeros(SIZE * SIZE, np.uint8)  # 1: at unknown ground, 2: in a frontier that was looked at
     for cell in edge:
         label[cell] = 1
-    group, behind = np.empty(len(edge), np.int32), np.empty(_ROOM + 8, np.int32)
+    group, behind = np.empty(len(edge), np.uint16), np.empty(_ROOM + 8, np.uint16)
     best, best_count, last_x, last_y = 0.0, 0, memory.x, memory.y
     for start in edge:
         if label[start] != 1:
@@ -614,8 +629,8 @@ def _has_room_behind(
     bits: NDArray[np.uint8],
     distance: NDArray[np.uint16],
     label: NDArray[np.uint8],
-    group: NDArray[np.int32],
-    behind: NDArray[np.int32],
+    group: NDArray[np.uint16],
+    behind: NDArray[np.uint16],
 ) -> bool:
     """Say whether a frontier may lead on: there is room behind it, or ground that the car does not reach otherwise.
 
@@ -648,7 +663,7 @@ def _has_room_behind(
 
 
 @kernel
-def _find_edge(memory: Record, bits: NDArray[np.uint8], goal: NDArray[np.int32]) -> None:
+def _find_edge(memory: Record, bits: NDArray[np.uint8], goal: NDArray[np.uint16]) -> None:
     """Write where the nearest cell of a frontier is that is not near a wall."""
     world, least = memory.map, math.inf
     for cell in goal:
@@ -692,7 +707,7 @@ def _comes_from_behind(world: Record, distance: NDArray[np.uint16], cell: int) -
 
 @kernel
 def _spread(
-    bits: NDArray[np.uint8], to_go: NDArray[np.uint16], goal: NDArray[np.int32], free: int, impassable: int
+    bits: NDArray[np.uint8], to_go: NDArray[np.uint16], goal: NDArray[np.uint16], free: int, impassable: int
 ) -> None:
     """Write the way to go [UNIT] from all free cells to the nearest cell of `goal`.
 
@@ -705,38 +720,38 @@ def _spread(
     """
     heads = np.full(_BUCKETS, -1, np.int32)  # of the lists of cells that wait, by their way to go modulo _BUCKETS
     room = 2 * free + len(goal) + 8  # a cell is come upon once over a side and once over a corner, at most
-    cells, links = np.empty(room, np.int32), np.empty(room, np.int32)
+    cells, links = np.empty(room, np.uint16), np.empty(room, np.int32)
     straight, diagonal = _costs(10, WAY_BACK | impassable), _costs(14, WAY_BACK | impassable)
-    made = 0
+    made, one = np.uintp(0), np.uintp(1)
     for cell in goal:
         to_go[cell] = 0
         cells[made], links[made] = cell, heads[0]
         heads[0] = made
-        made += 1
+        made += one
     level, empty = 0, 0
-    while empty < _BUCKETS and made <= room - 8:
-        place = heads[level % _BUCKETS]
+    while empty < _BUCKETS and made <= np.uintp(room - 8):
+        place = heads[level & _BUCKET]
         if place < 0:
             level, empty = level + 1, empty + 1
             continue
         empty = 0
-        heads[level % _BUCKETS] = links[place]
+        heads[level & _BUCKET] = links[place]
         if to_go[cells[place]] != level:
             continue  # it was reached by a shorter way meanwhile
         for cell in _beside(cells[place]):
             cost = level + straight[bits[cell]]
             if cost < to_go[cell]:
                 to_go[cell] = cost
-                cells[made], links[made] = cell, heads[cost % _BUCKETS]
-                heads[cost % _BUCKETS] = made
-                made += 1
+                cells[made], links[made] = cell, heads[cost & _BUCKET]
+                heads[cost & _BUCKET] = made
+                made += one
         for cell in _across(cells[place]):
             cost = level + diagonal[bits[cell]]
             if cost < to_go[cell]:
                 to_go[cell] = cost
-                cells[made], links[made] = cell, heads[cost % _BUCKETS]
-                heads[cost % _BUCKETS] = made
-                made += 1
+                cells[made], links[made] = cell, heads[cost & _BUCKET]
+                heads[cost & _BUCKET] = made
+                made += one
 
 
 @kernel

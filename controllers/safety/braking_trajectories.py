@@ -130,9 +130,10 @@ def safe_speed(
     share = speed * speed * math.tan(steering_angle) / (trajectories.wheelbase * trajectories.lateral)
     if len(widened) == 0:
         return 0.0
+    to_left, to_right = _nearest(_PRESENT, share), _nearest(_PRESENT, -share)
     for fast in range(_SPEEDS - 1, -1, -1):
         for side in (1, -1):
-            present = _nearest(_PRESENT, side * share)
+            present = to_left if side == 1 else to_right
             for turning in range(len(_TURNING)):
                 bearings = trajectories.bearings[present, fast, turning]
                 distances = trajectories.distances[present, fast, turning]

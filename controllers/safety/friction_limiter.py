@@ -167,8 +167,8 @@ def limited(
     slope = math.tan(angle_now)
     step = _steering_rate(limiter, angle_now, slope, now, target - angle_now) * limiter.settings.steering_response
     command = angle_now + saturate(target - angle_now, step)
-    braking, accelerating = _shares_left(limiter, slope, math.tan(command), now)
-    acceleration = _approach(limiter, memory.acceleration, allowed - speed_now, braking, accelerating, period)
+    in_braking, in_accelerating = _uses(limiter, slope, math.tan(command), now)
+    acceleration = _approach(limiter, memory.acceleration, allowed - speed_now, in_braking, in_accelerating, period)
     # the servo's acceleration falls while the command is held: the mean over the period is what was asked for
     reached = speed_now + acceleration * period / share_of_way(period, car.speed_time_constant)
     if not math.isfinite(command + reached):
@@ -232,8 +232,8 @@ def _steering_rate(limiter: Record, angle: float, slope: float, now: float, turn
 
 
 @kernel
-def _shares_left(limiter: Record, slope: float, next_slope: float, now: float) -> tuple[float, float]:
-    """Return the shares of straight-line braking and of straight-line accelerating that cornering leaves.
+def _uses(limiter: Record, slope: float, next_slope: float, now: float) -> tuple[float, float]:
+    """Return the shares of the lateral grip that cornering uses when the car brakes and when it accelerates.
 
     The slopes are the tangents of the steering angle, now and as commanded.
     """
@@ -247,26 +247,25 @@ def _shares_left(limiter: Record, slope: float, next_slope: float, now: float) -
     rear = abs(cornering - 2.0 * rear_lag * now * curvature_rate)
     most = limiter.mu * limiter.car.gravity
     used = max(abs(cornering), abs(next_cornering), front)
-    in_braking = max(used, rear)
-    braking = longitudinal_share(in_braking / most, limiter.exponent)
-    if in_braking == used:  # a power is what takes longest here
-        return braking, braking
-    return braking, longitudinal_share(used / most, limiter.exponent)
+    return max(used, rear) / most, used / most
 
 
 @kernel
 def _approach(
-    limiter: Record, last: float, missing_speed: float, braking: float, accelerating: float, period: float
+    limiter: Record, last: float, missing_speed: float, in_braking: float, in_accelerating: float, period: float
 ) -> float:
     """Return the acceleration [m/s^2] with which to take up `missing_speed` [m/s], after that of the last tick.
 
-    `braking` and `accelerating` are the shares of those straight ahead that cornering leaves.
+    `in_braking` and `in_accelerating` are the shares of the lateral grip that cornering uses then.
     """
     growth = period / limiter.settings.load_transfer_time
     reference = missing_speed / limiter.settings.speed_response
-    lowest = max(-limiter.braking * braking, min(last, 0.0) - limiter.braking * max(braking, _SLOWEST_GROWTH) * growth)
-    highest = min(limiter.accelerating * accelerating, max(last, 0.0) + limiter.accelerating * growth)
-    return float(min(max(reference, lowest), highest))
+    if reference < 0.0:  # a power is what takes longest here, so only one of the two is worked out
+        share = longitudinal_share(in_braking, limiter.exponent)
+        grown = min(last, 0.0) - limiter.braking * max(share, _SLOWEST_GROWTH) * growth
+        return float(max(reference, -limiter.braking * share, grown))
+    share = longitudinal_share(in_accelerating, limiter.exponent)
+    return float(min(reference, limiter.accelerating * share, max(last, 0.0) + limiter.accelerating * growth))
 
 
 class FrictionLimiter:

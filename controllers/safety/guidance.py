@@ -35,8 +35,17 @@ from ..control.settings import FROM_ZERO, POSITIVE, SHARE, Record, Settings, set
 from ..control.steering import saturate
 from ..control.tracking import CURVATURE, HEADING, LAG, X, Y, errors, next_place, steer_along
 from ..perception.local_map import SIGHT, forget, move
-from ..perception.scan_geometry import beams_between, looks_ahead, period_of, sees
-from ..perception.way_on import AT_WALL, NEAR_WALL, WAY_ON, least_to_go_along, look_again, look_for_way_on, to_go_around
+from ..perception.scan_geometry import beams_between, bearing_of, looks_ahead, period_of, sees
+from ..perception.way_on import (
+    AT_WALL,
+    NEAR_WALL,
+    WAY_ON,
+    least_to_go_along,
+    least_to_go_towards,
+    look_again,
+    look_for_way_on,
+    to_go_around,
+)
 from .motion_search import MOST_LOCK, MOST_NODES, MOTION, is_clear, search_motion
 from .turning import TURNING, turn_in_moves
 
@@ -224,13 +233,15 @@ def _best_beam(
     scan: Record, ranges: FloatArray, way: Record, x: float, y: float, here: float
 ) -> tuple[float, float, float]:
     """Return by how much the best beam shortens the way to go [m], how far along it that is [m], and its bearing."""
-    gain, at, bearing = -math.inf, 0.0, 0.0
+    gain, at, best = -math.inf, 0.0, 0
+    turn_cos, turn_sin = math.cos(scan.angle_increment * _BEAMS), math.sin(scan.angle_increment * _BEAMS)
+    cos, sin = math.cos(way.map.heading + scan.angle_min), math.sin(way.map.heading + scan.angle_min)
     for beam in range(0, len(ranges), _BEAMS):
-        angle = scan.angle_min + scan.angle_increment * beam
-        least, place = least_to_go_along(way, x, y, way.map.heading + angle, ranges[beam])
+        least, place = least_to_go_towards(way, x, y, cos, sin, ranges[beam])
         if here - least > gain:
-            gain, at, bearing = here - least, place, angle
-    return gain, at, bearing
+            gain, at, best = here - least, place, beam
+        cos, sin = cos * turn_cos - sin * turn_sin, sin * turn_cos + cos * turn_sin
+    return gain, at, bearing_of(scan, best)
 
 
 @kernel

@@ -35,8 +35,9 @@ from fg_mujoco.messages import FloatArray
 from ..control.settings import FROM_ZERO, POSITIVE, Record, Settings, setting, setting_of_car
 from ..control.slip import path_lag
 from ..control.speed import share_of_way
-from ..control.steering import pursue
+from ..control.steering import arc_through, pursue
 from ..control.tracking import next_place, steer_along
+from ..perception.scan_geometry import nearest_place
 from .friction_limiter import FrictionLimiterSettings, limited
 
 EVASIVE = FrictionLimiterSettings(most_left=0.6, turn_in_use=0.45)
@@ -205,7 +206,8 @@ def speed_at_contact(
     lidar, standing = car.lidar_offset, settings.standing_speed
     front = car.length - car.rear_overhang - 0.25 * car.width  # ahead of the rear axle, as the LiDAR
     to_bumper = 0.25 * car.width  # widening does not shorten a reading, so this has to stay clear too
-    goal_x, goal_y = lidar + distance * math.cos(bearing), distance * math.sin(bearing)
+    goal_ahead, goal_left = distance * math.cos(bearing), distance * math.sin(bearing)  # of where the LiDAR is
+    goal_x, goal_y = lidar + goal_ahead, goal_left
     turned = share_of_way(period, limiter.settings.steering_response)  # part of a command that a tick carries out
     slowed = share_of_way(period, car.speed_time_constant)
     slowed_twice = share_of_way(2.0 * period, car.speed_time_constant)
@@ -218,7 +220,8 @@ def speed_at_contact(
             place = next_place(path, place, x, y, heading)
             reference = steer_along(path, place, x, y, heading, speed, car.wheelbase)
         elif distance > settings.arrived:
-            reference = pursue(bearing, min(distance, settings.pursuit_distance), lidar, car.wheelbase)
+            nearer = min(1.0, settings.pursuit_distance / distance)
+            reference = arc_through(lidar + nearer * goal_ahead, nearer * goal_left, car.wheelbase)
         reference_speed = at_first if tick == 0 else 0.0
         command = limited(limiter, memory, reference, reference_speed, lateral_use, angle, speed, ticks * period)
         next_angle = angle + ticks * turned * (command[0] - angle)
@@ -235,21 +238,30 @@ def speed_at_contact(
         angle, speed = next_angle, next_speed
         cos, sin = math.cos(heading), math.sin(heading)
         ahead, left = x + front * cos - lidar, y + front * sin
-        beyond = reading(widened, angle_min, angle_increment, math.atan2(left, ahead))
-        if not beyond > math.hypot(ahead, left) + to_bumper + margin:
+        beyond = _reading_towards(widened, angle_min, angle_increment, ahead, left)
+        if not beyond > math.sqrt(ahead * ahead + left * left) + to_bumper + margin:
             return float(max(speed, standing))
         for offset in (0.0, lidar):
             ahead, left = x + offset * cos - lidar, y + offset * sin
             if ahead > 0.0:
-                beyond = reading(widened, angle_min, angle_increment, math.atan2(left, ahead))
-                if not beyond > math.hypot(ahead, left):
+                beyond = _reading_towards(widened, angle_min, angle_increment, ahead, left)
+                if not beyond > math.sqrt(ahead * ahead + left * left):
                     return float(max(speed, standing))
         if speed < standing:
             return 0.0
-        ahead = cos * (goal_x - x) + sin * (goal_y - y) - lidar
-        left = cos * (goal_y - y) - sin * (goal_x - x)
-        bearing, distance = math.atan2(left, ahead), math.hypot(ahead, left)
+        goal_ahead = cos * (goal_x - x) + sin * (goal_y - y) - lidar
+        goal_left = cos * (goal_y - y) - sin * (goal_x - x)
+        distance = math.sqrt(goal_ahead * goal_ahead + goal_left * goal_left)
     return 0.0
+
+
+@kernel
+def _reading_towards(
+    ranges: FloatArray, angle_min: float, angle_increment: float, ahead: float, left: float
+) -> float:
+    """Return the one of `ranges` (n,) [m] that is nearest to the bearing of a point [m] in the frame of the LiDAR."""
+    place = nearest_place(angle_min, angle_increment, ahead, left)
+    return float(ranges[int(min(len(ranges) - 1.0, max(0.0, place)))])
 
 
 @kernel

@@ -76,9 +76,11 @@ def scan(
         for shape in range(first_shape, behind_shape):
             _draw_shape(scene, scene.shapes[shape], _pose(scratch.poses, frame), out)
         survey(scene, _pose(scratch.poses, frame), first_cluster, behind_cluster, scratch)
+    turn = whole_turn(scene)
     for place in range(sort_by_distance(scene, scratch)):
         cluster = scratch.views[2, place]
-        if not is_hidden(scene, cluster, scratch, out):
+        right, left = scratch.views[0, cluster], scratch.views[1, cluster]
+        if not is_hidden(right, left, scratch.nearest[cluster], turn, out):
             _draw_cluster(scene, cluster, scratch, out)
     for beam in range(len(out)):
         distance = 1.0 / out[beam]
