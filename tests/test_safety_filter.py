@@ -24,15 +24,16 @@ BUMPER = CAR.length - CAR.rear_overhang - CAR.lidar_offset - 0.25 * CAR.width  #
 
 
 def filtered(
-    widened, reference=0.0, angle=0.0, speed=4.0, acceleration=0.0, reference_speed=0.0, path=NO_PATH, **settings
-):
+    widened, reference=0.0, angle=0.0, speed=4.0, acceleration=0.0, reference_speed=0.0, path=NO_PATH, kept=False,
+    **settings,
+):  # fmt: skip
     values = for_car(SafetyFilterSettings(**settings), CAR)
     row = np.array([record_values(values)], record_type(SafetyFilterSettings))
     memory = np.zeros(1, LIMITER_MEMORY)
     memory["acceleration"] = acceleration
     answer = safe_steering(
         LIMITER.record[0], memory[0], row[0], widened, START, INCREMENT, reference, reference_speed, angle, speed,
-        0.025, path,
+        0.025, path, kept,
     )  # fmt: skip
     assert memory["acceleration"][0] == acceleration  # trying leaves no trace
     return answer
@@ -44,6 +45,19 @@ def wall_ahead(distance):
     ahead = np.abs(BEARINGS) < math.radians(20.0)
     ranges[ahead] = distance / np.cos(BEARINGS[ahead])
     return ranges
+
+
+def test_a_reference_that_passed_goes_on_where_a_new_one_would_not():
+    """It has to keep half of the margin, so that millimetres do not end a turn; and that half it has to keep."""
+    stop = 4.0**2 / (2.0 * LIMITER.braking) + BUMPER
+    distances = stop + np.arange(0.0, 1.0, 0.005)
+    new, kept, bare = (
+        min(d for d in distances if filtered(wall_ahead(d), **options)[0] == 0.0 and filtered(wall_ahead(d), **options)[2])
+        for options in ({}, {"kept": True}, {"margin": 0.0})
+    )
+    margin = for_car(SafetyFilterSettings(), CAR).margin
+    assert new - kept == pytest.approx(0.5 * margin, abs=0.006)
+    assert kept - bare == pytest.approx(0.5 * margin, abs=0.006)
 
 
 @pytest.mark.parametrize("reference", [-0.2, 0.0, 0.1])

@@ -158,6 +158,7 @@ DRIVING_MEMORY = np.dtype(
         ("guidance", GUIDANCE),
         ("speedometer", SPEEDOMETER),
         ("course", COURSE),
+        ("kept", np.bool_),  # whether the reference passed the safety filter
         ("reasons", *REASONS),  # of the last decision; written, and never read
     ]
 )
@@ -400,8 +401,9 @@ def _drive_filtered(
         note(memory.reasons, SIGHT, steering_angle, reference_speed)
     safe, use, found = safe_steering(
         limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference, reference_speed,
-        angle, now, period, path_ahead(guidance),
+        angle, now, period, path_ahead(guidance), memory.kept,
     )  # fmt: skip
+    memory.kept = found and safe == reference
     stands = abs(now) < settings.standing_speed
     if driver.recovery and reverses(history, driver.recovery_settings, stands, found and not guidance.stuck, period):
         back = saturate(angle_along_history(history, car.wheelbase), car.max_steering_angle)

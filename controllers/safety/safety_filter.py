@@ -32,7 +32,7 @@ import numpy as np
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
-from ..control.settings import FROM_ZERO, POSITIVE, Record, Settings, setting, setting_of_car
+from ..control.settings import FROM_ZERO, POSITIVE, SHARE, Record, Settings, setting, setting_of_car
 from ..control.slip import path_lag
 from ..control.speed import share_of_way
 from ..control.steering import arc_through, pursue
@@ -63,6 +63,9 @@ class SafetyFilterSettings(Settings):
     margin_aside: float = setting_of_car(
         0.08, "m", "in other directions, which are then not lost at once when the car brakes a little less", FROM_ZERO
     )
+    margin_kept: float = setting(
+        0.5, "", "share of these for a reference that passed at the last scan: millimetres do not end a turn", SHARE
+    )
     fan: float = setting(math.radians(90.0), "rad", "directions to either side of the reference", FROM_ZERO)
     fan_step: float = setting(math.radians(5.0), "rad", "between them", POSITIVE)
     crawl_speed: float = setting_of_car(
@@ -92,6 +95,7 @@ def safe_steering(
     speed_now: float,
     period: float,
     path: FloatArray,
+    kept: bool,
 ) -> tuple[float, float, bool]:
     """Return a steering angle [rad] with which the car can stop, the share of grip for cornering, and if there is one.
 
@@ -111,6 +115,7 @@ def safe_steering(
       speed_now: present speed [m/s].
       period: between commands [s].
       path: motion (m, 4) that the reference leads along, in the frame of the rear axle; m may be 0.
+      kept: whether the reference passed at the last scan.
     """
     car, speed, pursuit = limiter.car, max(speed_now, settings.crawl_speed), settings.pursuit_distance
     reference = bearing_of_arc(steering_angle, pursuit, car.lidar_offset, car.wheelbase)
@@ -126,6 +131,8 @@ def safe_steering(
         bearing = reference + _aside(number, settings.fan_step)
         goal = (bearing, views[number])
         margin = settings.margin if number == 0 and len(path) == 0 else settings.margin_aside
+        if number == 0 and kept:
+            margin *= settings.margin_kept
         at_first = reference_speed if number == 0 else 0.0
         for use in _LATERAL_USES:
             last = memory.acceleration
