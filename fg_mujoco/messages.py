@@ -363,6 +363,30 @@ class CarParameters:
         )  # fmt: skip
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlannerContext:
+    """All that a planner is told before it drives. Its constructor names what it wants of these fields.
+
+    It is made in one place, by `DriveSettings.context`, whoever asks a planner to drive.
+
+    Raises:
+      MessageError: a value out of its range.
+    """
+
+    car: CarParameters
+    mu: float  # friction coefficient that it is to believe in; inf: no friction limits
+    max_speed: float  # [m/s] fastest that it may command
+    period: float = 0.025  # [s] from one scan to the next
+    latency: float = 0.0  # [s] from measuring a scan to the servos being told of its command, thinking not counted
+    seed: int = 0  # that the car is driven with, for planners that draw numbers
+    map_line: MapLine | None = None  # the line through the course; None: there is no map
+
+    def __post_init__(self) -> None:
+        require(self, lambda value: value > 0.0, "a positive number, or inf", ("mu",), MessageError)
+        require(self, lambda value: 0.0 < value < math.inf, "a positive number", ("max_speed", "period"), MessageError)
+        require(self, lambda value: 0.0 <= value < math.inf, "a number from 0", ("latency",), MessageError)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ScanGeometry:
     """What all scans of one LiDAR have in common: everything of a LaserScan but its stamp and ranges."""

@@ -8,7 +8,7 @@ from scan_worlds import CAR, MU, corridor, odometry_of
 
 from fg_mujoco.controllers.gap_finder import GapFinder
 from fg_mujoco.errors import ControllerError
-from fg_mujoco.messages import DriveCommand
+from fg_mujoco.messages import DriveCommand, PlannerContext
 from fg_mujoco.racing.planner_loading import build_controller, controller_names, find_controller, make_controller
 from fg_mujoco.simulation.planner_adapter import plan
 
@@ -284,6 +284,7 @@ def test_settings_of_an_object_are_refused():
 def test_a_class_that_was_found_once_builds_many(in_file):
     source = in_file(GOOD)
     found = find_controller(source)
-    first, second = (build_controller(found, source, car=CAR, mu=MU, max_speed=v) for v in (3.0, 4.0))
+    contexts = [PlannerContext(car=CAR, mu=MU, max_speed=speed) for speed in (3.0, 4.0)]
+    first, second = (build_controller(found, source, context) for context in contexts)
     assert type(first) is type(second) is found
     assert (first.max_speed, second.max_speed) == (3.0, 4.0)

@@ -63,9 +63,8 @@ def test_an_opponent_takes_the_longer_the_less_its_ratio(kind, tolerance, tmp_pa
     """The gap finder takes the planner's line, if it is the planner; the centreline is longer than that line."""
     own = pace("oval", ControllerChoice.of("gap_finder"), DuelSettings())
     world = fg.World("oval")
-    opponent = make_opponent(
-        kind, world.track, own, 0.5, car=world.parameters, mu=world.car.mu, max_speed=8.0, lines=tmp_path
-    )
+    context = DuelSettings().drive().context(world.parameters, world.track.map_line)
+    opponent = make_opponent(kind, world.track, own, 0.5, context, tmp_path)
     laps = []
     for planners in (
         [opponent],

@@ -184,18 +184,11 @@ def _replay_scans(options: argparse.Namespace) -> int:
     choice = ControllerChoice.of(options.controller)
     drive = DriveSettings(**drive_options(options, "vehicle", "tires", "planner_mu", "max_speed"))
     course = load_track(options.track or _ANY_TRACK, car=drive.car.parameters)
-    car = drive.world(course).parameters
-    planner = make_controller(
-        choice.source,
-        car=car,
-        mu=drive.assumed_mu,
-        max_speed=drive.max_speed,
-        settings=dict(choice.settings),
-        map_line=None if options.track is None else course.map_line,
-    )
+    context = drive.context(drive.world(course).parameters, None if options.track is None else course.map_line)
+    planner = make_controller(choice.source, context, settings=dict(choice.settings))
     bag = ScanBag(
         options.bag,
-        car,
+        context.car,
         scan_topic=options.scan_topic,
         odometry_topic=options.odom_topic,
         drive_topic=options.drive_topic,

@@ -178,12 +178,7 @@ def _planners(entry: Entry, number: int, world: World, first: int, count: int) -
     assert isinstance(source, str)
     try:
         found = find_controller(source)
-        return [
-            build_controller(
-                found, source, car=world.cars[first + number - 1].parameters, mu=float(entry.assumed_mu),
-                max_speed=float(entry.max_speed), settings=settings, map_line=world.track.map_line,
-            )
-            for _ in range(count)
-        ]  # fmt: skip
+        context = entry.context(world.cars[first + number - 1].parameters, world.track.map_line)
+        return [build_controller(found, source, context, settings) for _ in range(count)]
     except ControllerError as error:
         raise ControllerError(f"opponent {number}: {error}") from error

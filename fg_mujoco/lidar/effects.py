@@ -67,6 +67,11 @@ class LidarEffects:
             readings = accepted_names(self.no_return, NO_RETURN_READINGS)
             raise SettingsError(f"LidarEffects.no_return is {self.no_return!r}; {readings}")
 
+    def sweeps_late(self, period: float) -> int:
+        """Return how many sweeps of a period [s] a scan is late."""
+        # A latency of 2 sweeps is 2, also where the division says 2.0000000000000004.
+        return math.ceil(self.latency / period - 1e-9)
+
 
 class ScanPipeline:
     """From the state of the simulation to the scan that a planner gets.
@@ -90,9 +95,7 @@ class ScanPipeline:
         self._lidar = lidar
         self._effects = effects
         self._rng = rng
-        # A latency of 2 sweeps is 2, also where the division says 2.0000000000000004.
-        sweeps_late = math.ceil(effects.latency / lidar.beams.period - 1e-9)
-        self._held: deque[LaserScan] = deque(maxlen=sweeps_late + 1)
+        self._held: deque[LaserScan] = deque(maxlen=effects.sweeps_late(lidar.beams.period) + 1)
         self._sweep: _Sweep | None = None
         if effects.motion_distortion:
             if not isinstance(lidar, RaycastLidar):

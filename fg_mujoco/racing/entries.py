@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -108,15 +107,12 @@ def entry_planner(
       ControllerError: it cannot be built; the message says whose it is.
     """
     source, settings = split_controller(entry.controller, entry.planner_settings)
-    told: dict[str, Any] = {
-        "car": car, "mu": float(entry.assumed_mu), "max_speed": float(entry.max_speed), "settings": settings,
-        "map_line": map_line,
-    }  # fmt: skip
+    context = entry.context(car, map_line)
     try:
         if kind is None or not isinstance(source, str):
-            planner = make_controller(source, **told)
+            planner = make_controller(source, context, settings=settings)
         else:
-            planner = build_controller(kind, source, **told)
+            planner = build_controller(kind, source, context, settings)
         start_planner(planner)
     except ControllerError as error:
         raise type(error)(f"{entry.name}: {error}") from error

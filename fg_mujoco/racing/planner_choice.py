@@ -97,10 +97,8 @@ class ControllerChoice:
           SettingsError: a setting that is given twice.
         """
         settings = self.settings_with(drive.planner_settings)
-        planner = build_controller(
-            find_controller(self.source), self.source, car=drive.car.parameters, mu=drive.assumed_mu,
-            max_speed=drive.max_speed, settings=settings, map_line=course.map_line,
-        )  # fmt: skip
+        context = drive.context(drive.car.parameters, course.map_line)
+        planner = build_controller(find_controller(self.source), self.source, context, settings)
         return planner_files(planner, settings)
 
 

@@ -22,7 +22,7 @@ import os
 import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import MISSING, fields, is_dataclass
 from functools import lru_cache
 from importlib.metadata import EntryPoint, entry_points, packages_distributions, version
 from pathlib import Path
@@ -31,7 +31,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from ..course.files import is_file
 from ..errors import ControllerError, SettingsError, accepted_names
-from ..messages import CarParameters, Controller, DriveCommand, LaserScan, MapLine, Odometry
+from ..messages import Controller, DriveCommand, LaserScan, Odometry, PlannerContext
 from ..simulation.planner_adapter import short, short_text
 from ..simulation.planner_failure import file_of, is_of_planner, one_line, told, without_exit
 
@@ -138,23 +138,20 @@ def describe_settings(kind: type) -> list[dict[str, Any]]:
 
 def make_controller(
     source: str | Controller,
+    context: PlannerContext | None = None,
     *,
-    car: CarParameters,
-    mu: float,
-    max_speed: float,
     settings: Mapping[str, Any] | None = None,
-    map_line: MapLine | None = None,
+    **told: Any,
 ) -> Controller:
-    """Return a controller, built with those of these arguments that its constructor names.
+    """Return a controller, built with its settings and with what it is told, as far as its constructor names them.
 
     Args:
       source: a bundled name, `path/to/file.py:NAME` of a class or a function, a controller, which is taken as it is, or
         a function `f(scan, odometry)`.
-      car: parameters of the car.
-      mu: friction coefficient that the controller is to believe in; inf switches its friction limits off.
-      max_speed: fastest that it may command [m/s].
+      context: all that it is told, as `DriveSettings.context` makes it; None: a PlannerContext of the other keywords,
+        of which `car`, `mu` and `max_speed` must be there.
       settings: those of its settings that are to differ from its own, by name.
-      map_line: the line through the course; None where there is no map, and a controller that names it is refused.
+      told: fields of a PlannerContext. A controller that must have a `map_line` is refused where there is none.
 
     Raises:
       ControllerError: an unknown name, a file or class that cannot be loaded, settings that it has not or cannot
@@ -169,9 +166,19 @@ def make_controller(
         if settings:
             raise ControllerError(f"{origin} is made already; accepted: settings only for one that is yet to be built")
         return _checked(source, origin)
-    return build_controller(
-        find_controller(source), source, car=car, mu=mu, max_speed=max_speed, settings=settings, map_line=map_line
-    )
+    return build_controller(find_controller(source), source, context or _context(told), settings)
+
+
+def _context(told: Mapping[str, Any]) -> PlannerContext:
+    """Return the context that keywords tell of, or say which of them are wrong."""
+    known = {each.name: each.default is MISSING for each in fields(PlannerContext)}
+    for name in told:
+        if name not in known:
+            raise ControllerError(f"make_controller has no argument {name!r}; {accepted_names(name, known)}")
+    missing = [name for name, needed in known.items() if needed and name not in told]
+    if missing:
+        raise ControllerError(f"make_controller is not told {', '.join(missing)}; accepted: {', '.join(known)}")
+    return PlannerContext(**told)
 
 
 @without_exit()
@@ -186,18 +193,11 @@ def find_controller(source: str) -> Any:
 
 @without_exit()
 def build_controller(
-    factory: Any,
-    source: str,
-    *,
-    car: CarParameters,
-    mu: float,
-    max_speed: float,
-    settings: Mapping[str, Any] | None = None,
-    map_line: MapLine | None = None,
+    factory: Any, source: str, context: PlannerContext, settings: Mapping[str, Any] | None = None
 ) -> Controller:
     """Return a controller of the class that `find_controller(source)` returned; otherwise as `make_controller`."""
     origin = f"controller {source!r}"
-    offered: dict[str, Any] = {"car": car, "mu": mu, "max_speed": max_speed}
+    offered = {each.name: getattr(context, each.name) for each in fields(context)}
     try:
         parameters = inspect.signature(factory).parameters.values()
     except ValueError as error:
@@ -208,10 +208,10 @@ def build_controller(
         offered["settings"] = dict(settings or {})
     elif settings or ("settings" in required and hasattr(factory, "Settings")):
         offered["settings"] = _settings(factory, settings or {}, origin, taken="settings" in wanted)
-    if map_line is not None:
-        offered["map_line"] = map_line
-    elif "map_line" in required:
-        raise ControllerError(f"{origin} drives by a map; accepted: where there is one, as in a race")
+    if context.map_line is None:
+        del offered["map_line"]
+        if "map_line" in required:
+            raise ControllerError(f"{origin} drives by a map; accepted: where there is one, as in a race")
     unknown = [name for name in required if name not in offered]
     if unknown:
         raise ControllerError(f"{origin} wants {', '.join(unknown)}; a constructor may name {', '.join(offered)}")

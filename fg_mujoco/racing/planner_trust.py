@@ -12,11 +12,17 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import mujoco
+
 from ..course.files import is_file, read_bytes
 from ..errors import ControllerError, TrackError
-from ..messages import CarParameters, Controller
+from ..lidar.effects import LidarEffects
+from ..messages import Controller
+from ..simulation.cars import car_prefix
 from ..simulation.course_loading import load_track
 from ..simulation.planner_adapter import start
+from ..simulation.settings import DriveSettings
+from ..vehicle.car import car_parameters
 from .planner_choice import ControllerChoice
 from .planner_files import Files, changed_file, changed_text, recorded_files
 from .planner_loading import bundled_names, file_in, make_controller, moved_to, origin, text_of
@@ -106,13 +112,20 @@ def controller_of(folder: Path, summary: Mapping[str, Any], controller: str) -> 
 
 
 def recorded_planner(
-    summary: Mapping[str, Any], car: CarParameters, *, trust: bool, where: str, folder: Path | None = None
+    summary: Mapping[str, Any],
+    model: mujoco.MjModel,
+    index: int = 0,
+    *,
+    trust: bool,
+    where: str,
+    folder: Path | None = None,
 ) -> Controller:
     """Return the planner of a recorded run, built as it was for the race, and reset.
 
     Args:
       summary: of the run.
-      car: parameters of its car.
+      model: of its world.
+      index: of its car.
       trust: whether to load a planner that is not bundled, which runs its code, if its file is the recorded one; of a
         run in `folder` that this user raced it is loaded without.
       where: the planner was named, for the message.
@@ -131,9 +144,15 @@ def recorded_planner(
     course = None  # a user's own track or map is not found by its name, and few planners drive by a map
     with suppress(TrackError):
         course = load_track(str(summary["track"]))
-    planner = make_controller(
-        source, car=car, mu=math.inf if mu is None else mu, max_speed=summary["speed_limit_m_s"],
-        settings=summary.get("planner_settings") or {}, map_line=None if course is None else course.map_line,
-    )  # fmt: skip
+    settings = DriveSettings(
+        planner_mu=math.inf if mu is None else mu,
+        max_speed=summary["speed_limit_m_s"],
+        planner_settings=summary.get("planner_settings") or {},
+        effects=LidarEffects(**summary.get("lidar_effects", {})),
+        seed=summary.get("seed", 0),
+    )
+    map_line = None if course is None else course.map_line
+    context = settings.context(car_parameters(model, car_prefix(index)), map_line, model=model, index=index)
+    planner = make_controller(source, context, settings=settings.planner_settings)
     start(planner)
     return planner

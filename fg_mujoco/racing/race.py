@@ -180,10 +180,8 @@ def race(
         drawn = obstacle_seed if obstacles else None
         obstacles = random_boxes(course, obstacles, obstacle_seed, car=settings.car.parameters, start=settings.start.s)
     world = settings.world(course, lidar=lidar, obstacles=obstacles)
-    planner = make_controller(
-        controller, car=world.car.parameters, mu=float(settings.assumed_mu), max_speed=float(settings.max_speed),
-        settings=settings.planner_settings, map_line=world.track.map_line,
-    )  # fmt: skip
+    context = settings.context(world.parameters, world.track.map_line)
+    planner = make_controller(controller, context, settings=settings.planner_settings)
     start_planner(planner)
     files = planner_files(planner, settings.planner_settings, warn=True)  # before the race: what it has read
     engine = Engine(world, laps=laps, time_limit=settings.time_limit)

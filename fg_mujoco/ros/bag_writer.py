@@ -297,7 +297,7 @@ class _Shown:
     def __init__(self, run: Run, world: World) -> None:
         self._world = world
         self._planner: Any = recorded_planner(
-            run.summary, world.parameters, trust=True, where=str(run.folder), folder=run.folder
+            run.summary, world.model, trust=True, where=str(run.folder), folder=run.folder
         )
         self._published: Any = getattr(self._planner, "published", None)  # of nodes
         if str(run.summary["controller"]) in bundled_names():

@@ -12,18 +12,22 @@ from dataclasses import MISSING, Field, asdict, dataclass, field, fields, is_dat
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
+import mujoco
+
 from ..arguments import explain_class
 from ..course.course import Course
 from ..course.obstacles import Obstacle
 from ..display import brief, changed
 from ..errors import SettingsError, accepted_names
+from ..lidar.beams import lidar_of
 from ..lidar.effects import LidarEffects
-from ..messages import require, require_whole, shown
+from ..messages import CarParameters, MapLine, PlannerContext, require, require_whole, shown
+from ..vehicle.car import command_delay
 from ..vehicle.changes import ACCEPTED_MU, GREATEST_MU, CarChanges
 from ..vehicle.friction_patches import Patch
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
-from .cars import WorldCar
+from .cars import WorldCar, car_prefix, lidar_prefix
 from .world import World
 
 if TYPE_CHECKING:
@@ -290,6 +294,28 @@ class DriveSettings(CarSettings):
         if self.planner_mu is not None:  # which may be a whole number beyond all floats
             return math.inf if self.planner_mu > GREATEST_MU else float(self.planner_mu)
         return self.car.reliable_mu(self.tire_set, self.all_changes.mu)
+
+    def context(
+        self, car: CarParameters, map_line: MapLine | None, *, model: mujoco.MjModel | None = None, index: int = 0
+    ) -> PlannerContext:
+        """Return all that the planner of these settings is told.
+
+        Args:
+          car: parameters of the car that it drives, as they are in the compiled world.
+          map_line: the line through the course; None: it has no map.
+          model: of a recorded world, which says what LiDAR and delay the car had; None: as set.
+          index: of the car in it.
+        """
+        if model is None:
+            period, changed = self.car.lidar.beams.period, self.all_changes.command_delay
+            delay = self.car.command_delay if changed is None else changed
+        else:
+            period = lidar_of(model, lidar_prefix(index)).beams.period
+            delay = command_delay(model, car_prefix(index))
+        return PlannerContext(
+            car=car, mu=self.assumed_mu, max_speed=float(self.max_speed), period=period,
+            latency=self.effects.sweeps_late(period) * period + delay, seed=self.seed, map_line=map_line,
+        )  # fmt: skip
 
     @property
     def friction(self) -> str:

@@ -46,6 +46,11 @@ def sensor_slice(model: mujoco.MjModel, name: str) -> slice:
     return slice(start, start + int(model.sensor_dim[sensor]))
 
 
+def command_delay(model: mujoco.MjModel, prefix: str = "") -> float:
+    """Return the time from a command to the servos of a car [s]."""
+    return float(model.actuator_delay[element_id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, f"{prefix}speed")])
+
+
 def car_parameters(model: mujoco.MjModel, prefix: str = "") -> CarParameters:
     """Read what a planner is told of its car off the compiled model, at rest (qpos0); its tires as published.
 

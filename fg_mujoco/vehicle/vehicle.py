@@ -26,7 +26,7 @@ from ..errors import SettingsError, accepted_names
 from ..lidar.beams import LidarModel
 from ..messages import CarParameters
 from .bodywork import add_hull
-from .car import WHEELS, car_parameters
+from .car import WHEELS, car_parameters, command_delay
 from .changes import ACCEPTED_MU, GREATEST_MU, CarChanges, change_spec, set_mu
 from .contract import check_model, check_names, compiled, find_lidar, find_look, find_tires, parsed
 from .tire_forces import put_on
@@ -107,6 +107,11 @@ class Vehicle:
     def parameters(self) -> CarParameters:
         """What a planner is told of it, read off the compiled model."""
         return car_parameters(self._model)
+
+    @cached_property
+    def command_delay(self) -> float:
+        """Time from a command to its servos, as its MJCF has it [s]."""
+        return command_delay(self._model)
 
     @cached_property
     def nominal_mu(self) -> float:

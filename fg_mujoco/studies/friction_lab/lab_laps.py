@@ -26,7 +26,7 @@ from ...simulation.cars import CAR_PREFIX
 from ...simulation.engine import Engine
 from ...simulation.planner_adapter import adapt
 from ...simulation.planner_adapter import start as start_planner
-from ...simulation.settings import Start
+from ...simulation.settings import DriveSettings, Start
 from ...simulation.simulation import Simulation
 from ...simulation.telemetry import TELEMETRY, statistics_figures
 from ...simulation.termination import END_REASONS
@@ -159,10 +159,9 @@ def drive_laps(
       ControllerError: a controller that cannot be built, or fails.
     """
     assumed = world.vehicle.reliable_mu(world.tires, world.car.mu) if planner_mu is None else planner_mu
-    planner = make_controller(
-        controller, car=world.car.parameters, mu=assumed,
-        max_speed=MAX_SPEED, settings=planner_settings or {}, map_line=world.track.map_line,
-    )  # fmt: skip
+    settings = DriveSettings(vehicle=world.vehicle, tires=world.tires, planner_mu=assumed, max_speed=MAX_SPEED)
+    context = settings.context(world.car.parameters, world.track.map_line)
+    planner = make_controller(controller, context, settings=planner_settings or {})
     start_planner(planner)
     engine = LabEngine(world, laps=laps)
     engine.planners = adapt([planner], raises=True)

@@ -219,11 +219,9 @@ def drive_duel(duel: Duel, watch: Any = None) -> DuelFigures:
     start, headway, ratio = duel.draw(track.length)
     world = _world(duel.key.track, settings, 2)
     car = world.cars[_OPPONENT]
+    context = settings.drive().context(car.parameters, track.map_line)
     with tempfile.TemporaryDirectory() as folder:
-        opponent = make_opponent(
-            duel.key.opponent, track, own_pace, ratio, car=car.parameters, mu=settings.drive().assumed_mu,
-            max_speed=settings.max_speed, lines=Path(folder),
-        )  # fmt: skip
+        opponent = make_opponent(duel.key.opponent, track, own_pace, ratio, context, Path(folder))
     engine = Engine(world, laps=settings.laps + 1)
     timed = Timed(adapt([_planner(duel.planner, world, settings)]))
     engine.planners = PlannersOfEach([(np.array([_PLANNER]), timed), (np.array([_OPPONENT]), adapt([opponent]))])
@@ -288,10 +286,8 @@ def _world(track: str, settings: DuelSettings, cars: int) -> World:
 
 
 def _planner(choice: ControllerChoice, world: World, settings: DuelSettings) -> Any:
-    return make_controller(
-        choice.source, car=world.parameters, mu=settings.drive().assumed_mu, max_speed=settings.max_speed,
-        settings=dict(choice.settings), map_line=world.track.map_line,
-    )  # fmt: skip
+    context = settings.drive().context(world.parameters, world.track.map_line)
+    return make_controller(choice.source, context, settings=dict(choice.settings))
 
 
 @lru_cache(maxsize=64)

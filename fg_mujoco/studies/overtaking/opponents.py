@@ -16,7 +16,6 @@ no faster than BLOCKING_RATE. It goes on to do so until the planner's car is bes
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -25,7 +24,16 @@ import numpy as np
 from ...course.polyline import step_lengths
 from ...course.track import Track, follow
 from ...errors import SettingsError
-from ...messages import CarParameters, Controller, DriveCommand, FloatArray, LaserScan, Odometry, read_only
+from ...messages import (
+    CarParameters,
+    Controller,
+    DriveCommand,
+    FloatArray,
+    LaserScan,
+    Odometry,
+    PlannerContext,
+    read_only,
+)
 from ...racing.planner_loading import make_controller
 
 OPPONENTS = ("centreline", "raceline", "reactive", "blocking")
@@ -139,7 +147,7 @@ class Blocking(Slowed):
 
 
 def make_opponent(
-    kind: str, track: Track, pace: Pace, ratio: float, *, car: CarParameters, mu: float, max_speed: float, lines: Path
+    kind: str, track: Track, pace: Pace, ratio: float, context: PlannerContext, lines: Path
 ) -> Slowed:
     """Return an opponent.
 
@@ -148,9 +156,7 @@ def make_opponent(
       track: that it drives on.
       pace: of the planner that is to overtake it.
       ratio: of its speed to that pace.
-      car: its parameters.
-      mu: friction coefficient that it assumes.
-      max_speed: fastest that it may be [m/s].
+      context: what its planner is told.
       lines: folder to which the line of least curvature is written.
 
     Raises:
@@ -158,18 +164,16 @@ def make_opponent(
     """
     if kind not in OPPONENTS:
         raise SettingsError(f"opponent {kind!r}; accepted: {', '.join(OPPONENTS)}")
-    make: Callable[..., Controller] = make_controller
-    shared = {"car": car, "mu": mu, "max_speed": max_speed, "map_line": track.map_line}
     if kind == "reactive":
-        return Slowed(make("gap_finder", **shared), track, pace, ratio)
+        return Slowed(make_controller("gap_finder", context), track, pace, ratio)
     settings = {}
     if kind == "raceline":
         path = lines / "raceline.csv"
-        write_line(path, least_curvature(track, car))
+        write_line(path, least_curvature(track, context.car))
         settings = {"line": str(path)}
-    planner = make("pure_pursuit", **shared, settings=settings)
+    planner = make_controller("pure_pursuit", context, settings=settings)
     if kind == "blocking":
-        return Blocking(planner, track, pace, ratio, car)
+        return Blocking(planner, track, pace, ratio, context.car)
     return Slowed(planner, track, pace, ratio)
 
 

@@ -107,12 +107,10 @@ class RolloutJob:
                 "path/to/file.py:ClassName, for each world to have one of its own"
             )
         found, files = find_controller(self.controller), Files()
+        context = self.base.context(car, self.tracks[0].map_line)
         for extreme in ({}, *self.randomization.planner_extremes):
             settings = {**self.base.planner_settings, **extreme}
-            planner = build_controller(
-                found, self.controller, car=car, mu=self.base.assumed_mu, max_speed=self.base.max_speed,
-                settings=settings, map_line=self.tracks[0].map_line,
-            )  # fmt: skip
+            planner = build_controller(found, self.controller, context, settings)
             files |= planner_files(planner, settings)
         return replace(self, files=files, opponents=self._checked_opponents())
 

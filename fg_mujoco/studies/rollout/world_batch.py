@@ -243,10 +243,8 @@ def make_engine(
     kind = find_controller(controller)  # once: what is in a file becomes a new class each time
     planners = []
     for scenario, car in zip(scenarios, engine.cars, strict=True):
-        planner = build_controller(
-            kind, controller, car=car.parameters, mu=scenario.assumed_mu, max_speed=scenario.max_speed,
-            settings=scenario.planner_settings, map_line=world.track.map_line,
-        )  # fmt: skip
+        context = scenario.context(car.parameters, world.track.map_line)
+        planner = build_controller(kind, controller, context, scenario.planner_settings)
         start(planner)
         planners.append(planner)
     engine.planners = adapt(planners, timed=timed)

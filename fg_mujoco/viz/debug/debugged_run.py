@@ -130,7 +130,7 @@ def _planner(
         return None
     try:
         return recorded_planner(
-            recorded.summary, recorded.car, trust=trust or drive.raced_here, where=recorded.source, folder=folder
+            recorded.summary, recorded.model, trust=trust or drive.raced_here, where=recorded.source, folder=folder
         )
     except (FgMujocoError, KeyError, OSError, TypeError, ValueError) as error:
         why = " ".join(str(error).split())

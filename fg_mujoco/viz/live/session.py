@@ -372,10 +372,8 @@ class LiveSession:
         groups: list[tuple[Any, Planners]] = []
         for row, opponent in enumerate(self._opponents, start=1):
             source, settings = split_controller(opponent.controller, opponent.planner_settings)
-            planner = make_controller(
-                source, car=self.world.cars[row].parameters, mu=opponent.assumed_mu, max_speed=opponent.max_speed,
-                settings=settings, map_line=self.world.track.map_line,
-            )  # fmt: skip
+            context = opponent.context(self.world.cars[row].parameters, self.world.track.map_line)
+            planner = make_controller(source, context, settings=settings)
             start(planner)
             groups.append((np.array([row]), adapt([planner])))
         return PlannersOfEach(groups)
@@ -403,14 +401,8 @@ class LiveSession:
         return _greatest(self.simulation.engine.telemetry[0, first : first + 4])
 
     def _make_planner(self, settings: dict[str, Any], shared: LiveSettings) -> Any:
-        planner = make_controller(
-            self._source,
-            car=self.world.parameters,
-            mu=shared.assumed_mu,
-            max_speed=shared.max_speed,
-            settings=settings,
-            map_line=self.world.track.map_line,
-        )
+        context = shared.context(self.world.parameters, self.world.track.map_line)
+        planner = make_controller(self._source, context, settings=settings)
         start(planner)
         return planner
 

@@ -81,7 +81,7 @@ class PlannerEye:
     def _make_planner(self, *, trust: bool) -> Any:
         summary = self._drive.summary
         try:
-            return recorded_planner(summary, self._car.parameters, trust=trust, where=self._drive.name)
+            return recorded_planner(summary, self._model, self._drive.car, trust=trust, where=self._drive.name)
         except (FgMujocoError, KeyError, OSError, TypeError, ValueError) as error:
             self.missing = " ".join(str(error).split())
             return None
