@@ -4,8 +4,8 @@ A kernel keeps its file and lines, so that breakpoints hold. What Python and num
 syntax tree, or where its arguments are taken over:
 
 - `/`, `//` and `%` by zero give inf, NaN, or 0 for whole numbers; `**` with a whole number multiplies.
-- `math` gives inf or NaN where Python raises, and C's `hypot`; `int`, `math.floor` and `math.ceil` of inf or NaN give
-  the least 64-bit number, as x86 processors do.
+- `math` gives inf or NaN where Python raises, and C's `hypot`; `int`, `round`, `math.floor` and `math.ceil` of what is
+  beyond 64 bits, or NaN, give the least 64-bit number, as x86 processors do.
 - Numbers that are read from arrays become Python's, or 64-bit ones, so that narrow whole numbers do not overflow.
 - Records, in arrays or alone, have their fields as attributes.
 
@@ -138,13 +138,14 @@ def _power(a: Any, b: Any) -> Any:
 
 
 def _whole(of: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """Return a function that makes whole numbers, also of what is none."""
+    """Return a function that makes whole numbers of 64 bits, also of what is none."""
 
-    def whole(value: Any = 0) -> Any:
+    def whole(value: Any) -> Any:
         try:
-            return of(value)
+            number = of(value)
         except (ValueError, OverflowError):
             return _LEAST
+        return number if _LEAST <= number < -_LEAST else _LEAST
 
     return whole
 

@@ -12,9 +12,9 @@ PLANNERS = ("gap_finder", "follow_the_gap", "disparity_extender", "wall_follow",
 RACES = f"""
 import fg_mujoco as fg
 for planner in {PLANNERS!r}:
-    print(planner, fg.race("oval", planner, laps=1, time_limit=0.25).trajectory_sha256)
-print("obstacle", fg.race("scene:crossing_box:0", "gap_finder", laps=1, time_limit=0.15).trajectory_sha256)
-print("contact", fg.race("oval", "pure_pursuit", laps=1, time_limit=0.15, tires="contact").trajectory_sha256)
+    print(planner, fg.race("oval", planner, laps=1, time_limit=0.125).trajectory_sha256)
+print("obstacle", fg.race("scene:crossing_box:0", "gap_finder", laps=1, time_limit=0.075).trajectory_sha256)
+print("contact", fg.race("oval", "pure_pursuit", laps=1, time_limit=0.1, tires="contact").trajectory_sha256)
 print("slides", fg.race("oval", "pure_pursuit", laps=1, time_limit=1.0, mu=0.2, planner_mu=1.0).trajectory_sha256)
 worlds = fg.rollout("oval", "wall_follow", n=2, laps=1, duration=0.1, randomize={{"mu": (0.5, 1.0)}}).worlds
 print("rollout", worlds.tobytes().hex())
@@ -144,7 +144,7 @@ def fail(*_):
 
 world_step._place_obstacles = fail
 try:
-    fg.race("oval", "wall_follow", laps=1, time_limit=0.1)
+    fg.race("oval", "pure_pursuit", laps=1, time_limit=0.1)
 except RuntimeError as error:
     print(error)
 """
@@ -181,9 +181,9 @@ def test_what_a_kernel_raises_that_c_calls_is_raised(tmp_path):
 
 
 def test_the_command_runs():
-    command = [sys.executable, "-m", "fg_mujoco", "race", "--laps", "1", "--time-limit", "0.05"]
+    command = [sys.executable, "-m", "fg_mujoco", "race", "-c", "pure_pursuit", "--time-limit", "0.05"]
     done = subprocess.run(command, env={**os.environ, "NUMBA_DISABLE_JIT": "1"}, capture_output=True, text=True)
-    assert "oval, gap_finder, f1tenth" in done.stdout and done.stderr == ""
+    assert "oval, pure_pursuit, f1tenth" in done.stdout and done.stderr == ""
 
 
 @pytest.mark.parametrize("value", ("0", ""))
