@@ -181,7 +181,7 @@ def test_what_a_kernel_raises_that_c_calls_is_raised(tmp_path):
 
 
 def test_the_command_runs():
-    command = [sys.executable, "-m", "fg_mujoco", "race", "-c", "pure_pursuit", "--time-limit", "0.05"]
+    command = [sys.executable, "-m", "fg_mujoco", "race", "--controller", "pure_pursuit", "--time-limit", "0.05"]
     done = subprocess.run(command, env={**os.environ, "NUMBA_DISABLE_JIT": "1"}, capture_output=True, text=True)
     assert "oval, pure_pursuit, f1tenth" in done.stdout and done.stderr == ""
 
