@@ -317,7 +317,7 @@ def test_digests_are_of_all_sources_that_a_function_depends_on_and_of_no_others(
 def test_names_are_the_same_in_a_checkout_and_installed(installed):
     code = (
         "from fg_mujoco.kernel_keys import identity; from fg_mujoco.controllers.gap_finder import GapFinder as g;"
-        "from fg_mujoco.kernels import source_digest; print(source_digest(g.goal), identity(g.goal))"
+        "from fg_mujoco.kernels import source_digest; print(source_digest(g.goal), identity(g.goal.py_func))"
     )
     here, there = run(code), run(code, cwd=installed)
     assert here.returncode == 0 and here.stdout == there.stdout
