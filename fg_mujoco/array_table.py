@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .interpreted import array_at
 from .kernels import kernel, numbas
 
 Row = NDArray[np.int64]
@@ -61,7 +62,7 @@ class ArrayTable:
         self._arrays[name] = array
 
 
-@numbas
+@numbas(array_at)
 def carray() -> Any:
     """Return numba's function that makes an array of what lies at an address."""
     from numba import carray
@@ -69,7 +70,7 @@ def carray() -> Any:
     return carray
 
 
-@numbas
+@numbas(int)
 def pointer() -> Any:
     """Return what makes of an address what carray takes."""
     from numba import types
@@ -151,7 +152,13 @@ def rows(row: Row, kind: Any) -> Any:
     return carray(pointer(row[0]), (row[1],), kind)
 
 
-@numbas
+def _unwritable(array: Any) -> Any:
+    seen = array.view()
+    seen.flags.writeable = False
+    return seen
+
+
+@numbas(_unwritable)
 def read_only() -> Any:
     """Return what makes of an array one that cannot be written to."""
     from numba.extending import intrinsic

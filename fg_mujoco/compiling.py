@@ -28,13 +28,15 @@ from numba.core.errors import ForceLiteralArg
 from numba.core.registry import CPUDispatcher, cpu_target
 from numba.core.serialize import dumps
 from numba.core.sigutils import normalize_signature
+from numba.core.types.containers import BaseTuple
 from numba.core.types.functions import BaseFunction
 from numba.core.types.misc import unliteral
 from numba.core.typing.templates import _OverloadFunctionTemplate
 from numba.extending import intrinsic, overload
 from numba.np import arrayobj
 
-from .kernel_files import cache_folder, kernel_file, read_kept, say, write_kept
+from .kernel_files import cache_folder, read_kept, say, write_kept
+from .kernel_keys import kernel_file
 from .machine_code import INLINED, OPTIONS, MachineCode, kinds, machine, omitted, text_of
 from .numba_events import LOADING
 
@@ -388,6 +390,18 @@ class _PartLibrary(JITCodeLibrary):  # type: ignore[misc]
         self._finalized = True
 
 
+def _text_of(signature: Any) -> str:
+    """Return a text for types, equal only where they are: numba's own leaves out the fields of named tuples."""
+    texts, waiting = [str(signature)], list(getattr(signature, "args", signature))
+    while waiting:
+        kind = waiting.pop(0)
+        named = getattr(kind, "instance_class", None)
+        if named is not None:
+            texts.append(f"{named.__module__}.{named.__qualname__}{getattr(named, '_fields', '')}")
+        waiting += kind.types if isinstance(kind, BaseTuple) else ()
+    return " ".join(texts)
+
+
 class _KernelCache:
     """The files of one kernel, in the place of numba's own cache (numba.core.caching._Cache).
 
@@ -453,7 +467,7 @@ class _KernelCache:
         text = self.texts.get(tuple(signature)) if isinstance(signature, (tuple, list)) else None
         if text is not None:
             return kernel_file(self._function, text, machine())
-        return kernel_file(self._function, type(self).__name__, machine(), codegen.magic_tuple(), str(signature))
+        return kernel_file(self._function, type(self).__name__, machine(), codegen.magic_tuple(), _text_of(signature))
 
     def enable(self) -> None:
         """Nothing to do: it always is."""

@@ -1,7 +1,6 @@
-"""Where compiled kernels are kept: a folder of the user's own, and names made of all sources that a kernel depends on.
+"""Where compiled kernels are kept: a folder of the user's own. And hashes of sources: of a module, and what it imports.
 
-The name of a file holds a hash of the sources that the kernel depends on: its own module, and every module of this
-package that this one imports, directly or not. An edit of a planner compiles that planner anew, and not the ray caster.
+The names of the files are made in `kernel_keys`.
 """
 
 from __future__ import annotations
@@ -78,16 +77,6 @@ def say(line: str) -> None:
             print(f"fg_mujoco: {line}", file=sys.stderr, flush=True)
 
 
-def kernel_file(function: Callable[..., Any], *key: object) -> Path:
-    """Return the file of a kernel, compiled for what `key` says.
-
-    Raises:
-      OSError: the function has no source.
-    """
-    digest = hashlib.sha256(repr((*key, identity(function))).encode()).hexdigest()
-    return cache_folder() / f"{function.__qualname__.rpartition('.')[2]}-{digest[:32]}"
-
-
 def read_kept(file: Path) -> Any:
     """Return what is kept in a file; None where it is not there, or damaged."""
     with contextlib.suppress(Exception):  # whatever is wrong with it, compiling helps
@@ -107,24 +96,6 @@ def write_kept(file: Path, payload: bytes) -> None:
             unfinished.replace(file)
         except OSError:
             unfinished.unlink(missing_ok=True)
-
-
-def identity(function: Callable[..., Any]) -> tuple[str, ...]:
-    """Return what tells a function from all others: its sources, its place in there, and what it is a closure over."""
-    code = function.__code__
-    values = [cell.cell_contents for cell in function.__closure__ or ()]
-    closure = [repr(identity(value.py_func)) if hasattr(value, "py_func") else _pickled(value) for value in values]
-    return source_digest(function), str(code.co_firstlineno), code.co_code.hex(), *closure
-
-
-def _pickled(value: Any) -> str:
-    """Return a value that a function is a closure over, as text."""
-    try:
-        return pickle.dumps(value).hex()
-    except Exception:  # such as a function within another one: numba pickles it by its code
-        from numba.core.serialize import dumps
-
-        return str(dumps(value).hex())
 
 
 def source_digest(function: Callable[..., Any]) -> str:

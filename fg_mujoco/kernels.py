@@ -23,7 +23,9 @@ from functools import cached_property
 from types import MethodType
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
 
-from .kernel_files import cache_folder, kernel_file, own_folder, package_files, read_kept, source_digest
+from . import interpreted
+from .kernel_files import cache_folder, own_folder, package_files, read_kept, source_digest
+from .kernel_keys import kernel_file
 from .machine_code import INLINED, Kind, each_kind, kind_of, kinds, machine, omitted, text_of
 
 if TYPE_CHECKING:
@@ -41,12 +43,12 @@ _lock = threading.RLock()
 
 def kernel(function: _F) -> _F:
     """Compile a function of numbers and arrays, at its first call; division by zero gives inf or NaN, as in numpy."""
-    return function if _interpreted() else cast(_F, _Kernel(function))
+    return cast(_F, interpreted.interpreted(function) if _interpreted() else _Kernel(function))
 
 
 def inlined(function: _F) -> _F:
     """Write a function out wherever kernels call it, for what is called in their inner loops."""
-    return function if _interpreted() else cast(_F, _Inlined(function))
+    return cast(_F, interpreted.interpreted(function) if _interpreted() else _Inlined(function))
 
 
 def c_function(function: Any, *arguments: str) -> Any:
@@ -62,22 +64,38 @@ def c_function(function: Any, *arguments: str) -> Any:
 
         return address_in_c(function, arguments)
 
-    return numbas(made)
+    return interpreted.in_c(function, arguments) if _interpreted() else _Numbas(made)
 
 
-def _caller() -> Any:
-    from .compiling import call_at_address
+def library_function(library: str, name: str, result: str, *arguments: str) -> Any:
+    """Return a function of a library of C as kernels call it.
 
-    return call_at_address()
+    Args:
+      library: its file; compiled kernels find the function in any library that the process has loaded.
+      name: of the function.
+      result: name of numba's type of what it returns, or void.
+      arguments: names of numba's types of its arguments.
+    """
+
+    def made() -> Any:
+        from numba import types
+
+        return types.ExternalFunction(name, getattr(types, result)(*(getattr(types, kind) for kind in arguments)))
+
+    return interpreted.of_library(library, name, result, arguments) if _interpreted() else _Numbas(made)
 
 
-def numbas(make: Callable[[], Any]) -> Any:
-    """Return what stands in kernels for something of numba's that `make` returns, once a kernel is compiled."""
-    return make() if _interpreted() else _Numbas(make)
+def numbas(in_python: Any) -> Callable[[Callable[[], Any]], Any]:
+    """Decorate a function that returns something of numba's, which is called once a kernel that uses it is compiled.
+
+    Args:
+      in_python: what stands for it where Python runs kernels.
+    """
+    return lambda make: in_python if _interpreted() else _Numbas(make)
 
 
 def _interpreted() -> bool:
-    """Say whether the user wants Python to run kernels, to look for faults."""
+    """Say whether the user wants Python to run kernels, to step through them: see `interpreted`."""
     if "numba" in sys.modules:
         return bool(sys.modules["numba"].config.DISABLE_JIT)
     return os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
@@ -240,20 +258,28 @@ class _Inlined:
 
 
 class _Numbas:
-    """Something of numba's that kernels use, made once one is compiled."""
+    """Something of numba's that kernels use, made once one is compiled.
+
+    Attributes:
+      made_by: the function that returns it.
+    """
 
     def __init__(self, make: Callable[[], Any]) -> None:
-        self._make = make
+        self.made_by = make
 
     @cached_property
     def _numba_type_(self) -> Any:
         from .compiling import type_in_kernels
 
-        return type_in_kernels(self._make())
+        return type_in_kernels(self.made_by())
 
 
-call_at = numbas(_caller)
-"""Calls the code of a kernel of one whole number, for kernels: `call_at(kernel.address(0), number)`."""
+@numbas(interpreted.call_at)
+def call_at() -> Any:
+    """Return what calls the code of a kernel of one whole number: `call_at(kernel.address(0), number)`, in kernels."""
+    from .compiling import call_at_address
+
+    return call_at_address()
 
 
 class CompileTime:

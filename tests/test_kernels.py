@@ -296,7 +296,7 @@ print(json.dumps(changes))
 """
 
 
-def test_names_are_of_all_sources_that_a_kernel_depends_on_and_of_no_others(installed):
+def test_digests_are_of_all_sources_that_a_function_depends_on_and_of_no_others(installed):
     expected = {
         "fg_mujoco/one/two/deep.py": ["above", "all", "deep", "mine"],
         "fg_mujoco/one/two/__init__.py": ["above", "all", "deep", "mine"],
@@ -316,10 +316,10 @@ def test_names_are_of_all_sources_that_a_kernel_depends_on_and_of_no_others(inst
 
 def test_names_are_the_same_in_a_checkout_and_installed(installed):
     code = (
-        "from fg_mujoco.kernels import source_digest as d; from fg_mujoco.controllers.gap_finder import GapFinder as g"
+        "from fg_mujoco.kernel_keys import identity; from fg_mujoco.controllers.gap_finder import GapFinder as g;"
+        "from fg_mujoco.kernels import source_digest; print(source_digest(g.goal), identity(g.goal.py_func))"
     )
-    here = run(f"{code}; print(d(g.goal))")
-    there = run(f"{code}; print(d(g.goal))", cwd=installed)
+    here, there = run(code), run(code, cwd=installed)
     assert here.returncode == 0 and here.stdout == there.stdout
 
 

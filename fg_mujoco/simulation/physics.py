@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import EngineError
-from ..kernels import kernel, numbas
+from ..kernels import kernel, library_function
 from ..messages import FloatArray
 from ..vehicle.stages import library_path
 
@@ -72,12 +72,9 @@ for _name, (_result, _arguments) in _FUNCTIONS.items():
     _function.restype, _function.argtypes = _result, _arguments
 
 
-@numbas
-def _apply() -> Any:
-    """Return MuJoCo's function as kernels call it."""
-    from numba.types import ExternalFunction, int32, uintp
-
-    return ExternalFunction("mjb_apply", int32(uintp, uintp, int32, uintp, uintp, int32))
+_apply = library_function(
+    library_path(), "mjb_apply", "int32", "uintp", "uintp", "int32", "uintp", "uintp", "int32"
+)  # fmt: skip
 
 
 @kernel

@@ -39,14 +39,17 @@ def _add_scaled(lanes: int) -> Any:
 
         return intrinsic(add)
 
-    return numbas(made)
+    def in_python(numbers: Any, to: int, of: int, factor: float) -> None:
+        numbers[to : to + lanes] += factor * numbers[of : of + lanes]
+
+    return numbas(in_python)(made)
 
 
 add_scaled_4 = _add_scaled(4)
 add_scaled_16 = _add_scaled(16)
 
 
-@numbas
+@numbas(bool)
 def unlikely() -> Any:
     """Return what returns a condition as it is, and has the compiler believe that it is seldom true."""
     from llvmlite.ir import Constant, FunctionType, IntType

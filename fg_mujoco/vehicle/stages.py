@@ -20,10 +20,13 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ..array_table import carray, pointer
 from ..errors import EngineError
-from ..kernels import kernel, numbas
+from ..interpreted import word_at
+from ..kernels import kernel, library_function, numbas
 
 
+@cache
 def library_path() -> str:
     """Return the file of the MuJoCo library that the Python package uses.
 
@@ -42,13 +45,7 @@ llvmlite.binding.load_library_permanently(library_path())  # so that kernels, co
 
 def _function(name: str, result: str, *arguments: str) -> Any:
     """Return a function of MuJoCo as kernels call it, by the names of numba's types."""
-
-    def made() -> Any:
-        from numba import types
-
-        return types.ExternalFunction(name, getattr(types, result)(*(getattr(types, kind) for kind in arguments)))
-
-    return numbas(made)
+    return library_function(library_path(), name, result, *arguments)
 
 
 def _stage(name: str) -> Any:
@@ -214,51 +211,35 @@ def _unknown(name: str) -> EngineError:
     return EngineError(f"MuJoCo {mujoco.__version__} keeps {name!r} where it is not found; accepted: MuJoCo 3.17")
 
 
-@numbas
-def carray() -> Any:
-    """Return numba's function that makes an array of what lies at an address."""
-    from numba import carray
+@numbas(word_at)
+def _pointer_at() -> Any:
+    """Return what reads the pointer that lies at an address, for carray."""
+    from numba import types
+    from numba.core import cgutils
+    from numba.extending import intrinsic
 
-    return carray
+    def pointer_at(context: Any, address: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return builder.load(builder.inttoptr(arguments[0], cgutils.voidptr_t.as_pointer()))
 
+        return types.voidptr(types.int64), generate
 
-def _pointer_to(load: bool) -> Any:
-    """Return what makes of an address what carray takes: a pointer to it, or the pointer that lies there."""
-
-    def made() -> Any:
-        from numba import types
-        from numba.core import cgutils
-        from numba.extending import intrinsic
-
-        def pointer(context: Any, address: Any) -> Any:
-            def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-                if load:
-                    return builder.load(builder.inttoptr(arguments[0], cgutils.voidptr_t.as_pointer()))
-                return builder.inttoptr(arguments[0], cgutils.voidptr_t)
-
-            return types.voidptr(types.int64), generate
-
-        return intrinsic(pointer)
-
-    return numbas(made)
-
-
-_loaded, _pointer = _pointer_to(True), _pointer_to(False)
+    return intrinsic(pointer_at)
 
 
 @kernel
 def vector(structure: int, place: int, count: int) -> Any:
     """Return the array of `count` numbers whose address a structure keeps at a place of `fields`."""
-    return carray(_loaded(structure + place), (count,), np.float64)
+    return carray(_pointer_at(structure + place), (count,), np.float64)
 
 
 @kernel
 def whole_number_at(address: int) -> Any:
     """Return the 32-bit whole number at an address, as an array (1,)."""
-    return carray(_pointer(address), (1,), np.int32)
+    return carray(pointer(address), (1,), np.int32)
 
 
 @kernel
 def number_at(address: int) -> Any:
     """Return the number at an address, as an array (1,)."""
-    return carray(_pointer(address), (1,), np.float64)
+    return carray(pointer(address), (1,), np.float64)
