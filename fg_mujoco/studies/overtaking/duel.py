@@ -133,8 +133,8 @@ class DuelRow:
         return asdict(self.key) | asdict(self.figures)
 
     @classmethod
-    def of(cls, values: Mapping[str, Any]) -> DuelRow:
-        """Return the row that `as_dict` made the values of.
+    def read(cls, values: Mapping[str, Any]) -> tuple[DuelKey, DuelRow]:
+        """Return the row that `as_dict` made the values of, behind its key.
 
         Raises:
           KeyError: a value is missing.
@@ -142,7 +142,8 @@ class DuelRow:
         kinds = (DuelKey, DuelFigures)
         values = {"planner_files_sha256": None} | dict(values)  # which older versions did not write
         key, figures = ({field.name: values[field.name] for field in fields(kind)} for kind in kinds)
-        return cls(DuelKey(**key), DuelFigures(**figures))
+        row = cls(DuelKey(**key), DuelFigures(**figures))
+        return row.key, row
 
 
 @dataclass(frozen=True)

@@ -33,16 +33,15 @@ from ...vehicle.changes import CarChanges
 from ...vehicle.friction_patches import Patch
 from ...vehicle.tires import Tires
 from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
-from ..folders import claimed
 from ..grid import time_left
-from ..worker_processes import usable_cores
+from ..store import claimed
+from ..workers import usable_cores
 from .job import Arrays, RolloutJob, versions
-from .local import drive_in_threads
-from .processes import drive_in_processes
+from .local import drive_in_processes, drive_in_threads
 from .randomization import Randomization, world_seeds
 from .ray_cluster import drive_on_ray, require_ray
 from .result import RolloutResult, gather
-from .store import ACCEPTED, ChunkStore, FolderStore, MemoryStore, TemporaryFolderStore
+from .store import ChunkStore, FolderStore, MemoryStore, TemporaryFolderStore
 
 ENGINES = ("local", "processes", "ray")
 DEFAULT_WORLDS = 1024
@@ -194,7 +193,7 @@ def rollout(
     job = replace(job, chunk=min(chunk, -(-len(job.seeds) // cores), fitting))
     if out is not None:
         folder = FolderStore(out)
-        with claimed(out, ACCEPTED):
+        with claimed(folder):
             job = replace(job, chunk=folder.open(job.settings(), versions(), job.chunk, job.tracks))
             result = _drive(job, folder, engine, workers, watch)
             if not folder.finished:
