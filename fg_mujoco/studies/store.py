@@ -34,11 +34,13 @@ import os
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
+from dataclasses import MISSING, fields
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args, get_type_hints
 
 from ..course.writing import claimed_folder, write_file
 from ..errors import RunFolderError
+from ..simulation.planner_adapter import short
 
 SCHEMA = 1
 """Of the folder; any other is refused."""
@@ -261,6 +263,23 @@ def warn_damaged(error: RunFolderError) -> None:
     """Warn of a part of a folder that is taken as not there, so that the study makes it again."""
     path, _, said = " ".join(str(error).partition("; accepted: ")[0].split()).partition(": ")
     warnings.warn(f"{path}: is damaged, and made again: {said}", stacklevel=2)
+
+
+def of_kind(kind: type[_Row], values: Mapping[str, Any]) -> _Row:
+    """Return a dataclass of some values by name, of which older versions wrote none that has a default.
+
+    Raises:
+      KeyError: a value is missing.
+      TypeError: a value is of another kind than its field.
+    """
+    later = {field.name: field.default for field in fields(kind) if field.default is not MISSING}  # type: ignore[arg-type]
+    values = later | dict(values)
+    for name, hint in get_type_hints(kind).items():
+        value, kinds = values[name], get_args(hint) or (hint,)
+        accepted = (*kinds, int) if float in kinds else kinds
+        if not isinstance(value, accepted) or (isinstance(value, bool) and bool not in kinds):
+            raise TypeError(f"{name} is {short(value)}; accepted: {getattr(hint, '__name__', hint)}")
+    return kind(**{field.name: values[field.name] for field in fields(kind)})  # type: ignore[arg-type]
 
 
 def digest(*parts: Any) -> str:

@@ -1,12 +1,11 @@
-"""Does items of work in threads, in processes or on a cluster, and yields each result when it is there.
+"""Does items of work wherever they can be started, and yields each result when it is there.
 
     for run, row in work_off(Run.drive, runs, workers=8, pulse=progress):
         folder.add(row)
 
 An item is started by a function that returns a `concurrent.futures.Future`; `completed` keeps as many under way as
-there is room for. `Processes` start them in processes, because planners written in Python would wait for each other in
-threads, and because a planner can end its process. `Threads` start them in threads of this process, and
-`rollout.ray_cluster` on Ray. Only the calling process writes files.
+there is room for. `work_off` starts them in processes, because planners written in Python would wait for each other in
+threads; `rollout.local` in threads, and `rollout.ray_cluster` on Ray. Only the calling process writes files.
 """
 
 from __future__ import annotations
@@ -109,12 +108,20 @@ def work_off(
             pulse()
             yield item, _answer(item, _call(function, item))
         return
-    with closing(Processes(function)) as processes:
-        for item, future in completed(processes.start, items, room=lambda: count, pulse=pulse):
+    crew: list[_Worker] = []
+
+    def start(item: _Item) -> Future[Any]:
+        free = next((worker for worker in crew if worker.free), None)
+        if free is None:
+            crew.append(free := _Worker())
+        return free.start(function, item)
+
+    try:
+        for item, future in completed(start, items, room=lambda: count, pulse=pulse):
             try:
                 answer = _answer(item, future.result())
             except BrokenProcessPool:
-                began, how = processes.ending(future)
+                began, how = next(worker for worker in crew if worker.future is future).ending()
                 if not began:
                     script = "a script that calls this under `if __name__ == '__main__':`"
                     raise EngineError(f"{item}: {how} before it began; accepted: {script}") from None
@@ -122,6 +129,11 @@ def work_off(
                     raise EngineError(f"{item}: {how}") from None
                 answer = died(item, how)
             yield item, answer
+    finally:
+        for worker in crew:
+            worker.end()
+        for worker in crew:
+            worker.pool.shutdown()
 
 
 def completed(
@@ -151,74 +163,6 @@ def completed(
         finished = [(running.pop(future), future) for future in list(running) if future.done()]
 
 
-class Threads:
-    """Starts items in threads of this process.
-
-    They are daemons, unlike those of a ThreadPoolExecutor, so that a second Ctrl-C ends the process whatever they do.
-
-    Args:
-      function: takes an item.
-      stop: called when no answer is wanted any more.
-    """
-
-    def __init__(self, function: Callable[[Any], Any], stop: Callable[[], None]) -> None:
-        self._function, self._stop = function, stop
-        self._threads: list[threading.Thread] = []
-
-    def start(self, item: Any) -> Future[Any]:
-        """Start an item."""
-        future: Future[Any] = Future()
-        self._threads = [thread for thread in self._threads if thread.is_alive()]
-        self._threads.append(threading.Thread(target=self._work, args=(item, future), daemon=True))
-        self._threads[-1].start()
-        return future
-
-    def close(self) -> None:
-        """Stop, and wait until all threads have ended."""
-        self._stop()
-        for thread in self._threads:
-            thread.join()
-
-    def _work(self, item: Any, future: Future[Any]) -> None:
-        try:
-            future.set_result(self._function(item))
-        except BaseException as error:
-            future.set_exception(error)
-
-
-class Processes:
-    """Starts items in worker processes. One that dies costs its own item only, and another takes its place.
-
-    Args:
-      function: a function of a module, which takes an item.
-    """
-
-    def __init__(self, function: Callable[[Any], Any]) -> None:
-        self._function = function
-        self._crew: list[_Process] = []
-
-    def start(self, item: Any) -> Future[Any]:
-        """Start an item in a process that has nothing to do, or in a new one."""
-        free = next((process for process in self._crew if process.free), None)
-        if free is None:
-            free = _Process()
-            self._crew.append(free)
-        return free.start(self._function, item)
-
-    def ending(self, future: Future[Any]) -> tuple[bool, str]:
-        """Return of an item whose process died whether that process had begun, and how it ended, in words."""
-        process = next(process for process in self._crew if process.future is future)
-        self._crew.remove(process)
-        return process.ending()
-
-    def close(self) -> None:
-        """End all processes, and the work under way."""
-        for process in self._crew:
-            process.end()
-        for process in self._crew:
-            process.pool.shutdown()
-
-
 class _Context(SpawnContext):
     """Starts a process as `spawn` does, because a fork of a process with threads may hang, and remembers it."""
 
@@ -229,15 +173,15 @@ class _Context(SpawnContext):
         return self.process
 
 
-class _Process:
+class _Worker:
     """A worker process: a pool of one, as all processes of a larger pool end when one of them dies."""
 
     def __init__(self) -> None:
+        self.future: Future[Any] = Future()  # of its item
         self._context = _Context()
         self.pool = ProcessPoolExecutor(1, self._context, initializer=_begin)
         with _ctrl_c_ignored():  # the worker inherits it: Ctrl-C is for the process that asked for it
             self._began = self.pool.submit(os.getpid)
-        self.future: Future[Any] = Future()
 
     @property
     def free(self) -> bool:
@@ -245,7 +189,7 @@ class _Process:
         return self.future.done() and not isinstance(self.future.exception(), BrokenProcessPool)
 
     def start(self, function: Callable[[Any], Any], item: Any) -> Future[Any]:
-        """Let it do an item, when it has begun: a large one that nobody reads would block Python 3.10 for good."""
+        """Let it do an item once it has begun: a large one that nobody reads would block Python 3.10 for good."""
         self.future = future = Future[Any]()
 
         def give(began: Future[int]) -> None:
@@ -263,7 +207,7 @@ class _Process:
         return future
 
     def ending(self) -> tuple[bool, str]:
-        """Return whether it had begun, and how it ended, in words."""
+        """Return whether it had begun before it died, and how it ended, in words."""
         self.pool.shutdown()
         began, code = self._began.exception() is None, self._context.process.exitcode
         if code is not None and code < 0:
@@ -272,7 +216,7 @@ class _Process:
         return began, f"the worker ended with exit code {code}"
 
     def end(self) -> None:
-        """End it; `pool.shutdown` then waits until it has ended."""
+        """End it with its work; `pool.shutdown` then waits until it has ended."""
         if not self.future.done():
             self._context.process.terminate()
 

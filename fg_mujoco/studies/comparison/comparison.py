@@ -197,43 +197,29 @@ def compare(
     runs = plan_runs(chosen, [*tracks, *(f"{PREFIX}{name}" for name in scenes)], max_speeds, seeds, settings)
     folder = ComparisonFolder(out)
     with claimed(folder):
-        return _drive(runs, runs[0].settings, folder, workers, pictures=pictures, watch=watch)
+        folder.open(runs[0].settings.manifest(), versions())
+        folder.read(repair=True)
+        missing = [run for run in runs if run.key not in folder.runs]
 
+        def keep(run: Run, driven: tuple[RunRow, FloatArray]) -> None:
+            row, trace = driven
+            folder.add(row, trace)
+            if row.figures.end_reason == "worker_died":
+                warnings.warn(f"{run}: {row.figures.message}", UserWarning, stacklevel=2)
 
-def _drive(
-    runs: Sequence[Run],
-    settings: ComparisonSettings,
-    folder: ComparisonFolder,
-    workers: int | None,
-    *,
-    pictures: bool,
-    watch: Callable[[ComparisonProgress], None] | None,
-) -> Comparison:
-    """Drive the runs that a folder has not, and write the report."""
-    folder.open(settings.manifest(), versions())
-    folder.read(repair=True)
-    missing = [run for run in runs if run.key not in folder.runs]
+        def tell(driven: int, elapsed: float) -> None:
+            if watch is not None:
+                found = len(runs) - len(missing)
+                watch(ComparisonProgress(runs=len(runs), runs_found=found, runs_driven=driven, wall_time_s=elapsed))
 
-
-    def keep(run: Run, driven: tuple[RunRow, FloatArray]) -> None:
-        row, trace = driven
-        folder.add(row, trace)
-        if row.figures.end_reason == "worker_died":
-            warnings.warn(f"{run}: {row.figures.message}", UserWarning, stacklevel=2)
-
-    def tell(driven: int, elapsed: float) -> None:
-        if watch is not None:
-            found = len(runs) - len(missing)
-            watch(ComparisonProgress(runs=len(runs), runs_found=found, runs_driven=driven, wall_time_s=elapsed))
-
-    taken = work_through(Run.drive, missing, keep, workers=workers, watch=tell, died=Run.died)
-    rows = tuple(folder.runs[run.key] for run in runs)
-    comparison = Comparison(
-        rows=rows, cells=make_cells(rows), folder=folder.folder, runs_driven=len(missing), wall_time_s=taken
-    )  # fmt: skip
-    folder.runs.sort([run.key for run in runs])
-    _write_report(comparison, runs, folder, pictures=pictures)
-    return comparison
+        taken = work_through(Run.drive, missing, keep, workers=workers, watch=tell, died=Run.died)
+        rows = tuple(folder.runs[run.key] for run in runs)
+        comparison = Comparison(
+            rows=rows, cells=make_cells(rows), folder=folder.folder, runs_driven=len(missing), wall_time_s=taken
+        )  # fmt: skip
+        folder.runs.sort([run.key for run in runs])
+        _write_report(comparison, runs, folder, pictures=pictures)
+        return comparison
 
 
 def plan_runs(

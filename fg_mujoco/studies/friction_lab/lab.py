@@ -25,6 +25,7 @@ from typing import NamedTuple
 from ...errors import SettingsError, accepted_names
 from ...messages import require_whole
 from ...viz.plots import require_matplotlib
+from ..grid import time_left
 from ..rollout.job import versions
 from ..store import Rows, StudyFolder, claimed
 from ..workers import work_through
@@ -82,9 +83,7 @@ class LabProgress:
     @property
     def remaining_s(self) -> float | None:
         """Time to the end [s], if cells go on as those so far; None before the first."""
-        if not self.cells_measured:
-            return None
-        return self.wall_time_s / self.cells_measured * (self.cells - self.cells_found - self.cells_measured)
+        return time_left(self.cells, self.cells_found, self.cells_measured, self.wall_time_s)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,61 +150,47 @@ def run_lab(
     plan = {name: load_experiment(name).cells(settings) for name in dict.fromkeys(names)}
     folder = StudyFolder(out, title="lab", command="friction", manifest="lab.json") if out is not None else None
     with claimed(folder):
-        return _run(plan, settings, folder, workers, pictures=pictures, redraw=redraw, watch=watch)
-
-
-def _run(
-    plan: dict[str, list[Cell]],
-    settings: LabSettings,
-    folder: StudyFolder | None,
-    workers: int | None,
-    *,
-    pictures: bool,
-    redraw: bool,
-    watch: Callable[[LabProgress], None] | None,
-) -> LabResult:
-    """Measure what is missing of some cells, and write the report."""
-    found: dict[str, dict[str, Tables]] = {name: {} for name in plan}
-    kept: dict[str, Rows[str, Tables]] = {}
-    if folder is not None:
-        folder.open(asdict(settings), lab_versions(), any_versions=redraw)
-        kept = {name: _cells(folder, name) for name in plan}
-        found |= kept
-    missing = [
-        Task(name, EXPERIMENTS[name], cell)
-        for name, cells in plan.items()
-        for cell in cells
-        if cell_key(cell) not in found[name]
-    ]
-    if folder is not None and redraw and missing:
-        accepted = "a folder with all cells, or no redraw"
-        raise SettingsError(f"{folder.folder}: {missing[0]} is missing; accepted: {accepted}")
-    count = sum(map(len, plan.values()))
-
-    def keep(task: Task, tables: Tables) -> None:
-        key = cell_key(task.cell)
+        found: dict[str, dict[str, Tables]] = {name: {} for name in plan}
+        kept: dict[str, Rows[str, Tables]] = {}
         if folder is not None:
-            kept[task.name].add(key, tables, {"cell": task.cell, "tables": tables})
-        found[task.name][key] = tables
+            folder.open(asdict(settings), lab_versions(), any_versions=redraw)
+            kept = {name: _cells(folder, name) for name in plan}
+            found |= kept
+        missing = [
+            Task(name, EXPERIMENTS[name], cell)
+            for name, cells in plan.items()
+            for cell in cells
+            if cell_key(cell) not in found[name]
+        ]
+        if folder is not None and redraw and missing:
+            accepted = "a folder with all cells, or no redraw"
+            raise SettingsError(f"{folder.folder}: {missing[0]} is missing; accepted: {accepted}")
+        count = sum(map(len, plan.values()))
 
-    def tell(measured: int, elapsed: float) -> None:
-        if watch is not None:
-            there = count - len(missing)
-            watch(LabProgress(cells=count, cells_found=there, cells_measured=measured, wall_time_s=elapsed))
+        def keep(task: Task, tables: Tables) -> None:
+            key = cell_key(task.cell)
+            if folder is not None:
+                kept[task.name].add(key, tables, {"cell": task.cell, "tables": tables})
+            found[task.name][key] = tables
 
-    taken = work_through(measure, missing, keep, workers=workers, watch=tell)
-    chapters = tuple(_chapter(name, cells, found[name]) for name, cells in plan.items())
-    if folder is not None:
-        for name, cells in () if redraw else plan.items():
-            kept[name].sort([cell_key(cell) for cell in cells])
-        others = _complete_others(folder, plan, settings)
-        order = list(EXPERIMENTS)
-        everything = sorted((*chapters, *others), key=lambda chapter: order.index(chapter.name))
-        write_report(folder.folder, everything, asdict(settings), _made_with(folder), pictures=pictures)
-    return LabResult(
-        chapters=chapters, folder=folder.folder if folder else None, cells=count, cells_measured=len(missing),
-        wall_time_s=taken,
-    )  # fmt: skip
+        def tell(measured: int, elapsed: float) -> None:
+            if watch is not None:
+                there = count - len(missing)
+                watch(LabProgress(cells=count, cells_found=there, cells_measured=measured, wall_time_s=elapsed))
+
+        taken = work_through(measure, missing, keep, workers=workers, watch=tell)
+        chapters = tuple(_chapter(name, cells, found[name]) for name, cells in plan.items())
+        if folder is not None:
+            for name, cells in () if redraw else plan.items():
+                kept[name].sort([cell_key(cell) for cell in cells])
+            others = _complete_others(folder, plan, settings)
+            order = list(EXPERIMENTS)
+            everything = sorted((*chapters, *others), key=lambda chapter: order.index(chapter.name))
+            write_report(folder.folder, everything, asdict(settings), _made_with(folder), pictures=pictures)
+        return LabResult(
+            chapters=chapters, folder=folder.folder if folder else None, cells=count, cells_measured=len(missing),
+            wall_time_s=taken,
+        )  # fmt: skip
 
 
 def lab_versions() -> dict[str, str]:

@@ -153,7 +153,32 @@ def overtake(
     duels = plan_duels([ControllerChoice.of(text) for text in planners], tracks, opponents, seeds, settings)
     folder = StudyFolder(out, title="overtaking study", command="overtake")
     with claimed(folder):
-        return _drive(duels, settings, folder, workers, pictures=pictures, watch=watch)
+        folder.open(settings.manifest(), versions())
+        driven = folder.rows("duels.jsonl", DuelRow.read)
+        missing = [duel for duel in duels if duel.key not in driven]
+
+        def keep(_: Duel, row: DuelRow) -> None:
+            driven.add(row.key, row, row.as_dict())
+
+        def tell(count: int, elapsed: float) -> None:
+            if watch is not None:
+                found = len(duels) - len(missing)
+                watch(OvertakingProgress(duels=len(duels), duels_found=found, duels_driven=count, wall_time_s=elapsed))
+
+        taken = work_through(Duel.drive, missing, keep, workers=workers, watch=tell, died=Duel.died)
+        rows = tuple(driven[duel.key] for duel in duels)
+        driven.sort([duel.key for duel in duels])
+        study = Overtaking(
+            rows=rows, cells=make_cells(rows), folder=folder.folder, duels_driven=len(missing), wall_time_s=taken
+        )  # fmt: skip
+        with blame(folder.folder, WRITABLE):
+            write_file(folder.folder / "duels.csv", duels_csv(rows).encode())
+            write_file(folder.folder / "table.csv", cells_csv(study.cells).encode())
+            write_file(folder.folder / "differences.csv", differences_csv(study.differences).encode())
+            write_file(folder.folder / "table.md", study.markdown().encode())
+            if pictures:
+                ratio_picture(rows, settings.slowest, settings.fastest, folder.folder / "table.png")
+        return study
 
 
 def plan_duels(
@@ -190,42 +215,3 @@ def plan_duels(
         for opponent in opponents
         for seed in seeds
     ]
-
-
-def _drive(
-    duels: Sequence[Duel],
-    settings: DuelSettings,
-    folder: StudyFolder,
-    workers: int | None,
-    *,
-    pictures: bool,
-    watch: Callable[[OvertakingProgress], None] | None,
-) -> Overtaking:
-    """Drive the duels that a folder has not, and write the report."""
-    folder.open(settings.manifest(), versions())
-    driven = folder.rows("duels.jsonl", DuelRow.read)
-    missing = [duel for duel in duels if duel.key not in driven]
-
-    def keep(_: Duel, row: DuelRow) -> None:
-        driven.add(row.key, row, row.as_dict())
-
-    def tell(count: int, elapsed: float) -> None:
-        if watch is not None:
-            found = len(duels) - len(missing)
-            watch(OvertakingProgress(duels=len(duels), duels_found=found, duels_driven=count, wall_time_s=elapsed))
-
-    taken = work_through(Duel.drive, missing, keep, workers=workers, watch=tell, died=Duel.died)
-    rows = tuple(driven[duel.key] for duel in duels)
-    driven.sort([duel.key for duel in duels])
-    study = Overtaking(
-        rows=rows, cells=make_cells(rows), folder=folder.folder, duels_driven=len(missing),
-        wall_time_s=taken,
-    )  # fmt: skip
-    with blame(folder.folder, WRITABLE):
-        write_file(folder.folder / "duels.csv", duels_csv(rows).encode())
-        write_file(folder.folder / "table.csv", cells_csv(study.cells).encode())
-        write_file(folder.folder / "differences.csv", differences_csv(study.differences).encode())
-        write_file(folder.folder / "table.md", study.markdown().encode())
-        if pictures:
-            ratio_picture(rows, settings.slowest, settings.fastest, folder.folder / "table.png")
-    return study

@@ -11,11 +11,12 @@ import pickle
 import threading
 import warnings
 from collections.abc import Callable, Generator, Sequence
+from concurrent.futures import Future
 from contextlib import closing
 from dataclasses import dataclass
 from functools import lru_cache
 
-from ..workers import Threads, completed, usable_cores, work_off
+from ..workers import completed, usable_cores, work_off
 from .job import TICK, Arrays, RolloutJob, joined
 
 
@@ -34,33 +35,41 @@ def drive_in_threads(
     """
     stopped, driven = threading.Event(), dict.fromkeys(chunks, 0.0)  # [s] of chunks that are not finished
 
-    def drive(number: int) -> Arrays:
+    running: list[threading.Thread] = []
+
+    def drive(number: int, future: Future[Arrays]) -> None:
         def watch(ticks: int, worlds: int) -> None:
             driven[number] += worlds * TICK
 
-        return job.drive(number, stop=stopped.is_set, watch=watch)
+        try:
+            future.set_result(job.drive(number, stop=stopped.is_set, watch=watch))
+        except BaseException as error:
+            future.set_exception(error)
+
+    def start(number: int) -> Future[Arrays]:
+        future: Future[Arrays] = Future()
+        thread = threading.Thread(target=drive, args=(number, future), daemon=True)  # so that a second Ctrl-C ends it
+        running.append(thread)
+        thread.start()
+        return future
 
     count = workers or usable_cores()
-    with closing(Threads(drive, stopped.set)) as threads:
+    try:
         for number, future in completed(
-            threads.start, chunks, room=lambda: count, pulse=lambda: pulse(sum(driven.values()))
+            start, chunks, room=lambda: count, pulse=lambda: pulse(sum(list(driven.values())))
         ):
             del driven[number]
             yield number, future.result()
+    finally:
+        stopped.set()
+        for thread in running:
+            thread.join()
 
 
 def drive_in_processes(
     job: RolloutJob, chunks: Sequence[int], *, workers: int | None, pulse: Callable[[float], None]
 ) -> Generator[tuple[int, Arrays], None, None]:
-    """Drive some chunks of a rollout and yield each, with its number, when it is finished.
-
-    A generator that is closed ends the chunks that are being driven, and forgets them.
-
-    Args:
-      job: the rollout.
-      chunks: their numbers.
-      workers: processes; None: as many as this process has cores.
-      pulse: called every now and then, with 0: chunks that are being driven do not say how far they are.
+    """Do as `drive_in_threads`, in processes, whose chunks do not say how far they are: `pulse` is told 0.
 
     Raises:
       EngineError: a worker could not be started, or the engine raised.

@@ -37,13 +37,13 @@ _AHEAD = 2  # chunks submitted for each core of the cluster: what is finished an
 def drive_on_ray(
     job: RolloutJob, chunks: Sequence[int], *, workers: int | None, pulse: Callable[[float], None]
 ) -> Generator[tuple[int, Arrays], None, None]:
-    """Drive some chunks of a rollout and yield each, with its number, when it is finished.
+    """Do as `drive_in_processes`, on a cluster.
 
     Args:
       job: the rollout.
       chunks: their numbers.
       workers: most chunks at a time, and cores of a cluster of this machine's own; None: as many as there are.
-      pulse: called every now and then, with 0: chunks that are being driven do not say how far they are.
+      pulse: told 0.
 
     Raises:
       MissingExtraError: Ray is not installed.

@@ -18,7 +18,7 @@ import json
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,19 +37,6 @@ TRACES = ("telemetry", "states", "ctrl")
 
 _SEAL = "sha256"  # of a chunk, among its arrays
 _MANIFEST, _TRACKS, _CHUNKS, _WORLDS, _SUMMARY = "manifest.json", "tracks.npz", "chunks", "worlds.csv", "summary.json"
-
-
-class ChunkStore(Protocol):
-    """Keeps what chunks leave, by their numbers."""
-
-    def numbers(self) -> set[int]:
-        """Return the numbers of the chunks that are kept."""
-
-    def add(self, number: int, arrays: Arrays) -> None:
-        """Keep a chunk."""
-
-    def read(self, number: int) -> Arrays:
-        """Return the arrays of a chunk; those of TRACES may still be on disk."""
 
 
 class MemoryStore:
@@ -245,6 +232,10 @@ class TemporaryFolderStore(FolderStore):
         self._temporary = tempfile.TemporaryDirectory(prefix="fg_mujoco-rollout-")
         super().__init__(self._temporary.name)
         (self.folder / _CHUNKS).mkdir()
+
+
+ChunkStore: TypeAlias = MemoryStore | FolderStore
+"""Keeps what chunks leave, by their numbers."""
 
 
 def _numbers(tracks: Sequence[Course]) -> Arrays:
