@@ -161,6 +161,7 @@ def completed(
         wait(running, timeout=PULSE, return_when=FIRST_COMPLETED)
         pulse()
         finished = [(running.pop(future), future) for future in list(running) if future.done()]
+        finished.sort(key=lambda each: each[1].exception() is not None)  # an error loses nothing that is finished
 
 
 class _Context(SpawnContext):
