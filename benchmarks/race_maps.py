@@ -23,7 +23,7 @@ from common import parser, report, table
 import fg_mujoco as fg
 from fg_mujoco.cli.progress import ProgressLine
 from fg_mujoco.errors import ControllerError, FgMujocoError
-from fg_mujoco.studies.worker_processes import work_off
+from fg_mujoco.studies.workers import work_off
 
 SETTINGS = {"levine_slam": "[close=1.5]"}  # what a map needs that cannot be driven as it is
 TIGHT_LAPS, TIGHT_SPEED = 2, 8.0  # [m/s]

@@ -15,7 +15,7 @@ import pytest
 from hypothesis import settings
 
 import fg_mujoco as fg
-from fg_mujoco.studies.worker_processes import usable_cores
+from fg_mujoco.studies.workers import usable_cores
 
 # The same examples in every run, so that a change that passes here passes everywhere; `make fuzz` tries others.
 settings.register_profile("repeatable", derandomize=True, deadline=None)

@@ -20,7 +20,7 @@ from ..lidar.effects import LidarEffects
 from ..racing.entries import Entry
 from ..simulation.settings import FASTEST
 from ..studies.comparison.comparison import DEFAULT_SEEDS, Comparison, ComparisonProgress, compare
-from ..studies.folders import as_json
+from ..studies.store import as_json
 from .options import (
     add_drive_options,
     add_opponent_options,

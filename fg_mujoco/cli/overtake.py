@@ -14,7 +14,6 @@ from typing import Any
 
 from ..errors import EngineError
 from ..simulation.settings import DriveSettings
-from ..studies.folders import as_json
 from ..studies.overtaking.opponents import OPPONENTS
 from ..studies.overtaking.overtaking import (
     DEFAULT_RATIO,
@@ -24,6 +23,7 @@ from ..studies.overtaking.overtaking import (
     OvertakingProgress,
     overtake,
 )
+from ..studies.store import as_json
 from .compare import names_in, seeds_in
 from .options import add_drive_options, can_draw, drive_options, number, whole
 from .out import STUDY, add_out_options

@@ -18,7 +18,6 @@ from ..messages import require_whole
 from ..racing.entries import Entry
 from ..racing.planner_loading import bundled_names
 from ..simulation.settings import friction_text
-from ..studies.folders import as_json
 from ..studies.rollout.result import RolloutResult
 from ..studies.rollout.rollouts import (
     DEFAULT_CHUNK,
@@ -29,6 +28,7 @@ from ..studies.rollout.rollouts import (
     rollout,
 )
 from ..studies.rollout.world_batch import RECORDS
+from ..studies.store import as_json
 from ..vehicle.tire_slip import sliding_rule
 from .options import (
     add_controller_option,

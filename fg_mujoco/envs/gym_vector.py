@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ..display import brief
 from ..errors import SettingsError, accepted_names
 from ..simulation.physics import STATE
-from ..studies.worker_processes import usable_cores
+from ..studies.workers import usable_cores
 from .episodes import Episodes
 from .gym_environment import F1TenthEnv, Observation, action_space, observation_space
 from .rendering import ChaseView

@@ -5,6 +5,6 @@
     friction_lab/    experiments on the tires and the speed laws, against closed forms
     identification/  the tires and the steering of a car, from a drive that it recorded
 
-`folders` writes the files of a study, and `worker_processes` drives work in processes of their own. `intervals` says
-how sure the figures of a study are.
+`store` keeps the finished parts of a study in its folder, and says how to add a study. `workers` works on its parts.
+`intervals` says how sure the figures of a study are.
 """

@@ -15,8 +15,10 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Sequence
+from collections.abc import Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
 
 _Z = 1.959963984540054  # of 95 %
 _TAIL = 40  # one part in so many, on either side: 2.5 %
@@ -108,6 +110,31 @@ def paired(outcomes: Sequence[Outcome], reference: Sequence[Outcome]) -> Paired:
         share_high=share_high, values=len(values), value=statistics.median(values) if values else None,
         value_low=low, value_high=high,
     )  # fmt: skip
+
+
+def paired_by_planner(
+    outcomes: Iterable[tuple[str, Hashable, Any, Outcome]],
+) -> Iterator[tuple[str, str, Any, Paired]]:
+    """Yield how each two planners differ in the runs that both drove: over all, and in each of several groups.
+
+    Args:
+      outcomes: of each run its planner, what tells it from the planner's others, its group, and its outcome.
+
+    Yields:
+      The planner, the reference, the group (None: all runs), and their differences.
+    """
+    by_planner: dict[str, dict[Hashable, tuple[Any, Outcome]]] = {}
+    for planner, place, group, outcome in outcomes:
+        by_planner.setdefault(planner, {})[place] = group, outcome
+    for reference, planner in combinations(by_planner, 2):
+        ours, theirs = by_planner[planner], by_planner[reference]
+        groups: dict[Any, list[tuple[Outcome, Outcome]]] = {}
+        for place, (group, other) in theirs.items():
+            for each in (None, group) if place in ours else ():
+                groups.setdefault(each, []).append((ours[place][1], other))
+        for group, pairs in groups.items():
+            if group is None or len(groups) > 2:
+                yield planner, reference, group, paired([own for own, _ in pairs], [other for _, other in pairs])
 
 
 def per_cent(low: float, high: float) -> str:

@@ -9,11 +9,9 @@ needs `if __name__ == "__main__":`, as every script that starts processes does.
 
 from __future__ import annotations
 
-import time
 import warnings
 from collections import Counter
 from collections.abc import Callable, Sequence
-from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -22,7 +20,7 @@ from ...arguments import explain_class
 from ...course.scenes.catalogue import PREFIX
 from ...course.writing import write_file
 from ...display import Shown, brief, paragraph, quoted, table
-from ...messages import require_whole
+from ...messages import FloatArray, require_whole
 from ...racing.entries import Entry
 from ...racing.opponents import Opponents, entry_of
 from ...racing.planner_choice import ControllerChoice
@@ -34,10 +32,10 @@ from ...vehicle.friction_patches import Patch
 from ...vehicle.tires import Tires
 from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from ...viz.plots import require_matplotlib
-from ..folders import blame, claimed
 from ..grid import require_axes, time_left
 from ..rollout.job import versions
-from ..worker_processes import usable_cores, work_off
+from ..store import WRITABLE, blame, claimed
+from ..workers import work_through
 from .differences import HEADER as DIFFERENCES
 from .differences import LEGEND as DIFFERENCES_LEGEND
 from .differences import (
@@ -51,7 +49,7 @@ from .differences import (
 from .ground import check_course, course_ground, course_name, ground_sha256
 from .pictures import table_picture, trace_pictures
 from .run import ComparisonSettings, Run, RunKey, RunRow
-from .store import ACCEPTED, ComparisonFolder
+from .store import ComparisonFolder
 from .tables import LEGEND, Cell, cells_csv, header_of, make_cells, markdown, runs_csv, table_rows
 
 DEFAULT_SEEDS = range(10)
@@ -197,46 +195,31 @@ def compare(
         settings = replace(settings, opponents=Opponents.of(opponents, first=like, grid=grid))
     chosen = [ControllerChoice.of(text) for text in (controller_names() if controllers is None else controllers)]
     runs = plan_runs(chosen, [*tracks, *(f"{PREFIX}{name}" for name in scenes)], max_speeds, seeds, settings)
-    with claimed(out, ACCEPTED):
-        return _drive(runs, runs[0].settings, ComparisonFolder(out), workers, pictures=pictures, watch=watch)
+    folder = ComparisonFolder(out)
+    with claimed(folder):
+        folder.open(runs[0].settings.manifest(), versions())
+        folder.read(repair=True)
+        missing = [run for run in runs if run.key not in folder.runs]
 
-
-def _drive(
-    runs: Sequence[Run],
-    settings: ComparisonSettings,
-    folder: ComparisonFolder,
-    workers: int | None,
-    *,
-    pictures: bool,
-    watch: Callable[[ComparisonProgress], None] | None,
-) -> Comparison:
-    """Drive the runs that a folder has not, and write the report."""
-    folder.open(settings.manifest(), versions())
-    missing = [run for run in runs if run.key not in folder.rows]
-
-    started, driven = time.perf_counter(), 0
-
-    def pulse() -> None:
-        if watch is not None:
-            found, elapsed = len(runs) - len(missing), time.perf_counter() - started
-            watch(ComparisonProgress(runs=len(runs), runs_found=found, runs_driven=driven, wall_time_s=elapsed))
-
-    died = None if workers == 1 else Run.died
-    with closing(work_off(Run.drive, missing, workers=workers or usable_cores(), pulse=pulse, died=died)) as finished:
-        for run, (row, trace) in finished:
+        def keep(run: Run, driven: tuple[RunRow, FloatArray]) -> None:
+            row, trace = driven
             folder.add(row, trace)
             if row.figures.end_reason == "worker_died":
                 warnings.warn(f"{run}: {row.figures.message}", UserWarning, stacklevel=2)
-            driven += 1
-            pulse()
-    rows = tuple(folder.rows[run.key] for run in runs)
-    comparison = Comparison(
-        rows=rows, cells=make_cells(rows), folder=folder.folder, runs_driven=driven,
-        wall_time_s=time.perf_counter() - started,
-    )  # fmt: skip
-    folder.sort([run.key for run in runs])
-    _write_report(comparison, runs, folder, pictures=pictures)
-    return comparison
+
+        def tell(driven: int, elapsed: float) -> None:
+            if watch is not None:
+                found = len(runs) - len(missing)
+                watch(ComparisonProgress(runs=len(runs), runs_found=found, runs_driven=driven, wall_time_s=elapsed))
+
+        taken = work_through(Run.drive, missing, keep, workers=workers, watch=tell, died=Run.died)
+        rows = tuple(folder.runs[run.key] for run in runs)
+        comparison = Comparison(
+            rows=rows, cells=make_cells(rows), folder=folder.folder, runs_driven=len(missing), wall_time_s=taken
+        )  # fmt: skip
+        folder.runs.sort([run.key for run in runs])
+        _write_report(comparison, runs, folder, pictures=pictures)
+        return comparison
 
 
 def plan_runs(
@@ -310,7 +293,7 @@ def _seeds(course: str, seeds: Sequence[int], settings: ComparisonSettings) -> S
 def _write_report(comparison: Comparison, runs: Sequence[Run], folder: ComparisonFolder, *, pictures: bool) -> None:
     """Write the tables and pictures, in place of those of an earlier call."""
     out = folder.folder
-    with blame(out, "a folder that can be written"):
+    with blame(out, WRITABLE):
         for picture in (out / "table.png", *(out / "traces").glob("*.png")):
             picture.unlink(missing_ok=True)
         write_file(out / "runs.csv", runs_csv(comparison.rows).encode())

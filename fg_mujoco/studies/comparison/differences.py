@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
-from itertools import combinations
 from typing import Any
 
-from ..intervals import Outcome, paired
+from ..intervals import paired_by_planner
 from ..tables import csv_text, difference_texts, markdown_table
-from .run import RunFigures, RunKey, RunRow
+from .run import RunRow
 
 ALL = "all"
 """What stands for all courses and speeds."""
@@ -45,47 +44,24 @@ class PairedDifference:
 
 def paired_differences(rows: Sequence[RunRow]) -> tuple[PairedDifference, ...]:
     """Return the differences of each two controllers, over all courses and on each of several, in the order of rows."""
-    by_controller: dict[str, dict[Any, RunRow]] = {}
-    for row in rows:
-        by_controller.setdefault(row.key.controller, {})[_place(row.key)] = row
-    found = []
-    for reference, controller in combinations(by_controller, 2):
-        ours, theirs = by_controller[controller], by_controller[reference]
-        groups: dict[tuple[str, float | None], list[tuple[RunFigures, RunFigures]]] = {}
-        for place, other in theirs.items():
-            if place in ours:
-                pair = (ours[place].figures, other.figures)
-                groups.setdefault((ALL, None), []).append(pair)
-                groups.setdefault((other.key.course, other.key.max_speed_m_s), []).append(pair)
-        for (course, speed), pairs in groups.items():
-            if course == ALL or len(groups) > 2:
-                found.append(_difference(controller, reference, course, speed, pairs))
-    return tuple(found)
-
-
-def _place(key: RunKey) -> tuple[Any, ...]:
-    return key.course, key.course_sha256, key.max_speed_m_s, key.seed
-
-
-def _difference(
-    controller: str,
-    reference: str,
-    course: str,
-    speed: float | None,
-    pairs: Sequence[tuple[RunFigures, RunFigures]],
-) -> PairedDifference:
-    found = paired([_outcome(ours) for ours, _ in pairs], [_outcome(theirs) for _, theirs in pairs])
-    return PairedDifference(
-        controller=controller, reference=reference, course=course, max_speed_m_s=speed, pairs=found.pairs,
-        successes=found.successes, reference_successes=found.reference_successes, success_difference=found.share,
-        success_difference_low=found.share_low, success_difference_high=found.share_high, lap_pairs=found.values,
-        best_lap_difference_s=found.value, best_lap_difference_low_s=found.value_low,
-        best_lap_difference_high_s=found.value_high,
+    outcomes = [
+        (
+            row.key.controller, (row.key.course, row.key.course_sha256, row.key.max_speed_m_s, row.key.seed),
+            (row.key.course, row.key.max_speed_m_s), (row.figures.success, row.figures.best_lap_s),
+        )
+        for row in rows
+    ]  # fmt: skip
+    return tuple(
+        PairedDifference(
+            controller=controller, reference=reference, course=group[0] if group else ALL,
+            max_speed_m_s=group[1] if group else None, pairs=found.pairs, successes=found.successes,
+            reference_successes=found.reference_successes, success_difference=found.share,
+            success_difference_low=found.share_low, success_difference_high=found.share_high, lap_pairs=found.values,
+            best_lap_difference_s=found.value, best_lap_difference_low_s=found.value_low,
+            best_lap_difference_high_s=found.value_high,
+        )
+        for controller, reference, group, found in paired_by_planner(outcomes)
     )  # fmt: skip
-
-
-def _outcome(run: RunFigures) -> Outcome:
-    return run.success, run.best_lap_s
 
 
 def differences_csv(differences: Sequence[PairedDifference]) -> str:

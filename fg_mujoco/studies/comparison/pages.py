@@ -14,7 +14,6 @@ so. One that is not bundled is driven only where it is trusted. Pages that are t
 
 from __future__ import annotations
 
-import json
 import re
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -32,13 +31,13 @@ from ...racing.planner_trust import require_trusted
 from ...viz.report.page import LIBRARY, library, page_frame, write_page, write_report
 from ...viz.report.plot_style import require_bokeh
 from ...viz.report.sections import table
-from ..folders import blame
+from ..store import WRITABLE, blame
 from .differences import HEADER as DIFFERENCES
 from .differences import LEGEND as DIFFERENCES_LEGEND
 from .differences import difference_rows, paired_differences, shown_differences
 from .ground import ground_sha256
 from .run import ComparisonSettings, Run, RunKey, RunRow
-from .store import SCHEMA, ComparisonFolder
+from .store import ComparisonFolder
 from .tables import LEGEND, Cell, header_of, make_cells, table_rows
 
 _FOLDER, _MANIFEST, _RUNS = "report", "manifest.json", "runs.jsonl"
@@ -78,7 +77,7 @@ def write_comparison_report(
     require_bokeh()
     settings, rows = _read(Path(folder))
     out = Path(folder) / _FOLDER
-    with blame(out, "a folder that can be written"):
+    with blame(out, WRITABLE):
         out.mkdir(exist_ok=True)
         write_file(out / LIBRARY, library().encode())
     pages: dict[RunKey, _Page] = {}
@@ -93,21 +92,16 @@ def write_comparison_report(
 
 
 def _read(folder: Path) -> tuple[ComparisonSettings, list[RunRow]]:
-    path = folder / _MANIFEST
-    with blame(path, _ACCEPTED):
-        manifest = json.loads(path.read_text(encoding="utf-8"))
-        if not isinstance(manifest, dict) or not {"settings", "versions"} <= set(manifest):
-            raise ValueError("no JSON object with settings and versions")
-        if manifest.get("schema") != SCHEMA:
-            raise ValueError(f"no JSON object with schema {SCHEMA}")
+    store = ComparisonFolder(folder)
+    with blame(folder / _MANIFEST, _ACCEPTED):
+        manifest = store.manifest()
         if not isinstance(manifest["settings"].get("laps"), int):
             raise ValueError("settings that are not those of a comparison")
         settings = ComparisonSettings.of(manifest["settings"])
-    store = ComparisonFolder(folder)
-    store.read(manifest["settings"], manifest["versions"])
-    if not store.rows:
+    store.read(repair=False)
+    if not store.runs:
         raise RunFolderError(f"{folder / _RUNS}: has no finished run; accepted: {_ACCEPTED}")
-    return settings, list(store.rows.values())
+    return settings, list(store.runs.values())
 
 
 def _run_page(row: RunRow, settings: ComparisonSettings, out: Path, *, trust: bool) -> _Page:

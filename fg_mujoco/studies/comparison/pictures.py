@@ -107,7 +107,7 @@ def trace_pictures(runs: Sequence[Run], folder: ComparisonFolder, out: Path) -> 
     for (course, speed), by_controller in groups.items():
         title = f"{course.removeprefix('scene:')}, {speed:g} m/s" if several else course.removeprefix("scene:")
         name = title.replace(":", "_").replace("/", "p").replace(", ", "_").replace(" ", "")
-        _trace_picture(title, by_controller, folder.rows, folder, out / f"{name}.png")
+        _trace_picture(title, by_controller, folder.runs, folder, out / f"{name}.png")
 
 
 def _trace_picture(

@@ -10,8 +10,8 @@ import hashlib
 import math
 import statistics
 from collections.abc import Mapping
-from dataclasses import MISSING, asdict, astuple, dataclass, field, fields, replace
-from typing import Any, TypeVar, get_args, get_type_hints
+from dataclasses import asdict, astuple, dataclass, field, fields, replace
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -25,12 +25,10 @@ from ...racing.planner_choice import ControllerChoice
 from ...racing.race import race, require_decision_limit
 from ...racing.result import RaceResult
 from ...simulation.physics import STATE
-from ...simulation.planner_adapter import short
 from ...simulation.planner_failure import one_line
 from ...simulation.settings import FASTEST, CarSettings, DriveSettings, require_laps, require_time_limit
+from ..store import of_kind
 from .ground import Ground, course_ground, laps_of
-
-_Part = TypeVar("_Part")
 
 _OF_THE_CAR = ("vehicle", "vehicle_sha256", "tires", "mu", "changes", "planner_mu")  # in a manifest
 
@@ -151,20 +149,8 @@ class RunRow:
           KeyError: a value is missing.
           TypeError: a value is of another kind than its field.
         """
-        among = _of_kind(AmongCars, values) if AMONG_CARS[0] in values else None
-        return cls(_of_kind(RunKey, values), _of_kind(RunFigures, values), among)
-
-
-def _of_kind(kind: type[_Part], values: Mapping[str, Any]) -> _Part:
-    """Return a RunKey, RunFigures or AmongCars of some values, each of the kind that its field says."""
-    later = {field.name: field.default for field in fields(kind) if field.default is not MISSING}  # type: ignore[arg-type]
-    values = later | dict(values)  # of which older versions wrote none
-    for name, hint in get_type_hints(kind).items():
-        value, kinds = values[name], get_args(hint) or (hint,)
-        accepted = (*kinds, int) if float in kinds else kinds
-        if not isinstance(value, accepted) or (isinstance(value, bool) and bool not in kinds):
-            raise TypeError(f"{name} is {short(value)}; accepted: {getattr(hint, '__name__', hint)}")
-    return kind(**{field.name: values[field.name] for field in fields(kind)})  # type: ignore[arg-type]
+        among = of_kind(AmongCars, values) if AMONG_CARS[0] in values else None
+        return cls(of_kind(RunKey, values), of_kind(RunFigures, values), among)
 
 
 @dataclass(frozen=True)

@@ -5,15 +5,18 @@
 
 Finished cells are in the folder at once, and the same call goes on where one was interrupted. A folder may be filled
 by several calls, an experiment each: the report is of all that are complete in it.
+
+    lab.json                the settings and versions that made it; a folder of any others is refused
+    cells/NAME.jsonl        a line a cell of that experiment, with its rows, added when it is finished; NaN as by Python
+    NAME_TABLE.csv          and the rest: see lab_report; written when all cells asked for are there
 """
 
 from __future__ import annotations
 
 import hashlib
 import importlib
-import time
+import json
 from collections.abc import Callable, Sequence
-from contextlib import closing
 from dataclasses import asdict, dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -22,12 +25,12 @@ from typing import NamedTuple
 from ...errors import SettingsError, accepted_names
 from ...messages import require_whole
 from ...viz.plots import require_matplotlib
-from ..folders import claimed
+from ..grid import time_left
 from ..rollout.job import versions
-from ..worker_processes import usable_cores, work_off
+from ..store import Rows, StudyFolder, claimed
+from ..workers import work_through
 from .experiment import Cell, Experiment, LabSettings, Section, Tables
 from .lab_report import Chapter, expected_table, write_report
-from .lab_store import ACCEPTED, LabFolder, as_read, cell_key
 
 _HERE = "fg_mujoco.studies.friction_lab"
 EXPERIMENTS: dict[str, str] = {
@@ -59,7 +62,13 @@ class Task(NamedTuple):
 def measure(task: Task) -> Tables:
     """Measure a cell: what a worker does."""
     experiment: Experiment = importlib.import_module(task.module).EXPERIMENT
-    return as_read(experiment.measure(task.cell))
+    plain: Tables = json.loads(json.dumps(experiment.measure(task.cell), default=lambda number: number.item()))
+    return plain  # as they are read from a file: numpy's numbers are Python's
+
+
+def cell_key(cell: Cell) -> str:
+    """Return what a cell is known by."""
+    return json.dumps(cell, sort_keys=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,9 +83,7 @@ class LabProgress:
     @property
     def remaining_s(self) -> float | None:
         """Time to the end [s], if cells go on as those so far; None before the first."""
-        if not self.cells_measured:
-            return None
-        return self.wall_time_s / self.cells_measured * (self.cells - self.cells_found - self.cells_measured)
+        return time_left(self.cells, self.cells_found, self.cells_measured, self.wall_time_s)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,60 +148,49 @@ def run_lab(
     if pictures and out is not None:
         require_matplotlib()
     plan = {name: load_experiment(name).cells(settings) for name in dict.fromkeys(names)}
-    with claimed(out, ACCEPTED):
-        return _run(plan, settings, out, workers, pictures=pictures, redraw=redraw, watch=watch)
+    folder = StudyFolder(out, title="lab", command="friction", manifest="lab.json") if out is not None else None
+    with claimed(folder):
+        found: dict[str, dict[str, Tables]] = {name: {} for name in plan}
+        kept: dict[str, Rows[str, Tables]] = {}
+        if folder is not None:
+            folder.open(asdict(settings), lab_versions(), any_versions=redraw)
+            kept = {name: _cells(folder, name) for name in plan}
+            found |= kept
+        missing = [
+            Task(name, EXPERIMENTS[name], cell)
+            for name, cells in plan.items()
+            for cell in cells
+            if cell_key(cell) not in found[name]
+        ]
+        if folder is not None and redraw and missing:
+            accepted = "a folder with all cells, or no redraw"
+            raise SettingsError(f"{folder.folder}: {missing[0]} is missing; accepted: {accepted}")
+        count = sum(map(len, plan.values()))
 
-
-def _run(
-    plan: dict[str, list[Cell]],
-    settings: LabSettings,
-    out: str | Path | None,
-    workers: int | None,
-    *,
-    pictures: bool,
-    redraw: bool,
-    watch: Callable[[LabProgress], None] | None,
-) -> LabResult:
-    """Measure what is missing of some cells, and write the report."""
-    folder = LabFolder(out) if out is not None else None
-    found: dict[str, dict[str, Tables]] = {name: {} for name in plan}
-    if folder is not None:
-        folder.open(asdict(settings), lab_versions(), any_versions=redraw)
-        found = {name: folder.read(name) for name in plan}
-    missing = [
-        Task(name, EXPERIMENTS[name], cell)
-        for name, cells in plan.items()
-        for cell in cells
-        if cell_key(cell) not in found[name]
-    ]
-    if redraw and missing:
-        raise SettingsError(f"{out}: {missing[0]} is missing; accepted: a folder with all cells, or no redraw")
-    count, started, measured = sum(map(len, plan.values())), time.perf_counter(), 0
-
-    def pulse() -> None:
-        if watch is not None:
-            elapsed, there = time.perf_counter() - started, count - len(missing)
-            watch(LabProgress(cells=count, cells_found=there, cells_measured=measured, wall_time_s=elapsed))
-
-    with closing(work_off(measure, missing, workers=workers or usable_cores(), pulse=pulse)) as finished:
-        for task, tables in finished:
+        def keep(task: Task, tables: Tables) -> None:
+            key = cell_key(task.cell)
             if folder is not None:
-                folder.add(task.name, task.cell, tables)
-            found[task.name][cell_key(task.cell)] = tables
-            measured += 1
-            pulse()
-    chapters = tuple(_chapter(name, cells, found[name]) for name, cells in plan.items())
-    if folder is not None:
-        for name, cells in () if redraw else plan.items():
-            folder.sort(name, [(cell, found[name][cell_key(cell)]) for cell in cells])
-        others = _complete_others(folder, plan, settings)
-        order = list(EXPERIMENTS)
-        everything = sorted((*chapters, *others), key=lambda chapter: order.index(chapter.name))
-        write_report(folder.folder, everything, asdict(settings), _made_with(folder), pictures=pictures)
-    return LabResult(
-        chapters=chapters, folder=folder.folder if folder else None, cells=count, cells_measured=measured,
-        wall_time_s=time.perf_counter() - started,
-    )  # fmt: skip
+                kept[task.name].add(key, tables, {"cell": task.cell, "tables": tables})
+            found[task.name][key] = tables
+
+        def tell(measured: int, elapsed: float) -> None:
+            if watch is not None:
+                there = count - len(missing)
+                watch(LabProgress(cells=count, cells_found=there, cells_measured=measured, wall_time_s=elapsed))
+
+        taken = work_through(measure, missing, keep, workers=workers, watch=tell)
+        chapters = tuple(_chapter(name, cells, found[name]) for name, cells in plan.items())
+        if folder is not None:
+            for name, cells in () if redraw else plan.items():
+                kept[name].sort([cell_key(cell) for cell in cells])
+            others = _complete_others(folder, plan, settings)
+            order = list(EXPERIMENTS)
+            everything = sorted((*chapters, *others), key=lambda chapter: order.index(chapter.name))
+            write_report(folder.folder, everything, asdict(settings), _made_with(folder), pictures=pictures)
+        return LabResult(
+            chapters=chapters, folder=folder.folder if folder else None, cells=count, cells_measured=len(missing),
+            wall_time_s=taken,
+        )  # fmt: skip
 
 
 def lab_versions() -> dict[str, str]:
@@ -207,7 +203,12 @@ def lab_versions() -> dict[str, str]:
     return {**versions(), "lab_sha256": sources.hexdigest()}
 
 
-def _made_with(folder: LabFolder) -> dict[str, str]:
+def _cells(folder: StudyFolder, experiment: str) -> Rows[str, Tables]:
+    """Return the rows of the finished cells of an experiment, by `cell_key`."""
+    return folder.rows(f"cells/{experiment}.jsonl", lambda row: (cell_key(row["cell"]), row["tables"]), experiment)
+
+
+def _made_with(folder: StudyFolder) -> dict[str, str]:
     """Return the versions that measured, and which sources wrote the report, if they are others."""
     ours = lab_versions()
     return folder.versions | ({} if ours == folder.versions else {"redrawn_by_lab_sha256": ours["lab_sha256"]})
@@ -224,11 +225,11 @@ def _chapter(name: str, cells: Sequence[Cell], found: dict[str, Tables]) -> Chap
     return Chapter(name=name, title=experiment.title, section=section, tables=tables)
 
 
-def _complete_others(folder: LabFolder, plan: dict[str, list[Cell]], settings: LabSettings) -> list[Chapter]:
+def _complete_others(folder: StudyFolder, plan: dict[str, list[Cell]], settings: LabSettings) -> list[Chapter]:
     """Return the chapters of experiments that earlier calls completed in this folder."""
     chapters = []
     for name in EXPERIMENTS:
-        found = {} if name in plan else folder.read(name)
+        found = {} if name in plan else _cells(folder, name)
         if found:
             cells = load_experiment(name).cells(settings)
             if all(cell_key(cell) in found for cell in cells):

@@ -17,10 +17,10 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from ..folders import blame
+from ...course.writing import write_file
+from ..store import WRITABLE, blame
 from .experiment import OF_TIRES, ON_CIRCLES, Figure, Row, Section, Tables
 from .lab_figures import embedded, render
-from .lab_store import replace_text
 
 _FOLDED = 12  # rows of a table; a longer one is opened by the reader
 _UNITS = {
@@ -72,19 +72,19 @@ def write_report(
     Raises:
       RunFolderError: they cannot be written.
     """
-    with blame(folder, "a folder that can be written"):
+    with blame(folder, WRITABLE):
         for old in (*folder.glob("*.csv"), *folder.glob("*.svg")):
             old.unlink()
         drawn: dict[str, str] = {}
         for chapter in chapters:
             for table, rows in chapter.tables.items():
-                replace_text(folder / f"{chapter.name}_{table}.csv", table_csv(rows))
+                write_file(folder / f"{chapter.name}_{table}.csv", table_csv(rows).encode())
             for figure in chapter.section.figures if pictures else ():
                 name = f"{chapter.name}_{figure.name}"
                 svg = render(figure)
-                replace_text(folder / f"{name}.svg", svg.decode())
+                write_file(folder / f"{name}.svg", svg)
                 drawn[name] = embedded(figure, svg, name)
-        replace_text(folder / "report.html", report_html(chapters, settings, versions, drawn))
+        write_file(folder / "report.html", report_html(chapters, settings, versions, drawn).encode())
 
 
 def report_html(

@@ -3,6 +3,5 @@
 overtaking   plans the duels, drives those that are missing, and writes the report
 duel         one duel: who starts where, when it counts as an overtake, and who is to blame for a touch
 opponents    the cars ahead: their lines, and how fast they are
-store        the folder of a study, from which a later call goes on
 tables, differences     the report: CSV, Markdown with intervals, and a picture
 """

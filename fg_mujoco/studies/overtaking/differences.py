@@ -8,10 +8,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, astuple, dataclass, fields
-from itertools import combinations
 from typing import Any
 
-from ..intervals import Outcome, paired
+from ..intervals import Outcome, paired_by_planner
 from ..tables import csv_text, difference_texts, markdown_table
 from .duel import DuelFigures, DuelRow
 from .tables import ALL
@@ -42,33 +41,19 @@ class DuelDifference:
 
 def paired_differences(rows: Sequence[DuelRow]) -> tuple[DuelDifference, ...]:
     """Return the differences of each two planners, over all tracks and on each of several, in the order of rows."""
-    by_planner: dict[str, dict[tuple[str, str, int], DuelFigures]] = {}
-    for row in rows:
-        place = (row.key.track, row.key.opponent, row.key.seed)
-        by_planner.setdefault(row.key.planner, {})[place] = row.figures
-    found = []
-    for reference, planner in combinations(by_planner, 2):
-        ours, theirs = by_planner[planner], by_planner[reference]
-        places = [place for place in theirs if place in ours]
-        tracks = list(dict.fromkeys(track for track, _, _ in places))
-        for track in (ALL, *(tracks if len(tracks) > 1 else ())):
-            chosen = [place for place in places if track in (ALL, place[0])]
-            if chosen:
-                own, others = [ours[place] for place in chosen], [theirs[place] for place in chosen]
-                found.append(_difference(planner, reference, track, own, others))
-    return tuple(found)
-
-
-def _difference(
-    planner: str, reference: str, track: str, ours: Sequence[DuelFigures], theirs: Sequence[DuelFigures]
-) -> DuelDifference:
-    found = paired([_outcome(duel) for duel in ours], [_outcome(duel) for duel in theirs])
-    return DuelDifference(
-        planner=planner, reference=reference, track=track, pairs=found.pairs, overtaken=found.successes,
-        reference_overtaken=found.reference_successes, share_difference=found.share,
-        share_difference_low=found.share_low, share_difference_high=found.share_high, time_pairs=found.values,
-        time_lost_difference_s=found.value, time_lost_difference_low_s=found.value_low,
-        time_lost_difference_high_s=found.value_high,
+    outcomes = [
+        (row.key.planner, (row.key.track, row.key.opponent, row.key.seed), row.key.track, _outcome(row.figures))
+        for row in rows
+    ]
+    return tuple(
+        DuelDifference(
+            planner=planner, reference=reference, track=track or ALL, pairs=found.pairs, overtaken=found.successes,
+            reference_overtaken=found.reference_successes, share_difference=found.share,
+            share_difference_low=found.share_low, share_difference_high=found.share_high, time_pairs=found.values,
+            time_lost_difference_s=found.value, time_lost_difference_low_s=found.value_low,
+            time_lost_difference_high_s=found.value_high,
+        )
+        for planner, reference, track, found in paired_by_planner(outcomes)
     )  # fmt: skip
 
 

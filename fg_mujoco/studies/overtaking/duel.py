@@ -35,6 +35,7 @@ from ...simulation.planner_failure import one_line
 from ...simulation.settings import FASTEST, CarSettings, DriveSettings, Start, require_laps
 from ...simulation.termination import END_REASONS
 from ...simulation.world import World
+from ..store import of_kind
 from .opponents import Blocking, Pace, make_opponent
 
 AHEAD_FOR = 1.0  # [s]
@@ -133,16 +134,10 @@ class DuelRow:
         return asdict(self.key) | asdict(self.figures)
 
     @classmethod
-    def of(cls, values: Mapping[str, Any]) -> DuelRow:
-        """Return the row that `as_dict` made the values of.
-
-        Raises:
-          KeyError: a value is missing.
-        """
-        kinds = (DuelKey, DuelFigures)
-        values = {"planner_files_sha256": None} | dict(values)  # which older versions did not write
-        key, figures = ({field.name: values[field.name] for field in fields(kind)} for kind in kinds)
-        return cls(DuelKey(**key), DuelFigures(**figures))
+    def read(cls, values: Mapping[str, Any]) -> tuple[DuelKey, DuelRow]:
+        """Return the row that `as_dict` made the values of, behind its key; errors as `of_kind`."""
+        row = cls(of_kind(DuelKey, values), of_kind(DuelFigures, values))
+        return row.key, row
 
 
 @dataclass(frozen=True)

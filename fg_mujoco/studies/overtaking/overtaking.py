@@ -9,9 +9,7 @@ needs `if __name__ == "__main__":`, as every script that starts processes does.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
-from contextlib import closing
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -27,16 +25,15 @@ from ...simulation.settings import FASTEST
 from ...vehicle.tires import Tires
 from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from ...viz.plots import require_matplotlib
-from ..folders import blame, claimed
 from ..grid import require_axes, time_left
 from ..rollout.job import versions
-from ..worker_processes import usable_cores, work_off
+from ..store import WRITABLE, StudyFolder, blame, claimed
+from ..workers import work_through
 from .differences import HEADER as DIFFERENCES
 from .differences import LEGEND as DIFFERENCES_LEGEND
 from .differences import DuelDifference, difference_rows, differences_csv, differences_markdown, paired_differences
 from .duel import Duel, DuelKey, DuelRow, DuelSettings
 from .opponents import OPPONENTS
-from .store import ACCEPTED, DuelFolder
 from .tables import HEADER, LEGEND, DuelCell, cells_csv, duels_csv, make_cells, markdown, ratio_picture, table_rows
 
 DEFAULT_TRACKS = ("oval", "l_corridor", "hairpins", "chicanes", "fast", "tight")
@@ -154,8 +151,34 @@ def overtake(
         fastest=fastest,
     )  # fmt: skip
     duels = plan_duels([ControllerChoice.of(text) for text in planners], tracks, opponents, seeds, settings)
-    with claimed(out, ACCEPTED):
-        return _drive(duels, settings, DuelFolder(out), workers, pictures=pictures, watch=watch)
+    folder = StudyFolder(out, title="overtaking study", command="overtake")
+    with claimed(folder):
+        folder.open(settings.manifest(), versions())
+        driven = folder.rows("duels.jsonl", DuelRow.read)
+        missing = [duel for duel in duels if duel.key not in driven]
+
+        def keep(_: Duel, row: DuelRow) -> None:
+            driven.add(row.key, row, row.as_dict())
+
+        def tell(count: int, elapsed: float) -> None:
+            if watch is not None:
+                found = len(duels) - len(missing)
+                watch(OvertakingProgress(duels=len(duels), duels_found=found, duels_driven=count, wall_time_s=elapsed))
+
+        taken = work_through(Duel.drive, missing, keep, workers=workers, watch=tell, died=Duel.died)
+        rows = tuple(driven[duel.key] for duel in duels)
+        driven.sort([duel.key for duel in duels])
+        study = Overtaking(
+            rows=rows, cells=make_cells(rows), folder=folder.folder, duels_driven=len(missing), wall_time_s=taken
+        )  # fmt: skip
+        with blame(folder.folder, WRITABLE):
+            write_file(folder.folder / "duels.csv", duels_csv(rows).encode())
+            write_file(folder.folder / "table.csv", cells_csv(study.cells).encode())
+            write_file(folder.folder / "differences.csv", differences_csv(study.differences).encode())
+            write_file(folder.folder / "table.md", study.markdown().encode())
+            if pictures:
+                ratio_picture(rows, settings.slowest, settings.fastest, folder.folder / "table.png")
+        return study
 
 
 def plan_duels(
@@ -192,46 +215,3 @@ def plan_duels(
         for opponent in opponents
         for seed in seeds
     ]
-
-
-def _drive(
-    duels: Sequence[Duel],
-    settings: DuelSettings,
-    folder: DuelFolder,
-    workers: int | None,
-    *,
-    pictures: bool,
-    watch: Callable[[OvertakingProgress], None] | None,
-) -> Overtaking:
-    """Drive the duels that a folder has not, and write the report."""
-    folder.open(settings.manifest(), versions())
-    missing = [duel for duel in duels if duel.key not in folder.rows]
-    started, driven = time.perf_counter(), 0
-
-    def pulse() -> None:
-        if watch is not None:
-            found, elapsed = len(duels) - len(missing), time.perf_counter() - started
-            watch(
-                OvertakingProgress(duels=len(duels), duels_found=found, duels_driven=driven, wall_time_s=elapsed)
-            )  # fmt: skip
-
-    died = None if workers == 1 else Duel.died
-    with closing(work_off(Duel.drive, missing, workers=workers or usable_cores(), pulse=pulse, died=died)) as finished:
-        for _, row in finished:
-            folder.add(row)
-            driven += 1
-            pulse()
-    rows = tuple(folder.rows[duel.key] for duel in duels)
-    folder.sort([duel.key for duel in duels])
-    study = Overtaking(
-        rows=rows, cells=make_cells(rows), folder=folder.folder, duels_driven=driven,
-        wall_time_s=time.perf_counter() - started,
-    )  # fmt: skip
-    with blame(folder.folder, "a folder that can be written"):
-        write_file(folder.folder / "duels.csv", duels_csv(rows).encode())
-        write_file(folder.folder / "table.csv", cells_csv(study.cells).encode())
-        write_file(folder.folder / "differences.csv", differences_csv(study.differences).encode())
-        write_file(folder.folder / "table.md", study.markdown().encode())
-        if pictures:
-            ratio_picture(rows, settings.slowest, settings.fastest, folder.folder / "table.png")
-    return study

@@ -1,8 +1,8 @@
 """Drives the chunks of a rollout as tasks of Ray: on a cluster that exists, or on one of this machine's own.
 
 Ray decides where a chunk is driven, and drives it again when its worker or its whole node is lost. The results are
-those of `rollout_local`, bit for bit: each task runs the same function in one thread, and a node whose versions differ
-is refused.
+those of threads here, bit for bit: each task runs the same function in one thread, and a node whose versions differ is
+refused.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ import logging
 import os
 import socket
 import tempfile
-from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import Future
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -24,9 +24,8 @@ import numpy as np
 from ...errors import ControllerError, EngineError, FgMujocoError, missing_extra
 from ...racing.planner_files import changed_file, changed_text
 from ...racing.planner_loading import file_in, moved_to
-from ..worker_processes import usable_cores
+from ..workers import completed, usable_cores
 from .job import Arrays, RolloutJob, versions
-from .local import PULSE
 
 RETRIES = 5
 """How often a chunk is driven again after its worker was lost."""
@@ -38,38 +37,38 @@ _AHEAD = 2  # chunks submitted for each core of the cluster: what is finished an
 def drive_on_ray(
     job: RolloutJob, chunks: Sequence[int], *, workers: int | None, pulse: Callable[[float], None]
 ) -> Generator[tuple[int, Arrays], None, None]:
-    """Drive some chunks of a rollout and yield each, with its number, when it is finished.
+    """Do as `drive_in_processes`, on a cluster.
 
     Args:
       job: the rollout.
       chunks: their numbers.
       workers: most chunks at a time, and cores of a cluster of this machine's own; None: as many as there are.
-      pulse: called every now and then, with 0: chunks that are being driven do not say how far they are.
+      pulse: told 0.
 
     Raises:
       MissingExtraError: Ray is not installed.
       EngineError: a cluster that cannot be reached, that has other versions, or that loses a chunk again and again.
     """
     require_one_file(job)
-    ray = require_ray()
+    ray, running = require_ray(), dict[int, Any]()
     with _cluster(ray, workers):
         task = ray.remote(num_cpus=1, max_retries=RETRIES)(_drive)
-        shared = ray.put(job)
-        text, here = job.controller_text, versions()
-        waiting, running = deque(chunks), dict[Any, int]()
+        shared, text, here = ray.put(job), job.controller_text, versions()
+
+        def start(number: int) -> Future[Arrays]:
+            running[number] = task.remote(shared, number, text, here)
+            future: Future[Arrays] = running[number].future()
+            return future
+
+        def room() -> int:
+            return workers or _AHEAD * int(ray.cluster_resources().get("CPU", 1))
+
         try:
-            while waiting or running:
-                room = workers or _AHEAD * int(ray.cluster_resources().get("CPU", 1))
-                while waiting and len(running) < room:
-                    number = waiting.popleft()
-                    running[task.remote(shared, number, text, here)] = number
-                finished, _ = ray.wait(list(running), timeout=PULSE)
-                pulse(0.0)
-                for reference in finished:
-                    number = running.pop(reference)
-                    yield number, _fetch(ray, reference)
+            for number, future in completed(start, chunks, room=room, pulse=lambda: pulse(0.0)):
+                del running[number]
+                yield number, _fetch(ray, future)
         finally:
-            for reference in running:
+            for reference in running.values():
                 ray.cancel(reference)
 
 
@@ -106,9 +105,9 @@ def _drive(job: RolloutJob, number: int, controller_text: bytes | None, expected
         return job.drive(number, controller=moved_to(job.controller, file))
 
 
-def _fetch(ray: Any, reference: Any) -> Arrays:
+def _fetch(ray: Any, future: Future[Arrays]) -> Arrays:
     try:
-        arrays = ray.get(reference)
+        arrays = future.result()
     except ray.exceptions.RayTaskError as error:
         if isinstance(error.cause, FgMujocoError):
             raise error.cause from None

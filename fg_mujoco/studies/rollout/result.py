@@ -22,8 +22,8 @@ from ...messages import FloatArray
 from ...racing.entries import Entry
 from ...racing.opponents import AMONG_CARS, FIRST, Opponents, entry_of
 from ...simulation.settings import DriveSettings, Scenario
-from ..folders import blame
 from ..intervals import wilson
+from ..store import blame
 from .job import Arrays, RolloutJob
 from .randomization import Randomization
 from .store import ChunkStore, FolderStore

@@ -33,16 +33,15 @@ from ...vehicle.changes import CarChanges
 from ...vehicle.friction_patches import Patch
 from ...vehicle.tires import Tires
 from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
-from ..folders import claimed
 from ..grid import time_left
-from ..worker_processes import usable_cores
-from .job import Arrays, RolloutJob, versions
-from .local import drive_in_threads
-from .processes import drive_in_processes
+from ..store import claimed
+from ..workers import usable_cores
+from .job import RolloutJob, versions
+from .local import drive_in_processes, drive_in_threads
 from .randomization import Randomization, world_seeds
 from .ray_cluster import drive_on_ray, require_ray
 from .result import RolloutResult, gather
-from .store import ACCEPTED, ChunkStore, FolderStore, MemoryStore, TemporaryFolderStore
+from .store import ChunkStore, FolderStore, MemoryStore, TemporaryFolderStore
 
 ENGINES = ("local", "processes", "ray")
 DEFAULT_WORLDS = 1024
@@ -194,7 +193,7 @@ def rollout(
     job = replace(job, chunk=min(chunk, -(-len(job.seeds) // cores), fitting))
     if out is not None:
         folder = FolderStore(out)
-        with claimed(out, ACCEPTED):
+        with claimed(folder):
             job = replace(job, chunk=folder.open(job.settings(), versions(), job.chunk, job.tracks))
             result = _drive(job, folder, engine, workers, watch)
             if not folder.finished:
@@ -217,56 +216,29 @@ def _drive(
     watch: Callable[[RolloutProgress], None] | None,
 ) -> RolloutResult:
     """Drive the chunks that the store has not, and return how all worlds went."""
-    progress = _Progress(job, store.numbers(), watch)
-    if progress.missing:
+    started, driven, world_seconds, kept = time.perf_counter(), 0, 0.0, store.numbers()
+    missing = [number for number in range(len(job.chunks)) if number not in kept]
+    found = len(job.seeds) - sum(len(job.chunks[number]) for number in missing)
+
+    def pulse(under_way: float) -> None:
+        if watch is not None:
+            progress = RolloutProgress(
+                worlds=len(job.seeds), worlds_found=found, worlds_driven=driven,
+                world_seconds=world_seconds + under_way, wall_time_s=time.perf_counter() - started,
+            )  # fmt: skip
+            watch(progress)
+
+    if missing:
         drive = {"local": drive_in_threads, "processes": drive_in_processes, "ray": drive_on_ray}[engine]
-        with closing(drive(job, progress.missing, workers=workers, pulse=progress.pulse)) as finished:
+        with closing(drive(job, missing, workers=workers, pulse=pulse)) as finished:
             for number, arrays in finished:
                 store.add(number, arrays)
-                progress.add(arrays)
+                driven += len(arrays["worlds"])
+                world_seconds += float(arrays["worlds"]["sim_time_s"].sum())
+                pulse(0.0)
     return gather(
-        job,
-        store,
-        worlds_driven=progress.driven,
-        world_seconds_driven=progress.world_seconds,
-        wall_time_s=progress.wall_time_s,
+        job, store, worlds_driven=driven, world_seconds_driven=world_seconds, wall_time_s=time.perf_counter() - started
     )
-
-
-class _Progress:
-    """Counts what is done and says so."""
-
-    def __init__(self, job: RolloutJob, found: set[int], watch: Callable[[RolloutProgress], None] | None) -> None:
-        self.missing = [number for number in range(len(job.chunks)) if number not in found]
-        self.driven = 0
-        self.world_seconds = 0.0
-        self._count = len(job.seeds)
-        self._found = self._count - sum(len(job.chunks[number]) for number in self.missing)
-        self._watch = watch
-        self._started = time.perf_counter()
-
-    @property
-    def wall_time_s(self) -> float:
-        return time.perf_counter() - self._started
-
-    def add(self, arrays: Arrays) -> None:
-        """Take a finished chunk."""
-        self.driven += len(arrays["worlds"])
-        self.world_seconds += float(arrays["worlds"]["sim_time_s"].sum())
-        self.pulse(0.0)
-
-    def pulse(self, world_seconds: float) -> None:
-        """Say how far it is, with what unfinished chunks have behind them [s]."""
-        if self._watch is not None:
-            self._watch(
-                RolloutProgress(
-                    worlds=self._count,
-                    worlds_found=self._found,
-                    worlds_driven=self.driven,
-                    world_seconds=self.world_seconds + world_seconds,
-                    wall_time_s=self.wall_time_s,
-                )
-            )
 
 
 def _seeds(n: int | None, seed: int, seeds: Any) -> NDArray[np.int64]:

@@ -16,9 +16,9 @@ from __future__ import annotations
 import hashlib
 import json
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,33 +29,14 @@ from ...course.writing import write_file
 from ...errors import RunFolderError
 from ...messages import require_whole
 from ...simulation.course_loading import reload_course
-from ..folders import as_json, blame, digest, sealed, unsealed, warn_damaged
+from ..store import WRITABLE, StudyFolder, as_json, blame, digest, sealed, unsealed, warn_damaged
 from .job import Arrays
-
-SCHEMA = 1
-"""Of the folder; a reader refuses any other."""
 
 TRACES = ("telemetry", "states", "ctrl")
 """Arrays of a chunk that are long, and are read only where they are asked for."""
 
-ACCEPTED = "a new or empty folder, or one of the same rollout"
-"""Folders that a rollout writes to."""
-
 _SEAL = "sha256"  # of a chunk, among its arrays
 _MANIFEST, _TRACKS, _CHUNKS, _WORLDS, _SUMMARY = "manifest.json", "tracks.npz", "chunks", "worlds.csv", "summary.json"
-
-
-class ChunkStore(Protocol):
-    """Keeps what chunks leave, by their numbers."""
-
-    def numbers(self) -> set[int]:
-        """Return the numbers of the chunks that are kept."""
-
-    def add(self, number: int, arrays: Arrays) -> None:
-        """Keep a chunk."""
-
-    def read(self, number: int) -> Arrays:
-        """Return the arrays of a chunk; those of TRACES may still be on disk."""
 
 
 class MemoryStore:
@@ -77,20 +58,18 @@ class MemoryStore:
         return self._chunks[number]
 
 
-class FolderStore:
-    """Keeps them in a folder; `TemporaryFolderStore` in one that is gone with it.
-
-    Attributes:
-      folder: the path.
-    """
+class FolderStore(StudyFolder):
+    """Keeps them in a folder; `TemporaryFolderStore` in one that is gone with it."""
 
     def __init__(self, folder: str | Path) -> None:
-        self.folder = Path(folder)
+        super().__init__(folder, title="rollout", command="rollout")
         self._belongs: tuple[Any, ...] = ()  # what the chunks belong to
         self._checked: set[int] = set()  # chunks that this process wrote, or has compared with their checksums
 
-    def open(self, settings: dict[str, Any], versions: dict[str, str], chunk: int, tracks: Sequence[Course]) -> int:
-        """Make the folder, or make sure that one which is there is of the same rollout.
+    def open(  # type: ignore[override]
+        self, settings: Mapping[str, Any], versions: Mapping[str, str], chunk: int, tracks: Sequence[Course]
+    ) -> int:
+        """Make the folder, or make sure that one which is there is of the same rollout; return worlds in its chunks.
 
         Args:
           settings: of the rollout, as JSON has them.
@@ -98,55 +77,24 @@ class FolderStore:
           chunk: worlds in a chunk, of a new folder.
           tracks: the courses.
 
-        Returns:
-          Worlds in a chunk of this folder.
-
         Raises:
           RunFolderError: it holds something else, or cannot be written.
         """
-        with blame(self.folder, ACCEPTED):
-            numbers, path = _numbers(tracks), self.folder / _MANIFEST
-            if path.exists():
-                manifest = self._read_manifest()
-                self._require_same(manifest["versions"], versions)  # of which settings there are depends on them
-                self._require_same(manifest["settings"], settings)
-            elif self.folder.exists() and any(self.folder.iterdir()):
-                raise RunFolderError(f"{self.folder}: is not empty; accepted: {ACCEPTED}")
-            else:
-                self.folder.mkdir(parents=True, exist_ok=True)
-                manifest = {
-                    "schema": SCHEMA, "settings": settings, "versions": versions, "chunk": chunk,
-                    "tracks_sha256": _sha256(numbers), "sha256": digest(settings, versions),
-                }  # fmt: skip
-                write_file(path, _json(manifest))
-            self._belongs = digest(settings, versions), manifest["chunk"]
+        numbers = _numbers(tracks)
+        others = {"chunk": chunk, "tracks_sha256": _sha256(numbers), _SEAL: digest(settings, versions)}
+        manifest = super().open(settings, versions, others=others)
+        with blame(self.folder, self.accepted):
             (self.folder / _CHUNKS).mkdir(exist_ok=True)
             self._keep_tracks(manifest, numbers)
-            return int(manifest["chunk"])
+        return int(manifest["chunk"])
 
-    def manifest(self) -> dict[str, Any]:
-        """Return what the folder was made with.
-
-        Raises:
-          RunFolderError: it was not made by a rollout, or is damaged.
-        """
-        if not (self.folder / _MANIFEST).is_file():
-            raise RunFolderError(f"{self.folder}: has no {_MANIFEST}; accepted: a folder that `rollout --out` wrote")
-        manifest = self._read_manifest()
-        with blame(self.folder / _MANIFEST, "as `rollout --out` wrote it"):
-            if manifest["sha256"] != self._belongs[0]:
-                raise ValueError("its sha256 is that of other settings or versions")
-        return manifest
-
-    def _read_manifest(self) -> dict[str, Any]:
-        path = self.folder / _MANIFEST
-        with blame(path, "as `rollout --out` wrote it"):
-            manifest = json.loads(path.read_text(encoding="utf-8"))
-            if not isinstance(manifest, dict) or manifest.get("schema") != SCHEMA:
-                raise ValueError(f"no JSON object with schema {SCHEMA}")
+    def manifest(self, *, checked: bool = True) -> dict[str, Any]:
+        """See StudyFolder."""
+        manifest = super().manifest(checked=checked)
+        with self.blame(self.folder / _MANIFEST):
             require_whole("chunk", manifest["chunk"], 1)
-            self._belongs = digest(manifest["settings"], manifest["versions"]), manifest["chunk"]
-            return manifest
+        self._belongs = self.digest, manifest["chunk"]
+        return manifest
 
     def _keep_tracks(self, manifest: dict[str, Any], numbers: Arrays) -> None:
         """Write the courses, unless they are there; warn where they are damaged."""
@@ -156,12 +104,12 @@ class FolderStore:
                 self._read_tracks(manifest)
                 return
             except RunFolderError as error:
-                warn_damaged(path, error)
+                warn_damaged(error)
         _write_arrays(path, numbers)
 
     def _read_tracks(self, manifest: dict[str, Any]) -> Arrays:
         path = self.folder / _TRACKS
-        with blame(path, "as `rollout --out` wrote it"), np.load(path, allow_pickle=False) as file:
+        with self.blame(path), np.load(path, allow_pickle=False) as file:
             arrays = dict(file)
             if manifest.get("tracks_sha256", _sha256(arrays)) != _sha256(arrays):  # older versions have none
                 raise ValueError("its sha256 is another")
@@ -176,7 +124,7 @@ class FolderStore:
         """
         manifest = self.manifest()
         arrays = self._read_tracks(manifest)
-        with blame(self.folder / _TRACKS, "as `rollout --out` wrote it"):
+        with self.blame(self.folder / _TRACKS):
             names = [track["name"] for track in manifest["settings"]["tracks"]]
             numbers: list[dict[str, NDArray[Any]]] = [{} for _ in names]
             for key, array in arrays.items():
@@ -192,7 +140,7 @@ class FolderStore:
                 self.read(number)
                 kept.add(number)
             except RunFolderError as error:
-                warn_damaged(self._path(number), error)
+                warn_damaged(error)
         return kept
 
     def add(self, number: int, arrays: Arrays) -> None:
@@ -201,7 +149,7 @@ class FolderStore:
         Raises:
           RunFolderError: it cannot be written.
         """
-        with blame(self.folder, "a folder that can be written"):
+        with blame(self.folder, WRITABLE):
             for name in TRACES:
                 if name in arrays:
                     _write_array(self._path(number, name), arrays[name])
@@ -236,11 +184,11 @@ class FolderStore:
         path = self.folder / _WORLDS
         try:
             known = self._read_summary().get("worlds_sha256")
-            with blame(path, "as `rollout --out` wrote it"):
+            with self.blame(path):
                 if known is not None and file_sha256(path) != known:
                     raise ValueError("its sha256 is another")
         except RunFolderError as error:
-            warn_damaged(str(error).partition(": ")[0], error)
+            warn_damaged(error)
             return False
         return True
 
@@ -254,7 +202,7 @@ class FolderStore:
         Raises:
           RunFolderError: it cannot be written.
         """
-        with blame(self.folder, "a folder that can be written"):
+        with blame(self.folder, WRITABLE):
             write_file(self.folder / _WORLDS, worlds.encode())
             figures = json.loads(_json(summary)) | {"worlds_sha256": hashlib.sha256(worlds.encode()).hexdigest()}
             write_file(self.folder / _SUMMARY, _json(sealed(figures, *self._belongs)))
@@ -276,18 +224,6 @@ class FolderStore:
     def _path(self, number: int, name: str | None = None) -> Path:
         return self.folder / _CHUNKS / (f"{number:06}.npz" if name is None else f"{number:06}.{name}.npy")
 
-    def _require_same(self, theirs: dict[str, Any], ours: dict[str, Any]) -> None:
-        for name in (*ours, *theirs):
-            there, here = theirs.get(name), ours.get(name)
-            if there != here:
-                if isinstance(there, dict) and isinstance(here, dict):  # of many files those that are others
-                    both = {key for key in there if key in here and there[key] == here[key]}
-                    there, here = ({k: v for k, v in each.items() if k not in both} for each in (there, here))
-                raise RunFolderError(
-                    f"{self.folder}: holds another rollout: {name} is {_short(there)} there and {_short(here)} here; "
-                    "accepted: the same settings, or a new or empty folder"
-                )
-
 
 class TemporaryFolderStore(FolderStore):
     """Keeps them among temporary files, until nobody needs it any more."""
@@ -296,6 +232,10 @@ class TemporaryFolderStore(FolderStore):
         self._temporary = tempfile.TemporaryDirectory(prefix="fg_mujoco-rollout-")
         super().__init__(self._temporary.name)
         (self.folder / _CHUNKS).mkdir()
+
+
+ChunkStore: TypeAlias = MemoryStore | FolderStore
+"""Keeps what chunks leave, by their numbers."""
 
 
 def _numbers(tracks: Sequence[Course]) -> Arrays:
@@ -321,8 +261,3 @@ def _write_array(path: Path, array: NDArray[Any]) -> None:
 
 def _write_arrays(path: Path, arrays: Arrays) -> None:
     write_file(path, lambda file: np.savez(file, **arrays))  # type: ignore[arg-type]
-
-
-def _short(value: Any) -> str:
-    text = json.dumps(value)
-    return text if len(text) <= 60 else text[:57] + "..."
