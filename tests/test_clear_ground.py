@@ -178,7 +178,7 @@ def test_what_is_in_the_way_is_known_and_what_moves_or_is_too_large_leaves_nothi
     world = fg.World("fast", obstacles=(Box(x=x, y=y, length=0.8, width=0.8),))
     assert world.distances[0][row, column] == 0.0
     assert fg.World("scene:crossing_box:1").distances[0].size == 0
-    monkeypatch.setattr("fg_mujoco.simulation.clear_ground._MOST_CELLS", 100)
+    monkeypatch.setattr("fg_mujoco.simulation.clear_ground.MOST_CELLS", 100)
     assert distances_of(plain.model)[0].size == 0
     assert find_clear_ground(NOTHING, plain.model, ("car/",)).distances.size == 0
 

@@ -116,7 +116,9 @@ def test_a_bad_controller_file_is_refused(here, capsys, text, name, said):
         ("scan.ranges[5000]", "IndexError"),
     ],
 )
-def test_a_controller_that_fails_at_its_first_scan_exits_1_and_leaves_a_run_of_no_tick(here, capsys, answer, said):
+def test_a_controller_that_fails_at_its_first_scan_exits_1_and_leaves_a_run_of_no_tick(
+    here, capsys, answer, said, without_pictures
+):
     (here / "planner.py").write_text(planner(answer))
     assert main(["race", "--controller", "planner.py:P", "--out", "run"]) == 1
     (told,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("  planner failed  ")]
@@ -174,7 +176,7 @@ def test_an_output_folder_that_cannot_be_used_is_refused_before_the_race(here, c
 
 @pytest.mark.parametrize("form", ["table", "json"])
 def test_a_race_whose_folder_cannot_be_written_in_the_end_prints_what_it_was_and_exits_2(
-    here, capsys, monkeypatch, form
+    here, capsys, monkeypatch, form, without_pictures
 ):
     def full(*_, **__):
         raise OSError(28, "No space left on device")
@@ -267,7 +269,7 @@ def test_a_race_won_exits_0_and_says_so(capsys, here):
     assert contents(here) == {}
 
 
-def test_a_controller_of_the_users_that_hits_the_wall_exits_1_and_is_written(here, capsys):
+def test_a_controller_of_the_users_that_hits_the_wall_exits_1_and_is_written(here, capsys, without_pictures):
     (here / "planner.py").write_text(STRAIGHT)
     assert main(["race", "--controller", "planner.py:Straight", "--max-speed", "3", "--out", "runs/crash"]) == 1
     assert "crash" in capsys.readouterr().out
@@ -302,7 +304,7 @@ def test_the_options_reach_the_race(capsys):
     assert summary["track"] == "random:2"
 
 
-def test_a_tampered_run_is_refused_and_without_checksums_exits_1_with_the_tick(here, capsys):
+def test_a_tampered_run_is_refused_and_without_checksums_exits_1_with_the_tick(here, capsys, without_pictures):
     import numpy as np
 
     main(["race", "--time-limit", "0.5", "--out", "run"])
@@ -318,7 +320,7 @@ def test_a_tampered_run_is_refused_and_without_checksums_exits_1_with_the_tick(h
     assert "from tick 4" in capsys.readouterr().out
 
 
-def test_ctrl_c_keeps_what_was_driven(here, capsys):
+def test_ctrl_c_keeps_what_was_driven(here, capsys, without_pictures):
     count = "    n = 0\n    def reset(self): pass\n"
     (here / "planner.py").write_text(
         "import os, signal\nfrom fg_mujoco.messages import STOP\nclass P:\n"
@@ -371,7 +373,7 @@ def test_the_first_ctrl_c_says_what_it_waits_for(here, capfd):
     assert "waiting for the first tick: the world, kernels to be compiled" in capfd.readouterr().err
 
 
-def test_a_planner_that_never_answers_ends_the_race_and_what_was_driven_is_kept(here, capsys):
+def test_a_planner_that_never_answers_ends_the_race_and_what_was_driven_is_kept(here, capsys, without_pictures):
     (here / "planner.py").write_text(
         "from fg_mujoco.messages import STOP\nclass P:\n    def reset(self): pass\n"
         "    def __call__(self, scan, odometry):\n        while scan.stamp > 0.11: pass\n        return STOP\n"
@@ -397,7 +399,7 @@ def test_the_table_has_decision_times_and_clamped_commands(here, capsys):
 
 def test_without_extras_the_rest_is_written_and_the_commands_that_install_them_are_said(here, capsys, monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    assert main(["race", "--laps", "1", "--out", "run"]) == 0
+    assert main(["race", "--time-limit", "0.5", "--out", "run"]) == 1
     err = capsys.readouterr().err
     assert err.count("\n") == 2
     assert install_command("plot") in err and install_command("report") in err

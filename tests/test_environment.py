@@ -225,7 +225,7 @@ def test_without_opengl_the_message_is_the_command_that_installs_it(monkeypatch)
     def none(*size):
         raise OSError("no EGL")
 
-    monkeypatch.setattr(gl, "_new_context", none)
+    monkeypatch.setattr(gl, "new_context", none)
     monkeypatch.delenv("MUJOCO_GL", raising=False)
     world = fg.World("oval")
     with pytest.raises(fg.MissingExtraError, match="apt-get install"):

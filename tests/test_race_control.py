@@ -227,7 +227,7 @@ def test_bad_opponents_are_one_line_and_exit_2(
 
 
 def test_a_race_with_opponents_on_the_command_line_can_be_raced_again(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], without_pictures: None
 ) -> None:
     out = tmp_path / "run"
     arguments = ["race", "--time-limit", "2", "--laps", "1", "--opponent", "wall_follow", "--opponent-max-speed", "2"]

@@ -560,7 +560,7 @@ def test_threads_of_nodes_end_with_the_planner(node):
         assert not thread.is_alive()
 
 
-def test_a_run_keeps_the_node_and_its_hash(node, tmp_path, capsys):
+def test_a_run_keeps_the_node_and_its_hash(node, tmp_path, capsys, without_pictures):
     source, folder = node("self.drive(1)"), tmp_path / "run"
     assert main(["race", "--controller", source, "--time-limit", "1", "--out", str(folder)]) == 1
     path = Path(source.removeprefix("ros:").rpartition(":")[0])
@@ -580,7 +580,7 @@ def test_a_run_keeps_the_node_and_its_hash(node, tmp_path, capsys):
         require_trusted(node("self.drive(2)"), "0" * 64, trust=True, where="here")
 
 
-def test_the_hash_of_a_node_covers_the_modules_of_its_own(tmp_path, capsys):
+def test_the_hash_of_a_node_covers_the_modules_of_its_own(tmp_path, capsys, without_pictures):
     path, module, folder = tmp_path / "mine.py", tmp_path / "tools" / "speeds.py", tmp_path / "run"
     module.parent.mkdir()
     module.write_text("SPEED = 1.0\n")

@@ -233,6 +233,25 @@ class Mine(Node):
 """
 
 
+@pytest.mark.parametrize(
+    ("asked", "expected"),
+    [
+        ("at.position.x", 2.0 * math.sin(1.0)),
+        ("at.position.y", 2.0 * (1.0 - math.cos(1.0))),
+        ("2 * np.arctan2(at.orientation.z, at.orientation.w)", 1.0),
+    ],
+)
+def test_a_node_that_is_told_no_pose_gets_the_one_that_follows_from_speed_and_yaw_rate(written, asked, expected):
+    """After 1 s at 2 m/s and 1 rad/s: on a circle of 2 m, a rad further."""
+    init = 'self.create_subscription(Odometry, "/odom", lambda m: self.got.update(odom=m), 1)'
+    body = f"import numpy as np\nif 'odom' not in self.got: return\nat = self.got['odom'].pose.pose\nself.drive({asked})"
+    planner = make(written(init, body))
+    turning = replace(odometry_of(2.0), angular_velocity=np.array((0.0, 0.0, 1.0)))
+    for i in range(42):  # the scan of a tick is heard before its odometry
+        command = planner(replace(SCAN, stamp=0.025 * i), replace(turning, stamp=0.025 * i))
+    assert command.speed == pytest.approx(expected, abs=1e-3)
+
+
 @pytest.mark.parametrize("car", ["f1tenth_1", "roboracer_1"])
 def test_a_node_of_autodrive_drives_by_throttle_and_steering(tmp_path, car):
     path = tmp_path / "racer.py"
