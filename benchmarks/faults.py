@@ -21,6 +21,8 @@ from pathlib import Path
 
 from common import parser, report, table
 
+from fg_mujoco.kernels import cache_folder
+
 ROOT = Path(__file__).parent.parent
 INSIDE = ("controllers", "models", "tracks")
 """Folders of the repository that are installed inside fg_mujoco."""
@@ -260,13 +262,13 @@ FAULTS = {
         file="fg_mujoco/cli/options.py",
         old="seed=first.seed + index)",
         new="seed=first.seed)",
-        tests="test_cli.py test_several_cars.py test_opponents.py test_doors.py",
+        tests="test_race_control.py test_cli.py",
     ),
-    "a study that replaces a run": Fault(
+    "a run that replaces a run without being told to": Fault(
         file="fg_mujoco/cli/out.py",
-        old="    elif there == kind == STUDY:",
-        new="    elif kind == STUDY:",
-        tests="test_out_folder.py test_rollout_cli.py",
+        old="    elif options.force:",
+        new="    elif options.force or kind == RUN:",
+        tests="test_out_folder.py",
     ),
 }
 
@@ -322,6 +324,9 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix="faults-") as place:
         folder = Path(place) / "copy"
         copy_of(options.checkout.resolve(), folder)
+        kept = cache_folder()  # kernels without a fault are not compiled again, and those with one are not kept
+        shutil.copytree(kept, Path(place) / "cache" / "fg_mujoco" / "kernels", copy_function=os.link)
+        (Path(place) / "cache" / "fg_mujoco").chmod(0o700)  # as it is only used when nobody else may write there
         for name, fault in chosen.items():
             before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
             text = make(fault, folder)

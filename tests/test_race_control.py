@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 
 from fg_mujoco import Entry, RaceResult, RunFolderError, SettingsError, Start, race, read_run, replay, write_run
 from fg_mujoco.cli.main import main
+from fg_mujoco.cli.options import opponents_of
 from fg_mujoco.messages import DriveCommand, LaserScan, Odometry
 from fg_mujoco.racing.race_control import OVERTAKE_HELD, OVERTAKE_LEAD
 from fg_mujoco.racing.run_folder import SUMMARY, of_car
@@ -224,6 +226,14 @@ def test_bad_opponents_are_one_line_and_exit_2(
     assert out == ""
     assert message in err
     assert err.count("\n") == 1
+
+
+def test_opponents_have_seeds_of_their_own() -> None:
+    options = argparse.Namespace(opponent=["wall_follow", "wall_follow"], opponent_max_speed=[3.0])
+    entries = opponents_of(options, Entry(seed=7))
+    assert [(entry.controller, entry.max_speed, entry.seed) for entry in entries] == [
+        ("wall_follow", 3.0, 8), ("wall_follow", 3.0, 9),
+    ]  # fmt: skip
 
 
 def test_a_race_with_opponents_on_the_command_line_can_be_raced_again(

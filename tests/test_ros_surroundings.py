@@ -244,7 +244,8 @@ class Mine(Node):
 def test_a_node_that_is_told_no_pose_gets_the_one_that_follows_from_speed_and_yaw_rate(written, asked, expected):
     """After 1 s at 2 m/s and 1 rad/s: on a circle of 2 m, a rad further."""
     init = 'self.create_subscription(Odometry, "/odom", lambda m: self.got.update(odom=m), 1)'
-    body = f"import numpy as np\nif 'odom' not in self.got: return\nat = self.got['odom'].pose.pose\nself.drive({asked})"
+    body = "import numpy as np\nif 'odom' not in self.got: return\nat = self.got['odom'].pose.pose\n"
+    body += f"self.drive({asked})"
     planner = make(written(init, body))
     turning = replace(odometry_of(2.0), angular_velocity=np.array((0.0, 0.0, 1.0)))
     for i in range(42):  # the scan of a tick is heard before its odometry
