@@ -48,6 +48,7 @@ def driven(engine, ticks):
     return np.array(states)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("track", ("oval", "tight", "boxes", "maze", "scene:dead_end:1"))
 def test_a_car_that_is_clear_touches_nothing(track):
     """Oracle: MuJoCo's own search for contacts, and its distance of the chassis from each solid, at random places."""

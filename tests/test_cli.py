@@ -106,6 +106,7 @@ def test_a_bad_controller_file_is_refused(here, capsys, text, name, said):
     assert said in refused(here, capsys, "race", "--controller", f"planner.py:{name}", "--out", "run")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("answer", "said"),
     [
@@ -195,6 +196,7 @@ def test_a_race_whose_folder_cannot_be_written_in_the_end_prints_what_it_was_and
     assert list(here.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_video_that_fails_after_the_race_leaves_the_run_folder_and_exits_1(here, capsys, monkeypatch):
     def full(*_):
         raise SettingsError("a.mp4: cannot be written: No space left on device")
@@ -234,6 +236,7 @@ def test_a_command_that_makes_no_sense_is_refused(here, capsys, arguments, said)
     assert said in refused(here, capsys, *arguments)
 
 
+@pytest.mark.slow
 def test_refusals_of_the_installed_command_are_one_line_and_exit_2(here):
     for arguments in [("race", "--laps", "0"), ("race", "--laps", "x"), ("race", "--track", "nowhere")]:
         run = command(*arguments)
@@ -241,6 +244,7 @@ def test_refusals_of_the_installed_command_are_one_line_and_exit_2(here):
     assert contents(here) == {}
 
 
+@pytest.mark.slow
 def test_json_is_one_object_and_nothing_else(here):
     (here / "planner.py").write_text(STRAIGHT)  # it prints, too
     run = command("race", "--json", "--laps", "1", "--controller", "planner.py:Straight", "--planner-mu", "off")
@@ -410,6 +414,7 @@ def test_without_extras_the_rest_is_written_and_the_commands_that_install_them_a
     assert install_command("plot") in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_progress_is_shown_on_a_terminal_and_not_in_a_pipe(here):
     (here / "planner.py").write_text(planner("DriveCommand(steering_angle=0.0, speed=0.1)"))
     arguments = ["race", "--laps", "2", "--controller", "planner.py:P", "--time-limit", "20"]
@@ -427,6 +432,7 @@ def test_progress_is_shown_on_a_terminal_and_not_in_a_pipe(here):
     assert b"\n" not in shown
 
 
+@pytest.mark.slow
 def test_a_reader_that_leaves_early_gets_no_traceback():
     process = subprocess.Popen(
         [sys.executable, "-m", "fg_mujoco", "track", "list"], stdout=subprocess.PIPE, stderr=subprocess.PIPE
@@ -437,6 +443,7 @@ def test_a_reader_that_leaves_early_gets_no_traceback():
     process.stderr.close()
 
 
+@pytest.mark.slow
 def test_track_new_writes_what_track_show_and_race_read(here, capsys):
     assert main(["track", "new", "--seed", "7", "out.csv"]) == 0
     drawn, made = fg.load_track("out.csv"), fg.generate_track(7)

@@ -135,6 +135,7 @@ def test_without_rules_the_same_car_is_not_put_back() -> None:
     assert result.warnings == result.restarts == ()
 
 
+@pytest.mark.slow
 def test_a_race_with_restarts_replays_to_the_bit(warned: RaceResult, tmp_path: Path) -> None:
     write_run(warned, tmp_path / "run", picture=False)
     report = replay(tmp_path / "run")
@@ -144,6 +145,7 @@ def test_a_race_with_restarts_replays_to_the_bit(warned: RaceResult, tmp_path: P
     assert np.array_equal(run.others[0], warned.car_results[1].telemetry, equal_nan=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("key", ["contacts", "cars"])
 def test_a_forged_figure_of_another_car_is_told(warned: RaceResult, tmp_path: Path, key: str) -> None:
     write_run(warned, tmp_path / "run", picture=False)

@@ -81,6 +81,7 @@ def test_race_takes_obstacles_and_says_so(capsys):
     assert "obstacles         4, seed 9" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_race_drives_a_scene_and_leaves_a_whole_folder(capsys, tmp_path):
     assert main(["race", "--track", "scene:crossing_box:3", "--time-limit", "1", "--out", str(tmp_path / "run")]) == 1
     assert "0 of 1, time limit" in capsys.readouterr().out

@@ -195,6 +195,7 @@ def test_without_another_car_a_warning_says_so(written):
         fg.race("oval", source, laps=1, time_limit=0.2)
 
 
+@pytest.mark.slow
 def test_nodes_with_a_map_and_others_have_the_same_bits_alone_and_in_threads(written):
     source = written(
         'self.create_subscription(OccupancyGrid, "/map", lambda m: self.got.update(map=m), 1)',
