@@ -38,9 +38,9 @@ test: $(READY)
 unit: $(READY)
 	$(BIN)/python -m pytest -n auto --dist loadfile $(ARGS)
 
-## make quick   the tests that take seconds
+## make quick   the tests that are not slow, in about a minute
 quick: $(READY)
-	$(BIN)/python -m pytest -m "not slow" $(ARGS)
+	$(BIN)/python -m pytest -m "not slow" -n auto --dist loadfile $(ARGS)
 
 ## make fuzz    the tests of random and hostile input, with others than in `make test`, again and again until one fails
 fuzz: $(READY)

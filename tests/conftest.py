@@ -36,6 +36,23 @@ SLOWEST = (
     "test_compare_cli.py", "test_two_policies_example.py", "test_tight_tracks.py",
 )  # fmt: skip
 
+# What takes a second or more here is in whole files of studies, benchmarks, examples, pages, bags, and of what starts
+# processes: `make quick` leaves them out, as it does single tests elsewhere that are marked so.
+SLOW_FILES = frozenset({
+    "test_bag_map.py", "test_bag_run.py", "test_bag_storage.py", "test_compare_cli.py", "test_comparison.py",
+    "test_debug.py", "test_docs.py", "test_drive.py", "test_every_course.py", "test_every_track.py",
+    "test_f110_interfaces.py", "test_f110_scripts.py", "test_f1tenth_gym_benchmark.py", "test_field_report.py",
+    "test_friction_cli.py", "test_friction_lab.py", "test_fuzz.py", "test_hostile_planners.py",
+    "test_hostile_runs.py", "test_identification.py", "test_identification_benchmark.py", "test_kernels.py",
+    "test_kills.py", "test_lab_braking.py", "test_lab_convergence.py", "test_lab_mismatch.py",
+    "test_lab_patches.py", "test_lab_skidpad.py", "test_lab_tire_law.py", "test_lab_transient.py", "test_leaks.py",
+    "test_live_cars.py", "test_live_view.py", "test_map_course.py", "test_overtaking.py", "test_packaging.py",
+    "test_race_maps_benchmark.py", "test_readme.py", "test_rendering.py", "test_rendering_cars.py",
+    "test_rendering_drive.py", "test_rendering_files.py", "test_replay_proof.py", "test_report.py",
+    "test_report_pages.py", "test_rollout_cli.py", "test_rollout_ray.py", "test_slides.py", "test_tight_tracks.py",
+    "test_training_example.py", "test_tutorial.py", "test_two_policies_example.py",
+})  # fmt: skip
+
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers():
@@ -48,7 +65,11 @@ def pytest_configure(config):
         config.option.loadscopereorder = False
 
 
+@pytest.hookimpl(tryfirst=True)  # before what is marked is left out
 def pytest_collection_modifyitems(items):
+    for item in items:
+        if item.path.name in SLOW_FILES:
+            item.add_marker(pytest.mark.slow)
     place = {name: number for number, name in enumerate(SLOWEST)}
     items.sort(key=lambda item: place.get(item.path.name, len(SLOWEST)))
 
@@ -82,7 +103,7 @@ def lap():
 def plain_runs():
     """Let `race --out` leave out the picture and the page, which take longer to draw than a short race to drive."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("fg_mujoco.cli.main._check_out", lambda folder: False)
+        patch.setattr("fg_mujoco.cli.main.check_out", lambda folder: False)
         patch.setattr("fg_mujoco.cli.main.report_race", lambda folder: None)
         yield
 

@@ -63,6 +63,7 @@ def entries(car, count=60, still=0):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("car", ["f1tenth_1", "f1tenth_2", "roboracer_1", "our_car"])
 def test_commands_wheels_and_imu_count_for_identify_whatever_the_car_is_called(tmp_path, car):
     drive = read_drive(write_bag(tmp_path / "bag", entries(car, 120)))

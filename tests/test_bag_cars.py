@@ -33,11 +33,13 @@ def two(tmp_path_factory):
     return written(shunt()[0], tmp_path_factory.mktemp("two"))
 
 
+@pytest.mark.slow
 def test_topics_of_two_cars_are_those_of_f1tenth_gym_ros(two):
     named = {"/ego_racecar/odom", "/ego_racecar/opp_odom", "/opp_racecar/opp_odom", "/opp_scan", "/opp_drive"}
     assert set(two) == set(TOPICS) | named | {f"/opp_racecar/{name}" for name in OF_A_CAR}
 
 
+@pytest.mark.slow
 def test_more_cars_have_their_numbers(tmp_path):
     found = written(three_cars(), tmp_path)
     assert {topic for topic in found if topic.startswith("/car_")} == {
@@ -82,6 +84,7 @@ def test_frames_of_the_other_car_hang_on_the_map(two):
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_car_that_has_finished_says_no_more(tmp_path):
     entries = [fg.Entry(max_speed=2.0), fg.Entry(max_speed=6.0)]
     race = fg.race("oval", entries=entries, laps=1, time_limit=11.0)
@@ -94,6 +97,7 @@ def test_a_car_that_has_finished_says_no_more(tmp_path):
         assert len(found[topic]) == len(race.telemetry)
 
 
+@pytest.mark.slow
 def test_bag_is_read_as_that_of_car_0_or_of_another_by_its_topics(two, tmp_path):
     race, planners = shunt()
     run = fg.write_run(race, tmp_path / "run", picture=False)

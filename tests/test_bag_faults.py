@@ -121,6 +121,7 @@ def test_stamps_that_stand_still_are_those_of_other_scans_all_the_same(tmp_path)
     assert np.diff([d.scan.stamp for d in found]) == pytest.approx(0.025, abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(set(controller_names()) - {"pure_pursuit"}))
 def test_every_planner_goes_on_where_the_beams_change_in_the_middle(name, tmp_path, capsys):
     def corridor(number):

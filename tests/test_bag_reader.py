@@ -61,6 +61,7 @@ def test_without_odometry_the_car_does_what_was_commanded_before_the_scan(tmp_pa
     assert second.odometry.wheel_speeds.tolist() == [1.5] * 4
 
 
+@pytest.mark.slow
 def test_odometry_is_the_last_received_when_the_scan_came_in(tmp_path):
     late = EPOCH + SECOND // 20
     entries = [

@@ -47,6 +47,7 @@ def assert_same_commands(rows, result):
     assert np.ptp(rows[:, 2]) > 0.1  # there was something to decide
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", controller_names())
 def test_every_planner_commands_over_its_own_bag_what_it_commanded_in_the_race(name, tmp_path):
     result, bag = race_and_bag(tmp_path, controller=name)
@@ -55,6 +56,7 @@ def test_every_planner_commands_over_its_own_bag_what_it_commanded_in_the_race(n
     assert_same_commands(read_commands(out), result)
 
 
+@pytest.mark.slow
 def test_late_noisy_and_distorted_scans_are_replayed_as_they_were(tmp_path):
     effects = LidarEffects(range_noise_std=0.01, dropout_probability=0.02, latency=0.06, motion_distortion=True)
     settings = {"planner_mu": math.inf, "max_speed": 5.0}
@@ -76,6 +78,7 @@ def robot_bag(folder, ranges, **geometry):
     return write_bag(folder, entries)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(set(controller_names()) - {"pure_pursuit"}))
 @pytest.mark.parametrize(
     ("first", "turn", "beams"),

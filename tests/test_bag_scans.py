@@ -67,6 +67,7 @@ def test_the_stamp_in_a_header_is_that_of_the_first_beam():
     assert stamp.sec + 1e-9 * stamp.nanosec == pytest.approx(1.0 - 0.025 * 0.75)  # 270 of 360 deg in 25 ms
 
 
+@pytest.mark.slow
 @given(
     beams=st.integers(2, 95), share=st.floats(0.05, 0.99), start=st.floats(-math.pi, math.pi), turns=st.integers(-1, 1)
 )

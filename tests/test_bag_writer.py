@@ -85,6 +85,7 @@ def test_what_is_latched_says_so_and_comes_before_all_else(bag):
         assert {connection.topic for connection, _, _ in list(reader.messages())[:2]} == set(LATCHED)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("track", "effects", "lidar"),
     [

@@ -91,6 +91,7 @@ def exhaustive_safe_speed(widened, angle_min, increment, speed, steering_angle, 
     return fastest
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(0.5, 12.0), st.floats(-8.0, 9.0), st.floats(-0.4, 0.4))
 def test_it_finds_what_a_search_of_all_paths_finds(seed, size, speed, steering_angle):

@@ -143,6 +143,7 @@ MANOEUVRES = {  # steering [rad] and speed [m/s] over the time [s], and how far 
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MANOEUVRES)
 def test_places_converge_as_the_timestep_shrinks(name):
     """Oracle: a timestep of 0.25 ms, from which a method of the first order is off by timestep - 0.25 ms.
@@ -326,6 +327,7 @@ def test_no_brake_beats_friction(mu):
 # Measured onset: 0.99 to 1.00 of the law. On a tight circle it comes 2% early: the CoG's own circle is wider than the
 # rear axle's, and the steered tires pull backwards. On a wide one, on slippery ground, a car that is 3% too fast runs
 # wide at 17 mm/s, and creeps at 25: not yet SLIDING_SPEED (the closed form is tested below).
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("mu", "radius", "holds", "slides"),
     [
@@ -349,6 +351,7 @@ def test_steady_circle_holds_up_to_the_speed_law_and_slides_beyond(mu, radius, h
     assert np.nanmax(drive_circle(mu, radius, slides)[2].sliding_speed) > slides_above(tires)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("mu", "fraction"), [(0.6, 1.02), (0.6, 1.03), (0.6, 1.04), (0.4, 1.05)])
 def test_front_tires_run_wide_as_fast_as_the_closed_form_says(mu, fraction):
     """Beyond the limit the circle is k^2 times as wide, and the front tires cross it, above what all creep.
@@ -365,6 +368,7 @@ def test_front_tires_run_wide_as_fast_as_the_closed_form_says(mu, fraction):
     assert (front - rear).mean() == pytest.approx(wide, abs=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mu", [1.0489, 0.6])
 @pytest.mark.parametrize("radius", [3.0, 8.0])
 def test_beyond_the_limit_the_circle_widens_as_the_square_of_the_speed(mu, radius):

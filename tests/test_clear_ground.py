@@ -48,6 +48,7 @@ def driven(engine, ticks):
     return np.array(states)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("track", ("oval", "tight", "boxes", "maze", "scene:dead_end:1"))
 def test_a_car_that_is_clear_touches_nothing(track):
     """Oracle: MuJoCo's own search for contacts, and its distance of the chassis from each solid, at random places."""
@@ -178,7 +179,7 @@ def test_what_is_in_the_way_is_known_and_what_moves_or_is_too_large_leaves_nothi
     world = fg.World("fast", obstacles=(Box(x=x, y=y, length=0.8, width=0.8),))
     assert world.distances[0][row, column] == 0.0
     assert fg.World("scene:crossing_box:1").distances[0].size == 0
-    monkeypatch.setattr("fg_mujoco.simulation.clear_ground._MOST_CELLS", 100)
+    monkeypatch.setattr("fg_mujoco.simulation.clear_ground.MOST_CELLS", 100)
     assert distances_of(plain.model)[0].size == 0
     assert find_clear_ground(NOTHING, plain.model, ("car/",)).distances.size == 0
 

@@ -33,6 +33,7 @@ def sampled_distance(a, b, half_length, half_width, count=1001):
     return float(np.hypot(*outside.T).min())
 
 
+@pytest.mark.slow
 @given(places, places, places, places, halves, halves)
 def test_the_distance_to_a_segment_is_that_of_its_nearest_point(ax, ay, bx, by, half_length, half_width):
     a, b = np.array([ax, ay]), np.array([bx, by])

@@ -106,6 +106,7 @@ def test_a_bad_controller_file_is_refused(here, capsys, text, name, said):
     assert said in refused(here, capsys, "race", "--controller", f"planner.py:{name}", "--out", "run")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("answer", "said"),
     [
@@ -116,7 +117,9 @@ def test_a_bad_controller_file_is_refused(here, capsys, text, name, said):
         ("scan.ranges[5000]", "IndexError"),
     ],
 )
-def test_a_controller_that_fails_at_its_first_scan_exits_1_and_leaves_a_run_of_no_tick(here, capsys, answer, said):
+def test_a_controller_that_fails_at_its_first_scan_exits_1_and_leaves_a_run_of_no_tick(
+    here, capsys, answer, said, without_pictures
+):
     (here / "planner.py").write_text(planner(answer))
     assert main(["race", "--controller", "planner.py:P", "--out", "run"]) == 1
     (told,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("  planner failed  ")]
@@ -174,7 +177,7 @@ def test_an_output_folder_that_cannot_be_used_is_refused_before_the_race(here, c
 
 @pytest.mark.parametrize("form", ["table", "json"])
 def test_a_race_whose_folder_cannot_be_written_in_the_end_prints_what_it_was_and_exits_2(
-    here, capsys, monkeypatch, form
+    here, capsys, monkeypatch, form, without_pictures
 ):
     def full(*_, **__):
         raise OSError(28, "No space left on device")
@@ -193,6 +196,7 @@ def test_a_race_whose_folder_cannot_be_written_in_the_end_prints_what_it_was_and
     assert list(here.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_video_that_fails_after_the_race_leaves_the_run_folder_and_exits_1(here, capsys, monkeypatch):
     def full(*_):
         raise SettingsError("a.mp4: cannot be written: No space left on device")
@@ -232,6 +236,7 @@ def test_a_command_that_makes_no_sense_is_refused(here, capsys, arguments, said)
     assert said in refused(here, capsys, *arguments)
 
 
+@pytest.mark.slow
 def test_refusals_of_the_installed_command_are_one_line_and_exit_2(here):
     for arguments in [("race", "--laps", "0"), ("race", "--laps", "x"), ("race", "--track", "nowhere")]:
         run = command(*arguments)
@@ -239,6 +244,7 @@ def test_refusals_of_the_installed_command_are_one_line_and_exit_2(here):
     assert contents(here) == {}
 
 
+@pytest.mark.slow
 def test_json_is_one_object_and_nothing_else(here):
     (here / "planner.py").write_text(STRAIGHT)  # it prints, too
     run = command("race", "--json", "--laps", "1", "--controller", "planner.py:Straight", "--planner-mu", "off")
@@ -267,7 +273,7 @@ def test_a_race_won_exits_0_and_says_so(capsys, here):
     assert contents(here) == {}
 
 
-def test_a_controller_of_the_users_that_hits_the_wall_exits_1_and_is_written(here, capsys):
+def test_a_controller_of_the_users_that_hits_the_wall_exits_1_and_is_written(here, capsys, without_pictures):
     (here / "planner.py").write_text(STRAIGHT)
     assert main(["race", "--controller", "planner.py:Straight", "--max-speed", "3", "--out", "runs/crash"]) == 1
     assert "crash" in capsys.readouterr().out
@@ -302,7 +308,7 @@ def test_the_options_reach_the_race(capsys):
     assert summary["track"] == "random:2"
 
 
-def test_a_tampered_run_is_refused_and_without_checksums_exits_1_with_the_tick(here, capsys):
+def test_a_tampered_run_is_refused_and_without_checksums_exits_1_with_the_tick(here, capsys, without_pictures):
     import numpy as np
 
     main(["race", "--time-limit", "0.5", "--out", "run"])
@@ -318,7 +324,7 @@ def test_a_tampered_run_is_refused_and_without_checksums_exits_1_with_the_tick(h
     assert "from tick 4" in capsys.readouterr().out
 
 
-def test_ctrl_c_keeps_what_was_driven(here, capsys):
+def test_ctrl_c_keeps_what_was_driven(here, capsys, without_pictures):
     count = "    n = 0\n    def reset(self): pass\n"
     (here / "planner.py").write_text(
         "import os, signal\nfrom fg_mujoco.messages import STOP\nclass P:\n"
@@ -371,7 +377,7 @@ def test_the_first_ctrl_c_says_what_it_waits_for(here, capfd):
     assert "waiting for the first tick: the world, kernels to be compiled" in capfd.readouterr().err
 
 
-def test_a_planner_that_never_answers_ends_the_race_and_what_was_driven_is_kept(here, capsys):
+def test_a_planner_that_never_answers_ends_the_race_and_what_was_driven_is_kept(here, capsys, without_pictures):
     (here / "planner.py").write_text(
         "from fg_mujoco.messages import STOP\nclass P:\n    def reset(self): pass\n"
         "    def __call__(self, scan, odometry):\n        while scan.stamp > 0.11: pass\n        return STOP\n"
@@ -397,7 +403,7 @@ def test_the_table_has_decision_times_and_clamped_commands(here, capsys):
 
 def test_without_extras_the_rest_is_written_and_the_commands_that_install_them_are_said(here, capsys, monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    assert main(["race", "--laps", "1", "--out", "run"]) == 0
+    assert main(["race", "--time-limit", "0.5", "--out", "run"]) == 1
     err = capsys.readouterr().err
     assert err.count("\n") == 2
     assert install_command("plot") in err and install_command("report") in err
@@ -408,6 +414,7 @@ def test_without_extras_the_rest_is_written_and_the_commands_that_install_them_a
     assert install_command("plot") in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_progress_is_shown_on_a_terminal_and_not_in_a_pipe(here):
     (here / "planner.py").write_text(planner("DriveCommand(steering_angle=0.0, speed=0.1)"))
     arguments = ["race", "--laps", "2", "--controller", "planner.py:P", "--time-limit", "20"]
@@ -425,6 +432,7 @@ def test_progress_is_shown_on_a_terminal_and_not_in_a_pipe(here):
     assert b"\n" not in shown
 
 
+@pytest.mark.slow
 def test_a_reader_that_leaves_early_gets_no_traceback():
     process = subprocess.Popen(
         [sys.executable, "-m", "fg_mujoco", "track", "list"], stdout=subprocess.PIPE, stderr=subprocess.PIPE
@@ -435,6 +443,7 @@ def test_a_reader_that_leaves_early_gets_no_traceback():
     process.stderr.close()
 
 
+@pytest.mark.slow
 def test_track_new_writes_what_track_show_and_race_read(here, capsys):
     assert main(["track", "new", "--seed", "7", "out.csv"]) == 0
     drawn, made = fg.load_track("out.csv"), fg.generate_track(7)

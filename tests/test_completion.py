@@ -24,6 +24,7 @@ def completions(line, folder):
     return {word.strip() for word in (folder / "answer").read_text().split("\n")} - {""}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("line", "offered"),
     [

@@ -110,6 +110,7 @@ def test_a_race_that_ends_otherwise_has_no_crash(lap):
     assert lap.crash is None and lap.summary()["crash"] is None
 
 
+@pytest.mark.slow
 def test_table_json_report_and_picture_tell_of_the_crash(tmp_path, monkeypatch, capsys):
     pytest.importorskip("bokeh", reason="no bokeh here: pip install -e '.[report]'")
     monkeypatch.chdir(tmp_path)
@@ -134,6 +135,7 @@ def test_table_json_report_and_picture_tell_of_the_crash(tmp_path, monkeypatch, 
     assert "crashed here" in [text.get_text() for text in axes.texts]
 
 
+@pytest.mark.slow
 def test_the_headings_of_table_and_report_have_the_planners_settings(tmp_path, monkeypatch, capsys):
     pytest.importorskip("bokeh", reason="no bokeh here: pip install -e '.[report]'")
     monkeypatch.chdir(tmp_path)

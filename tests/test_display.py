@@ -89,6 +89,7 @@ def objects(lap, crashed, comparison, worlds, tmp_path_factory):
     ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_every_public_class_is_among_those_that_are_looked_at(objects):
     kinds = {name: getattr(fg, name) for name in fg.__all__ if isinstance(getattr(fg, name), type)}
     made = {

@@ -62,6 +62,7 @@ def test_a_world_has_the_bits_of_the_same_steps_by_hand(world):
     assert state.tobytes() == by_hand(world, 40).tobytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("count", "threads"), [(3, 1), (9, 2), (9, 4)])
 @pytest.mark.parametrize("world", [OVAL, ON_CONTACTS], ids=["coulomb", "contact"])
 def test_each_of_many_worlds_has_the_bits_that_it_has_alone(world, count, threads):

@@ -120,6 +120,7 @@ def test_nan_is_refused_and_what_is_out_of_bounds_is_counted():
     assert env.task.episodes.facts()["clipped_actions"] == 1
 
 
+@pytest.mark.slow
 def test_seed_makes_starts_and_boxes():
     def places(seed):
         env = load("oval", task="obstacles", seed=seed, beam_step=540)
@@ -210,6 +211,7 @@ print(len(np.unique(top)) > 50, before.shape, frame.shape, frame.std() > 10, (en
 """
 
 
+@pytest.mark.slow
 def test_rendering():
     """In a process of its own: which OpenGL is used is decided when mujoco is imported."""
     pytest.importorskip("gymnasium")
@@ -225,7 +227,7 @@ def test_without_opengl_the_message_is_the_command_that_installs_it(monkeypatch)
     def none(*size):
         raise OSError("no EGL")
 
-    monkeypatch.setattr(gl, "_new_context", none)
+    monkeypatch.setattr(gl, "new_context", none)
     monkeypatch.delenv("MUJOCO_GL", raising=False)
     world = fg.World("oval")
     with pytest.raises(fg.MissingExtraError, match="apt-get install"):

@@ -60,6 +60,7 @@ def drawn(tmp_path):
     return tmp_path / "drawn"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backwards", [False, True])
 def test_a_waypoint_follower_laps_a_map_in_either_direction(drawn, backwards):
     waypoints = read_map(f"{drawn}.yaml").centreline
@@ -75,6 +76,7 @@ def test_a_waypoint_follower_laps_a_map_in_either_direction(drawn, backwards):
     assert sorted(counts) == counts
 
 
+@pytest.mark.slow
 def test_a_waypoint_follower_laps_a_real_map():
     path = real_map("maps/aut")
     waypoints = np.loadtxt(path.with_name("aut_centerline.csv"), delimiter=",")[:, :2]
@@ -321,6 +323,7 @@ def test_cars_see_each_other_where_they_are(drawn, monkeypatch):
     assert np.abs(bearings).max() == pytest.approx(math.atan2(0.06, rear - lidar), abs=0.005)
 
 
+@pytest.mark.slow
 def test_cars_that_touch_have_collided_and_the_episode_ends_with_the_ego(drawn):
     """The last of three drives into the middle one; the first is out of it."""
     poses, actions = (
@@ -342,6 +345,7 @@ def test_a_wall_that_another_car_hits_does_not_end_the_episode(drawn):
     assert observed[-1]["collisions"].tolist() == [0.0, 1.0]
 
 
+@pytest.mark.slow
 def test_the_episode_is_done_when_all_cars_have_driven_two_laps(drawn):
     waypoints = read_map(f"{drawn}.yaml").centreline
     planners = [WaypointFollower(waypoints, speed=speed) for speed in (4.0, 3.0)]
@@ -361,6 +365,7 @@ def test_the_episode_is_done_when_all_cars_have_driven_two_laps(drawn):
     assert obs["collisions"].tolist() == [0.0, 0.0]
 
 
+@pytest.mark.slow
 def test_a_car_drives_the_same_bits_with_others_far_away_and_its_noise_is_its_own(drawn, monkeypatch):
     monkeypatch.setattr(driving, "SCAN_NOISE", 0.0)
     pose, action = [7.0, 2.25, 0.0], [0.02, 2.0]

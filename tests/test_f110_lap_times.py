@@ -114,6 +114,7 @@ def lateral(course, speed):
     return float(np.nanmax(np.abs(turned) / np.hypot(*ahead.T)) * speed**2 / (MU * G))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tires", [None, "f1tenth_gym"])
 @pytest.mark.parametrize("course", ["oval", "chicanes", "hairpins"])
 def test_within_grip_a_planner_laps_in_the_time_of_the_gym(course, tires):
@@ -122,6 +123,7 @@ def test_within_grip_a_planner_laps_in_the_time_of_the_gym(course, tires):
     np.testing.assert_allclose(ours, theirs, rtol=0.005)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("course", "speed"), [("oval", 7.5), ("chicanes", 6.0), ("hairpins", 5.5), ("fast", 10.0)])
 def test_beyond_grip_linear_tires_lap_in_the_time_of_the_gym(course, speed):
     assert lateral(course, speed) > 1.35

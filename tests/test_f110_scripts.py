@@ -133,9 +133,8 @@ def test_a_waypoint_follower_of_v0_2_laps_unedited(folder, hidden):
     assert "script.py" in error  # the warning names the script's line
 
 
-@pytest.mark.parametrize("hidden", [(), ALL])
-@pytest.mark.parametrize("name", ["f1tenth_gym:f1tenth-v0", "f110_gym:f110-v0"])
-def test_a_waypoint_follower_of_v1_0_laps_unedited(folder, hidden, name):
+@pytest.mark.parametrize(("name", "hidden"), [("f1tenth_gym:f1tenth-v0", ()), ("f110_gym:f110-v0", ALL)])
+def test_a_waypoint_follower_of_v1_0_laps_unedited(folder, name, hidden):
     out, error, status = run(folder, NEW.replace("MODULE", name), hidden=hidden)
     assert (out, status) == ("2.0 [True] True\n", 0), error
 

@@ -138,12 +138,12 @@ def test_page_has_cars_overtakes_and_contacts_with_a_picture_of_the_moment(tmp_p
 
 def test_page_says_how_to_have_the_pictures(tmp_path, monkeypatch):
     pytest.importorskip("bokeh")
-    from fg_mujoco.viz.report import field, write_report
+    from fg_mujoco.viz.report import write_report
 
-    def missing(*arguments):
+    def missing(*arguments, **settings):
         raise MissingExtraError("pip install what-draws")
 
-    monkeypatch.setattr(field, "_pictures", missing)
+    monkeypatch.setattr("fg_mujoco.viz.rendering.Film", missing)
     monkeypatch.setattr("fg_mujoco.viz.report.page.make_clip", lambda *arguments, **settings: None)
     page = write_report(shunt()[0], tmp_path / "a.html").read_text(encoding="utf-8")
     assert "pip install what-draws" in page and "<h2>Contacts</h2>" in page

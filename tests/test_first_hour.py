@@ -357,6 +357,7 @@ IMPORTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("imports", IMPORTS.values(), ids=IMPORTS)
 def test_import_fg_mujoco_registers_the_environment(imports):
     pytest.importorskip("gymnasium")
@@ -385,6 +386,7 @@ def test_tracks_in_place_of_a_track_of_an_environment_are_refused():
             make("fg_mujoco/F1Tenth-v0", track=["oval", "tight"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("display", ["", ":987"])
 def test_a_window_without_a_display_is_refused_and_the_program_goes_on(display):
     pytest.importorskip("gymnasium")

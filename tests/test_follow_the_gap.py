@@ -64,6 +64,7 @@ def test_a_bubble_at_the_end_of_a_scan_does_not_wrap_round():
         assert free[2:].tolist() == [2.5] * 4
 
 
+@pytest.mark.slow
 @given(
     ranges=arrays(np.float64, st.integers(0, 30), elements=st.floats(0.0, 10.0)),
     increment=st.floats(1e-3, 0.2),

@@ -117,6 +117,7 @@ def test_a_folder_says_neither_that_it_is_trusted_nor_what_is_written(foreign, o
     assert not (foreign.parent / "file.mp4").exists()
 
 
+@pytest.mark.slow
 def test_pictures_of_a_run_need_no_planner(foreign):
     eye = PlannerEye(read_drive(foreign))
     assert "--trust" in eye.missing and not imported(foreign)
@@ -126,6 +127,7 @@ def test_pictures_of_a_run_need_no_planner(foreign):
     assert set(eye.at_tick(3).intermediate_scans) == {"raw", "gap"}
 
 
+@pytest.mark.slow
 def test_render_imports_nothing_that_a_folder_names(foreign, capsys):
     from rendered import _missing
 
@@ -140,6 +142,7 @@ def test_render_imports_nothing_that_a_folder_names(foreign, capsys):
     assert imported(foreign) and capsys.readouterr().err == ""
 
 
+@pytest.mark.slow
 def test_replay_and_reports_never_import_the_planner(foreign):
     pytest.importorskip("bokeh")
     (foreign / "report.html").unlink(missing_ok=True)
@@ -154,6 +157,7 @@ def test_a_race_that_was_just_driven_is_trusted_for_its_pictures(raced, tmp_path
     assert eye.missing == ""
 
 
+@pytest.mark.slow
 def test_reports_of_a_comparison_drive_no_foreign_planner(foreign, monkeypatch, capsys):
     pytest.importorskip("bokeh")
     here = foreign.parent

@@ -220,6 +220,7 @@ held_references = st.lists(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(held_references, st.floats(0.0, 8.0), st.sampled_from([0.3, 0.6, MU]))
 def test_whatever_is_asked_the_lateral_demand_stays_within_the_grip(references, speed, mu):
@@ -231,6 +232,7 @@ def test_whatever_is_asked_the_lateral_demand_stays_within_the_grip(references, 
     assert max(demands) <= 1.0
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(held_references, st.floats(0.0, 8.0), st.sampled_from([0.6, MU]))
 def test_whatever_is_asked_braking_and_accelerating_stay_within_what_cornering_leaves(references, speed, mu):

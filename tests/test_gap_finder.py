@@ -309,6 +309,7 @@ def test_a_batch_of_none_is_one():
     assert decide_all(GapFinder.batch([]), [], []) == []
 
 
+@pytest.mark.slow
 def test_batches_in_different_threads_do_not_meet():
     scans = [rough_scan(seed) for seed in range(8)]
 

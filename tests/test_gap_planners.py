@@ -95,6 +95,7 @@ def test_a_setting_that_it_cannot_plan_with_is_refused_by_name(made):
                 made.Settings(**{field.name: value})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("circuit", ["oval", "l_corridor"])
 @pytest.mark.parametrize("name", PLANNERS)
 def test_it_drives_five_laps_without_a_crash_and_without_sliding(name, circuit):

@@ -81,6 +81,7 @@ def test_the_deepest_run_is_the_longest_of_those_near_the_greatest(ranges, bound
         assert gaps.furthest_beam(ranges, first, end) == ((right + left - 1) // 2 if left > right else -1)
 
 
+@pytest.mark.slow
 @given(a=st.floats(0.0, 30.0), b=st.floats(0.0, 30.0), angle=st.floats(0.0, 2.0 * math.pi))
 @unhurried
 def test_a_chord_is_the_distance_of_the_two_points(a, b, angle):

@@ -30,6 +30,7 @@ def test_tight_circuits_with_room_to_turn_are_driven_as_before(circuit):
     assert race.finished and race.collisions == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("circuit", "without"),
     [("spiral", "no_progress"), ("maze", "no_progress"), ("boxes", "no_progress"), ("random:1:tight", "wrong_way")],
@@ -56,6 +57,7 @@ def test_in_a_dead_end_it_stops_and_touches_nothing(seed):
     assert abs(race.column("speed_m_s")[-1]) < 0.1
 
 
+@pytest.mark.slow
 def test_without_a_friction_limit_it_is_off():
     """The same race to the last bit with guidance as without, where at the car's own grip they differ."""
     ends = {}

@@ -52,6 +52,7 @@ def test_env_checker_of_gymnasium_finds_nothing(settings):
     assert len(texts) == len(advice) and all(part in text for part, text in zip(advice, texts, strict=True)), texts
 
 
+@pytest.mark.slow
 def test_id_needs_no_import_when_it_names_the_module():
     code = (
         "import gymnasium\n"
@@ -68,6 +69,7 @@ def test_importing_fg_mujoco_does_not_import_gymnasium():
     assert run.stdout.strip() == "False False"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", ["gym_environment", "gym_vector"])
 def test_without_gymnasium_the_message_is_the_command_that_installs_it(module):
     code = f"import sys; sys.modules['gymnasium'] = None\nimport fg_mujoco.envs.{module}"

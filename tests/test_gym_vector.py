@@ -92,6 +92,7 @@ CASES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_worlds_tell_what_single_environments_tell(case):
     mode, settings = CASES[case]

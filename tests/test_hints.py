@@ -149,6 +149,7 @@ class Degrees:
 """
 
 
+@pytest.mark.slow
 def test_command_line_and_report_say_it_in_a_line(tmp_path, monkeypatch, capsys):
     pytest.importorskip("bokeh", reason="no bokeh here: pip install -e '.[report]'")
     monkeypatch.chdir(tmp_path)

@@ -57,6 +57,7 @@ TRACKS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TRACKS)
 def test_tracks_that_are_too_much(name, here, capsys):
     text, *said = TRACKS[name]

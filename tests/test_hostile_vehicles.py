@@ -127,6 +127,7 @@ VEHICLES = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", VEHICLES)
 def test_a_hostile_vehicle_is_refused_in_one_line(name, here, capsys):
     change, said = VEHICLES[name]
@@ -256,6 +257,7 @@ LOOKS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LOOKS)
 def test_a_look_reads_no_file_outside_of_its_folder(name, here):
     file, said = LOOKS[name]
@@ -267,6 +269,7 @@ def test_a_look_reads_no_file_outside_of_its_folder(name, here):
     assert "\n" not in str(refused.value) and "look " in str(refused.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("asset", "said"),
     [

@@ -46,6 +46,7 @@ def runs(tmp_path_factory):
     return here
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("folder", "car"), [("one", 0), ("two", 1)])
 def test_it_is_held_recorded_and_counted(runs, folder, car):
     run = read_run(runs / folder)
@@ -72,6 +73,7 @@ def test_the_folder_has_numbers_only_and_replays(runs, folder, capsys):
     assert "bit-identical" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_debug_shows_it_and_says_what_was_asked_and_what_the_car_holds(runs, capsys):
     seen = fg.debug(runs / "one", trust=True)
     assert seen.notes == ()  # the planner answers what was recorded

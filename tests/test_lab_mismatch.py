@@ -55,7 +55,7 @@ def test_section_names_the_ratios_and_draws(tables):
 @pytest.mark.parametrize("threshold", [0.95, 1.1, 1.234])
 def test_knee_is_found_where_the_tires_begin_to_slide(monkeypatch, threshold):
     monkeypatch.setattr(
-        mismatch, "_drive", lambda *cell: SimpleNamespace(slide_time_fraction=0.1 * (cell[2] > threshold))
+        mismatch, "drive_believing", lambda *cell: SimpleNamespace(slide_time_fraction=0.1 * (cell[2] > threshold))
     )
     (row,) = EXPERIMENT.measure({"track": "oval", "mu": 0.6, "ratio": None})["knee"]
     assert row["holds_at"] <= threshold <= row["slides_at"] and row["slides_at"] - row["holds_at"] <= 0.02
@@ -64,7 +64,7 @@ def test_knee_is_found_where_the_tires_begin_to_slide(monkeypatch, threshold):
 
 @pytest.mark.parametrize(("slide", "reason"), [(0.0, "slides at no ratio up to 1.5"), (1.0, "slides at 0.9")])
 def test_knee_that_is_not_there_is_nan_with_a_reason(monkeypatch, slide, reason):
-    monkeypatch.setattr(mismatch, "_drive", lambda *_: SimpleNamespace(slide_time_fraction=slide))
+    monkeypatch.setattr(mismatch, "drive_believing", lambda *_: SimpleNamespace(slide_time_fraction=slide))
     (row,) = EXPERIMENT.measure({"track": "oval", "mu": 0.6, "ratio": None})["knee"]
     assert math.isnan(row["sliding_from"]) and row["reason"] == reason
 

@@ -91,6 +91,7 @@ def test_stadium_is_driven_in_the_time_of_the_closed_form(mu, radius, straight):
     assert lap_time(line, speeds) == pytest.approx(expected, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_straights_above_the_power_limit_are_driven_as_the_cubic_law_says():
     """With constant power v^3 grows by 3 P s, and braking needs none: where both meet, by bisection."""
     radius, straight = 3.0, 20.0
@@ -278,6 +279,7 @@ def test_race_without_a_flying_lap_has_no_best_one():
         best_flying_lap(fg.race("oval", laps=1, time_limit=0.5))
 
 
+@pytest.mark.slow
 def test_laps_are_measured_from_json_alone_and_reported():
     cells = EXPERIMENT.cells(LabSettings(quick=True))
     assert len(EXPERIMENT.cells(LabSettings())) == 32  # sixteen circuits, two planners

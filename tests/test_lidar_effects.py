@@ -264,6 +264,7 @@ def test_settings_out_of_range_are_refused_by_name_and_value(setting: dict[str, 
 # --- invariants ---
 
 
+@pytest.mark.slow
 @given(
     std=st.floats(0, GREATEST_NOISE),
     dropout=st.floats(0, 1),

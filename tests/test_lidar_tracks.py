@@ -64,11 +64,13 @@ def assert_sees_what_mujoco_sees(scene: Scene, seed: int, poses: int = POSES) ->
     assert returns > 0.3 * poses * 1081
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("track", track_names())
 def test_raycast_sees_what_mujoco_sees_on_the_bundled_track(track: str) -> None:
     assert_sees_what_mujoco_sees(Scene(track), seed=2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("circuit", CIRCUITS)
 def test_raycast_sees_what_mujoco_sees_on_the_real_circuit(circuit: str) -> None:
     path = DATA / f"{circuit}_centerline.csv"
@@ -77,6 +79,7 @@ def test_raycast_sees_what_mujoco_sees_on_the_real_circuit(circuit: str) -> None
     assert_sees_what_mujoco_sees(Scene(str(path)), seed=3)
 
 
+@pytest.mark.slow
 def test_raycast_sees_what_mujoco_sees_among_obstacles() -> None:
     track = World("oval").track
     obstacles: list[Box | Cylinder] = []
@@ -88,11 +91,13 @@ def test_raycast_sees_what_mujoco_sees_among_obstacles() -> None:
     assert_sees_what_mujoco_sees(Scene("oval", obstacles=tuple(obstacles)), seed=4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("track", track_names())
 def test_rangefinder_sees_what_mujoco_sees_on_the_bundled_track(track: str) -> None:
     assert_sees_what_mujoco_sees(Scene(track, lidar="rangefinder"), seed=5, poses=20)
 
 
+@pytest.mark.slow
 def test_both_back_ends_see_the_same_from_the_same_poses() -> None:
     raycast, rangefinder = (Scene("hairpins", lidar=backend) for backend in ("raycast", "rangefinder"))
     rngs = [np.random.default_rng(6) for _ in range(2)]

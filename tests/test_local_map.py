@@ -173,6 +173,7 @@ def test_after_a_jump_nothing_is_known_but_what_is_seen_then(distance):
     assert memory["cells"][cell(distance + 3.0, 0.0)] == FREE
 
 
+@pytest.mark.slow
 def test_a_speed_that_no_integer_holds_does_not_hang():
     command = "from test_local_map import PERIOD, move, new; move(new(), 1e22, 0.0, PERIOD)"
     subprocess.run([sys.executable, "-c", command], cwd=Path(__file__).parent, check=True, timeout=240)

@@ -98,10 +98,12 @@ def program(tmp_path_factory):
     return path, cache
 
 
+@pytest.mark.slow
 def test_kernels_on_disk_answer_without_numba_as_with_it(program):
     assert run(*program) == [True, ANSWERS]
 
 
+@pytest.mark.slow
 def test_what_cannot_be_loaded_is_left_to_numba(program):
     path, cache = program
     broken = path.with_name("broken.py")
@@ -160,6 +162,7 @@ def test_distinct_numbers_and_rows_are_numpys():
         assert np.array_equal(distinct(numbers), np.unique(numbers))
 
 
+@pytest.mark.slow
 def test_a_command_starts_without_numba_once_its_kernels_are_on_disk():
     code = "import sys, fg_mujoco.cli.main as m; m.main(['race', '--laps', '1', '--time-limit', '1', '--json']); "
     code += "print([name for name in ('numba', 'glfw.library', 'numpy.ma') if name in sys.modules], file=sys.stderr)"

@@ -281,7 +281,7 @@ def test_the_setting_that_is_named_keeps_those_that_were_given(tmp_path):
 def test_noise_is_refused_with_the_setting_that_drops_it(tmp_path, monkeypatch):
     free = np.kron(ring(), np.ones((3, 3), bool))
     free &= np.random.default_rng(0).random(free.shape) > 0.02
-    monkeypatch.setattr(region, "_MOST_SIDES", 8000)
+    monkeypatch.setattr(region, "MOST_SIDES", 8000)
     path = draw_map(tmp_path, free, resolution=PIXEL / 3)
     with pytest.raises(TrackError, match=r"a map without noise, or drawn\.yaml\[specks=9\]$"):
         load_map(str(path))
@@ -289,7 +289,7 @@ def test_noise_is_refused_with_the_setting_that_drops_it(tmp_path, monkeypatch):
 
 
 def test_a_leaking_map_of_noise_is_refused_with_both_settings(tmp_path, monkeypatch):
-    monkeypatch.setattr(region, "_MOST_SPECKS", 20)
+    monkeypatch.setattr(region, "MOST_SPECKS", 20)
     free = double_wall(20) & (np.random.default_rng(0).random((200, 300)) > 0.005)
     path = draw_map(tmp_path, free)
     with pytest.raises(TrackError, match=r"or drawn\.yaml\[specks=9,close=1.1\]$"):
@@ -323,7 +323,7 @@ def test_a_corridor_that_runs_out_of_the_image_is_driven_with_the_border_as_a_wa
 
 def test_many_small_courses_are_refused_together(tmp_path, monkeypatch):
     rooms = np.tile(np.pad(np.ones((60, 60), bool), 2), (4, 4))
-    monkeypatch.setattr(region, "_MOST_SIDES_IN_ALL", 2000)
+    monkeypatch.setattr(region, "MOST_SIDES_IN_ALL", 2000)
     with pytest.raises(TrackError, match="walls of 3840 sides of pixels; accepted: 2000 at most"):
         load_map(str(draw_map(tmp_path, rooms)))
 
@@ -341,7 +341,7 @@ def test_a_wall_of_thousands_of_corners_is_traced_as_with_a_full_matrix(monkeypa
     noise = np.random.default_rng(2).random((90, 90)) > 0.3
     outline = walls.outlines(noise)[0]
     full = walls.trace(outline)
-    monkeypatch.setattr(walls, "_DENSE", 0)
+    monkeypatch.setattr(walls, "MOST_DENSE", 0)
     assert len(full) > 100
     np.testing.assert_allclose(walls.trace(outline), full, atol=1e-9)
 

@@ -26,6 +26,7 @@ def own_settings(path):
     return re.search(r"\[.*\]", path.read_text().splitlines()[0])[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*fg.track_names(), "random:3", "random:7", "random:7:tight", "random:8:tight"])
 def test_walls_come_back_from_a_map_within_a_pixel(name, tmp_path):
     track = fg.load_track(name)

@@ -77,6 +77,7 @@ def misses(world, occupancy, rng):
     return beside, depth, np.abs(ranges - marched)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["maps/aut", "maps/esp", "maps/gbr", "maps/mco", "maps/CornerHall"])
 def test_scans_agree_with_the_image_within_a_pixel(name):
     path = real_map(name)
@@ -88,6 +89,7 @@ def test_scans_agree_with_the_image_within_a_pixel(name):
     assert np.mean(difference <= 1.0) > 0.85  # the others graze a wall
 
 
+@pytest.mark.slow
 def test_scans_agree_on_a_map_that_is_turned_and_has_islands(tmp_path):
     free = ring()
     y, x = np.mgrid[:200, :300]
@@ -100,6 +102,7 @@ def test_scans_agree_on_a_map_that_is_turned_and_has_islands(tmp_path):
     assert depth.max() <= 1.0
 
 
+@pytest.mark.slow
 def test_the_comparison_trips_where_walls_are_a_pixel_and_a_half_off(tmp_path):
     path = draw_map(tmp_path, ring())
     moved = draw_map(tmp_path, ring(), name="moved", origin=(0.0, 1.5 * 0.05, 0.0))

@@ -26,6 +26,7 @@ def thin_walls():
     return ~(ring(inner=68, outer=71) | ring(inner=39, outer=42))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LAPS)
 def test_real_maps_load_with_their_line_in_the_middle(name):
     track = load_map(str(real_map(name)))
@@ -329,6 +330,7 @@ def test_pieces_of_walls_are_convex_and_behind_their_faces(name, tmp_path):
     assert np.all(~occupancy.free[row, column] | beside)
 
 
+@pytest.mark.slow
 def test_both_lidar_back_ends_see_the_same_on_a_map(tmp_path):
     path = draw_map(tmp_path, islands())
     scans = []

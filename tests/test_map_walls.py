@@ -29,6 +29,7 @@ def distances(points, loop):
     return np.linalg.norm(points[:, None] - loop - np.clip(share, 0, 1)[..., None] * along, axis=2).min(axis=1)
 
 
+@pytest.mark.slow
 @given(arrays(bool, (9, 12)))
 @settings(max_examples=200, deadline=None)
 def test_outlines_pass_every_edge_once_with_the_region_to_the_left(region):
@@ -63,6 +64,7 @@ def test_no_edge_is_further_from_its_wall_than_the_tolerance(region):
         assert len(wall) < 0.2 * len(outline)
 
 
+@pytest.mark.slow
 @given(arrays(bool, (7, 7)))
 @settings(max_examples=100, deadline=None)
 def test_what_is_small_does_not_vanish(region):

@@ -132,6 +132,7 @@ def test_it_is_where_the_closed_form_says_at_every_tick():
     np.testing.assert_allclose(simulation.data.mocap_pos[0, :2], CROSSING.position(0.0), atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lidar", ("raycast", "rangefinder"))
 def test_the_lidar_sees_it_without_lag(lidar):
     oncoming = box()
@@ -187,12 +188,14 @@ def test_a_replay_is_bit_identical(name, tmp_path):
     assert not fg.replay(tmp_path / "run").identical
 
 
+@pytest.mark.slow
 def test_a_replay_in_another_process_is_too(tmp_path):
     fg.write_run(fg.race("scene:crossing_box:2", max_speed=3.0), tmp_path / "run", picture=False)
     code = f"import fg_mujoco as fg; assert fg.replay({str(tmp_path / 'run')!r}).identical"
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
+@pytest.mark.slow
 def test_a_batch_is_the_race_to_the_last_bit():
     name = "scene:crossing_box:0"
     scenarios = [fg.Scenario(track=name, max_speed=speed) for speed in (2.0, 4.0, 6.0)]

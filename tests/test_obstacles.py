@@ -67,6 +67,7 @@ def test_obstacles_are_as_high_as_the_walls_unless_told():
     assert fg.Box(x=0, y=0, length=1, width=1).height == fg.Cylinder(x=0, y=0, radius=1).height == WALL_HEIGHT
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "obstacle",
     (

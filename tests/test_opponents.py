@@ -66,6 +66,7 @@ def test_an_opponent_drives_the_bits_that_it_drives_in_a_race():
     assert race.car_results[1].max_speed_m_s > 2.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("opponents", [["gap_finder"], [steady], [steady, "pure_pursuit"]])
 def test_same_seed_same_bits_and_nothing_is_left_of_an_episode(opponents):
     def driven(seed, episodes=1):
@@ -82,6 +83,7 @@ def test_same_seed_same_bits_and_nothing_is_left_of_an_episode(opponents):
     assert first.tobytes() != driven(2).tobytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
 def test_worlds_of_the_vector_environment_are_environments_of_their_own(mode):
     """Any number of worlds and threads, crashes and new episodes in between: the bits of one environment each."""
@@ -163,6 +165,7 @@ def test_cars_start_on_the_grid_in_their_order(order, positions):
     np.testing.assert_allclose(standing, expected, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_grids_at_random_places_are_clear_and_all_over_the_lap():
     env = F1TenthEnv(track="chicanes", opponents=[parked] * 3, obstacles=2, beam_step=540)
     places = []

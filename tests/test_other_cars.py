@@ -71,6 +71,7 @@ def test_walls_are_no_boxes():
     assert find_boxes(SCAN_ROW, np.array(WALLS.ranges), np.zeros((16, 2))) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("own_speed", [0.0, 4.0])
 def test_velocity_of_a_car_is_measured(own_speed):
     memory, seen = watched(lambda time: (3.0 + 2.5 * time, 0.4 - 0.3 * time), 2.5, 40, own_speed)
@@ -93,6 +94,7 @@ def test_a_car_that_stops_stays_a_car():
     assert math.hypot(car["vx"], car["vy"]) < 0.3
 
 
+@pytest.mark.slow
 def test_a_car_that_is_gone_from_plain_view_is_forgotten_soon():
     memory, seen = watched(lambda time: (3.0 + 2.5 * time, 0.0), 2.5, 20, 0.0)
     assert seen

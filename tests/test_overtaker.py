@@ -21,6 +21,7 @@ def duel(track, opponent, seed, ratio=0.5, laps=1):
     return row.figures
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("obstacles", [0, 6])
 def test_alone_it_is_the_gap_finder_to_the_last_bit(obstacles):
     settings = {"laps": 1, "obstacles": obstacles, "seed": 2}
@@ -35,6 +36,7 @@ def test_it_passes_where_there_is_room():
     assert figures.time_lost_s < 2.0
 
 
+@pytest.mark.slow
 def test_it_keeps_behind_where_there_is_none(tmp_path):
     """A ring as wide as two and a half cars, and the other in its middle."""
     turns = np.linspace(0.0, 2.0 * np.pi, 120, endpoint=False)

@@ -20,6 +20,7 @@ from fg_mujoco.envs.gym_environment import F1TenthEnv
 STAND = np.zeros(2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "settings",
     [
@@ -183,6 +184,7 @@ def test_actions_that_are_none_are_refused_and_nothing_is_driven(actions, messag
     assert infos["car_0"]["time_s"] == pytest.approx(0.025)
 
 
+@pytest.mark.slow
 def test_without_pettingzoo_the_message_is_the_command_that_installs_it():
     code = "import sys; sys.modules['pettingzoo'] = None\nimport fg_mujoco as fg\nprint('in')\nfg.parallel_env()"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)

@@ -69,6 +69,7 @@ def speeds(planner, ticks):
     return [planner(corridor(2.0, 2.0), odometry_of(0.0)).speed for _ in range(ticks)]
 
 
+@pytest.mark.slow
 def test_settings_and_memory_reach_the_kernel():
     for patience in (0, 1, 3):
         planner = Patient(CAR, MU, settings=PatientSettings(patience=patience))
@@ -95,6 +96,7 @@ def test_each_world_of_a_batch_has_a_memory_of_its_own():
         assert (commands[:, 1] > 0.0).tolist() == [tick >= 2, True, tick >= 2]
 
 
+@pytest.mark.slow
 def test_a_goal_and_the_scans_on_the_way_to_it_are_those_of_the_kernel():
     scan, planner = scan_of(np.linspace(1.0, 5.0, 101)), Leftmost(CAR, MU)
     assert planner.find_goal(scan) == (pytest.approx(50 * INCREMENT), 5.0)

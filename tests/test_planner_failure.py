@@ -74,6 +74,7 @@ def failing(name):
     return caught.value
 
 
+@pytest.mark.slow
 def test_the_command_says_the_line_and_writes_the_run_up_to_there(here, capsys):
     pytest.importorskip("bokeh", reason="no bokeh here: pip install -e '.[report]'")
     assert main(["race", "--controller", "mine.py:Late", "--out", "runs/late"]) == 1
@@ -131,6 +132,7 @@ def test_in_python_the_error_has_the_result_up_to_there():
     assert (error.result.planner_failure, error.failure.line) == (error.failure, 15)
 
 
+@pytest.mark.slow
 def test_the_line_in_a_compiled_goal_is_told():
     error = failing("Goal")
     assert (error.failure.error, error.failure.file, error.failure.line) == ("ValueError: too many", "mine.py", 35)
@@ -193,6 +195,7 @@ def test_a_live_planner_that_cannot_be_reset_pauses_and_a_goal_that_fails_is_non
     assert LiveSession(LiveSettings(track="oval", controller="mine.py:Goal")).goal() is None
 
 
+@pytest.mark.slow
 def test_the_browser_shows_the_failure_beside_the_pause():
     pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
     from fg_mujoco.viz.live.browser import LiveView

@@ -207,6 +207,7 @@ def test_a_comparison_drives_a_planner_with_other_weights_again(here, change):
     assert faster == (change == "weights")
 
 
+@pytest.mark.slow
 def test_pages_of_a_comparison_say_that_the_weights_are_others_now(here):
     pytest.importorskip("bokeh")
     compare()
@@ -218,6 +219,7 @@ def test_pages_of_a_comparison_say_that_the_weights_are_others_now(here):
     assert "another one now" not in write_comparison_report("out", trust=True).read_text("utf-8")
 
 
+@pytest.mark.slow
 def test_pages_of_a_comparison_say_that_the_weights_of_an_opponent_are_others_now(here):
     pytest.importorskip("bokeh")
     (here / "nets").mkdir()
@@ -231,6 +233,7 @@ def test_pages_of_a_comparison_say_that_the_weights_of_an_opponent_are_others_no
         write_comparison_report("out", trust=True)
 
 
+@pytest.mark.slow
 def test_a_comparison_of_a_version_that_did_not_ask_for_files_is_reported(here):
     pytest.importorskip("bokeh")
     row = compare().rows[0]

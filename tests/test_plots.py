@@ -20,6 +20,7 @@ def pixels(draw):
     return matplotlib.image.imread(file, format="png")[:, :, :3]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", fg.track_names())
 def test_track_picture_shows_both_walls_all_the_way_round(name):
     track = fg.load_track(name)
@@ -40,6 +41,7 @@ def test_track_description_has_its_figures():
     assert text.startswith(f"oval: {track.length:.1f} m long, 2.20 m wide")
 
 
+@pytest.mark.slow
 def test_trace_picture_differs_with_the_race(short_race, lap):
     first = pixels(lambda file: fg.trace_picture(short_race, file))
     assert first.shape[1] == 1080
@@ -82,6 +84,7 @@ def test_trace_picture_draws_what_was_measured(lap, monkeypatch):
         assert any(np.array_equal(curve.get_xdata(), [lap.lap_times_s[0]] * 2) for curve in axes.lines)
 
 
+@pytest.mark.slow
 def test_trace_picture_lays_laps_over_each_other_and_marks_where_a_tire_slid(lap, monkeypatch):
     drawn = []
     monkeypatch.setattr("fg_mujoco.viz.plots.save_figure", lambda figure, path: drawn.append(figure))
@@ -123,6 +126,7 @@ def cut_off(figure):
     return [text.get_text() for text, box in boxes.items() if (box.min < low).any() or (box.max > high).any()]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tires", ["contact", "f1tenth_gym"])
 def test_no_text_of_a_trace_picture_is_cut(lap, tires, monkeypatch):
     drawn = []
@@ -131,6 +135,7 @@ def test_no_text_of_a_trace_picture_is_cut(lap, tires, monkeypatch):
     assert cut_off(drawn[0]) == []
 
 
+@pytest.mark.slow
 def test_no_name_of_many_cars_is_cut_in_a_trace_picture(monkeypatch):
     drawn = []
     monkeypatch.setattr("fg_mujoco.viz.plots.save_figure", lambda figure, path: drawn.append(figure))
@@ -139,6 +144,7 @@ def test_no_name_of_many_cars_is_cut_in_a_trace_picture(monkeypatch):
     assert cut_off(drawn[0]) == []
 
 
+@pytest.mark.slow
 def test_trace_picture_of_a_race_of_one_tick():
     def interrupt(progress):
         raise KeyboardInterrupt
@@ -147,12 +153,14 @@ def test_trace_picture_of_a_race_of_one_tick():
     assert pixels(lambda file: fg.trace_picture(result, file)).shape[1] == 1080
 
 
+@pytest.mark.slow
 def test_trace_picture_of_a_race_of_no_tick(lap):
     """As of a planner that does not answer its first scan."""
     result = replace(lap, telemetry=lap.telemetry[:0], lap_times_s=(), sim_time_s=0.0)
     assert pixels(lambda file: fg.trace_picture(result, file)).shape[1] == 1080
 
 
+@pytest.mark.slow
 def test_pictures_leave_the_users_matplotlib_alone(short_race, tmp_path):
     import matplotlib as mpl
     import matplotlib.pyplot as plt

@@ -50,7 +50,7 @@ def test_a_terminal_is_told_of_work_that_says_nothing(stderr):
 
 def test_a_pipe_is_told_the_last_text_in_a_line(stderr, monkeypatch):
     stream = stderr(terminal=False)
-    monkeypatch.setattr(progress, "_TAKE", 0.0)
+    monkeypatch.setattr(progress, "KEPT_EVERY", 0.0)
     with shown_as(lambda done: f"{done}/3 runs{to_go(65.0)}", "preparing runs") as watch:
         watch(1)
         watch(2)

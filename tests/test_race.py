@@ -191,6 +191,7 @@ def test_an_interrupt_within_a_row_of_the_history_leaves_no_half_row(short_race)
     assert history.arrays()["states"][1].tolist() == engine.state(0).tolist()
 
 
+@pytest.mark.slow
 def test_a_long_race_outgrows_no_history(short_race):
     engine = driven_engine(short_race.world)
     history = History(engine)
@@ -269,6 +270,7 @@ def test_the_planner_hears_the_scan_and_the_odometry_and_nothing_else():
     assert set(vars(odometry)) == known
 
 
+@pytest.mark.slow
 def test_the_planner_cannot_tell_where_in_the_world_it_is():
     """The same circuit moved and turned gives the same race, to the six digits that MJCF text keeps of its walls."""
 
@@ -434,6 +436,7 @@ def test_the_greatest_sideways_sliding_is_that_of_the_slip_meter():
 MOTION = ("vx_m_s", "vy_m_s", "sideslip_rad", "ax_m_s2", "ay_m_s2")
 
 
+@pytest.mark.slow
 def test_a_tire_in_the_air_leaves_nan_and_never_zero(short_race):
     engine = Engine(short_race.world)
     engine.place([fg.Start()])

@@ -160,6 +160,7 @@ def test_a_file_that_cannot_be_read_is_refused(tmp_path, capsys):
     assert "bad.toml: cannot be read" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "arguments",
     [

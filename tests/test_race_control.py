@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 
 from fg_mujoco import Entry, RaceResult, RunFolderError, SettingsError, Start, race, read_run, replay, write_run
 from fg_mujoco.cli.main import main
+from fg_mujoco.cli.options import opponents_of
 from fg_mujoco.messages import DriveCommand, LaserScan, Odometry
 from fg_mujoco.racing.race_control import OVERTAKE_HELD, OVERTAKE_LEAD
 from fg_mujoco.racing.run_folder import SUMMARY, of_car
@@ -133,6 +135,7 @@ def test_without_rules_the_same_car_is_not_put_back() -> None:
     assert result.warnings == result.restarts == ()
 
 
+@pytest.mark.slow
 def test_a_race_with_restarts_replays_to_the_bit(warned: RaceResult, tmp_path: Path) -> None:
     write_run(warned, tmp_path / "run", picture=False)
     report = replay(tmp_path / "run")
@@ -142,6 +145,7 @@ def test_a_race_with_restarts_replays_to_the_bit(warned: RaceResult, tmp_path: P
     assert np.array_equal(run.others[0], warned.car_results[1].telemetry, equal_nan=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("key", ["contacts", "cars"])
 def test_a_forged_figure_of_another_car_is_told(warned: RaceResult, tmp_path: Path, key: str) -> None:
     write_run(warned, tmp_path / "run", picture=False)
@@ -226,8 +230,16 @@ def test_bad_opponents_are_one_line_and_exit_2(
     assert err.count("\n") == 1
 
 
+def test_opponents_have_seeds_of_their_own() -> None:
+    options = argparse.Namespace(opponent=["wall_follow", "wall_follow"], opponent_max_speed=[3.0])
+    entries = opponents_of(options, Entry(seed=7))
+    assert [(entry.controller, entry.max_speed, entry.seed) for entry in entries] == [
+        ("wall_follow", 3.0, 8), ("wall_follow", 3.0, 9),
+    ]  # fmt: skip
+
+
 def test_a_race_with_opponents_on_the_command_line_can_be_raced_again(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], without_pictures: None
 ) -> None:
     out = tmp_path / "run"
     arguments = ["race", "--time-limit", "2", "--laps", "1", "--opponent", "wall_follow", "--opponent-max-speed", "2"]

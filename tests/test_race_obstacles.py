@@ -64,7 +64,7 @@ def test_a_scene_has_its_own_obstacles():
 
 
 def test_a_race_with_obstacles_is_replayed_bit_for_bit(tmp_path):
-    fg.write_run(race(obstacles=5, obstacle_seed=2), tmp_path / "run")
+    fg.write_run(race(obstacles=5, obstacle_seed=2), tmp_path / "run", picture=False)
     assert fg.replay(tmp_path / "run").identical
     assert fg.read_run(tmp_path / "run").summary["obstacle_seed"] == 2
 
@@ -81,6 +81,7 @@ def test_race_takes_obstacles_and_says_so(capsys):
     assert "obstacles         4, seed 9" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_race_drives_a_scene_and_leaves_a_whole_folder(capsys, tmp_path):
     assert main(["race", "--track", "scene:crossing_box:3", "--time-limit", "1", "--out", str(tmp_path / "run")]) == 1
     assert "0 of 1, time limit" in capsys.readouterr().out

@@ -82,6 +82,7 @@ def test_what_is_meant_by_a_text_or_value(text, meant):
     assert as_range(text) == meant
 
 
+@pytest.mark.slow
 @given(st.text(max_size=12))
 def test_any_other_text_is_refused_in_one_line(text):
     try:

@@ -41,6 +41,7 @@ def edit_summary(folder, **changes):
     (folder / "summary.json").write_text(json.dumps(summary | changes))
 
 
+@pytest.mark.slow
 def test_run_folder_has_its_files_and_nothing_else(written):
     assert {file.name for file in written.iterdir()} == FILES
     assert {file.name for file in written.parent.iterdir()} == {"short"}
@@ -182,6 +183,7 @@ def test_replay_is_bit_identical(written, short_race):
     assert str(report).startswith("bit-identical: 40 ticks")
 
 
+@pytest.mark.slow
 def test_replay_of_a_lap_with_the_rangefinders_is_bit_identical(tmp_path):
     # their last readings are part of the state, so the beams must be the very ones of the race
     result = fg.race("oval", laps=1, lidar="rangefinder", time_limit=0.99)
@@ -248,7 +250,7 @@ def test_a_run_of_no_tick_is_written_and_replayed(short_race, tmp_path):
     result = fg.race("oval", laps=1, watch=interrupt)
     assert result.end_reason == "interrupted"
     assert len(result.ctrl) <= 1
-    assert fg.replay(fg.write_run(result, tmp_path / "run")).identical
+    assert fg.replay(fg.write_run(result, tmp_path / "run", picture=False)).identical
 
 
 @pytest.mark.parametrize(
@@ -389,6 +391,7 @@ def test_an_existing_empty_folder_is_written_to(short_race, tmp_path):
     assert {file.name for file in (tmp_path / "run").iterdir()} == FILES - {"trace.png"}
 
 
+@pytest.mark.slow
 def test_the_same_race_twice_is_the_same_trajectory_and_the_same_files(short_race, written, tmp_path):
     from conftest import Straight
 

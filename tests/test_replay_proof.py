@@ -99,12 +99,13 @@ def forge(folder, **changes):
     path.write_text(json.dumps(json.loads(path.read_text("utf-8")) | changes), "utf-8")
 
 
-def forge_telemetry(folder, row, name, value):
-    """Write another value into a row of the telemetry, from 0."""
+def forge_telemetry(folder, rows, value):
+    """Write another value into a row of each column of the telemetry; `rows` are by the columns' names, from 0."""
     lines = (folder / "telemetry.csv").read_text("utf-8").splitlines()
-    values = lines[row + 1].split(",")
-    values[TELEMETRY.index(name)] = value
-    lines[row + 1] = ",".join(values)
+    for name, row in rows.items():
+        values = lines[row + 1].split(",")
+        values[TELEMETRY.index(name)] = value
+        lines[row + 1] = ",".join(values)
     (folder / "telemetry.csv").write_text("\n".join(lines) + "\n", "utf-8")
 
 
@@ -180,12 +181,21 @@ def test_a_figure_that_is_left_out_is_not_proved(folder):
     assert fg.replay(folder).unproved["lap_times_s"] == "not in summary.json"
 
 
-@pytest.mark.parametrize("name", TELEMETRY)
-def test_a_forged_column_is_told_by_its_row(folder, name):
-    forge_telemetry(folder, 30, name, "0.123")
-    (difference,) = fg.replay(folder).differences
-    assert difference.name == f"telemetry.csv, {name}"
-    assert "row 31, the first of 1" in difference.recorded and "0.123" in difference.recorded
+def test_a_forged_column_is_told_by_its_row(folder):
+    """Each column, all in one folder, and each in a row of its own."""
+    rows = {name: 30 + number for number, name in enumerate(TELEMETRY)}
+    forge_telemetry(folder, rows, "0.123")
+    found = {difference.name: difference.recorded for difference in fg.replay(folder).differences}
+    assert list(found) == [f"telemetry.csv, {name}" for name in TELEMETRY]
+    for name, row in rows.items():
+        recorded = found[f"telemetry.csv, {name}"]
+        assert f"row {row + 1}, the first of 1" in recorded and "0.123" in recorded
+
+
+@pytest.mark.parametrize("name", [TELEMETRY[0], TELEMETRY[-1]])
+def test_a_forged_column_alone_is_all_that_is_told_and_exits_1(folder, name):
+    forge_telemetry(folder, {name: 30}, "0.123")
+    assert told(folder) == [f"telemetry.csv, {name}"]
     assert main(["replay", str(folder)]) == 1
 
 

@@ -80,6 +80,7 @@ def here(tmp_path, monkeypatch):
 # -- each world is its own
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [{"chunk": 1}, {"workers": 1}, {"workers": 3, "chunk": 2}])
 def test_chunks_and_workers_change_nothing(some, options):
     result, opponents = some
@@ -96,11 +97,13 @@ def test_worlds_in_another_order_are_the_same(some):
             assert same(again[name][place], result[name][world]), name
 
 
+@pytest.mark.slow
 def test_processes_drive_the_same_worlds():
     threads = fg.rollout("oval", n=2, opponents=MIXED, **SHORT)
     assert_same(fg.rollout("oval", n=2, opponents=MIXED, engine="processes", workers=1, **SHORT), threads)
 
 
+@pytest.mark.slow
 def test_a_world_is_the_race_of_its_entries(some):
     result, opponents = some
     for world in (0, 5):
@@ -136,6 +139,7 @@ def test_the_whole_grid_moves_with_the_start_of_car_0():
 # -- what is told
 
 
+@pytest.mark.slow
 def test_car_0_overtakes_a_slow_car_ahead(behind_a_slow_car):
     result = behind_a_slow_car
     assert result["overtakes"].tolist() == [1, 1]
@@ -146,6 +150,7 @@ def test_car_0_overtakes_a_slow_car_ahead(behind_a_slow_car):
     assert result["contacts"][0] == len(race.contacts)
 
 
+@pytest.mark.slow
 def test_a_slow_car_is_overtaken_and_loses():
     fast = Entry(max_speed=4.0, name="fast")
     result = fg.rollout("scene:slow_leader:1", n=1, opponents=[fast], max_speed=1.0, laps=1)
@@ -203,10 +208,11 @@ def test_where_all_planners_fail_at_once_the_world_is_its_race_which_replays(her
     assert [car["end_reason"] for car in race.cars] == ["planner_failed"] * 2
     assert trajectory_sha256(result.states(0), result.ctrl(0)) == race.trajectory_sha256
     assert race.car_results[0].end_time_s == race.sim_time_s == result["sim_time_s"][0] == pytest.approx(0.2)
-    fg.write_run(race, "run")
+    fg.write_run(race, "run", picture=False)
     assert fg.replay("run").holds
 
 
+@pytest.mark.slow
 def test_opponents_that_decide_together_and_raise_stop_in_their_own_world_only(here):
     """Where it is not known whose failure it is, each world is driven again alone, to the same bits."""
     (here / "mine.py").write_text(PLANNERS + BATCHED)
@@ -221,6 +227,7 @@ def test_opponents_that_decide_together_and_raise_stop_in_their_own_world_only(h
 # -- folders
 
 
+@pytest.mark.slow
 def test_a_rollout_is_gone_on_with_where_it_was(tmp_path):
     options = {"n": 4, "chunk": 2, "opponents": MIXED, **SHORT}
     whole = fg.rollout("oval", out=tmp_path / "whole", **options)
@@ -260,6 +267,7 @@ def test_the_edited_file_of_an_opponent_is_another_rollout(here):
         fg.rollout("oval", **options)
 
 
+@pytest.mark.slow
 def test_a_comparison_is_the_same_for_any_number_of_workers_and_gone_on_with(here):
     options = {"tracks": ["l_corridor"], "laps": 1, "time_limit": 6.0, "opponents": [AHEAD, "wall_follow"]}
     options |= {"max_speeds": (4.0,), "pictures": False}
@@ -279,6 +287,7 @@ def test_a_comparison_is_the_same_for_any_number_of_workers_and_gone_on_with(her
         fg.compare(["gap_finder"], out="one", workers=1, **options | {"opponents": [AHEAD]})
 
 
+@pytest.mark.slow
 def test_a_finished_car_leaves_its_trace_on_the_course(here):
     """A car that has finished is taken off the course while the others race on."""
     options = {"scenes": ["slow_leader"], "seeds": [1], "max_speeds": (4.0,), "pictures": False, "workers": 1}

@@ -50,9 +50,9 @@ def ray():
     return pytest.importorskip("ray", reason="the extra `cluster` is not installed: pip install -e '.[cluster]'")
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def two_nodes(ray):
-    """A local cluster of two nodes with one core each; the second may be killed."""
+    """A local cluster of two nodes with one core each; the last test kills the second."""
     from ray.cluster_utils import Cluster
 
     cluster = Cluster(
@@ -88,32 +88,40 @@ def assert_same(result, local):
     assert result.lap_times_s.tobytes() == local.lap_times_s.tobytes()
 
 
-def test_a_node_that_is_killed_half_way_costs_its_chunk_only(two_nodes, planner, tmp_path):
-    # each world says on which node it begins; a chunk takes a second or so, most of it in the planner
-    begin = "import ray; node = ray.get_runtime_context().get_node_id() if ray.is_initialized() else 'local'; "
-    begin += "(MARKS / f'{node}-{os.getpid()}-{time.monotonic_ns()}').touch()"
-    source = planner(reset=begin, call="time.sleep(0.01)")
-    second = two_nodes.second.node_id
-    killed = []
+def test_without_a_cluster_the_command_starts_its_own_and_stops_it(ray, tmp_path):
+    arguments = ["--n", "8", "--duration", "0.5", "--workers", "2", "--engine", "ray", "--out", "ray"]
+    environment = {name: value for name, value in os.environ.items() if name != "RAY_ADDRESS"}
+    done = subprocess.run(
+        [sys.executable, "-m", "fg_mujoco", "rollout", *arguments],
+        capture_output=True, text=True, timeout=120, cwd=tmp_path, env=environment,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    assert "8: 8 time limit" in done.stdout
+    assert_same(fg.read_rollout(tmp_path / "ray"), fg.rollout("oval", n=8, duration=0.5))
+    assert not ray.is_initialized()
 
-    def watch(progress):
-        on_second = [mark.split("-")[1:] for mark in marks(tmp_path) if mark.startswith(second)]
-        just_begun = [pid for pid, begun in on_second if time.monotonic_ns() - int(begun) < 300_000_000]
-        if not killed and progress.worlds_driven >= 6 and just_begun:
-            two_nodes.remove_node(two_nodes.second, allow_graceful=False)
-            for pid in {int(pid) for pid, _ in on_second}:  # with the node goes what runs on it
-                with contextlib.suppress(ProcessLookupError):
-                    os.kill(pid, signal.SIGKILL)
-            killed.append(progress.worlds_driven)
 
-    result = fg.rollout("oval", source, engine="ray", watch=watch, out=tmp_path / "out", **WORLDS)
-    assert killed
-    assert killed[0] < WORLDS["n"]
-    begun = marks(tmp_path)
-    assert WORLDS["n"] < len(begun) <= WORLDS["n"] + 3 * WORLDS["chunk"]  # what was lost was begun again, no more
-    assert result.worlds_driven == WORLDS["n"]
-    assert_same(result, fg.rollout("oval", source, **WORLDS))
-    assert_same(fg.read_rollout(tmp_path / "out"), result)
+def test_a_cluster_that_does_not_answer_is_named_at_once(ray, monkeypatch):
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{free.getsockname()[1]}"
+    monkeypatch.setenv("RAY_ADDRESS", address)
+    started = time.monotonic()
+    with pytest.raises(EngineError, match=f"no cluster at {address}"):
+        fg.rollout("oval", engine="ray", n=1, duration=0.5)
+    assert time.monotonic() - started < 60.0
+
+
+def test_without_ray_the_command_that_installs_it_is_said(monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(
+        MissingExtraError, match=rf"^rollouts on a cluster need Ray: {re.escape(install_command('cluster'))}$"
+    ):
+        fg.rollout("oval", engine="ray", n=1)
+
+
+# -- on one cluster, which is up from here on
 
 
 def test_a_cluster_that_exists_is_used_and_left_as_it_is(ray, two_nodes, planner, tmp_path):
@@ -155,34 +163,29 @@ def test_other_versions_on_a_node_are_refused(two_nodes, monkeypatch):
         fg.rollout("oval", engine="ray", n=1, duration=0.5)
 
 
-def test_without_a_cluster_the_command_starts_its_own_and_stops_it(ray, tmp_path):
-    arguments = ["--n", "8", "--duration", "0.5", "--workers", "2", "--engine", "ray", "--out", "ray"]
-    environment = {name: value for name, value in os.environ.items() if name != "RAY_ADDRESS"}
-    done = subprocess.run(
-        [sys.executable, "-m", "fg_mujoco", "rollout", *arguments],
-        capture_output=True, text=True, timeout=120, cwd=tmp_path, env=environment,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    assert done.stderr == ""
-    assert "8: 8 time limit" in done.stdout
-    assert_same(fg.read_rollout(tmp_path / "ray"), fg.rollout("oval", n=8, duration=0.5))
-    assert not ray.is_initialized()
+def test_a_node_that_is_killed_half_way_costs_its_chunk_only(two_nodes, planner, tmp_path):
+    # each world says on which node it begins; a chunk takes a second or so, most of it in the planner
+    begin = "import ray; node = ray.get_runtime_context().get_node_id() if ray.is_initialized() else 'local'; "
+    begin += "(MARKS / f'{node}-{os.getpid()}-{time.monotonic_ns()}').touch()"
+    source = planner(reset=begin, call="time.sleep(0.01)")
+    second = two_nodes.second.node_id
+    killed = []
 
+    def watch(progress):
+        on_second = [mark.split("-")[1:] for mark in marks(tmp_path) if mark.startswith(second)]
+        just_begun = [pid for pid, begun in on_second if time.monotonic_ns() - int(begun) < 300_000_000]
+        if not killed and progress.worlds_driven >= 6 and just_begun:
+            two_nodes.remove_node(two_nodes.second, allow_graceful=False)
+            for pid in {int(pid) for pid, _ in on_second}:  # with the node goes what runs on it
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGKILL)
+            killed.append(progress.worlds_driven)
 
-def test_a_cluster_that_does_not_answer_is_named_at_once(ray, monkeypatch):
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        address = f"127.0.0.1:{free.getsockname()[1]}"
-    monkeypatch.setenv("RAY_ADDRESS", address)
-    started = time.monotonic()
-    with pytest.raises(EngineError, match=f"no cluster at {address}"):
-        fg.rollout("oval", engine="ray", n=1, duration=0.5)
-    assert time.monotonic() - started < 60.0
-
-
-def test_without_ray_the_command_that_installs_it_is_said(monkeypatch):
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    with pytest.raises(
-        MissingExtraError, match=rf"^rollouts on a cluster need Ray: {re.escape(install_command('cluster'))}$"
-    ):
-        fg.rollout("oval", engine="ray", n=1)
+    result = fg.rollout("oval", source, engine="ray", watch=watch, out=tmp_path / "out", **WORLDS)
+    assert killed
+    assert killed[0] < WORLDS["n"]
+    begun = marks(tmp_path)
+    assert WORLDS["n"] < len(begun) <= WORLDS["n"] + 3 * WORLDS["chunk"]  # what was lost was begun again, no more
+    assert result.worlds_driven == WORLDS["n"]
+    assert_same(result, fg.rollout("oval", source, **WORLDS))
+    assert_same(fg.read_rollout(tmp_path / "out"), result)

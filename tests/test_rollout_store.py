@@ -148,6 +148,7 @@ def test_chunks_that_are_driven_fit_the_budget_too(monkeypatch):
 # -- going on
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chunks", [0, 1, 4])
 @pytest.mark.parametrize("record", ["summary", "states"])
 def test_an_interrupted_rollout_is_gone_on_with_where_it_was(engine, tmp_path, chunks, record):
@@ -293,6 +294,7 @@ DAMAGE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damage", DAMAGE)
 def test_a_damaged_file_is_refused_by_its_name_and_made_again_by_the_same_rollout(engine, tmp_path, damage):
     out, other = tmp_path / "out", tmp_path / "other"

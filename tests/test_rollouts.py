@@ -64,6 +64,7 @@ def twelve():
     return fg.rollout(["oval", "hairpins"], n=12, record="states", **MANY)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options", [{"chunk": 1}, {"chunk": 5, "workers": 1}, {"workers": 3}, {"chunk": 2, "memory_budget": 0}]
 )
@@ -105,6 +106,7 @@ def test_a_world_is_the_race_of_its_scenario(twelve, world):
     assert_is_its_race(twelve, world)
 
 
+@pytest.mark.slow
 def test_so_it_is_where_everything_differs_from_world_to_world():
     everything = {
         "mass": (3.2, 4.5), "cog_height": (0.05, 0.09), "steering_gain": (0.5, 1.0), "speed_gain": (0.5, 1.0),

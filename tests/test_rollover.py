@@ -129,6 +129,7 @@ def test_a_rollover_is_that_of_a_race_that_ended_so():
     assert Rollover.of("rolled_over", rows) == Rollover(time_s=0.0, x_m=0.0, y_m=0.0, speed_m_s=0.0, lap=0)
 
 
+@pytest.mark.slow
 def test_its_run_is_proved_by_its_replay_and_reported(rolled, tmp_path):
     folder = fg.write_run(rolled, tmp_path / "run", picture=False)
     report = replay(folder)

@@ -74,6 +74,7 @@ def test_drawings_are_those_of_rviz_in_the_frame_of_the_map(source):
     assert (0, 255, 0) not in colours  # its lifetime is over
 
 
+@pytest.mark.slow
 def test_the_live_view_draws_what_a_node_shows(source, page_of):  # noqa: F811
     session = LiveSession(LiveSettings(track="oval", controller=source))
     assert session.drawings() == []
@@ -88,7 +89,8 @@ def test_the_live_view_draws_what_a_node_shows(source, page_of):  # noqa: F811
         view._scene.show_drawings()
 
 
-def test_a_bag_has_what_the_nodes_of_a_run_publish_if_they_are_trusted(source, tmp_path, capsys):
+@pytest.mark.slow
+def test_a_bag_has_what_the_nodes_of_a_run_publish_if_they_are_trusted(source, tmp_path, capsys, without_pictures):
     folder, plain, whole = tmp_path / "run", tmp_path / "plain.mcap", tmp_path / "whole.mcap"
     assert main(["race", "--controller", source, "--time-limit", "0.5", "--out", str(folder)]) == 1
     assert main(["export", str(folder), "--out", str(plain)]) == 0

@@ -80,6 +80,7 @@ def speeds(planner, count, first=0):
     return [speed for speed, _ in ticks(planner, count, first)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("source", "speed"),
     [
@@ -103,6 +104,7 @@ def test_the_safety_node_brakes_before_the_wall():
     assert result.ctrl[-1, 1] == 0.0
 
 
+@pytest.mark.slow
 def test_two_races_have_the_same_bits_and_the_second_forgets_the_first():
     source = f"ros:{NODES / 'wall_follow.py'}"
     one, other = (fg.race("oval", source, laps=1) for _ in range(2))
@@ -539,6 +541,7 @@ def test_a_node_that_never_publishes_is_named_with_the_line_of_its_publisher(nod
         fg.race("oval", node("pass"), laps=1)
 
 
+@pytest.mark.slow
 def test_a_node_that_blocks_is_named_with_its_line_and_its_thread_ends(node):
     planner = make(node("while True:\n    x = 1"), **{"door.wall_limit": 1.0})
     with pytest.raises(Exception, match=r"'Mine' has not come back within 1 s of wall time \(.*mine.py, line 1[67]\)"):
@@ -550,6 +553,7 @@ def test_a_node_that_blocks_is_named_with_its_line_and_its_thread_ends(node):
         assert not thread.is_alive()
 
 
+@pytest.mark.slow
 def test_threads_of_nodes_end_with_the_planner(node):
     planner = make(node("self.drive(1)"))
     assert [each.name for each in threading.enumerate()].count("ros:Mine") >= 1
@@ -560,7 +564,8 @@ def test_threads_of_nodes_end_with_the_planner(node):
         assert not thread.is_alive()
 
 
-def test_a_run_keeps_the_node_and_its_hash(node, tmp_path, capsys):
+@pytest.mark.slow
+def test_a_run_keeps_the_node_and_its_hash(node, tmp_path, capsys, without_pictures):
     source, folder = node("self.drive(1)"), tmp_path / "run"
     assert main(["race", "--controller", source, "--time-limit", "1", "--out", str(folder)]) == 1
     path = Path(source.removeprefix("ros:").rpartition(":")[0])
@@ -580,7 +585,7 @@ def test_a_run_keeps_the_node_and_its_hash(node, tmp_path, capsys):
         require_trusted(node("self.drive(2)"), "0" * 64, trust=True, where="here")
 
 
-def test_the_hash_of_a_node_covers_the_modules_of_its_own(tmp_path, capsys):
+def test_the_hash_of_a_node_covers_the_modules_of_its_own(tmp_path, capsys, without_pictures):
     path, module, folder = tmp_path / "mine.py", tmp_path / "tools" / "speeds.py", tmp_path / "run"
     module.parent.mkdir()
     module.write_text("SPEED = 1.0\n")
@@ -627,6 +632,7 @@ def test_the_last_drive_topic_behind_a_switch_counts(node, tmp_path):
         make(f"ros:{launch}")
 
 
+@pytest.mark.slow
 def test_a_node_of_several_files_is_not_sent_to_a_cluster(tmp_path):
     launch = tmp_path / "launch.yaml"
     launch.write_text(f"nodes:\n- {{file: {NODES / 'wall_follow.py'}}}\n")

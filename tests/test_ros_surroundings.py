@@ -195,6 +195,7 @@ def test_without_another_car_a_warning_says_so(written):
         fg.race("oval", source, laps=1, time_limit=0.2)
 
 
+@pytest.mark.slow
 def test_nodes_with_a_map_and_others_have_the_same_bits_alone_and_in_threads(written):
     source = written(
         'self.create_subscription(OccupancyGrid, "/map", lambda m: self.got.update(map=m), 1)',
@@ -231,6 +232,26 @@ class Mine(Node):
         self.throttle.publish(Float32(data=0.1))
         self.steering.publish(Float32(data=0.25 + self.got["steering"].data))
 """
+
+
+@pytest.mark.parametrize(
+    ("asked", "expected"),
+    [
+        ("at.position.x", 2.0 * math.sin(1.0)),
+        ("at.position.y", 2.0 * (1.0 - math.cos(1.0))),
+        ("2 * np.arctan2(at.orientation.z, at.orientation.w)", 1.0),
+    ],
+)
+def test_a_node_that_is_told_no_pose_gets_the_one_that_follows_from_speed_and_yaw_rate(written, asked, expected):
+    """After 1 s at 2 m/s and 1 rad/s: on a circle of 2 m, a rad further."""
+    init = 'self.create_subscription(Odometry, "/odom", lambda m: self.got.update(odom=m), 1)'
+    body = "import numpy as np\nif 'odom' not in self.got: return\nat = self.got['odom'].pose.pose\n"
+    body += f"self.drive({asked})"
+    planner = make(written(init, body))
+    turning = replace(odometry_of(2.0), angular_velocity=np.array((0.0, 0.0, 1.0)))
+    for i in range(42):  # the scan of a tick is heard before its odometry
+        command = planner(replace(SCAN, stamp=0.025 * i), replace(turning, stamp=0.025 * i))
+    assert command.speed == pytest.approx(expected, abs=1e-3)
 
 
 @pytest.mark.parametrize("car", ["f1tenth_1", "roboracer_1"])

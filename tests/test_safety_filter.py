@@ -92,6 +92,7 @@ def test_where_no_way_is_free_it_says_so():
     assert not found and abs(way) <= CAR.max_steering_angle and 0.0 < use <= 1.0
 
 
+@pytest.mark.slow
 def test_before_the_end_of_a_dead_end_it_stops_or_nearly_does_and_without_ways_out_it_does_not():
     """Of seeds 0 to 9 gap_finder stops in 9, disparity_extender in all; the other touches it at .25 m/s."""
     for kept, fastest in ((True, 0.5), (False, math.inf)):

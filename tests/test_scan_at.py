@@ -34,6 +34,7 @@ def same(found, told):
         }
 
 
+@pytest.mark.slow
 def test_it_is_what_the_planner_was_told_bit_for_bit(run, tmp_path):
     result, told = run
     folder = fg.read_run(fg.write_run(result, tmp_path / "run", picture=False))

@@ -162,6 +162,7 @@ def bubbles_by_loop(ranges, beams, increment, radius):
     return result
 
 
+@pytest.mark.slow
 @unhurried
 @given(ranges_of_scans, increments, radii, st.data())
 def test_safety_bubbles_are_those_of_a_slow_loop(ranges, increment, radius, data):

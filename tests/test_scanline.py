@@ -74,6 +74,7 @@ def explained(model: Any, data: Any, lidar: RaycastLidar, pose: dict[str, Any], 
 # --- against single MuJoCo rays ---
 
 
+@pytest.mark.slow
 @given(
     pieces=st.lists(
         st.tuples(st.floats(-4, 4), st.floats(-4, 4), st.floats(-0.5, 1), st.floats(0.05, 2), st.integers(0, 10**6)),
@@ -94,6 +95,7 @@ def test_random_convex_pieces_are_seen_as_mujoco_sees_them(pieces: Any, position
     assert explained(model, data, lidar, {"position": position, **pose}).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize(
     ("first", "count", "increment"),

@@ -219,6 +219,7 @@ def test_nor_is_to_come_back_and_stand_there():
 # In a batch
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ("corridor_sparse:1", "dead_end:0", "square_corner:2"))
 def test_a_batch_is_the_race_to_the_last_bit(name):
     scenarios = [
@@ -246,6 +247,7 @@ def test_a_batch_keeps_the_scenes_rules():
     assert (results.rows["end_reason"].tolist(), results.rows["laps_completed"].tolist()) == (["finished"], [1])
 
 
+@pytest.mark.slow
 def test_worlds_of_a_rollout_drive_the_scene_as_a_race_does(tmp_path):
     name = "scene:crossing_box:3"
     result = fg.rollout(

@@ -34,6 +34,7 @@ def free_across(scene, x):
     return y[edges].reshape(-1, 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "widths"), (("corridor_sparse", 2.5), ("corridor_dense", 2.0)))
 @pytest.mark.parametrize("seed", SEEDS)
 def test_corridors_leave_a_way_past_every_box(name, widths, seed):
@@ -67,6 +68,7 @@ def test_cylinders_stand_one_and_a_half_to_four_car_widths_apart(seed):
     assert np.abs(np.concatenate(rims)[:, 1]).max() <= 2.5 - 1.5 * WIDTH + 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("percent", (120, 150, 200))
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_narrow_gap_is_as_wide_as_its_name_says(percent, seed):
@@ -133,6 +135,7 @@ def test_in_the_u_turn_trap_the_way_on_is_behind_and_looks_shorter_than_the_way_
         assert bearings_on[np.argmax(ranges[on])] > 90.0  # behind a car that has driven straight on
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", (0, 1))
 def test_in_the_chicane_the_wider_opening_is_for_robots_that_turn_on_the_spot(seed):
     """The car gets through the narrow one only, a holonomic robot as wide as the car through either."""

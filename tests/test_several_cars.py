@@ -70,6 +70,7 @@ def differences(one: FloatArray, other: FloatArray) -> FloatArray:
     return np.abs(apart)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("count", "placements"), [(2, 30), (4, 12), (8, 6)])
 def test_the_cars_of_a_world_are_in_each_others_scans_as_mujocos_rays_see_them(count: int, placements: int) -> None:
     world = World("oval", others=[WorldCar(vehicle=("nuc2", "f1tenth")[i % 2]) for i in range(count - 1)])
@@ -185,6 +186,7 @@ def test_a_car_does_not_feel_how_many_others_there_are() -> None:
     assert np.allclose(paths[0], paths[1], rtol=0.0, atol=1e-6)  # when the solver is content depends on the whole model
 
 
+@pytest.mark.slow
 def test_in_another_order_every_car_drives_the_same_line_until_the_first_contact() -> None:
     entries = [
         Entry(name="gap", controller="gap_finder", max_speed=4.0, start=Start(s=4.0)),

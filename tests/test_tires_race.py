@@ -52,7 +52,7 @@ def test_a_planner_that_is_told_more_than_the_tires_have_slides():
 
 
 def test_a_run_on_such_tires_is_replayed_bit_for_bit(lap, tmp_path):
-    fg.write_run(lap, tmp_path / "run")
+    fg.write_run(lap, tmp_path / "run", picture=False)
     report = replay(tmp_path / "run")
     assert report.identical and report.trajectory_sha256 == lap.trajectory_sha256
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())
@@ -205,7 +205,7 @@ def test_patches_are_part_of_any_world(tires, tmp_path):
         != fg.race("oval", laps=100, time_limit=4.0, tires=tires, planner_mu=1.05).trajectory_sha256
     )
     assert raced.max_slide_m_s > slides_above(raced.tires_model) and raced.slide_time_fraction > 0.0
-    fg.write_run(raced, tmp_path / "run")
+    fg.write_run(raced, tmp_path / "run", picture=False)
     assert replay(tmp_path / "run").identical
     scenarios = [Scenario(tires=tires, patches=(ICE,), planner_mu=1.05, mu=mu) for mu in (None, 0.5)]
     together = drive_worlds(scenarios, "gap_finder", duration=4.0, record="states")

@@ -82,9 +82,7 @@ def test_verbs_and_ticks_of_one_call_follow_each_other():
 
 def test_a_history_of_ticks_of_one_call_grows():
     engine = engine_of("pure_pursuit")
-    history = History(engine)
-    for name in ("_telemetry", "_ctrl", "_states"):
-        setattr(history, name, getattr(history, name)[: 5 + (name == "_states")].copy())
+    history = History(engine, capacity=5)
     for _ in range(TICKS):
         engine.tick(history=history)
     assert history.ticks == TICKS

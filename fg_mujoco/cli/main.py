@@ -295,7 +295,7 @@ def _race(options: argparse.Namespace) -> int:
         motion_distortion=options.motion_distortion,
     )
     settings = settings_of(options)
-    picture = options.out is not None and _check_out(options.out)
+    picture = options.out is not None and check_out(options.out)
     if options.video is not None:
         check_film(options.video)
     race_settings: dict[str, Any] = {
@@ -346,7 +346,7 @@ def _race(options: argparse.Namespace) -> int:
     return code
 
 
-def _check_out(folder: str) -> bool:
+def check_out(folder: str) -> bool:
     """Refuse a folder that cannot be written, before the race and not after it; answer whether to draw a picture."""
     check_run_folder(folder)
     return can_draw("trace.png", several=False)

@@ -23,7 +23,7 @@ _Progress = TypeVar("_Progress")
 REDRAW = 0.1  # [s] of wall time between two texts on a terminal
 PATIENCE = 1.0  # [s] without a text after which a terminal is told how long it takes already
 MINUTE = 60.0  # [s] between two lines where there is no terminal
-_TAKE = 0.5  # [s] between two texts that are kept for the next of these lines
+KEPT_EVERY = 0.5  # [s] between two texts that are kept for the next of these lines
 
 
 class ProgressLine:
@@ -41,7 +41,7 @@ class ProgressLine:
         self._stream, self._text = sys.stderr, doing
         self.terminal = self._stream.isatty()
         self._began = self._shown = time.perf_counter()
-        self._every = (REDRAW if self.terminal else _TAKE) if show else float("inf")
+        self._every = (REDRAW if self.terminal else KEPT_EVERY) if show else float("inf")
         self._writing, self._ended = threading.Lock(), threading.Event()
         self._thread = threading.Thread(target=self._watch, name="progress", daemon=True) if show else None
 

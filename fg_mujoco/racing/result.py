@@ -325,16 +325,17 @@ class History:
 
     Args:
       engine: at the start of the race.
+      capacity: of how many ticks at first; it doubles when it is full.
     """
 
-    def __init__(self, engine: Engine) -> None:
+    def __init__(self, engine: Engine, capacity: int = 512) -> None:
         self.first_end: float | None = None  # when the first tick was over, on time.perf_counter's clock [s]
         self._ticks = np.zeros(1, np.int64)
         state, ctrl = engine.state(0), engine.ctrl(0)
         self._now = (engine.telemetry, state, ctrl)  # live
-        self._telemetry = np.empty((512, *engine.telemetry.shape))  # of all cars
-        self._states = np.empty((513, len(state)))
-        self._ctrl = np.empty((512, len(ctrl)))
+        self._telemetry = np.empty((capacity, *engine.telemetry.shape))  # of all cars
+        self._states = np.empty((capacity + 1, len(state)))
+        self._ctrl = np.empty((capacity, len(ctrl)))
         self._states[0] = state
         self._table: ArrayTable | None = None
 

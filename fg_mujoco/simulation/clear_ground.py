@@ -25,7 +25,7 @@ REACH = 1.0
 """[m] Greatest distance that is told apart, which is further than any car of this scale reaches from its middle."""
 
 _CELL = 0.25  # [m]
-_MOST_CELLS = 4_000_000  # of a course 500 m long and wide; on a greater one nothing is left out
+MOST_CELLS = 4_000_000  # of a course 500 m long and wide; on a greater one nothing is left out
 _SAME = 1e-10  # [m^2] square of the distance of two corners that are one
 _UPRIGHT = 0.8  # [-] cosine of a car's tilt, up to which the corners of its hull are its lowest points
 
@@ -102,7 +102,7 @@ def distances_of(model: mujoco.MjModel) -> tuple[FloatArray, FloatArray]:
     )  # fmt: skip
     corner = points.min(axis=0) - REACH
     columns, rows = (np.ceil((points.max(axis=0) + REACH - corner) / _CELL)).astype(int) + 1
-    if rows * columns > _MOST_CELLS:
+    if rows * columns > MOST_CELLS:
         return nothing
     distances = np.full((rows, columns), REACH)
     _fill(points, ends, corner, distances)

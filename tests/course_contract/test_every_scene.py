@@ -89,6 +89,7 @@ def test_the_start_is_clear_of_everything(name):
     assert around.at(points).min() > 0.1
 
 
+@pytest.mark.slow
 @every_scene_and_seed
 def test_the_goal_can_be_reached_by_a_disc_as_wide_as_the_car(name):
     scene = load(name)
@@ -98,6 +99,7 @@ def test_the_goal_can_be_reached_by_a_disc_as_wide_as_the_car(name):
     assert field.at(goal)[0] > 0.0
 
 
+@pytest.mark.slow
 @every_scene_and_seed
 def test_walls_are_closed_and_the_way_leads_clear_of_them(name):
     scene = load(name)
@@ -116,6 +118,7 @@ def test_a_race_is_one_lap_and_no_more(name):
     assert scene.longest_race(1) == scene.time_limit >= scene.length / SLOWEST_RACE
 
 
+@pytest.mark.slow
 @every_scene
 def test_the_picture_shows_obstacles_where_there_are_any(name):
     scene, file = load(name), io.BytesIO()

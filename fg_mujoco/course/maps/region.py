@@ -44,9 +44,9 @@ DOOR = 1.2
 
 _MOST_LOOPS = 10**6  # no map has so many; a greater number of a loop is refused as this one is
 _LARGEST = 5  # obstacles that a loop round is looked for, in each region, with doors open and with doors shut
-_MOST_SIDES = 300_000  # of pixels along the walls of a region: some 3 s
-_MOST_SIDES_IN_ALL = 2 * _MOST_SIDES  # along those of all regions together
-_MOST_SPECKS = 1000  # of a map that is looked through for a setting that helps; one of more is noise
+MOST_SIDES = 300_000  # of pixels along the walls of a region: some 3 s
+MOST_SIDES_IN_ALL = 2 * MOST_SIDES  # along those of all regions together
+MOST_SPECKS = 1000  # of a map that is looked through for a setting that helps; one of more is noise
 _DOUBLE_DOOR = 2.0  # [m] a hole no wider is one in a wall, however narrow the course is
 _WIDEST_HOLE = 2.0  # times the width of the course at its widest place; where more of a wall is missing, it has none
 _CORRIDOR = 4.0  # an open way is longer than wide by this at least; a shorter one is a hall
@@ -188,8 +188,8 @@ class _Region:
         Raises:
           TrackError: so many of them that finding a line would take minutes.
         """
-        if self.sides > _MOST_SIDES:
-            raise _too_noisy(self.occupancy, self.sides, _MOST_SIDES)
+        if self.sides > MOST_SIDES:
+            raise _too_noisy(self.occupancy, self.sides, MOST_SIDES)
         edges = sorted(outlines(self.mask), key=enclosed_area)
         return [edge + self.corner[::-1] for edge in (edges.pop(), *edges)]
 
@@ -378,9 +378,9 @@ def _look(occupancy: OccupancyMap, at: FloatArray | None) -> _Tight | _Leak:
       TrackError: so many sides of pixels that finding a line would take minutes.
     """
     regions = _regions(occupancy, at)
-    sides = sum(region.sides for region in regions if region.sides <= _MOST_SIDES)  # the others are refused alone
-    if sides > _MOST_SIDES_IN_ALL:
-        raise _too_noisy(occupancy, sides, _MOST_SIDES_IN_ALL)
+    sides = sum(region.sides for region in regions if region.sides <= MOST_SIDES)  # the others are refused alone
+    if sides > MOST_SIDES_IN_ALL:
+        raise _too_noisy(occupancy, sides, MOST_SIDES_IN_ALL)
     region = _leaking_course(regions)
     if region is None:
         return _Tight(regions=[region for region in regions if not region.leaks])
@@ -457,7 +457,7 @@ def _options(occupancy: OccupancyMap, leak: _Leak, at: FloatArray | None) -> dic
     without its specks first.
     """
     bordered = occupancy.with_walled_border()
-    if np.count_nonzero(occupancy.sizes()[1] < SPECK) <= _MOST_SPECKS:
+    if np.count_nonzero(occupancy.sizes()[1] < SPECK) <= MOST_SPECKS:
         closed, width = _course(lambda: _close(leak, at, math.inf))
         if closed <= max(_DOUBLE_DOOR, _WIDEST_HOLE * width):
             return {"close": _rounded_up(closed)}
@@ -517,7 +517,7 @@ def _sides(free: BoolArray) -> int:
 
 def _too_noisy(occupancy: OccupancyMap, sides: int, most: int) -> TrackError:
     """Return the error for so many sides of pixels, with the setting that helps if they are those of specks."""
-    helps = _sides(occupancy.without_specks(SPECK).free) <= _MOST_SIDES
+    helps = _sides(occupancy.without_specks(SPECK).free) <= MOST_SIDES
     option = f", or {occupancy.named(specks=f'{SPECK}')}" if helps else ""
     return TrackError(
         f"{occupancy.path}: walls of {sides} sides of pixels; accepted: {most} at most, a map without noise{option}"

@@ -24,7 +24,7 @@ _MOST_MOVED = 0.4  # [pixel] by it; less than TOLERANCE, so that corners stay
 _STAY = 1e-3  # weight of where a corner is beside that of a point of the outline, so that every corner is somewhere
 _SLACK = 1e-6  # [pixel] in comparisons with the tolerance
 _HALVINGS = 6  # of the tolerance, for what is smaller than it
-_DENSE = 2000  # corners of a wall at most, whose equations are solved as a full matrix: of more it takes minutes
+MOST_DENSE = 2000  # corners of a wall at most, whose equations are solved as a full matrix: of more it takes minutes
 _KEPT_AREA = 0.95  # of what an outline encloses, at least: obstacles of a few pixels stay as large as they are
 
 _STEPS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])  # right, up, left, down: each turns left from the one before
@@ -172,7 +172,7 @@ def _fitted(outline: FloatArray, chosen: IndexArray, wall: FloatArray, tolerance
 def _solved(row: IndexArray, column: IndexArray, value: FloatArray, right: FloatArray) -> FloatArray:
     """Return what a sparse matrix, the sum of entries (k,), turns into `right` (m, 2)."""
     count = len(right)
-    if count <= _DENSE:
+    if count <= MOST_DENSE:
         matrix = np.zeros((count, count))
         np.add.at(matrix, (row, column), value)
         return np.asarray(np.linalg.solve(matrix, right), np.float64)

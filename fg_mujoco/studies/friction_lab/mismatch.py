@@ -58,7 +58,7 @@ class MismatchExperiment:
         track, mu = cell["track"], cell["mu"]
         if cell["ratio"] is None:
             return {"knee": [_knee(track, mu)]}
-        laps = _drive(track, mu, cell["ratio"])
+        laps = drive_believing(track, mu, cell["ratio"])
         uses = np.fmax.reduce([laps.column(f"friction_use_{wheel}") for wheel in WHEELS])
         row: Row = {
             "track": track, "mu": mu, "ratio": cell["ratio"], "planner_mu": mu * cell["ratio"],
@@ -94,7 +94,8 @@ class MismatchExperiment:
         )
 
 
-def _drive(track: str, mu: float, ratio: float) -> LabLaps:
+def drive_believing(track: str, mu: float, ratio: float) -> LabLaps:
+    """Drive laps on tires of `mu` with a planner that assumes `ratio` times as much."""
     return drive_laps(LabWorld(track, mu=mu), laps=_LAPS, planner_mu=mu * ratio)
 
 
@@ -102,14 +103,14 @@ def _knee(track: str, mu: float) -> Row:
     """Find the ratio from which on a tire slides, by bisection."""
     low, high = _KNEE_BETWEEN
     row: Row = {"track": track, "mu": mu, "sliding_from": math.nan, "holds_at": low, "slides_at": high}
-    slides = [_drive(track, mu, ratio).slide_time_fraction > 0.0 for ratio in _KNEE_BETWEEN]
+    slides = [drive_believing(track, mu, ratio).slide_time_fraction > 0.0 for ratio in _KNEE_BETWEEN]
     if slides[0]:
         return {**row, "holds_at": math.nan, "slides_at": low, "reason": f"slides at {low:g}"}
     if not slides[1]:
         return {**row, "holds_at": high, "slides_at": math.nan, "reason": f"slides at no ratio up to {high:g}"}
     while high - low > _WIDTH:
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if _drive(track, mu, middle).slide_time_fraction > 0.0 else (middle, high)
+        low, high = (low, middle) if drive_believing(track, mu, middle).slide_time_fraction > 0.0 else (middle, high)
     return {**row, "sliding_from": 0.5 * (low + high), "holds_at": low, "slides_at": high, "reason": ""}
 
 

@@ -101,7 +101,7 @@ def _open(backend: str, width: int, height: int) -> GraphicsContext:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of GLFW: it returns nothing, too
-            handle = _new_context(backend, width, height)
+            handle = new_context(backend, width, height)
             handle.make_current()
         renderer = importlib.import_module("OpenGL.GL").glGetString(_GL_RENDERER)
         if not renderer:
@@ -117,7 +117,8 @@ def _open(backend: str, width: int, height: int) -> GraphicsContext:
     return context
 
 
-def _new_context(backend: str, width: int, height: int) -> Any:
+def new_context(backend: str, width: int, height: int) -> Any:
+    """Return a context of MuJoCo's that draws through a back end; "system": MuJoCo's own choice."""
     if backend == "system":
         import mujoco
 

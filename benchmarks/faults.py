@@ -1,0 +1,348 @@
+"""Whether the tests find faults: each of a list is made in a copy of the package, and the tests of its room run there.
+
+    python benchmarks/faults.py [--only WORD,WORD] [--checkout FOLDER] [--whole] [--json FILE]
+
+A fault is one of those that people make: a sign, an off-by-one, a swapped argument, a dropped clamp, a wrong unit. It
+is found if a test fails which passes without it; the first one is named. The exit code is 1 if a fault was not found.
+Some ten minutes of CPU for all faults: most change kernels, which are compiled again.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from common import parser, report, table
+
+from fg_mujoco.kernels import cache_folder
+
+ROOT = Path(__file__).parent.parent
+INSIDE = ("controllers", "models", "tracks")
+"""Folders of the repository that are installed inside fg_mujoco."""
+LINKED = ("benchmarks", "docs", "examples", "README.md", "CHANGELOG.md", "CONTRIBUTING.md", "Makefile", "mkdocs.yml",
+          "pyproject.toml", "constraints.txt")  # fmt: skip
+"""What tests read besides the package."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fault:
+    """A change of one place in a file, and the tests that should find it."""
+
+    file: str
+    old: str  # once in the file
+    new: str
+    tests: str  # files in tests/, between blanks
+
+    @property
+    def room(self) -> str:
+        """The folder in the package, or in the repository."""
+        parts = Path(self.file).parts
+        return parts[1] if parts[0] == "fg_mujoco" and len(parts) > 2 else parts[0]
+
+
+FAULTS = {
+    # vehicle
+    "a tire's slip angle without its arctangent's sign": Fault(
+        file="fg_mujoco/vehicle/tire_forces.py",
+        old="along / tire.relaxation_length, math.atan(across / tire.relaxation_length)",
+        new="along / tire.relaxation_length, -math.atan(across / tire.relaxation_length)",
+        tests="test_tire_forces.py test_tires.py",
+    ),
+    "the load sensitivity with the wrong sign": Fault(
+        file="fg_mujoco/vehicle/tire_forces.py",
+        old="(load / tire.nominal_load) ** -tire.load_sensitivity",
+        new="(load / tire.nominal_load) ** tire.load_sensitivity",
+        tests="test_tire_forces.py test_tires.py test_tire_bench.py",
+    ),
+    "Coulomb friction without its limit": Fault(
+        file="fg_mujoco/vehicle/tires/coulomb.py",
+        old="found: float = numbers[0] * min(numbers[1] * slip, 1.0)",
+        new="found: float = numbers[0] * numbers[1] * slip",
+        tests="test_tire_forces.py test_tires.py test_slides.py test_tire_bench.py",
+    ),
+    "the sideslip angle at the centre of gravity the wrong way": Fault(
+        file="fg_mujoco/vehicle/motion.py",
+        old="left = vy + yaw_rate * car[0].rear_axle_distance",
+        new="left = vy - yaw_rate * car[0].rear_axle_distance",
+        tests="test_car_motion.py test_car.py test_car_dynamics.py",
+    ),
+    "no limit of the steering command": Fault(
+        file="fg_mujoco/vehicle/motion.py",
+        old="ctrl[limits.steering_ctrl] = min(max(steering_angle, -limits.max_steering_angle),"
+        " limits.max_steering_angle)",
+        new="ctrl[limits.steering_ctrl] = steering_angle",
+        tests="test_car.py test_car_dynamics.py test_huge_commands.py",
+    ),
+    # lidar
+    "noise below zero": Fault(
+        file="fg_mujoco/lidar/effects.py",
+        old="noise[beam] = min(max(ranges[beam] + deviation * noise[beam], 0.0), range_max)",
+        new="noise[beam] = min(ranges[beam] + deviation * noise[beam], range_max)",
+        tests="test_lidar_effects.py",
+    ),
+    "a wall that misses the beam at its right end": Fault(
+        file="fg_mujoco/lidar/scanline.py",
+        old="for beam in range(np.uintp(first), np.uintp(behind)):",
+        new="for beam in range(np.uintp(first + 1), np.uintp(behind)):",
+        tests="test_scanline.py test_lidar.py",
+    ),
+    "a reading of nothing below the least range": Fault(
+        file="fg_mujoco/lidar/beams.py",
+        old="readings[distances < self.range_min] = -math.inf",
+        new="readings[distances < self.range_min] = math.inf",
+        tests="test_lidar.py test_lidar_effects.py",
+    ),
+    # course
+    "a lap's time from the wrong end of the tick": Fault(
+        file="fg_mujoco/course/lap_timer.py",
+        old="crossed = timer.time + (time - timer.time) * (line - before) / distance",
+        new="crossed = time + (time - timer.time) * (line - before) / distance",
+        tests="test_lap_timer.py",
+    ),
+    "an obstacle that does not turn back": Fault(
+        file="fg_mujoco/course/moving_obstacles.py",
+        old="    gone = way - abs(gone % (2.0 * way) - way) if back_and_forth else min(gone, way)",
+        new="    gone = min(gone, way)",
+        tests="test_moving_obstacles.py",
+    ),
+    "progress across the line modulo half a lap": Fault(
+        file="fg_mujoco/course/lap_timer.py",
+        old="distance = (place - timer.place + 0.5 * modulus) % modulus - 0.5 * modulus",
+        new="distance = (place - timer.place + modulus) % modulus - 0.5 * modulus",
+        tests="test_lap_timer.py test_race.py",
+    ),
+    # controllers
+    "the friction speed without the wheelbase": Fault(
+        file="controllers/control/speed.py",
+        old="return math.sqrt(gravity * mu * wheelbase / slope)",
+        new="return math.sqrt(gravity * mu / slope)",
+        tests="test_speed_laws.py test_friction_limiter.py",
+    ),
+    "a goal seen from the LiDAR taken as seen from the axle": Fault(
+        file="controllers/control/steering.py",
+        old="return arc_through(lidar_offset + distance * math.cos(bearing),",
+        new="return arc_through(distance * math.cos(bearing),",
+        tests="test_driving.py test_pure_pursuit.py test_gap_finder.py",
+    ),
+    "the longest gap a beam short": Fault(
+        file="controllers/perception/gaps.py",
+        old="best_first, best_end = first, beam + 1",
+        new="best_first, best_end = first, beam",
+        tests="test_gaps.py test_follow_the_gap.py",
+    ),
+    "a limiter that may take more than the tires hold": Fault(
+        file="controllers/safety/friction_limiter.py",
+        old="unused = max(limiter.lateral - math.copysign(cornering, turn * cornering), 0.0)",
+        new="unused = max(limiter.lateral + math.copysign(cornering, turn * cornering), 0.0)",
+        tests="test_friction_limiter.py test_mission.py",
+    ),
+    "a braking distance in the speed, not in its square": Fault(
+        file="controllers/safety/guidance.py",
+        old="return math.sqrt(2.0 * settings.profile_braking * limiter.braking * room)",
+        new="return 2.0 * settings.profile_braking * limiter.braking * room",
+        tests="test_guidance.py test_mission.py test_tight_tracks.py controller_contract",
+    ),
+    "the raceline's heading error not wrapped": Fault(
+        file="controllers/control/tracking.py",
+        old="return ahead, beside, angle - 2.0 * math.pi * round(angle / (2.0 * math.pi))",
+        new="return ahead, beside, angle",
+        tests="test_tracking.py test_pure_pursuit.py",
+    ),
+    # simulation
+    "no race that goes the wrong way": Fault(
+        file="fg_mujoco/simulation/termination.py",
+        old="    if back >= WRONG_WAY_LIMIT:",
+        new="    if -back >= WRONG_WAY_LIMIT:",
+        tests="test_wrong_way.py test_race.py",
+    ),
+    "one lap too many": Fault(
+        file="fg_mujoco/simulation/termination.py",
+        old="    if laps_completed >= laps:",
+        new="    if laps_completed > laps:",
+        tests="test_race.py",
+    ),
+    # racing
+    "the fault of the car that was hit": Fault(
+        file="fg_mujoco/racing/fault.py",
+        old="return 0 if first_is else 1, nearer[0] + nearer[1]",
+        new="return 1 if first_is else 0, nearer[0] + nearer[1]",
+        tests="test_fault.py test_race_control.py",
+    ),
+    "a car put back without the cars' lengths": Fault(
+        file="fg_mujoco/racing/race_control.py",
+        old="back = behind + 0.5 * (self._lengths[car] + self._lengths[other])",
+        new="back = behind",
+        tests="test_race_control.py test_several_cars.py",
+    ),
+    "gaps to the leader in the other order": Fault(
+        file="fg_mujoco/racing/standings.py",
+        old="gaps[:, led] = time[led] - np.interp(progress",
+        new="gaps[:, led] = -time[led] + np.interp(progress",
+        tests="test_field_report.py test_several_cars.py test_rendering_cars.py",
+    ),
+    # studies
+    "Wilson's interval of too small a sample": Fault(
+        file="fg_mujoco/studies/intervals.py",
+        old="middle = (share + 0.5 * square / count) / (1.0 + square / count)",
+        new="middle = (share + square / count) / (1.0 + square / count)",
+        tests="test_intervals.py",
+    ),
+    "worlds of one track in the order of all": Fault(
+        file="fg_mujoco/studies/rollout/job.py",
+        old="by_track = [np.arange(first, len(self.seeds), every) for first in range(every)]",
+        new="by_track = [np.arange(first, len(self.seeds) - 1, every) for first in range(every)]",
+        tests="test_rollouts.py test_rollout_store.py",
+    ),
+    "a drawn value with its ends swapped": Fault(
+        file="fg_mujoco/studies/rollout/randomization.py",
+        old="return min(self.low + share * (self.high - self.low), self.high)",
+        new="return max(self.low + share * (self.high - self.low), self.high)",
+        tests="test_randomization.py test_rollouts.py",
+    ),
+    # envs
+    "a crash that is rewarded": Fault(
+        file="fg_mujoco/envs/reward_kernels.py",
+        old="rewards[i] = reward - weights[1] if crashed[i] else reward",
+        new="rewards[i] = reward + weights[1] if crashed[i] else reward",
+        tests="test_environment.py test_gym_environment.py test_gym_vector.py",
+    ),
+    "actions that are not held within their bounds": Fault(
+        file="fg_mujoco/envs/reward_kernels.py",
+        old="held = min(max(actions[i, part], limits[0, part]), limits[1, part])",
+        new="held = max(actions[i, part], limits[0, part])",
+        tests="test_environment.py test_gym_environment.py test_gym_vector.py",
+    ),
+    # ros
+    "a scan's stamp of its last beam": Fault(
+        file="fg_mujoco/ros/bag_messages.py",
+        old="first = scan.stamp - scan.time_increment * (len(scan.ranges) - 1)",
+        new="first = scan.stamp",
+        tests="test_bag_run.py test_bag_writer.py test_bag_scans.py",
+    ),
+    "a LiDAR mounted the other way round": Fault(
+        file="fg_mujoco/ros/bag_scans.py",
+        old="    first += mount.yaw",
+        new="    first -= mount.yaw",
+        tests="test_bag_scans.py test_bag_replay.py",
+    ),
+    "a node's reckoned pose that turns twice as fast": Fault(
+        file="fg_mujoco/ros/door/sensing.py",
+        old="turned = self._odometry.yaw_rate * passed",
+        new="turned = 2.0 * self._odometry.yaw_rate * passed",
+        tests="test_ros_nodes.py test_ros_surroundings.py test_ros_tolerance.py",
+    ),
+    # viz
+    "pictures upside down": Fault(
+        file="fg_mujoco/viz/rendering/cameras.py",
+        old="0.5 * width + scale * x, 0.5 * height - scale * y",
+        new="0.5 * width + scale * x, 0.5 * height + scale * y",
+        tests="test_rendering.py test_rendering_cars.py",
+    ),
+    "a film a frame short": Fault(
+        file="fg_mujoco/viz/rendering/film.py",
+        old="math.floor((last - start) * fps + 1e-6) + 1",
+        new="math.floor((last - start) * fps + 1e-6)",
+        tests="test_rendering.py test_rendering_drive.py test_rendering_files.py",
+    ),
+    # cli
+    "friction that is off is none at all": Fault(
+        file="fg_mujoco/cli/options.py",
+        old='    if text == "off":\n        return math.inf',
+        new='    if text == "off":\n        return 0.0',
+        tests="test_cli.py test_told_friction.py test_doors.py",
+    ),
+    "opponents with the same seed": Fault(
+        file="fg_mujoco/cli/options.py",
+        old="seed=first.seed + index)",
+        new="seed=first.seed)",
+        tests="test_race_control.py test_cli.py",
+    ),
+    "a run that replaces a run without being told to": Fault(
+        file="fg_mujoco/cli/out.py",
+        old="    elif options.force:",
+        new="    elif options.force or kind == RUN:",
+        tests="test_out_folder.py",
+    ),
+}
+
+
+def copy_of(checkout: Path, folder: Path) -> None:
+    """Lay the package out as it is installed, its tests beside it, and link the rest of the repository."""
+    leave = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(checkout / "fg_mujoco", folder / "fg_mujoco", ignore=leave)
+    for name in INSIDE:
+        shutil.copytree(checkout / name, folder / "fg_mujoco" / name, ignore=leave)
+        (folder / name).symlink_to(folder / "fg_mujoco" / name)
+    shutil.copytree(checkout / "tests", folder / "tests", ignore=leave)
+    for name in LINKED:
+        (folder / name).symlink_to(checkout / name)
+    shared = checkout.parent / "shared"
+    if shared.exists() and not (folder.parent / "shared").exists():
+        (folder.parent / "shared").symlink_to(shared)
+
+
+def make(fault: Fault, folder: Path) -> str:
+    """Put a fault into a copy, and return the text that was there."""
+    path = folder / fault.file
+    text = path.read_text("utf-8")
+    if text.count(fault.old) != 1:
+        raise SystemExit(f"faults: {fault.file} has {text.count(fault.old)} times {fault.old!r}; accepted: once")
+    path.write_text(text.replace(fault.old, fault.new), "utf-8")
+    return text
+
+
+def first_failure(tests: list[str], folder: Path) -> str | None:
+    """Run tests in the copy, and return the first that fails."""
+    environment = os.environ | {"PYTHONPATH": str(folder), "XDG_CACHE_HOME": str(folder.parent / "cache")}
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-rfE", *tests]
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
+    if done.returncode not in (0, 1, 2):
+        raise SystemExit(f"faults: pytest ended with {done.returncode}: {done.stdout[-2000:]}{done.stderr[-2000:]}")
+    found = re.search(r"^(?:FAILED|ERROR) (.+?)(?: - |$)", done.stdout, re.MULTILINE)
+    return found.group(1) if found else None
+
+
+def main() -> int:
+    """Make each fault, and tell which were found."""
+    arguments = parser(__doc__)
+    arguments.add_argument("--only", default="", help="faults of these rooms, or with one of these words in their name")
+    arguments.add_argument("--checkout", type=Path, default=ROOT, help="whose package and tests (default: this one)")
+    arguments.add_argument("--whole", action="store_true", help="run all tests for each fault, not those of its room")
+    options = arguments.parse_args()
+    words = [word for word in options.only.split(",") if word]
+    chosen = {
+        name: fault for name, fault in FAULTS.items() if not words or {fault.room, *name.split()} & {*words}
+    }
+    rows, figures = [], {}
+    with tempfile.TemporaryDirectory(prefix="faults-") as place:
+        folder = Path(place) / "copy"
+        copy_of(options.checkout.resolve(), folder)
+        kept = cache_folder()  # kernels without a fault are not compiled again, and those with one are not kept
+        shutil.copytree(kept, Path(place) / "cache" / "fg_mujoco" / "kernels", copy_function=os.link)
+        (Path(place) / "cache" / "fg_mujoco").chmod(0o700)  # as it is only used when nobody else may write there
+        for name, fault in chosen.items():
+            before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
+            text = make(fault, folder)
+            by = first_failure([] if options.whole else [f"tests/{name}" for name in fault.tests.split()], folder)
+            (folder / fault.file).write_text(text, "utf-8")
+            if by is not None and first_failure([by.partition("[")[0]], folder) is not None:
+                raise SystemExit(f"faults: {by} fails without a fault, too")
+            seconds = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
+            figures[name] = {"room": fault.room, "found_by": by, "cpu_s": round(seconds, 1)}
+            rows.append((fault.room, name, by or "not found", f"{seconds:.0f} s"))
+            print(*rows[-1], sep="  ", file=sys.stderr, flush=True)
+    missed = [name for name, found in figures.items() if found["found_by"] is None]
+    found = f"{len(figures) - len(missed)} of {len(figures)} found"
+    report(figures, f"{table(('room', 'fault', 'found by', 'CPU'), rows)}\n\n{found}", options.json)
+    return 1 if missed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
