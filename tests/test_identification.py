@@ -167,7 +167,7 @@ def roll(parameters):
 def test_the_two_track_model_drives_like_the_car_in_three_dimensions(tmp_path):
     tires = fg.Tires.load("forzaeth_nuc6")
     result = fg.drive("growing_slalom[speed=3,frequency=2]", tires=tires)
-    drive = Drive.of_run(fg.read_run(write_run(result, tmp_path / "run", picture=False)))
+    drive = Drive.of_run(fg.read_run(write_run(result, tmp_path / "run")))
     curves = [axle.lateral for axle in tires.axles]
     axles = [value for curve in curves for value in (curve.slope, curve.C, curve.D, curve.E)]
     late = lateness(drive, result)
@@ -439,7 +439,7 @@ def test_the_command_refuses_in_one_line(tmp_path, monkeypatch, capsys, words, s
 
 def test_a_run_has_the_sensors_that_its_car_had(tmp_path):
     result = fg.race("oval", laps=1, time_limit=7.0)
-    run = fg.read_run(write_run(result, tmp_path / "run", picture=False))
+    run = fg.read_run(write_run(result, tmp_path / "run"))
     drive = Drive.of_run(run)
     assert drive.vehicle == "f1tenth"
     assert drive.car == result.world.parameters

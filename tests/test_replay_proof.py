@@ -303,7 +303,7 @@ def test_what_ended_a_race_cannot_be_forged(planner, name, change, here):
 
 def test_commands_that_the_actuators_did_not_get_are_told(here):
     main(["race", "--controller", "mine.py:Beyond", "--time-limit", "0.3", "--out", "run"])
-    forge_telemetry(without_checksums(here / "run"), 0, "command_steering_rad", "0.1")
+    forge_telemetry(without_checksums(here / "run"), {"command_steering_rad": 0}, "0.1")
     assert "telemetry.csv, command_steering_rad" in told("run")
 
 

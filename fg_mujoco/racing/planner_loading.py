@@ -22,7 +22,7 @@ import os
 import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import MISSING, fields, is_dataclass
+from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from importlib.metadata import EntryPoint, entry_points, packages_distributions, version
 from pathlib import Path
@@ -31,7 +31,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from ..course.files import is_file
 from ..errors import ControllerError, SettingsError, accepted_names
-from ..messages import Controller, DriveCommand, LaserScan, Odometry, PlannerContext
+from ..messages import CarParameters, Controller, DriveCommand, LaserScan, MapLine, Odometry, PlannerContext
 from ..simulation.planner_adapter import short, short_text
 from ..simulation.planner_failure import file_of, is_of_planner, one_line, told, without_exit
 
@@ -141,17 +141,23 @@ def make_controller(
     context: PlannerContext | None = None,
     *,
     settings: Mapping[str, Any] | None = None,
-    **told: Any,
+    car: CarParameters | None = None,
+    mu: float | None = None,
+    max_speed: float | None = None,
+    map_line: MapLine | None = None,
 ) -> Controller:
     """Return a controller, built with its settings and with what it is told, as far as its constructor names them.
 
     Args:
       source: a bundled name, `path/to/file.py:NAME` of a class or a function, a controller, which is taken as it is, or
         a function `f(scan, odometry)`.
-      context: all that it is told, as `DriveSettings.context` makes it; None: a PlannerContext of the other keywords,
-        of which `car`, `mu` and `max_speed` must be there.
+      context: all that it is told, as `DriveSettings.context` makes it; None: a PlannerContext of `car`, `mu`,
+        `max_speed` and `map_line`, of which the first three must be there.
       settings: those of its settings that are to differ from its own, by name.
-      told: fields of a PlannerContext. A controller that must have a `map_line` is refused where there is none.
+      car: parameters of the car.
+      mu: friction coefficient that it is to believe in; inf switches its friction limits off.
+      max_speed: fastest that it may command [m/s].
+      map_line: the line through the course; None where there is no map, and a controller that names it is refused.
 
     Raises:
       ControllerError: an unknown name, a file or class that cannot be loaded, settings that it has not or cannot
@@ -166,19 +172,12 @@ def make_controller(
         if settings:
             raise ControllerError(f"{origin} is made already; accepted: settings only for one that is yet to be built")
         return _checked(source, origin)
-    return build_controller(find_controller(source), source, context or _context(told), settings)
-
-
-def _context(told: Mapping[str, Any]) -> PlannerContext:
-    """Return the context that keywords tell of, or say which of them are wrong."""
-    known = {each.name: each.default is MISSING for each in fields(PlannerContext)}
-    for name in told:
-        if name not in known:
-            raise ControllerError(f"make_controller has no argument {name!r}; {accepted_names(name, known)}")
-    missing = [name for name, needed in known.items() if needed and name not in told]
-    if missing:
-        raise ControllerError(f"make_controller is not told {', '.join(missing)}; accepted: {', '.join(known)}")
-    return PlannerContext(**told)
+    if context is None:
+        if car is None or mu is None or max_speed is None:
+            missing = [name for name, value in (("car", car), ("mu", mu), ("max_speed", max_speed)) if value is None]
+            raise ControllerError(f"make_controller lacks {', '.join(missing)}; accepted: a context, or all three")
+        context = PlannerContext(car=car, mu=mu, max_speed=max_speed, map_line=map_line)
+    return build_controller(find_controller(source), source, context, settings)
 
 
 @without_exit()
