@@ -278,7 +278,7 @@ def test_a_comparison_is_the_same_for_any_number_of_workers_and_gone_on_with(her
     assert one.rows == two.rows
     assert files(here / "one") == files(here / "two")
     row = one.rows[0]
-    assert row.among.overtakes == 1 and row.among.position in (1, 2, 3)  # among three, as the drive has it
+    assert row.among.overtakes == 1
     assert one.summary()["table"][0]["overtakes"] == 1
     assert one.cells[0].as_dict()["mean_position"] == row.among.position
     assert "won | mean position | overtakes" in one.markdown()
