@@ -4,12 +4,11 @@ import importlib
 import json
 import linecache
 import os
-import shutil
 import subprocess
 import sys
-from importlib.resources import files
 
 import pytest
+from installed_package import install_into
 
 from fg_mujoco.kernel_keys import identity
 
@@ -312,9 +311,7 @@ OF_MESSAGES = {  # an edit, some kernels that depend on it by themselves, and ho
 def installed(tmp_path_factory):
     """The package as it is installed, with the identities of its kernels."""
     site = tmp_path_factory.mktemp("site")
-    for name in ("fg_mujoco", "fg_mujoco.controllers", "fg_mujoco.models", "fg_mujoco.tracks"):
-        place = site.joinpath(*name.split("."))
-        shutil.copytree(str(files(name)), place, ignore=shutil.ignore_patterns("__pycache__"), dirs_exist_ok=True)
+    install_into(site)
 
     def identities():
         done = subprocess.run([sys.executable, "-c", IDENTITIES], cwd=site, capture_output=True, text=True)

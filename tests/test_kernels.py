@@ -6,15 +6,14 @@ import json
 import math
 import os
 import pickle
-import shutil
 import subprocess
 import sys
 import threading
-from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
 import pytest
+from installed_package import install_into
 from scan_worlds import CAR, odometry_of, scan_of
 
 import fg_mujoco as fg
@@ -248,9 +247,7 @@ def test_a_function_without_source_is_not_kept(cache):
 def installed(tmp_path_factory):
     """The package as it is installed, with one more kernel in a folder of a folder, and a user's planner."""
     site = tmp_path_factory.mktemp("site")
-    for name in ("fg_mujoco", "fg_mujoco.controllers", "fg_mujoco.models", "fg_mujoco.tracks"):
-        place = site.joinpath(*name.split("."))
-        shutil.copytree(str(files(name)), place, ignore=shutil.ignore_patterns("__pycache__"), dirs_exist_ok=True)
+    install_into(site)
     nested = site / "fg_mujoco" / "one" / "two"
     nested.mkdir(parents=True)
     (nested.parent / "__init__.py").write_text("")
