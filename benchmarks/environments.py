@@ -97,7 +97,7 @@ def compare(ways: dict[str, Tick], ticks: int, rounds: int, worlds: int) -> dict
 def measure(track: str, counts: list[int], rounds: int) -> dict[str, Any]:
     """Return the figures of the benchmark."""
     race = fg.race(track, laps=1)
-    commands = np.column_stack((race.column("command_steering_rad"), race.column("command_speed_m_s")))[:-1]
+    commands = np.column_stack((race.car.column("command_steering_rad"), race.car.column("command_speed_m_s")))[:-1]
     settings = {"track": track, "start": "line"}
     ways = {
         "Engine": engine(track, commands, 1),

@@ -260,8 +260,8 @@ FAULTS = {
     ),
     "opponents with the same seed": Fault(
         file="fg_mujoco/cli/options.py",
-        old="seed=first.seed + index)",
-        new="seed=first.seed)",
+        old="seed=first.car.seed + index)",
+        new="seed=first.car.seed)",
         tests="test_race_control.py test_cli.py",
     ),
     "a run that replaces a run without being told to": Fault(

@@ -120,10 +120,10 @@ def slaloms(case: Case) -> tuple[list[Drive], float]:
         for _ in range(TRIES):
             slalom = GrowingSlalom(speed=speed, frequency=frequency, angle=angle)
             result = fg.drive(slalom, vehicle=case.vehicle, tires=case.tires)
-            spun = np.flatnonzero(np.abs(result.column("sideslip_rad")) > SPINS)
+            spun = np.flatnonzero(np.abs(result.car.column("sideslip_rad")) > SPINS)
             if not len(spun):
                 break
-            share = (result.column("time_s")[spun[0]] - slalom.begin) / slalom.seconds
+            share = (result.car.column("time_s")[spun[0]] - slalom.begin) / slalom.seconds
             angle = round(0.9 * angle * min(share, 1.0), 3)
         found.append(recorded(result))
         late.append(_lateness(found[-1], result))
@@ -131,7 +131,7 @@ def slaloms(case: Case) -> tuple[list[Drive], float]:
 
 
 def _lateness(drive: Drive, result: Any) -> float:
-    time, angle = result.column("time_s"), result.column("steering_angle_rad")
+    time, angle = result.car.column("time_s"), result.car.column("steering_angle_rad")
     grid = np.arange(time[0], time[-1], 0.005)
     steering = Steering(
         drive.steering, grid, limit=drive.car.max_steering_angle, rate=drive.car.max_steering_rate, held=True

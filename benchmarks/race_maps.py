@@ -107,18 +107,18 @@ def drive(job: Job) -> Row:
         said = str(error) if isinstance(error, FgMujocoError) else f"{type(error).__name__}: {error}"
         said = " ".join(said.split()).replace(f"{Path(job.course).parent}/", "")
         return replace(row, message=f"{'refused' if refused else 'failed'}: {said}")
-    if result.end_reason == "interrupted":
+    if result.car.end_reason == "interrupted":
         raise KeyboardInterrupt
-    laps = result.lap_times_s
+    laps = result.car.lap_times_s
     return replace(
         row,
         laps_completed=len(laps),
-        end_reason=result.end_reason,
+        end_reason=result.car.end_reason,
         first_lap_s=laps[0] if laps else None,
         best_flying_lap_s=min(laps[1:], default=None),
-        max_slide_m_s=result.max_slide_m_s,
-        collisions=result.collisions,
-        wrong_way=str(result.wrong_way) if result.wrong_way is not None else None,
+        max_slide_m_s=result.car.max_slide_m_s,
+        collisions=result.car.collisions_wall,
+        wrong_way=str(result.car.wrong_way) if result.car.wrong_way is not None else None,
         reference_lap_s=reference_lap(course, job.speed) if job.reference else None,
     )
 
@@ -133,9 +133,9 @@ def reference_lap(course: fg.Course, speed: float) -> float | None:
         result = fg.race(course, REFERENCE, laps=1, max_speed=speed)
     except FgMujocoError:
         return None
-    if result.end_reason == "interrupted":
+    if result.car.end_reason == "interrupted":
         raise KeyboardInterrupt
-    return result.lap_times_s[0] if result.finished else None
+    return result.car.lap_times_s[0] if result.car.finished else None
 
 
 def summary(rows: Sequence[Row]) -> str:

@@ -122,7 +122,7 @@ def race_facts(result: Any) -> Facts:
             for first in range(0, len(result.states), TICKS)
         ],
         **{name: summary[name] for name in FIGURES if name in summary},
-        "telemetry": {name: digest(result.column(name)) for name in fg.TELEMETRY},
+        "telemetry": {name: digest(result.car.column(name)) for name in fg.TELEMETRY},
     }
 
 
@@ -245,12 +245,12 @@ def rollouts() -> Iterator[Case]:
 def rollout(tracks: Any, planner: str, **settings: Any) -> Facts:
     result = call(fg.rollout, tracks, planner, record="states", **settings)
     worlds = range(len(result))
-    telemetry = np.concatenate([result.telemetry(world) for world in worlds])
+    telemetry = np.concatenate([result.car.telemetry(world) for world in worlds])
     return {
         "states": [digest(result.states(world)) for world in worlds],
         "ctrl": [digest(result.ctrl(world)) for world in worlds],
         "columns": {name: digest(result[name]) for name in result.names},
-        "lap_times_s": digest(result.lap_times_s),
+        "lap_times_s": digest(result.car.lap_times_s),
         "telemetry": {name: digest(values) for name, values in zip(fg.TELEMETRY, telemetry.T, strict=True)},
     }
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import functools
 import inspect
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
@@ -75,14 +75,19 @@ def _refusal(function: Callable[..., Any], name: str, args: tuple[Any, ...], nam
     accepted = f"{name}({', '.join(each if each in in_order else f'{each}=...' for each in call)})"
     for given in named:
         if given not in taken and inspect.Parameter.VAR_KEYWORD not in kinds:
-            rather = None if nearest(given, taken) else _RATHER.get(given)
-            end = accepted_names(given, taken) + ("" if rather is None else f"; {rather}")
-            return f"{name} has no argument {given!r}; {end}"
+            return unknown_argument(name, given, taken)
     if len(args) > len(in_order) and inspect.Parameter.VAR_POSITIONAL not in kinds:
         most = f"{len(in_order)} at most" if in_order else "none"
         return f"{name} is given {len(args)} arguments without their names; accepted: {most}, as in {accepted}"
     lacking = [each for each in needed if each not in named and each not in in_order[: len(args)]]
     return f"{name} lacks {', '.join(lacking)}; accepted: {accepted}" if lacking else None
+
+
+def unknown_argument(name: str, given: str, taken: Iterable[str]) -> str:
+    """Return the refusal of an argument that a function has not: those that it has, and the one that was meant."""
+    names = list(taken)
+    rather = None if nearest(given, names) else _RATHER.get(given)
+    return f"{name} has no argument {given!r}; {accepted_names(given, names)}" + (f"; {rather}" if rather else "")
 
 
 def explain_class(kind: _C) -> _C:

@@ -70,7 +70,7 @@ def test_odometry_is_what_each_planner_was_told_and_each_has_the_other_s(two):
     assert two["/ego_racecar/odom"][0].child_frame_id == "ego_racecar/base_link"
     for other, own in (("/ego_racecar/opp_odom", "/opp_racecar/odom"), ("/opp_racecar/opp_odom", "/ego_racecar/odom")):
         assert [str(message) for message in two[other]] == [str(message) for message in two[own]]
-    commands = race.car_results[1].column("command_speed_m_s")
+    commands = race.cars[1].column("command_speed_m_s")
     np.testing.assert_allclose([message.drive.speed for message in two["/opp_drive"]], commands, rtol=1e-6)
 
 
@@ -90,11 +90,11 @@ def test_a_car_that_has_finished_says_no_more(tmp_path):
     race = fg.race("oval", entries=entries, laps=1, time_limit=11.0)
     found = written(race, tmp_path)
     ticks = round(race.cars[1]["end_time_s"] / 0.025)
-    assert race.cars[1]["finished"] and ticks < len(race.telemetry)
+    assert race.cars[1]["finished"] and ticks < len(race.car.telemetry)
     for topic in ("/opp_scan", "/opp_racecar/odom", "/ego_racecar/opp_odom", "/opp_drive"):
         assert len(found[topic]) == ticks
     for topic in ("/scan", "/ego_racecar/odom", "/drive"):
-        assert len(found[topic]) == len(race.telemetry)
+        assert len(found[topic]) == len(race.car.telemetry)
 
 
 @pytest.mark.slow

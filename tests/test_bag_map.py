@@ -35,7 +35,7 @@ def lap(tmp_path_factory):
     folder = tmp_path_factory.mktemp("lap")
     effects = fg.LidarEffects(range_noise_std=0.01, dropout_probability=0.01, motion_distortion=True)
     result = fg.race("oval", laps=1, max_speed=4.0, effects=effects, seed=1)
-    assert result.finished
+    assert result.car.finished
     fg.write_run(result, folder / "run", picture=False)
     export_bag(folder / "run", folder / "lap.mcap")
     return result, folder / "lap.mcap"
@@ -74,8 +74,8 @@ def test_a_map_of_a_lap_has_the_walls_and_the_lap_of_the_course(lap, tmp_path, c
     assert math.hypot(x, y) < 0.5  # it begins where the car did
     # with the guidance, the cells' edges and the last digits of mu decide between 13.8 and 14.8 s, on any tires
     again = fg.race(str(path), laps=1, max_speed=4.0, planner_settings={"guidance": False})
-    assert again.finished
-    assert again.lap_times_s[0] == pytest.approx(result.lap_times_s[0], rel=0.03)
+    assert again.car.finished
+    assert again.car.lap_times_s[0] == pytest.approx(result.car.lap_times_s[0], rel=0.03)
 
 
 def test_a_finer_map_is_nearer_to_the_walls(sweeps, tmp_path):

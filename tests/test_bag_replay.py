@@ -40,10 +40,10 @@ def race_and_bag(folder, **settings):
 
 
 def assert_same_commands(rows, result):
-    assert len(rows) == len(result.telemetry)
-    np.testing.assert_allclose(rows[:, 0], result.column("time_s"), atol=1e-9)
-    np.testing.assert_allclose(rows[:, 2], result.column("command_steering_rad"), atol=STEERING_TOLERANCE)
-    np.testing.assert_allclose(rows[:, 3], result.column("command_speed_m_s"), atol=SPEED_TOLERANCE)
+    assert len(rows) == len(result.car.telemetry)
+    np.testing.assert_allclose(rows[:, 0], result.car.column("time_s"), atol=1e-9)
+    np.testing.assert_allclose(rows[:, 2], result.car.column("command_steering_rad"), atol=STEERING_TOLERANCE)
+    np.testing.assert_allclose(rows[:, 3], result.car.column("command_speed_m_s"), atol=SPEED_TOLERANCE)
     assert np.ptp(rows[:, 2]) > 0.1  # there was something to decide
 
 

@@ -31,15 +31,15 @@ def lap(tmp_path_factory):
 def test_the_drive_is_the_one_that_was_driven(lap):
     result, folder = lap
     run = fg.read_run(folder / "out")
-    count = min(len(run.ctrl), len(result.telemetry))
-    assert count >= len(result.telemetry) - 2
+    count = min(len(run.ctrl), len(result.car.telemetry))
+    assert count >= len(result.car.telemetry) - 2
     for name, tolerance in (("x_m", 0.01), ("y_m", 0.01), ("speed_m_s", 0.15), ("yaw_rate_rad_s", 0.2)):
-        off = run.column(name)[3:count] - result.column(name)[3:count]
+        off = run.column(name)[3:count] - result.car.column(name)[3:count]
         assert np.abs(off).max() < tolerance, name
-    heading = run.column("heading_rad")[:count] - result.column("heading_rad")[:count]
+    heading = run.column("heading_rad")[:count] - result.car.column("heading_rad")[:count]
     assert np.abs(np.remainder(heading + math.pi, math.tau) - math.pi).max() < 0.01
     np.testing.assert_allclose(
-        run.column("command_speed_m_s")[:count], result.column("command_speed_m_s")[:count], atol=1e-5
+        run.column("command_speed_m_s")[:count], result.car.column("command_speed_m_s")[:count], atol=1e-5
     )
     assert run.states[:count, 0] == pytest.approx(result.states[:count, 0])
 
@@ -48,7 +48,7 @@ def test_its_laps_are_those_of_the_course_that_was_mapped(lap):
     result, folder = lap
     summary = fg.read_run(folder / "out").summary
     assert summary["laps_completed"] == 1
-    assert summary["lap_times_s"][0] == pytest.approx(result.lap_times_s[0], rel=0.02)
+    assert summary["lap_times_s"][0] == pytest.approx(result.car.lap_times_s[0], rel=0.02)
     assert summary["track"] == "made"
     assert load_track(str(folder / "made.yaml")).length == pytest.approx(load_track("oval").length, rel=0.01)
 

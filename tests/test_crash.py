@@ -52,15 +52,15 @@ def wall_distance(track, point):
 @pytest.mark.parametrize(("steering", "side"), ((0.2, "left wall"), (-0.2, "right wall")))
 def test_the_wall_on_the_side_that_the_car_steers_to(steering, side):
     result = fg.race("oval", Held(steering, 2.0), laps=1)
-    crash = result.crash
-    assert (result.end_reason, crash.into) == ("crash", side)
+    crash = result.car.crash
+    assert (result.car.end_reason, crash.into) == ("crash", side)
     assert wall_distance(result.world.track, (crash.x_m, crash.y_m)) < 0.02
     # the contact is on the chassis, which is .31 x .58 m
-    pose = np.array([result.column(name)[-1] for name in ("x_m", "y_m")])
+    pose = np.array([result.car.column(name)[-1] for name in ("x_m", "y_m")])
     assert math.dist(pose, (crash.x_m, crash.y_m)) < math.hypot(0.58, 0.31)
-    assert result.column("time_s")[-1] <= crash.time_s < result.sim_time_s
-    assert crash.speed_m_s == pytest.approx(result.column("speed_m_s")[-1], abs=0.05)
-    assert (crash.lap, crash.s_m) == (1, pytest.approx(result.column("progress_m")[-1], abs=2.0 * 0.025))
+    assert result.car.column("time_s")[-1] <= crash.time_s < result.sim_time_s
+    assert crash.speed_m_s == pytest.approx(result.car.column("speed_m_s")[-1], abs=0.05)
+    assert (crash.lap, crash.s_m) == (1, pytest.approx(result.car.column("progress_m")[-1], abs=2.0 * 0.025))
     assert crash.geom.startswith("wall_") and crash.geom in result.world.xml
 
 
@@ -72,25 +72,25 @@ def test_the_sides_of_a_course_driven_against_its_direction_stay_its_own():
 def test_a_box_ahead_is_hit_at_its_face_by_its_number():
     boxes = (fg.Box(x=8.0, y=0.9, length=0.2, width=0.2), fg.Box(x=5.0, y=0.05, length=0.4, width=0.3))
     result = fg.race("oval", Held(0.0, 3.0), laps=1, obstacles=boxes)
-    crash = result.crash
+    crash = result.car.crash
     assert (crash.into, crash.geom) == ("obstacle 1", "obstacle_1")
     assert crash.x_m == pytest.approx(4.8, abs=0.02) and -0.11 <= crash.y_m <= 0.21
     assert crash.speed_m_s == pytest.approx(3.0, abs=0.1)
     car = result.world.parameters
     front = crash.x_m - (car.length - car.rear_overhang)
-    assert crash.time_s == pytest.approx(np.interp(front, result.column("x_m"), result.column("time_s")), abs=0.026)
+    assert crash.time_s == pytest.approx(np.interp(front, result.car.column("x_m"), result.car.column("time_s")), abs=0.026)
     assert str(crash).startswith(f"hit obstacle 1 at ({crash.x_m:.2f}, {crash.y_m:.2f}) m, ")
 
 
 def test_a_moving_obstacle_a_dead_end_and_a_wall_behind():
     leader = fg.race("scene:slow_leader:0", Held(0.0, 4.0))
-    assert (leader.crash.into, leader.crash.geom) == ("moving obstacle 0", "moving_0")
+    assert (leader.car.crash.into, leader.car.crash.geom) == ("moving obstacle 0", "moving_0")
     (obstacle,) = leader.world.moving
-    low, high = (corner(obstacle.corners(leader.crash.time_s), axis=0) for corner in (np.min, np.max))
-    place = np.array((leader.crash.x_m, leader.crash.y_m))
+    low, high = (corner(obstacle.corners(leader.car.crash.time_s), axis=0) for corner in (np.min, np.max))
+    place = np.array((leader.car.crash.x_m, leader.car.crash.y_m))
     assert (low - 0.03 <= place).all() and (place <= high + 0.03).all()
     end = fg.race("scene:dead_end:0", Held(0.0, 4.0))
-    assert str(end.crash).startswith("hit the wall across the course at (")
+    assert str(end.car.crash).startswith("hit the wall across the course at (")
     behind = fg.race("oval", Held(0.3, -2.0), laps=1).crash
     assert behind.speed_m_s == pytest.approx(-2.0, abs=0.1)
     assert str(behind).endswith(", 2.0 m/s in reverse")

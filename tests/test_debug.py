@@ -135,13 +135,13 @@ def test_a_planner_says_nothing_before_its_first_command():
 def test_the_last_step_is_the_recorded_command_to_the_bit(course, planner, seconds):
     race = fg.race(course, planner, laps=1, time_limit=seconds)
     seen = fg.debug(race, window=seconds)
-    assert len(seen.decisions) == len(race.telemetry) and seen.notes == ()
-    commands = race.telemetry[:, [fg.TELEMETRY.index(name) for name in ("command_steering_rad", "command_speed_m_s")]]
+    assert len(seen.decisions) == len(race.car.telemetry) and seen.notes == ()
+    commands = race.car.telemetry[:, [fg.TELEMETRY.index(name) for name in ("command_steering_rad", "command_speed_m_s")]]
     shown = [(d.command.steering_angle, d.command.speed) for d in seen.decisions]
     answered = [(d.answer.steering_angle, d.answer.speed) for d in seen.decisions]
     told = [(d.steps[-1].steering_angle, d.steps[-1].speed) for d in seen.decisions]
     assert np.array_equal(shown, commands) and np.array_equal(answered, commands) and np.array_equal(told, commands)
-    times = race.telemetry[:, 0]
+    times = race.car.telemetry[:, 0]
     assert [d.time for d in seen.decisions] == times.tolist()
     assert [d.tick for d in seen.decisions] == list(range(len(times)))
 

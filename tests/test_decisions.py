@@ -74,17 +74,17 @@ def catch_all_once(now):
 @pytest.mark.parametrize("hang", (loop, sleep, wait_for_a_lock, catch_errors, catch_all_once))
 def test_a_planner_that_never_answers_ends_the_race(hang):
     result = race(hang)
-    assert (result.end_reason, result.finished, result.collisions) == ("decision_limit", False, 0)
+    assert (result.car.end_reason, result.car.finished, result.car.collisions_wall) == ("decision_limit", False, 0)
     assert len(result.ctrl) == 4 and result.sim_time_s == pytest.approx(4 * TICK)
-    assert result.decision_times.decisions == 5 and result.decision_times.worst_s >= 0.2
+    assert result.car.decision_times.decisions == 5 and result.car.decision_times.worst_s >= 0.2
     assert result.decision_limit_s == 0.2
     whole = race(lambda now: None)
-    assert whole.end_reason == "time_limit" and np.array_equal(result.states, whole.states[:5])
+    assert whole.car.end_reason == "time_limit" and np.array_equal(result.states, whole.states[:5])
 
 
 def test_a_race_that_ends_in_its_first_decision_has_no_tick():
     result = race(lambda now: time.sleep(60.0))
-    assert result.end_reason == "decision_limit" and len(result.ctrl) == 0
+    assert result.car.end_reason == "decision_limit" and len(result.ctrl) == 0
     json.dumps(result.summary(), allow_nan=False)
 
 
@@ -99,8 +99,8 @@ def test_in_another_thread_the_limit_is_checked_when_the_planner_has_answered():
 
 def test_without_a_limit_a_slow_planner_races_on():
     result = race(lambda now: time.sleep(0.03), decision_limit=None, time_limit=0.1)
-    assert (result.end_reason, result.decision_limit_s) == ("time_limit", None)
-    times = result.decision_times
+    assert (result.car.end_reason, result.decision_limit_s) == ("time_limit", None)
+    times = result.car.decision_times
     assert (times.decisions, times.over_period, times.period_s) == (4, 4, TICK)
     assert 0.03 <= times.median_s <= times.percentile_99_s <= times.worst_s
 
@@ -206,10 +206,10 @@ def test_without_a_decision_there_are_no_times():
 )  # fmt: skip
 def test_commands_outside_the_limits_of_the_car_are_counted(steering_angle, speed, clamped):
     result = fg.race("oval", Calls(steering_angle=steering_angle, speed=speed), laps=1, time_limit=0.1)
-    assert result.clamped_commands == clamped == result.summary()["clamped_commands"]
+    assert result.car.clamped_commands == clamped == result.summary()["clamped_commands"]
 
 
 def test_each_clamped_command_counts_once():
     result = fg.race("oval", Calls(steering_angle=1.0, speed=99.0), laps=1, time_limit=0.1)
-    assert result.clamped_commands == len(result.telemetry) == 4
-    assert clamped_commands(result.telemetry[:0], result.world.car.parameters) == 0
+    assert result.car.clamped_commands == len(result.car.telemetry) == 4
+    assert clamped_commands(result.car.telemetry[:0], result.world.car.parameters) == 0

@@ -170,4 +170,4 @@ def test_in_a_corridor_it_goes_straight_on():
 @pytest.mark.parametrize("track", ["oval", "l_corridor"])
 def test_it_drives_a_circuit(track):
     result = fg.race(track, "disparity_extender", laps=1)
-    assert result.finished and result.max_slide_m_s <= 0.05
+    assert result.car.finished and result.car.max_slide_m_s <= 0.05

@@ -66,7 +66,7 @@ def objects(lap, crashed, comparison, worlds, tmp_path_factory):
         odometry=odometry,
     )  # fmt: skip
     return [
-        several, *several.car_results, *entries, entries[1].world_car(), contact,
+        several, *several.cars, *entries, entries[1].world_car(), contact,
         fg.Overtake(time_s=1.0, by="a", of="b", s_m=1 / 3),
         track, map_track, fg.load_track("scene:slow_leader:1"), lap, crashed, lap.world, lap.world.car, comparison,
         worlds, simulation, scan, odometry, simulation.slip, simulation.lidar, simulation.engine, renderer, film,

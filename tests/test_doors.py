@@ -83,7 +83,7 @@ def test_an_environment_is_the_race(raced):
     assert settings.make_world().xml == raced.world.xml
     worlds = Worlds(settings, 2)
     worlds.begin(np.ones(2, np.bool_), [settings.fixed_start] * 2, [0, 0])
-    commands = np.column_stack([raced.column(name) for name in ("command_steering_rad", "command_speed_m_s")])
+    commands = np.column_stack([raced.car.column(name) for name in ("command_steering_rad", "command_speed_m_s")])
     for command, state in zip(commands, raced.states[1:], strict=True):
         worlds.drive(np.tile(command, (2, 1)))
         assert (worlds.state(0) == state).all() and (worlds.state(1) == state).all()

@@ -26,7 +26,7 @@ def written(folder, text, name="commands.csv"):
 
 def after(result, time, *names):
     """Return columns from a time on."""
-    return [result.column(name)[result.column("time_s") >= time] for name in names]
+    return [result.car.column(name)[result.car.column("time_s") >= time] for name in names]
 
 
 # Closed forms
@@ -67,7 +67,7 @@ def test_gentle_braking_is_that_of_the_command_after_the_servo():
 
 def test_the_step_begins_at_its_time_and_no_sooner():
     result = fg.drive("step_steer[angle=-0.08,begin=0.5,speed=2]")
-    time, command, yaw_rate = (result.column(name) for name in ("time_s", "command_steering_rad", "yaw_rate_rad_s"))
+    time, command, yaw_rate = (result.car.column(name) for name in ("time_s", "command_steering_rad", "yaw_rate_rad_s"))
     begun = int(np.flatnonzero(command)[0])
     assert time[begun] == pytest.approx(0.5, abs=1e-9)
     assert command[begun:] == pytest.approx(-0.08) and np.abs(yaw_rate[: begun + 1]).max() < 1e-6
@@ -86,7 +86,7 @@ def test_the_understeer_gradient_is_that_of_a_car_whose_steering_is_known(short_
     """Telemetry of a car that steers by L / R + K ay, at one speed: the gradient is K."""
     result = fg.drive("ramp_steer[begin=0.5,rate=0.1,angle=0.2]")
     columns = {name: fg.TELEMETRY.index(name) for name in fg.TELEMETRY}
-    telemetry = result.telemetry.copy()
+    telemetry = result.car.telemetry.copy()
     lateral = telemetry[:, columns["vx_m_s"]] * telemetry[:, columns["yaw_rate_rad_s"]]
     curvature = telemetry[:, columns["yaw_rate_rad_s"]] / telemetry[:, columns["vx_m_s"]]
     telemetry[:, columns["vy_m_s"]] = 0.0
@@ -104,7 +104,7 @@ def test_a_slalom_and_a_lane_change_end_in_the_direction_that_they_began():
         "lane_change[offset=-0.3,speed=2]",
     ):
         result = fg.drive(name)
-        assert abs(result.column("heading_rad")[-1]) < 0.02
+        assert abs(result.car.column("heading_rad")[-1]) < 0.02
     y = fg.drive("lane_change[speed=2]").column("y_m")
     assert y.max() == pytest.approx(0.35, rel=0.06) and abs(y[-1]) < 0.05
 
@@ -146,16 +146,16 @@ def test_commands_are_linear_between_their_rows_and_counted_from_the_first(tmp_p
 def test_a_drive_is_commanded_what_the_file_says_at_each_tick(tmp_path):
     path = written(tmp_path, HEADER + "0,0,1\n0.33,0.2,1.5\n1,-0.1,2\n")
     result = fg.drive(path)
-    time = result.column("time_s")
-    assert len(time) == 40 and result.end_reason == "finished" and result.finished
+    time = result.car.column("time_s")
+    assert len(time) == 40 and result.car.end_reason == "finished" and result.car.finished
     expected = np.interp(time, [0.0, 0.33, 1.0], [0.0, 0.2, -0.1])
-    np.testing.assert_array_equal(result.column("command_steering_rad"), expected)
+    np.testing.assert_array_equal(result.car.column("command_steering_rad"), expected)
     np.testing.assert_array_equal(
-        result.column("command_speed_m_s"), np.interp(time, [0.0, 0.33, 1.0], [1.0, 1.5, 2.0])
+        result.car.column("command_speed_m_s"), np.interp(time, [0.0, 0.33, 1.0], [1.0, 1.5, 2.0])
     )
-    assert result.column("vx_m_s")[0] == 1.0  # it rolls at the first speed
+    assert result.car.column("vx_m_s")[0] == 1.0  # it rolls at the first speed
     assert fg.drive(str(path), start=fg.Start()).column("vx_m_s")[0] == 0.0
-    assert result.controller == str(path)
+    assert result.car.controller == str(path)
 
 
 def test_the_commands_of_a_race_drive_the_same_trajectory_bit_for_bit(lap):
@@ -172,21 +172,21 @@ def test_the_commands_of_a_race_drive_the_same_trajectory_bit_for_bit(lap):
 
 def test_commands_beyond_the_limits_are_clamped_and_counted(tmp_path):
     result = fg.drive(written(tmp_path, HEADER + "0,0.1,1\n0.5,0.1,1\n0.501,0.9,1\n1,0.9,1\n"))
-    assert result.clamped_commands == 19
+    assert result.car.clamped_commands == 19
     assert result.ctrl[:, 0].max() == pytest.approx(CAR.max_steering_angle)
 
 
 def test_a_standing_car_may_stand_for_longer_than_a_race_would_let_it(tmp_path):
     result = fg.drive(written(tmp_path, HEADER + "0,0,0\n12,0,0\n"))
-    assert result.end_reason == "finished" and result.sim_time_s == pytest.approx(12.0)
-    assert np.isnan(result.column("sideslip_rad")).all()
+    assert result.car.end_reason == "finished" and result.sim_time_s == pytest.approx(12.0)
+    assert np.isnan(result.car.column("sideslip_rad")).all()
 
 
 def test_reversing_is_no_wrong_way():
     time = np.array([0.0, 6.0])
     result = fg.drive(fg.Commands(time=time, steering_angle=np.zeros(2), speed=np.full(2, -1.5)))
-    assert result.end_reason == "finished" and result.column("x_m")[-1] < -8.0
-    assert np.abs(result.column("sideslip_rad")[1:]) == pytest.approx(math.pi, abs=1e-3)
+    assert result.car.end_reason == "finished" and result.car.column("x_m")[-1] < -8.0
+    assert np.abs(result.car.column("sideslip_rad")[1:]) == pytest.approx(math.pi, abs=1e-3)
 
 
 # Settings
@@ -212,7 +212,7 @@ def test_the_settings_of_the_car_are_those_of_a_race():
 
 def test_a_planner_of_ones_own_may_drive_on_open_ground():
     result = fg.race(fg.OpenGround(seconds=1.0), "gap_finder")
-    assert result.finished and result.sim_time_s == pytest.approx(1.0) and result.laps_requested == 0
+    assert result.car.finished and result.sim_time_s == pytest.approx(1.0) and result.laps_requested == 0
     assert "laps" not in repr(result) and "laps" not in result._repr_html_()
     with pytest.raises(fg.SettingsError, match="has no laps"):
         fg.race(fg.OpenGround(seconds=1.0), "gap_finder", laps=2)

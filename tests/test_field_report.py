@@ -81,7 +81,7 @@ def test_lines_end_where_the_race_of_a_car_was_over():
     field = Field.of(read_recorded(race))
     for line in field.lines:
         assert (np.abs(line) < 20.0).all()
-    assert len(field.lines[1]) < len(field.lines[0]) == len(race.telemetry)
+    assert len(field.lines[1]) < len(field.lines[0]) == len(race.car.telemetry)
     assert Field.of(read_recorded(fg.race("oval", time_limit=0.1))) is None
 
 
@@ -191,13 +191,13 @@ def test_notebook_shows_a_row_and_a_line_of_each_car():
     page = ElementTree.fromstring(f"<div>{race._repr_html_()}</div>")
     rows = [[cell.text for cell in row] for row in page.findall("table")[1].findall("tbody/tr")]
     assert [row[0] for row in rows] == ["1.", "2.", "3."]
-    assert sorted(row[2] for row in rows) == sorted(car.name for car in race.car_results)
+    assert sorted(row[2] for row in rows) == sorted(car.name for car in race.cars)
     drawn = page.findall(f".//{SVG}path")
-    for car, result in enumerate(race.car_results):
+    for car, result in enumerate(race.cars):
         (line,) = [path for path in drawn if path.attrib["stroke"] == car_colour_hex(car)]
         ends = [np.array(text.split(), float) for text in re.split("[ML]", line.attrib["d"])[1:]]
         shown = ends[-1] - ends[0]  # [px], y down
-        moved = np.array([result.column(name)[-1] - result.column(name)[0] for name in ("x_m", "y_m")])
+        moved = np.array([result.car.column(name)[-1] - result.car.column(name)[0] for name in ("x_m", "y_m")])
         scale = np.linalg.norm(shown) / np.linalg.norm(moved)
         np.testing.assert_allclose(shown / scale, moved * (1.0, -1.0), atol=0.05)
     crosses = [path for path in page.findall(f".//{SVG}path") if path.attrib["stroke"] == "#d00000"]

@@ -177,7 +177,7 @@ def test_numpys_numbers_are_taken_as_numbers():
         obstacle_seed=np.uint8(1), mu=np.float32(0.75),
     )  # fmt: skip
     assert found.trajectory_sha256 == plain.trajectory_sha256
-    assert (type(found.seed), type(found.laps_requested), type(found.mu)) == (int, int, float)
+    assert (type(found.car.seed), type(found.laps_requested), type(found.car.mu)) == (int, int, float)
 
 
 @pytest.mark.parametrize(
@@ -280,8 +280,8 @@ def test_a_function_is_a_planner():
 
     found = fg.race("oval", straight, **SHORT)
     assert found.trajectory_sha256 == fg.race("oval", Same(), **SHORT).trajectory_sha256
-    assert found.controller == "straight"
-    assert Path(found.controller_origin["file"]).name == Path(__file__).name
+    assert found.car.controller == "straight"
+    assert Path(found.car.controller_origin["file"]).name == Path(__file__).name
 
 
 @pytest.fixture
@@ -304,7 +304,7 @@ def test_a_function_in_a_file_is_a_planner_on_the_command_line_and_in_a_rollout(
     assert '"controller": "' + f"{planner_file}:follow" in capsys.readouterr().out
     by_file = fg.race("oval", f"{planner_file}:follow", **SHORT)
     assert by_file.trajectory_sha256 == fg.race("oval", straight, **SHORT).trajectory_sha256
-    assert by_file.controller_source == planner_file.read_bytes()
+    assert by_file.car.controller_source == planner_file.read_bytes()
     worlds = fg.rollout("oval", f"{planner_file}:follow", n=2, duration=0.1)
     assert worlds["end_reason"].tolist() == ["time_limit"] * 2
 
@@ -330,7 +330,7 @@ def test_a_file_that_does_not_exist_is_no_unknown_name(tmp_path):
 
 def test_the_path_of_a_planner_may_be_a_path(planner_file):
     found = fg.race("oval", Path(f"{planner_file}:follow"), **SHORT)
-    assert found.controller == f"{planner_file}:follow"
+    assert found.car.controller == f"{planner_file}:follow"
 
 
 def test_a_class_in_place_of_a_planner_says_how_one_is_made():

@@ -100,5 +100,5 @@ def test_a_setting_that_it_cannot_plan_with_is_refused_by_name(made):
 @pytest.mark.parametrize("name", PLANNERS)
 def test_it_drives_five_laps_without_a_crash_and_without_sliding(name, circuit):
     result = fg.race(circuit, name, laps=5)
-    assert (result.end_reason, result.laps_completed, result.collisions) == ("finished", 5, 0)
-    assert result.max_slide_m_s <= fg.SLIDING_SPEED
+    assert (result.car.end_reason, result.car.laps_completed, result.car.collisions_wall) == ("finished", 5, 0)
+    assert result.car.max_slide_m_s <= fg.SLIDING_SPEED

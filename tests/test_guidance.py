@@ -27,7 +27,7 @@ def finder():
 @pytest.mark.parametrize("circuit", ["u_turns", "serpentine", "elbow"])
 def test_tight_circuits_with_room_to_turn_are_driven_as_before(circuit):
     race = fg.race(circuit, "gap_finder", laps=1, max_speed=4.0)
-    assert race.finished and race.collisions == 0
+    assert race.car.finished and race.car.collisions_wall == 0
 
 
 @pytest.mark.slow
@@ -38,7 +38,7 @@ def test_tight_circuits_with_room_to_turn_are_driven_as_before(circuit):
 def test_a_lap_that_the_planner_does_not_finish_on_its_own_is_finished(circuit, without):
     guided, alone = (fg.race(circuit, "gap_finder", laps=1, max_speed=4.0, planner_settings=s) for s in ({}, OFF))
     assert guided.finished and guided.collisions == 0 and guided.max_slide_m_s <= fg.SLIDING_SPEED
-    assert alone.end_reason == without
+    assert alone.car.end_reason == without
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -47,14 +47,14 @@ def test_out_of_the_trap_it_goes_on_and_without_guidance_back(seed):
         fg.race(f"scene:u_turn_trap:{seed}", "gap_finder", max_speed=8.0, planner_settings=s) for s in ({}, OFF)
     )
     assert guided.finished and guided.collisions == 0 and guided.max_slide_m_s <= fg.SLIDING_SPEED
-    assert alone.end_reason == "wrong_way"
+    assert alone.car.end_reason == "wrong_way"
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_in_a_dead_end_it_stops_and_touches_nothing(seed):
     race = fg.race(f"scene:dead_end:{seed}", "gap_finder")
-    assert race.finished and race.collisions == 0
-    assert abs(race.column("speed_m_s")[-1]) < 0.1
+    assert race.car.finished and race.car.collisions_wall == 0
+    assert abs(race.car.column("speed_m_s")[-1]) < 0.1
 
 
 @pytest.mark.slow
@@ -66,7 +66,7 @@ def test_without_a_friction_limit_it_is_off():
             fg.race("maze", "gap_finder", laps=1, max_speed=3.0, planner_mu=mu, time_limit=25.0, planner_settings=s)
             for s in ({}, OFF)
         ]
-        ends[mu] = [(len(race.column("speed_m_s")), *race.column("x_m")) for race in races]
+        ends[mu] = [(len(race.car.column("speed_m_s")), *race.car.column("x_m")) for race in races]
     assert ends[math.inf][0] == ends[math.inf][1]
     assert ends[None][0] != ends[None][1]
 

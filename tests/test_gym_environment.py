@@ -31,7 +31,7 @@ CAR = fg.car_parameters(fg.World("oval").model, "car/")
 
 def commands(race):
     """The commands of a race (ticks, 2) [rad, m/s]."""
-    return np.column_stack((race.column("command_steering_rad"), race.column("command_speed_m_s")))
+    return np.column_stack((race.car.column("command_steering_rad"), race.car.column("command_speed_m_s")))
 
 
 @pytest.fixture

@@ -112,7 +112,7 @@ def test_a_race_says_that_its_planner_is_late(monkeypatch):
 )
 def test_a_planner_that_reads_the_scan_in_another_order_is_asked(read, track, speed):
     result = fg.race(track, Deepest(read, speed), laps=1, time_limit=30.0)
-    assert result.end_reason == "crash"
+    assert result.car.end_reason == "crash"
     (hint,) = race_hints(result)
     assert (
         "the planner steered to the other. Does it read the scan as it is? ranges[0] of 1081 is the rightmost" in hint
@@ -123,7 +123,7 @@ def test_a_planner_that_reads_the_scan_in_another_order_is_asked(read, track, sp
 @pytest.mark.parametrize("track", ["hairpins", "oval", "chicanes"])
 def test_one_that_reads_it_as_it_is_and_crashes_is_not(track):
     result = fg.race(track, Deepest(as_it_is, speed=12.0), laps=3, max_speed=12.0, time_limit=60.0)
-    assert result.end_reason == "crash" and race_hints(result) == ()
+    assert result.car.end_reason == "crash" and race_hints(result) == ()
 
 
 def test_each_of_several_cars_is_named():

@@ -149,7 +149,7 @@ def test_the_model_drives_like_the_independent_one():
 
 def lateness(drive, result):
     """Lag and delay [s] of the first-order model that comes closest to the angle of a car's own steering servo."""
-    time, angle = result.column("time_s"), result.column("steering_angle_rad")
+    time, angle = result.car.column("time_s"), result.car.column("steering_angle_rad")
     grid = np.arange(time[0], time[-1], 0.0025)
     steering = Steering(
         drive.steering, grid, limit=drive.car.max_steering_angle, rate=drive.car.max_steering_rate, held=True
@@ -316,8 +316,8 @@ def test_the_tire_file_is_one_that_cars_drive_on(found, tmp_path):
         assert loaded.lateral.slope == pytest.approx(axle.stiffness.value, rel=1e-4)
         assert loaded.lateral.peak == pytest.approx(axle.peak.value, rel=1e-3)
     result = fg.race("oval", "pure_pursuit", laps=1, max_speed=3.0, tires=tmp_path / "tires.toml")
-    assert result.finished
-    assert result.max_slide_m_s == 0.0
+    assert result.car.finished
+    assert result.car.max_slide_m_s == 0.0
 
 
 @pytest.fixture(scope="module")

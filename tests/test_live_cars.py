@@ -45,7 +45,7 @@ def test_session_drives_as_a_race_of_the_same_cars_does():
     drive(session, 79)
     np.testing.assert_array_equal(session.simulation.state[: session.world.model.nq + 1],
                                   race.states[79, : session.world.model.nq + 1])  # fmt: skip
-    row = race.telemetry[78]
+    row = race.car.telemetry[78]
     first = TELEMETRY.index("friction_use_front_left")
     assert session.friction_utilisation == np.nanmax(row[first : first + 4])
 

@@ -101,7 +101,7 @@ def test_a_centreline_found_in_a_map_is_followed_by_pure_pursuit(tmp_path):
     path = draw_map(tmp_path, ring())
     export_track(read_map(path), tmp_path / "line.csv")
     race = fg.race(str(path), "pure_pursuit", planner_settings={"line": str(tmp_path / "line.csv")}, laps=1)
-    assert race.finished and race.collisions == 0
+    assert race.car.finished and race.car.collisions_wall == 0
 
 
 @pytest.mark.parametrize(

@@ -191,7 +191,7 @@ def test_a_corridor_is_a_scene_from_end_to_end(tmp_path):
     assert (x, y, abs(heading)) == pytest.approx((12.2, 2.5, math.pi), abs=0.1)
     assert there.length == pytest.approx(13.9 - 5.0, abs=0.7)
     race = fg.race(there, "gap_finder")
-    assert race.finished
+    assert race.car.finished
 
 
 def test_the_corridor_that_a_robot_mapped_is_driven_round_its_corner():
@@ -304,9 +304,9 @@ def test_the_walls_are_part_of_what_makes_a_track(tmp_path):
 def test_a_map_is_driven_in_a_rollout_as_in_a_race(tmp_path):
     path = draw_map(tmp_path, ring())
     race = fg.race(str(path), laps=1)
-    assert race.finished and race.collisions == 0
+    assert race.car.finished and race.car.collisions_wall == 0
     rollout = fg.rollout(str(path), n=2, laps=1)
-    np.testing.assert_array_equal(rollout["first_lap_s"], race.lap_times_s[0])
+    np.testing.assert_array_equal(rollout["first_lap_s"], race.car.lap_times_s[0])
 
 
 @pytest.mark.parametrize("name", ["drawn", "maps/mco", "maps/CornerHall"])

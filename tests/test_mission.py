@@ -40,18 +40,18 @@ def drive_once(circuit, controller, **settings):
 
 def assert_no_sliding(result):
     """Fail if any tire of the race slid at any time, or if the slip meter did not see the tires at work."""
-    slides = np.stack([result.column(f"slide_{wheel}_m_s") for wheel in WHEELS])
-    uses = np.stack([result.column(f"friction_use_{wheel}") for wheel in WHEELS])
-    assert result.max_slide_m_s == np.nanmax(slides) <= slides_above(result.tires_model), "a tire slid"
-    assert result.slide_time_fraction == 0.0 and not result.column("sliding_steps").any(), "a tire slid"
+    slides = np.stack([result.car.column(f"slide_{wheel}_m_s") for wheel in WHEELS])
+    uses = np.stack([result.car.column(f"friction_use_{wheel}") for wheel in WHEELS])
+    assert result.car.max_slide_m_s == np.nanmax(slides) <= slides_above(result.car.tires_model), "a tire slid"
+    assert result.car.slide_time_fraction == 0.0 and not result.car.column("sliding_steps").any(), "a tire slid"
     assert np.isfinite(slides[:, 1:]).all(), "a tire was off the ground for a whole tick"
     assert np.fmax.reduce(uses, axis=0).max() > 0.5, "the tires had nothing to do"
 
 
 def assert_five_laps(result):
-    assert (result.end_reason, result.finished, result.laps_completed) == ("finished", True, 5)
-    assert len(result.lap_times_s) == 5
-    assert result.collisions == 0
+    assert (result.car.end_reason, result.car.finished, result.car.laps_completed) == ("finished", True, 5)
+    assert len(result.car.lap_times_s) == 5
+    assert result.car.collisions_wall == 0
 
 
 BUNDLED = ("chicanes", "fast", "hairpins", "l_corridor", "oval", "tight")
@@ -81,9 +81,9 @@ def test_laps_are_those_that_the_documentation_shows(circuit):
         pytest.skip("not a checkout of the repository")
     shown = json.loads(FIGURES.read_text("utf-8"))["circuits"][circuit]
     result = drive(circuit)
-    assert result.lap_times_s[0] == pytest.approx(shown["first_lap_s"], abs=0.05)
-    assert min(result.lap_times_s) == pytest.approx(shown["best_lap_s"], abs=0.05)
-    assert result.max_slide_m_s == pytest.approx(shown["max_slide_m_s"], abs=0.002)
+    assert result.car.lap_times_s[0] == pytest.approx(shown["first_lap_s"], abs=0.05)
+    assert min(result.car.lap_times_s) == pytest.approx(shown["best_lap_s"], abs=0.05)
+    assert result.car.max_slide_m_s == pytest.approx(shown["max_slide_m_s"], abs=0.002)
 
 
 QUICK = ("oval", "l_corridor")
@@ -104,11 +104,11 @@ def test_every_planner_drives_five_laps_without_a_crash_and_without_sliding(cont
 @pytest.mark.parametrize("circuit", PUBLISHED)
 def test_gap_finder_is_faster_than_the_published_follow_the_gap(circuit):
     result = drive(circuit)
-    assert result.telemetry[0, fg.TELEMETRY.index("speed_m_s")] == 0.0  # a standing start
-    assert result.speed_limit_m_s == 8.0
-    assert result.max_speed_m_s <= 8.0 + 1e-3  # tires are springs: what they roll on is .049 m at rest
-    assert result.mu == result.planner_mu == 1.0489
-    assert result.lap_times_s[0] < PUBLISHED[circuit]
+    assert result.car.telemetry[0, fg.TELEMETRY.index("speed_m_s")] == 0.0  # a standing start
+    assert result.car.speed_limit_m_s == 8.0
+    assert result.car.max_speed_m_s <= 8.0 + 1e-3  # tires are springs: what they roll on is .049 m at rest
+    assert result.car.mu == result.car.planner_mu == 1.0489
+    assert result.car.lap_times_s[0] < PUBLISHED[circuit]
 
 
 @pytest.mark.parametrize("circuit", GUARDED)
@@ -116,18 +116,18 @@ def test_the_test_of_sliding_trips_when_the_friction_law_is_off(circuit):
     result = drive(circuit, laps=1, planner_mu=np.inf, time_limit=10.0)
     with pytest.raises(AssertionError, match="a tire slid"):
         assert_no_sliding(result)
-    assert result.max_slide_m_s > 10 * SLIDING_SPEED
-    assert result.slide_time_fraction > 0.05
+    assert result.car.max_slide_m_s > 10 * SLIDING_SPEED
+    assert result.car.slide_time_fraction > 0.05
 
 
 @pytest.mark.parametrize("circuit", GUARDED)
 def test_the_test_of_sliding_trips_when_the_planner_believes_in_half_as_much_grip_again(circuit):
     result = drive(circuit, laps=1, planner_mu=1.5 * 1.0489, time_limit=10.0)
-    assert result.planner_mu == 1.5 * result.mu
+    assert result.car.planner_mu == 1.5 * result.car.mu
     with pytest.raises(AssertionError, match="a tire slid"):
         assert_no_sliding(result)
-    assert result.max_slide_m_s > 2 * SLIDING_SPEED
-    assert result.slide_time_fraction > 0.01
+    assert result.car.max_slide_m_s > 2 * SLIDING_SPEED
+    assert result.car.slide_time_fraction > 0.01
 
 
 @pytest.mark.parametrize("circuit", GUARDED)
@@ -138,7 +138,7 @@ def test_the_test_of_sliding_passes_in_the_same_short_race_with_the_law_on(circu
 
 def test_slippery_tires_do_not_slide_when_the_planner_knows_them():
     result = drive("oval", laps=1, mu=0.6, planner_mu=0.6)
-    assert result.finished and result.lap_times_s[0] > drive("oval").lap_times_s[0] + 0.5
+    assert result.car.finished and result.car.lap_times_s[0] > drive("oval").lap_times_s[0] + 0.5
     assert_no_sliding(result)
 
 
@@ -146,7 +146,7 @@ def test_rangefinder_gives_the_same_laps_as_raycast():
     rangefinder = drive("oval", laps=2, lidar="rangefinder")
     assert_no_sliding(rangefinder)
     assert [race.world.lidar_backend for race in (rangefinder, drive("oval"))] == ["rangefinder", "raycast"]
-    assert rangefinder.lap_times_s == pytest.approx(drive("oval").lap_times_s[:2], rel=0.01)
+    assert rangefinder.car.lap_times_s == pytest.approx(drive("oval").lap_times_s[:2], rel=0.01)
 
 
 def test_two_runs_with_one_seed_are_one_trajectory_and_another_seed_of_noise_is_another():

@@ -150,7 +150,7 @@ def test_it_runs_into_a_standing_car_when_the_closed_form_says():
     result = fg.race(scene(oncoming), Standing())
     car = result.world.parameters
     gap = 6.0 - 0.2 - (car.length - car.rear_overhang)
-    assert result.end_reason == "crash"
+    assert result.car.end_reason == "crash"
     assert result.sim_time_s == pytest.approx(gap / oncoming.speed, abs=TICK + 0.01)
 
 
@@ -203,9 +203,9 @@ def test_a_batch_is_the_race_to_the_last_bit():
     results = drive_worlds(scenarios, "gap_finder", laps=1, record="states")
     for i, scenario in enumerate(scenarios):
         alone = fg.race(name, max_speed=scenario.max_speed, changes=scenario.changes)
-        assert results.rows["end_reason"][i] == alone.end_reason
+        assert results.rows["end_reason"][i] == alone.car.end_reason
         np.testing.assert_array_equal(results.states[i], alone.states)
-        np.testing.assert_array_equal(results.telemetry[i], alone.telemetry)
+        np.testing.assert_array_equal(results.telemetry[i], alone.car.telemetry)
 
 
 def test_the_positions_of_a_tick_are_those_of_its_steps():

@@ -33,7 +33,7 @@ def heard(drift):
 def test_speeds_and_yaw_rate_err_by_the_share_and_nothing_else_does(drift):
     (plain, true), (result, told) = heard(0.0), heard(drift)
     assert result.trajectory_sha256 == plain.trajectory_sha256  # its planner does not look at the odometry
-    assert np.array_equal(result.telemetry, plain.telemetry, equal_nan=True)
+    assert np.array_equal(result.car.telemetry, plain.car.telemetry, equal_nan=True)
     assert true[-1].speed > 1.0 and abs(true[-1].yaw_rate) > 0.1
     for real, message in zip(true, told, strict=True):
         assert message.speed == (1.0 + drift) * real.speed

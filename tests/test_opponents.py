@@ -63,7 +63,7 @@ def test_an_opponent_drives_the_bits_that_it_drives_in_a_race():
     env = F1TenthEnv(start="line", opponents=[{"controller": "gap_finder", "max_speed": 5.0}])
     env.reset(seed=0)
     np.testing.assert_array_equal(states(env, 100), race.states[1:101])
-    assert race.car_results[1].max_speed_m_s > 2.0
+    assert race.cars[1].max_speed_m_s > 2.0
 
 
 @pytest.mark.slow

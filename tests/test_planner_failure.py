@@ -128,8 +128,8 @@ def test_in_python_the_error_has_the_result_up_to_there():
     error = failing("Late")
     assert isinstance(error, fg.ControllerError) and isinstance(error.__cause__, TypeError)
     assert str(error).endswith("(mine.py, line 15)")
-    assert (error.result.end_reason, len(error.result.ctrl)) == ("planner_failed", 20)
-    assert (error.result.planner_failure, error.failure.line) == (error.failure, 15)
+    assert (error.result.car.end_reason, len(error.result.ctrl)) == ("planner_failed", 20)
+    assert (error.result.car.planner_failure, error.failure.line) == (error.failure, 15)
 
 
 @pytest.mark.slow

@@ -186,7 +186,7 @@ def test_a_race_is_driven_though_a_folder_has_too_many_files(here, monkeypatch):
         (here / "net" / name).write_text("1.0")
     with pytest.warns(UserWarning, match=r"controller Learned: net: has more than 2 files; accepted: .*`files`"):
         raced = fg.race("oval", "mine.py:Learned[weights=net]", laps=1, time_limit=0.1)
-    assert raced.controller_origin["files"] == {}
+    assert raced.car.controller_origin["files"] == {}
 
 
 # the studies

@@ -222,5 +222,5 @@ def test_a_race_with_a_line_that_is_not_there_is_refused_in_one_line():
 @pytest.mark.parametrize("track", ["oval", "l_corridor"])
 def test_it_drives_a_circuit_close_to_the_centreline(track):
     result = fg.race(track, "pure_pursuit", laps=1)
-    assert result.finished and result.max_slide_m_s <= 0.05
-    assert np.abs(result.column("offset_m")).max() < 0.5
+    assert result.car.finished and result.car.max_slide_m_s <= 0.05
+    assert np.abs(result.car.column("offset_m")).max() < 0.5

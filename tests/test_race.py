@@ -56,12 +56,12 @@ def circle(radius):
 
 def assert_complete(result):
     """What holds for every race, however it ended."""
-    ticks = len(result.telemetry)
+    ticks = len(result.car.telemetry)
     assert len(result.states) == ticks + 1 == len(result.ctrl) + 1
     assert result.states[:, 0] == pytest.approx(TICK * np.arange(ticks + 1), abs=1e-9)  # mjSTATE_TIME comes first
-    assert result.column("time_s") == pytest.approx(result.states[:-1, 0])
-    assert result.finished == (result.end_reason == "finished")
-    assert result.laps_completed == len(result.lap_times_s) <= result.laps_requested
+    assert result.car.column("time_s") == pytest.approx(result.states[:-1, 0])
+    assert result.car.finished == (result.car.end_reason == "finished")
+    assert result.car.laps_completed == len(result.car.lap_times_s) <= result.laps_requested
 
 
 def test_finished_when_the_laps_are_done(lap):
@@ -74,8 +74,8 @@ def test_finished_when_the_laps_are_done(lap):
 def test_crash_when_the_car_drives_straight_on():
     result = race(lambda time: (0.0, 3.0))
     assert_complete(result)
-    assert (result.end_reason, result.finished, result.collisions) == ("crash", False, 1)
-    x, y = result.column("x_m")[-1], result.column("y_m")[-1]
+    assert (result.car.end_reason, result.car.finished, result.car.collisions_wall) == ("crash", False, 1)
+    x, y = result.car.column("x_m")[-1], result.car.column("y_m")[-1]
     car = result.world.parameters
     wall = np.vstack((result.world.track.left_wall, result.world.track.right_wall))
     # no nearer than half a width, no farther than the front corners and a tick's way
@@ -84,40 +84,40 @@ def test_crash_when_the_car_drives_straight_on():
 
 def test_crash_into_an_obstacle():
     result = race(lambda time: (0.0, 2.0), obstacles=(fg.Cylinder(x=3.0, y=0.0, radius=0.2),))
-    assert result.end_reason == "crash" and result.column("x_m")[-1] < 3.0 - 0.2
+    assert result.car.end_reason == "crash" and result.car.column("x_m")[-1] < 3.0 - 0.2
     assert race(lambda time: (0.0, 2.0), time_limit=result.sim_time_s).end_reason == "time_limit"
 
 
 def test_no_progress_when_the_car_stands_for_ten_seconds():
     result = race(lambda time: (0.1, 0.0))
     assert_complete(result)
-    assert result.end_reason == "no_progress" and result.sim_time_s == pytest.approx(10.0)
+    assert result.car.end_reason == "no_progress" and result.sim_time_s == pytest.approx(10.0)
 
 
 def test_no_progress_when_the_car_only_reverses():
     result = race(lambda time: (0.0, -0.3))
-    assert result.end_reason == "no_progress" and result.sim_time_s == pytest.approx(10.0)
-    assert result.column("progress_m")[-1] == pytest.approx(-0.3 * 10, abs=0.1)
-    assert result.laps_completed == 0 and result.mean_speed_m_s == pytest.approx(0.3, abs=0.02)
+    assert result.car.end_reason == "no_progress" and result.sim_time_s == pytest.approx(10.0)
+    assert result.car.column("progress_m")[-1] == pytest.approx(-0.3 * 10, abs=0.1)
+    assert result.car.laps_completed == 0 and result.car.mean_speed_m_s == pytest.approx(0.3, abs=0.02)
 
 
 def test_no_progress_counts_from_where_the_car_last_came_further():
     result = race(lambda time: (0.0, 1.0 if time < 2.0 else 0.0))
-    assert result.end_reason == "no_progress" and 12.0 <= result.sim_time_s < 12.5
+    assert result.car.end_reason == "no_progress" and 12.0 <= result.sim_time_s < 12.5
 
 
 @pytest.mark.parametrize(("limit", "ticks"), ((1.0, 40), (0.99, 40), (0.025, 1), (1.01, 40), (1.02, 41)))
 def test_time_limit_to_the_nearest_tick(limit, ticks):
     result = race(lambda time: (0.0, 1.0), time_limit=limit)
     assert_complete(result)
-    assert result.end_reason == "time_limit" and len(result.ctrl) == ticks
+    assert result.car.end_reason == "time_limit" and len(result.ctrl) == ticks
     assert result.sim_time_s == pytest.approx(ticks * TICK)
 
 
 def test_time_limit_is_what_a_car_of_half_a_metre_a_second_needs():
     track = circle(2.0)
     result = race(lambda time: (math.atan(0.3302 / 2.0), 0.4), track)
-    assert result.end_reason == "time_limit" and result.collisions == 0
+    assert result.car.end_reason == "time_limit" and result.car.collisions_wall == 0
     assert result.sim_time_s == pytest.approx(track.length / 0.5, abs=TICK)
     assert race(lambda time: (math.atan(0.3302 / 2.0), 0.6), track).end_reason == "finished"
 
@@ -134,7 +134,7 @@ def test_unstable_when_mujoco_meets_a_bad_state(monkeypatch):
     monkeypatch.setattr(race_module, "Engine", Poisoned)
     result = race(lambda time: (0.0, 1.0), time_limit=1.0)
     assert len(result.ctrl) == 6
-    assert (result.end_reason, result.finished) == ("unstable", False)
+    assert (result.car.end_reason, result.car.finished) == ("unstable", False)
 
 
 @pytest.mark.parametrize("place", ("watch", "controller", "engine"))
@@ -158,7 +158,7 @@ def test_interrupted_keeps_the_ticks_that_are_complete(monkeypatch, place):
         monkeypatch.setattr(Engine, "drive", lambda self: after() or drive(self))
     result = race(law, watch=watch)
     assert_complete(result)
-    assert (result.end_reason, result.finished, result.collisions) == ("interrupted", False, 0)
+    assert (result.car.end_reason, result.car.finished, result.car.collisions_wall) == ("interrupted", False, 0)
     assert len(result.ctrl) == (8 if place == "watch" else 7)
     monkeypatch.undo()
     whole = race(lambda time: (0.0, 1.0), time_limit=0.2)
@@ -171,8 +171,8 @@ def test_an_interrupt_before_the_first_tick_leaves_a_race_of_none():
 
     result = race(interrupt)
     assert_complete(result)
-    assert result.end_reason == "interrupted" and result.ctrl.shape == (0, 2)
-    assert (result.max_slide_m_s, result.mean_speed_m_s, result.slide_time_fraction) == (0.0, 0.0, 0.0)
+    assert result.car.end_reason == "interrupted" and result.ctrl.shape == (0, 2)
+    assert (result.car.max_slide_m_s, result.car.mean_speed_m_s, result.car.slide_time_fraction) == (0.0, 0.0, 0.0)
     json.dumps(result.summary(), allow_nan=False)
 
 
@@ -243,16 +243,16 @@ def test_settings_are_checked_before_the_track_is_read():
 
 def test_settings_reach_the_result():
     result = race(lambda time: (0.0, 1.0), mu=0.7, planner_mu=math.inf, max_speed=6, seed=3, time_limit=0.1)
-    assert (result.mu, result.planner_mu, result.speed_limit_m_s, result.seed) == (0.7, math.inf, 6.0, 3)
+    assert (result.car.mu, result.car.planner_mu, result.car.speed_limit_m_s, result.car.seed) == (0.7, math.inf, 6.0, 3)
     assert result.world.car.mu == 0.7 and result.lidar == "raycast" == result.world.lidar_backend
     default = race(lambda time: (0.0, 1.0), time_limit=0.1)
-    assert (default.mu, default.planner_mu, default.speed_limit_m_s, default.seed) == (1.0489, 1.0489, 8.0, 0)
+    assert (default.car.mu, default.car.planner_mu, default.car.speed_limit_m_s, default.car.seed) == (1.0489, 1.0489, 8.0, 0)
 
 
 def test_mu_of_the_tires_and_of_the_planner_are_apart():
     slippery = fg.race("oval", laps=1, mu=0.5, planner_mu=1.0489, time_limit=6.0)
     cautious = fg.race("oval", laps=1, planner_mu=0.5, time_limit=6.0)
-    assert slippery.max_slide_m_s > SLIDING_SPEED > cautious.max_slide_m_s
+    assert slippery.car.max_slide_m_s > SLIDING_SPEED > cautious.car.max_slide_m_s
 
 
 # What the planner is told
@@ -296,7 +296,7 @@ def test_the_planner_cannot_tell_where_in_the_world_it_is():
 def test_a_controller_object_is_raced_as_it_is_and_named_by_its_class():
     planner = Recorder(lambda time: (0.0, 0.5))
     result = fg.race("oval", planner, laps=1, time_limit=0.1)
-    assert result.controller == "Recorder" and len(planner.said) == 4
+    assert result.car.controller == "Recorder" and len(planner.said) == 4
     assert fg.race("oval", "gap_finder", laps=1, time_limit=0.1).controller == "gap_finder"
 
 
@@ -320,7 +320,7 @@ def test_whoever_watches_is_told_once_a_tick():
     result = race(lambda time: (0.0, 1.0), time_limit=0.5, laps=3, watch=told.append)
     assert [progress.time for progress in told] == pytest.approx([TICK * tick for tick in range(1, 21)])
     assert {(progress.laps_completed, progress.laps_requested) for progress in told} == {(0, 3)}
-    assert [progress.speed for progress in told[:-1]] == pytest.approx(result.column("speed_m_s")[1:])
+    assert [progress.speed for progress in told[:-1]] == pytest.approx(result.car.column("speed_m_s")[1:])
 
 
 # What it leaves
@@ -328,9 +328,9 @@ def test_whoever_watches_is_told_once_a_tick():
 
 def test_reversing_over_the_line_and_back_is_no_lap():
     result = race(lambda time: (0.0, -1.0 if time < 2.5 else 1.0), time_limit=7.0)
-    progress = result.column("progress_m")
+    progress = result.car.column("progress_m")
     assert progress.min() < -1.5 and progress[-1] > 0.5
-    assert result.laps_completed == 0 and set(result.column("lap")) == {1.0}
+    assert result.car.laps_completed == 0 and set(result.car.column("lap")) == {1.0}
 
 
 def test_reversing_takes_back_what_was_driven():
@@ -341,21 +341,21 @@ def test_reversing_takes_back_what_was_driven():
         return steering, -speed if 4.0 <= time < 7.0 else speed
 
     straight_on, there_and_back = race(lambda time: (steering, speed), track), race(law, track)
-    assert straight_on.finished and there_and_back.finished
-    gained = there_and_back.lap_times_s[0] - straight_on.lap_times_s[0]
+    assert straight_on.finished and there_and_back.car.finished
+    gained = there_and_back.car.lap_times_s[0] - straight_on.lap_times_s[0]
     assert gained == pytest.approx(6.0, abs=0.1)
 
 
 def test_the_first_lap_starts_from_a_stand():
     result = fg.race("oval", laps=2)
-    assert result.column("speed_m_s")[0] == pytest.approx(0.0, abs=1e-9)
-    assert result.column("progress_m")[0] == 0.0
-    assert result.lap_times_s[0] > result.lap_times_s[1] + 0.3
-    laps = result.column("lap")
+    assert result.car.column("speed_m_s")[0] == pytest.approx(0.0, abs=1e-9)
+    assert result.car.column("progress_m")[0] == 0.0
+    assert result.car.lap_times_s[0] > result.car.lap_times_s[1] + 0.3
+    laps = result.car.column("lap")
     assert set(laps) == {1.0, 2.0}
-    seen = result.column("time_s")[np.argmax(laps == 2.0)]  # the first tick that starts beyond the line
-    assert seen - TICK <= result.lap_times_s[0] <= seen
-    assert sum(result.lap_times_s) == pytest.approx(result.sim_time_s, abs=TICK)
+    seen = result.car.column("time_s")[np.argmax(laps == 2.0)]  # the first tick that starts beyond the line
+    assert seen - TICK <= result.car.lap_times_s[0] <= seen
+    assert sum(result.car.lap_times_s) == pytest.approx(result.sim_time_s, abs=TICK)
 
 
 def test_speed_agrees_with_the_places(lap):
@@ -387,39 +387,39 @@ def test_yaw_rate_agrees_with_the_heading_and_the_steering_with_the_command(lap)
 def test_rows_hold_what_the_planner_heard_and_said_and_what_the_actuators_got():
     planner = Recorder(lambda time: (0.6 * math.sin(9.0 * time), 1.5))
     result = fg.race("oval", planner, laps=1, time_limit=1.0)
-    assert result.column("command_steering_rad").tolist() == [command.steering_angle for command in planner.said]
-    assert result.column("command_speed_m_s").tolist() == [command.speed for command in planner.said]
-    assert result.column("yaw_rate_rad_s").tolist() == [odometry.yaw_rate for _, odometry in planner.heard]
-    assert result.column("steering_angle_rad").tolist() == [odometry.steering_angle for _, odometry in planner.heard]
-    assert np.abs(result.column("command_steering_rad")).max() > 0.5
-    assert result.ctrl[:, 0] == pytest.approx(np.clip(result.column("command_steering_rad"), -0.4189, 0.4189))
+    assert result.car.column("command_steering_rad").tolist() == [command.steering_angle for command in planner.said]
+    assert result.car.column("command_speed_m_s").tolist() == [command.speed for command in planner.said]
+    assert result.car.column("yaw_rate_rad_s").tolist() == [odometry.yaw_rate for _, odometry in planner.heard]
+    assert result.car.column("steering_angle_rad").tolist() == [odometry.steering_angle for _, odometry in planner.heard]
+    assert np.abs(result.car.column("command_steering_rad")).max() > 0.5
+    assert result.ctrl[:, 0] == pytest.approx(np.clip(result.car.column("command_steering_rad"), -0.4189, 0.4189))
     assert result.ctrl[:, 1].tolist() == [1.5] * 40
 
 
 def test_the_figures_of_sliding_are_those_of_the_rows():
     result = fg.race("oval", laps=1, planner_mu=1.6, time_limit=6.0)
-    slides = np.column_stack([result.column(f"slide_{wheel}_m_s") for wheel in WHEELS])
-    sliding = result.column("sliding_steps")
-    assert result.max_slide_m_s == np.nanmax(slides) > SLIDING_SPEED
-    assert result.tires_model == "coulomb"
+    slides = np.column_stack([result.car.column(f"slide_{wheel}_m_s") for wheel in WHEELS])
+    sliding = result.car.column("sliding_steps")
+    assert result.car.max_slide_m_s == np.nanmax(slides) > SLIDING_SPEED
+    assert result.car.tires_model == "coulomb"
     assert np.array_equal(sliding > 0, np.fmax.reduce(slides, axis=1) > slides_above("coulomb"))
     steps = round(TICK / result.world.model.opt.timestep)
-    assert set(result.column("steps")) == {steps} and sliding.max() <= steps
-    assert result.slide_time_fraction == pytest.approx(sliding.sum() / (steps * len(sliding)))
-    assert 0.0 < result.slide_time_fraction < 1.0
-    uses = np.column_stack([result.column(f"friction_use_{wheel}") for wheel in WHEELS])
+    assert set(result.car.column("steps")) == {steps} and sliding.max() <= steps
+    assert result.car.slide_time_fraction == pytest.approx(sliding.sum() / (steps * len(sliding)))
+    assert 0.0 < result.car.slide_time_fraction < 1.0
+    uses = np.column_stack([result.car.column(f"friction_use_{wheel}") for wheel in WHEELS])
     assert np.nanmax(uses) == pytest.approx(1.0, abs=1e-3)
 
 
 def test_wheelspin_is_great_sliding_and_little_of_it_sideways():
     result = race(lambda time: (0.0, 8.0), mu=0.5, time_limit=0.5)
-    assert result.max_slide_m_s > 1.0 and result.max_lateral_slide_m_s < SLIDING_SPEED
+    assert result.car.max_slide_m_s > 1.0 and result.car.max_lateral_slide_m_s < SLIDING_SPEED
 
 
 def test_cornering_too_fast_is_sliding_sideways():
     result = race(lambda time: (0.0 if time < 0.5 else 0.4, 4.0), start=fg.Start(speed=4.0), time_limit=0.8)
-    assert 0.5 < result.max_lateral_slide_m_s <= result.max_slide_m_s
-    assert result.summary()["max_lateral_slide_m_s"] == result.max_lateral_slide_m_s
+    assert 0.5 < result.car.max_lateral_slide_m_s <= result.car.max_slide_m_s
+    assert result.summary()["max_lateral_slide_m_s"] == result.car.max_lateral_slide_m_s
 
 
 def test_the_greatest_sideways_sliding_is_that_of_the_slip_meter():

@@ -80,7 +80,7 @@ def test_a_contact_has_its_closing_speed_its_impulse_and_whose_fault_it_was() ->
     contact = result.contacts[0]
     assert contact.cars == ("ahead", "behind")
     assert contact.at_fault == "behind"
-    ahead, behind = result.car_results
+    ahead, behind = result.cars
     before = int(np.searchsorted(ahead.column("time_s"), contact.time_s))
     closing = behind.column("vx_m_s")[before] - ahead.column("vx_m_s")[before]
     assert contact.closing_speed_m_s == pytest.approx(closing, abs=0.02)
@@ -106,7 +106,7 @@ def warned() -> RaceResult:
 def test_behind_a_car_that_drives_on_it_is_3_metres_and_a_replay_knows(tmp_path: Path) -> None:
     entries = [entry("drives", 1.0, 3.0), entry("rams", 4.0, 0.0)]
     result = race("oval", entries=entries, laps=1, time_limit=4.0, rules="roboracer_2026")
-    drives, rams = result.car_results
+    drives, rams = result.cars
     at = result.restarts[0].tick
     gap = drives.column("progress_m")[at] - rams.column("progress_m")[at]
     assert gap == pytest.approx(3.0 + result.world.car.parameters.length, abs=0.15)
@@ -171,13 +171,13 @@ def test_a_damaged_telemetry_of_another_car_is_told(warned: RaceResult, tmp_path
 def test_a_planner_that_fails_stops_its_own_car_and_the_others_race_on() -> None:
     entries = [entry("drives", 1.0, 3.0), Entry(name="fails", controller=Raises(1.0), start=Start())]
     result = race("oval", entries=entries, laps=1, time_limit=3.0)
-    drives, fails = result.car_results
+    drives, fails = result.cars
     assert (drives.end_reason, fails.end_reason) == ("time_limit", "planner_failed")
     assert fails.planner_failure is not None
     assert "out of ideas" in str(fails.planner_failure)
     assert fails.end_time_s == fails.planner_failure.time_s == pytest.approx(0.5)
     assert abs(fails.column("speed_m_s")[-1]) < 0.01  # it has braked, and stands there
-    assert result.planner_failure is None
+    assert result.car.planner_failure is None
 
 
 def test_a_finished_car_is_in_nobodys_way() -> None:
@@ -186,13 +186,13 @@ def test_a_finished_car_is_in_nobodys_way() -> None:
     with pytest.raises(SettingsError, match="starts at s = -1 m"):
         race(track, entries=entries)
     result = race("oval", entries=[Entry(max_speed=6.0), Entry(max_speed=3.0)], laps=1)
-    first, second = result.car_results
-    assert first.finished
-    assert second.finished
-    gone = second.column("time_s") > first.end_time_s + 0.05
-    apart = np.hypot(first.column("x_m") - second.column("x_m"), first.column("y_m") - second.column("y_m"))
+    first, second = result.cars
+    assert first.car.finished
+    assert second.car.finished
+    gone = second.car.column("time_s") > first.end_time_s + 0.05
+    apart = np.hypot(first.car.column("x_m") - second.car.column("x_m"), first.car.column("y_m") - second.car.column("y_m"))
     assert apart[gone].min() > 30.0
-    assert first.max_speed_m_s <= 6.1
+    assert first.car.max_speed_m_s <= 6.1
 
 
 def test_the_settings_of_one_car_are_refused_beside_entries() -> None:

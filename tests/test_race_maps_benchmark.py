@@ -43,8 +43,8 @@ def test_rows_are_in_the_order_of_what_was_asked_for_and_have_the_figures_of_the
     assert rows[0]["message"].startswith("refused: broken.yaml") and str(data) not in done.stdout
     for course, row in ((data / "race_maps" / "drawn.yaml", rows[3]), ("oval", rows[5])):
         race = fg.race(course, laps=2, max_speed=4.0, odometry_drift=0.05)
-        assert (row["end_reason"], row["first_lap_s"]) == (race.end_reason, race.lap_times_s[0])
-        assert row["best_flying_lap_s"] == race.lap_times_s[1] and row["ratio"] is None
+        assert (row["end_reason"], row["first_lap_s"]) == (race.car.end_reason, race.car.lap_times_s[0])
+        assert row["best_flying_lap_s"] == race.car.lap_times_s[1] and row["ratio"] is None
     *table, _, last = done.stdout.splitlines()
     assert len(table) == 2 + len(rows)
     finished, crashed = (sum(row["end_reason"] == reason for row in rows) for reason in ("finished", "crash"))

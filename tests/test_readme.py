@@ -37,9 +37,9 @@ def test_python_examples_run(tmp_path, monkeypatch, capsys):
     for block in blocks("python"):
         exec(block, names)
     race = names["race"]
-    assert race.finished, race
-    assert race.laps_completed == 5
-    assert race.collisions == 0
+    assert race.car.finished, race
+    assert race.car.laps_completed == 5
+    assert race.car.collisions_wall == 0
     assert len(capsys.readouterr().out.splitlines()) >= 2
 
 

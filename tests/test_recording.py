@@ -73,8 +73,8 @@ def test_a_planner_of_ones_own_is_kept_with_the_hash_of_its_source(written, tmp_
     assert hashlib.sha256(kept).hexdigest() == origin["sha256"] and origin["distribution"] is None
     assert b"class Straight" in kept
     bundled = fg.race("oval", laps=1, time_limit=0.05)
-    assert bundled.controller_origin["distribution"] == "fg-mujoco"
-    assert bundled.controller_origin["version"] == fg.__version__
+    assert bundled.car.controller_origin["distribution"] == "fg-mujoco"
+    assert bundled.car.controller_origin["version"] == fg.__version__
     fg.write_run(bundled, tmp_path / "bundled", picture=False)
     assert not (tmp_path / "bundled" / "controller.py").exists()
 
@@ -199,7 +199,7 @@ def test_replay_of_a_crash_is_bit_identical(tmp_path):
             return fg.DriveCommand(steering_angle=0.3, speed=6.0)
 
     result = fg.race("oval", FlatOut(), laps=1)
-    assert result.end_reason == "crash"
+    assert result.car.end_reason == "crash"
     assert fg.replay(fg.write_run(result, tmp_path / "run", picture=False)).identical
 
 
@@ -248,7 +248,7 @@ def test_a_run_of_no_tick_is_written_and_replayed(short_race, tmp_path):
         raise KeyboardInterrupt
 
     result = fg.race("oval", laps=1, watch=interrupt)
-    assert result.end_reason == "interrupted"
+    assert result.car.end_reason == "interrupted"
     assert len(result.ctrl) <= 1
     assert fg.replay(fg.write_run(result, tmp_path / "run", picture=False)).identical
 

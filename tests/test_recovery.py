@@ -140,9 +140,9 @@ def test_a_car_askew_before_a_box_gets_past_and_without_going_back_it_stands(see
     for kept, expected in ((True, "finished"), (False, "no_progress")):
         alone = {"recovery": kept, "guidance": False}
         race = fg.race("chicanes", "gap_finder", laps=1, obstacles=boxes, planner_settings=alone)
-        assert race.end_reason == expected and race.collisions == 0
-        assert race.max_slide_m_s <= fg.SLIDING_SPEED
-        assert (race.column("speed_m_s").min() < -0.5) == kept
+        assert race.car.end_reason == expected and race.car.collisions_wall == 0
+        assert race.car.max_slide_m_s <= fg.SLIDING_SPEED
+        assert (race.car.column("speed_m_s").min() < -0.5) == kept
 
 
 @pytest.mark.parametrize("name", [field.name for field in fields(RecoverySettings)])

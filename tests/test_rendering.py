@@ -249,7 +249,7 @@ def test_trace_lies_where_the_rear_axle_was(lap):
 def test_a_drive_that_was_over_before_its_first_tick_has_one_frame(short_race):
     whole = read_drive(short_race)
     drive = replace(
-        whole, time=whole.time[:1], states=whole.states[:1], ctrl=whole.ctrl[:0], telemetry=whole.telemetry[:0]
+        whole, time=whole.time[:1], states=whole.states[:1], ctrl=whole.ctrl[:0], telemetry=whole.car.telemetry[:0]
     )
     everything = Overlays(beams=True, trace=True, forces=True, strip=True)
     with Film(drive, size=(64, 48), quality="draft", overlays=everything) as film:

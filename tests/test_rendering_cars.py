@@ -150,7 +150,7 @@ def test_overlays_are_of_the_car_that_is_followed(folder):
     with film("top", 1, overlays=Overlays(trace=True, forces=True, beams=True, strip=True)) as made:
         assert made.note == ""
         assert made.drive.summary["controller"] == "disparity_extender" and made.drive.summary["name"] == "blue one"
-        np.testing.assert_array_equal(made.drive.telemetry, race.car_results[1].telemetry)
+        np.testing.assert_array_equal(made.drive.telemetry, race.cars[1].telemetry)
         forces = made._forces.read(made._player.at(2.0))
         body = made._player.at(2.0).body("car_1/base_link").xpos
         assert (np.linalg.norm(forces.points - body, axis=1) < 0.6).all()
@@ -169,7 +169,7 @@ def test_scan_that_the_planner_of_another_car_saw_is_measured_again_with_its_noi
 
 def test_place_in_the_strip_is_that_of_the_progress():
     race = three_cars()
-    progress = np.array([car.column("progress_m") for car in race.car_results])
+    progress = np.array([car.column("progress_m") for car in race.cars])
     positions = read_drive(race).standings.positions
     for tick in (0, 40, len(progress[0]) - 1):
         np.testing.assert_array_equal(np.argsort(-progress[:, tick]), np.argsort(positions[:, tick]))

@@ -340,6 +340,6 @@ def test_ctrl_c_between_two_parts_of_a_tick_leaves_whole_ticks(ended, tmp_path, 
     drift = 0.0 if name == "tick" else 1e-3  # with a drift, what a tick consists of is called one by one
     result = race.race("oval", laps=1, odometry_drift=drift)
     monkeypatch.undo()
-    assert result.end_reason == "interrupted" and len(result.ctrl) == 10
+    assert result.car.end_reason == "interrupted" and len(result.ctrl) == 10
     report = fg.replay(fg.write_run(result, tmp_path / "run", picture=False))
     assert report.holds, report.lines

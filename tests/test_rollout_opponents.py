@@ -111,7 +111,7 @@ def test_a_world_is_the_race_of_its_entries(some):
         assert len(entries) == len(opponents) + 1
         race = fg.race(scenario.track, entries=entries, time_limit=0.5, laps=1)
         assert trajectory_sha256(result.states(world), result.ctrl(world)) == race.trajectory_sha256
-        assert same(result.telemetry(world), race.telemetry)
+        assert same(result.telemetry(world), race.car.telemetry)
         for name in ("end_reason", "laps_completed", "collisions", "max_slide_m_s", "mean_speed_m_s", "sim_time_s"):
             assert result[name][world] == getattr(race, name), name
         assert result["position"][world] == race.cars[0]["position"]
@@ -192,7 +192,7 @@ def test_an_opponent_that_fails_ends_its_own_race_only(here):
     assert len(result.telemetry(0)) == 60
     race = fg.race("oval", entries=result.entries(1), time_limit=1.5, laps=5)
     assert [car["end_reason"] for car in race.cars] == ["time_limit", "time_limit", "planner_failed"]
-    assert same(result.telemetry(1), race.telemetry)
+    assert same(result.telemetry(1), race.car.telemetry)
 
 
 def test_where_car_0_fails_the_opponents_race_on(here):
@@ -207,7 +207,7 @@ def test_where_all_planners_fail_at_once_the_world_is_its_race_which_replays(her
     race = fg.race("oval", entries=result.entries(0), time_limit=1.0, laps=5)
     assert [car["end_reason"] for car in race.cars] == ["planner_failed"] * 2
     assert trajectory_sha256(result.states(0), result.ctrl(0)) == race.trajectory_sha256
-    assert race.car_results[0].end_time_s == race.sim_time_s == result["sim_time_s"][0] == pytest.approx(0.2)
+    assert race.cars[0].end_time_s == race.sim_time_s == result["sim_time_s"][0] == pytest.approx(0.2)
     fg.write_run(race, "run", picture=False)
     assert fg.replay("run").holds
 

@@ -91,15 +91,15 @@ def test_a_folder_reads_back_bit_for_bit(engine, tmp_path, record):
     shutil.move(tmp_path / "out", tmp_path / "elsewhere")
     read = fg.read_rollout(tmp_path / "elsewhere")
     assert same(read.worlds, kept.worlds)
-    assert same(read.lap_times_s, kept.lap_times_s)
+    assert same(read.lap_times_s, kept.car.lap_times_s)
     for world in range(21):
         again, before = read.scenario(world), kept.scenario(world)
         assert same(again.track.centreline, before.track.centreline)
-        assert (again.car, again.start, again.obstacles, again.planner_mu, again.seed) == (
+        assert (again.car, again.start, again.obstacles, again.car.planner_mu, again.car.seed) == (
             before.car, before.start, before.obstacles, before.planner_mu, before.seed,
         )  # fmt: skip
         if record != "summary":
-            assert same(read.telemetry(world), kept.telemetry(world))
+            assert same(read.telemetry(world), kept.car.telemetry(world))
         if record == "states":
             assert same(read.states(world), kept.states(world))
             assert same(read.ctrl(world), kept.ctrl(world))
@@ -123,7 +123,7 @@ def test_what_fits_the_budget_stays_in_memory_and_the_rest_goes_to_a_folder_that
     folder = spilled.chunks.folder
     assert list(folder.rglob("*.telemetry.npy"))
     assert isinstance(spilled.chunks.read(0)["telemetry"], np.memmap)
-    assert all(same(kept.telemetry(world), spilled.telemetry(world)) for world in range(21))
+    assert all(same(kept.car.telemetry(world), spilled.car.telemetry(world)) for world in range(21))
     del spilled
     assert not folder.exists()
 

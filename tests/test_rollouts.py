@@ -96,7 +96,7 @@ def assert_is_its_race(result, world, controller="gap_finder"):
         planner_mu=scenario.planner_mu, planner_settings=scenario.planner_settings,
     )  # fmt: skip
     assert trajectory_sha256(result.states(world), result.ctrl(world)) == race.trajectory_sha256
-    assert same(result.telemetry(world), race.telemetry)
+    assert same(result.telemetry(world), race.car.telemetry)
     for name in ("end_reason", "laps_completed", "collisions", "max_slide_m_s", "slide_time_fraction", "max_speed_m_s"):
         assert result.worlds[world][name] == getattr(race, name), name
 

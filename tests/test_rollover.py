@@ -37,10 +37,10 @@ def tilt(engine, degrees, row=0):
 def test_a_tall_car_rolls_over_in_a_step_steer_and_a_low_one_slides(vehicle, tires):
     """Oracle: mu times the height of the CoG over half the track width, on both sides of 1."""
     tall = fg.drive(STEP_STEER, vehicle=vehicle, tires=tires, **TALL)
-    assert tall.end_reason == "rolled_over" and not tall.finished and tall.collisions == 0 and tall.crash is None
+    assert tall.car.end_reason == "rolled_over" and not tall.car.finished and tall.car.collisions_wall == 0 and tall.car.crash is None
     assert tall.sim_time_s < 2.0
     low = fg.drive(STEP_STEER, vehicle=vehicle, tires="coulomb")
-    assert low.end_reason == "finished" and low.rollover is None
+    assert low.car.end_reason == "finished" and low.car.rollover is None
 
 
 def test_a_race_ends_in_the_tick_in_which_the_car_is_tilted_by_more_than_80_degrees():

@@ -93,14 +93,14 @@ def speeds(planner, count, first=0):
 )
 def test_a_node_of_a_course_laps_the_oval_unedited(source, speed):
     result = fg.race("oval", f"ros:{NODES / source}", laps=1)
-    assert result.end_reason == "finished"
-    assert result.max_speed_m_s == pytest.approx(speed, abs=0.1)
+    assert result.car.end_reason == "finished"
+    assert result.car.max_speed_m_s == pytest.approx(speed, abs=0.1)
 
 
 def test_the_safety_node_brakes_before_the_wall():
     result = fg.race("oval", f"ros:{NODES / 'safety_node.py'}:SafetyNode", laps=1, time_limit=12.0)
-    assert (result.end_reason, result.crash) == ("time_limit", None)
-    assert result.max_speed_m_s == pytest.approx(2.0, abs=0.1)
+    assert (result.car.end_reason, result.car.crash) == ("time_limit", None)
+    assert result.car.max_speed_m_s == pytest.approx(2.0, abs=0.1)
     assert result.ctrl[-1, 1] == 0.0
 
 

@@ -103,7 +103,7 @@ self.count = 0
 """
     body = "if 'odom' not in self.got: return\n" + MAP + "assert self.got['info'].width == grid.info.width\n"
     result = fg.race("oval", written(init, body, more), laps=1, time_limit=1.0)
-    assert result.max_speed_m_s == pytest.approx(1.0, abs=0.05)
+    assert result.car.max_speed_m_s == pytest.approx(1.0, abs=0.05)
 
 
 CHECK = "\n    def check(self, message):\n" + "".join(f"        {line}\n" for line in MAP.splitlines())
@@ -121,7 +121,7 @@ rclpy.spin_until_future_complete(self, future)
 self.got["map"] = future.result().map
 """
     result = fg.race("oval", written(init, "if 'odom' in self.got: self.check(message)", CHECK), laps=1, time_limit=1.0)
-    assert result.max_speed_m_s > 0.9
+    assert result.car.max_speed_m_s > 0.9
     path = tmp_path / "old.py"
     path.write_text(
         """

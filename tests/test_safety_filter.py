@@ -100,7 +100,7 @@ def test_before_the_end_of_a_dead_end_it_stops_or_nearly_does_and_without_ways_o
     for kept, fastest in ((True, 0.5), (False, math.inf)):
         settings = {"safety_filter": kept}
         races = [fg.race(f"scene:dead_end:{seed}", "gap_finder", planner_settings=settings) for seed in range(4)]
-        touches = [race.column("speed_m_s")[-1] for race in races if race.collisions]
+        touches = [race.car.column("speed_m_s")[-1] for race in races if race.car.collisions_wall]
         assert all(touch < fastest for touch in touches)
         assert kept or max(touches) > 1.0
 
@@ -112,7 +112,7 @@ def test_sparse_obstacles_are_passed(planner, circuit):
     for seed in range(8):
         boxes = random_boxes(fg.load_track(circuit), 4, seed, car=CAR)
         result = fg.race(circuit, planner, laps=1, obstacles=boxes)
-        assert result.finished and result.max_slide_m_s <= fg.SLIDING_SPEED, seed
+        assert result.car.finished and result.car.max_slide_m_s <= fg.SLIDING_SPEED, seed
 
 
 @pytest.mark.parametrize("angle", [-0.4, -0.1, 0.0, 0.02, 0.3])

@@ -23,7 +23,7 @@ def run():
     planner = Listener(3.0)
     effects = fg.LidarEffects(range_noise_std=0.02, dropout_probability=0.1, latency=0.03)
     result = fg.race("oval", planner, laps=1, effects=effects, seed=5, odometry_drift=0.1)
-    assert result.end_reason == "crash"
+    assert result.car.end_reason == "crash"
     return result, planner.told
 
 

@@ -160,8 +160,8 @@ def test_walls_and_obstacles_are_hit():
     inside = (Box(x=6.0, y=0.0, length=0.5, width=0.5),)
     first = fg.race(scene(obstacles=inside), Law(lambda time: 3.0))
     second = fg.race(scene(), Law(lambda time: 3.0), obstacles=inside)
-    assert first.end_reason == second.end_reason == "crash"
-    assert first.column("x_m")[-1] == pytest.approx(second.column("x_m")[-1], abs=1e-6)
+    assert first.car.end_reason == second.car.end_reason == "crash"
+    assert first.car.column("x_m")[-1] == pytest.approx(second.car.column("x_m")[-1], abs=1e-6)
     assert first.world.obstacles == inside == second.world.obstacles
     assert (first.obstacles, second.obstacles) == (0, 1)
 
@@ -232,9 +232,9 @@ def test_a_batch_is_the_race_to_the_last_bit(name):
         alone = fg.race(
             world.track, max_speed=world.max_speed, start=world.start, seed=world.seed, effects=world.effects
         )  # fmt: skip
-        assert results.rows["end_reason"][i] == alone.end_reason
+        assert results.rows["end_reason"][i] == alone.car.end_reason
         np.testing.assert_array_equal(results.states[i], alone.states)
-        np.testing.assert_array_equal(results.telemetry[i], alone.telemetry)
+        np.testing.assert_array_equal(results.telemetry[i], alone.car.telemetry)
 
 
 def test_a_batch_keeps_the_scenes_rules():
@@ -260,7 +260,7 @@ def test_worlds_of_a_rollout_drive_the_scene_as_a_race_does(tmp_path):
         scenario = again.scenario(world)  # its course is read from the folder
         assert scenario.track.name == (name, "scene:slow_leader:0")[world % 2]
         alone = fg.race(scenario.track, start=scenario.start, seed=scenario.seed, effects=scenario.effects)
-        assert result["end_reason"][world] == alone.end_reason
+        assert result["end_reason"][world] == alone.car.end_reason
         np.testing.assert_array_equal(result.states(world), alone.states)
     assert [course_sha256(course) for course in again.tracks] == [course_sha256(course) for course in result.tracks]
 

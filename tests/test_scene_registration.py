@@ -72,7 +72,7 @@ def test_a_registered_scene_is_listed_with_its_distribution(register, capsys):
 def test_it_is_raced_and_rolled_out_by_its_name(register):
     register("doorway = yard_scenes:doorway")
     result = fg.race("scene:doorway:1", max_speed=3.0)
-    assert (result.track, result.end_reason) == ("scene:doorway:1", "finished")
+    assert (result.track, result.car.end_reason) == ("scene:doorway:1", "finished")
     worlds = fg.rollout("scene:doorway:1", n=2, laps=1, randomize={"max_speed": 3.0}, record="states")
     assert (worlds.states(0)[-1] == result.states[-1]).all()
 

@@ -197,7 +197,7 @@ def test_in_another_order_every_car_drives_the_same_line_until_the_first_contact
     for order in permutations(entries):
         result = race("oval", entries=order, laps=1, time_limit=4.0)
         assert result.contacts == ()
-        lines.append({car.name: np.column_stack((car.column("x_m"), car.column("y_m"))) for car in result.car_results})
+        lines.append({car.name: np.column_stack((car.column("x_m"), car.column("y_m"))) for car in result.cars})
     for other in lines[1:]:
         for name, line in lines[0].items():
             assert np.abs(other[name] - line).max() < 1e-6

@@ -535,7 +535,7 @@ def test_debug_tells_a_node_what_surrounds_its_car(tmp_path):
     race = fg.race("oval", entries=entries, time_limit=0.5)
     seen = fg.debug(race, window=0.5)
     assert seen.notes == ()
-    others = race.car_results[1].column("x_m")
+    others = race.cars[1].column("x_m")
     told = [decision.numbers.get("other", math.nan) for decision in seen.decisions]
     np.testing.assert_allclose(
         told[1:], others[: len(told) - 1], atol=0.2

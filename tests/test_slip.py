@@ -30,5 +30,5 @@ def test_the_arc_of_the_steering_angle_for_an_arc_is_this_arc(speed, angle):
 
 def test_a_corridor_that_an_understeering_car_crashed_in_is_lapped():
     result = fg.race("l_corridor", laps=1, tires="forzaeth_nuc6")
-    assert result.finished and result.max_slide_m_s == 0.0
+    assert result.car.finished and result.car.max_slide_m_s == 0.0
     assert result.world.parameters.front_peak == pytest.approx(0.877, abs=1e-3)

@@ -68,4 +68,4 @@ def test_what_cannot_be_is_not_measured():
 @pytest.mark.parametrize("drift", (0.05, -0.05))
 def test_a_race_with_odometry_that_errs_does_not_slide(drift):
     race = fg.race("oval", "gap_finder", laps=1, max_speed=8.0, odometry_drift=drift)
-    assert race.finished and race.max_slide_m_s <= fg.SLIDING_SPEED
+    assert race.car.finished and race.car.max_slide_m_s <= fg.SLIDING_SPEED

@@ -87,7 +87,7 @@ def test_a_race_refuses_it(start, obstacles, said):
 def test_a_race_starts_close_to_a_wall_and_beside_an_obstacle():
     near = fg.race("oval", start=fg.Start(offset=1.1 - 0.5 * CAR.width - 0.02), time_limit=0.1)
     beside = fg.race("oval", start=fg.Start(offset=0.6), obstacles=(BOX,), time_limit=0.1)
-    assert (near.end_reason, beside.end_reason) == ("time_limit", "time_limit")
+    assert (near.car.end_reason, beside.car.end_reason) == ("time_limit", "time_limit")
 
 
 def test_a_scene_refuses_it():

@@ -126,7 +126,7 @@ class Follow:
 def test_the_simulated_car_drives_the_lap_that_was_found_on(name):
     track = fg.load_track(name)
     result = fg.race(track, Follow(drivable_lap(track)), laps=1, time_limit=4.0 * track.length)
-    assert (result.end_reason, result.laps_completed, result.collisions) == ("finished", 1, 0)
+    assert (result.car.end_reason, result.car.laps_completed, result.car.collisions_wall) == ("finished", 1, 0)
 
 
 def through_the_u_turn(drawn):

@@ -47,7 +47,7 @@ def compared(height, speed, share):
     changes = fg.CarChanges(center_of_gravity_height=height)
     driven = fg.drive(commands, tires="f1tenth_gym", changes=changes)
     time, ours, ahead, left, steering = (
-        driven.column(name) for name in ("time_s", "yaw_rate_rad_s", "vx_m_s", "vy_m_s", "steering_angle_rad")
+        driven.car.column(name) for name in ("time_s", "yaw_rate_rad_s", "vx_m_s", "vy_m_s", "steering_angle_rad")
     )
     v = np.hypot(ahead, left + LR * ours)
     theirs = yaw_rates(time, steering, v, np.gradient(v, time))

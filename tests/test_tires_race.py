@@ -99,7 +99,7 @@ def test_a_world_of_a_batch_is_that_world_raced_alone():
             changes=scenario.changes, start=scenario.start, tires=scenario.tires,
         )  # fmt: skip
         assert same_bits(together.states[i], raced.states), i
-        assert same_bits(together.telemetry[i], raced.telemetry), i
+        assert same_bits(together.telemetry[i], raced.car.telemetry), i
         assert trajectory_sha256(together.states[i], together.ctrl[i]) == raced.trajectory_sha256
 
 
@@ -204,14 +204,14 @@ def test_patches_are_part_of_any_world(tires, tmp_path):
         raced.trajectory_sha256
         != fg.race("oval", laps=100, time_limit=4.0, tires=tires, planner_mu=1.05).trajectory_sha256
     )
-    assert raced.max_slide_m_s > slides_above(raced.tires_model) and raced.slide_time_fraction > 0.0
+    assert raced.car.max_slide_m_s > slides_above(raced.car.tires_model) and raced.car.slide_time_fraction > 0.0
     fg.write_run(raced, tmp_path / "run", picture=False)
     assert replay(tmp_path / "run").identical
     scenarios = [Scenario(tires=tires, patches=(ICE,), planner_mu=1.05, mu=mu) for mu in (None, 0.5)]
     together = drive_worlds(scenarios, "gap_finder", duration=4.0, record="states")
-    assert same_bits(together.states[0], raced.states) and same_bits(together.telemetry[0], raced.telemetry)
+    assert same_bits(together.states[0], raced.states) and same_bits(together.telemetry[0], raced.car.telemetry)
     alone = fg.race("oval", laps=100, time_limit=4.0, tires=tires, patches=(ICE,), planner_mu=1.05, mu=0.5)
-    assert same_bits(together.states[1], alone.states) and same_bits(together.telemetry[1], alone.telemetry)
+    assert same_bits(together.states[1], alone.states) and same_bits(together.telemetry[1], alone.car.telemetry)
     # by hand, on a model of its own: the same
     simulation = fg.Simulation(fg.World("oval", tires=tires, patches=(ICE,)))
     simulation.reset(s=5.0, speed=3.0)

@@ -62,8 +62,8 @@ def told(telemetry):
 @pytest.mark.parametrize(("settings", "expected"), SETTINGS)
 def test_a_race_a_rollout_and_the_live_view_tell_what_is_set(settings, expected):
     race = fg.race("oval", TOLD, time_limit=0.02, **settings)
-    assert told(race.telemetry) == expected
-    assert min(race.planner_mu, 9.0) == expected
+    assert told(race.car.telemetry) == expected
+    assert min(race.car.planner_mu, 9.0) == expected
     rollout = fg.rollout("oval", TOLD, n=1, duration=0.02, record="telemetry", **settings)
     assert told(rollout.telemetry(0)) == expected
     session = LiveSession(LiveSettings(controller=TOLD, **settings))
@@ -74,15 +74,15 @@ def test_a_race_a_rollout_and_the_live_view_tell_what_is_set(settings, expected)
 def test_tires_with_a_curve_tell_their_least_peak_by_as_much_less():
     plain, tires = fg.race("oval", TOLD, tires="forzaeth_nuc2", time_limit=0.02), fg.Tires.load("forzaeth_nuc2")
     scaled = fg.race("oval", TOLD, tires="forzaeth_nuc2", mu=0.5 * tires.peak, time_limit=0.02)
-    assert told(plain.telemetry) == tires.least_peak
-    assert told(scaled.telemetry) == pytest.approx(0.5 * tires.least_peak)
+    assert told(plain.car.telemetry) == tires.least_peak
+    assert told(scaled.car.telemetry) == pytest.approx(0.5 * tires.least_peak)
 
 
 def test_each_of_several_cars_is_told_its_own():
     entries = [fg.Entry(controller=TOLD, mu=0.6), fg.Entry(controller=TOLD), fg.Entry(controller=TOLD, planner_mu=0.5)]
     race = fg.race("oval", entries=entries, time_limit=0.02)
-    assert [told(car.telemetry) for car in race.car_results] == [0.6, OWN, 0.5]
-    assert [car.planner_mu for car in race.car_results] == [0.6, OWN, 0.5]
+    assert [told(car.telemetry) for car in race.cars] == [0.6, OWN, 0.5]
+    assert [car.planner_mu for car in race.cars] == [0.6, OWN, 0.5]
 
 
 def test_an_opponent_in_a_car_like_the_learning_one_is_told_what_that_is_set_to():
@@ -119,7 +119,7 @@ def test_what_is_drawn_is_not_told():
     assert [told(result.telemetry(i)) for i in range(4)] == [OWN] * 4
     one = result.scenario(0)
     alone = fg.race("oval", TOLD, time_limit=0.02, changes=one.changes, planner_mu=one.planner_mu)
-    assert told(alone.telemetry) == OWN and alone.mu == pytest.approx(result["mu"][0], rel=1e-5)
+    assert told(alone.car.telemetry) == OWN and alone.car.mu == pytest.approx(result["mu"][0], rel=1e-5)
 
 
 def test_what_is_drawn_for_the_planner_stays_what_it_assumes():

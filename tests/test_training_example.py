@@ -67,7 +67,7 @@ def test_what_was_learned_races_as_a_planner(example, trained, tmp_path, monkeyp
         action = example.act(parameters[np.newaxis], *(seen[name] for name in ("scan", "speed", "yaw_rate")))
         seen, *_, infos = envs.step(action)
         positions.append(infos["progress_m"][0])
-    np.testing.assert_allclose(race.column("progress_m")[1:], positions[: len(race.telemetry) - 1], atol=1e-3)
+    np.testing.assert_allclose(race.car.column("progress_m")[1:], positions[: len(race.car.telemetry) - 1], atol=1e-3)
     assert positions[-1] > 0.5
 
 

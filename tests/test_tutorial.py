@@ -67,10 +67,10 @@ def test_no_output_is_kept_and_each_cell_has_a_name():
 def test_the_first_planner_crashes_into_the_left_wall(ran):
     names, printed, values = ran
     first = names["first"]
-    assert first.end_reason == "crash" and first.crash.into == "left wall"
-    assert printed["where"] == ["crash", str(first.crash)]
+    assert first.car.end_reason == "crash" and first.car.crash.into == "left wall"
+    assert printed["where"] == ["crash", str(first.car.crash)]
     assert "crashed here" in values["race-first"]._repr_html_()
-    x, y = first.column("x_m")[-1], first.column("y_m")[-1]
+    x, y = first.car.column("x_m")[-1], first.car.column("y_m")[-1]
     track = names["track"]
     here = track.project([(x, y)])[0][0]
     ahead = abs(track.curvature[track.arc_length > here][:10])
@@ -92,9 +92,9 @@ def test_the_scan_shows_why(ran):
 def test_the_second_planner_laps(ran):
     names, _, values = ran
     second = names["second"]
-    assert second.finished and second.collisions == 0 and second.laps_completed == 2
+    assert second.car.finished and second.car.collisions_wall == 0 and second.car.laps_completed == 2
     assert "no collision" in values["race-second"]._repr_html_()
-    assert 0.2 < second.slide_time_fraction < 0.3  # "about a quarter"
+    assert 0.2 < second.car.slide_time_fraction < 0.3  # "about a quarter"
 
 
 def test_the_comparison_is_as_the_text_says(ran):
@@ -112,7 +112,7 @@ def test_friction_does_what_the_text_says(ran):
     honest = names["honest"]
     assert honest.finished and honest.mu == honest.planner_mu == 0.5
     dry = fg.race(names["track"], "gap_finder", laps=2)
-    assert f"{dry.mu:.2f}" == "1.05" and dry.mean_speed_m_s > honest.mean_speed_m_s
+    assert f"{dry.car.mu:.2f}" == "1.05" and dry.car.mean_speed_m_s > honest.mean_speed_m_s
 
 
 def test_its_commands_are_accepted():

@@ -117,13 +117,13 @@ def test_what_is_no_side_angle_or_gain_is_refused_by_name():
 @pytest.mark.parametrize("track", ["oval", "l_corridor"])
 def test_it_drives_a_circuit(track):
     result = fg.race(track, "wall_follow", laps=1)
-    assert result.finished and result.max_slide_m_s <= 0.05
+    assert result.car.finished and result.car.max_slide_m_s <= 0.05
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_it_drives_the_oval_by_either_wall(side):
     result = fg.race("oval", "wall_follow", laps=1, planner_settings={"side": side})
-    assert result.finished
+    assert result.car.finished
 
 
 @pytest.mark.parametrize("side", ["left", "right", "both"])
@@ -132,5 +132,5 @@ def test_round_an_obstacle_ahead_it_does_not_get(side):
     box = fg.Box(x=6.0, y=0.0, length=0.4, width=0.4, heading=0.0)
     alone = {"side": side, "safety_filter": False, "guidance": False}  # held to ways that are free, it gets past
     result = fg.race("oval", "wall_follow", laps=1, obstacles=(box,), planner_settings=alone, time_limit=15.0)
-    assert result.laps_completed == 0
-    assert result.column("x_m").max() < 6.0
+    assert result.car.laps_completed == 0
+    assert result.car.column("x_m").max() < 6.0

@@ -173,7 +173,7 @@ def test_what_is_no_field_of_view_or_length_is_refused_by_name():
 @pytest.mark.parametrize("track", ["oval", "l_corridor"])
 def test_it_drives_a_circuit(track):
     result = fg.race(track, "widest_gap", laps=1)
-    assert result.finished and result.max_slide_m_s <= 0.05
+    assert result.car.finished and result.car.max_slide_m_s <= 0.05
 
 
 def test_driving_at_the_centre_itself_it_meets_the_corner():

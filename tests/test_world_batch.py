@@ -62,7 +62,7 @@ def test_a_world_of_a_batch_is_that_world_raced_alone(together, i):
     raced = alone(SCENARIOS[i])
     assert same_bits(together.states[i], raced.states)
     assert same_bits(together.ctrl[i], raced.ctrl)
-    assert same_bits(together.telemetry[i], raced.telemetry)
+    assert same_bits(together.telemetry[i], raced.car.telemetry)
     assert trajectory_sha256(together.states[i], together.ctrl[i]) == raced.trajectory_sha256
     row = together.rows[i]
     for name in ("end_reason", "sim_time_s", "collisions", "max_slide_m_s", "slide_time_fraction", "mean_speed_m_s",
@@ -101,9 +101,9 @@ def test_laps_are_timed_as_in_a_race():
     results = drive_worlds([Scenario(), Scenario(changes=CarChanges(mass=3.5))], "gap_finder", laps=2)
     raced = fg.race("oval", laps=2)
     assert results.rows["end_reason"].tolist() == ["finished"] * 2
-    assert tuple(results.lap_times_s[0]) == raced.lap_times_s
-    assert results.rows["first_lap_s"][0] == raced.lap_times_s[0]
-    assert results.rows["best_lap_s"][0] == min(raced.lap_times_s)
+    assert tuple(results.lap_times_s[0]) == raced.car.lap_times_s
+    assert results.rows["first_lap_s"][0] == raced.car.lap_times_s[0]
+    assert results.rows["best_lap_s"][0] == min(raced.car.lap_times_s)
     assert results.rows["distance_m"][0] >= 2 * raced.world.track.length
     assert results.lap_times_s[1, 0] != results.lap_times_s[0, 0]
 
@@ -124,7 +124,7 @@ def test_a_changed_car_is_the_same_compiled_alone_or_in_a_batch(changes):
     plain = fg.World("oval", changes=CarChanges(command_delay=0.0) if changes.command_delay is not None else None)
     compiled = fg.World("oval", changes=changes).model
     batch = Batch(plain.model, 2, nthread=1, persistent=True)
-    change_worlds(batch, [CarChanges(), changes], plain.vehicle.compile(), CAR_PREFIX)
+    change_worlds(batch, [CarChanges(), changes], plain.car.vehicle.compile(), CAR_PREFIX)
     changed = batch.get_model(1)
     for name in dir(compiled):
         value = getattr(compiled, name)

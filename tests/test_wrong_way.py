@@ -167,22 +167,22 @@ def test_a_car_that_turns_round_is_told_of():
         return (0.4, 1.5) if odometry.stamp > 2.0 and 0.0 <= turned % (2.0 * math.pi) < math.pi else (0.0, 1.5)
 
     result = fg.race(wide(), Driver(law), laps=1, start=fg.Start(offset=-0.5))
-    assert (result.end_reason, result.finished, result.collisions) == ("wrong_way", False, 0)
-    turn, progress = result.wrong_way, result.column("progress_m")
+    assert (result.car.end_reason, result.car.finished, result.car.collisions_wall) == ("wrong_way", False, 0)
+    turn, progress = result.car.wrong_way, result.car.column("progress_m")
     tick = int(progress.argmax())
-    assert turn.s_m == progress[tick] and turn.time_s == result.column("time_s")[tick]
-    assert (turn.x_m, turn.y_m) == (result.column("x_m")[tick], result.column("y_m")[tick])
+    assert turn.s_m == progress[tick] and turn.time_s == result.car.column("time_s")[tick]
+    assert (turn.x_m, turn.y_m) == (result.car.column("x_m")[tick], result.car.column("y_m")[tick])
     # the heading [rad] from that of the course there, which is across the circle's radius
-    across = result.column("heading_rad")[tick] - (math.atan2(turn.y_m, turn.x_m) + 0.5 * math.pi)
+    across = result.car.column("heading_rad")[tick] - (math.atan2(turn.y_m, turn.x_m) + 0.5 * math.pi)
     assert across % (2.0 * math.pi) == pytest.approx(0.5 * math.pi, abs=0.1)
     assert progress[-1] > turn.s_m - WRONG_WAY_LIMIT >= progress[-1] - 1.5 * TICK - 0.01
 
 
 def test_a_car_that_starts_facing_backwards_turned_at_its_start():
     result = fg.race("oval", laps=1, start=fg.Start(s=3.0, heading=math.pi))
-    assert result.end_reason == "wrong_way"
-    assert result.wrong_way.time_s < 0.1 and result.wrong_way.s_m == pytest.approx(0.0, abs=0.01)
-    assert (result.wrong_way.x_m, result.wrong_way.y_m) == pytest.approx(
+    assert result.car.end_reason == "wrong_way"
+    assert result.car.wrong_way.time_s < 0.1 and result.car.wrong_way.s_m == pytest.approx(0.0, abs=0.01)
+    assert (result.car.wrong_way.x_m, result.car.wrong_way.y_m) == pytest.approx(
         result.world.track.start_pose(3.0)[:2], abs=0.01
     )
 
@@ -192,9 +192,9 @@ def test_a_race_that_reverses_two_metres_goes_on():
         return 0.0, -1.0 if 1.5 <= odometry.stamp < 3.5 else 1.0
 
     result = fg.race("oval", Driver(law), laps=1, time_limit=5.0)
-    fallen = np.maximum.accumulate(result.column("progress_m")) - result.column("progress_m")
+    fallen = np.maximum.accumulate(result.car.column("progress_m")) - result.car.column("progress_m")
     assert 1.5 < fallen.max() < 2.5
-    assert (result.end_reason, result.wrong_way) == ("time_limit", None)
+    assert (result.car.end_reason, result.car.wrong_way) == ("time_limit", None)
     assert result.summary()["wrong_way"] is None
 
 

@@ -20,8 +20,7 @@ from ..racing.run_folder import check_run_folder, read_run
 from ..ros.bag_messages import ODOMETRY, SCAN, require_ros_extra
 from ..ros.grid import RESOLUTION
 from ..simulation.course_loading import load_track
-from ..simulation.settings import DriveSettings
-from .options import add_controller_option, add_drive_options, drive_options, in_one_line, number
+from .options import add_setup_options, in_one_line, number, setup_of
 from .out import RUN, require_new
 from .progress import ProgressLine
 from .report import report_race
@@ -75,12 +74,12 @@ def add_bags(add: Any, commands: Any) -> None:
     )  # fmt: skip
     command.add_argument("--odom-topic", metavar="TOPIC", help="default: /odom, or the only one with odometry")
     command.add_argument("--drive-topic", metavar="TOPIC", help="default: /drive, or the only one with commands")
-    add_drive_options(command.add_argument, "vehicle")
+    add_setup_options(command.add_argument, "vehicle")
     command.add_argument("--force", action="store_true", help="replace files that exist, and the run that DIR has")
 
     command = add(commands, "replay-scans", _replay_scans, "run a planner over the scans of a robot's bag")
     command.add_argument("bag", metavar="BAG", help=_BAG)
-    add_controller_option(command.add_argument)
+    add_setup_options(command.add_argument, "controller")
     command.add_argument(
         "--out", metavar="FILE", type=Path,
         help="the commands, .csv, or .mcap with /drive; default: BAG_commands.csv, here",
@@ -92,8 +91,10 @@ def add_bags(add: Any, commands: Any) -> None:
         help="of odometry, poses or a VESC; default: /odom, or the only one with odometry",
     )
     command.add_argument("--drive-topic", metavar="TOPIC", help="default: /drive, or the only one with commands")
-    add_drive_options(command.add_argument, "vehicle", "tires", "planner_mu", "max_speed")
-    command.add_argument("--track", help="whose line a planner with a map follows, as race takes it")
+    add_setup_options(
+        command.add_argument, "vehicle", "tires", "planner_mu", "max_speed", "track",
+        track="whose line a planner with a map follows, as race takes it; default: it has no map",
+    )  # fmt: skip
     command.add_argument("--force", action="store_true", help="replace the file if it exists")
 
 
@@ -125,7 +126,7 @@ def _bag(options: argparse.Namespace) -> int:
             require_new(file, force=options.force)
     if options.out is not None:
         check_run_folder(options.out)
-    vehicle = DriveSettings(**drive_options(options, "vehicle")).car
+    vehicle = setup_of(options).first.car
     with contextlib.ExitStack() as stack:
         bag = stack.enter_context(Recording(options.bag))
         print("\n".join(bag.table()))
@@ -181,10 +182,10 @@ def _replay_scans(options: argparse.Namespace) -> int:
     out = options.out or Path(f"{Path(options.bag).resolve().stem}_commands.csv")
     check_commands_file(out)
     require_new(out, force=options.force)
-    choice = ControllerChoice.of(options.controller)
-    drive = DriveSettings(**drive_options(options, "vehicle", "tires", "planner_mu", "max_speed"))
-    course = load_track(options.track or _ANY_TRACK, car=drive.car.parameters)
-    context = drive.context(drive.world(course).parameters, None if options.track is None else course.map_line)
+    setup = setup_of(options)
+    choice, drive, mapped = ControllerChoice.of(str(setup.first.controller)), setup.drive_settings, hasattr(options, "track")
+    course = load_track(setup.track if mapped else _ANY_TRACK, car=drive.car.parameters)
+    context = drive.context(drive.world(course).parameters, course.map_line if mapped else None)
     planner = make_controller(choice.source, context, settings=dict(choice.settings))
     bag = ScanBag(
         options.bag,

@@ -14,27 +14,18 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from ..course.scenes.catalogue import scene_names
+from ..course.scenes.catalogue import PREFIX, scene_names
 from ..errors import EngineError
-from ..lidar.effects import LidarEffects
-from ..racing.entries import Entry
+from ..racing.planner_loading import controller_names
 from ..simulation.settings import FASTEST
 from ..studies.comparison.comparison import DEFAULT_SEEDS, Comparison, ComparisonProgress, compare
 from ..studies.store import as_json
-from .options import (
-    add_drive_options,
-    add_opponent_options,
-    can_draw,
-    drive_options,
-    number,
-    opponents_of,
-    whole,
-)
+from .config import add_config
+from .options import CAR, add_setup_options, add_trust_option, can_draw, number, setup_of, whole
 from .out import STUDY, add_out_options
 from .progress import shown_as, to_go
 
 _DONE, _NOT_DONE = 0, 1
-_DRIVE = ("vehicle", "tires", "mu", "planner_mu")  # of each run; the speeds are a list
 _COMMA = re.compile(r",(?![^\[]*\])")  # outside brackets
 
 
@@ -44,29 +35,27 @@ def add_compare(add_command: Callable[..., argparse.ArgumentParser], commands: A
     command = add_command(commands, "compare", _compare, text)
     add = command.add_argument
     add(
-        "--controllers", type=names_in, metavar="LIST",
+        "--controller", type=names_in, metavar="LIST",
         help="NAME or path/to/file.py:ClassName, with settings as gap_finder[lookahead=8,clearance=0.2], comma between "
         "two; default: all bundled ones",
     )  # fmt: skip
-    add("--tracks", type=names_in, metavar="LIST", help="NAME, random:SEED[:tight] or file.csv; default: none")
-    add("--scenes", type=names_in, metavar="LIST", help="names, or all; default: all, unless there are tracks")
     add(
-        "--seeds", type=seeds_in, default=DEFAULT_SEEDS, metavar="LIST",
+        "--track", type=names_in, metavar="LIST",
+        help="NAME, random:SEED[:tight], file.csv or scene:NAME; default: all scenes",
+    )  # fmt: skip
+    add(
+        "--seed", type=seeds_in, default=DEFAULT_SEEDS, metavar="LIST",
         help="numbers, or FIRST:END without END; of scenes, and on tracks of obstacles and noise; default: 0:10",
     )  # fmt: skip
     add(
-        "--max-speed", type=_numbers, default=(FASTEST,), metavar="LIST",
+        "--max-speed", type=numbers_in, metavar="LIST",
         help=f"fastest that a planner may command [m/s], each a run of its own; default: {FASTEST:g}",
     )  # fmt: skip
-    add("--laps", type=whole, default=5, metavar="N", help="on tracks; default: 5")
-    add("--obstacles", type=whole, default=0, metavar="N", help="boxes on each track; default: 0")
-    add("--lidar-noise", type=number, default=0.0, metavar="M", help="standard deviation of each range")
-    add_drive_options(add, *_DRIVE, of="each")
-    add_opponent_options(add)
-    add("--time-limit", type=number, metavar="S", help="of simulated time; default: as the course has it")
-    add(
-        "--decision-limit", type=number, metavar="S",
-        help="of wall time for each decision; a planner that takes longer, or never answers, ends its run",
+    own = (name for name in CAR if name != "max_speed")
+    add_setup_options(
+        add, "laps", "obstacles", "patches", *own, "lidar", "motion_distortion", "opponents", "grid", "rules",
+        "time_limit", "decision_limit", laps="on tracks; default: 5",
+        obstacles="boxes on each track, at places drawn from the seed; default: 0",
     )  # fmt: skip
     add("--workers", type=whole, metavar="N", help="processes; default: as many as there are cores")
     add_out_options(
@@ -77,31 +66,23 @@ def add_compare(add_command: Callable[..., argparse.ArgumentParser], commands: A
         required=True,
     )  # fmt: skip
     add("--json", action="store_true", help="print one JSON object and nothing else")
+    add_config(command)
+    add_trust_option(add)
 
 
 def _compare(options: argparse.Namespace) -> int:
-    tracks = options.tracks or []
-    scenes = options.scenes or ([] if tracks else ["all"])
-    first = Entry(**drive_options(options, *_DRIVE), effects=LidarEffects(range_noise_std=options.lidar_noise))
+    base = setup_of(options, lists=("controller", "track", "seed", "max_speed"))
     with (
         contextlib.redirect_stdout(sys.stderr),
         shown_as(_progress, "preparing runs", show=not options.json) as watch,
     ):
         try:
             result = compare(
-                options.controllers,
-                tracks=tracks,
-                scenes=scene_names() if scenes == ["all"] else scenes,
-                seeds=options.seeds,
-                max_speeds=options.max_speed,
-                laps=options.laps,
-                obstacles=options.obstacles,
-                lidar_noise=options.lidar_noise,
-                **drive_options(options, *_DRIVE),
-                time_limit=options.time_limit,
-                decision_limit=options.decision_limit,
-                opponents=opponents_of(options, first),
-                grid=options.grid,
+                options.controller or controller_names(),
+                track=options.track or [f"{PREFIX}{name}" for name in scene_names()],
+                seed=options.seed,
+                max_speed=options.max_speed or FASTEST,
+                setup=base,
                 workers=options.workers,
                 out=options.out,
                 pictures=can_draw("pictures"),
@@ -113,7 +94,7 @@ def _compare(options: argparse.Namespace) -> int:
         except KeyboardInterrupt:
             print(f"fg-mujoco: {options.out}: interrupted; the same command goes on", file=sys.stderr)
             raise
-    print(as_json(result.summary()) if options.json else _report(result, options.out, first.friction))
+    print(as_json(result.summary()) if options.json else _report(result, options.out, base.first.friction))
     died = any(row.figures.end_reason == "worker_died" for row in result.rows)
     return _NOT_DONE if died else _DONE
 
@@ -135,7 +116,8 @@ def seeds_in(text: str) -> Sequence[int]:
         raise argparse.ArgumentTypeError(f"{text!r}; accepted: FIRST:END, or whole numbers as 1,4,7") from None
 
 
-def _numbers(text: str) -> list[float]:
+def numbers_in(text: str) -> list[float]:
+    """Read `4,6.5`."""
     return [number(part.strip()) for part in text.split(",")]
 
 

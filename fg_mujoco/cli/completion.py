@@ -16,7 +16,7 @@ from ..course.scenes.catalogue import PREFIX, scene_names
 from ..lidar.lidar import LIDAR_BACKENDS
 from ..racing.planner_loading import controller_names
 from ..studies.rollout.randomization import PARAMETERS
-from ..studies.rollout.rollouts import ENGINES
+from ..studies.rollout.rollouts import EXECUTORS
 from ..studies.rollout.world_batch import RECORDS
 from ..vehicle.tires import tire_names
 from ..vehicle.vehicle import vehicle_names
@@ -80,7 +80,7 @@ _NAMES: dict[str, Callable[[], Iterable[str]]] = {
     "lidar": lambda: LIDAR_BACKENDS,
     "randomize": lambda: [f"{name}=" for name in PARAMETERS],
     "record": lambda: RECORDS,
-    "engine": lambda: ENGINES,
+    "executor": lambda: EXECUTORS,
     "camera": _cameras,
     "quality": _qualities,
 }

@@ -18,9 +18,9 @@ from ..racing.handling import handling
 from ..racing.hints import clamped_hint
 from ..racing.manoeuvres import MANOEUVRES
 from ..racing.run_folder import check_run_folder, summary_json
-from ..simulation.settings import Start
 from ..viz.plots import write_run
-from .options import add_drive_options, can_draw, drive_options, number
+from .config import add_config
+from .options import add_setup_options, add_trust_option, can_draw, number, setup_of
 from .out import RUN, add_out_options
 from .report import PAGE, report_race
 
@@ -28,7 +28,10 @@ if TYPE_CHECKING:
     from ..racing.result import RaceResult
 
 _DONE, _NOT_DONE = 0, 1
-_SETTINGS = ("vehicle", "tires", "mu")
+_SETTINGS = (
+    "vehicle", "tires", "mu", "start_s", "start_offset", "start_heading", "start_speed", "mass", "cog_height",
+    "steering_gain", "speed_gain", "command_delay",
+)  # fmt: skip
 
 _FIGURES: dict[str, tuple[str, Callable[[float], str]]] = {
     "max_lateral_acceleration_m_s2": ("lateral acceleration", lambda value: f"{value:.2f} m/s^2 at most"),
@@ -53,10 +56,11 @@ def add_drive(add_command: Callable[..., argparse.ArgumentParser], commands: Any
     )  # fmt: skip
     add("--list", action="store_true", help="list the manoeuvres and their settings")
     add("--speed", type=number, metavar="V", help="of a manoeuvre [m/s]; default: its own")
-    add("--start-speed", type=number, metavar="V", help="at which the car rolls; default: the first commanded speed")
-    add_drive_options(add, *_SETTINGS)
+    add_setup_options(add, *_SETTINGS, start_speed="at which the car rolls; default: the first commanded speed")
     add_out_options(command, RUN, "write a run folder here")
     add("--json", action="store_true", help="print one JSON object and nothing else")
+    add_config(command)
+    add_trust_option(add)
 
 
 def _drive(options: argparse.Namespace) -> int:
@@ -69,17 +73,16 @@ def _drive(options: argparse.Namespace) -> int:
     if options.out is not None:
         check_run_folder(options.out)
         picture = can_draw("trace.png", several=False)
-    start = None if options.start_speed is None else Start(speed=options.start_speed)
     with contextlib.redirect_stdout(sys.stderr):
-        result = drive(options.commands, speed=options.speed, start=start, **drive_options(options, *_SETTINGS))
+        result = drive(options.commands, speed=options.speed, setup=setup_of(options))
     if options.out is not None:
         write_run(result, options.out, picture=picture)
         report_race(options.out)
     print(_json(result) if options.json else _table(result, options.out))
-    hint = clamped_hint(result.telemetry, result.world.parameters)
+    hint = clamped_hint(result.car.telemetry, result.world.parameters)
     if hint:
         print("fg-mujoco: hint:", hint, file=sys.stderr)
-    return _DONE if result.finished else _NOT_DONE
+    return _DONE if result.car.finished else _NOT_DONE
 
 
 def _manoeuvres() -> str:
@@ -101,18 +104,18 @@ def _json(result: RaceResult) -> str:
 
 def _table(result: RaceResult, out: str | None) -> str:
     figures = handling(result)
-    rows = [("duration", f"{result.sim_time_s:.2f} s, {result.end_reason.replace('_', ' ')}")]
+    rows = [("duration", f"{result.sim_time_s:.2f} s, {result.car.end_reason.replace('_', ' ')}")]
     for name, (title, text) in _FIGURES.items():
         if name in figures:
             rows.append((title, "-" if math.isnan(figures[name]) else text(figures[name])))
     rows += [
-        ("greatest sliding", f"{result.max_slide_m_s:.4f} m/s, {100.0 * result.slide_time_fraction:.2f} % of the time"),
-        ("top speed", f"{result.max_speed_m_s:.2f} m/s"),
-        ("clamped commands", f"{result.clamped_commands} of {len(result.telemetry)}"),
+        ("greatest sliding", f"{result.car.max_slide_m_s:.4f} m/s, {100.0 * result.car.slide_time_fraction:.2f} % of the time"),
+        ("top speed", f"{result.car.max_speed_m_s:.2f} m/s"),
+        ("clamped commands", f"{result.car.clamped_commands} of {len(result.car.telemetry)}"),
     ]
     if out is not None:
         rows.append(("written to", out))
         if (Path(out) / PAGE).is_file():
             rows.append(("report", str(Path(out) / PAGE)))
-    heading = f"{result.controller}, {result.vehicle}, mu {result.mu:.4g}"
+    heading = f"{result.car.controller}, {result.car.vehicle}, mu {result.car.mu:.4g}"
     return "\n".join([heading, *(f"  {name:<22}{value}" for name, value in rows)])

@@ -1,4 +1,4 @@
-"""Options of the command line: texts to numbers, each refusal in the words of all others."""
+"""Options of the command line: texts to numbers, each refusal in the words of all others; and those of a Setup."""
 
 from __future__ import annotations
 
@@ -6,33 +6,32 @@ import argparse
 import math
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
 from ..errors import MissingExtraError, SettingsError
-from ..racing.entries import GRIDS, Entry
+from ..lidar.lidar import LIDAR_BACKENDS
+from ..racing.entries import GRIDS
+from ..racing.planner_choice import read_settings_text
+from ..racing.race_control import RULES
+from ..racing.setup import PARTS, Setup
 from ..simulation.settings import FASTEST
 from ..vehicle.tires import tire_names
 from ..vehicle.vehicle import DEFAULT_VEHICLE, vehicle_names
 from ..viz.plots import require_matplotlib
 
-DRIVE = ("vehicle", "tires", "mu", "planner_mu", "max_speed")
-"""Settings that are spelt alike at every door."""
-
 _LONGEST_WORD, _LONGEST_LINE = 400, 4000  # characters of a message
 
-_OPTION_OF = {
-    "range_noise_std": "lidar_noise", "dropout_probability": "lidar_dropout", "latency": "lidar_latency",
-}  # fmt: skip
-"""Field -> option that sets it, where they are spelt otherwise."""
+_OPTION_OF = {field: name for name, (_, field) in PARTS.items()}
+"""Field of a part of a car -> option that sets it."""
 
 _FIELD = re.compile(r"(?:[A-Z]\w*\.)?([a-z]\w*)(?= is )")
 _FIELD_INSIDE = re.compile(r"(?<=: )[A-Z]\w*\.(?=[a-z]\w* is )")  # the class of a field, within a message
 
 
 def in_options(message: str, command: argparse.ArgumentParser) -> str:
-    """Return a message whose first words are a field, as "RaceSettings.mu is ...", with the option that sets it: --mu.
+    """Return a message whose first words are a field, as "Entry.mu is ...", with the option that sets it: --mu.
 
     Args:
       message: of an error.
@@ -44,8 +43,7 @@ def in_options(message: str, command: argparse.ArgumentParser) -> str:
     field = _FIELD.match(message)
     if field is None:
         return message
-    name = _OPTION_OF.get(field[1], field[1])
-    option = options.get(name) or options.get(f"{name}s")  # the command compare takes lists
+    option = options.get(field[1]) or options.get(_OPTION_OF.get(field[1], ""))
     return message if option is None else f"{option}{message[field.end() :]}"
 
 
@@ -83,92 +81,160 @@ def number_or_off(text: str) -> float:
         raise argparse.ArgumentTypeError(f"{text!r}; accepted: a number, or off") from None
 
 
-def add_controller_option(add: Callable[..., Any]) -> None:
-    """Add the option that chooses a controller; `add` adds an option to a command."""
-    add(
-        "--controller", default="gap_finder",
-        help="NAME, path/to/file.py:ClassName or ros:path/to/node.py, with settings NAME[SETTING=VALUE,...]; "
+def pairs(text: str) -> dict[str, Any]:
+    """Read `x=1,y=2`."""
+    try:
+        return read_settings_text(text)
+    except SettingsError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
+_SETUP: dict[str, dict[str, Any]] = {
+    "track": {
+        "metavar": "TRACK",
+        "help": "NAME, random:SEED[:tight], scene:NAME:SEED, file.csv or map.yaml; default: oval; names: track list, "
+        "track scenes",
+    },
+    "controller": {
+        "help": "NAME, path/to/file.py:ClassName or ros:path/to/node.py, with settings NAME[SETTING=VALUE,...]; "
         "default: gap_finder",
-    )  # fmt: skip
+    },
+    "vehicle": {
+        "metavar": "NAME|FILE.xml",
+        "help": f"{', '.join(vehicle_names())}, or the MJCF file of one; default: {DEFAULT_VEHICLE}",
+    },
+    "tires": {
+        "metavar": "NAME|FILE.toml",
+        "help": f"{', '.join(tire_names())}, or the file of a set; default: the vehicle's, coulomb",
+    },
+    "mu": {
+        "type": number, "metavar": "MU",
+        "help": "friction coefficient of the tires, or their greatest peak; default: as published",
+    },
+    "planner_mu": {
+        "type": number_or_off, "metavar": "MU",
+        "help": "friction coefficient that the planner assumes; off: no friction limits; default: that of --mu",
+    },
+    "max_speed": {
+        "type": number, "metavar": "V",
+        "help": f"fastest that the planner may command [m/s]; default: {FASTEST:g}",
+    },
+    "laps": {"type": whole, "metavar": "N", "help": "default: 5; a scene is driven once"},
+    "time_limit": {
+        "type": number, "metavar": "S",
+        "help": "of simulated time; default: what a car of 0.5 m/s needs, or the scene's",
+    },
+    "obstacles": {"type": whole, "metavar": "N", "help": "boxes on the track, with a way past each; default: 0"},
+    "obstacle_seed": {"type": whole, "metavar": "K", "help": "of their places; default: 0"},
+    "patches": {
+        "type": pairs, "action": "append", "metavar": "x=X,...",
+        "help": "a patch of the floor with another friction, x=1,y=2,length=3,width=1,mu=.4; again for each",
+    },
+    "lidar": {"metavar": "NAME", "help": f"{' or '.join(LIDAR_BACKENDS)}; default: raycast"},
+    "lidar_noise": {"type": number, "metavar": "M", "help": "standard deviation of each range"},
+    "lidar_dropout": {"type": number, "metavar": "P", "help": "probability that a beam fails"},
+    "lidar_latency": {"type": number, "metavar": "S", "help": "from measurement to delivery"},
+    "motion_distortion": {
+        "action": "store_const", "const": True, "help": "each beam from the pose at its own time in the sweep"
+    },
+    "odometry_drift": {"type": number, "metavar": "D", "help": "relative error of measured speeds and yaw rate"},
+    "start_s": {"type": number, "metavar": "M", "help": "progress at which the car starts; default: 0"},
+    "start_offset": {"type": number, "metavar": "M", "help": "how far to the left of the line it starts; default: 0"},
+    "start_heading": {"type": number, "metavar": "RAD", "help": "from the line's, left positive; default: 0"},
+    "start_speed": {"type": number, "metavar": "V", "help": "with wheels rolling; default: 0"},
+    "mass": {"type": number, "metavar": "KG", "help": "of the whole car; default: the vehicle's"},
+    "cog_height": {"type": number, "metavar": "M", "help": "of the centre of gravity; default: the vehicle's"},
+    "steering_gain": {"type": number, "metavar": "K", "help": "times the stiffness of the steering servo; default: 1"},
+    "speed_gain": {"type": number, "metavar": "K", "help": "times the gain of the speed servo; default: 1"},
+    "command_delay": {"type": number, "metavar": "S", "help": "from a command to the servos; default: the vehicle's"},
+    "seed": {"type": whole, "metavar": "N", "help": "of noise and dropouts; default: 0"},
+    "opponents": {
+        "action": "append", "metavar": "NAME[...]",
+        "help": "a car that races against this one, by its controller; again for each; vehicle and tires are the same",
+    },
+    "grid": {"metavar": "NAME", "help": f"before the start: {' or '.join(GRIDS)}; default: {GRIDS[0]}"},
+    "rules": {"metavar": "NAME", "help": f"of race control: {' or '.join(RULES)}; default: none"},
+    "decision_limit": {
+        "type": number, "metavar": "S",
+        "help": "of wall time for each decision; a planner that takes longer, or never answers, ends its race",
+    },
+}  # fmt: skip
+"""Keyword of a Setup -> the option of the same name. Options have no defaults: those are the setup's."""
+
+CAR = (
+    "vehicle", "tires", "mu", "planner_mu", "max_speed", "start_s", "start_offset", "start_heading", "start_speed",
+    "mass", "cog_height", "steering_gain", "speed_gain", "command_delay", "lidar_noise", "lidar_dropout",
+    "lidar_latency", "odometry_drift",
+)  # fmt: skip
+"""Keywords of a car that every command with a planner has."""
+
+
+def add_setup_options(add: Callable[..., Any], *names: str, **helps: str) -> None:
+    """Add options of a Setup; `setup_of` reads them.
+
+    Args:
+      add: adds an option to a command.
+      names: keywords of a Setup.
+      helps: other help texts, by keyword.
+    """
+    for name in names:
+        own = _SETUP[name] | ({"help": helps[name]} if name in helps else {})
+        add(f"--{name.replace('_', '-')}", default=argparse.SUPPRESS, **own)
+        if name == "opponents":
+            add(
+                "--opponent-max-speed", action="append", type=number, metavar="V",
+                help="fastest that it may be commanded [m/s]; once for all, or once for each; default: as --max-speed",
+            )  # fmt: skip
+
+
+def given_settings(options: argparse.Namespace, lists: Sequence[str] = ()) -> dict[str, Any]:
+    """Return the keywords of a Setup that the options give, but those that are lists of a study."""
+    return {name: getattr(options, name) for name in _SETUP if hasattr(options, name) and name not in lists}
+
+
+def setup_of(options: argparse.Namespace, *, lists: Sequence[str] = ()) -> Setup:
+    """Return the setup that options say: that of the file of `--config` with what the command line gives besides.
+
+    Args:
+      options: of a command.
+      lists: names of options of which a study takes several values.
+
+    Raises:
+      SettingsError: a value that is not accepted, or speeds of opponents that are not one for all or one for each.
+    """
+    given = given_settings(options, lists)
+    opponents = given.pop("opponents", None)
+    setup = (getattr(options, "setup", None) or Setup()).replace(**given)
+    speeds = getattr(options, "opponent_max_speed", None) or []
+    return with_opponents(setup, opponents or [], speeds) if opponents or speeds else setup
+
+
+def with_opponents(setup: Setup, names: Sequence[str], speeds: Sequence[float]) -> Setup:
+    """Return a setup with opponents, whose cars are set as the first; each draws its own noise.
+
+    Raises:
+      SettingsError: speeds that are neither one for all nor one for each, or that no car can have.
+    """
+    if len(speeds) not in (0, 1, len(names)) or (speeds and not names):
+        raise SettingsError(
+            f"--opponent-max-speed is given {len(speeds)} times for {len(names)} opponents; accepted: once, or once "
+            "for each --opponents"
+        )
+    first = setup.first
+    given = list(speeds) * len(names) if len(speeds) == 1 else speeds or [first.max_speed] * len(names)
+    try:
+        cars = [
+            replace(first.like(name, max_speed=speed), seed=first.seed + index)
+            for index, (name, speed) in enumerate(zip(names, given, strict=True), start=1)
+        ]
+    except SettingsError as error:
+        raise SettingsError(f"--opponent-max-speed{str(error).removeprefix('Entry.max_speed')}") from error
+    return setup.replace(entries=(first, *cars))
 
 
 def add_trust_option(add: Callable[..., Any]) -> None:
     """Add the option that says that a recorded planner may be loaded; `add` adds an option to a command."""
     add("--trust", action="store_true", help="load the recorded planner if it is not bundled, which runs its code")
-
-
-def add_drive_options(add: Callable[..., Any], *names: str, of: str = "the") -> None:
-    """Add the options of which car drives and what its planner is told; `drive_options` reads them.
-
-    Args:
-      add: adds an option to a command.
-      names: of DRIVE, those that the command has; none: all.
-      of: whose tires `--mu` is about, "the" car's or "each" car's.
-    """
-    settings: dict[str, dict[str, Any]] = {
-        "vehicle": {
-            "default": DEFAULT_VEHICLE, "metavar": "NAME|FILE.xml",
-            "help": f"{', '.join(vehicle_names())}, or the MJCF file of one; default: {DEFAULT_VEHICLE}",
-        },
-        "tires": {
-            "metavar": "NAME|FILE.toml",
-            "help": f"{', '.join(tire_names())}, or the file of a set; default: the vehicle's, coulomb",
-        },
-        "mu": {
-            "type": number, "metavar": "MU",
-            "help": f"friction coefficient of {of} car's tires, or their greatest peak; default: as published",
-        },
-        "planner_mu": {
-            "type": number_or_off, "metavar": "MU",
-            "help": "friction coefficient that the planner assumes; off: no friction limits; default: that of --mu",
-        },
-        "max_speed": {
-            "type": number, "default": FASTEST, "metavar": "V",
-            "help": f"fastest that the planner may command [m/s]; default: {FASTEST:g}",
-        },
-    }  # fmt: skip
-    for name in names or DRIVE:
-        add(f"--{name.replace('_', '-')}", **settings[name])
-
-
-def add_opponent_options(add: Callable[..., Any]) -> None:
-    """Add the options of a race's other cars; `opponents_of` reads them. `add` adds an option to a command."""
-    add(
-        "--opponent", action="append", metavar="NAME[...]",
-        help="a car that races against this one, by its controller; again for each; vehicle and tires are the same",
-    )  # fmt: skip
-    add(
-        "--opponent-max-speed", action="append", type=number, metavar="V",
-        help="fastest that it may be commanded [m/s]; once for all, or once for each; default: as --max-speed",
-    )  # fmt: skip
-    add("--grid", default=GRIDS[0], metavar="NAME", help=f"before the start: {' or '.join(GRIDS)}; default: {GRIDS[0]}")
-
-
-def opponents_of(options: argparse.Namespace, first: Entry) -> tuple[Entry, ...]:
-    """Return the entries of the opponents among the options, none where there are none.
-
-    Raises:
-      SettingsError: speeds that are neither one for all nor one for each, or that no car can have.
-    """
-    names, speeds = options.opponent or [], options.opponent_max_speed or []
-    if len(speeds) not in (0, 1, len(names)) or (speeds and not names):
-        raise SettingsError(
-            f"--opponent-max-speed is given {len(speeds)} times for {len(names)} opponents; accepted: once, or once "
-            "for each --opponent"
-        )
-    given = speeds * len(names) if len(speeds) == 1 else speeds or [first.max_speed] * len(names)
-    try:
-        return tuple(
-            replace(first.like(name, max_speed=speed), seed=first.seed + index)
-            for index, (name, speed) in enumerate(zip(names, given, strict=True), start=1)
-        )
-    except SettingsError as error:
-        raise SettingsError(f"--opponent-max-speed{str(error).removeprefix('Entry.max_speed')}") from error
-
-
-def drive_options(options: argparse.Namespace, *names: str) -> dict[str, Any]:
-    """Return what `add_drive_options` added, as keywords of a race."""
-    return {name: getattr(options, name) for name in names or DRIVE}
 
 
 def can_draw(what: str, *, several: bool = True) -> bool:

@@ -13,7 +13,6 @@ from collections.abc import Callable
 from typing import Any
 
 from ..errors import EngineError
-from ..simulation.settings import DriveSettings
 from ..studies.overtaking.opponents import OPPONENTS
 from ..studies.overtaking.overtaking import (
     DEFAULT_RATIO,
@@ -25,12 +24,16 @@ from ..studies.overtaking.overtaking import (
 )
 from ..studies.store import as_json
 from .compare import names_in, seeds_in
-from .options import add_drive_options, can_draw, drive_options, number, whole
+from .config import add_config
+from .options import add_setup_options, add_trust_option, can_draw, number, setup_of, whole
 from .out import STUDY, add_out_options
 from .progress import shown_as, to_go
 
 _DONE, _NOT_DONE = 0, 1
-_DRIVE = ("vehicle", "tires", "mu", "planner_mu", "max_speed")
+_DRIVE = (
+    "vehicle", "tires", "mu", "planner_mu", "max_speed", "mass", "cog_height", "steering_gain", "speed_gain",
+    "command_delay",
+)  # fmt: skip
 
 
 def add_overtake(add_command: Callable[..., argparse.ArgumentParser], commands: Any) -> None:
@@ -39,11 +42,11 @@ def add_overtake(add_command: Callable[..., argparse.ArgumentParser], commands: 
     command = add_command(commands, "overtake", _overtake, text)
     add = command.add_argument
     add(
-        "--planner", type=names_in, dest="planners", default=["overtaker"], metavar="LIST",
+        "--controller", type=names_in, default=["overtaker"], metavar="LIST",
         help="NAME or path/to/file.py:ClassName, with settings in brackets, comma between two; default: overtaker",
     )  # fmt: skip
     add(
-        "--tracks", type=names_in, default=DEFAULT_TRACKS, metavar="LIST",
+        "--track", type=names_in, default=DEFAULT_TRACKS, metavar="LIST",
         help=f"NAME, random:SEED[:tight] or file.csv; default: {','.join(DEFAULT_TRACKS)}",
     )  # fmt: skip
     add(
@@ -55,11 +58,10 @@ def add_overtake(add_command: Callable[..., argparse.ArgumentParser], commands: 
         help="of the opponent to the planner's own speed at the same place; default: .3:.9",
     )  # fmt: skip
     add(
-        "--seeds", type=seeds_in, default=DEFAULT_SEEDS, metavar="LIST",
+        "--seed", type=seeds_in, default=DEFAULT_SEEDS, metavar="LIST",
         help="numbers, or FIRST:END without END; of start, distance and speed ratio; default: 0:50",
     )  # fmt: skip
-    add("--laps", type=whole, default=2, metavar="N", help="within which the planner is to overtake; default: 2")
-    add_drive_options(add, *_DRIVE, of="each")
+    add_setup_options(add, "laps", *_DRIVE, laps="within which the planner is to overtake; default: 2")
     add("--workers", type=whole, metavar="N", help="processes; default: as many as there are cores")
     add_out_options(
         command,
@@ -69,22 +71,24 @@ def add_overtake(add_command: Callable[..., argparse.ArgumentParser], commands: 
         required=True,
     )  # fmt: skip
     add("--json", action="store_true", help="print one JSON object and nothing else")
+    add_config(command)
+    add_trust_option(add)
 
 
 def _overtake(options: argparse.Namespace) -> int:
+    setup = setup_of(options, lists=("controller", "track", "opponents", "seed"))
     with (
         contextlib.redirect_stdout(sys.stderr),
         shown_as(_progress, "preparing duels", show=not options.json) as watch,
     ):
         try:
             result = overtake(
-                options.planners,
-                tracks=options.tracks,
+                options.controller,
+                track=options.track,
                 opponents=options.opponents,
                 speed_ratio=options.speed_ratio,
-                seeds=options.seeds,
-                laps=options.laps,
-                **drive_options(options, *_DRIVE),
+                seed=options.seed,
+                setup=setup,
                 workers=options.workers,
                 out=options.out,
                 pictures=can_draw("pictures"),
@@ -96,8 +100,7 @@ def _overtake(options: argparse.Namespace) -> int:
         except KeyboardInterrupt:
             print(f"fg-mujoco: {options.out}: interrupted; the same command goes on", file=sys.stderr)
             raise
-    drive = DriveSettings(**drive_options(options, *_DRIVE))
-    print(as_json(result.summary()) if options.json else _report(result, options.out, drive.friction))
+    print(as_json(result.summary()) if options.json else _report(result, options.out, setup.first.friction))
     return _NOT_DONE if any(row.figures.outcome == "failed" for row in result.rows) else _DONE
 
 

@@ -15,30 +15,16 @@ from typing import Any
 
 from ..errors import EngineError, SettingsError
 from ..messages import require_whole
-from ..racing.entries import Entry
 from ..racing.planner_loading import bundled_names
+from ..racing.setup import Setup
 from ..simulation.settings import friction_text
 from ..studies.rollout.result import RolloutResult
-from ..studies.rollout.rollouts import (
-    DEFAULT_CHUNK,
-    DEFAULT_MEMORY_BUDGET,
-    DEFAULT_WORLDS,
-    ENGINES,
-    RolloutProgress,
-    rollout,
-)
+from ..studies.rollout.rollouts import DEFAULT_WORLDS, EXECUTORS, Executor, RolloutProgress, rollout_setup
 from ..studies.rollout.world_batch import RECORDS
 from ..studies.store import as_json
 from ..vehicle.tire_slip import sliding_rule
-from .options import (
-    add_controller_option,
-    add_drive_options,
-    add_opponent_options,
-    drive_options,
-    number,
-    opponents_of,
-    whole,
-)
+from .config import add_config
+from .options import CAR, add_setup_options, add_trust_option, setup_of, whole
 from .out import STUDY, add_out_options
 from .progress import shown_as, to_go
 
@@ -55,67 +41,59 @@ def add_rollout(add_command: Callable[..., argparse.ArgumentParser], commands: A
         "--track", action="append", metavar="TRACK",
         help="NAME, random:SEED[:tight] or file.csv, as often as wanted: the worlds take them in turn; default: oval",
     )  # fmt: skip
-    add_controller_option(add)
     add("--n", type=whole, metavar="N", help=f"worlds; default: {DEFAULT_WORLDS}")
-    add("--seed", type=whole, default=0, metavar="N", help="of all that is drawn; default: 0")
     add(
         "--randomize", action="append", default=[], metavar="NAME=RANGE",
         help="as often as wanted; mu=0.6:1.2, max_speed=6|8, obstacles=0:4, planner.SETTING=LOW:HIGH, or one value",
     )  # fmt: skip
-    add_drive_options(add, of="each")
-    add_opponent_options(add)
-    add("--laps", type=whole, metavar="N", help="default: 1, or as many as fit the duration")
-    add("--duration", type=number, metavar="S", help="of simulated time; default: what a car of 0.5 m/s needs")
-    add(
-        "--decision-limit", type=number, metavar="S",
-        help="of wall time for each decision; a planner that takes longer, or never answers, ends its world",
+    add_setup_options(
+        add, "controller", *CAR, "seed", "opponents", "grid", "obstacles", "obstacle_seed", "patches", "laps",
+        "time_limit", "decision_limit", seed="of all that is drawn; default: 0",
+        laps="default: 1, or as many as fit the time limit", decision_limit="of wall time for each decision; a planner "
+        "that takes longer, or never answers, ends its world",
     )  # fmt: skip
     add("--workers", type=whole, metavar="N", help="threads, processes, or with Ray cores; default: all cores")
     add("--record", default="summary", metavar="WHAT", help=f"{', '.join(RECORDS)}; default: summary")
     add_out_options(command, STUDY, "keep the results here; the same command goes on with a folder left unfinished")
     add(
-        "--memory-budget", type=whole, default=DEFAULT_MEMORY_BUDGET // _MIB, metavar="MIB",
-        help=f"of telemetry and states that are being driven; default: {DEFAULT_MEMORY_BUDGET // _MIB}",
+        "--memory-budget", type=whole, default=Executor.memory_budget // _MIB, metavar="MIB",
+        help=f"of telemetry and states that are being driven; default: {Executor.memory_budget // _MIB}",
     )  # fmt: skip
     add(
-        "--chunk", type=whole, default=DEFAULT_CHUNK, metavar="N",
-        help=f"worlds that a worker drives together; default: {DEFAULT_CHUNK}",
+        "--chunk", type=whole, default=Executor.chunk, metavar="N",
+        help=f"worlds that a worker drives together; default: {Executor.chunk}",
     )  # fmt: skip
     add(
-        "--engine", metavar="NAME",
-        help=f"{', '.join(ENGINES)}; default: local; processes where a planner is not bundled or has a limit",
+        "--executor", metavar="NAME",
+        help=f"{', '.join(EXECUTORS)}; default: threads; processes where a planner is not bundled or has a limit",
     )  # fmt: skip
     add("--json", action="store_true", help="print one JSON object and nothing else")
+    add_config(command)
+    add_trust_option(add)
 
 
 def _rollout(options: argparse.Namespace) -> int:
     if options.record in RECORDS and options.record != "summary" and options.out is None:
         raise SettingsError(f"--record {options.record} is kept nowhere; accepted: with --out DIR")
     require_whole("memory_budget", options.memory_budget, 0)  # of MiB, as it was given
-    first = Entry(controller=options.controller, **drive_options(options))
+    setup = setup_of(options, lists=("track",))
+    executor = Executor(
+        kind=options.executor or _executor(setup), chunk=options.chunk, memory_budget=options.memory_budget * _MIB
+    )
     with (
         contextlib.redirect_stdout(sys.stderr),
         shown_as(_progress, "preparing worlds", show=not options.json) as watch,
     ):
         try:
-            result = rollout(
-                options.track or ["oval"],
-                options.controller,
+            result = rollout_setup(
+                setup,
+                options.track,
                 n=options.n,
-                seed=options.seed,
                 randomize=_named_ranges(options.randomize),
-                **drive_options(options),
-                laps=options.laps,
-                duration=options.duration,
-                decision_limit=options.decision_limit,
-                opponents=opponents_of(options, first),
-                grid=options.grid,
-                workers=options.workers,
                 record=options.record,
                 out=options.out,
-                memory_budget=options.memory_budget * _MIB,
-                chunk=options.chunk,
-                engine=options.engine or _engine(options),
+                workers=options.workers,
+                executor=executor,
                 watch=watch,
             )
         except EngineError as error:
@@ -129,11 +107,11 @@ def _rollout(options: argparse.Namespace) -> int:
     return _NOT_DONE if (result["end_reason"] == "worker_died").any() else _DONE
 
 
-def _engine(options: argparse.Namespace) -> str:
+def _executor(setup: Setup) -> str:
     """Return where worlds are driven unless it is said: a planner of somebody's own may hang, or end its process."""
-    planners = (options.controller, *(options.opponent or ()))
-    bundled = all(planner.partition("[")[0] in bundled_names() for planner in planners)
-    return "local" if bundled and options.decision_limit is None else "processes"
+    planners = (str(entry.controller).partition("[")[0] for entry in setup.entries)
+    bundled = all(planner in bundled_names() for planner in planners)
+    return "threads" if bundled and setup.decision_limit is None else "processes"
 
 
 def _named_ranges(texts: Sequence[str]) -> dict[str, str]:

@@ -7,41 +7,35 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-from .options import add_drive_options, add_opponent_options, drive_options, opponents_of, whole
+from .config import add_config
+from .options import CAR, add_setup_options, add_trust_option, setup_of, whole
 
 _DONE = 0
 
 
 def add_view(add_command: Callable[..., argparse.ArgumentParser], commands: Any) -> None:
     """Add the command; `add_command` is the one that adds the others."""
-    add = add_command(
-        commands, "view", _view, "watch a race as it goes, turn its knobs, and drive by keys"
-    ).add_argument
-    add("--track", default="oval", help="as race has it; default: oval")
-    add("--controller", default="gap_finder", help="as race has it; default: gap_finder")
-    add_drive_options(add)
-    add_opponent_options(add)
-    add("--obstacles", type=whole, default=0, metavar="N", help="boxes on the track; default: 0")
-    add("--obstacle-seed", type=whole, default=0, metavar="K", help="of their places; default: 0")
+    text = "watch a race as it goes, turn its knobs, and drive by keys"
+    command = add_command(commands, "view", _view, text)
+    add = command.add_argument
+    add_setup_options(
+        add, "track", "controller", *CAR, "seed", "opponents", "grid", "obstacles", "obstacle_seed", "patches"
+    )
     add("--web", action="store_true", help="serve the view to a browser; without it, a window is opened")
     add("--host", metavar="ADDRESS", help="with --web: listen there; default: 127.0.0.1, this machine alone")
     add("--port", type=whole, metavar="N", help="with --web; default: 8080")
     add("--no-wait", action="store_true", help="with --web: start at once, and not when the first browser has come")
+    add_config(command)
+    add_trust_option(add)
 
 
 def _view(options: argparse.Namespace) -> int:
     from ..errors import SettingsError
-    from ..racing.entries import Entry
     from ..viz.live.browser import HOST, PORT, LiveView, check_port, require_viser
     from ..viz.live.desktop import require_display, run_desktop
-    from ..viz.live.session import LiveSession, LiveSettings
+    from ..viz.live.session import LiveSession
 
-    drive = drive_options(options)
-    opponents = opponents_of(options, Entry(controller=options.controller, **drive))
-    settings = LiveSettings(
-        track=options.track, controller=options.controller, obstacles=options.obstacles,
-        obstacle_seed=options.obstacle_seed, opponents=opponents, grid=options.grid, **drive,
-    )  # fmt: skip
+    setup = setup_of(options)
     host, port = options.host or HOST, PORT if options.port is None else options.port
     if options.web:
         require_viser()
@@ -50,7 +44,7 @@ def _view(options: argparse.Namespace) -> int:
         raise SettingsError("--host, --port and --no-wait are of a browser; accepted: with --web")
     else:
         require_display()
-    session = LiveSession(settings)
+    session = LiveSession(setup)
     if not options.web:
         run_desktop(session)
         return _DONE

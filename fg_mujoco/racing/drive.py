@@ -13,19 +13,29 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..course.open_ground import OpenGround
 from ..errors import SettingsError
 from ..simulation.settings import GREATEST_SPEED, CarSettings, Start
-from ..vehicle.changes import CarChanges
-from ..vehicle.tires import Tires
-from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .commands import SUFFIX, CommandPlayer, Commands
 from .manoeuvres import Manoeuvre, find_manoeuvre
-from .race import RaceProgress, race
+from .race import RaceProgress, race_setup
 from .result import RaceResult
+from .setup import Setup
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from .setup import SetupKeywords
+
+_UNUSABLE = (
+    "track", "laps", "time_limit", "obstacles", "rules", "decision_limit", "controller", "planner_mu", "max_speed",
+    "planner_settings", "effects", "odometry_drift", "seed", "patches",
+)  # fmt: skip
+"""Keywords of a Setup that mean nothing where no planner drives."""
 
 _LEAST_LIMIT = 0.1  # [m/s] of `speed_limit_m_s`, which is the greatest command
 
@@ -34,12 +44,9 @@ def drive(
     commands: Commands | Manoeuvre | str | Path,
     *,
     speed: float | None = None,
-    vehicle: Vehicle | str | Path = DEFAULT_VEHICLE,
-    tires: Tires | str | Path | None = None,
-    mu: float | None = None,
-    changes: CarChanges | None = None,
-    start: Start | None = None,
+    setup: Setup | None = None,
     watch: Callable[[RaceProgress], None] | None = None,
+    **keywords: Unpack[SetupKeywords],
 ) -> RaceResult:
     """Drive commands over time on open ground, and return how it went.
 
@@ -47,32 +54,33 @@ def drive(
       commands: a manoeuvre's name, with settings in brackets where wanted, as `circle[radius=2,speed=3]`; the path of a
         CSV file with the columns time_s, steering_angle_rad and speed_m_s; Commands, or a Manoeuvre.
       speed: at which a manoeuvre is driven [m/s]; None: its own.
-      vehicle: a bundled name, the path of a vehicle's MJCF file, or a Vehicle.
-      tires: a bundled set, the path of a TOML file, or Tires; None: the vehicle's.
-      mu: friction coefficient of the tires, or the greatest peak of those with a curve; None: as in their file.
-      changes: what else differs from the vehicle's MJCF.
-      start: x (`s`), y (`offset`), heading and speed at which it starts; None: at the origin along x, wheels rolling at
-        the first commanded speed.
+      setup: that the keywords change.
       watch: called once a tick.
+      keywords: of a Setup, see there, that say which car drives: `vehicle`, `tires`, `mu`, `changes`; and `start`: x
+        (`s`), y (`offset`), heading and speed at which it starts, without it at the origin along x, wheels rolling at
+        the first commanded speed.
 
     Returns:
       A RaceResult without laps, whose `controller` names the commands. `clamped_commands` counts those beyond the car's
       limits of steering angle and speed, which the car holds within them, as it does with a planner's.
 
     Raises:
-      SettingsError: commands that cannot be read or driven.
+      SettingsError: commands that cannot be read or driven, or settings of a planner or a course.
       ModelError: a file that is not that of a vehicle.
     """
-    settings = CarSettings(vehicle=vehicle, tires=tires, mu=mu, changes=changes or CarChanges())
-    table = find_commands(commands, settings, speed)
+    given = Setup.of(setup, door="drive", **keywords)
+    given.require_usable("drive", *_UNUSABLE, alone=True)
+    table = find_commands(commands, given.first, speed)
     fastest = min(max(float(np.abs(table.speed).max()), _LEAST_LIMIT), GREATEST_SPEED)
-    ground = OpenGround(seconds=table.seconds)
-    result = race(
-        ground, CommandPlayer(table), vehicle=settings.car, tires=tires, mu=mu, changes=changes,
-        planner_mu=math.inf, max_speed=fastest, start=start or Start(speed=float(table.speed[0])), watch=watch,
+    start = given.first.start or Start(speed=float(table.speed[0]))
+    raced = given.replace(
+        track=OpenGround(seconds=table.seconds), controller=CommandPlayer(table), planner_mu=math.inf,
+        max_speed=fastest, start=start,
     )  # fmt: skip
-    nobody = dict.fromkeys(result.controller_origin)
-    return replace(result, controller=table.name, controller_origin=nobody, controller_source=None)
+    result = race_setup(raced, watch=watch)
+    nobody = dict.fromkeys(result.car.controller_origin)
+    car = replace(result.car, controller=table.name, controller_origin=nobody, controller_source=None)
+    return replace(result, cars=(car,))
 
 
 def find_commands(

@@ -93,7 +93,7 @@ def require_entries(entries: Sequence[Entry]) -> tuple[Entry, ...]:
 
 
 def entry_planner(
-    entry: Entry, *, car: CarParameters, map_line: MapLine | None, kind: type | None = None
+    entry: Entry, *, car: CarParameters, map_line: MapLine | None, kind: type | None = None, alone: bool = False
 ) -> Controller:
     """Return the planner of an entry, ready for a race.
 
@@ -102,6 +102,7 @@ def entry_planner(
       car: what the planner is told of it.
       map_line: the line through the course.
       kind: the planner's class, where it is found already; None: it is looked for.
+      alone: whether it is the only entry, whose name a message need not say.
 
     Raises:
       ControllerError: it cannot be built; the message says whose it is.
@@ -115,6 +116,8 @@ def entry_planner(
             planner = build_controller(kind, source, context, settings)
         start_planner(planner)
     except ControllerError as error:
+        if alone:
+            raise
         raise type(error)(f"{entry.name}: {error}") from error
     return planner
 

@@ -1,15 +1,16 @@
 """The figures of a race that follow from what was driven: a race takes them, and a replay takes them again.
 
     trajectory = history.arrays()
-    figures = {**driven_figures(engine, trajectory), **course_figures(engine, trajectory)}
+    figures = {**driven_figures(engine, trajectory["telemetry"]), **course_figures(engine, trajectory)}
 
-Names are those of RaceResult and of the summary.
+Names are those of CarResult and RaceResult, and of the summary.
 """
 
 from __future__ import annotations
 
 from typing import TypedDict
 
+from ..messages import FloatArray
 from ..simulation.engine import Engine
 from ..simulation.telemetry import StatisticsFigures, statistics_figures
 from ..simulation.termination import END_REASONS, WrongWay
@@ -19,20 +20,16 @@ from .result import Trajectory, clamped_commands, trajectory_sha256
 
 
 class DrivenFigures(StatisticsFigures):
-    """What follows from the trajectory and the world's model alone."""
+    """What follows for a car from the trajectory and the world's model alone."""
 
-    collisions: int
-    sim_time_s: float
+    collisions_wall: int
     clamped_commands: int
     mu: float
-    trajectory_sha256: str
 
 
 class CourseFigures(TypedDict):
-    """What follows from the trajectory, the course and the rules of the race."""
+    """What follows for a car from the trajectory, the course and the rules of the race."""
 
-    track: str
-    obstacles: int
     laps_completed: int
     lap_times_s: tuple[float, ...]
     finished: bool
@@ -41,17 +38,46 @@ class CourseFigures(TypedDict):
     crash: Crash | None
 
 
-def driven_figures(engine: Engine, trajectory: Trajectory, row: int = 0) -> DrivenFigures:
-    """Return the figures of a car of world 0 that need no course; the trajectory has its telemetry."""
+class WorldFigures(TypedDict):
+    """What follows from the trajectory and the world, of all cars together."""
+
+    sim_time_s: float
+    trajectory_sha256: str
+
+
+class TrackFigures(TypedDict):
+    """What the world shows of its course."""
+
+    track: str
+    obstacles: int
+
+
+def driven_figures(engine: Engine, telemetry: FloatArray, row: int = 0) -> DrivenFigures:
+    """Return the figures of a car of world 0 that need no course, of its telemetry (ticks, len(TELEMETRY))."""
     car = engine.world.cars[row]
     return {
         **statistics_figures(engine.statistics[row]),
-        "collisions": int(engine.crashed[row]),
-        "sim_time_s": float(trajectory["states"][-1, 0]),  # mjSTATE_TIME comes first in a state
-        "clamped_commands": clamped_commands(trajectory["telemetry"], car.parameters),
+        "collisions_wall": int(engine.crashed[row]),
+        "clamped_commands": clamped_commands(telemetry, car.parameters),
         "mu": car.mu,
-        "trajectory_sha256": trajectory_sha256(trajectory["states"], trajectory["ctrl"]),
     }
+
+
+def world_figures(trajectory: Trajectory) -> WorldFigures:
+    """Return the figures of all cars together."""
+    states = trajectory["states"]
+    return {
+        "sim_time_s": float(states[-1, 0]),  # mjSTATE_TIME comes first in a state
+        "trajectory_sha256": trajectory_sha256(states, trajectory["ctrl"]),
+    }
+
+
+def track_figures(engine: Engine) -> TrackFigures:
+    """Return the name of the course, and how many obstacles stand on it besides its own."""
+    model, course = engine.world.model, engine.world.track
+    geoms = (model.geom(i).name for i in range(model.ngeom))
+    placed = sum(name.startswith(OBSTACLE_PREFIX) for name in geoms) - len(course.obstacles)
+    return {"track": course.name, "obstacles": placed}
 
 
 def course_figures(engine: Engine, trajectory: Trajectory, row: int = 0) -> CourseFigures:
@@ -65,11 +91,8 @@ def course_figures(engine: Engine, trajectory: Trajectory, row: int = 0) -> Cour
     crash = None
     if reason == "crash":
         crash = crash_of(world, trajectory["states"], trajectory["ctrl"], timer, laps, engine.period, row)
-    geoms = (world.model.geom(i).name for i in range(world.model.ngeom))
     lap_times = tuple(monitor.lap_times[row, : int(timer["laps_completed"])].tolist())
     return {
-        "track": course.name,
-        "obstacles": sum(name.startswith(OBSTACLE_PREFIX) for name in geoms) - len(course.obstacles),
         "laps_completed": len(lap_times),
         "lap_times_s": lap_times,
         "finished": reason == "finished",

@@ -8,6 +8,7 @@ Lateral acceleration and sideslip are those at the centre of gravity, as in the 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from .manoeuvres import AT_ONCE, Brake, Circle, Manoeuvre, RampSteer, StepSteer,
 from .resimulation import load_world
 from .result import RaceResult
 from .run_folder import Run
+
+Column = Callable[[str], FloatArray]
+"""Returns a column of the telemetry by its name."""
 
 _LEAST_ACCELERATION = 0.5  # [m/s^2] lateral; below it an understeer gradient is a quotient of two small numbers
 _STANDING = 0.05  # [m/s] as termination.STANDING_SPEED
@@ -37,29 +41,30 @@ def handling(run: RaceResult | Run) -> dict[str, float]:
       SettingsError: a run that an older version wrote, without the columns of the car's motion.
       RunFolderError: a run folder whose scene cannot be read.
     """
-    time = run.column("time_s")
+    column = (run.car if isinstance(run, RaceResult) else run).column
+    time = column("time_s")
     figures = {
         "duration_s": float(run.states[-1, 0]),  # mjSTATE_TIME comes first in a state
-        "max_lateral_acceleration_m_s2": _greatest(run.column("ay_m_s2")),
-        "max_sideslip_rad": _greatest(run.column("sideslip_rad")),
-        "max_yaw_rate_rad_s": _greatest(run.column("yaw_rate_rad_s")),
+        "max_lateral_acceleration_m_s2": _greatest(column("ay_m_s2")),
+        "max_sideslip_rad": _greatest(column("sideslip_rad")),
+        "max_yaw_rate_rad_s": _greatest(column("yaw_rate_rad_s")),
     }
     manoeuvre = _manoeuvre_of(run)
     if manoeuvre is None or not len(time):
         return figures
     if isinstance(manoeuvre, (Circle, RampSteer)):
         world = run.world if isinstance(run, RaceResult) else load_world(run)
-        figures["understeer_gradient_rad_s2_m"] = _understeer_gradient(run, manoeuvre, world.car.parameters)
+        figures["understeer_gradient_rad_s2_m"] = _understeer_gradient(column, manoeuvre, world.car.parameters)
     elif isinstance(manoeuvre, StepSteer):
-        figures["yaw_rate_response_time_s"] = _response_time(run, manoeuvre)
+        figures["yaw_rate_response_time_s"] = _response_time(column, manoeuvre)
     elif isinstance(manoeuvre, Brake):
-        figures |= _braking(run, manoeuvre)
+        figures |= _braking(column, manoeuvre)
     return figures
 
 
 def _manoeuvre_of(run: RaceResult | Run) -> Manoeuvre | None:
     """Return the manoeuvre that a run was driven by, or None."""
-    name = run.controller if isinstance(run, RaceResult) else str(run.summary.get("controller"))
+    name = run.car.controller if isinstance(run, RaceResult) else str(run.summary.get("controller"))
     if not is_driven_by_commands(name):
         return None
     try:
@@ -74,15 +79,15 @@ def _greatest(values: FloatArray) -> float:
     return float(np.abs(finite).max()) if len(finite) else math.nan
 
 
-def _understeer_gradient(run: RaceResult | Run, manoeuvre: Manoeuvre, car: CarParameters) -> float:
+def _understeer_gradient(column: Column, manoeuvre: Manoeuvre, car: CarParameters) -> float:
     """Return the understeer gradient [rad s^2/m]: of a circle that of its last half, of a ramp the slope to half of it.
 
     The curvature is that of the rear axle's path, so that a car whose tires do not slip has a gradient of 0.
     """
-    speed = np.hypot(run.column("vx_m_s"), run.column("vy_m_s"))
-    acceleration, time = run.column("ay_m_s2"), run.column("time_s")
+    speed = np.hypot(column("vx_m_s"), column("vy_m_s"))
+    acceleration, time = column("ay_m_s2"), column("time_s")
     with np.errstate(divide="ignore", invalid="ignore"):
-        beyond = run.column("steering_angle_rad") - np.arctan(car.wheelbase * run.column("yaw_rate_rad_s") / speed)
+        beyond = column("steering_angle_rad") - np.arctan(car.wheelbase * column("yaw_rate_rad_s") / speed)
     greatest = _greatest(acceleration)
     if not greatest >= _LEAST_ACCELERATION:
         return math.nan
@@ -97,9 +102,9 @@ def _understeer_gradient(run: RaceResult | Run, manoeuvre: Manoeuvre, car: CarPa
     return float(np.polyfit(acceleration[chosen], beyond[chosen], 1)[0])
 
 
-def _response_time(run: RaceResult | Run, manoeuvre: StepSteer) -> float:
+def _response_time(column: Column, manoeuvre: StepSteer) -> float:
     """Return the time from half of the steering angle to .9 of the last yaw rate [s]."""
-    time, angle, rate = (run.column(name) for name in ("time_s", "steering_angle_rad", "yaw_rate_rad_s"))
+    time, angle, rate = (column(name) for name in ("time_s", "steering_angle_rad", "yaw_rate_rad_s"))
     steered = _first_time(time, angle / manoeuvre.angle, 0.5)
     last = float(rate[time > time[-1] - 0.25 * manoeuvre.seconds].mean())
     return _first_time(time, rate / last, 0.9) - steered if last else math.nan
@@ -114,9 +119,9 @@ def _first_time(time: FloatArray, values: FloatArray, level: float) -> float:
     return float(time[after - 1] + share * (time[after] - time[after - 1]))
 
 
-def _braking(run: RaceResult | Run, manoeuvre: Brake) -> dict[str, float]:
+def _braking(column: Column, manoeuvre: Brake) -> dict[str, float]:
     """Return how the car stopped, from the tick at which the manoeuvre begins."""
-    time, speed, x, y = (run.column(name) for name in ("time_s", "vx_m_s", "x_m", "y_m"))
+    time, speed, x, y = (column(name) for name in ("time_s", "vx_m_s", "x_m", "y_m"))
     begun = int(np.argmax(time >= manoeuvre.begin - AT_ONCE))
     stands = np.flatnonzero(speed[begun:] < _STANDING)
     names = ("braking_distance_m", "braking_time_s", "mean_deceleration_m_s2")

@@ -37,16 +37,15 @@ _SPEED = TELEMETRY.index("speed_m_s")
 
 def race_hints(result: RaceResult) -> tuple[str, ...]:
     """Return the hints of a race; of several cars each begins with the name of its car."""
-    cars: Any = result.car_results or (result,)
-    hints = []
-    for row, car in enumerate(cars):
+    alone, hints = len(result.cars) == 1, []
+    for row, car in enumerate(result.cars):
         parameters = result.world.cars[row].parameters
-        ticks = len(car.telemetry) if car is result else round(car.end_time_s / result.decision_times.period_s)
+        ticks = len(car.telemetry) if alone else round(car.end_time_s / car.decision_times.period_s)
         own = car.telemetry[:ticks]
         found = [clamped_hint(own, parameters), late_hint(vars(car.decision_times))]
         if car.end_reason in _ENDS and _is_a_users(car.controller_origin):
             found.append(_scan_hint(result, row, own))
-        hints += [f"{quoted(car.name)}: {hint}" if car is not result else hint for hint in found if hint]
+        hints += [f"{quoted(car.name)}: {hint}" if not alone else hint for hint in found if hint]
     return tuple(hints)
 
 

@@ -1,6 +1,6 @@
 """The cars that car 0 races against in each run of a study, and what a row of its table says of them.
 
-opponents = Opponents.of(["pure_pursuit", Entry(max_speed=4.0)], first=Entry())
+opponents = Opponents.of(Setup.of(opponents=["pure_pursuit", Entry(max_speed=4.0)]))
 entries = opponents.line_up(course, Entry())  # as `race` takes them, each with its start
 """
 
@@ -18,10 +18,11 @@ from ..course.obstacles import Obstacle
 from ..display import quoted
 from ..errors import ControllerError, SettingsError
 from ..simulation.settings import DriveSettings, Start
-from .entries import Entry, check_starts, entry_planner, grid_starts, require_entries, require_grid
+from .entries import Entry, check_starts, entry_planner, grid_starts
 from .planner_choice import ControllerChoice, split_controller
 from .planner_files import Files, by_name, planner_files
 from .race_control import Contact, Overtake
+from .setup import Setup
 
 FIRST = "car_0"
 """Name of car 0 in studies."""
@@ -67,26 +68,16 @@ class Opponents:
     files: tuple[Files, ...] = ()  # that each planner reads, by name; none before `checked`
 
     @classmethod
-    def of(cls, opponents: Sequence[Entry | str], *, first: Entry, grid: str = "staggered") -> Opponents:
-        """Return the opponents of car 0; a name is that of a planner, in a car like that of `first`.
+    def of(cls, setup: Setup) -> Opponents:
+        """Return the other cars of a setup.
 
         Raises:
-          SettingsError: something else than an entry or a name, more cars than a world takes, two of one name, an
-            unknown grid, or a grid without opponents.
+          SettingsError: a LiDAR that no study can simulate.
           ControllerError: a planner that is an object.
         """
-        require_grid(grid)
-        if isinstance(opponents, (str, Entry)):
-            raise SettingsError(f"opponents is {opponents!r}; accepted: a list")
-        for each in opponents:
-            if not isinstance(each, (str, Entry)):
-                raise SettingsError(f"an opponent is {each!r}; accepted: the name of a planner, or fg_mujoco.Entry")
-        if not opponents:
-            if grid != cls.grid:
-                raise SettingsError(f"grid is {grid!r} without opponents; accepted: with one or more")
+        if len(setup.entries) == 1:
             return cls()
-        cars = [first.like(each) if isinstance(each, str) else each for each in opponents]
-        _, *named = require_entries((replace(first, name=FIRST), *cars))
+        _, *named = setup.named
         for entry in named:
             said = f"of opponent {quoted(str(entry.name))}"
             if not isinstance(entry.controller, str):
@@ -96,7 +87,7 @@ class Opponents:
                 )
             if entry.effects.motion_distortion:
                 raise SettingsError(f"motion distortion of the LiDAR {said}; accepted: in `race` only")
-        return cls(entries=tuple(named), grid=grid)
+        return cls(entries=tuple(named), grid=setup.grid)
 
     @property
     def names(self) -> tuple[str, ...]:

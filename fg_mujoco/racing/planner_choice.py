@@ -51,12 +51,10 @@ class ControllerChoice:
         if match is None:
             raise SettingsError(f"{what} {text!r}; accepted: NAME, or NAME[SETTING=VALUE,SETTING=VALUE]")
         source, inside = match.groups()
-        settings: dict[str, Value] = {}
-        for part in inside.split(",") if inside is not None else ():
-            name, equals, value = (piece.strip() for piece in part.partition("="))
-            if not (name and equals and value) or name in settings or set(value) & set("|:"):
-                raise SettingsError(f"{what} {text!r}: {part!r}; accepted: SETTING=VALUE, each setting once")
-            settings[name] = read_value(value)
+        try:
+            settings = {} if inside is None else read_settings_text(inside)
+        except SettingsError as error:
+            raise SettingsError(f"{what} {text!r}: {error}") from error
         return cls(source, tuple(settings.items()))
 
     @property
@@ -85,6 +83,10 @@ class ControllerChoice:
                 "one of them"
             )
         return {**dict(self.settings), **others}
+
+    def load(self) -> Any:
+        """Return the class or function of the planner; errors are those of `find_controller`."""
+        return find_controller(self.source)
 
     def check(self, course: Course, drive: DriveSettings) -> Files:
         """Build it once, for a race on `course`, as `drive` says which car and what it is told.
@@ -122,6 +124,21 @@ def split_controller(
         return controller, dict(planner_settings or {})
     choice = ControllerChoice.of(controller)
     return choice.source, choice.settings_with(planner_settings or {})
+
+
+def read_settings_text(text: str) -> dict[str, Value]:
+    """Return the settings in `setting=value,setting=value` by name; a value is a number, true, false or a word.
+
+    Raises:
+      SettingsError: a part that is none, or a setting that is given twice.
+    """
+    settings: dict[str, Value] = {}
+    for part in text.split(","):
+        name, equals, value = (piece.strip() for piece in part.partition("="))
+        if not (name and equals and value) or name in settings or set(value) & set("|:"):
+            raise SettingsError(f"{part!r}; accepted: SETTING=VALUE, each setting once")
+        settings[name] = read_value(value)
+    return settings
 
 
 def read_value(text: str) -> Value:

@@ -31,10 +31,10 @@ from ..simulation.termination import END_REASONS
 from ..simulation.world import World, shows
 from ..vehicle.motion import drive
 from ..vehicle.vehicle import Vehicle
-from .figures import CourseFigures, course_figures, driven_figures
+from .figures import CourseFigures, TrackFigures, course_figures, driven_figures, track_figures, world_figures
 from .race_control import RaceControl, find_rules
 from .resimulation import load_world
-from .result import History, Trajectory, car_row, trajectory_sha256
+from .result import EVENTS, OF_CAR_0, History, Trajectory, trajectory_sha256
 from .run_folder import NOT_SIMULATED, RECORDED, SCENE, STATES, SUMMARY, TELEMETRY_FILE, Run, as_json, of_car, read_run
 
 _FROM_OUTSIDE = ("interrupted", "failed", "planner_failed", "decision_limit")  # reasons that no simulation tells
@@ -188,40 +188,25 @@ class _Again:
         engine.load(run.states[0], timed=True)
         history = History(engine)
         self.ends = [len(run.ctrl)] * engine.cars_per_world  # the tick in which the race of each car was over
+        self.rows = run.summary.get("cars") or [{}]
         self.control: RaceControl | None = None
-        self.over: tuple[int, str] | None
-        if engine.cars_per_world > 1:
-            self._drive_again(run, history)
-            self.trajectory: Trajectory = history.arrays()
-            self.telemetries = [history.arrays(row)["telemetry"] for row in range(engine.cars_per_world)]
-            return
-        constants, commanded = world.car.constants, np.empty(run.ctrl.shape[1])
-        self.over = None if engine.running[0] else (0, self._reason)
-        for controls, command in zip(run.ctrl, run.telemetry[:, COMMAND : COMMAND + 2], strict=True):
-            engine.running[0] = True
-            engine.sense()
-            drive(engine.qvel(0), float(command[0]), float(command[1]), constants, commanded)
-            engine.drive(controls=controls[np.newaxis])
-            same = commanded.tobytes() == controls.tobytes()
-            engine.telemetry[0, COMMAND : COMMAND + 2] = command if same else controls
-            history.append()
-            engine.judge()
-            if self.over is None and not engine.running[0]:
-                self.over = (history.ticks, self._reason)
-        self.trajectory = history.arrays()
-        self.telemetries = [self.trajectory["telemetry"]]
+        self.over: tuple[int, str] | None = None if engine.running.any() else (0, self._reason)
+        self._drive_again(run, history)
+        self.trajectory: Trajectory = history.arrays()
+        self.telemetries = [history.arrays(row)["telemetry"] for row in range(engine.cars_per_world)]
 
     def _drive_again(self, run: Run, history: History) -> None:
-        """Drive several cars as they were; what ended a race from outside ends it when it did."""
-        engine, rows = self.engine, run.summary["cars"]
-        names, commanded = [str(row["name"]) for row in rows], np.empty(run.ctrl.shape[1])
+        """Drive the cars as they were; what ended a race from outside ends it when it did."""
+        engine, rows, summary = self.engine, self.rows, run.summary
         if engine.world.track is not None:
-            self.control = RaceControl(engine, names=names, rules=find_rules(run.summary.get("rules") or "none"))
-        ends = np.searchsorted(run.time, [float(row["end_time_s"]) - 1e-9 for row in rows])
-        columns = slice(COMMAND, COMMAND + 2)
+            names = [str(row.get("name", "car_0")) for row in rows]
+            self.control = RaceControl(engine, names=names, rules=find_rules(summary.get("rules") or "none"))
+        ended = [float(row.get("end_time_s", run.time[-1])) for row in rows]  # older runs of one car lack it
+        ends = np.searchsorted(run.time, np.array(ended) - 1e-9)
+        columns, commanded = slice(COMMAND, COMMAND + 2), np.empty(run.ctrl.shape[1])
         commands = np.stack([run.telemetry[:, columns], *(other[:, columns] for other in run.others)], axis=1)
-        reasons = [str(row["end_reason"]) for row in rows]
-        self.over, over = None, np.zeros(len(rows), np.bool_)
+        reasons = [str(row.get("end_reason", summary.get("end_reason"))) for row in rows]
+        over = np.zeros(len(rows), np.bool_)
         for tick, controls in enumerate(run.ctrl):
             engine.sense()
             self._end_from_outside(reasons, ends == tick, before=True)
@@ -232,15 +217,19 @@ class _Again:
             engine.drive(controls=controls[np.newaxis])
             same = commanded.tobytes() == controls.tobytes()
             engine.telemetry[:, columns] = commands[tick] if same else controls.reshape(-1, 2)
+            if len(rows) == 1:  # a race of one car keeps the tick in which it finishes
+                history.append()
             engine.judge()
             self._end_from_outside(reasons, ends == tick + 1, before=False)
             if self.control is not None:
                 self.control.after_tick()
-            history.append()
+            if len(rows) > 1:
+                history.append()
             for car in map(int, np.flatnonzero(~engine.running & ~over)):
                 self.ends[car], over[car] = history.ticks, True
             if self.over is None and over.all() and engine.world.track is not None:
                 self.over = (history.ticks, self._reason)
+        self._end_from_outside(reasons, ends == len(run.ctrl), before=True)
         if self.control is not None:
             self.control.finish()
 
@@ -255,39 +244,30 @@ class _Again:
     def _reason(self) -> str:
         return END_REASONS[self.engine.monitor.reasons[0]]
 
-    def course_figures(self, recorded: str) -> CourseFigures:
-        """Return the figures of the race.
-
-        Args:
-          recorded: end reason, which is taken as it is where the race goes on and something else could have ended it.
-        """
-        if self.engine.running[0] and self.from_outside(recorded):
-            self.engine.monitor.end(self.engine.running.copy(), recorded)
-        return course_figures(self.engine, self._to_the_end_of(0))
+    def figures(self, *, on_course: bool) -> dict[str, Any]:
+        """Return the figures of the summary that follow from the trajectory, and from the course where it is there."""
+        rows = []
+        for car, recorded in enumerate(self.rows):
+            figures: dict[str, Any] = {**driven_figures(self.engine, self.telemetries[car], car)}
+            if on_course:
+                assert self.control is not None
+                figures |= course_figures(self.engine, self._to_the_end_of(car), car)
+                touched = (str(recorded.get("name")) in contact.cars for contact in self.control.contacts)
+                figures["collisions_car"] = sum(touched)
+            rows.append(figures)
+        own = {name: rows[0][name] for name in OF_CAR_0 if name in rows[0]}
+        found = {**own, "collisions": rows[0]["collisions_wall"], **world_figures(self.trajectory)}
+        if not on_course:
+            return found
+        assert self.control is not None
+        both = zip(self.rows, rows, strict=True)
+        found["cars"] = [{name: figures.get(name, value) for name, value in row.items()} for row, figures in both]
+        return found | track_figures(self.engine) | {name: getattr(self.control, name) for name in EVENTS}
 
     def _to_the_end_of(self, car: int) -> Trajectory:
         """Return the trajectory up to where the race of a car was over."""
         ticks, own = self.ends[car], self.trajectory
         return {"telemetry": own["telemetry"], "states": own["states"][: ticks + 1], "ctrl": own["ctrl"][:ticks]}
-
-    def several(self, recorded: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-        """Return the figures of a race of several cars, whose rows in `cars` were recorded."""
-        assert self.control is not None
-        rows = []
-        for car, row in enumerate(recorded):
-            trajectory: Trajectory = {**self.trajectory, "telemetry": self.telemetries[car]}
-            figures: dict[str, Any] = {
-                **driven_figures(self.engine, trajectory, car),
-                **course_figures(self.engine, self._to_the_end_of(car), car),
-            }
-            figures["collisions_wall"] = int(self.engine.crashed[car])
-            figures["collisions_car"] = sum(row["name"] in contact.cars for contact in self.control.contacts)
-            rows.append({name: figures.get(name, value) for name, value in row.items()})
-        control = self.control
-        return {
-            "cars": rows, "overtakes": control.overtakes, "contacts": control.contacts, "warnings": control.warnings,
-            "restarts": control.restarts,
-        }  # fmt: skip
 
     def from_outside(self, reason: object) -> bool:
         """Say whether a race ends for a reason that its states do not tell."""
@@ -303,17 +283,11 @@ def _compared(run: Run, again: _Again, found: list[Difference], no_course: str) 
       found: what differs already.
       no_course: why the course is not there; empty: it is.
     """
-    summary, trajectory = run.summary, again.trajectory
+    summary = run.summary
     recorded_end = summary.get("end_reason")
     differences = [*found, *_of_the_files(run, again, no_course)]
     unproved: dict[str, str] = {}
-    figures: dict[str, Any] = {**driven_figures(again.engine, trajectory)}
-    if not no_course:
-        figures |= again.course_figures(str(recorded_end))
-        if again.control is not None:
-            figures |= again.several(summary["cars"])
-        else:
-            figures["cars"] = [car_row({"vehicle": None, "controller": None} | summary | figures)]
+    figures = again.figures(on_course=not no_course)
     recomputed = json.loads(as_json(figures))
     for name, value in recomputed.items():
         if name in summary and _text(summary[name]) != _text(value):
@@ -382,7 +356,7 @@ def _text(value: Any) -> str:
 
 
 def _why_not(name: str, no_course: str) -> str:
-    if no_course and name in (*CourseFigures.__annotations__, "cars"):
+    if no_course and name in (*CourseFigures.__annotations__, *TrackFigures.__annotations__, "cars"):
         return no_course
     if name in _WALL_TIMES:
         return "wall times"

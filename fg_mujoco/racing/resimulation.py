@@ -156,7 +156,7 @@ def scan_at(run: RaceResult | Run, time: float | None = None) -> tuple[LaserScan
     if isinstance(run, Run):
         recording, world = cast(Recording, run), load_world(run)
     else:
-        kept = SimpleNamespace(summary=run.summary(), states=run.states, ctrl=run.ctrl, column=run.column)
+        kept = SimpleNamespace(summary=run.summary(), states=run.states, ctrl=run.ctrl, column=run.car.column)
         recording, world = cast(Recording, kept), run.world
     sensed = next(islice(resimulate(recording, world), place, None)).sensed
     assert sensed is not None  # it was asked for

@@ -30,53 +30,106 @@ if TYPE_CHECKING:
     from ..simulation.engine import Engine
     from ..simulation.settings import Start
     from ..simulation.world import World
+    from .entries import Entry
     from .race_control import Contact, Overtake, Restart, Warned
+    from .setup import Setup
 
 
 @explain_class
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class CarResult(Suggesting):
-    """How one of several cars fared. Fields are as in RaceResult; arrays are read-only."""
+    """How a car of a race fared. Fields and properties are named as in the JSON summary; arrays are read-only.
+
+    `end_reason` is one of "finished", "crash", "rolled_over" (the car lies on its side or its roof), "wrong_way",
+    "no_progress", "time_limit", "unstable" (MuJoCo warned of a bad state), "interrupted", "decision_limit" (the planner
+    took longer for a decision than it was allowed), "planner_failed", and "disqualified" by race control.
+    """
 
     name: str
     position: int  # from 1: by when they finished, then by how far they came
-    vehicle: str
-    vehicle_sha256: str
-    tires: str
-    tires_model: str
-    tires_sha256: str
-    controller: str
-    controller_origin: dict[str, Any]
+    entry: Entry  # what the car was entered with
+    start: Start
+    controller: str  # without settings in brackets; of an object its class
+    controller_origin: dict[str, Any]  # of the planner: distribution and version, or file; hashes of source and `files`
+    planner_settings: dict[str, Any]  # those that differ from its own
     laps_completed: int
-    lap_times_s: tuple[float, ...]
+    lap_times_s: tuple[float, ...]  # the first from a standing start
     finished: bool
-    end_reason: str  # "disqualified", too: by race control
+    end_reason: str
     end_time_s: float  # when its race was over; the others' may have gone on
-    wrong_way: WrongWay | None
-    crash: Crash | None  # into a wall or an obstacle
-    planner_failure: PlannerFailure | None
-    collisions_wall: int
+    wrong_way: WrongWay | None  # where the car turned; None: its race did not end by going the wrong way
+    crash: Crash | None  # into what, where, when, how fast; None: its race did not end in a crash
+    planner_failure: PlannerFailure | None  # where and why the planner failed; None: it did not
+    collisions_wall: int  # with walls and obstacles
     collisions_car: int  # contacts with other cars
-    max_slide_m_s: float
-    max_lateral_slide_m_s: float
-    slide_time_fraction: float
+    max_slide_m_s: float  # greatest sliding speed of any tire (`TireSlip.sliding_speed`)
+    max_lateral_slide_m_s: float  # the same, across the wheel's heading: sideways, and not by spinning or locked wheels
+    slide_time_fraction: float  # share of the physics steps in which a tire slid (`TireSlip.slides`)
     mean_speed_m_s: float
     max_speed_m_s: float
-    decision_times: DecisionTimes
-    clamped_commands: int
-    seed: int
+    decision_times: DecisionTimes  # wall times that the planner took for its decisions
+    clamped_commands: int  # outside the car's limits of steering angle or speed, which the car held within them
     mu: float
-    planner_mu: float
-    speed_limit_m_s: float
-    lidar_effects: LidarEffects
-    odometry_drift: float
-    planner_settings: dict[str, Any]
-    start: Start
-    controller_source: bytes | None = field(repr=False)
+    controller_source: bytes | None = field(repr=False)  # the file that the planner's class is in, as it was read
     telemetry: FloatArray = field(repr=False)  # (ticks, len(TELEMETRY)) to the end of the last car's race
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "telemetry", read_only(self.telemetry))
+
+    @property
+    def vehicle(self) -> str:
+        """Name of the vehicle."""
+        return self.entry.car.name
+
+    @property
+    def vehicle_sha256(self) -> str:
+        """SHA-256 of its MJCF and its LiDAR's."""
+        return self.entry.car.sha256
+
+    @property
+    def tires(self) -> str:
+        """Name of the set of tires; `contact`: MuJoCo's own contacts."""
+        return self.entry.tire_set.name
+
+    @property
+    def tires_model(self) -> str:
+        """Law of the tires, or `contact`: it says when they slide."""
+        return self.entry.tire_set.model
+
+    @property
+    def tires_sha256(self) -> str:
+        """SHA-256 of the numbers of the tires."""
+        return self.entry.tire_set.sha256
+
+    @property
+    def planner_mu(self) -> float:
+        """Friction coefficient that the planner assumed."""
+        return float(self.entry.assumed_mu)
+
+    @property
+    def speed_limit_m_s(self) -> float:
+        """Fastest that the planner could command [m/s]."""
+        return float(self.entry.max_speed)
+
+    @property
+    def lidar_effects(self) -> LidarEffects:
+        """What the LiDAR did to a scan."""
+        return self.entry.effects
+
+    @property
+    def odometry_drift(self) -> float:
+        """Relative error of the speeds and the yaw rate that the planner was given."""
+        return float(self.entry.odometry_drift)
+
+    @property
+    def seed(self) -> int:
+        """Seed of the LiDAR's noise and dropouts."""
+        return self.entry.seed
+
+    @property
+    def rollover(self) -> Rollover | None:
+        """Where the car rolled over; None: its race did not end so."""
+        return Rollover.of(self.end_reason, self.telemetry[self.column("time_s") < self.end_time_s])
 
     def _meant(self, name: str) -> str | None:
         return column_meant(name, super()._meant(name))
@@ -85,6 +138,17 @@ class CarResult(Suggesting):
         best = f"best {min(self.lap_times_s):.2f} s" if self.lap_times_s else "no lap"
         driven = f"{self.laps_completed} laps, {best}, {self.end_reason}"
         return brief(self, f"{self.position}. {quoted(self.name)}", quoted(self.controller), driven)
+
+    @property
+    def end(self) -> str:
+        """How its race ended, in words."""
+        if self.planner_failure is not None:
+            return f"the planner failed: {self.planner_failure}"
+        if self.crash is not None or self.wrong_way is not None:
+            return str(self.crash or f"wrong way: {self.wrong_way}")
+        if self.rollover is not None:
+            return f"rolled over {self.rollover}"
+        return "no collision" if self.finished else f"ended by {self.end_reason}"
 
     def column(self, name: str) -> FloatArray:
         """Return one column of the telemetry by its name in TELEMETRY, with or without its unit. Shape (ticks,).
@@ -96,126 +160,113 @@ class CarResult(Suggesting):
 
     def row(self) -> dict[str, Any]:
         """Return the row in `cars` of the JSON summary."""
-        values = {
-            f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("controller_source", "telemetry")
-        }
-        parts = ("wrong_way", "crash", "decision_times", "lidar_effects", "start")
-        for name in parts:
+        values = {name: getattr(self, name) for name in _OF_A_CAR}
+        for name in ("wrong_way", "crash", "decision_times", "lidar_effects", "start"):
             values[name] = None if values[name] is None else asdict(values[name])
         failure = self.planner_failure
         return values | {"planner_failure": None if failure is None else failure.summary()}
 
 
+_OF_A_CAR = (
+    "name", "position", "vehicle", "vehicle_sha256", "tires", "tires_model", "tires_sha256", "controller",
+    "controller_origin", "laps_completed", "lap_times_s", "finished", "end_reason", "end_time_s", "wrong_way", "crash",
+    "planner_failure", "collisions_wall", "collisions_car", "max_slide_m_s", "max_lateral_slide_m_s",
+    "slide_time_fraction", "mean_speed_m_s", "max_speed_m_s", "decision_times", "clamped_commands", "seed", "mu",
+    "planner_mu", "speed_limit_m_s", "lidar_effects", "odometry_drift", "planner_settings", "start",
+)  # fmt: skip
+"""Keys of a car's row in the JSON summary, in their order."""
+
+OF_CAR_0 = tuple(
+    name
+    for name in _OF_A_CAR
+    if name not in ("name", "position", "end_time_s", "collisions_wall", "collisions_car", "start")
+)
+"""Keys of a car's row that the summary has for car 0 besides, with `collisions`."""
+
+_OF_ALL = (
+    "track", "laps_requested", "sim_time_s", "wall_time_s", "realtime_factor", "obstacles", "obstacle_seed",
+    "trajectory_sha256", "winner",
+)  # fmt: skip
+EVENTS = ("overtakes", "contacts", "warnings", "restarts")
+
+
 @explain_class
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class RaceResult(Shown):
-    """How a race went. The summary's fields are named as in its JSON; arrays are read-only.
+    """How a race went: its setup, how each car fared, and the trajectory of all. Arrays are read-only."""
 
-    `end_reason` is one of "finished", "crash", "rolled_over" (the car lies on its side or its roof), "wrong_way",
-    "no_progress", "time_limit", "unstable" (MuJoCo warned of a bad state), "interrupted", "decision_limit" (the planner
-    took longer for a decision than it was allowed) and "planner_failed" (of a result that a PlannerError carries).
-    """
-
+    setup: Setup
     track: str
-    vehicle: str
-    vehicle_sha256: str  # of its MJCF and its LiDAR's
-    tires: str  # the name of their set; `contact`: MuJoCo's own contacts
-    tires_model: str  # of their law, or `contact`: it says when they slide
-    tires_sha256: str  # of their numbers
-    controller: str
-    controller_origin: dict[str, Any]  # of the planner: distribution and version, or file; hashes of source and `files`
     laps_requested: int
-    laps_completed: int
-    finished: bool
-    end_reason: str
-    wrong_way: WrongWay | None  # where the car turned; None: the race did not end by going the wrong way
-    crash: Crash | None  # into what, where, when, how fast; None: the race did not end in a crash
-    planner_failure: PlannerFailure | None  # where and why the planner failed; None: it did not
-    lap_times_s: tuple[float, ...]  # the first from a standing start
-    collisions: int
-    max_slide_m_s: float  # greatest sliding speed of any tire (`TireSlip.sliding_speed`)
-    max_lateral_slide_m_s: float  # the same, across the wheel's heading: sideways, and not by spinning or locked wheels
-    slide_time_fraction: float  # share of the physics steps in which a tire slid (`TireSlip.slides`)
-    mean_speed_m_s: float
-    max_speed_m_s: float
-    sim_time_s: float
-    wall_time_s: float
-    decision_times: DecisionTimes  # wall times that the planner took for its decisions
-    decision_limit_s: float | None  # that it was allowed for each; None: any
-    clamped_commands: (
-        int  # commands outside the car's limits of steering angle or speed, which the car held within them
-    )
-    realtime_factor: float  # from the second tick on: in the first, kernels are read from disk, or compiled
-    seed: int
-    mu: float
-    planner_mu: float
-    speed_limit_m_s: float
-    lidar: str
-    lidar_effects: LidarEffects
-    odometry_drift: float  # relative error of the speeds and the yaw rate that the planner was told
     obstacles: int  # how many stood on the track, besides what a scene has
-    obstacle_seed: int | None  # of their random places; None: they were not placed at random
-    planner_settings: dict[str, Any]  # those that differ from its own
+    cars: tuple[CarResult, ...]  # in the order of the entries
+    winner: str | None  # name of the car that finished first
+    overtakes: tuple[Overtake, ...]
+    contacts: tuple[Contact, ...]  # of cars with each other
+    warnings: tuple[Warned, ...]  # of race control
+    restarts: tuple[Restart, ...]
+    sim_time_s: float  # until the last car's race was over
+    wall_time_s: float
+    realtime_factor: float  # from the second tick on: in the first, kernels are read from disk, or compiled
     trajectory_sha256: str  # of all states and controls, bit for bit
-    controller_source: bytes | None = field(repr=False)  # the file that the planner's class is in, as it was read
     world: World = field(repr=False)
-    telemetry: FloatArray = field(repr=False)  # (ticks, len(TELEMETRY))
     states: FloatArray = field(repr=False)  # (ticks + 1, n) mjSTATE_INTEGRATION at the start of each tick; the last
     ctrl: FloatArray = field(repr=False)  # (ticks, 2) what the actuators got: steering [rad], speed [m/s], of each car
-    # of several cars; all else is of car 0
-    car_results: tuple[CarResult, ...] = ()  # how each car fared; none where car 0 was alone
-    grid: str | None = None
-    rules: str | None = None
-    winner: str | None = None  # name of the car that finished first
-    overtakes: tuple[Overtake, ...] = ()
-    contacts: tuple[Contact, ...] = ()
-    warnings: tuple[Warned, ...] = ()
-    restarts: tuple[Restart, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("telemetry", "states", "ctrl"):
+        for name in ("states", "ctrl"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
 
-    def _meant(self, name: str) -> str | None:
-        return column_meant(name, super()._meant(name))
-
-    def __repr__(self) -> str:
-        best = f", best {min(self.lap_times_s):.2f} s" if self.lap_times_s else ""
-        laps = f"{self.laps_completed} of {self.laps_requested} laps in " if self.laps_requested else ""
-        laps += f"{self.sim_time_s:.1f} s{best}"
-        return brief(self, f"{quoted(self.controller)} on {quoted(self.track)}: {laps}, {self._end()}")
+    @property
+    def car(self) -> CarResult:
+        """How car 0 fared."""
+        return self.cars[0]
 
     @property
-    def rollover(self) -> Rollover | None:
-        """Where the car rolled over; None: the race did not end so, or was one of several cars."""
-        return None if self.car_results else Rollover.of(self.end_reason, self.telemetry)
+    def obstacle_seed(self) -> int | None:
+        """Seed of the random places of the obstacles; None: they were not placed at random."""
+        placed = self.setup.obstacles
+        return self.setup.obstacle_seed if isinstance(placed, int) and placed else None
 
-    def _end(self) -> str:
-        """Return how the race ended, in words."""
-        if self.planner_failure is not None:
-            return f"the planner failed: {self.planner_failure}"
-        if self.crash is not None or self.wrong_way is not None:
-            return str(self.crash or f"wrong way: {self.wrong_way}")
-        if self.rollover is not None:
-            return f"rolled over {self.rollover}"
-        return "no collision" if self.finished else f"ended by {self.end_reason}"
+    def _meant(self, name: str) -> str | None:
+        """Return what was probably meant: what a race of one car said of itself is the car's."""
+        if name == "collisions":
+            return "car.collisions_wall"
+        if name == "car_results":
+            return "cars"
+        of_a_car = [each for each in dir(CarResult) if not each.startswith("_")]
+        of_a_car += [f.name for f in fields(CarResult)]
+        if name in of_a_car:
+            return f"car.{name}"
+        meant = super()._meant(name)
+        column = column_meant(name, None)
+        return meant or (None if column is None else f"car.{column}")
+
+    def __repr__(self) -> str:
+        car = self.car
+        best = f", best {min(car.lap_times_s):.2f} s" if car.lap_times_s else ""
+        laps = f"{car.laps_completed} of {self.laps_requested} laps in " if self.laps_requested else ""
+        laps += f"{self.sim_time_s:.1f} s{best}"
+        others = f" among {len(self.cars)} cars" if len(self.cars) > 1 else ""
+        return brief(self, f"{quoted(car.controller)} on {quoted(self.track)}{others}: {laps}, {car.end}")
 
     def _repr_html_(self) -> str:
-        if len(self.car_results) > 1:
+        if len(self.cars) > 1:
             return self._html_of_several()
+        car = self.car
         rows = [
-            ("planner, track, car", f"{self.controller}, {self.track}, {self.vehicle}"),
-            ("end", f"{self.end_reason.replace('_', ' ')}: {self._end()}"),
+            ("planner, track, car", f"{car.controller}, {self.track}, {car.vehicle}"),
+            ("end", f"{car.end_reason.replace('_', ' ')}: {car.end}"),
             *(self._lap_rows() if self.laps_requested else [("time", f"{self.sim_time_s:.2f} s")]),
-            ("speed", f"mean {self.mean_speed_m_s:.2f} m/s, greatest {self.max_speed_m_s:.2f} m/s"),
-            ("greatest sliding", f"{self.max_slide_m_s:.3f} m/s, {100.0 * self.slide_time_fraction:.2f} % of the time"),
-            ("friction coefficient", friction_text(self.mu, self.planner_mu)),
+            ("speed", f"mean {car.mean_speed_m_s:.2f} m/s, greatest {car.max_speed_m_s:.2f} m/s"),
+            ("greatest sliding", f"{car.max_slide_m_s:.3f} m/s, {100.0 * car.slide_time_fraction:.2f} % of the time"),
+            ("friction coefficient", friction_text(car.mu, car.planner_mu)),
         ]
-        ends = (("crashed here", self.crash), ("turned here", self.wrong_way), ("rolled over here", self.rollover))
+        ends = (("crashed here", car.crash), ("turned here", car.wrong_way), ("rolled over here", car.rollover))
         marks = [(text, (place.x_m, place.y_m)) for text, place in ends if place is not None]
-        line = np.column_stack((self.column("x_m"), self.column("y_m")))
+        line = np.column_stack((car.column("x_m"), car.column("y_m")))
         picture = driven_line(
-            self.world, line, self.column("speed_m_s"), time=self.sim_time_s, marks=marks, title=repr(self)
+            self.world, line, car.column("speed_m_s"), time=self.sim_time_s, marks=marks, title=repr(self)
         )
         return table((), rows) + picture
 
@@ -227,8 +278,8 @@ class RaceResult(Shown):
             ("overtakes, contacts", f"{len(self.overtakes)}, {len(self.contacts)}"),
         ]
         rows = []
-        for index in sorted(range(len(self.car_results)), key=lambda index: self.car_results[index].position):
-            car = self.car_results[index]
+        for index in sorted(range(len(self.cars)), key=lambda index: self.cars[index].position):
+            car = self.cars[index]
             best = f"{min(car.lap_times_s):.2f} s" if car.lap_times_s else "-"
             end = f"{car.end_reason.replace('_', ' ')} at {car.end_time_s:.2f} s"
             rows.append((
@@ -237,7 +288,7 @@ class RaceResult(Shown):
             ))  # fmt: skip
         header = ("", "car", "name", "planner, vehicle", "laps", "best lap", "end", "contacts", "greatest sliding")
         lines = []
-        for car in self.car_results:
+        for car in self.cars:
             raced = car.column("time_s") < car.end_time_s - 1e-9  # one that has finished is taken off the course
             lines.append(np.column_stack((car.column("x_m"), car.column("y_m")))[raced])
         contacts = [(contact.x_m, contact.y_m) for contact in self.contacts]
@@ -246,42 +297,27 @@ class RaceResult(Shown):
 
     def _lap_rows(self) -> list[tuple[str, str]]:
         """Return what a notebook shows of the laps."""
-        laps = ", ".join(f"{time:.2f}" for time in self.lap_times_s[:10])
-        more = f" and {len(self.lap_times_s) - 10} more" if len(self.lap_times_s) > 10 else ""
+        car = self.car
+        laps = ", ".join(f"{time:.2f}" for time in car.lap_times_s[:10])
+        more = f" and {len(car.lap_times_s) - 10} more" if len(car.lap_times_s) > 10 else ""
         return [
-            ("laps", f"{self.laps_completed} of {self.laps_requested} in {self.sim_time_s:.2f} s"),
+            ("laps", f"{car.laps_completed} of {self.laps_requested} in {self.sim_time_s:.2f} s"),
             ("lap times", f"{laps}{more} s" if laps else "no lap completed"),
         ]
 
-    def column(self, name: str) -> FloatArray:
-        """Return one column of the telemetry by its name in TELEMETRY, with or without its unit. Shape (ticks,).
-
-        Raises:
-          SettingsError: there is none.
-        """
-        return self.telemetry[:, column_index(name)]
-
-    @property
-    def cars(self) -> tuple[dict[str, Any], ...]:
-        """How each car fared, one row a car; the other fields are those of car 0."""
-        return tuple(result.row() for result in self.car_results) or (car_row(vars(self)),)
-
     def summary(self) -> dict[str, Any]:
-        """Return what the JSON summary holds: everything but the arrays, the world and the planner's source."""
-        left_out = ["world", "telemetry", "states", "ctrl", "controller_source", "car_results"]
-        left_out += [] if self.car_results else ["grid", "rules", "winner", *_OF_SEVERAL]
-        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in left_out}
-        wrong_way = asdict(self.wrong_way) if self.wrong_way is not None else None
-        failure = self.planner_failure.summary() if self.planner_failure is not None else None
-        return values | {
-            "planner_failure": failure, "decision_times": asdict(self.decision_times),
-            "wrong_way": wrong_way, "crash": asdict(self.crash) if self.crash is not None else None,
-            "lidar_effects": asdict(self.lidar_effects), "cars": list(self.cars),
-            **{name: [asdict(part) for part in values[name]] for name in _OF_SEVERAL if name in values},
-        }  # fmt: skip
-
-
-_OF_SEVERAL = ("overtakes", "contacts", "warnings", "restarts")
+        """Return what the JSON summary holds: the race, each car in `cars`, and the figures of car 0 besides."""
+        rows = [car.row() for car in self.cars]
+        limit = self.setup.decision_limit
+        return {
+            **{name: rows[0][name] for name in OF_CAR_0},
+            "collisions": self.car.collisions_wall,
+            **{name: getattr(self, name) for name in _OF_ALL},
+            "decision_limit_s": None if limit is None else float(limit),
+            **{name: getattr(self.setup, name) for name in ("lidar", "grid", "rules")},
+            **{name: [asdict(part) for part in getattr(self, name)] for name in EVENTS},
+            "cars": rows,
+        }
 
 
 def tires_model(summary: Mapping[str, Any]) -> str:
@@ -293,16 +329,6 @@ def tires_model(summary: Mapping[str, Any]) -> str:
     if known is not None:
         return str(known)
     return CONTACT if summary.get("tires", CONTACT) == CONTACT else MagicFormula.model
-
-
-def car_row(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the row in `cars` of the only car, of the values of a RaceResult or a summary by name."""
-    same = (
-        "vehicle", "controller", "laps_completed", "lap_times_s", "finished", "end_reason", "max_slide_m_s",
-        "max_lateral_slide_m_s",
-    )  # fmt: skip
-    row = {"name": "car_0", "position": 1, "collisions_wall": values["collisions"], "collisions_car": 0}
-    return row | {name: values[name] for name in same}
 
 
 def clamped_commands(telemetry: FloatArray, car: CarParameters) -> int:

@@ -139,7 +139,6 @@ def write_run(
     folder: str | Path,
     *,
     draw: Callable[[RaceResult, Path], None] | None = None,
-    settings: Mapping[str, Any] | None = None,
     add: Callable[[Path], Any] | None = None,
 ) -> Path:
     """Write a run folder and return its path. A failure leaves nothing behind.
@@ -148,7 +147,6 @@ def write_run(
       result: of the race.
       folder: new or empty.
       draw: draws trace.png; None: without a picture. `fg_mujoco.write_run` has one.
-      settings: options of the command line that drive this race again; `race --config DIR` needs them.
       add: adds files to the run, as its report; called with the path of a folder that has all others.
 
     Raises:
@@ -159,20 +157,17 @@ def write_run(
         (staging / _SCENE).write_text(result.world.xml, encoding="utf-8")
         time = result.states[:, 0]  # mjSTATE_TIME comes first in a state
         np.savez_compressed(staging / _STATES, time=time, state=result.states, ctrl=result.ctrl)
-        _write_telemetry(result.telemetry, staging / _TELEMETRY)
-        if result.controller_source is not None and result.controller_origin["distribution"] is None:
-            (staging / _CONTROLLER).write_bytes(result.controller_source)
-        for index, car in enumerate(result.car_results[1:], start=1):
+        for index, car in enumerate(result.cars):
             _write_telemetry(car.telemetry, staging / of_car(_TELEMETRY, index))
             if car.controller_source is not None and car.controller_origin["distribution"] is None:
                 (staging / of_car(_CONTROLLER, index)).write_bytes(car.controller_source)
-        if result.planner_failure is not None:
-            _write_failed_scan(result.planner_failure, staging / FAILED_SCAN)
+        if result.car.planner_failure is not None:
+            _write_failed_scan(result.car.planner_failure, staging / FAILED_SCAN)
         if draw is not None:
             draw(result, staging / _TRACE)
-        read_back = [of_car(name, car) for car in range(max(len(result.car_results), 1)) for name in _READ_BACK]
+        read_back = [of_car(name, car) for car in range(len(result.cars)) for name in _READ_BACK]
         sha256s = {name: file_sha256(staging / name) for name in read_back if (staging / name).exists()}
-        summary = json.loads(summary_json(result, settings)) | {"files": sha256s}
+        summary = json.loads(summary_json(result)) | {"files": sha256s}
         (staging / SUMMARY).write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
         if (staging / _CONTROLLER).exists():
             remember_run(staging)
@@ -219,8 +214,11 @@ def of_car(file: str, index: int) -> str:
     return f"{name}_car_{index}{dot}{ending}" if index else file
 
 
-def summary_json(result: RaceResult, settings: Mapping[str, Any] | None = None) -> str:
-    """Return the summary, `settings` and the versions that made it as one JSON object; NaN and infinity are null."""
+def summary_json(result: RaceResult) -> str:
+    """Return the summary, the setup and the versions that made it as one JSON object; NaN and infinity are null.
+
+    The setup stands in `settings`; it is not there where a course or a planner is an object, which no file can hold.
+    """
     versions = {
         "schema": SCHEMA,
         "fg_mujoco_version": version("fg-mujoco"),
@@ -230,7 +228,9 @@ def summary_json(result: RaceResult, settings: Mapping[str, Any] | None = None) 
     found = result.summary()
     if found.get("planner_failure") is not None:
         found["planner_failure"]["scan"] = FAILED_SCAN
-    return as_json(found | ({"settings": dict(settings)} if settings else {}) | versions)
+    with suppress(SettingsError):
+        found["settings"] = result.setup.described()
+    return as_json(found | versions)
 
 
 def as_json(values: Mapping[str, Any]) -> str:

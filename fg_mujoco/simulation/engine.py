@@ -465,6 +465,8 @@ class Engine:
         elif self._tick_at_once(calls, clock, history):
             return self._driven
         driven = self.running.copy()
+        if not driven.any():  # no planner is left
+            return driven
         self.drive()
         if history is not None:
             history.append()

@@ -40,6 +40,7 @@ class PlannerFailure:
     file: str | None  # of the planner; None: it is in none
     line: int | None  # in it, the innermost that was reached, or where `__call__` is defined; None: neither is in it
     traceback: str  # from the planner's file on, many lines; empty where nothing was raised
+    whole_traceback: str  # with the frames that called the planner, and what caused the error
     scan: LaserScan = field(repr=False)  # that the planner was told
     odometry: Odometry = field(repr=False)
 
@@ -187,7 +188,7 @@ def failure_of(error: BaseException, kind: type, scan: LaserScan, odometry: Odom
     file = file_of(kind)
     return PlannerFailure(
         error=one_line(error), time_s=scan.stamp, file=file, line=line_of(error, file) or _definition(kind, file),
-        traceback=own_traceback(error, file), scan=scan, odometry=odometry,
+        traceback=own_traceback(error, file), whole_traceback=whole_traceback(error), scan=scan, odometry=odometry,
     )  # fmt: skip
 
 
@@ -195,8 +196,8 @@ def wrong_answer(text: str, kind: type, scan: LaserScan, odometry: Odometry) -> 
     """Return the failure of a planner of a class that answered something else than a command; its line is `def`."""
     file = file_of(kind)
     return PlannerFailure(
-        error=text, time_s=scan.stamp, file=file, line=_definition(kind, file), traceback="", scan=scan,
-        odometry=odometry,
+        error=text, time_s=scan.stamp, file=file, line=_definition(kind, file), traceback="",
+        whole_traceback="", scan=scan, odometry=odometry,
     )  # fmt: skip
 
 

@@ -8,6 +8,11 @@ from typing import Any
 from ..errors import SettingsError
 
 
+def as_axis(value: Any) -> list[Any]:
+    """Return the values of an axis: one, or a sequence of them."""
+    return [value] if isinstance(value, str) or not isinstance(value, Iterable) else list(value)
+
+
 def require_axes(axes: Iterable[tuple[str, Sequence[Any]]]) -> None:
     """Refuse an axis, a name and its values, that is empty or has a value twice.
 

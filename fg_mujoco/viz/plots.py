@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import importlib.util
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -100,14 +100,14 @@ def trace_picture(result: RaceResult, path: str | Path | BinaryIO) -> None:
       OSError: the file cannot be written.
     """
     require_matplotlib()
-    if len(result.car_results) > 1:
+    if len(result.cars) > 1:
         _trace_of_several(result, path)
         return
     import matplotlib as mpl
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    column = {name: result.telemetry[:, index] for index, name in enumerate(TELEMETRY)}
+    column = {name: result.car.telemetry[:, index] for index, name in enumerate(TELEMETRY)}
     driven = np.column_stack((column["x_m"], column["y_m"]))
     map_height = _map_height(result.world.track, driven)
     with mpl.rc_context(_STYLE):
@@ -123,9 +123,9 @@ def trace_picture(result: RaceResult, path: str | Path | BinaryIO) -> None:
         scale.set_in_layout(False)
         figure.colorbar(line, cax=scale, label="speed [m/s]")
         for text, marked in (
-            ("turned here", result.wrong_way),
-            ("crashed here", result.crash),
-            ("rolled over here", result.rollover),
+            ("turned here", result.car.wrong_way),
+            ("crashed here", result.car.crash),
+            ("rolled over here", result.car.rollover),
         ):
             if marked is not None:
                 axes.plot(marked.x_m, marked.y_m, "x", color=_ALERT, markersize=9.0, markeredgewidth=2.0)
@@ -136,14 +136,14 @@ def trace_picture(result: RaceResult, path: str | Path | BinaryIO) -> None:
 
         panels = [figure.add_subplot(grid[1])]
         panels += [figure.add_subplot(grid[row], sharex=panels[0]) for row in (2, 3)]
-        _draw_panels(panels, column, result.tires_model, result.world.parameters)
-        _mark_laps(panels, result.lap_times_s)
+        _draw_panels(panels, column, result.car.tires_model, result.world.parameters)
+        _mark_laps(panels, result.car.lap_times_s)
         panels[-1].set_xlabel("time [s]")
         end = max(result.sim_time_s, 1e-3)
         panels[-1].set_xlim(-0.005 * end, end)  # what happens at once must not hide behind the axis
         tires = [figure.add_subplot(grid[4])]
         tires += [figure.add_subplot(grid[row], sharex=tires[0]) for row in (5, 6, 7)]
-        _draw_tires(tires, column, result.world.track, result.tires_model)
+        _draw_tires(tires, column, result.world.track, result.car.tires_model)
         for panel in (*panels, *tires):
             panel.grid(axis="y", color="0.9", linewidth=0.5)
             panel.spines[["top", "right"]].set_visible(False)
@@ -157,8 +157,8 @@ def _trace_of_several(result: RaceResult, path: str | Path | BinaryIO) -> None:
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
-    cars, course = result.car_results, result.world.track
-    found = standings([car.telemetry for car in cars], result.cars)
+    cars, course = result.cars, result.world.track
+    found = standings([car.telemetry for car in cars], [car.row() for car in cars])
     ends = [max(int(np.searchsorted(found.time, car.end_time_s - 1e-9)), 1) for car in cars]
     lines = [np.column_stack((car.column("x_m"), car.column("y_m")))[:end] for car, end in zip(cars, ends, strict=True)]
     heights = (_map_height(course, *lines), *(3 * [_PANEL_HEIGHT]))
@@ -209,20 +209,20 @@ def _headline_of_several(result: RaceResult) -> str:
         f"{count} {what}{'' if count == 1 else 's'}"
         for count, what in ((len(result.overtakes), "overtake"), (len(result.contacts), "contact"))
     )
-    return f"{result.track}, {len(result.car_results)} cars, {result.laps_requested} laps: {won}; {counts}"
+    return f"{result.track}, {len(result.cars)} cars, {result.laps_requested} laps: {won}; {counts}"
 
 
 def _winning_time(result: RaceResult) -> float:
-    return sum(next(car for car in result.car_results if car.name == result.winner).lap_times_s)
+    return sum(next(car for car in result.cars if car.name == result.winner).lap_times_s)
 
 
 def _headline(result: RaceResult) -> str:
-    laps = f"{result.laps_completed} of {result.laps_requested} laps"
+    laps = f"{result.car.laps_completed} of {result.laps_requested} laps"
     if not result.laps_requested:
         laps = f"{result.sim_time_s:.1f} s"
-    best = f", best {min(result.lap_times_s):.2f} s" if result.lap_times_s else ""
-    end = "" if result.finished else f", ended by {result.end_reason}"
-    return f"{result.track}, {result.controller}: {laps}{best}{end}; greatest sliding {result.max_slide_m_s:.3f} m/s"
+    best = f", best {min(result.car.lap_times_s):.2f} s" if result.car.lap_times_s else ""
+    end = "" if result.car.finished else f", ended by {result.car.end_reason}"
+    return f"{result.track}, {result.car.controller}: {laps}{best}{end}; greatest sliding {result.car.max_slide_m_s:.3f} m/s"
 
 
 def _draw_panels(panels: list[Axes], column: dict[str, FloatArray], model: str, car: CarParameters) -> None:
@@ -344,7 +344,6 @@ def write_run(
     folder: str | Path,
     *,
     picture: bool = True,
-    settings: Mapping[str, Any] | None = None,
     add: Callable[[Path], Any] | None = None,
 ) -> Path:
     """Write a run folder, with its picture, and return its path. A failure leaves nothing behind.
@@ -353,7 +352,6 @@ def write_run(
       result: of the race.
       folder: new or empty.
       picture: with trace.png.
-      settings: options of the command line that drive this race again; `race --config DIR` needs them.
       add: adds files to the run, as its report; called with the path of a folder that has all others.
 
     Raises:
@@ -362,4 +360,4 @@ def write_run(
     """
     if picture:
         require_matplotlib()
-    return run_folder.write_run(result, folder, draw=trace_picture if picture else None, settings=settings, add=add)
+    return run_folder.write_run(result, folder, draw=trace_picture if picture else None, add=add)

@@ -109,15 +109,19 @@ def write_recorded_run(
     ctrl = np.array(commands[:ticks])
     moving = np.abs(speed[:ticks])
     asked = max(math.ceil(float(progress.max()) / course.length), 1) if course.closed else 1
+    greatest, raced = float(moving.max()), begun.car
+    driven = replace(
+        raced, entry=replace(raced.entry, max_speed=max(greatest, 0.1)), controller=f"bag:{bag.path.name}",
+        controller_origin=dict.fromkeys(raced.controller_origin), controller_source=None, laps_completed=len(laps),
+        finished=True, end_reason=RECORDED, end_time_s=float(time[-1]), crash=None, wrong_way=None,
+        lap_times_s=tuple(np.diff([0.0, *laps]).tolist()), collisions_wall=0, clamped_commands=0,
+        mean_speed_m_s=float(moving.mean()), max_speed_m_s=greatest, max_slide_m_s=math.nan,
+        max_lateral_slide_m_s=math.nan, slide_time_fraction=math.nan, decision_times=DecisionTimes.of((), period),
+        telemetry=telemetry,
+    )  # fmt: skip
     result = replace(
-        begun, controller=f"bag:{bag.path.name}", controller_origin=dict.fromkeys(begun.controller_origin),
-        controller_source=None, laps_requested=asked, laps_completed=len(laps), finished=True,
-        end_reason=RECORDED, lap_times_s=tuple(np.diff([0.0, *laps]).tolist()), collisions=0,
-        mean_speed_m_s=float(moving.mean()), max_speed_m_s=float(moving.max()), sim_time_s=float(time[-1]),
-        speed_limit_m_s=max(float(moving.max()), 0.1), clamped_commands=0, telemetry=telemetry, states=states,
-        ctrl=ctrl, trajectory_sha256=trajectory_sha256(states, ctrl), crash=None, wrong_way=None,
-        max_slide_m_s=math.nan, max_lateral_slide_m_s=math.nan, slide_time_fraction=math.nan, wall_time_s=math.nan,
-        realtime_factor=math.nan, decision_times=DecisionTimes.of((), period),
+        begun, cars=(driven,), laps_requested=asked, winner=None, sim_time_s=float(time[-1]), states=states, ctrl=ctrl,
+        trajectory_sha256=trajectory_sha256(states, ctrl), wall_time_s=math.nan, realtime_factor=math.nan,
     )  # fmt: skip
 
     def add(staging: Path) -> None:

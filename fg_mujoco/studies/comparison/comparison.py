@@ -1,6 +1,6 @@
 """Drives every controller on every course with every seed, and writes tables and pictures of how they fared.
 
-    comparison = compare(["gap_finder", "follow_the_gap[point=middle]"], tracks=["oval"], out="runs/compare")
+    comparison = compare(["gap_finder", "follow_the_gap[point=middle]"], track="oval", out="runs/compare")
     print(comparison.markdown())
 
 A later call with the same folder drives only the runs that are missing. A script that calls it with several workers
@@ -14,25 +14,22 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ...arguments import explain_class
-from ...course.scenes.catalogue import PREFIX
+from ...course.scenes.catalogue import PREFIX, scene_names
 from ...course.writing import write_file
 from ...display import Shown, brief, paragraph, quoted, table
-from ...messages import FloatArray, require_whole
-from ...racing.entries import Entry
-from ...racing.opponents import Opponents, entry_of
+from ...errors import SettingsError
+from ...messages import FloatArray, require_whole, shown
+from ...racing.opponents import Opponents
 from ...racing.planner_choice import ControllerChoice
 from ...racing.planner_files import files_sha256
 from ...racing.planner_loading import controller_names
-from ...simulation.settings import FASTEST
-from ...vehicle.changes import CarChanges
-from ...vehicle.friction_patches import Patch
-from ...vehicle.tires import Tires
-from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
+from ...racing.setup import Setup
+from ...simulation.settings import FASTEST, renamed
 from ...viz.plots import require_matplotlib
-from ..grid import require_axes, time_left
+from ..grid import as_axis, require_axes, time_left
 from ..rollout.job import versions
 from ..store import WRITABLE, blame, claimed
 from ..workers import work_through
@@ -51,6 +48,11 @@ from .pictures import table_picture, trace_pictures
 from .run import ComparisonSettings, Run, RunKey, RunRow
 from .store import ComparisonFolder
 from .tables import LEGEND, Cell, cells_csv, header_of, make_cells, markdown, runs_csv, table_rows
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from ...racing.setup import StudyKeywords
 
 DEFAULT_SEEDS = range(10)
 
@@ -116,30 +118,19 @@ class Comparison(Shown):
         }
 
 
+@renamed(controllers="controller", tracks="track", seeds="seed", max_speeds="max_speed")
 def compare(
-    controllers: Sequence[str] | None = None,
+    controller: str | Sequence[str] | None = None,
     *,
-    tracks: Sequence[str] = (),
-    scenes: Sequence[str] = (),
-    seeds: Sequence[int] = DEFAULT_SEEDS,
-    max_speeds: Sequence[float] = (FASTEST,),
-    laps: int = 5,
-    obstacles: int = 0,
-    lidar_noise: float = 0.0,
-    vehicle: Vehicle | str | Path = DEFAULT_VEHICLE,
-    tires: Tires | str | Path | None = None,
-    mu: float | None = None,
-    changes: CarChanges | None = None,
-    planner_mu: float | None = None,
-    patches: Sequence[Patch] = (),
-    time_limit: float | None = None,
-    decision_limit: float | None = None,
-    opponents: Sequence[Entry | str] = (),
-    grid: str = "staggered",
-    workers: int | None = None,
+    track: str | Sequence[str] | None = None,
+    max_speed: float | Sequence[float] | None = None,
+    seed: int | Sequence[int] = DEFAULT_SEEDS,
     out: str | Path,
+    workers: int | None = None,
     pictures: bool = True,
+    setup: Setup | None = None,
     watch: Callable[[ComparisonProgress], None] | None = None,
+    **keywords: Unpack[StudyKeywords],
 ) -> Comparison:
     """Drive every controller on every course at every speed with every seed, and write what became of them to a folder.
 
@@ -148,34 +139,20 @@ def compare(
     on with the others.
 
     Args:
-      controllers: bundled names or `path/to/file.py:ClassName`, each with settings that differ from its own in brackets
-        where wanted, as `gap_finder[lookahead=8]`; None: all bundled ones.
-      tracks: as `load_track` takes them.
-      scenes: names of scenes.
-      seeds: of a scene; on a track, of the obstacles and the LiDAR's noise. Where nothing depends on it, a course is
-        driven once.
-      max_speeds: fastest that the planner may command, one after the other [m/s].
-      laps: on tracks; a scene is driven once.
-      obstacles: boxes on each track, with a way past each.
-      lidar_noise: standard deviation of each range [m].
-      vehicle: a bundled name, the path of a vehicle's MJCF file, or a Vehicle.
-      tires: a bundled set, the path of a TOML file, or Tires; None: the vehicle's.
-      mu: friction coefficient of the tires, or the greatest peak of those with a curve; None: as in their file.
-      changes: what else differs from the vehicle's MJCF.
-      planner_mu: friction coefficient that planners assume; None: the least peak of the tires, as `mu` sets it; inf: no
-        friction limits.
-      patches: of the floor, on which the tires have another friction.
-      time_limit: of simulated time of each run [s]; None: as `race` has it.
-      decision_limit: of wall time that a planner may take for one decision [s]; None: any; as of `race`.
-      opponents: that the car of each run races against: entries as of `race`, or names of planners, each in a car
-        that is set as that of the runs, at 8 m/s at most. Rows are the car's, with how it fared among the others. A run
-        goes on until each of its cars has finished or cannot go on. Cars that touch are no failure: `contacts` counts
-        them.
-      grid: "staggered" or "side_by_side": where opponents without a start of their own stand, behind the car.
+      controller: one or more: bundled names or `path/to/file.py:ClassName`, each with settings that differ from its own
+        in brackets where wanted, as `gap_finder[lookahead=8]`; None: that of `setup`, or all bundled ones.
+      track: one or more, as `load_track` takes them; of scenes `scene:NAME`; None: that of `setup`, or all scenes.
+      max_speed: one or more: fastest that the planner may command [m/s]; None: that of `setup`, or 8 m/s.
+      seed: one or more: of a scene; on a track, of the obstacles and the LiDAR's noise. Where nothing depends on it, a
+        course is driven once.
+      out: a new or empty folder, or one of a comparison with the same setup.
       workers: processes; None: as many as there are cores; one: no other than this, which a planner can end.
-      out: a new or empty folder, or one of a comparison with the same settings, from `laps` to `grid`.
       pictures: whether to draw them.
+      setup: that all runs have in common.
       watch: called several times a second.
+      keywords: of a Setup, see there, that change `setup`. `obstacles` is how many boxes, at places drawn from the
+        seed. `opponents` race against the car of each run, and rows are that car's, with how it fared among them. Cars
+        that touch are no failure: `contacts` counts them.
 
     Raises:
       SettingsError, TrackError, ControllerError, RunFolderError: what cannot be driven; nothing has run then.
@@ -185,16 +162,20 @@ def compare(
     require_whole("workers", workers, 1, optional=True)
     if pictures:
         require_matplotlib()
-    settings = ComparisonSettings(
-        laps=laps, obstacles=obstacles, lidar_noise=lidar_noise, vehicle=vehicle, tires=tires, mu=mu,
-        changes=changes or CarChanges(), planner_mu=planner_mu, patches=patches, time_limit=time_limit,
-        decision_limit=decision_limit,
-    )  # fmt: skip
-    if opponents or grid != Opponents.grid:
-        like = entry_of(settings.drive(), "gap_finder")
-        settings = replace(settings, opponents=Opponents.of(opponents, first=like, grid=grid))
-    chosen = [ControllerChoice.of(text) for text in (controller_names() if controllers is None else controllers)]
-    runs = plan_runs(chosen, [*tracks, *(f"{PREFIX}{name}" for name in scenes)], max_speeds, seeds, settings)
+    base = Setup.of(setup, door="compare", **keywords)
+    base.require_usable("a comparison", "obstacle_seed", "name")
+    alone = replace(base, entries=base.entries[:1], grid="staggered", rules="none")
+    settings = ComparisonSettings(base=alone, opponents=Opponents.of(base), rules=base.rules)
+    if setup is None:
+        usual: tuple[Any, ...] = (controller_names(), [f"{PREFIX}{name}" for name in scene_names()], FASTEST)
+    else:
+        usual = (base.first.controller, base.track, base.first.max_speed)
+    controllers, courses, speeds = (
+        as_axis(given if given is not None else own)
+        for given, own in zip((controller, track, max_speed), usual, strict=True)
+    )
+    chosen = [ControllerChoice.of(_by_name("controller", each)) for each in controllers]
+    runs = plan_runs(chosen, [_by_name("track", each) for each in courses], speeds, as_axis(seed), settings)
     folder = ComparisonFolder(out)
     with claimed(folder):
         folder.open(runs[0].settings.manifest(), versions())
@@ -220,6 +201,12 @@ def compare(
         folder.runs.sort([run.key for run in runs])
         _write_report(comparison, runs, folder, pictures=pictures)
         return comparison
+
+
+def _by_name(name: str, value: Any) -> str:
+    if not isinstance(value, str):
+        raise SettingsError(f"{name} is {shown(value)}, an object, in a comparison; accepted: a name, or a file")
+    return value
 
 
 def plan_runs(
@@ -253,9 +240,9 @@ def plan_runs(
         ("max_speed", max_speeds), ("seed", seeds),
     )  # fmt: skip
     require_axes(axes)
-    car = settings.car.parameters
+    car, placed = settings.car.parameters, settings.base.obstacles
     for course in courses:
-        check_course(course, settings.obstacles, car=car)
+        check_course(course, placed if isinstance(placed, int) else 0, car=car)
         if settings.opponents.entries:
             checked = settings.opponents.checked(course_ground(course, seeds[0], car=car).course)
             settings = replace(settings, opponents=checked)
@@ -279,14 +266,15 @@ def plan_runs(
     ]  # fmt: skip
     for run in runs if settings.opponents.entries else ():
         if run.controller is controllers[0] and run.key.max_speed_m_s == float(max_speeds[0]):
-            run.line_up()  # refuses cars that do not fit before the start
+            run.setup()  # refuses cars that do not fit before the start
     return runs
 
 
 def _seeds(course: str, seeds: Sequence[int], settings: ComparisonSettings) -> Sequence[int | None]:
     """Return the seeds that a course is driven with."""
-    random = course.startswith(PREFIX) or settings.obstacles > 0 or settings.lidar_noise > 0.0
-    random = random or settings.opponents.noisy
+    placed, effects = settings.base.obstacles, settings.base.first.effects
+    random = course.startswith(PREFIX) or (isinstance(placed, int) and placed > 0) or settings.opponents.noisy
+    random = random or effects.range_noise_std > 0.0 or effects.dropout_probability > 0.0
     return seeds if random else (None,)
 
 

@@ -121,7 +121,7 @@ def _run_page(row: RunRow, settings: ComparisonSettings, out: Path, *, trust: bo
         return _Page(remark=" ".join(str(error).split()))
     except FgMujocoError as error:
         return _Page(remark=" ".join(str(error).split()))
-    if result.end_reason == "interrupted":
+    if result.car.end_reason == "interrupted":
         raise KeyboardInterrupt
     same = result.trajectory_sha256 == row.figures.trajectory_sha256
     said = "the same run, bit for bit" if same else "another run than that in the table, which another version drove"

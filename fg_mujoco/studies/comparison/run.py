@@ -16,75 +16,69 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from ...errors import ControllerError, PlannerError
-from ...lidar.effects import LidarEffects
-from ...messages import FloatArray, require_whole
+from ...course.course import USUAL_LAPS
+from ...errors import ControllerError
+from ...messages import FloatArray
 from ...racing.entries import Entry
-from ...racing.opponents import AMONG_CARS, AmongCars, Opponents, entry_of
+from ...racing.opponents import AMONG_CARS, AmongCars, Opponents
 from ...racing.planner_choice import ControllerChoice
-from ...racing.race import race, require_decision_limit
+from ...racing.race import race_setup
 from ...racing.result import RaceResult
+from ...racing.setup import Setup
 from ...simulation.physics import STATE
 from ...simulation.planner_failure import one_line
-from ...simulation.settings import FASTEST, CarSettings, DriveSettings, require_laps, require_time_limit
+from ...simulation.settings import FASTEST, DriveSettings
+from ...vehicle.vehicle import Vehicle
 from ..store import of_kind
 from .ground import Ground, course_ground, laps_of
-
-_OF_THE_CAR = ("vehicle", "vehicle_sha256", "tires", "mu", "changes", "planner_mu")  # in a manifest
 
 WRONG_WAY_SPEED = 0.1  # [m/s] back along the line; slower is the jitter of a car that stands
 TRACE_STEP = 2  # ticks from one pose of a trace to the next
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
-class ComparisonSettings(CarSettings):
-    """What all runs of a comparison have in common.
+@dataclass(frozen=True, kw_only=True)
+class ComparisonSettings:
+    """What all runs of a comparison have in common."""
 
-    Raises:
-      SettingsError: a value outside what is accepted.
-      ModelError: a file that is not that of a vehicle.
-    """
-
-    laps: int = 5  # on tracks; a scene is driven once
-    obstacles: int = 0  # boxes on each track, at places drawn from the seed
-    lidar_noise: float = 0.0  # [m] standard deviation of each range, drawn from the seed
-    planner_mu: float | None = None  # that planners assume; None: that of the tires; inf: no friction limits
-    time_limit: float | None = None  # [s] of a run; None: as `race` has it
-    decision_limit: float | None = None  # [s] of wall time for a decision; None: any
+    base: Setup  # of one car, with its number of laps; planner, course, speed and seed are the run's
     opponents: Opponents = field(default_factory=Opponents)  # that the car of each run races against
+    rules: str = "none"  # of race control among them
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_laps(self.laps)
-        require_whole("obstacles", self.obstacles, 0)
-        require_time_limit(self)
-        require_decision_limit(self)
-        self.drive()  # refuses the others
+    @property
+    def car(self) -> Vehicle:
+        """The vehicle of each run."""
+        return self.base.first.car
 
-    def drive(self, *, max_speed: float = FASTEST, seed: int = 0) -> DriveSettings:
+    @property
+    def laps(self) -> int:
+        """Laps on tracks; a scene is driven once."""
+        return USUAL_LAPS if self.base.laps is None else self.base.laps
+
+    def drive(self, *, max_speed: float = FASTEST) -> DriveSettings:
         """Return the settings of a run, without those of its planner."""
-        return DriveSettings(
-            vehicle=self.vehicle, tires=self.tires, patches=self.patches, mu=self.mu, changes=self.changes,
-            planner_mu=self.planner_mu, max_speed=max_speed, seed=seed,
-            effects=LidarEffects(range_noise_std=self.lidar_noise),
-        )  # fmt: skip
+        return replace(self.base.drive_settings, max_speed=max_speed)
 
     def manifest(self) -> dict[str, Any]:
         """Return them as they can stand in JSON; `of` reads them back."""
-        always = ("laps", "obstacles", "lidar_noise", "mu", "planner_mu", "time_limit", "decision_limit")
-        alone = replace(self, opponents=Opponents())
-        told = {} if self.all_changes.mu is None else {"planner_mu": self.drive().described()["planner_mu"]}
-        own = {name: getattr(self, name) for name in always} | alone.described() | told
-        return own | self.opponents.described()
+        own = {name: value for name, value in self.base.described().items() if name not in ("track", "controller")}
+        mu = self.drive().assumed_mu
+        told = {"planner_mu": "off" if mu == math.inf else mu} if self.base.first.all_changes.mu is not None else {}
+        return own | {"laps": self.laps} | told | self.opponents.described() | ({} if self.rules == "none" else {"rules": self.rules})
 
     @classmethod
     def of(cls, description: Mapping[str, Any]) -> ComparisonSettings:
-        """Return the settings that `manifest` told of; errors as of CarSettings."""
-        alone = {name: value for name, value in description.items() if name not in ("opponents", "grid")}
-        settings = super().of(alone)
-        drive = {name: value for name, value in alone.items() if name in _OF_THE_CAR and value is not None}
-        told = DriveSettings.of(drive).planner_mu
-        return replace(settings, planner_mu=told, opponents=Opponents.read(description))
+        """Return the settings that `manifest` described; errors are those of `Setup.read`.
+
+        Up to version 0.1.0 a planner was not told of `mu`: a description with it and without `planner_mu` is of then.
+        """
+        own = {name: value for name, value in description.items() if name not in ("opponents", "grid", "rules")}
+        base = Setup.read({name: value for name, value in own.items() if value is not None})
+        first = base.first
+        if first.all_changes.mu is not None and first.planner_mu is None:
+            base = base.replace(planner_mu=first.car.reliable_mu(first.tire_set))
+        elif first.planner_mu is not None and first.planner_mu == replace(first, planner_mu=None).assumed_mu:
+            base = base.replace(planner_mu=None)
+        return cls(base=base, opponents=Opponents.read(description), rules=description.get("rules", "none"))
 
 
 @dataclass(frozen=True)
@@ -178,8 +172,8 @@ class Run:
             result = self.race()
         except Exception as error:
             text = " ".join(str(error).split()) if isinstance(error, ControllerError) else one_line(error)
-            return self._failed(text, "planner_failed" if isinstance(error, PlannerError) else "failed")
-        if result.end_reason == "interrupted":
+            return self._failed(text, "failed")
+        if result.car.end_reason == "interrupted":
             raise KeyboardInterrupt
         poses = driven_poses(result)
         trace = np.concatenate((poses[:-1:TRACE_STEP], poses[-1:]))
@@ -195,83 +189,65 @@ class Run:
 
     def ground(self) -> Ground:
         """Return what it is driven on."""
-        return course_ground(self.course, self.key.seed, self.settings.obstacles, car=self.settings.car.parameters)
+        placed, car = self.settings.base.obstacles, self.settings.car.parameters
+        if isinstance(placed, int):
+            return course_ground(self.course, self.key.seed, placed, car=car)
+        return Ground(course_ground(self.course, self.key.seed, car=car).course, tuple(placed))
 
-    def line_up(self) -> tuple[Entry, ...]:
-        """Return the cars of a run with opponents, each with its start.
+    def setup(self) -> Setup:
+        """Return what is raced.
 
         Raises:
           SettingsError: a car that stands in a wall, in an obstacle or in another car.
         """
-        drive = self.settings.drive(max_speed=self.key.max_speed_m_s, seed=self.key.seed or 0)
-        own = replace(drive, planner_settings=dict(self.controller.settings))
-        ground = self.ground()
-        return self.settings.opponents.line_up(ground.course, entry_of(own, self.controller.source), ground.boxes)
+        ground, base, opponents = self.ground(), self.settings.base, self.settings.opponents
+        first = replace(
+            base.first, controller=self.controller.source, planner_settings=dict(self.controller.settings),
+            max_speed=self.key.max_speed_m_s, seed=self.key.seed or 0,
+        )  # fmt: skip
+        entries: tuple[Entry, ...] = (first,)
+        if opponents.entries:
+            entries = opponents.line_up(ground.course, first, ground.boxes)
+        return replace(
+            base, track=ground.course, entries=entries, laps=laps_of(ground.course, self.settings.laps),
+            obstacles=ground.boxes, grid=opponents.grid, rules=self.settings.rules,
+        )  # fmt: skip
 
     def race(self) -> RaceResult:
         """Drive it, and return the whole result."""
-        shared, ground = self.settings, self.ground()
-        drive = shared.drive(max_speed=self.key.max_speed_m_s, seed=self.key.seed or 0)
-        if shared.opponents.entries:
-            return race(
-                ground.course,
-                laps=laps_of(ground.course, shared.laps),
-                patches=drive.patches,
-                time_limit=shared.time_limit,
-                decision_limit=shared.decision_limit,
-                obstacles=ground.boxes,
-                entries=self.line_up(),
-            )
-        return race(
-            ground.course,
-            self.controller.source,
-            laps=laps_of(ground.course, shared.laps),
-            vehicle=drive.car,
-            tires=drive.tires,
-            patches=drive.patches,
-            mu=drive.mu,
-            changes=drive.changes,
-            planner_mu=drive.planner_mu,
-            max_speed=drive.max_speed,
-            seed=drive.seed,
-            time_limit=shared.time_limit,
-            decision_limit=shared.decision_limit,
-            obstacles=ground.boxes,
-            effects=drive.effects,
-            planner_settings=dict(self.controller.settings),
-        )
+        return race_setup(self.setup())
 
 
 def _among(result: RaceResult) -> AmongCars | None:
     """Return how car 0 of a race fared among the others; None: it drove alone."""
-    if not result.car_results:
+    if len(result.cars) == 1:
         return None
     return AmongCars.of(
-        position=result.car_results[0].position, overtakes=result.overtakes, contacts=result.contacts,
-        winner=result.winner,
-    )  # fmt: skip
+        position=result.car.position, overtakes=result.overtakes, contacts=result.contacts, winner=result.winner
+    )
 
 
 def run_figures(result: RaceResult, poses: FloatArray, ground: Ground) -> RunFigures:
     """Return the figures of car 0 in a race, with its `driven_poses` and what it was driven on."""
-    laps = result.lap_times_s
-    times = np.append(result.column("time_s"), result.sim_time_s)[: len(poses)]
+    car = result.car
+    laps = car.lap_times_s
+    times = np.append(car.column("time_s"), result.sim_time_s)[: len(poses)]
     return RunFigures(
-        success=result.finished and result.collisions == 0,
-        end_reason=result.end_reason,
-        message=None,
-        laps_completed=result.laps_completed,
+        success=car.finished and car.collisions_wall == 0,
+        end_reason=car.end_reason,
+        message=None if car.planner_failure is None else str(car.planner_failure),
+        laps_completed=car.laps_completed,
         laps_requested=result.laps_requested,
         first_lap_s=laps[0] if laps else None,
         best_lap_s=min(laps, default=None),
         mean_lap_s=statistics.fmean(laps) if laps else None,
-        collisions=result.collisions,
-        max_slide_m_s=result.max_slide_m_s,
-        slide_time_fraction=result.slide_time_fraction,
-        least_clearance_m=0.0 if result.collisions else ground.least_clearance(times, poses, result.world.parameters),
-        wrong_way_time_s=wrong_way_time(times, np.append(result.column("progress_m"), math.nan)[: len(poses)]),
+        collisions=car.collisions_wall,
+        max_slide_m_s=car.max_slide_m_s,
+        slide_time_fraction=car.slide_time_fraction,
+        least_clearance_m=0.0 if car.collisions_wall else ground.least_clearance(times, poses, result.world.parameters),
+        wrong_way_time_s=wrong_way_time(times, np.append(car.column("progress_m"), math.nan)[: len(poses)]),
         distance_m=float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum()),
-        mean_speed_m_s=result.mean_speed_m_s,
+        mean_speed_m_s=car.mean_speed_m_s,
         sim_time_s=result.sim_time_s,
         trajectory_sha256=result.trajectory_sha256,
     )
@@ -282,9 +258,9 @@ def driven_poses(result: RaceResult) -> FloatArray:
 
     Of several cars they are car 0's, to the start of its last tick: a car that has finished is taken off the course.
     """
-    rows = np.column_stack([result.column(name) for name in ("x_m", "y_m", "heading_rad")])
-    if result.car_results:
-        return rows[result.column("time_s") < result.car_results[0].end_time_s - 0.5 * result.world.lidar.beams.period]
+    rows = np.column_stack([result.car.column(name) for name in ("x_m", "y_m", "heading_rad")])
+    if len(result.cars) > 1:
+        return rows[result.car.column("time_s") < result.car.end_time_s - 0.5 * result.world.lidar.beams.period]
     data = mujoco.MjData(result.world.model)
     mujoco.mj_setState(result.world.model, data, result.states[-1], STATE)
     return np.concatenate((rows, [result.world.car.pose(data)]))

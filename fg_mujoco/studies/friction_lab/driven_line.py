@@ -14,7 +14,7 @@ from ...messages import CarParameters, FloatArray
 
 
 class Laps(Protocol):
-    """The laps that were driven: a RaceResult, or a LabLaps."""
+    """The laps that were driven: a CarResult, or a LabLaps."""
 
     @property
     def lap_times_s(self) -> tuple[float, ...]:

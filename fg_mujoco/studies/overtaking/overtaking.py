@@ -1,6 +1,6 @@
 """Drives planners behind slower opponents, and writes how often they overtake, and at what price.
 
-    study = overtake(["overtaker"], tracks=["oval"], seeds=range(10), out="runs/overtake")
+    study = overtake("overtaker", track="oval", seed=range(10), out="runs/overtake")
     print(study.markdown())
 
 A later call with the same folder drives only the duels that are missing. A script that calls it with several workers
@@ -20,12 +20,11 @@ from ...errors import SettingsError, TrackError
 from ...messages import require_whole
 from ...racing.planner_choice import ControllerChoice
 from ...racing.planner_files import files_sha256
+from ...racing.setup import Setup
 from ...simulation.course_loading import load_track
-from ...simulation.settings import FASTEST
-from ...vehicle.tires import Tires
-from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
+from ...simulation.settings import renamed
 from ...viz.plots import require_matplotlib
-from ..grid import require_axes, time_left
+from ..grid import as_axis, require_axes, time_left
 from ..rollout.job import versions
 from ..store import WRITABLE, StudyFolder, blame, claimed
 from ..workers import work_through
@@ -39,6 +38,12 @@ from .tables import HEADER, LEGEND, DuelCell, cells_csv, duels_csv, make_cells, 
 DEFAULT_TRACKS = ("oval", "l_corridor", "hairpins", "chicanes", "fast", "tight")
 DEFAULT_SEEDS = range(50)
 DEFAULT_RATIO = (0.3, 0.9)
+
+_UNUSABLE = (
+    "track", "time_limit", "obstacles", "patches", "lidar", "rules", "decision_limit", "planner_settings", "start",
+    "effects", "odometry_drift", "seed", "name",
+)  # fmt: skip
+"""Keywords of a Setup that a duel cannot use."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,23 +102,20 @@ class Overtaking(Shown):
         }
 
 
+@renamed(planners="controller", tracks="track", seeds="seed")
 def overtake(
-    planners: Sequence[str] = ("overtaker",),
+    controller: str | Sequence[str] = "overtaker",
     *,
-    tracks: Sequence[str] = DEFAULT_TRACKS,
-    opponents: Sequence[str] = OPPONENTS,
+    track: str | Sequence[str] = DEFAULT_TRACKS,
+    opponents: str | Sequence[str] = OPPONENTS,
+    seed: int | Sequence[int] = DEFAULT_SEEDS,
     speed_ratio: tuple[float, float] = DEFAULT_RATIO,
-    seeds: Sequence[int] = DEFAULT_SEEDS,
-    laps: int = 2,
-    max_speed: float = FASTEST,
-    vehicle: Vehicle | str | Path = DEFAULT_VEHICLE,
-    tires: Tires | str | Path | None = None,
-    mu: float | None = None,
-    planner_mu: float | None = None,
-    workers: int | None = None,
     out: str | Path,
+    workers: int | None = None,
     pictures: bool = True,
+    setup: Setup | None = None,
     watch: Callable[[OvertakingProgress], None] | None = None,
+    **keywords: Any,
 ) -> Overtaking:
     """Drive each planner behind each opponent on each track with each seed, and write what became of them to a folder.
 
@@ -121,21 +123,18 @@ def overtake(
     raises KeyboardInterrupt once the workers have stopped; the same call goes on with the duels that are missing.
 
     Args:
-      planners: bundled names or `path/to/file.py:ClassName`, with settings in brackets where wanted.
-      tracks: closed ones, as `load_track` takes them.
-      opponents: of OPPONENTS.
+      controller: one or more: bundled names or `path/to/file.py:ClassName`, with settings in brackets where wanted.
+      track: one or more: closed ones, as `load_track` takes them.
+      opponents: one or more of OPPONENTS.
+      seed: one or more: each draws where a duel starts, the distance and the ratio; the same for all planners.
       speed_ratio: least and greatest ratio of the opponent's speed to the planner's own at the same place, alone.
-      seeds: each draws where a duel starts, the distance and the ratio; the same for all planners.
-      laps: within which the planner is to overtake.
-      max_speed: fastest that both may command [m/s].
-      vehicle: of both cars; as of `race`.
-      tires: of both.
-      mu: of both.
-      planner_mu: friction coefficient that both assume; None: that of the tires, as `mu` sets it; inf: no limits.
-      workers: processes; None: as many as there are cores; one: no other than this.
       out: a new or empty folder, or one of a study with the same settings.
+      workers: processes; None: as many as there are cores; one: no other than this.
       pictures: whether to draw one.
+      setup: that all duels have in common.
       watch: called several times a second.
+      keywords: of a Setup, see there, that change `setup`: `laps` within which the planner is to overtake, by default
+        2, `max_speed` of both cars, and which car both are: `vehicle`, `tires`, `mu`, `planner_mu`, `changes`.
 
     Raises:
       SettingsError, TrackError, ControllerError, RunFolderError: what cannot be driven; nothing has run then.
@@ -145,11 +144,14 @@ def overtake(
     require_whole("workers", workers, 1, optional=True)
     if pictures:
         require_matplotlib()
-    slowest, fastest = speed_ratio
+    base = Setup.of(setup, door="overtake", **keywords)
+    base.require_usable("overtake", *_UNUSABLE, alone=True)
+    first, (slowest, fastest) = base.first, speed_ratio
     settings = DuelSettings(
-        vehicle=vehicle, tires=tires, mu=mu, planner_mu=planner_mu, max_speed=max_speed, laps=laps, slowest=slowest,
-        fastest=fastest,
+        vehicle=first.vehicle, tires=first.tires, mu=first.mu, changes=first.changes, planner_mu=first.planner_mu,
+        max_speed=first.max_speed, laps=2 if base.laps is None else base.laps, slowest=slowest, fastest=fastest,
     )  # fmt: skip
+    planners, tracks, opponents, seeds = map(as_axis, (controller, track, opponents, seed))
     duels = plan_duels([ControllerChoice.of(text) for text in planners], tracks, opponents, seeds, settings)
     folder = StudyFolder(out, title="overtaking study", command="overtake")
     with claimed(folder):

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from ...course.course import Course, Sites, laps_to_drive
 from ...course.definitions import course_sha256
+from ...course.obstacles import Obstacle
 from ...errors import ControllerError, SettingsError, accepted_names
 from ...kernels import package_files
 from ...messages import require_whole
@@ -30,9 +31,9 @@ from ...racing.opponents import Opponents, entry_of
 from ...racing.planner_choice import Value
 from ...racing.planner_files import Files, by_name, planner_files
 from ...racing.planner_loading import build_controller, find_controller, text_of
-from ...racing.race import require_decision_limit
+from ...racing.setup import described_obstacles, require_decision_limit
 from ...simulation.physics import STATE
-from ...simulation.settings import DriveSettings, Scenario, require_laps
+from ...simulation.settings import DriveSettings, Scenario, require_laps, require_time_limit
 from ...simulation.telemetry import TELEMETRY
 from ...vehicle.changes import CarChanges
 from .randomization import Randomization
@@ -60,23 +61,24 @@ class RolloutJob:
     seeds: NDArray[np.int64]  # (n,) of the worlds
     randomization: Randomization
     laps: int | None
-    duration: float | None  # [s]
+    time_limit: float | None  # [s]
     record: str
     chunk: int  # worlds in one, at most
     base: DriveSettings = field(default_factory=DriveSettings)  # what is the same in all worlds
     decision_limit: float | None = None  # [s] of wall time for a decision; None: any
+    obstacles: tuple[tuple[Obstacle, ...], ...] = ()  # on each track, in all worlds; none where they are drawn
     opponents: Opponents = field(default_factory=Opponents)  # that car 0 of each world races against
     files: Files = field(default_factory=dict)  # that the planners of car 0 read; none before `checked`
 
     def __post_init__(self) -> None:
         require_laps(self.laps, optional=True)
         require_whole("chunk", self.chunk, 1)
-        number = isinstance(self.duration, (int, float)) and not isinstance(self.duration, bool)
-        if self.duration is not None and not (number and 0.0 < self.duration < math.inf):
-            raise SettingsError(f"duration is {self.duration!r}; accepted: a positive number")
+        require_time_limit(self)
         require_decision_limit(self)
-        if self.laps is None and self.duration is None:
-            raise SettingsError("neither laps nor duration is given; accepted: either or both")
+        if self.laps is None and self.time_limit is None:
+            raise SettingsError("neither laps nor time_limit is given; accepted: either or both")
+        if any(self.obstacles) and self.randomization.most_obstacles:
+            raise SettingsError("obstacles is given for all worlds and in randomize; accepted: one of them")
         if self.record not in RECORDS:
             raise SettingsError(f"record is {self.record!r}; {accepted_names(self.record, RECORDS)}")
 
@@ -138,7 +140,9 @@ class RolloutJob:
     def scenario(self, world: int, values: dict[str, Value] | None = None) -> Scenario:
         """Return world number `world`; `values` are those that were drawn for it, if they are known."""
         track, seed = world % len(self.tracks), int(self.seeds[world])
-        return self.randomization.scenario(self.tracks[track], seed, values, self._sites[track], self.base)
+        scenario = self.randomization.scenario(self.tracks[track], seed, values, self._sites[track], self.base)
+        placed = self.obstacles[track] if self.obstacles else ()
+        return replace(scenario, obstacles=placed) if placed else scenario
 
     def drive(
         self,
@@ -164,7 +168,7 @@ class RolloutJob:
             [self.scenario(*world) for world in zip(numbers, drawn, strict=True)],
             controller or self.controller,
             laps=self.laps,
-            duration=self.duration,
+            time_limit=self.time_limit,
             record=self.record,
             decision_limit=self.decision_limit,
             opponents=self.opponents,
@@ -198,7 +202,7 @@ class RolloutJob:
         if self.record == "summary":
             return 0
         longest = max(track.longest_race(self.laps or 1) for track in self.tracks)
-        limit = self.duration if self.duration is not None else longest
+        limit = self.time_limit if self.time_limit is not None else longest
         states = sum(_state_size(car) + 2 for car in (self.base, *self.opponents.entries))
         row = len(TELEMETRY) + (states if self.record == "states" else 0)
         return int(limit / TICK + 1) * row * 8
@@ -215,10 +219,11 @@ class RolloutJob:
             "seeds_sha256": _sha256(np.ascontiguousarray(self.seeds, "<i8").tobytes()),
             "randomize": self.randomization.texts(),
             "laps": self.laps,
-            "duration": self.duration,
+            "duration": self.time_limit,
             "decision_limit": self.decision_limit,
             "record": self.record,
             "drive": self.base.described(),
+            **({"obstacles": [described_obstacles(own) for own in self.obstacles]} if any(self.obstacles) else {}),
             **self.opponents.described(),
         }
 

@@ -21,12 +21,14 @@ from ...errors import SettingsError, accepted_names
 from ...messages import FloatArray
 from ...racing.entries import Entry
 from ...racing.opponents import AMONG_CARS, FIRST, Opponents, entry_of
-from ...simulation.settings import DriveSettings, Scenario
+from ...racing.setup import Setup, as_obstacles
+from ...simulation.settings import GREATEST_LAPS, DriveSettings
 from ..intervals import wilson
 from ..store import blame
 from .job import Arrays, RolloutJob
 from .randomization import Randomization
 from .store import ChunkStore, FolderStore
+from .world_batch import laps_within
 
 _WORLDS_SHOWN = 10  # in a notebook
 
@@ -73,6 +75,9 @@ class RolloutResult(Shown):
         tracks = quoted(self.tracks[0].name) if len(self.tracks) == 1 else f"{len(self.tracks)} tracks"
         return f"{len(self)} worlds on {tracks}: " + "; ".join(f"{name} {value}" for name, value in self._figures()[1:])
 
+    def _meant(self, name: str) -> str | None:
+        return "setup" if name in ("scenario", "entries") else super()._meant(name)
+
     def _figures(self) -> list[tuple[str, str]]:
         """Return the figures for people, by name."""
         ends = Counter(self["end_reason"].tolist()).most_common()
@@ -105,26 +110,26 @@ class RolloutResult(Shown):
             raise SettingsError(f"no column {name!r}; {accepted_names(name, self.names)}")
         return self.worlds[name]
 
-    def scenario(self, world: int) -> Scenario:
-        """Return world number `world`, to be driven again alone: `race` gives the same, bit for bit.
+    def setup(self, world: int) -> Setup:
+        """Return the setup of a world: `race` gives the same, bit for bit.
 
         Raises:
           SettingsError: there is no such world.
         """
-        row = self._row(world)
-        return self.randomization.scenario(self.tracks[row["track"]], int(row["seed"]), base=self.base)
-
-    def entries(self, world: int) -> tuple[Entry, ...]:
-        """Return the cars of a world with opponents: `race` gives the same, bit for bit, with the scenario's obstacles.
-
-        Raises:
-          SettingsError: there is no such world, or it has no opponents.
-        """
-        if not self.opponents.entries:
-            raise SettingsError("the worlds have no opponents; accepted: the entries of a rollout with opponents")
-        scenario = self.scenario(world)
-        course = self.tracks[self._row(world)["track"]]
-        return self.opponents.line_up(course, entry_of(scenario, self.controller), scenario.obstacles)
+        row, settings = self._row(world), self.settings
+        course = self.tracks[row["track"]]
+        scenario = self.randomization.scenario(course, int(row["seed"]), base=self.base)
+        placed = settings.get("obstacles")
+        obstacles = as_obstacles(placed[row["track"]]) if placed else scenario.obstacles
+        entries: tuple[Entry, ...] = (entry_of(scenario, self.controller),)
+        if self.opponents.entries:
+            entries = self.opponents.line_up(course, entries[0], obstacles)
+        limit = settings.get("duration")
+        return Setup(
+            track=course, entries=entries, obstacles=obstacles, patches=scenario.patches, time_limit=limit,
+            laps=min(laps_within(course, settings.get("laps"), limit or 0.0), GREATEST_LAPS), grid=self.opponents.grid,
+            decision_limit=settings.get("decision_limit"),
+        )  # fmt: skip
 
     def telemetry(self, world: int) -> FloatArray:
         """Return the telemetry of car 0 of a world, read where it is kept. Shape (ticks, len(TELEMETRY)).

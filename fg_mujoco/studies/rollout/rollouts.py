@@ -2,7 +2,7 @@
 
     result = rollout("oval", n=1024, randomize={"mu": (0.6, 1.2)}, laps=1)
     print(result["mu"], result["first_lap_s"], result.summary()["end_reasons"])
-    alone = result.scenario(17)  # the same world, to be driven by `race`
+    alone = race(result.setup(17))  # the same world, bit for bit
 
 A world's result is the same, bit for bit, whatever n, the chunk, the number of workers and the engine are.
 """
@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,17 +22,12 @@ from numpy.typing import NDArray
 from ...arguments import explain_class
 from ...course.course import Course
 from ...errors import SettingsError, accepted_names
-from ...lidar.effects import LidarEffects
 from ...messages import require_whole
-from ...racing.entries import Entry
-from ...racing.opponents import Opponents, entry_of
+from ...racing.opponents import Opponents
 from ...racing.planner_choice import split_controller
+from ...racing.setup import Setup
 from ...simulation.course_loading import load_track
-from ...simulation.settings import FASTEST, DriveSettings, Start
-from ...vehicle.changes import CarChanges
-from ...vehicle.friction_patches import Patch
-from ...vehicle.tires import Tires
-from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
+from ...simulation.settings import renamed
 from ..grid import time_left
 from ..store import claimed
 from ..workers import usable_cores
@@ -43,10 +38,37 @@ from .ray_cluster import drive_on_ray, require_ray
 from .result import RolloutResult, gather
 from .store import ChunkStore, FolderStore, MemoryStore, TemporaryFolderStore
 
-ENGINES = ("local", "processes", "ray")
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from ...racing.setup import SetupKeywords
+
+EXECUTORS = ("threads", "processes", "ray")
 DEFAULT_WORLDS = 1024
-DEFAULT_CHUNK = 64
-DEFAULT_MEMORY_BUDGET = 2**30  # [bytes]
+
+_UNUSABLE = ("lidar", "rules", "name")  # keywords of a Setup
+
+
+@explain_class
+@dataclass(frozen=True, kw_only=True)
+class Executor:
+    """Where worlds are driven, and how much memory that may take.
+
+    Raises:
+      SettingsError: an unknown kind, or numbers that are none.
+    """
+
+    kind: str = "threads"  # of this process; "processes", each of which a planner can end; or "ray", on a cluster
+    chunk: int = 64  # worlds that a worker drives together, at most; a folder that is gone on with keeps its own
+    memory_budget: int = 2**30  # [bytes] that telemetry and states may take; what might take more goes to disk
+
+    def __post_init__(self) -> None:
+        if self.kind == "local":
+            raise SettingsError("executor 'local' is called 'threads' now")
+        if self.kind not in EXECUTORS:
+            raise SettingsError(f"executor is {self.kind!r}; {accepted_names(self.kind, EXECUTORS)}")
+        require_whole("chunk", self.chunk, 1)
+        require_whole("memory_budget", self.memory_budget, 0)
 
 
 @explain_class
@@ -71,37 +93,20 @@ class RolloutProgress:
         return time_left(self.worlds, self.worlds_found, self.worlds_driven, self.wall_time_s)
 
 
+@renamed(engine="executor")
 def rollout(
-    tracks: Course | str | Sequence[Course | str],
-    controller: str = "gap_finder",
+    track: Setup | Course | str | Sequence[Course | str],
+    controller: str | None = None,
     *,
     n: int | None = None,
-    seed: int = 0,
     seeds: Sequence[int] | NDArray[np.integer] | None = None,
     randomize: Mapping[str, Any] | None = None,
-    vehicle: Vehicle | str | Path = DEFAULT_VEHICLE,
-    tires: Tires | str | Path | None = None,
-    mu: float | None = None,
-    changes: CarChanges | None = None,
-    planner_mu: float | None = None,
-    max_speed: float = FASTEST,
-    planner_settings: Mapping[str, Any] | None = None,
-    start: Start | None = None,
-    patches: Sequence[Patch] = (),
-    effects: LidarEffects | None = None,
-    odometry_drift: float = 0.0,
-    laps: int | None = None,
-    duration: float | None = None,
-    decision_limit: float | None = None,
-    opponents: Sequence[Entry | str] = (),
-    grid: str = "staggered",
-    workers: int | None = None,
     record: str = "summary",
     out: str | Path | None = None,
-    memory_budget: int = DEFAULT_MEMORY_BUDGET,
-    chunk: int = DEFAULT_CHUNK,
-    engine: str = "local",
+    workers: int | None = None,
+    executor: Executor | str = "threads",
     watch: Callable[[RolloutProgress], None] | None = None,
+    **keywords: Unpack[SetupKeywords],
 ) -> RolloutResult:
     """Drive many worlds and return how they went.
 
@@ -110,108 +115,117 @@ def rollout(
     with the others.
 
     Args:
-      tracks: one or more, as `load_track` takes them; world i drives `tracks[i % len(tracks)]`.
+      track: one or more, as `load_track` takes them; world i drives `track[i % len(track)]`. Or a whole Setup.
       controller: a bundled name or `path/to/file.py:ClassName`, with settings in brackets where wanted, as
         `gap_finder[lookahead=8]`; each world gets a controller of its own.
       n: how many worlds; None: as many as `seeds`, else 1024.
-      seed: the seeds of the worlds are drawn from it, each by its number only.
-      seeds: the seeds of the worlds themselves, instead.
+      seeds: the seeds of the worlds themselves; None: drawn from the setup's `seed`, each by its number only.
       randomize: parameters that differ from world to world: names of `randomization.PARAMETERS`, or `planner.SETTING`,
         and for each `(low, high)`, a list of values, one value for all, or any of these as text: "0.6:1.2", "1|2|3".
-      vehicle: of all worlds, and so the next ten, as in `race`; none of them may be randomised as well.
-      tires: a bundled set, the path of a TOML file, or Tires; None: the vehicle's.
-      mu: friction coefficient of the tires, or the greatest peak of those with a curve.
-      changes: what else differs from the vehicle's MJCF.
-      planner_mu: friction coefficient that the planners assume; None: that of the tires as they are set, not as
-        `randomize` draws them; inf: no limits.
-      max_speed: fastest that a planner may command [m/s].
-      planner_settings: settings of the planners that differ from their own.
-      start: where and how the cars start; with opponents, car 0 counts from its place on the grid.
-      patches: of the floor, on which the tires have another friction.
-      effects: what the LiDAR does to a scan.
-      odometry_drift: relative error of the speeds and the yaw rate that the planners are told.
-      laps: to be driven; None: one, or as many as fit the duration.
-      duration: of simulated time at most [s]; None: what a car of 0.5 m/s needs for the laps.
-      decision_limit: of wall time that a planner may take for one decision [s]; None: any. A world whose planner
-        takes longer ends as "decision_limit". Threads look at it when the planner has answered; the engine "processes"
-        interrupts it, as `race` does.
-      opponents: that car 0 of each world races against: entries as of `race`, or names of planners, each in a car
-        that is set as car 0's. All settings before are car 0's, and so is what is randomised; with `start_s` the whole
-        grid moves. The results are car 0's too, with how it fared among the others. A world goes on until each of its
-        cars has finished or cannot go on.
-      grid: "staggered" or "side_by_side": where opponents without a start of their own stand, behind car 0.
-      workers: threads or processes, or with Ray cores; None: as many as there are.
+        A parameter that is drawn may not be set for all worlds as well.
       record: "summary", "telemetry" (each tick of each world too) or "states" (and its state and controls).
       out: a new or empty folder, or one of the same rollout, which is then finished.
-      memory_budget: what telemetry and states may take; what might take more goes to disk: to `out`, else to a
-        temporary folder that is gone with the result [bytes].
-      chunk: worlds that a worker drives together, at most; a folder that is gone on with keeps its own.
-      engine: "local", in threads of this process; "processes", each of which a planner can end with no harm but to its
-        own world, which ends as "worker_died"; or "ray". A script that calls it with "processes" needs
+      workers: threads or processes, or with Ray cores; None: as many as there are.
+      executor: "threads", "processes" or "ray", or an Executor, which says more. With "processes" a planner can end
+        its process with no harm but to its own world, which ends as "worker_died"; a script that uses them needs
         `if __name__ == "__main__":`.
       watch: called several times a second, and after each chunk.
+      keywords: of a Setup, see there. `laps` None is one, or as many as fit the `time_limit`. Planners are not told
+        what `randomize` draws. `opponents` race against car 0 of each world, which the settings are about, with
+        `start_s` the whole grid moves, and the results have how car 0 fared among them. A world goes on until each of
+        its cars has finished or cannot go on. A planner that takes longer than `decision_limit` ends its world;
+        threads look at it when the planner has answered, processes interrupt it.
 
     Raises:
       SettingsError, TrackError, ControllerError, RunFolderError: what cannot be driven; nothing has run then.
       MissingExtraError, EngineError: no Ray, or no cluster that can be worked with.
     """
-    if engine not in ENGINES:
-        raise SettingsError(f"engine is {engine!r}; {accepted_names(engine, ENGINES)}")
-    if engine == "ray":
+    given: dict[str, Any] = dict(keywords) | ({} if controller is None else {"controller": controller})
+    if isinstance(track, Setup):
+        tracks, setup = None, Setup.of(track, door="rollout", **given)
+    else:
+        tracks = list(track) if isinstance(track, Sequence) and not isinstance(track, str) else [track]
+        setup = Setup.of(*tracks[:1], door="rollout", **given)
+    return rollout_setup(
+        setup, tracks, n=n, seeds=seeds, randomize=randomize, record=record, out=out, workers=workers,
+        executor=executor, watch=watch,
+    )  # fmt: skip
+
+
+def rollout_setup(
+    setup: Setup,
+    tracks: Sequence[Course | str] | None = None,
+    *,
+    n: int | None = None,
+    seeds: Sequence[int] | NDArray[np.integer] | None = None,
+    randomize: Mapping[str, Any] | None = None,
+    record: str = "summary",
+    out: str | Path | None = None,
+    workers: int | None = None,
+    executor: Executor | str = "threads",
+    watch: Callable[[RolloutProgress], None] | None = None,
+) -> RolloutResult:
+    """Drive many worlds of a setup, on several tracks in turn if they are given; else as `rollout`."""
+    how = executor if isinstance(executor, Executor) else Executor(kind=executor)
+    if how.kind == "ray":
         require_ray()
     require_whole("workers", workers, 1, optional=True)
-    require_whole("memory_budget", memory_budget, 0)
-    several = isinstance(tracks, Sequence) and not isinstance(tracks, str)
-    source, own = split_controller(controller, planner_settings)
-    base = DriveSettings(
-        vehicle=vehicle, tires=tires, mu=mu, changes=changes or CarChanges(), planner_mu=planner_mu,
-        patches=patches, max_speed=max_speed, planner_settings=own, start=start or Start(),
-        effects=effects or LidarEffects(), odometry_drift=odometry_drift,
-    )  # fmt: skip
-    car = base.car.parameters
-    job = RolloutJob(
-        base=base,
-        tracks=tuple(load_track(track, car=car) for track in (tracks if several else [tracks])),  # type: ignore[arg-type,union-attr]
-        controller=source,  # type: ignore[arg-type]  # an object is refused by `check`
-        seed=seed if seeds is None else None,
-        seeds=_seeds(n, seed, seeds),
-        randomization=Randomization.of(randomize),
-        laps=1 if laps is None and duration is None else laps,
-        duration=duration,
-        decision_limit=decision_limit,
-        record=record,
-        chunk=chunk,
-        opponents=_opponents(opponents, base, controller, grid),
-    )
-    if engine == "ray" and any(":" in str(entry.controller) for entry in job.opponents.entries):
-        raise SettingsError("engine is 'ray' with an opponent of a file; accepted: bundled ones, or another engine")
+    job = _job(setup, [setup.track] if tracks is None else tracks, n, seeds, randomize, record, how.chunk)
+    if how.kind == "ray" and any(":" in str(entry.controller) for entry in job.opponents.entries):
+        raise SettingsError("executor is 'ray' with an opponent of a file; accepted: bundled ones, or another executor")
     job = job.checked()
     cores = workers or usable_cores()
     trace = job.trace_bytes()
     # no worker is to be idle, and what is being driven is to fit the budget too
-    fitting = max(memory_budget // (cores * trace), 1) if trace else chunk
-    job = replace(job, chunk=min(chunk, -(-len(job.seeds) // cores), fitting))
+    fitting = max(how.memory_budget // (cores * trace), 1) if trace else how.chunk
+    job = replace(job, chunk=min(how.chunk, -(-len(job.seeds) // cores), fitting))
     if out is not None:
         folder = FolderStore(out)
         with claimed(folder):
             job = replace(job, chunk=folder.open(job.settings(), versions(), job.chunk, job.tracks))
-            result = _drive(job, folder, engine, workers, watch)
+            result = _drive(job, folder, how.kind, workers, watch)
             if not folder.finished:
                 folder.finish(result.summary(), result.as_csv())
         return result
-    fits = trace * len(job.seeds) <= memory_budget
-    return _drive(job, MemoryStore() if fits else TemporaryFolderStore(), engine, workers, watch)
+    fits = trace * len(job.seeds) <= how.memory_budget
+    return _drive(job, MemoryStore() if fits else TemporaryFolderStore(), how.kind, workers, watch)
 
 
-def _opponents(opponents: Sequence[Entry | str], base: DriveSettings, controller: str, grid: str) -> Opponents:
-    first = entry_of(base, controller) if opponents else Entry()
-    return Opponents.of(opponents, first=first, grid=grid)
+def _job(
+    setup: Setup,
+    tracks: Sequence[Course | str],
+    n: int | None,
+    seeds: Any,
+    randomize: Mapping[str, Any] | None,
+    record: str,
+    chunk: int,
+) -> RolloutJob:
+    """Return the worlds to be driven; arguments and errors are those of `rollout`."""
+    setup.require_usable("a rollout", *_UNUSABLE)
+    base, car = setup.drive_settings, setup.first.car.parameters
+    source, own = split_controller(setup.first.controller, base.planner_settings)
+    courses = tuple(load_track(each, car=car) for each in tracks)
+    return RolloutJob(
+        base=replace(base, planner_settings=own, seed=0),
+        tracks=courses,
+        controller=source,  # type: ignore[arg-type]  # an object is refused by `check`
+        seed=setup.first.seed if seeds is None else None,
+        seeds=_seeds(n, setup.first.seed, seeds),
+        randomization=Randomization.of(randomize),
+        laps=1 if setup.laps is None and setup.time_limit is None else setup.laps,
+        time_limit=setup.time_limit,
+        decision_limit=setup.decision_limit,
+        record=record,
+        chunk=chunk,
+        obstacles=tuple(setup.obstacles_on(course) for course in courses),
+        opponents=Opponents.of(setup),
+    )
 
 
 def _drive(
     job: RolloutJob,
     store: ChunkStore,
-    engine: str,
+    kind: str,
     workers: int | None,
     watch: Callable[[RolloutProgress], None] | None,
 ) -> RolloutResult:
@@ -229,7 +243,7 @@ def _drive(
             watch(progress)
 
     if missing:
-        drive = {"local": drive_in_threads, "processes": drive_in_processes, "ray": drive_on_ray}[engine]
+        drive = {"threads": drive_in_threads, "processes": drive_in_processes, "ray": drive_on_ray}[kind]
         with closing(drive(job, missing, workers=workers, pulse=pulse)) as finished:
             for number, arrays in finished:
                 store.add(number, arrays)

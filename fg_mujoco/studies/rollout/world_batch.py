@@ -82,7 +82,7 @@ AMONG = np.dtype(
 """How car 0 fared among its opponents, behind RESULT where it has any; fields as in AmongCars."""
 
 _FAILED = END_REASONS.index("failed")
-_FASTEST = 20.0  # [m/s] where only the duration is given, it makes room for the laps of a car as fast as this
+_FASTEST = 20.0  # [m/s] where only the time_limit is given, it makes room for the laps of a car as fast as this
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -102,7 +102,7 @@ def drive_worlds(
     controller: str,
     *,
     laps: int | None = None,
-    duration: float | None = None,
+    time_limit: float | None = None,
     record: str = "summary",
     decision_limit: float | None = None,
     opponents: Opponents | None = None,
@@ -118,8 +118,8 @@ def drive_worlds(
     Args:
       scenarios: the worlds.
       controller: a bundled name or `path/to/file.py:ClassName`; each world gets a controller of its own.
-      laps: to be driven, of a scene 1; None: as many as fit the duration.
-      duration: of simulated time at most [s]; None: what a car of 0.5 m/s needs for the laps, or the scene's own limit.
+      laps: to be driven, of a scene 1; None: as many as fit the time_limit.
+      time_limit: of simulated time at most [s]; None: what a car of 0.5 m/s needs for the laps, or the scene's own limit.
       record: "summary", "telemetry" (every tick's row too) or "states" (and its state and controls).
       decision_limit: of wall time that a planner may take for one decision [s], as of `race`; None: any.
       opponents: that car 0 of each world, which the scenario is about, races against; None: it drives alone.
@@ -127,12 +127,12 @@ def drive_worlds(
       watch: told every tick how many ticks were done in this call and how many worlds run.
 
     Raises:
-      SettingsError: neither laps nor duration, more laps than a scene has, or an unknown record.
+      SettingsError: neither laps nor time_limit, more laps than a scene has, or an unknown record.
       TrackError, ControllerError: input that cannot be driven.
     """
-    if laps is None and duration is None:
-        raise SettingsError("neither laps nor duration is given; accepted: either or both")
-    for name, value in (("laps", laps), ("duration", duration)):
+    if laps is None and time_limit is None:
+        raise SettingsError("neither laps nor time_limit is given; accepted: either or both")
+    for name, value in (("laps", laps), ("time_limit", time_limit)):
         if value is not None and not 0 < value < math.inf:
             raise SettingsError(f"{name} is {value!r}; accepted: a positive number")
     if record not in RECORDS:
@@ -152,8 +152,8 @@ def drive_worlds(
 
     def drive(world: World, members: Sequence[int]) -> None:
         nonlocal ticks
-        limit = duration if duration is not None else world.track.longest_race(laps or 1)
-        room = world.track.most_laps or laps or int(limit * _FASTEST / world.track.length) + 2
+        limit = time_limit if time_limit is not None else world.track.longest_race(laps or 1)
+        room = laps_within(world.track, laps, limit)
         engine = make_engine(
             world, [scenarios[i] for i in members], controller, laps=room, time_limit=limit,
             timed=None if clock is None else clock.time, opponents=opponents,
@@ -194,6 +194,11 @@ def drive_worlds(
                 else:
                     results.fail(members[0], scenarios[members[0]].seed, "planner_failed")
     return results.gathered()
+
+
+def laps_within(course: Course, laps: int | None, time_limit: float) -> int:
+    """Return how many laps a world has room for; None: as many as a car of 20 m/s drives within a time limit [s]."""
+    return course.most_laps or laps or int(time_limit * _FASTEST / course.length) + 2
 
 
 def result_dtype(*, among: bool) -> np.dtype[Any]:

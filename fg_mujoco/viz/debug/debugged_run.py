@@ -72,7 +72,7 @@ def debug(
         raise SettingsError(f"window is {window:g}; accepted: seconds above 0, at most {LONGEST_WINDOW:g}")
     run: RaceResult | Run = source if isinstance(source, (RaceResult, Run)) else read_run(source)
     recorded, drive = read_recorded(run), read_drive(run)
-    world = load_world(run) if isinstance(run, Run) else World.from_xml(drive.xml, lidar=run.lidar)
+    world = load_world(run) if isinstance(run, Run) else World.from_xml(drive.xml, lidar=run.setup.lidar)
     failed = _failed_scan(run)
     first, end, chosen = _window(drive, at, window, failed is not None)
     notes: list[str] = []
@@ -141,7 +141,7 @@ def _planner(
 def _failed_scan(run: RaceResult | Run) -> tuple[LaserScan, Odometry] | None:
     """Return what the planner was told when it failed; None: it did not."""
     if isinstance(run, RaceResult):
-        failure = run.planner_failure
+        failure = run.car.planner_failure
         return None if failure is None else (failure.scan, failure.odometry)
     return read_failed_scan(run.folder) if (run.folder / FAILED_SCAN).exists() else None
 

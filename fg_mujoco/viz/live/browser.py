@@ -1,6 +1,6 @@
 """A live race in a browser: the world, what the LiDAR sees, where the planner is heading; knobs, and keys to drive by.
 
-    session = LiveSession(LiveSettings(track="oval"))
+    session = LiveSession(Setup.of("oval"))
     with LiveView(session, port=8080) as view:
         view.run()  # until Ctrl-C
 
@@ -188,7 +188,7 @@ class LiveView:
                 group.on_click(lambda event: self._press(event.target.value))
         defaults = session.planner_defaults
         if defaults is not None:
-            with gui.add_folder(f"planner: {session.settings.controller}", expand_by_default=False):
+            with gui.add_folder(f"planner: {session.setup.first.controller}", expand_by_default=False):
                 self._planner_knobs(defaults)
         self._hotkey("pause or go on", "P", self._toggle_pause)
         self._hotkey("reset", "R", session.reset)

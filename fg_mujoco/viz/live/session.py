@@ -1,6 +1,6 @@
 """A race that goes on while somebody turns its knobs: pause, reset, drive by hand, another speed limit, other tires.
 
-    session = LiveSession(LiveSettings(track="oval"))
+    session = LiveSession(Setup.of("oval"))
     session.change("max_speed", 4.0)
     session.tick()
 
@@ -14,22 +14,20 @@ import inspect
 import math
 import threading
 from collections import deque
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
 
-from ...course.course import Course
 from ...course.lap_timer import LapTimer
-from ...course.random_obstacles import random_boxes
 from ...errors import FgMujocoError, PlannerError, SettingsError
 from ...lidar.beams import lidar_body
-from ...messages import DriveCommand, FloatArray, LaserScan, Odometry, Sketch, require_whole
-from ...racing.entries import Entry, check_starts, grid_starts, require_entries
+from ...messages import DriveCommand, FloatArray, LaserScan, Odometry, Sketch
+from ...racing.entries import check_starts, grid_starts
 from ...racing.planner_choice import split_controller
 from ...racing.planner_loading import make_controller
+from ...racing.setup import Setup
 from ...showing import ShownValues
-from ...simulation.course_loading import load_track
 from ...simulation.planner_adapter import Planners, PlannersOfEach, adapt, plan, start
 from ...simulation.planner_failure import PlannerFailure, is_of_planner, without_exit
 from ...simulation.settings import DriveSettings, Start
@@ -44,38 +42,15 @@ _TRACE_LENGTH = 2000  # points
 _HISTORY = 30.0  # [s] of speed that is kept
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
-class LiveSettings(DriveSettings):
-    """What a live view begins with; the knobs change it.
-
-    Raises:
-      SettingsError: a value outside of what is accepted.
-      ModelError: a file that is not that of a vehicle.
-    """
-
-    track: Course | str = "oval"  # as `load_track` takes it
-    controller: str = "gap_finder"  # as the command line takes it, with settings in brackets where wanted
-    obstacles: int = 0  # boxes on a track
-    obstacle_seed: int = 0  # of their places
-    opponents: tuple[Entry, ...] = ()  # cars besides this one, driven by their planners
-    grid: str = "staggered"  # where they stand before the start
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for name in ("obstacles", "obstacle_seed"):
-            require_whole(name, getattr(self, name), 0)
-        if not isinstance(self.opponents, (tuple, list)):
-            raise SettingsError(f"opponents is {self.opponents!r}; accepted: a tuple of Entry")
-
-
 class LiveSession:
     """A car, its planner and whoever drives along.
 
     Args:
-      settings: to begin with.
+      setup: to begin with: the knobs change it. Its race has no end, and no rules.
 
     Attributes:
-      settings: as they are now.
+      setup: as it was at the beginning.
+      settings: those of the car, as they are now.
       planner_settings: those of the planner that differ from its own, as they are now.
       world: the World; it is another one after `mu` was changed.
       simulation: of the world.
@@ -92,16 +67,15 @@ class LiveSession:
       TrackError, ControllerError, SettingsError: what cannot be driven.
     """
 
-    def __init__(self, settings: LiveSettings | None = None) -> None:
-        self.settings = settings or LiveSettings()
+    def __init__(self, setup: Setup | None = None) -> None:
+        self.setup = setup or Setup()
+        self.setup.require_usable("a live view", "laps", "time_limit", "lidar", "rules", "decision_limit")
+        self.settings = self.setup.drive_settings
         self.planner_settings: dict[str, Any]
-        self._source, self.planner_settings = split_controller(self.settings.controller, self.settings.planner_settings)
-        car = self.settings.car.parameters
-        self._course = load_track(self.settings.track, car=car)
-        self._obstacles = random_boxes(
-            self._course, self.settings.obstacles, self.settings.obstacle_seed, car=car, start=self.settings.start.s
-        )
-        self._opponents = require_entries((Entry(), *self.settings.opponents))[1:]
+        self._source, self.planner_settings = split_controller(self.setup.first.controller, self.settings.planner_settings)
+        self._course = self.setup.load_course()
+        self._obstacles = self.setup.obstacles_on(self._course)
+        self._opponents = self.setup.named[1:]
         self.world = self._make_world(self.settings)
         self._start = self._take_places()
         self.simulation = self._make_simulation(self.world)
@@ -315,7 +289,7 @@ class LiveSession:
         else:
             raise SettingsError(f"{name} is no knob; accepted: mu, planner_mu, max_speed, planner.SETTING")
 
-    def _change_mu(self, settings: LiveSettings) -> None:
+    def _change_mu(self, settings: DriveSettings) -> None:
         """Give the car other tires where it is, as fast as it is: a new world takes the state of the old one."""
         state = self.simulation.state
         world = self._make_world(settings)
@@ -337,7 +311,7 @@ class LiveSession:
             others=self._opponents,
         )  # fmt: skip
 
-    def _make_world(self, settings: LiveSettings) -> World:
+    def _make_world(self, settings: DriveSettings) -> World:
         others = [opponent.world_car() for opponent in self._opponents]
         return settings.world(self._course, obstacles=self._obstacles, others=others)
 
@@ -352,7 +326,7 @@ class LiveSession:
         if not self._opponents:
             check_starts(self._course, [own], cars, [""], self._obstacles)
             return own
-        first, *behind = grid_starts(self._course, cars, self.settings.grid)
+        first, *behind = grid_starts(self._course, cars, self.setup.grid)
         own = first if own == Start() else own
         self._opponents = tuple(
             replace(opponent, start=opponent.start or place)
@@ -400,7 +374,7 @@ class LiveSession:
         first = TELEMETRY.index(column)
         return _greatest(self.simulation.engine.telemetry[0, first : first + 4])
 
-    def _make_planner(self, settings: dict[str, Any], shared: LiveSettings) -> Any:
+    def _make_planner(self, settings: dict[str, Any], shared: DriveSettings) -> Any:
         context = shared.context(self.world.parameters, self.world.track.map_line)
         planner = make_controller(self._source, context, settings=settings)
         start(planner)

@@ -102,10 +102,10 @@ def read_drive(source: Drive | Run | RaceResult | str | Path, car: int = 0) -> D
         return source
     if isinstance(source, RaceResult):
         time = _times(source.world.model, source.states)
-        telemetries = (source.telemetry, *(other.telemetry for other in source.car_results[1:]))
+        telemetries = tuple(each.telemetry for each in source.cars)
         require_car(car, len(telemetries))
         return Drive(
-            name=f"{source.track}, {source.controller}", xml=source.world.xml, time=time,
+            name=f"{source.track}, {source.car.controller}", xml=source.world.xml, time=time,
             summary=_summary_of(source.summary(), car), states=source.states, ctrl=source.ctrl,
             telemetry=telemetries[car], start=track_start(source.world), raced_here=True, car=car,
             telemetries=telemetries,

@@ -103,9 +103,9 @@ def read_recorded(source: RaceResult | Run | str | Path) -> RecordedRun:
     """
     if isinstance(source, RaceResult):
         return RecordedRun(
-            source=f"{source.track}, {source.controller}", summary=json.loads(summary_json(source)),
-            telemetry=source.telemetry, model=source.world.model,
-            others=tuple(car.telemetry for car in source.car_results[1:]),
+            source=f"{source.track}, {source.car.controller}", summary=json.loads(summary_json(source)),
+            telemetry=source.car.telemetry, model=source.world.model,
+            others=tuple(car.telemetry for car in source.cars[1:]),
         )  # fmt: skip
     run = source if isinstance(source, Run) else read_run(source)
     unknown = _OF_TIRES if run.summary.get("end_reason") == RECORDED else ()

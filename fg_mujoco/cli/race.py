@@ -1,0 +1,190 @@
+"""The command `fg-mujoco race`."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ..errors import FgMujocoError, RunFolderError
+from ..racing.decisions import decision_limit_text
+from ..racing.hints import race_hints
+from ..racing.planner_choice import with_settings
+from ..racing.race import RaceProgress, race_setup
+from ..racing.result import RaceResult
+from ..racing.run_folder import check_run_folder, summary_json
+from ..simulation.settings import friction_text
+from ..vehicle.tire_slip import sliding_rule
+from ..viz.plots import write_run
+from .config import add_config
+from .options import CAR, add_setup_options, add_trust_option, can_draw, in_one_line, setup_of
+from .out import RUN, add_out_options
+from .progress import ProgressLine
+from .render import check_film, film_race
+from .report import PAGE, report_race
+
+_DONE, _NOT_DONE = 0, 1
+
+
+def add_race(add_command: Callable[..., argparse.ArgumentParser], commands: Any) -> None:
+    """Add the command; `add_command` is the one that adds the others."""
+    command = add_command(commands, "race", _race, "race a controller from a standing start")
+    add = command.add_argument
+    add_setup_options(
+        add, "track", "controller", "laps", "obstacles", "obstacle_seed", "patches", *CAR, "lidar",
+        "motion_distortion", "seed", "opponents", "grid", "rules", "time_limit", "decision_limit",
+    )  # fmt: skip
+    add_out_options(command, RUN, "write a run folder here")
+    add("--video", type=Path, metavar="FILE", help="write a video of the race, .mp4 or .gif; see the command render")
+    add("--json", action="store_true", help="print one JSON object and nothing else")
+    add("--traceback", action="store_true", help="of a planner that fails, print the whole traceback, not its own part")
+    add_config(command)
+    add_trust_option(add)
+
+
+def _race(options: argparse.Namespace) -> int:
+    setup = setup_of(options)
+    picture = options.out is not None and check_out(options.out)
+    if options.video is not None:
+        check_film(options.video)
+    # what a planner prints is not our output
+    with contextlib.redirect_stdout(sys.stderr), _Watcher(show=not options.json) as watch:
+        result = race_setup(setup, watch=watch)
+    failures = [car.planner_failure for car in result.cars if car.planner_failure is not None]
+    for failure in failures:
+        print(failure.whole_traceback if options.traceback else failure.traceback, end="", file=sys.stderr)
+    try:
+        if options.out is not None:
+            write_run(result, options.out, picture=picture, add=report_race)
+    except RunFolderError:  # of a race that is driven already; `main` says why
+        print(summary_json(result) if options.json else _table(result, None))
+        raise
+    code = _DONE if result.car.finished and not failures else _NOT_DONE
+    if options.video is not None:
+        try:
+            with contextlib.redirect_stdout(sys.stderr):  # stdout is the table's, or the JSON object's
+                film_race(result, options.video)
+        except FgMujocoError as error:
+            if options.out is None:
+                raise
+            print("fg-mujoco:", in_one_line(str(error)), file=sys.stderr)  # the run folder is written, and stays
+            code = _NOT_DONE
+    print(summary_json(result) if options.json else _table(result, options.out))
+    for hint in race_hints(result):
+        print("fg-mujoco: hint:", in_one_line(hint), file=sys.stderr)
+    return code
+
+
+def check_out(folder: str) -> bool:
+    """Refuse a folder that cannot be written, before the race and not after it; answer whether to draw a picture."""
+    check_run_folder(folder)
+    return can_draw("trace.png", several=False)
+
+
+class _Watcher:
+    """Shows how a race goes, and on Ctrl-C ends it between two ticks, so that what was driven is whole.
+
+    The first Ctrl-C says what it waits for. A second one ends a planner that never answers.
+    """
+
+    def __init__(self, *, show: bool) -> None:
+        self._line, self._show = ProgressLine("preparing the race", show=show), show
+        self._time: float | None = None  # [s] simulated; None: no tick is done
+        self._started = time.perf_counter()
+        self._interrupted = False
+
+    def __enter__(self) -> _Watcher:
+        self._before = signal.signal(signal.SIGINT, self._interrupt)
+        self._line.__enter__()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        signal.signal(signal.SIGINT, self._before)
+        self._line.__exit__(*exception)
+
+    def _interrupt(self, *signal_and_frame: object) -> None:
+        self._interrupted = True
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        first = "the first tick: the world, kernels to be compiled, and the planner's first command"
+        waits_for = first if self._time is None else f"the planner's command at t = {self._time:.3f} s"
+        said = f"fg-mujoco: interrupted; waiting for {waits_for}. Ctrl-C once more ends the race at once.\n"
+        clear = "\r\x1b[K" if self._show and self._line.terminal else ""
+        with contextlib.suppress(OSError):
+            os.write(2, (clear + said).encode())  # print may be interrupted in the midst of printing
+
+    def __call__(self, progress: RaceProgress) -> None:
+        self._time = progress.time
+        if self._interrupted:
+            raise KeyboardInterrupt
+        if self._line.due:
+            lap = min(progress.laps_completed + 1, progress.laps_requested)
+            self._line.write(
+                f"lap {lap}/{progress.laps_requested}  {progress.time:6.1f} s  {progress.speed:5.2f} m/s  "
+                f"{progress.time / (time.perf_counter() - self._started):.0f} x real time"
+            )
+
+
+def _table(result: RaceResult, out: str | None) -> str:
+    car = result.car
+    laps = [(f"lap {lap}", f"{seconds:.3f} s") for lap, seconds in enumerate(car.lap_times_s, start=1)]
+    rows = [
+        ("laps", f"{car.laps_completed} of {result.laps_requested}, {car.end_reason.replace('_', ' ')}"),
+        *laps,
+        ("collisions", f"{car.collisions_wall}"),
+        ("greatest sliding", f"{car.max_slide_m_s:.4f} m/s (a tire slides {sliding_rule(car.tires_model)})"),
+        ("sliding sideways", f"{car.max_lateral_slide_m_s:.4f} m/s at most"),
+        ("time sliding", f"{100.0 * car.slide_time_fraction:.2f} %"),
+        ("friction", friction_text(car.mu, car.planner_mu)),
+        ("top speed", f"{car.max_speed_m_s:.2f} m/s"),
+        ("mean speed", f"{car.mean_speed_m_s:.2f} m/s"),
+        ("clamped commands", f"{car.clamped_commands} of {len(car.telemetry)}"),
+        ("decisions", str(car.decision_times)),
+        ("simulated", f"{result.sim_time_s:.2f} s in {result.wall_time_s:.2f} s"),
+        ("real-time factor", f"{result.realtime_factor:.1f}"),
+    ]
+    if result.obstacles:
+        rows.insert(1, ("obstacles", f"{result.obstacles}, seed {result.obstacle_seed}"))
+    if car.wrong_way is not None:
+        rows.insert(1, ("wrong way", str(car.wrong_way)))
+    if car.planner_failure is not None:
+        rows.insert(1, ("planner failed", str(car.planner_failure)))
+    if car.crash is not None:
+        rows.insert(1, ("crash", str(car.crash)))
+    if car.rollover is not None:
+        rows.insert(1, ("rolled over", str(car.rollover)))
+    if car.end_reason == "decision_limit":
+        rows.insert(1, ("decision limit", decision_limit_text(result.setup.decision_limit, result.sim_time_s)))
+    if out is not None:
+        rows.append(("written to", out))
+        if (Path(out) / PAGE).is_file():
+            rows.append(("report", str(Path(out) / PAGE)))
+    if len(result.cars) > 1:
+        rows.append(("winner", result.winner or "nobody finished"))
+    controller = with_settings(car.controller, car.planner_settings)
+    heading = f"{result.track}, {controller}, {car.vehicle}"
+    return "\n".join([heading, *(f"  {name:<18}{value}" for name, value in rows), *_field_table(result)])
+
+
+def _field_table(result: RaceResult) -> list[str]:
+    """Return the lines about all cars of a race of several, and what happened between them."""
+    lines: list[str] = []
+    if len(result.cars) == 1:
+        return lines
+    for car in sorted(result.cars, key=lambda car: car.position):
+        best = f"best {min(car.lap_times_s):.2f} s" if car.lap_times_s else "no lap"
+        said = str(car.crash or car.wrong_way or car.planner_failure or car.end_reason.replace("_", " "))
+        touched = f"{car.collisions_car} contact{'s' if car.collisions_car != 1 else ''}"
+        name = with_settings(car.controller, car.planner_settings)
+        lines.append(f"  {car.position}. {car.name:<8} {name}: {car.laps_completed} laps, {best}, {touched}, {said}")
+    lines += [f"  {lap.time_s:7.2f} s  {lap.by} overtakes {lap.of}" for lap in result.overtakes]
+    for contact in result.contacts:
+        cars = " and ".join(contact.cars)
+        hit = f"{contact.impulse_Ns:.2f} N s at {contact.closing_speed_m_s:.1f} m/s"
+        lines.append(f"  {contact.time_s:7.2f} s  {cars} touch: {hit}, at fault {contact.at_fault}")
+    return lines + [f"  {warned.time_s:7.2f} s  warning to {warned.car}: {warned.reason}" for warned in result.warnings]

@@ -1,0 +1,512 @@
+"""What is raced: the course, the cars with their planners, the rules, and when the race ends.
+
+    setup = Setup.of("oval", controller="gap_finder[lookahead=8]", mu=0.7, laps=2)
+    result = race(setup)
+    again = race(setup.replace(mu=0.5))
+    setup.write("race.toml")
+
+All doors take a Setup, or its keywords, and build one: a race, a rollout, a comparison, an environment. The keywords
+are the fields of Setup, and those of Entry for its first car. A file has the same names as keys.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields, replace
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypedDict
+
+from ..arguments import explain_class, unknown_argument
+from ..course.course import Course, laps_to_drive
+from ..course.definitions import course_sha256
+from ..course.obstacles import Box, Cylinder, Obstacle, Prism
+from ..course.random_obstacles import random_boxes
+from ..course.writing import write_file
+from ..display import brief, changed
+from ..errors import ArgumentError, SettingsError, accepted_names
+from ..lidar.effects import LidarEffects
+from ..lidar.lidar import LIDAR_BACKENDS
+from ..messages import require, require_whole, shown
+from ..simulation.course_loading import load_track
+from ..simulation.settings import CarSettings, DriveSettings, Start, as_parts, require_laps, require_time_limit
+from ..simulation.world import World
+from ..vehicle.changes import CarChanges
+from ..vehicle.friction_patches import Patch
+from ..vehicle.tires import Tires
+from ..vehicle.vehicle import Vehicle
+from .entries import Entry, require_entries, require_grid
+from .race_control import find_rules
+from .toml_files import read_toml, toml_text
+
+if TYPE_CHECKING:
+    pass
+
+RENAMED = {
+    "begin": "start", "car": "changes", "controllers": "controller", "duration": "time_limit",
+    "max_speeds": "max_speed", "planner": "controller", "planners": "controller", "seeds": "seed", "tracks": "track",
+}  # fmt: skip
+"""Keyword that a door had before -> what it is called now."""
+
+PARTS = {
+    "lidar_noise": ("effects", "range_noise_std"), "lidar_dropout": ("effects", "dropout_probability"),
+    "lidar_latency": ("effects", "latency"), "motion_distortion": ("effects", "motion_distortion"),
+    "start_s": ("start", "s"), "start_offset": ("start", "offset"), "start_heading": ("start", "heading"),
+    "start_speed": ("start", "speed"), "mass": ("changes", "mass"),
+    "cog_height": ("changes", "center_of_gravity_height"), "steering_gain": ("changes", "steering_gain"),
+    "speed_gain": ("changes", "speed_gain"), "command_delay": ("changes", "command_delay"),
+}  # fmt: skip
+"""Keyword -> the setting of a car whose field it is, and the field. A rollout draws them by these names, too."""
+
+_KINDS = {"effects": LidarEffects, "start": Start, "changes": CarChanges}
+_SOLIDS = {"box": Box, "cylinder": Cylinder, "prism": Prism}
+
+
+class StudyKeywords(TypedDict, total=False):
+    """The keywords of a Setup that are no axes of a study: of Setup, of Entry for car 0, and of PARTS."""
+
+    entries: Sequence[Entry]
+    opponents: Sequence[Entry | str]
+    laps: int | None
+    time_limit: float | None
+    obstacles: Sequence[Obstacle] | int
+    obstacle_seed: int
+    patches: Sequence[Patch]
+    lidar: str
+    grid: str
+    rules: str
+    decision_limit: float | None
+    name: str | None
+    vehicle: Vehicle | str | Path
+    tires: Tires | str | Path | None
+    mu: float | None
+    changes: CarChanges | Mapping[str, Any]
+    planner_mu: float | None
+    planner_settings: Mapping[str, Any]
+    start: Start | Mapping[str, Any] | None
+    effects: LidarEffects | Mapping[str, Any]
+    odometry_drift: float
+    lidar_noise: float
+    lidar_dropout: float
+    lidar_latency: float
+    motion_distortion: bool
+    start_s: float
+    start_offset: float
+    start_heading: float
+    start_speed: float
+    mass: float | None
+    cog_height: float | None
+    steering_gain: float | None
+    speed_gain: float | None
+    command_delay: float | None
+
+
+class SetupKeywords(StudyKeywords, total=False):
+    """The keywords of a Setup, as all doors take them, besides `track` and `controller`, which are arguments."""
+
+    max_speed: float
+    seed: int
+
+
+@explain_class
+@dataclass(frozen=True, kw_only=True, repr=False, eq=False)
+class Setup:
+    """What is raced. Two setups are equal where their `sha256` are.
+
+    Raises:
+      SettingsError: a value outside of what is accepted.
+      ModelError: a file that is not that of a vehicle.
+    """
+
+    track: Course | str = "oval"  # as `load_track` takes it
+    entries: Sequence[Entry] = field(default_factory=lambda: (Entry(),))  # the cars, in the order of the grid
+    laps: int | None = None  # None: what is usual: of a race 5, of a scene 1, of a world of a rollout 1
+    time_limit: float | None = None  # [s] of simulated time at most; None: what a car of 0.5 m/s needs, or the scene's
+    obstacles: Sequence[Obstacle] | int = ()  # on the track, besides a scene's own; or how many boxes at random places
+    obstacle_seed: int = 0  # of the random places
+    patches: Sequence[Patch] = ()  # of the floor, on which the tires have another friction
+    lidar: str = "raycast"  # back end, "raycast" or "rangefinder"
+    grid: str = "staggered"  # or "side_by_side": where entries without a start stand, see `entries.grid_starts`
+    rules: str = "none"  # of race control, see `race_control.RULES`
+    decision_limit: float | None = None  # [s] of wall time that a planner may take for a decision; None: any
+
+    def __post_init__(self) -> None:
+        named = tuple(self.entries) if isinstance(self.entries, Iterable) else self.entries
+        require_entries(named)
+        self._set("entries", named)
+        require_laps(self.laps, optional=True)
+        require_time_limit(self)
+        require_decision_limit(self)
+        self._set("patches", as_parts(self.patches, Patch, "patches"))
+        if isinstance(self.obstacles, int) and not isinstance(self.obstacles, bool):
+            require_whole("obstacles", self.obstacles, 0)
+        elif isinstance(self.obstacles, (str, Mapping)) or not isinstance(self.obstacles, Iterable):
+            said = f"obstacles is {shown(self.obstacles)}"
+            raise SettingsError(f"{said}; accepted: a whole number from 0, or a sequence of Box, Cylinder and Prism")
+        else:
+            self._set("obstacles", as_obstacles(self.obstacles))
+        require_whole("obstacle_seed", self.obstacle_seed, 0)
+        if self.lidar not in LIDAR_BACKENDS:
+            raise SettingsError(f"lidar is {self.lidar!r}; {accepted_names(self.lidar, LIDAR_BACKENDS)}")
+        require_grid(self.grid)
+        find_rules(self.rules)
+        for name, usual in (("grid", "staggered"), ("rules", "none")):
+            if len(named) == 1 and getattr(self, name) != usual:
+                raise SettingsError(
+                    f"{name} is {getattr(self, name)!r} without opponents; accepted: with one or more, or {usual!r}"
+                )
+
+    def _set(self, name: str, value: Any) -> None:
+        object.__setattr__(self, name, value)
+
+    @classmethod
+    def of(cls, track: Setup | Course | str | None = None, /, *, door: str = "Setup", **keywords: Any) -> Setup:
+        """Return the setup of a track and keywords; of a Setup and keywords that one with these in it.
+
+        Args:
+          track: or the setup that the keywords change.
+          door: what messages call the function that was called with the keywords.
+          keywords: of SetupKeywords.
+
+        Raises:
+          ArgumentError: a keyword that there is not.
+          SettingsError: a value outside of what is accepted; settings of a car beside `entries` of several.
+        """
+        base = track if isinstance(track, Setup) else cls()
+        if track is not None and not isinstance(track, Setup):
+            keywords = {"track": track, **keywords}
+        _require_known(door, keywords)
+        return base.replace(**keywords)
+
+    def replace(self, **keywords: Any) -> Setup:
+        """Return this setup with other values; arguments and errors are those of `of`."""
+        _require_known("replace", keywords)
+        of_race = {name: keywords.pop(name) for name in _OF_RACE if name in keywords}
+        opponents = keywords.pop("opponents", None)
+        if keywords:
+            if "entries" in of_race or len(self.entries) > 1:
+                name, value = next(iter(keywords.items()))
+                raise SettingsError(f"{name} is {shown(value)} beside entries; accepted: {name} of each Entry")
+            of_race["entries"] = (_changed_entry(self.first, keywords),)
+        if opponents is not None:
+            first, *others = of_race.get("entries", self.entries)
+            if "entries" in of_race and others or isinstance(opponents, (str, Entry, Mapping)):
+                raise SettingsError(f"opponents is {shown(opponents)}; accepted: a list, and no other entries beside it")
+            of_race["entries"] = (first, *(as_opponent(each, first) for each in opponents))
+        for name in ("obstacles", "patches"):
+            if name in of_race and of_race[name] is None:
+                of_race[name] = ()
+        return replace(self, **of_race)
+
+    @property
+    def first(self) -> Entry:
+        """The entry of car 0."""
+        return self.entries[0]
+
+    @property
+    def named(self) -> tuple[Entry, ...]:
+        """The entries, each with a name."""
+        return require_entries(self.entries)
+
+    @property
+    def drive_settings(self) -> DriveSettings:
+        """The settings of car 0 and of the floor, without its planner."""
+        own = {f.name: getattr(self.first, f.name) for f in fields(DriveSettings)}
+        return DriveSettings(**own | {"patches": self.patches, "start": self.first.start or Start()})
+
+    def load_course(self) -> Course:
+        """Return the course, made for car 0 where it is a scene.
+
+        Raises:
+          TrackError: there is none, or it cannot be read.
+        """
+        return load_track(self.track, car=self.first.car.parameters)
+
+    def laps_on(self, course: Course) -> int:
+        """Return how many laps a race has; errors as of `laps_to_drive`."""
+        return laps_to_drive(course, self.laps)
+
+    def obstacles_on(self, course: Course) -> tuple[Obstacle, ...]:
+        """Return the solids on a course, besides its own.
+
+        Raises:
+          SettingsError: more boxes than it has room for.
+        """
+        if not isinstance(self.obstacles, int):
+            return tuple(self.obstacles)
+        start = (self.first.start or Start()).s
+        return random_boxes(course, self.obstacles, self.obstacle_seed, car=self.first.car.parameters, start=start)
+
+    def world(self, course: Course, obstacles: Sequence[Obstacle] = ()) -> World:
+        """Return the compiled world of all cars on a course; errors as of World."""
+        first, *others = self.entries
+        return World(
+            course, first.car, mu=first.mu, lidar=self.lidar, obstacles=tuple(obstacles), changes=first.changes,
+            tires=first.tire_set, patches=tuple(self.patches), others=[entry.world_car() for entry in others],
+        )  # fmt: skip
+
+    def require_usable(self, door: str, *unusable: str, alone: bool = False) -> None:
+        """Refuse settings that a door cannot use and that are not the default.
+
+        Args:
+          door: its name, for messages.
+          unusable: names of SetupKeywords.
+          alone: whether it has one car only.
+
+        Raises:
+          SettingsError: one is set.
+        """
+        if alone and len(self.entries) > 1:
+            raise SettingsError(f"{len(self.entries)} entries in {door}; accepted: one car")
+        for name in unusable:
+            of_race = name in _OF_RACE
+            value, usual = (getattr(each if of_race else each.first, name) for each in (self, _usual()))
+            if value != usual and (name != "start" or value != Start()):
+                raise SettingsError(f"{name} is {shown(value)} in {door}, which cannot use it; accepted: {shown(usual)}")
+
+    def described(self) -> dict[str, Any]:
+        """Return what differs from the defaults as it can stand in JSON and in TOML; `read` reads it back.
+
+        Raises:
+          SettingsError: a course or a planner that is an object.
+        """
+        found = self._content(_refuse_object)
+        cars = found.pop("entries")
+        return found | (cars[0] if len(cars) == 1 else {"entries": cars})
+
+    @property
+    def toml(self) -> str:
+        """The text of a TOML file, which `read` reads back; errors as of `described`."""
+        return toml_text(self.described())
+
+    def write(self, path: str | Path) -> Path:
+        """Write a TOML file and return its path; errors as of `described`, and RunFolderError."""
+        write_file(Path(path), self.toml.encode())
+        return Path(path)
+
+    @classmethod
+    def read(cls, source: str | Path | Mapping[str, Any]) -> Setup:
+        """Return the setup of a TOML file, or of what `described` returned.
+
+        Raises:
+          SettingsError: a file that cannot be read, an unknown key, or a value outside of what is accepted.
+        """
+        if isinstance(source, Mapping):
+            return _read(source)
+        content = read_toml(source)
+        try:
+            return _read(content.values)
+        except (ArgumentError, SettingsError) as error:
+            raise SettingsError(f"{content.place_of(str(error))}: {error}") from error
+
+    @cached_property
+    def sha256(self) -> str:
+        """SHA-256 of what differs from the defaults; a course that is an object counts by its numbers."""
+        content = json.dumps(self._content(_name_object), sort_keys=True, default=str)
+        return hashlib.sha256(content.encode()).hexdigest()
+
+    def __eq__(self, other: object) -> bool:
+        return self.sha256 == other.sha256 if isinstance(other, Setup) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self.sha256)
+
+    def __repr__(self) -> str:
+        own = {name: value for name, value in self._content(_name_object).items() if name not in ("track", "entries")}
+        name = self.track if isinstance(self.track, str) else self.track.name
+        cars = [brief_entry(entry) for entry in self.entries]
+        return brief(self, repr(name), *cars, *(f"{key}={shown(value)}" for key, value in own.items()))
+
+    def _content(self, of_object: Any) -> dict[str, Any]:
+        """Return what differs from the defaults, the cars as a list; `of_object` says what stands for an object."""
+        found: dict[str, Any] = {"track": self.track if isinstance(self.track, str) else of_object("track", self.track)}
+        for name in _OF_RACE:
+            value = getattr(self, name)
+            if name in ("track", "entries") or value == getattr(_usual(), name):
+                continue
+            if name == "obstacles" and not isinstance(value, int):
+                value = described_obstacles(value)
+            elif name == "patches":
+                value = [asdict(patch) for patch in value]
+            found[name] = value
+        found["entries"] = [_described_entry(entry, of_object) for entry in self.entries]
+        return found
+
+
+_OF_RACE = tuple(f.name for f in fields(Setup))
+_OF_CAR = tuple(f.name for f in fields(Entry) if f.name not in _OF_RACE)
+SETUP_KEYWORDS = (*_OF_RACE, *_OF_CAR, "opponents", *PARTS)
+"""Names of all keywords, which are the keys of a file, too."""
+
+
+
+@lru_cache(maxsize=1)
+def _usual() -> Setup:
+    return Setup()
+
+
+def require_decision_limit(settings: Any) -> None:
+    """Refuse a `decision_limit` among some settings that is neither None nor a positive number of seconds.
+
+    Raises:
+      SettingsError: it is not.
+    """
+    if settings.decision_limit is not None:
+        require(settings, lambda value: 0.0 < value < math.inf, "a positive number", ("decision_limit",), SettingsError)
+
+
+def as_opponent(opponent: Entry | str | Mapping[str, Any], first: Entry) -> Entry:
+    """Return the entry of an opponent: itself, or of the name of a planner in a car that is set as that of `first`.
+
+    Raises:
+      SettingsError: it is neither.
+    """
+    if isinstance(opponent, str):
+        return first.like(opponent)
+    if isinstance(opponent, Mapping):
+        return _entry(opponent, "opponents")
+    if not isinstance(opponent, Entry):
+        raise SettingsError(f"an opponent is {shown(opponent)}; accepted: the name of a planner, or fg_mujoco.Entry")
+    return opponent
+
+
+def brief_entry(entry: Entry) -> str:
+    """Return an entry in a few words: its planner, and what of it differs from the defaults."""
+    name = entry.controller if isinstance(entry.controller, str) else type(entry.controller).__name__
+    set_ = [each for each in changed(entry, Entry()) if not each.startswith("controller=")]
+    return name + (f"({', '.join(set_)})" if set_ else "")
+
+
+def _require_known(door: str, keywords: Mapping[str, Any]) -> None:
+    """Refuse a keyword that there is not, with the one that was probably meant."""
+    for name, value in keywords.items():
+        if name in RENAMED:
+            new = RENAMED[name]
+            raise SettingsError(f"setting {name!r} is called {new!r} now; accepted: {new}={shown(value)}")
+        if name not in SETUP_KEYWORDS:
+            raise ArgumentError(unknown_argument(door, name, SETUP_KEYWORDS))
+
+
+def _read(values: Mapping[str, Any]) -> Setup:
+    """Return the setup of some values by name, as `described` returns them; keys may have hyphens."""
+    own = {name.replace("-", "_"): value for name, value in values.items()}
+    if "entries" in own:
+        own["entries"] = tuple(_entry(each, f"entries[{i}]") for i, each in enumerate(as_list(own["entries"], "entries")))
+    for name in ("opponents", "patches"):
+        if name in own:
+            own[name] = as_list(own[name], name)
+    sha256 = own.pop("vehicle_sha256", None)
+    setup = Setup.of(**{name: _value(value) for name, value in own.items()})
+    _require_vehicle(setup.first, sha256)
+    return setup
+
+
+def _changed_entry(entry: Entry, keywords: Mapping[str, Any]) -> Entry:
+    """Return an entry with other values; None of a part of it is that part as it is without settings.
+
+    Raises:
+      SettingsError: a part, and a field of it besides.
+    """
+    own = {name: value for name, value in keywords.items() if name not in PARTS}
+    for name in ("changes", "effects", "planner_settings"):
+        if name in own and own[name] is None:
+            own[name] = _KINDS.get(name, dict)()
+    for part, kind in _KINDS.items():
+        inside = {name: PARTS[name][1] for name in keywords if name in PARTS and PARTS[name][0] == part}
+        if inside and own.get(part) is not None:
+            both = f"{next(iter(inside))} and {part}"
+            raise SettingsError(f"{both} are given; accepted: one of them")
+        if inside:
+            before = getattr(entry, part) or kind()
+            own[part] = replace(before, **{field: keywords[name] for name, field in inside.items()})
+    return replace(entry, **own)
+
+
+def as_list(value: Any, name: str) -> list[Any]:
+    """Return a list as it is.
+
+    Raises:
+      SettingsError: it is none.
+    """
+    if not isinstance(value, list):
+        raise SettingsError(f"{name} is {shown(value)}; accepted: a list")
+    return value
+
+
+def _entry(values: Any, name: str) -> Entry:
+    """Return the entry of some values by name."""
+    if isinstance(values, Entry):
+        return values
+    if not isinstance(values, Mapping):
+        raise SettingsError(f"{name} is {shown(values)}; accepted: settings of a car by name")
+    own = {key.replace("-", "_"): _value(value) for key, value in values.items()}
+    sha256 = own.pop("vehicle_sha256", None)
+    for key in own:
+        if key not in (*_OF_CAR, *PARTS):
+            raise ArgumentError(unknown_argument(name, key, (*_OF_CAR, *PARTS)))
+    entry = _changed_entry(Entry(), own)
+    _require_vehicle(entry, sha256)
+    return entry
+
+
+def _value(value: Any) -> Any:
+    return math.inf if isinstance(value, str) and value == "off" else value
+
+
+def _require_vehicle(entry: Entry, sha256: Any) -> None:
+    """Refuse a vehicle's file that is another one than was described."""
+    if sha256 is not None and entry.car.sha256 != sha256:
+        raise SettingsError(f"vehicle {entry.car.source!r} is another one now; accepted: the file as it was")
+
+
+def described_obstacles(obstacles: Sequence[Obstacle]) -> list[dict[str, Any]]:
+    """Return obstacles as they can stand in JSON and TOML; `as_obstacles` reads them back."""
+    return [{"kind": type(each).__name__.lower(), **asdict(each)} for each in obstacles]
+
+
+def as_obstacles(values: Iterable[Obstacle | Mapping[str, Any]]) -> tuple[Obstacle, ...]:
+    """Return obstacles; a mapping has the kind of one, "box", "cylinder" or "prism", and its fields.
+
+    Raises:
+      SettingsError: something else.
+    """
+    found: list[Obstacle] = []
+    for value in values:
+        if isinstance(value, Mapping):
+            own = dict(value)
+            kind = own.pop("kind", "box")
+            if kind not in _SOLIDS:
+                raise SettingsError(f"kind of an obstacle is {kind!r}; {accepted_names(kind, _SOLIDS)}")
+            solid: Any = _SOLIDS[kind](**own)
+        else:
+            solid = value
+        if not isinstance(solid, tuple(_SOLIDS.values())):
+            raise SettingsError(f"an obstacle is {shown(value)}; accepted: Box, Cylinder, Prism")
+        found.append(solid)  # type: ignore[arg-type]
+    return tuple(found)
+
+
+def _described_entry(entry: Entry, of_object: Any) -> dict[str, Any]:
+    if isinstance(entry.controller, str):
+        found = CarSettings.described(entry)
+    else:
+        found = CarSettings.described(replace(entry, controller="gap_finder"))
+        found["controller"] = of_object("controller", entry.controller)
+    for part, kind in _KINDS.items():
+        if part in found:
+            plain, value = kind(), getattr(entry, part)
+            found[part] = {each: got for each, got in asdict(value).items() if got != getattr(plain, each)}
+    return {name: value for name, value in found.items() if value is not None}
+
+
+def _refuse_object(name: str, value: Any) -> str:
+    raise SettingsError(f"{name} is {shown(value)}, an object, in a file; accepted: a name, or the path of a file")
+
+
+def _name_object(name: str, value: Any) -> str:
+    if name == "track":
+        return f"{value.name} {course_sha256(value)}"
+    return f"{type(value).__name__} {id(value)}"
