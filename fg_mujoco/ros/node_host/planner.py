@@ -31,7 +31,7 @@ from ...simulation.planner_adapter import Surroundings
 from ...simulation.planner_failure import one_line
 from ..bag_messages import nanoseconds
 from .drawings import Drawings, for_bag
-from .driving import DRIVE, OPPONENT_DRIVE, Driving
+from .drive_topics import DRIVE, OPPONENT_DRIVE, Driving
 from .graph import BEGIN, Graph, NodeError
 from .imports import Imports
 from .messages import ROS1, Definitions, message_class, require_rosbags
