@@ -23,7 +23,7 @@ from fg_mujoco.errors import ControllerError, PlannerError
 from fg_mujoco.racing import planner_choice
 from fg_mujoco.racing.planner_loading import make_controller, source_code
 from fg_mujoco.racing.planner_trust import require_trusted
-from fg_mujoco.ros.node_host.messages import ROS1, ROS2, message_class
+from fg_mujoco.ros.node_host.message_classes import ROS1, ROS2, message_class
 from fg_mujoco.ros.node_host.transform_modules import euler_from_quaternion, quaternion_from_euler
 
 NODES = Path(__file__).parent / "ros_nodes"

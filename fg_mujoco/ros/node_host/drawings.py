@@ -14,7 +14,7 @@ import numpy as np
 from ...messages import FloatArray, Sketch
 from ..bag_messages import MAP_FRAME, type_store
 from .graph import Graph
-from .messages import full_name
+from .message_classes import full_name
 from .rospy_times import NANOSECONDS
 from .transform_modules import TransformException, lookup, matrix
 

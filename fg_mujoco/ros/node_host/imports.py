@@ -19,7 +19,7 @@ from typing import Any
 from ...errors import ControllerError, accepted_names
 from ...simulation.old_numpy import OLD_NAMES
 from .graph import Graph
-from .messages import SERVICE_PACKAGES, Definitions
+from .message_classes import SERVICE_PACKAGES, Definitions
 from .reconfigure import configurations
 from .source import FINDER, Unused, data_file, is_package_of_python, own_folders, read_source
 from .workspace import module_folders, packages

@@ -34,7 +34,7 @@ from .drawings import Drawings, for_bag
 from .drive_topics import DRIVE, OPPONENT_DRIVE, Driving
 from .graph import BEGIN, Graph, NodeError
 from .imports import Imports
-from .messages import ROS1, Definitions, message_class, require_rosbags
+from .message_classes import ROS1, Definitions, message_class, require_rosbags
 from .other_modules import other_modules, overlays, random_overlays
 from .program import SCHEME, NodeFile, Program, read_arguments, read_parameters, read_program
 from .rclpy_modules import rclpy_modules

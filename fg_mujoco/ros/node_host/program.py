@@ -27,7 +27,7 @@ from ...course.maps.map_server import plain_yaml
 from ...errors import ControllerError, accepted_names, missing_extra
 from .imports import read_node
 from .launch_files import flat, read_launch_python
-from .messages import ROS1, ROS2
+from .message_classes import ROS1, ROS2
 from .source import own_files, parse
 
 SCHEME = "ros:"

@@ -10,7 +10,7 @@ from typing import Any
 
 from ...errors import accepted_names
 from .graph import Publication, Subscription
-from .messages import full_name
+from .message_classes import full_name
 from .rclpy_executors import CallbackGroup, MutuallyExclusiveCallbackGroup
 from .rclpy_handles import Clock, Handle, Publisher, Rate, SubscriptionHandle, TimerHandle
 from .rclpy_parameters import (

@@ -7,7 +7,7 @@ import enum
 from types import SimpleNamespace
 from typing import Any, ClassVar
 
-from .messages import ROS2, message_class
+from .message_classes import ROS2, message_class
 
 
 class ParameterException(Exception):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import total_ordering
 from typing import Any
 
-from .messages import ROS2, made, message_class
+from .message_classes import ROS2, made, message_class
 from .rospy_times import NANOSECONDS
 
 

@@ -24,7 +24,7 @@ from ..autodrive import STEERING, THROTTLE, cars_in
 from ..bag_messages import BASE_FRAME, IMU_FRAME, LASER_FRAME, MAP_FRAME, ODOM_FRAME, nanoseconds
 from ..grid import Grid, grid_of
 from .graph import BEGIN, Graph
-from .messages import ROS1, made, message_class
+from .message_classes import ROS1, made, message_class
 from .rospy_times import NANOSECONDS, RosTime
 from .transform_modules import matrix
 

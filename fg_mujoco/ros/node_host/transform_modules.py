@@ -12,7 +12,7 @@ import numpy as np
 from ...messages import FloatArray
 from .graph import Graph
 from .imports import StandIn
-from .messages import ROS1, ROS2, Message, made, message_class
+from .message_classes import ROS1, ROS2, Message, made, message_class
 from .rospy_times import NANOSECONDS, RosTime
 from .session import Session
 
