@@ -301,7 +301,7 @@ def _find_class(source: str, said: str) -> Any:
 
 def _ros_door() -> Any:
     """Return the module that runs nodes of ROS. No room below it names it but here, by its name."""
-    return importlib.import_module("fg_mujoco.ros.node_host.planner")
+    return importlib.import_module("fg_mujoco.ros.node_host.ros_planner")
 
 
 def file_in(source: str) -> Path | None:
