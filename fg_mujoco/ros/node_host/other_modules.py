@@ -18,9 +18,9 @@ import numpy as np
 
 from ...simulation.old_numpy import BEFORE_1_24, BEFORE_2
 from .imports import Overlay, StandIn, package_folder
+from .node_session import Session
 from .reconfigure import Config, client_of, server_of
 from .rospy_times import NANOSECONDS
-from .session import Session
 from .workspace import packages as packages_of
 
 

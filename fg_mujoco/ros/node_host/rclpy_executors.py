@@ -6,9 +6,9 @@ import inspect
 from collections.abc import Callable, Generator
 from typing import Any
 
+from .node_session import Session
 from .rclpy_lifecycle import LifecycleNodeMixin
 from .rospy_times import NANOSECONDS
-from .session import Session
 
 
 class ExternalShutdownException(Exception):

@@ -11,6 +11,7 @@ from typing import Any
 from ...errors import accepted_names
 from .graph import Publication, Subscription
 from .message_classes import full_name
+from .node_session import NodeLogger, Session
 from .rclpy_executors import CallbackGroup, MutuallyExclusiveCallbackGroup
 from .rclpy_handles import Clock, Handle, Publisher, Rate, SubscriptionHandle, TimerHandle
 from .rclpy_parameters import (
@@ -26,7 +27,6 @@ from .rclpy_qos import depth_of
 from .rclpy_services import Client
 from .rospy_times import NANOSECONDS
 from .services import offer
-from .session import NodeLogger, Session
 
 
 @dataclass(eq=False)

@@ -7,10 +7,10 @@ from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
+from .node_session import Session
 from .rclpy_executors import Future
 from .rospy_times import NANOSECONDS
 from .services import ask, offered, wait_for
-from .session import Session
 
 
 class Client:

@@ -35,6 +35,7 @@ from .drive_topics import DRIVE, OPPONENT_DRIVE, Driving
 from .graph import BEGIN, Graph, NodeError
 from .imports import Imports
 from .message_classes import ROS1, Definitions, message_class, require_rosbags
+from .node_session import Session
 from .other_modules import other_modules, overlays, random_overlays
 from .program import SCHEME, NodeFile, Program, read_arguments, read_parameters, read_program
 from .rclpy_modules import rclpy_modules
@@ -42,7 +43,6 @@ from .rospy_modules import rospy_modules
 from .rospy_times import NANOSECONDS
 from .sensing import Sensing, is_anothers
 from .services import Call
-from .session import Session
 from .transform_modules import transform_modules
 
 WALL_LIMIT = 30.0

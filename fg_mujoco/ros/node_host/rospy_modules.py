@@ -18,9 +18,9 @@ import numpy as np
 from ...simulation.planner_failure import one_line
 from .graph import Graph, NodeError, Publication, Subscription
 from .imports import LackingError, StandIn
+from .node_session import NodeLogger, Session, Timer
 from .rospy_times import NANOSECONDS, RosDuration, RosTime
 from .services import ask, offer, offered, wait_for
-from .session import NodeLogger, Session, Timer
 
 
 class ROSException(Exception):

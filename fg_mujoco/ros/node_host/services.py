@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import Any
 
 from .graph import Graph, Subscription
-from .session import Session
+from .node_session import Session
 
 _TOPIC = "service "  # before the name: no name of a topic has a space
 

@@ -13,8 +13,8 @@ from ...messages import FloatArray
 from .graph import Graph
 from .imports import StandIn
 from .message_classes import ROS1, ROS2, Message, made, message_class
+from .node_session import Session
 from .rospy_times import NANOSECONDS, RosTime
-from .session import Session
 
 
 class TransformException(Exception):
