@@ -156,7 +156,7 @@ def test_an_episode_ends_terminated_and_costs_as_a_crash():
 
 
 def test_the_live_view_stops_and_says_so():
-    from fg_mujoco.viz.live.session import LiveSession, LiveSettings
+    from fg_mujoco.viz.live.live_session import LiveSession, LiveSettings
 
     session = LiveSession(LiveSettings(track="oval"))
     session.tick()

@@ -16,7 +16,7 @@ import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.showing import BASE, FRAMES, LASER, MAP, ShownValues, moved, show
 from fg_mujoco.viz.debug.decisions import Witness
-from fg_mujoco.viz.live.session import LiveSession, LiveSettings
+from fg_mujoco.viz.live.live_session import LiveSession, LiveSettings
 
 SCAN = corridor(1.0, 1.0, 5.0)
 BEAMS = len(SCAN.ranges)

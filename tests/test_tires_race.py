@@ -22,7 +22,7 @@ from fg_mujoco.vehicle.changes import CarChanges
 from fg_mujoco.vehicle.tire_forces import TireForces
 from fg_mujoco.vehicle.tire_slip import slides_above
 from fg_mujoco.vehicle.tires import Tires
-from fg_mujoco.viz.live.session import LiveSession, LiveSettings
+from fg_mujoco.viz.live.live_session import LiveSession, LiveSettings
 from fg_mujoco.viz.rendering.force_arrows import TireForceMeter
 
 NUC2 = "forzaeth_nuc2"

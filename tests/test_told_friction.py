@@ -18,7 +18,7 @@ from fg_mujoco.simulation.telemetry import COMMAND
 from fg_mujoco.studies.comparison.run import ComparisonSettings
 from fg_mujoco.studies.friction_lab.lab_laps import LabWorld, drive_laps
 from fg_mujoco.studies.overtaking.duel import DuelSettings
-from fg_mujoco.viz.live.session import LiveSession, LiveSettings
+from fg_mujoco.viz.live.live_session import LiveSession, LiveSettings
 
 TELLS = """
 from fg_mujoco.messages import DriveCommand

@@ -34,7 +34,7 @@ def _view(options: argparse.Namespace) -> int:
     from ..racing.entries import Entry
     from ..viz.live.browser import HOST, PORT, LiveView, check_port, require_viser
     from ..viz.live.desktop import require_display, run_desktop
-    from ..viz.live.session import LiveSession, LiveSettings
+    from ..viz.live.live_session import LiveSession, LiveSettings
 
     drive = drive_options(options)
     opponents = opponents_of(options, Entry(controller=options.controller, **drive))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...messages import FloatArray
 from ...simulation.physics import STATE
 from ..rendering.scenery import MOVING_COLOUR, OBSTACLE_COLOUR
-from .session import LiveSession
+from .live_session import LiveSession
 from .shapes import world_shapes
 
 CAMERAS = ("chase", "above", "course", "free")
