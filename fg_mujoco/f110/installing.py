@@ -26,7 +26,7 @@ from ..errors import accepted_names
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import Vehicle
 from .environment import TIRES, VEHICLE
-from .gym_stand_in import Registry, really_installed
+from .gym_stub import Registry, really_installed
 from .maps import FOLDER
 from .module_tables import GYMS, RACING, module_tables
 from .pyglet_stand_in import Pyglet, names_of

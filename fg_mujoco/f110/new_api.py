@@ -27,7 +27,7 @@ from .config import VehicleParameters, plain_config
 from .driving import BEAMS, FIELD_OF_VIEW
 from .environment import RaceEnvironment, say_of_others, simulator_of
 from .gym_functions import deep_update
-from .gym_stand_in import installed_base, spaces
+from .gym_stub import installed_base, spaces
 from .observations import Observation
 from .params import F1TENTH, mapping, number
 from .simulator import DynamicModel, Integrator, checked, say_of_model

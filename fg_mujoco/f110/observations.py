@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import SettingsError, accepted_names
-from .gym_stand_in import spaces
+from .gym_stub import spaces
 
 _LARGE = 1e30  # of a number without limits, as in the gym
 _OF_CARS = ("poses_x", "poses_y", "poses_theta", "linear_vels_x", "linear_vels_y", "ang_vels_z", "collisions",
