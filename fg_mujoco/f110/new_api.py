@@ -23,9 +23,9 @@ from ..errors import SettingsError, accepted_names
 from ..messages import FloatArray, shown
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import Vehicle
-from .config import VehicleParameters, plain_config
 from .driving import BEAMS, FIELD_OF_VIEW
 from .environment import RaceEnvironment, say_of_others, simulator_of
+from .gym_config import VehicleParameters, plain_config
 from .gym_functions import deep_update
 from .gym_stub import installed_base, spaces
 from .observations import Observation
