@@ -27,8 +27,8 @@ from .driving import BEAMS, FIELD_OF_VIEW
 from .environment import RaceEnvironment, say_of_others, simulator_of
 from .gym_config import VehicleParameters, plain_config
 from .gym_functions import deep_update
+from .gym_observations import Observation
 from .gym_stub import installed_base, spaces
-from .observations import Observation
 from .params import F1TENTH, mapping, number
 from .simulator import DynamicModel, Integrator, checked, say_of_model
 from .track import Raceline
