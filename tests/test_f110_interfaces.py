@@ -13,9 +13,9 @@ from map_oracles import draw_map, ring
 from fg_mujoco import f110
 from fg_mujoco.errors import FgMujocoError, SettingsError, TrackError
 from fg_mujoco.f110 import gym_functions
+from fg_mujoco.f110.gym_track import Track
 from fg_mujoco.f110.old_api import GymEnv
 from fg_mujoco.f110.params import F1FIFTH, F1TENTH, FULL_SCALE, own_params
-from fg_mujoco.f110.track import Track
 
 POSE = np.array([[7.5, 2.25, 0.0]])
 

@@ -29,9 +29,9 @@ from .gym_config import VehicleParameters, plain_config
 from .gym_functions import deep_update
 from .gym_observations import Observation
 from .gym_stub import installed_base, spaces
+from .gym_track import Raceline
 from .params import F1TENTH, mapping, number
 from .simulator import DynamicModel, Integrator, checked, say_of_model
-from .track import Raceline
 
 _LONGITUDINAL, _STEERING = ("speed", "accl"), ("steering_angle", "steering_speed")
 _BESIDES = {"speed": "steering_angle", "accl": "steering_speed", "steering_angle": "speed", "steering_speed": "accl"}
