@@ -171,7 +171,7 @@ def test_the_live_view_stops_and_says_so():
 
 
 def test_a_script_of_f1tenth_gym_is_told_of_a_collision():
-    from fg_mujoco.f110.driving import Driving
+    from fg_mujoco.f110.gym_world import Driving
 
     driving = Driving(fg.World("oval").track, [WorldCar()], timestep=0.01)
     driving.place([(0.0, 0.0, 0.0)])

@@ -18,8 +18,8 @@ from ..simulation.world import World
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .drawing import EnvRenderer, View, require_mode
-from .driving import LAPS, Driving
 from .gym_track import Track
+from .gym_world import LAPS, Driving
 from .params import F1FIFTH, F1TENTH, FULL_SCALE
 from .simulator import Simulator
 

@@ -14,7 +14,7 @@ from enum import Enum
 from typing import Any
 
 from ..errors import SettingsError
-from .driving import BEAMS, FIELD_OF_VIEW
+from .gym_world import BEAMS, FIELD_OF_VIEW
 from .params import F1FIFTH, F1TENTH, FULL_SCALE
 from .simulator import DynamicModel, Integrator
 

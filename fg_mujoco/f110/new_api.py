@@ -23,13 +23,13 @@ from ..errors import SettingsError, accepted_names
 from ..messages import FloatArray, shown
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import Vehicle
-from .driving import BEAMS, FIELD_OF_VIEW
 from .environment import RaceEnvironment, say_of_others, simulator_of
 from .gym_config import VehicleParameters, plain_config
 from .gym_functions import deep_update
 from .gym_observations import Observation
 from .gym_stub import installed_base, spaces
 from .gym_track import Raceline
+from .gym_world import BEAMS, FIELD_OF_VIEW
 from .params import F1TENTH, mapping, number
 from .simulator import DynamicModel, Integrator, checked, say_of_model
 

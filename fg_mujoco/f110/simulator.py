@@ -28,8 +28,8 @@ from ..messages import FloatArray, shown
 from ..simulation.cars import WorldCar
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
-from .driving import BEAMS, FIELD_OF_VIEW, Driving, shifted
 from .gym_track import Track
+from .gym_world import BEAMS, FIELD_OF_VIEW, Driving, shifted
 from .maps import find_map
 from .params import all_params, car_of, mapping, number, physics_timestep, whole
 
