@@ -150,7 +150,7 @@ def test_the_noise_of_a_scan_is_that_of_the_seed(drawn):
 def test_noise_is_that_of_the_published_generator_to_the_bit(drawn, monkeypatch):
     pose, rng = np.array([[7.5, 2.25, 0.0]]), np.random.default_rng(5)
     noisy = f110.make(map=str(drawn), seed=5).reset(pose)[0]["scans"][0]
-    monkeypatch.setattr(f110.driving, "SCAN_NOISE", 0.0)
+    monkeypatch.setattr(f110.gym_world, "SCAN_NOISE", 0.0)
     plain = f110.make(map=str(drawn), seed=5).reset(pose)[0]["scans"][0]
     np.testing.assert_array_equal(noisy, np.clip(plain + rng.normal(0.0, 0.01, 1080), 0.0, 10.0))
 

@@ -105,7 +105,7 @@ def test_any_timestep_is_a_step(drawn, timestep):
 
 
 def test_the_lidar_stands_where_it_is_asked_to(drawn, monkeypatch):
-    monkeypatch.setattr(f110.driving, "SCAN_NOISE", 0.0)
+    monkeypatch.setattr(f110.gym_world, "SCAN_NOISE", 0.0)
     ahead = [f110.make(map=str(drawn), lidar_dist=dist).reset(POSE)[0]["scans"][0][540] for dist in (None, 0.0, 0.275)]
     assert ahead[1] - ahead[2] == pytest.approx(0.275, abs=0.003)
     assert ahead[0] == pytest.approx(ahead[2], abs=1e-9)
