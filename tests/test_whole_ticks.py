@@ -8,7 +8,7 @@ import fg_mujoco as fg
 from fg_mujoco.controllers.control.driving import DrivingSettings
 from fg_mujoco.controllers.control.planner import Planner
 from fg_mujoco.kernels import call_at, kernel
-from fg_mujoco.racing.decisions import DecisionClock
+from fg_mujoco.racing.decision_times import DecisionClock
 from fg_mujoco.racing.result import History
 from fg_mujoco.simulation.clock import HAS_CLOCK, seconds
 from fg_mujoco.simulation.engine import Engine

@@ -25,7 +25,7 @@ from ..course.formats import track_names
 from ..errors import FgMujocoError, PlannerError, RunFolderError, accepted_names, nearest
 from ..lidar.effects import LidarEffects
 from ..lidar.lidar import LIDAR_BACKENDS
-from ..racing.decisions import decision_limit_text
+from ..racing.decision_times import decision_limit_text
 from ..racing.entries import Entry
 from ..racing.field import FieldProgress
 from ..racing.hints import race_hints

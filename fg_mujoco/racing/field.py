@@ -22,7 +22,7 @@ from ..simulation.planner_failure import DecisionLimitReached, PlannerFailure
 from ..simulation.termination import END_REASONS
 from ..simulation.world import World
 from ..vehicle.friction_patches import Patch
-from .decisions import DecisionClock, DecisionTimes
+from .decision_times import DecisionClock, DecisionTimes
 from .entries import Entry, check_starts, entry_planner, grid_starts
 from .figures import course_figures, driven_figures
 from .planner_choice import split_controller

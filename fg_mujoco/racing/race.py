@@ -33,7 +33,7 @@ from ..vehicle.changes import CarChanges
 from ..vehicle.friction_patches import Patch
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
-from .decisions import DecisionClock, DecisionTimes
+from .decision_times import DecisionClock, DecisionTimes
 from .entries import Entry, check_starts, require_entries
 from .field import race_field
 from .figures import course_figures, driven_figures

@@ -22,7 +22,7 @@ from ..simulation.telemetry import COMMAND, column_index, column_meant
 from ..simulation.termination import WrongWay
 from ..vehicle.tires import CONTACT, MagicFormula
 from .crash import Crash
-from .decisions import DecisionTimes
+from .decision_times import DecisionTimes
 from .driven_line import driven_line, driven_lines
 from .rollover import Rollover
 

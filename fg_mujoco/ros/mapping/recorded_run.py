@@ -21,7 +21,7 @@ import numpy as np
 from ...course.course import Course
 from ...errors import BagError
 from ...messages import STOP, DriveCommand, FloatArray, LaserScan, Odometry
-from ...racing.decisions import DecisionTimes
+from ...racing.decision_times import DecisionTimes
 from ...racing.race import race
 from ...racing.result import trajectory_sha256
 from ...racing.run_folder import RECORDED, write_run

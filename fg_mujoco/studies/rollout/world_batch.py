@@ -29,7 +29,7 @@ from ...course.course import Course, laps_to_drive
 from ...course.obstacles import Obstacle
 from ...errors import ControllerError, SettingsError, accepted_names
 from ...messages import DriveCommand, FloatArray
-from ...racing.decisions import DecisionClock
+from ...racing.decision_times import DecisionClock
 from ...racing.entries import entry_planner
 from ...racing.opponents import AMONG_CARS, AmongCars, Opponents, entry_of
 from ...racing.planner_choice import split_controller
