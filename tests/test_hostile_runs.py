@@ -305,7 +305,7 @@ def test_no_value_of_a_summary_ends_in_a_traceback(door, here, capsys, monkeypat
     if door == "report":
         arguments = ("report", "run", "--no-clip")
     if door == "render":  # the folder is read in the same way, and no picture is drawn a hundred times
-        from fg_mujoco.viz.rendering.drive import read_drive
+        from fg_mujoco.viz.rendering.recorded_drive import read_drive
 
         arguments = None
     path = here / "run/summary.json"

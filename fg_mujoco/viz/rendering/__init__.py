@@ -31,10 +31,10 @@ from ...racing.result import RaceResult
 from ...racing.run_folder import Run
 from ...simulation.simulation import Simulation
 from .cameras import CAMERAS, View
-from .drive import Drive
 from .film import Film
 from .overlays import OVERLAYS, Overlays, find_overlays
 from .presets import QUALITIES
+from .recorded_drive import Drive
 from .renderer import LABELS, Renderer
 from .video import write_picture, write_video
 
