@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from ...messages import FloatArray
-from .drive import Drive
+from .drive_log import Drive
 
 STEP = 0.005
 """[s] of the grid that drives are smoothed and simulated on."""

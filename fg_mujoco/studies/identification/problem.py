@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...messages import FloatArray
-from .drive import SLOWEST, Drive
+from .drive_log import SLOWEST, Drive
 from .motion import NOISE, STEP, Motion, smooth
 from .single_track import STATES, TIRE, Steering, car_array, simulate
 
