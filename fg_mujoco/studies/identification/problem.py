@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from ...messages import FloatArray
 from .drive_log import SLOWEST, Drive
-from .motion import NOISE, STEP, Motion, smooth
 from .single_track import STATES, TIRE, Steering, car_array, simulate
+from .smoothed_motion import NOISE, STEP, Motion, smooth
 
 SEGMENT = 1.0
 """[s] of a segment; every third one is held back."""
