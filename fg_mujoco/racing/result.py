@@ -23,7 +23,7 @@ from ..simulation.termination import WrongWay
 from ..vehicle.tires import CONTACT, MagicFormula
 from .crash import Crash
 from .decision_times import DecisionTimes
-from .driven_line import driven_line, driven_lines
+from .driven_line_svg import driven_line, driven_lines
 from .rollover import Rollover
 
 if TYPE_CHECKING:
