@@ -22,8 +22,8 @@ from ...vehicle.tires import DEFAULT_TIRES, Tires
 from . import figure_style as style
 from .experiment import LAW_TIRES, Cell, Experiment, Figure, LabSettings, Row, Section, Tables
 from .figure_style import column
-from .manoeuvres import CURVATURE, MANOEUVRES, Manoeuvre
 from .open_ground import OpenGround
+from .reference_steering import CURVATURE, MANOEUVRES, Manoeuvre
 from .speed_laws import LAWS
 from .trace import Trace
 
