@@ -9,7 +9,7 @@ from fg_mujoco.errors import SettingsError
 from fg_mujoco.studies.friction_lab.braking import EXPERIMENT, GRIPPY
 from fg_mujoco.studies.friction_lab.experiment import LAW_TIRES, LabSettings
 from fg_mujoco.studies.friction_lab.lab_figures import render
-from fg_mujoco.studies.friction_lab.open_ground import OpenGround
+from fg_mujoco.studies.friction_lab.lab_ground import OpenGround
 from fg_mujoco.studies.friction_lab.straight_line_limits import even_torque_limit, held_share
 from fg_mujoco.vehicle.tire_slip import slides_above
 from fg_mujoco.vehicle.vehicle import Vehicle

@@ -8,7 +8,7 @@ from fg_mujoco.messages import DriveCommand
 from fg_mujoco.studies.friction_lab.convergence import EXPERIMENT, GROUPS, soften
 from fg_mujoco.studies.friction_lab.experiment import LAW_TIRES, LabSettings
 from fg_mujoco.studies.friction_lab.lab_figures import render
-from fg_mujoco.studies.friction_lab.open_ground import Engine, OpenGround
+from fg_mujoco.studies.friction_lab.lab_ground import Engine, OpenGround
 from fg_mujoco.studies.friction_lab.rigid_car import creep
 from fg_mujoco.studies.friction_lab.steady_circle import SteadyCircle
 from fg_mujoco.vehicle.tires import Tires

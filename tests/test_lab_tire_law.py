@@ -13,7 +13,7 @@ from fg_mujoco.studies.friction_lab.curve_onset import axle_factor, curve_onset
 from fg_mujoco.studies.friction_lab.experiment import LabSettings
 from fg_mujoco.studies.friction_lab.lab import run_lab
 from fg_mujoco.studies.friction_lab.lab_figures import render
-from fg_mujoco.studies.friction_lab.open_ground import Engine, OpenGround
+from fg_mujoco.studies.friction_lab.lab_ground import Engine, OpenGround
 from fg_mujoco.studies.friction_lab.steady_circle import SteadyCircle, UnreachableError
 from fg_mujoco.studies.friction_lab.tire_law import EXPERIMENT, passes_peak
 from fg_mujoco.vehicle.changes import CarChanges

@@ -9,7 +9,7 @@ from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.studies.friction_lab.experiment import LAW_TIRES, LabSettings
 from fg_mujoco.studies.friction_lab.lab_figures import render
-from fg_mujoco.studies.friction_lab.open_ground import Engine, OpenGround
+from fg_mujoco.studies.friction_lab.lab_ground import Engine, OpenGround
 from fg_mujoco.studies.friction_lab.reference_steering import CURVATURE, MANOEUVRES
 from fg_mujoco.studies.friction_lab.speed_laws import LAWS
 from fg_mujoco.studies.friction_lab.transient import EXPERIMENT, drive

@@ -28,7 +28,7 @@ from ...vehicle.tires import DEFAULT_TIRES, Tires
 from .braking_figures import draw_gg, draw_splits, draw_stops
 from .experiment import LAW_TIRES, Cell, Experiment, Figure, LabSettings, Row, Section, Tables
 from .figure_style import column
-from .open_ground import OpenGround
+from .lab_ground import OpenGround
 from .speed_laws import LAWS
 from .steady_circle import SteadyCircle
 from .straight_line_limits import even_torque_limit, held_share, stopping_distance, wheel_inertia

@@ -16,8 +16,8 @@ from ...messages import CarParameters, DriveCommand, FloatArray
 from ...vehicle.tires import Tires
 from ...vehicle.vehicle import Vehicle
 from .experiment import Cell, LabSettings, Row, Section, Tables, no_number
+from .lab_ground import TICK, OpenGround
 from .linear_tire_model import SingleTrack
-from .open_ground import TICK, OpenGround
 from .single_track_section import models_section
 from .steady_circle import SteadyCircle, UnreachableError
 from .trace import Trace

@@ -26,7 +26,7 @@ from ...vehicle.car import WHEELS
 from ...vehicle.changes import CarChanges
 from ...vehicle.tires import Tires
 from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
-from .open_ground import Engine, OpenGround
+from .lab_ground import Engine, OpenGround
 from .trace import Trace, join
 
 _PERIOD = 0.01  # [s] of the speed's control: whole steps of 0.25 to 5 ms

@@ -32,7 +32,7 @@ from . import figure_style as style
 from .curve_onset import curve_onset
 from .experiment import Cell, Experiment, Figure, LabSettings, Row, Section, Tables
 from .figure_style import column
-from .open_ground import Engine, OpenGround
+from .lab_ground import Engine, OpenGround
 from .reference_steering import MANOEUVRES, Manoeuvre
 from .skidpad import STEERINGS
 from .steady_circle import CircleReading, SteadyCircle, UnreachableError, greatest_peak

@@ -22,7 +22,7 @@ from ...vehicle.tires import DEFAULT_TIRES, Tires
 from . import figure_style as style
 from .experiment import LAW_TIRES, Cell, Experiment, Figure, LabSettings, Row, Section, Tables
 from .figure_style import column
-from .open_ground import OpenGround
+from .lab_ground import OpenGround
 from .reference_steering import CURVATURE, MANOEUVRES, Manoeuvre
 from .speed_laws import LAWS
 from .trace import Trace
