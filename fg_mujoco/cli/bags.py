@@ -18,7 +18,7 @@ from ..racing.planner_choice import ControllerChoice
 from ..racing.planner_loading import make_controller
 from ..racing.run_folder import check_run_folder, read_run
 from ..ros.bag_messages import ODOMETRY, SCAN, require_ros_extra
-from ..ros.grid import RESOLUTION
+from ..ros.occupancy_grid import RESOLUTION
 from ..simulation.course_loading import load_track
 from ..simulation.settings import DriveSettings
 from .options import add_controller_option, add_drive_options, drive_options, in_one_line, number

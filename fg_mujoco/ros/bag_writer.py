@@ -89,7 +89,7 @@ from .bag_messages import (
     to_cdr,
     transform_message,
 )
-from .grid import grid_of
+from .occupancy_grid import grid_of
 
 TOPICS = {
     "/scan": SCAN, "/odom": ODOMETRY, "/imu": IMU, "/joint_states": JOINTS, "/drive": DRIVE, "/tf": TRANSFORMS,

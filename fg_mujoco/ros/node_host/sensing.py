@@ -22,7 +22,7 @@ from ...simulation.planner_adapter import Surroundings
 from ...simulation.world import World
 from ..autodrive import STEERING, THROTTLE, cars_in
 from ..bag_messages import BASE_FRAME, IMU_FRAME, LASER_FRAME, MAP_FRAME, ODOM_FRAME, nanoseconds
-from ..grid import Grid, grid_of
+from ..occupancy_grid import Grid, grid_of
 from .graph import BEGIN, Graph
 from .message_classes import ROS1, made, message_class
 from .rospy_times import NANOSECONDS, RosTime
