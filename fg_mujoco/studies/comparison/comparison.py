@@ -32,8 +32,8 @@ from ...vehicle.friction_patches import Patch
 from ...vehicle.tires import Tires
 from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from ...viz.plots import require_matplotlib
-from ..grid import require_axes, time_left
 from ..rollout.job import versions
+from ..run_grid import require_axes, time_left
 from ..store import WRITABLE, blame, claimed
 from ..workers import work_through
 from .differences import HEADER as DIFFERENCES

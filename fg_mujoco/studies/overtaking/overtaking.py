@@ -25,8 +25,8 @@ from ...simulation.settings import FASTEST
 from ...vehicle.tires import Tires
 from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from ...viz.plots import require_matplotlib
-from ..grid import require_axes, time_left
 from ..rollout.job import versions
+from ..run_grid import require_axes, time_left
 from ..store import WRITABLE, StudyFolder, blame, claimed
 from ..workers import work_through
 from .differences import HEADER as DIFFERENCES

@@ -33,7 +33,7 @@ from ...vehicle.changes import CarChanges
 from ...vehicle.friction_patches import Patch
 from ...vehicle.tires import Tires
 from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
-from ..grid import time_left
+from ..run_grid import time_left
 from ..store import claimed
 from ..workers import usable_cores
 from .job import RolloutJob, versions
