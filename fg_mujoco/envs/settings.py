@@ -24,7 +24,7 @@ from ..simulation.course_loading import load_track
 from ..simulation.engine import Engine
 from ..simulation.settings import CarSettings, Start, known_settings
 from ..simulation.world import World
-from .opponents import as_entries
+from .environment_opponents import as_entries
 from .rewards import Rewards
 from .starts import GRID_ORDERS
 
