@@ -14,7 +14,6 @@ from typing import Any
 
 from ..errors import EngineError
 from ..simulation.settings import DriveSettings
-from ..studies.overtaking.opponents import OPPONENTS
 from ..studies.overtaking.overtaking import (
     DEFAULT_RATIO,
     DEFAULT_SEEDS,
@@ -23,6 +22,7 @@ from ..studies.overtaking.overtaking import (
     OvertakingProgress,
     overtake,
 )
+from ..studies.overtaking.slower_opponents import OPPONENTS
 from ..studies.store import as_json
 from .compare import names_in, seeds_in
 from .options import add_drive_options, can_draw, drive_options, number, whole

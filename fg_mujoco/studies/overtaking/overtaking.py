@@ -33,7 +33,7 @@ from .differences import HEADER as DIFFERENCES
 from .differences import LEGEND as DIFFERENCES_LEGEND
 from .differences import DuelDifference, difference_rows, differences_csv, differences_markdown, paired_differences
 from .duel import Duel, DuelKey, DuelRow, DuelSettings
-from .opponents import OPPONENTS
+from .slower_opponents import OPPONENTS
 from .tables import HEADER, LEGEND, DuelCell, cells_csv, duels_csv, make_cells, markdown, ratio_picture, table_rows
 
 DEFAULT_TRACKS = ("oval", "l_corridor", "hairpins", "chicanes", "fast", "tight")
