@@ -157,7 +157,7 @@ def _write_run(
     options: argparse.Namespace, bag: Recording, sweeps: Sweeps, made: RecordedMap, course: Course, vehicle: Vehicle
 ) -> None:
     """Write the run folder of a bag, with its picture and its report, and say what it has."""
-    from ..ros.mapping.recorded_run import write_recorded_run
+    from ..ros.mapping.mapped_run import write_recorded_run
 
     with contextlib.redirect_stdout(sys.stderr):
         write_recorded_run(bag, sweeps, made, course, vehicle, options.out, drive_topic=options.drive_topic)
