@@ -78,7 +78,7 @@ if TYPE_CHECKING:
     from .simulation.world import World
     from .studies.comparison.comparison import Comparison, ComparisonProgress, compare
     from .studies.rollout.randomization import Choice, Randomization, Uniform
-    from .studies.rollout.result import RolloutResult, read_rollout
+    from .studies.rollout.rollout_result import RolloutResult, read_rollout
     from .studies.rollout.rollouts import RolloutProgress, rollout
     from .vehicle.car import Car, car_parameters
     from .vehicle.changes import CarChanges
@@ -246,7 +246,7 @@ _PLACES = {
     "simulation.world": "World",
     "studies.comparison.comparison": "Comparison ComparisonProgress compare",
     "studies.rollout.randomization": "Choice Randomization Uniform",
-    "studies.rollout.result": "RolloutResult read_rollout",
+    "studies.rollout.rollout_result": "RolloutResult read_rollout",
     "studies.rollout.rollouts": "RolloutProgress rollout",
     "vehicle.car": "Car car_parameters",
     "vehicle.changes": "CarChanges",

@@ -18,7 +18,7 @@ from ..messages import require_whole
 from ..racing.entries import Entry
 from ..racing.planner_loading import bundled_names
 from ..simulation.settings import friction_text
-from ..studies.rollout.result import RolloutResult
+from ..studies.rollout.rollout_result import RolloutResult
 from ..studies.rollout.rollouts import (
     DEFAULT_CHUNK,
     DEFAULT_MEMORY_BUDGET,

@@ -40,7 +40,7 @@ from .job import RolloutJob, versions
 from .local import drive_in_processes, drive_in_threads
 from .randomization import Randomization, world_seeds
 from .ray_cluster import drive_on_ray, require_ray
-from .result import RolloutResult, gather
+from .rollout_result import RolloutResult, gather
 from .store import ChunkStore, FolderStore, MemoryStore, TemporaryFolderStore
 
 ENGINES = ("local", "processes", "ray")
