@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ..errors import ModelError
 from ..messages import FloatArray
-from .shapes import SHAPE, is_shape, shape_row
+from .round_shapes import SHAPE, is_shape, shape_row
 
 # Corners of the box of half-sizes 1, and its sides as triangles.
 _BOX_CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
