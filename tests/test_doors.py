@@ -15,7 +15,7 @@ from fg_mujoco import f110
 from fg_mujoco.cli.main import _parser, main
 from fg_mujoco.cli.options import DRIVE
 from fg_mujoco.envs.dm_environment import load
-from fg_mujoco.envs.settings import EnvironmentSettings
+from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.envs.worlds import Worlds
 from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.racing.race import RaceSettings

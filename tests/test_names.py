@@ -11,7 +11,7 @@ import fg_mujoco as fg
 from fg_mujoco.course.maps.map_server import read_map_file
 from fg_mujoco.course.recipes import write_bundled
 from fg_mujoco.envs.dm_environment import load
-from fg_mujoco.envs.settings import EnvironmentSettings
+from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.errors import FgMujocoError, accepted_names, nearest
 from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.lidar.effects import LidarEffects

@@ -10,7 +10,7 @@ from refusals import refused
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
-from fg_mujoco.envs.settings import EnvironmentSettings
+from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.racing.replay import replay
 from fg_mujoco.racing.result import trajectory_sha256
 from fg_mujoco.simulation.cars import CAR_PREFIX

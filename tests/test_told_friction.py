@@ -11,7 +11,7 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco.cli.config import parse
 from fg_mujoco.cli.main import _parser, main
-from fg_mujoco.envs.settings import EnvironmentSettings
+from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.envs.worlds import Worlds
 from fg_mujoco.simulation.settings import DriveSettings
 from fg_mujoco.simulation.telemetry import COMMAND

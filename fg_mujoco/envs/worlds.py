@@ -13,7 +13,7 @@ from ..simulation.settings import Start
 from ..simulation.telemetry import TELEMETRY
 from ..simulation.termination import END_REASONS
 from .environment_opponents import Opponents
-from .settings import EnvironmentSettings
+from .environment_settings import EnvironmentSettings
 
 Mask = NDArray[np.bool_]
 
