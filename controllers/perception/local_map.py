@@ -25,7 +25,7 @@ import numpy as np
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
-from ..control.settings import Record
+from ..control.planner_settings import Record
 
 SIZE = 256  # cells to a side; a power of two, so that `place & RING` is the place of a cell in the ring
 RING = SIZE - 1

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
-from ..control.settings import Record
+from ..control.planner_settings import Record
 from .local_map import (
     ALONG,
     CELL,

@@ -31,7 +31,7 @@ import numpy as np
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
-from ..control.settings import FROM_ZERO, POSITIVE, SHARE, Record, Settings, setting, setting_of_car
+from ..control.planner_settings import FROM_ZERO, POSITIVE, SHARE, Record, Settings, setting, setting_of_car
 from ..control.steering import saturate
 from ..control.tracking import CURVATURE, HEADING, LAG, X, Y, errors, next_place, steer_along
 from ..perception.local_map import SIGHT, forget, move

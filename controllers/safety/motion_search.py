@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from fg_mujoco.kernels import kernel
 
-from ..control.settings import Record
+from ..control.planner_settings import Record
 from ..perception.local_map import FREE, PER_METRE, RING, SIZE, WALL, in_window
 from ..perception.way_on import AT_WALL, FAR, UNIT, to_go_around, to_go_at
 from .friction_limiter import longitudinal_share

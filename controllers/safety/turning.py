@@ -13,7 +13,7 @@ import numpy as np
 
 from fg_mujoco.kernels import kernel
 
-from ..control.settings import Record
+from ..control.planner_settings import Record
 from ..control.steering import arc_through, saturate
 from ..control.tracking import CURVATURE, HEADING, X, Y
 from ..perception.way_on import AT_WALL, NEAR_WALL
