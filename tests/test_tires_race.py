@@ -17,7 +17,7 @@ from fg_mujoco.simulation.cars import CAR_PREFIX
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.physics import STATE
 from fg_mujoco.simulation.settings import CarSettings, DriveSettings, Scenario, Start
-from fg_mujoco.studies.rollout.world_batch import drive_worlds
+from fg_mujoco.studies.rollout.drive_worlds import drive_worlds
 from fg_mujoco.vehicle.changes import CarChanges
 from fg_mujoco.vehicle.tire_forces import TireForces
 from fg_mujoco.vehicle.tire_slip import slides_above

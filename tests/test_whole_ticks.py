@@ -15,7 +15,7 @@ from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.planner_adapter import adapt
 from fg_mujoco.simulation.planner_failure import DecisionLimitReached
 from fg_mujoco.simulation.world import World
-from fg_mujoco.studies.rollout.world_batch import make_engine
+from fg_mujoco.studies.rollout.drive_worlds import make_engine
 
 pytestmark = pytest.mark.skipif(not HAS_CLOCK, reason="this Python has no clock that kernels can read")
 

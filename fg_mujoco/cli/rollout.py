@@ -18,6 +18,7 @@ from ..messages import require_whole
 from ..racing.entries import Entry
 from ..racing.planner_loading import bundled_names
 from ..simulation.settings import friction_text
+from ..studies.rollout.drive_worlds import RECORDS
 from ..studies.rollout.rollout_result import RolloutResult
 from ..studies.rollout.rollouts import (
     DEFAULT_CHUNK,
@@ -27,7 +28,6 @@ from ..studies.rollout.rollouts import (
     RolloutProgress,
     rollout,
 )
-from ..studies.rollout.world_batch import RECORDS
 from ..studies.store import as_json
 from ..vehicle.tire_slip import sliding_rule
 from .options import (

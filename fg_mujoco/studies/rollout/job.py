@@ -35,8 +35,8 @@ from ...simulation.physics import STATE
 from ...simulation.settings import DriveSettings, Scenario, require_laps
 from ...simulation.telemetry import TELEMETRY
 from ...vehicle.changes import CarChanges
+from .drive_worlds import RECORDS, WorldResults, drive_worlds, result_dtype, undriven_world
 from .randomization import Randomization
-from .world_batch import RECORDS, WorldResults, drive_worlds, result_dtype, undriven_world
 
 TICK = 0.025  # [s] a period of the LiDAR, for estimates of what a rollout will take and has done
 
