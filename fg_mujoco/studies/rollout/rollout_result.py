@@ -24,9 +24,9 @@ from ...racing.opponents import AMONG_CARS, FIRST, Opponents, entry_of
 from ...simulation.settings import DriveSettings, Scenario
 from ..intervals import wilson
 from ..store import blame
+from .chunk_store import ChunkStore, FolderStore
 from .job import Arrays, RolloutJob
 from .randomization import Randomization
-from .store import ChunkStore, FolderStore
 
 _WORLDS_SHOWN = 10  # in a notebook
 

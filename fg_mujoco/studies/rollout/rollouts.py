@@ -36,12 +36,12 @@ from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from ..run_grid import time_left
 from ..store import claimed
 from ..workers import usable_cores
+from .chunk_store import ChunkStore, FolderStore, MemoryStore, TemporaryFolderStore
 from .job import RolloutJob, versions
 from .local import drive_in_processes, drive_in_threads
 from .randomization import Randomization, world_seeds
 from .ray_cluster import drive_on_ray, require_ray
 from .rollout_result import RolloutResult, gather
-from .store import ChunkStore, FolderStore, MemoryStore, TemporaryFolderStore
 
 ENGINES = ("local", "processes", "ray")
 DEFAULT_WORLDS = 1024
