@@ -49,7 +49,7 @@ from .differences import (
 from .ground import check_course, course_ground, course_name, ground_sha256
 from .pictures import table_picture, trace_pictures
 from .run import ComparisonSettings, Run, RunKey, RunRow
-from .store import ComparisonFolder
+from .run_store import ComparisonFolder
 from .tables import LEGEND, Cell, cells_csv, header_of, make_cells, markdown, runs_csv, table_rows
 
 DEFAULT_SEEDS = range(10)
