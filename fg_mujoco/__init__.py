@@ -52,6 +52,7 @@ if TYPE_CHECKING:
         SettingsError,
         TrackError,
     )
+    from .intermediate_values import show
     from .lidar.beams import Beams
     from .lidar.effects import LidarEffects
     from .lidar.lidar import Lidar, RangefinderLidar, RaycastLidar, lidar_spec, make_lidar
@@ -69,7 +70,6 @@ if TYPE_CHECKING:
     from .racing.result import CarResult, RaceResult
     from .racing.run_folder import Run, check_run_folder, read_failed_scan, read_run
     from .ros.bag_drive import identify
-    from .showing import show
     from .simulation.cars import WorldCar
     from .simulation.course_loading import load_track
     from .simulation.settings import Scenario, Start
@@ -237,7 +237,7 @@ _PLACES = {
     "racing.result": "CarResult RaceResult",
     "racing.run_folder": "Run check_run_folder read_failed_scan read_run",
     "ros.bag_drive": "identify",
-    "showing": "show",
+    "intermediate_values": "show",
     "simulation.cars": "WorldCar",
     "simulation.course_loading": "load_track",
     "simulation.settings": "Scenario Start",

@@ -14,7 +14,7 @@ from test_ros_surroundings import DRIVES, NODE, make
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
-from fg_mujoco.showing import BASE, FRAMES, LASER, MAP, ShownValues, moved, show
+from fg_mujoco.intermediate_values import BASE, FRAMES, LASER, MAP, ShownValues, moved, show
 from fg_mujoco.viz.debug.decisions import Witness
 from fg_mujoco.viz.live.live_session import LiveSession, LiveSettings
 

@@ -22,7 +22,7 @@ from dataclasses import dataclass, field
 from types import FrameType
 from typing import Any
 
-from ...showing import pass_on
+from ...intermediate_values import pass_on
 
 BEGIN = 1_000_000_000 * 1_000_000_000
 """[ns] ROS time at which a race begins: nodes take 0 for "no time yet"."""

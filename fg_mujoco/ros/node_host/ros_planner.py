@@ -25,8 +25,8 @@ import numpy as np
 
 from ...course.files import is_file
 from ...errors import ControllerError
+from ...intermediate_values import listener
 from ...messages import STOP, CarParameters, DriveCommand, LaserScan, Odometry, Sketch
-from ...showing import listener
 from ...simulation.planner_adapter import Surroundings
 from ...simulation.planner_failure import one_line
 from ..bag_messages import nanoseconds

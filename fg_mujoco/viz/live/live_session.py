@@ -23,12 +23,12 @@ from ...course.course import Course
 from ...course.lap_timer import LapTimer
 from ...course.random_obstacles import random_boxes
 from ...errors import FgMujocoError, PlannerError, SettingsError
+from ...intermediate_values import ShownValues
 from ...lidar.beams import lidar_body
 from ...messages import DriveCommand, FloatArray, LaserScan, Odometry, Sketch, require_whole
 from ...racing.entries import Entry, check_starts, grid_starts, require_entries
 from ...racing.planner_choice import split_controller
 from ...racing.planner_loading import make_controller
-from ...showing import ShownValues
 from ...simulation.course_loading import load_track
 from ...simulation.planner_adapter import Planners, PlannersOfEach, adapt, plan, start
 from ...simulation.planner_failure import PlannerFailure, is_of_planner, without_exit
