@@ -115,7 +115,7 @@ def test_a_scan_has_the_walls_where_they_are(drawn):
 
 @pytest.mark.parametrize(("name", "steps"), [("drawn", 60), ("scene:crossing_box:2", 60)])
 def test_a_scan_is_what_single_rays_measure_along_its_beams(drawn, monkeypatch, name, steps):
-    monkeypatch.setattr(driving, "SCAN_NOISE", 0.0)
+    monkeypatch.setattr(gym_world, "SCAN_NOISE", 0.0)
     env = f110.make(map=str(drawn) if name == "drawn" else name)
     obs, *_ = env.reset(np.array([[7.5, 2.25, 0.1]] if name == "drawn" else [[0.0, 0.1, 0.05]]))
     bearings = np.linspace(-2.35, 2.35, 1080)
@@ -311,7 +311,7 @@ def test_each_of_many_cars_has_a_row_of_every_observation(drawn):
 
 def test_cars_see_each_other_where_they_are(drawn, monkeypatch):
     """The car behind sees the box of the car ahead: 0.12 m wide, its rear face 0.19 m behind that car's LiDAR."""
-    monkeypatch.setattr(driving, "SCAN_NOISE", 0.0)
+    monkeypatch.setattr(gym_world, "SCAN_NOISE", 0.0)
     env = f110.make(map=str(drawn), num_agents=2)
     obs, *_ = env.reset(np.array([[7.0, 2.25, 0.0], [8.5, 2.25, 0.0]]))
     alone = f110.make(map=str(drawn)).reset(np.array([[7.0, 2.25, 0.0]]))[0]["scans"][0]
@@ -367,7 +367,7 @@ def test_the_episode_is_done_when_all_cars_have_driven_two_laps(drawn):
 
 @pytest.mark.slow
 def test_a_car_drives_the_same_bits_with_others_far_away_and_its_noise_is_its_own(drawn, monkeypatch):
-    monkeypatch.setattr(driving, "SCAN_NOISE", 0.0)
+    monkeypatch.setattr(gym_world, "SCAN_NOISE", 0.0)
     pose, action = [7.0, 2.25, 0.0], [0.02, 2.0]
     pair, _ = run(f110.make(map=str(drawn), num_agents=2), np.array([pose, [9.5, 2.25, 0.0]]), [[action, action]] * 40)
     again, _ = run(f110.make(map=str(drawn), num_agents=2), np.array([pose, [9.5, 2.25, 0.0]]), [[action, action]] * 40)

@@ -1,6 +1,6 @@
 """What a LiDAR's rays can meet in a compiled model: triangles, planes and round shapes, for each body that moves.
 
-The round ones among them are kept as they are (shapes.py).
+The round ones among them are kept as they are (round_shapes.py).
 
 The geoms are those that MuJoCo's rays see: not the transparent ones (alpha 0 of the material, or of the geom where it
 has no material), any group, both sides of a mesh or box, the front of a plane. Nothing of the kinematic tree that

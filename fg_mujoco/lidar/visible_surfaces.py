@@ -34,7 +34,7 @@ class SceneArrays(NamedTuple):
     spans: NDArray[np.int32]  # (b, 5) the fifth is the frame
     planes: FloatArray  # (p, 14) position, rotation row by row, half-sizes [m]
     frames: NDArray[np.int32]  # (f, 7) first cluster, behind the last; first plane, behind; first shape, behind; tree
-    shapes: FloatArray  # (k, SHAPE) see shapes.py
+    shapes: FloatArray  # (k, SHAPE) see round_shapes.py
     spheres: FloatArray  # (f, 4) centre and radius of a sphere around what moves [m]; a radius without end for planes
 
 

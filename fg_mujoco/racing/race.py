@@ -133,7 +133,7 @@ def race(
       seed: of the LiDAR's noise and dropouts.
       time_limit: of simulated time [s]; None: as long as a car of 0.5 m/s needs, or the scene's own.
       decision_limit: of wall time that the planner may take for one decision [s]; None: any. A race whose planner takes
-        longer, or never answers, ends with the end reason "decision_limit"; `racing.decisions` says what cannot be
+        longer, or never answers, ends with the end reason "decision_limit"; `racing.decision_times` says what cannot be
         interrupted.
       obstacles: what stands on the track, besides what a scene has; or of how many boxes, at random places of a track
         that leave a way past each (`random_obstacles`).

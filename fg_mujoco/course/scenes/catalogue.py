@@ -2,8 +2,8 @@
 
     scene = load_scene("scene:cylinder_field:3", car)
 
-The bundled scenes are in `corridors`, `gaps` and `corners`. A distribution adds scenes of its own by entry points of
-the group `fg_mujoco.scenes`. In its pyproject.toml:
+The bundled scenes are in `corridors`, `gap_widths` and `corners`. A distribution adds scenes of its own by entry points
+of the group `fg_mujoco.scenes`. In its pyproject.toml:
 
     [project.entry-points."fg_mujoco.scenes"]
     my_scene = "my_package.my_module:my_scene"

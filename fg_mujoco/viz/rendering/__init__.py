@@ -12,7 +12,7 @@
         fg.write_video("oval.mp4", film.frames(fps=30.0), size=film.size)
 
 `gl` opens an OpenGL context, `scenery` compiles the model that is drawn, and `renderer` turns states into arrays.
-`cameras` has the cameras, and `drive` a recording at any time. `overlays`, `planner_view`, `force_arrows` and
+`cameras` has the cameras, and `recorded_drive` a recording at any time. `overlays`, `planner_view`, `force_arrows` and
 `telemetry_strip` draw over a picture, and `gg_diagram` draws the g-g diagram. `film` puts all of this together, and
 `video` writes files.
 """

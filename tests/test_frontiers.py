@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from drawn_worlds import Driven, box, cell, lines, middles
 
-from fg_mujoco.controllers.perception.local_map import CELL, FREE, RING, SIZE, WALL
-from fg_mujoco.controllers.perception.way_on import (
+from fg_mujoco.controllers.perception.frontiers import (
     AT_WALL,
     FAR,
     WAY_BACK,
@@ -16,6 +15,7 @@ from fg_mujoco.controllers.perception.way_on import (
     to_go_around,
     to_go_at,
 )
+from fg_mujoco.controllers.perception.local_map import CELL, FREE, RING, SIZE, WALL
 
 STRAIGHT = lines([(-30.0, -1.0), (60.0, -1.0)], [(-30.0, 1.0), (60.0, 1.0)])
 
@@ -90,7 +90,7 @@ def test_at_a_junction_it_is_not_the_branch_that_is_seen_to_its_end(open_side):
 
 
 @pytest.mark.xfail(
-    strict=True, reason="way_on: a frontier that moves by more than 1 m, as at a corner, is not the last one"
+    strict=True, reason="a frontier that moves by more than 1 m, as at a corner, is not the last one"
 )
 def test_at_a_junction_with_two_ways_on_the_choice_stays():
     driven = Driven(junction(30.0, 30.0))
@@ -116,7 +116,7 @@ def test_in_a_hairpin_it_is_beside_the_barriers_end_and_not_in_the_pocket(pocket
     assert goal(driven)[0] < 5.0 and goal(driven)[1] > 0.9  # along the other lane
 
 
-def test_from_everywhere_steps_to_a_cell_that_is_nearer_lead_to_the_way_on():
+def test_from_everywhere_steps_to_a_cell_that_is_nearer_lead_to_the_frontier():
     driven = Driven(hairpin())
     driven.go(4.5)
     to_go = driven.way["to_go"]
@@ -126,7 +126,7 @@ def test_from_everywhere_steps_to_a_cell_that_is_nearer_lead_to_the_way_on():
         assert min(to_go[(i + a) & RING, (j + b) & RING] for a in (-1, 0, 1) for b in (-1, 0, 1)) < to_go[i, j]
 
 
-def test_a_dead_end_has_no_way_on():
+def test_a_dead_end_has_no_frontier():
     driven = Driven(lines([(-30.0, 0.7), (9.0, 0.7), (9.0, -0.7), (-30.0, -0.7)]))
     driven.go(8.0)
     assert not driven.way["found"]
@@ -136,7 +136,7 @@ def test_a_dead_end_has_no_way_on():
     assert to_go_at(driven.way, driven.x, driven.y) == FAR
 
 
-def test_the_shadow_of_a_box_is_no_way_on_and_the_ground_behind_a_wall_is():
+def test_the_shadow_of_a_box_is_no_frontier_and_the_ground_behind_a_wall_is():
     """A closed hall with a box whose back nobody sees; and with a wall that hides half of the hall."""
     left = [(-30.0, 1.0), (1.0, 1.0), (1.0, 3.0), (7.0, 3.0)]
     hall = lines(left + [(x, -y) for x, y in reversed(left)])
@@ -150,11 +150,11 @@ def test_the_shadow_of_a_box_is_no_way_on_and_the_ground_behind_a_wall_is():
     assert x > 4.7 and y < 1.0
 
 
-def test_a_closed_room_has_no_way_on():
+def test_a_closed_room_has_no_frontier():
     assert not Driven(lines(box(-3.0, -2.0, 4.0, 3.0))).way["found"]
 
 
-def test_after_it_drove_into_a_pocket_the_way_on_is_that_beside_the_pocket():
+def test_after_it_drove_into_a_pocket_the_frontier_is_that_next_to_the_pocket():
     """The branch straight ahead is closed at x = 10; the way on leaves to the left, from 5 to 6.4 m."""
     walls = lines([(-30.0, 0.7), (5.0, 0.7), (5.0, 30.0)], [(6.4, 30.0), (6.4, 0.7), (10.0, 0.7), (10.0, -0.7)])
     driven = Driven(np.concatenate((walls, lines([(10.0, -0.7), (-30.0, -0.7)]))))

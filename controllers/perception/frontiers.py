@@ -85,12 +85,12 @@ _SAME = 1.0  # [m] from the last way on: a frontier counts as the same, and as 1
 _LEAST_LOOP = 3.0  # [m] to the far side of a closed path
 _LEAST_AGE = 5.0  # [m] of the part of the path that the car comes upon there
 _FREE_START = 4  # cells from the car that may be near a wall
-_BESIDE = 8  # columns beside the known ones, in which their walls count
+_MARGIN = 8  # columns beside the known ones, in which their walls count
 _BUCKETS = 64  # above the greatest cost of a step; a power of two, so that `cost & _BUCKET` is the bucket of a cost
 _BUCKET = _BUCKETS - 1
 _LAST = SIZE * SIZE - 1
 
-WAY_ON = np.dtype(
+FRONTIER_SEARCH = np.dtype(
     [
         ("map", LOCAL_MAP),
         ("ticks", np.int64),
@@ -114,7 +114,7 @@ WAY_ON = np.dtype(
 
 
 @kernel
-def look_for_way_on(
+def search_frontier(
     scan: Record,
     ranges: FloatArray,
     odometry: Record,
@@ -135,7 +135,7 @@ def look_for_way_on(
       ranges: its readings (n,) [m], without NaN or inf.
       odometry: of type ODOMETRY.
       lidar_offset: of the LiDAR ahead of the rear axle [m].
-      memory: of type WAY_ON, written to.
+      memory: of type FRONTIER_SEARCH, written to.
       every: ticks.
       every_plain: ticks.
       led: the car is not driven by its planner alone.
@@ -152,25 +152,25 @@ def look_for_way_on(
     memory.nodes = 0
     memory.ticks += 1
     if due:
-        look_again(scan, ranges, lidar_offset, memory)
+        search_frontier_again(scan, ranges, lidar_offset, memory)
     elif moved >= _MOVED or turned >= _TURNED or memory.ticks - memory.entered > _ENTER_EVERY:
         _enter(scan, ranges, lidar_offset, memory)
 
 
 @kernel
-def look_again(scan: Record, ranges: FloatArray, lidar_offset: float, memory: Record) -> None:
-    """Enter a scan, and look for the way on, unless that was done in this tick; arguments as of `look_for_way_on`."""
+def search_frontier_again(scan: Record, ranges: FloatArray, lidar_offset: float, memory: Record) -> None:
+    """Enter a scan, and look for the way on, unless that was done in this tick; arguments as of `search_frontier`."""
     if memory.searched == memory.ticks:
         return
     if memory.entered != memory.ticks:
         _enter(scan, ranges, lidar_offset, memory)
     memory.searched, memory.searched_driven = memory.ticks, memory.map.driven
-    _find(memory, lidar_offset)
+    _find_frontier(memory, lidar_offset)
 
 
 @kernel
 def _enter(scan: Record, ranges: FloatArray, lidar_offset: float, memory: Record) -> None:
-    """Enter a scan; arguments as of `look_for_way_on`."""
+    """Enter a scan; arguments as of `search_frontier`."""
     world = memory.map
     memory.entered, memory.entered_driven, memory.entered_heading = memory.ticks, world.driven, world.heading
     enter_scan(world, scan, ranges, lidar_offset)
@@ -222,7 +222,7 @@ def least_to_go_towards(
 
 
 @kernel
-def _find(memory: Record, lidar_offset: float) -> None:
+def _find_frontier(memory: Record, lidar_offset: float) -> None:
     """Look for the way on, and write how far it is to there.
 
     Below, a cell is a number: its column in the ring times SIZE, and its row. Arrays of cells are unsigned: else numba
@@ -241,9 +241,9 @@ def _find(memory: Record, lidar_offset: float) -> None:
         opened, closed, impassable = _ATTEMPTS[attempt]
         for _ in range(2):
             if closings > 0:
-                _open_way_back(bits)
+                _open_path(bits)
             closings += 1
-            _close_way_back(world, bits, opened, closed, open_ground)
+            _close_path(world, bits, opened, closed, open_ground)
             distance[:] = FAR
             distance[queue[0]] = 0
             reached, edges = _flood(world, bits, distance, queue, edge, impassable)
@@ -262,7 +262,7 @@ def _find(memory: Record, lidar_offset: float) -> None:
         if closed < _CLOSED:
             place = reached - 1
             while place > 0:
-                if _beside_way_back(world, bits, queue[place]) and _comes_from_behind(world, distance, queue[place]):
+                if _is_next_to_path(world, bits, queue[place]) and _comes_from_behind(world, distance, queue[place]):
                     break
                 place -= 1
             loop = distance[queue[place]] * CELL > _LEAST_LOOP
@@ -305,18 +305,18 @@ def _mark_cells(world: Record, blocked: NDArray[np.uint8]) -> int:
     blocked[:] = UNSEEN
     if first == end:
         return 0
-    count = end - first + 2 * _BESIDE
+    count = end - first + 2 * _MARGIN
     within = np.zeros((count, SIZE), np.uint8)  # bits as of _mark_column
     walls = np.empty(SIZE + 12, np.uint8)
     two, four = np.empty((count, SIZE), np.uint8), np.empty((count, SIZE), np.uint8)  # of this column and those after
-    for k in range(_BESIDE, count - _BESIDE):
-        _mark_column(world.cells[(first + k - _BESIDE) & RING], walls, within[k])
+    for k in range(_MARGIN, count - _MARGIN):
+        _mark_column(world.cells[(first + k - _MARGIN) & RING], walls, within[k])
     for k in range(count - 1):
         _join(within[k], within[k + 1], two[k])
     for k in range(count - 3):
         _join(two[k], two[k + 2], four[k])
-    for k in range(_BESIDE - 2, count - _BESIDE + 2):
-        i = first + k - _BESIDE
+    for k in range(_MARGIN - 2, count - _MARGIN + 2):
+        i = first + k - _MARGIN
         if abs(i - world.column) > EDGE:
             continue
         _mark_ground(world.cells[i & RING], blocked[i & RING])
@@ -423,14 +423,14 @@ def _mark_far(
 
 
 @kernel
-def _open_way_back(bits: NDArray[np.uint8]) -> None:
+def _open_path(bits: NDArray[np.uint8]) -> None:
     """Take all lines across the path away again."""
     for cell in range(len(bits)):
         bits[cell] &= np.uint8(255 - WAY_BACK)
 
 
 @kernel
-def _close_way_back(world: Record, bits: NDArray[np.uint8], opened: float, closed: float, open_ground: bool) -> None:
+def _close_path(world: Record, bits: NDArray[np.uint8], opened: float, closed: float, open_ground: bool) -> None:
     """Block a line across the corridor at each point of the path from `opened` to `closed` [m] before its end.
 
     On open ground the lines go on up to a wall, or _WIDEST to either side.
@@ -498,7 +498,7 @@ def _is_open_ground(world: Record, distance: NDArray[np.uint16]) -> bool:
 
 
 @kernel
-def _beside(cell: int) -> tuple[int, int, int, int]:
+def _neighbours(cell: int) -> tuple[int, int, int, int]:
     """Return the cells that share a side with a cell."""
     column, row = cell & ~RING, cell & RING
     right, left, up, down = (column + SIZE) & _LAST, (column - SIZE) & _LAST, (row + 1) & RING, (row - 1) & RING
@@ -506,7 +506,7 @@ def _beside(cell: int) -> tuple[int, int, int, int]:
 
 
 @kernel
-def _across(cell: int) -> tuple[int, int, int, int]:
+def _diagonal_neighbours(cell: int) -> tuple[int, int, int, int]:
     """Return the cells that share a corner with a cell, and no side."""
     column, row = cell & ~RING, cell & RING
     right, left, up, down = (column + SIZE) & _LAST, (column - SIZE) & _LAST, (row + 1) & RING, (row - 1) & RING
@@ -544,14 +544,14 @@ def _flood(
         looked_at = np.uint8(OPEN | WAY_BACK | (impassable if level >= _FREE_START else 0))
         for place in range(first, end):
             unseen = np.uint8(0)
-            for cell in _beside(queue[place]):
+            for cell in _neighbours(queue[place]):
                 unseen |= bits[cell]
                 if bits[cell] & looked_at == OPEN and distance[cell] == FAR:
                     distance[cell] = level + 1
                     queue[count] = cell
                     count += 1
             if level % 2 == 1:
-                for cell in _across(queue[place]):
+                for cell in _diagonal_neighbours(queue[place]):
                     if bits[cell] & looked_at == OPEN and distance[cell] == FAR:
                         distance[cell] = level + 1
                         queue[count] = cell
@@ -578,7 +578,7 @@ def _choose_frontier(
     """Write the cells of the best frontier to `goal`, and where its middle is; return how many cells, 0: none.
 
     Args:
-      memory: of type WAY_ON, written to.
+      memory: of type FRONTIER_SEARCH, written to.
       bits: of each cell.
       distance: of each cell from the car [cells].
       edge: the cells that were reached at ground that nobody has seen.
@@ -645,7 +645,7 @@ def _has_room_behind(
     count, reached, at, leads_on = len(group), 0, 0, False
     while at < count + reached and not leads_on:
         place = group[at] if at < count else behind[at - count]
-        for cell in _beside(place):
+        for cell in _neighbours(place):
             i, j = _place_of(world, cell)
             if not in_window(world, i, j) or label[cell] == 4:
                 leads_on = True
@@ -674,7 +674,7 @@ def _find_edge(memory: Record, bits: NDArray[np.uint8], goal: NDArray[np.uint16]
 
 
 @kernel
-def _beside_way_back(world: Record, bits: NDArray[np.uint8], cell: int) -> bool:
+def _is_next_to_path(world: Record, bits: NDArray[np.uint8], cell: int) -> bool:
     """Say whether a cell is within two cells of the closed way back."""
     i, j = _place_of(world, cell)
     for a in range(i - 2, i + 3):
@@ -738,14 +738,14 @@ def _spread(
         heads[level & _BUCKET] = links[place]
         if to_go[cells[place]] != level:
             continue  # it was reached by a shorter way meanwhile
-        for cell in _beside(cells[place]):
+        for cell in _neighbours(cells[place]):
             cost = level + straight[bits[cell]]
             if cost < to_go[cell]:
                 to_go[cell] = cost
                 cells[made], links[made] = cell, heads[cost & _BUCKET]
                 heads[cost & _BUCKET] = made
                 made += one
-        for cell in _across(cells[place]):
+        for cell in _diagonal_neighbours(cells[place]):
             cost = level + diagonal[bits[cell]]
             if cost < to_go[cell]:
                 to_go[cell] = cost
