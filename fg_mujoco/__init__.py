@@ -273,6 +273,19 @@ _ELSEWHERE = {
 """What others call it -> what it is called here."""
 
 
+_RENAMED = {
+    "controllers.control.settings": "controllers.control.planner_settings",
+    "controllers.perception.way_on": "controllers.perception.frontiers",
+    "envs.settings": "envs.environment_settings",
+    "racing.decisions": "racing.decision_times",
+    "ros.mapping.recorded_run": "ros.mapping.mapped_run",
+    "showing": "intermediate_values",
+    "studies.rollout.result": "studies.rollout.rollout_result",
+    "viz.live.session": "viz.live.live_session",
+}
+"""Module that programs may import by an older name -> its name now."""
+
+
 def __getattr__(name: str) -> _Any:
     """Import what is public when it is first used; refuse another name with the one that was probably meant."""
     if name in _HOMES:
@@ -304,5 +317,16 @@ class _Tracks(_ModuleType):
         raise TypeError("fg_mujoco.tracks is a folder; did you mean 'track_names'?")
 
 
+class _OldNames:
+    """The last of the finders of modules: it refuses older names of modules and says the new ones."""
+
+    @staticmethod
+    def find_spec(name: str, path: _Any = None, target: _Any = None) -> None:
+        now = _RENAMED.get(name.removeprefix("fg_mujoco."))
+        if now is not None:
+            raise ModuleNotFoundError(f"{name} is called fg_mujoco.{now} now", name=name)
+
+
 _sys.modules["fg_mujoco.tracks"].__class__ = _Tracks
+_sys.meta_path.append(_OldNames)
 _register_once_imported()

@@ -1,6 +1,6 @@
 """The car on its endless level ground, at any settings of the engine: where the lab drives without walls.
 
-    ground = OpenGround(mu=0.7)
+    ground = LabGround(mu=0.7)
     ground.place(speed=3.0)
     trace = ground.run([DriveCommand(steering_angle=0.1, speed=3.0)] * 40)
     trace.slip.sliding_speed, trace.acceleration  # at every physics step
@@ -89,7 +89,7 @@ def require_mu(mu: float) -> None:
         )
 
 
-class OpenGround:
+class LabGround:
     """A car on endless level ground.
 
     Args:
