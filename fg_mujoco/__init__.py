@@ -9,7 +9,9 @@ What loads slowly (trimesh, embreex, matplotlib) is imported where it is used.
 """
 
 import sys as _sys
+import warnings as _warnings
 from importlib import import_module as _import_module
+from importlib.machinery import ModuleSpec as _ModuleSpec
 from types import FunctionType as _FunctionType
 from types import ModuleType as _ModuleType
 from typing import TYPE_CHECKING
@@ -283,7 +285,7 @@ _RENAMED = {
     "studies.rollout.result": "studies.rollout.rollout_result",
     "viz.live.session": "viz.live.live_session",
 }
-"""Module that programs may import by an older name -> its name now."""
+"""Older name of a module that planners and programs import -> its name now."""
 
 
 def __getattr__(name: str) -> _Any:
@@ -318,13 +320,21 @@ class _Tracks(_ModuleType):
 
 
 class _OldNames:
-    """The last of the finders of modules: it refuses older names of modules and says the new ones."""
+    """The last of the finders of modules: planners that import a module by an older name get it, and a warning."""
 
     @staticmethod
-    def find_spec(name: str, path: _Any = None, target: _Any = None) -> None:
-        now = _RENAMED.get(name.removeprefix("fg_mujoco."))
-        if now is not None:
-            raise ModuleNotFoundError(f"{name} is called fg_mujoco.{now} now", name=name)
+    def find_spec(name: str, path: _Any = None, target: _Any = None) -> _ModuleSpec | None:
+        old = name.removeprefix("fg_mujoco.")
+        return _ModuleSpec(name, _OldNames(), origin=_RENAMED[old]) if old in _RENAMED else None  # type: ignore[arg-type]
+
+    @staticmethod
+    def create_module(spec: _ModuleSpec) -> None:
+        _warnings.warn(f"{spec.name} is called fg_mujoco.{spec.origin} now", FutureWarning, stacklevel=2)
+
+    @staticmethod
+    def exec_module(module: _ModuleType) -> None:
+        assert module.__spec__ is not None
+        _sys.modules[module.__name__] = _import_module(f".{module.__spec__.origin}", __name__)
 
 
 _sys.modules["fg_mujoco.tracks"].__class__ = _Tracks

@@ -1,5 +1,6 @@
 """A name that is mistyped is refused with the one that was probably meant, at every door."""
 
+import sys
 import warnings
 from importlib import import_module
 from pathlib import Path
@@ -204,10 +205,11 @@ def test_there_is_one_place_that_compares_names():
 
 
 @pytest.mark.parametrize(("before", "now"), fg._RENAMED.items())
-def test_an_older_name_of_a_module_is_answered_with_its_name_now(before, now):
-    with pytest.raises(ModuleNotFoundError, match=rf"^fg_mujoco\.{before} is called fg_mujoco\.{now} now$"):
-        import_module(f"fg_mujoco.{before}")
-    import_module(f"fg_mujoco.{now}")
+def test_an_older_name_of_a_module_gives_the_module_and_a_warning_with_its_name_now(before, now):
+    with pytest.warns(FutureWarning, match=rf"^fg_mujoco\.{before} is called fg_mujoco\.{now} now$"):
+        found = import_module(f"fg_mujoco.{before}")
+    assert found is import_module(f"fg_mujoco.{now}") and found.__name__ == f"fg_mujoco.{now}"
+    del sys.modules[f"fg_mujoco.{before}"]
 
 
 def test_no_two_modules_have_the_same_name():
