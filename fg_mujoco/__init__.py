@@ -24,6 +24,7 @@ from . import tracks as _tracks  # noqa: F401
 from .arguments import explained as _explained
 from .envs.registration import register_once_imported as _register_once_imported
 from .errors import nearest as _nearest
+from .racing.planner_texts import SCHEMES as _SCHEMES
 
 if TYPE_CHECKING:
     from .course.centreline_csv import read_centreline, write_centreline
@@ -64,7 +65,8 @@ if TYPE_CHECKING:
     from .racing.entries import Entry
     from .racing.handling import handling
     from .racing.manoeuvres import find_manoeuvre
-    from .racing.planner_loading import controller_names, make_controller
+    from .racing.planner_loading import make_controller
+    from .racing.planner_sources import controller_names
     from .racing.race import RaceProgress, race
     from .racing.race_control import Contact, Overtake
     from .racing.replay import ReplayReport, replay
@@ -231,7 +233,8 @@ _PLACES = {
     "racing.entries": "Entry",
     "racing.handling": "handling",
     "racing.manoeuvres": "find_manoeuvre",
-    "racing.planner_loading": "controller_names make_controller",
+    "racing.planner_loading": "make_controller",
+    "racing.planner_sources": "controller_names",
     "racing.race": "RaceProgress race",
     "racing.race_control": "Contact Overtake",
     "racing.replay": "ReplayReport replay",
@@ -337,6 +340,7 @@ class _OldNames:
         _sys.modules[module.__name__] = _import_module(f".{module.__spec__.origin}", __name__)
 
 
+_SCHEMES["ros"] = "fg_mujoco.ros.node_host.ros_planner:NODES"
 _sys.modules["fg_mujoco.tracks"].__class__ = _Tracks
 _sys.meta_path.append(_OldNames)
 _register_once_imported()

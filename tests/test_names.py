@@ -18,7 +18,7 @@ from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.errors import FgMujocoError, accepted_names, nearest
 from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.lidar.effects import LidarEffects
-from fg_mujoco.racing.planner_loading import find_controller
+from fg_mujoco.racing.planner_sources import find_controller
 from fg_mujoco.simulation.settings import as_part
 from fg_mujoco.studies.friction_lab.lab import load_experiment
 from fg_mujoco.viz.rendering.cameras import find_camera

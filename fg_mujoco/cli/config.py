@@ -28,7 +28,7 @@ from ..lidar.effects import LidarEffects
 from ..lidar.lidar import LIDAR_BACKENDS
 from ..messages import require_whole
 from ..racing.planner_choice import ControllerChoice
-from ..racing.planner_loading import find_controller
+from ..racing.planner_sources import find_controller
 from ..racing.planner_trust import controller_of, files_of, recorded_sha256, require_trusted
 from ..racing.race import RaceSettings
 from ..racing.race_control import find_rules

@@ -30,7 +30,7 @@ from ..racing.entries import Entry
 from ..racing.field import FieldProgress
 from ..racing.hints import race_hints
 from ..racing.planner_choice import with_settings
-from ..racing.planner_loading import controller_names
+from ..racing.planner_sources import controller_names
 from ..racing.race import RaceProgress, race
 from ..racing.race_control import RULES, find_rules
 from ..racing.replay import replay

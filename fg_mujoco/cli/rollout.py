@@ -16,7 +16,7 @@ from typing import Any
 from ..errors import EngineError, SettingsError
 from ..messages import require_whole
 from ..racing.entries import Entry
-from ..racing.planner_loading import bundled_names
+from ..racing.planner_sources import bundled_names
 from ..simulation.settings import friction_text
 from ..studies.rollout.drive_worlds import RECORDS
 from ..studies.rollout.rollout_result import RolloutResult

@@ -17,7 +17,8 @@ from ..errors import ControllerError, MessageError, PlannerError, SettingsError
 from ..messages import Controller, shown
 from ..racing.entries import Entry
 from ..racing.planner_choice import split_controller
-from ..racing.planner_loading import build_controller, find_controller
+from ..racing.planner_loading import build_controller
+from ..racing.planner_sources import find_controller
 from ..simulation.planner_adapter import Cars, Planners, PlannersOfEach, Reasons, adapt
 from ..simulation.planner_adapter import start as start_planner
 from ..simulation.planner_failure import without_exit

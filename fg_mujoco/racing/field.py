@@ -27,7 +27,7 @@ from .entries import Entry, check_starts, entry_planner, grid_starts
 from .figures import course_figures, driven_figures
 from .planner_choice import split_controller
 from .planner_files import Files, planner_files
-from .planner_loading import origin, source_code
+from .planner_origin import origin, source_code
 from .race_control import RaceControl, find_rules
 from .result import CarResult, History, RaceResult
 

@@ -39,7 +39,8 @@ from .field import race_field
 from .figures import course_figures, driven_figures
 from .planner_choice import split_controller
 from .planner_files import planner_files
-from .planner_loading import make_controller, origin, source_code
+from .planner_loading import make_controller
+from .planner_origin import origin, source_code
 from .result import History, RaceResult
 
 

@@ -53,7 +53,7 @@ from ..intermediate_values import NUMBER as SHOWN_NUMBER
 from ..intermediate_values import SCAN as SHOWN_SCAN
 from ..intermediate_values import ShownValue, ShownValues
 from ..messages import DriveCommand, LaserScan
-from ..racing.planner_loading import bundled_names
+from ..racing.planner_sources import bundled_names
 from ..racing.planner_trust import recorded_planner
 from ..racing.resimulation import Sensed, Tick, load_world, resimulate
 from ..racing.run_folder import Run, read_run

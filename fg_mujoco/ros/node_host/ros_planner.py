@@ -27,6 +27,8 @@ from ...course.files import is_file
 from ...errors import ControllerError
 from ...intermediate_values import listener
 from ...messages import STOP, CarParameters, DriveCommand, LaserScan, Odometry, Sketch
+from ...racing.planner_sources import READ
+from ...racing.planner_texts import PlannerScheme
 from ...simulation.planner_adapter import Surroundings
 from ...simulation.planner_failure import one_line
 from ..bag_messages import nanoseconds
@@ -297,8 +299,8 @@ def find_node(source: str) -> type[RosPlanner]:
     place = str(program.path)
     module = ModuleType(f"fg_mujoco_ros_{program.path.stem}_{zlib.crc32(place.encode()):08x}")
     module.__file__ = place
-    vars(module)["__fg_mujoco_read__"] = program.text
-    sys.modules[module.__name__] = module  # where `planner_loading` finds what was read
+    vars(module)[READ] = program.text
+    sys.modules[module.__name__] = module  # where `planner_origin` finds what was read
     said = f"Nodes of ROS {program.nodes[0].flavour}: {', '.join(node.path.name for node in program.nodes)}."
     return type(program.name, (RosPlanner,), {"_program": program, "__module__": module.__name__, "__doc__": said})
 
@@ -319,6 +321,10 @@ def _with_arguments(program: Program, settings: Mapping[str, Any]) -> Program:
 def source_text(source: str) -> bytes:
     """Return what the hash of `ros:...` is of: the node's file; of a launch file that and the nodes' files."""
     return read_program(source).text
+
+
+NODES = PlannerScheme(find=find_node, code=source_text)
+"""Planners whose texts begin with `ros:`."""
 
 
 def _starter(session: Session, node: NodeFile, definitions: Definitions) -> Callable[[], None]:

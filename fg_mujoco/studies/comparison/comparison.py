@@ -25,7 +25,7 @@ from ...racing.entries import Entry
 from ...racing.opponents import Opponents, entry_of
 from ...racing.planner_choice import ControllerChoice
 from ...racing.planner_files import files_sha256
-from ...racing.planner_loading import controller_names
+from ...racing.planner_sources import controller_names
 from ...simulation.settings import FASTEST
 from ...vehicle.changes import CarChanges
 from ...vehicle.friction_patches import Patch
