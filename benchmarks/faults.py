@@ -233,7 +233,7 @@ FAULTS = {
         tests="test_bag_scans.py test_bag_replay.py",
     ),
     "a node's reckoned pose that turns twice as fast": Fault(
-        file="fg_mujoco/ros/door/sensing.py",
+        file="fg_mujoco/ros/node_host/sensing.py",
         old="turned = self._odometry.yaw_rate * passed",
         new="turned = 2.0 * self._odometry.yaw_rate * passed",
         tests="test_ros_nodes.py test_ros_surroundings.py test_ros_tolerance.py",

@@ -29,7 +29,7 @@ from fg_mujoco.messages import FloatArray
 
 from .control.driving import DrivingSettings
 from .control.planner import GoalPlanner
-from .control.settings import FROM_ZERO, Record, setting, setting_of_car
+from .control.planner_settings import FROM_ZERO, Record, setting, setting_of_car
 from .perception.gaps import furthest_beam
 from .perception.intermediate_scans import IntermediateScans, keep
 from .perception.scan_filters import extend_disparities

@@ -33,7 +33,7 @@ from fg_mujoco.messages import FloatArray
 
 from .control.driving import DrivingSettings
 from .control.planner import GoalPlanner
-from .control.settings import FROM_ZERO, POSITIVE, Record, setting, setting_of_car
+from .control.planner_settings import FROM_ZERO, POSITIVE, Record, setting, setting_of_car
 from .perception.gaps import chord, deepest_run, longest_run, middle_of, range_at
 from .perception.intermediate_scans import IntermediateScans, keep, keep_run
 from .perception.scan_filters import clip_to_lookahead, mask_nearest

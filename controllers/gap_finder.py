@@ -33,7 +33,7 @@ from fg_mujoco.messages import FloatArray
 
 from .control.driving import DrivingSettings
 from .control.planner import GoalPlanner
-from .control.settings import FROM_ZERO, POSITIVE, Accepted, Record, setting
+from .control.planner_settings import FROM_ZERO, POSITIVE, Accepted, Record, setting
 from .perception.gaps import run_around
 from .perception.intermediate_scans import IntermediateScans, keep, keep_run
 from .perception.scan_filters import (

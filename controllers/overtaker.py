@@ -26,7 +26,7 @@ from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from .control.driving import refer_to_goal
-from .control.settings import FROM_ZERO, POSITIVE, Record, setting
+from .control.planner_settings import FROM_ZERO, POSITIVE, Record, setting
 from .gap_finder import GapFinder, GapFinderSettings
 from .perception.intermediate_scans import IntermediateScans, keep
 from .perception.other_cars import OTHER_CARS, watch_cars

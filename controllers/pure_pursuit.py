@@ -37,8 +37,8 @@ from fg_mujoco.messages import CarParameters, FloatArray, MapLine, Odometry
 
 from .control.driving import DrivingSettings, SpeedLaw
 from .control.planner import Planner
+from .control.planner_settings import FROM_ZERO, POSITIVE, SHARE, Record, for_car, setting, setting_of_car
 from .control.racelines import SPEED, STEP, X, Y, is_counterclockwise, line_table, read_line
-from .control.settings import FROM_ZERO, POSITIVE, SHARE, Record, for_car, setting, setting_of_car
 from .control.steering import pursue
 from .safety.friction_limiter import FrictionLimiter
 

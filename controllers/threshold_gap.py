@@ -36,7 +36,7 @@ from fg_mujoco.messages import FloatArray
 
 from .control.driving import DrivingSettings
 from .control.planner import GoalPlanner
-from .control.settings import FROM_ZERO, POSITIVE, Accepted, Record, setting
+from .control.planner_settings import FROM_ZERO, POSITIVE, Accepted, Record, setting
 from .perception.gaps import middle_of, range_at, runs_beyond
 from .perception.intermediate_scans import IntermediateScans, keep_run
 from .perception.scan_geometry import beams_between, bearing_of

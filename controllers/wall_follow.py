@@ -34,7 +34,7 @@ from fg_mujoco.messages import FloatArray, LaserScan
 
 from .control.driving import DrivingSettings
 from .control.planner import Planner
-from .control.settings import FROM_ZERO, Accepted, Record, setting
+from .control.planner_settings import FROM_ZERO, Accepted, Record, setting
 from .control.steering import saturate
 from .perception.scan_filters import valid_ranges
 from .perception.scan_geometry import scan_record, sees

@@ -32,7 +32,7 @@ from fg_mujoco.messages import FloatArray, LaserScan, Odometry
 
 from .control.driving import DrivingSettings
 from .control.planner import GoalPlanner
-from .control.settings import FROM_ZERO, POSITIVE, Record, setting, setting_of_car
+from .control.planner_settings import FROM_ZERO, POSITIVE, Record, setting, setting_of_car
 from .perception.gaps import chord, furthest_beam
 from .perception.intermediate_scans import IntermediateScans
 from .perception.scan_filters import valid_ranges

@@ -9,7 +9,9 @@ What loads slowly (trimesh, embreex, matplotlib) is imported where it is used.
 """
 
 import sys as _sys
+import warnings as _warnings
 from importlib import import_module as _import_module
+from importlib.machinery import ModuleSpec as _ModuleSpec
 from types import FunctionType as _FunctionType
 from types import ModuleType as _ModuleType
 from typing import TYPE_CHECKING
@@ -22,6 +24,7 @@ from . import tracks as _tracks  # noqa: F401
 from .arguments import explained as _explained
 from .envs.registration import register_once_imported as _register_once_imported
 from .errors import nearest as _nearest
+from .racing.planner_texts import SCHEMES as _SCHEMES
 
 if TYPE_CHECKING:
     from .course.centreline_csv import read_centreline, write_centreline
@@ -52,6 +55,7 @@ if TYPE_CHECKING:
         SettingsError,
         TrackError,
     )
+    from .intermediate_values import show
     from .lidar.beams import Beams
     from .lidar.effects import LidarEffects
     from .lidar.lidar import Lidar, RangefinderLidar, RaycastLidar, lidar_spec, make_lidar
@@ -61,7 +65,8 @@ if TYPE_CHECKING:
     from .racing.entries import Entry
     from .racing.handling import handling
     from .racing.manoeuvres import find_manoeuvre
-    from .racing.planner_loading import controller_names, make_controller
+    from .racing.planner_loading import make_controller
+    from .racing.planner_sources import controller_names
     from .racing.race import RaceProgress, race
     from .racing.race_control import Contact, Overtake
     from .racing.replay import ReplayReport, replay
@@ -69,7 +74,6 @@ if TYPE_CHECKING:
     from .racing.result import CarResult, RaceResult
     from .racing.run_folder import Run, check_run_folder, read_failed_scan, read_run
     from .ros.bag_drive import identify
-    from .showing import show
     from .simulation.cars import WorldCar
     from .simulation.course_loading import load_track
     from .simulation.settings import Scenario, Start
@@ -78,7 +82,7 @@ if TYPE_CHECKING:
     from .simulation.world import World
     from .studies.comparison.comparison import Comparison, ComparisonProgress, compare
     from .studies.rollout.randomization import Choice, Randomization, Uniform
-    from .studies.rollout.result import RolloutResult, read_rollout
+    from .studies.rollout.rollout_result import RolloutResult, read_rollout
     from .studies.rollout.rollouts import RolloutProgress, rollout
     from .vehicle.car import Car, car_parameters
     from .vehicle.changes import CarChanges
@@ -229,7 +233,8 @@ _PLACES = {
     "racing.entries": "Entry",
     "racing.handling": "handling",
     "racing.manoeuvres": "find_manoeuvre",
-    "racing.planner_loading": "controller_names make_controller",
+    "racing.planner_loading": "make_controller",
+    "racing.planner_sources": "controller_names",
     "racing.race": "RaceProgress race",
     "racing.race_control": "Contact Overtake",
     "racing.replay": "ReplayReport replay",
@@ -237,7 +242,7 @@ _PLACES = {
     "racing.result": "CarResult RaceResult",
     "racing.run_folder": "Run check_run_folder read_failed_scan read_run",
     "ros.bag_drive": "identify",
-    "showing": "show",
+    "intermediate_values": "show",
     "simulation.cars": "WorldCar",
     "simulation.course_loading": "load_track",
     "simulation.settings": "Scenario Start",
@@ -246,7 +251,7 @@ _PLACES = {
     "simulation.world": "World",
     "studies.comparison.comparison": "Comparison ComparisonProgress compare",
     "studies.rollout.randomization": "Choice Randomization Uniform",
-    "studies.rollout.result": "RolloutResult read_rollout",
+    "studies.rollout.rollout_result": "RolloutResult read_rollout",
     "studies.rollout.rollouts": "RolloutProgress rollout",
     "vehicle.car": "Car car_parameters",
     "vehicle.changes": "CarChanges",
@@ -271,6 +276,19 @@ _ELSEWHERE = {
     "vehicles": "vehicle_names",
 }  # fmt: skip
 """What others call it -> what it is called here."""
+
+
+_RENAMED = {
+    "controllers.control.settings": "controllers.control.planner_settings",
+    "controllers.perception.way_on": "controllers.perception.frontiers",
+    "envs.settings": "envs.environment_settings",
+    "racing.decisions": "racing.decision_times",
+    "ros.mapping.recorded_run": "ros.mapping.mapped_run",
+    "showing": "intermediate_values",
+    "studies.rollout.result": "studies.rollout.rollout_result",
+    "viz.live.session": "viz.live.live_session",
+}
+"""Older name of a module that planners and programs import -> its name now."""
 
 
 def __getattr__(name: str) -> _Any:
@@ -304,5 +322,25 @@ class _Tracks(_ModuleType):
         raise TypeError("fg_mujoco.tracks is a folder; did you mean 'track_names'?")
 
 
+class _OldNames:
+    """The last of the finders of modules: planners that import a module by an older name get it, and a warning."""
+
+    @staticmethod
+    def find_spec(name: str, path: _Any = None, target: _Any = None) -> _ModuleSpec | None:
+        old = name.removeprefix("fg_mujoco.")
+        return _ModuleSpec(name, _OldNames(), origin=_RENAMED[old]) if old in _RENAMED else None  # type: ignore[arg-type]
+
+    @staticmethod
+    def create_module(spec: _ModuleSpec) -> None:
+        _warnings.warn(f"{spec.name} is called fg_mujoco.{spec.origin} now", FutureWarning, stacklevel=2)
+
+    @staticmethod
+    def exec_module(module: _ModuleType) -> None:
+        assert module.__spec__ is not None
+        _sys.modules[module.__name__] = _import_module(f".{module.__spec__.origin}", __name__)
+
+
+_SCHEMES["ros"] = "fg_mujoco.ros.node_host.ros_planner:NODES"
 _sys.modules["fg_mujoco.tracks"].__class__ = _Tracks
+_sys.meta_path.append(_OldNames)
 _register_once_imported()

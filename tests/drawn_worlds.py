@@ -6,9 +6,9 @@ import math
 import numpy as np
 from scan_worlds import CAR, INCREMENT
 
+from fg_mujoco.controllers.perception.frontiers import FRONTIER_SEARCH, search_frontier
 from fg_mujoco.controllers.perception.local_map import CELL, RING, SIZE
 from fg_mujoco.controllers.perception.scan_geometry import SCAN
-from fg_mujoco.controllers.perception.way_on import WAY_ON, look_for_way_on
 from fg_mujoco.messages import ODOMETRY
 
 PERIOD = 0.025
@@ -62,7 +62,7 @@ class Driven:
 
     def __init__(self, walls, every=1):
         self.walls, self.every = walls, every
-        self.way = np.zeros(1, WAY_ON)[0]
+        self.way = np.zeros(1, FRONTIER_SEARCH)[0]
         self.x = self.y = self.heading = 0.0
         self.look(0.0, 0.0)
 
@@ -71,7 +71,7 @@ class Driven:
         odometry["speed"] = speed
         odometry["angular_velocity"][2] = yaw_rate
         every = self.every
-        look_for_way_on(GEOMETRY, self.ranges(), odometry, CAR.lidar_offset, self.way, every, every, False)
+        search_frontier(GEOMETRY, self.ranges(), odometry, CAR.lidar_offset, self.way, every, every, False)
 
     def lidar(self):
         offset = CAR.lidar_offset

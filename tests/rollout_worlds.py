@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from fg_mujoco.simulation.telemetry import TELEMETRY
-from fg_mujoco.studies.rollout.world_batch import RESULT, WorldResults
+from fg_mujoco.studies.rollout.drive_worlds import RESULT, WorldResults
 
 STATE = 5
 

@@ -11,7 +11,7 @@ from bag_worlds import SECOND, header, make, robot_odometry, robot_scan, rotatio
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import BagError
 from fg_mujoco.messages import DriveCommand
-from fg_mujoco.racing.planner_loading import controller_names
+from fg_mujoco.racing.planner_sources import controller_names
 from fg_mujoco.ros.bag_messages import drive_message
 from fg_mujoco.ros.bag_reader import ScanBag
 from fg_mujoco.ros.bag_scans import to_scan

@@ -16,11 +16,11 @@ from fg_mujoco.course.polyline import subdivide
 from fg_mujoco.errors import BagError
 from fg_mujoco.ros.bag_recording import Recording
 from fg_mujoco.ros.bag_writer import export_bag
-from fg_mujoco.ros.grid import FREE, OCCUPIED, UNKNOWN
 from fg_mujoco.ros.mapping.poses import read_sweeps
 from fg_mujoco.ros.mapping.ray_model import LogOdds
 from fg_mujoco.ros.mapping.recorded_map import make_map, write_map
 from fg_mujoco.ros.mapping.scan_matching import _between, _moved, match_scans
+from fg_mujoco.ros.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 from fg_mujoco.simulation.course_loading import load_track
 from fg_mujoco.vehicle.vehicle import Vehicle
 

@@ -13,7 +13,7 @@ from rosbags.highlevel import AnyReader
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.lidar.effects import LidarEffects
-from fg_mujoco.racing.planner_loading import controller_names
+from fg_mujoco.racing.planner_sources import controller_names
 from fg_mujoco.ros.bag_reader import ScanBag
 from fg_mujoco.ros.bag_replay import COLUMNS
 from fg_mujoco.ros.bag_writer import export_bag

@@ -20,7 +20,7 @@ from fg_mujoco.errors import BagError, RunFolderError, SettingsError
 from fg_mujoco.lidar.effects import LidarEffects
 from fg_mujoco.racing.resimulation import load_world, resimulate
 from fg_mujoco.ros.bag_writer import LATCHED, TOPICS, BagWriter, export_bag
-from fg_mujoco.ros.grid import FREE, OCCUPIED, grid_of
+from fg_mujoco.ros.occupancy_grid import FREE, OCCUPIED, grid_of
 
 ALL_EFFECTS = LidarEffects(range_noise_std=0.01, dropout_probability=0.05, latency=0.06, motion_distortion=True)
 

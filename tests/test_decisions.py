@@ -13,7 +13,7 @@ from numba.core import event
 import fg_mujoco as fg
 from fg_mujoco import compiling
 from fg_mujoco.kernels import CompileTime, kernel
-from fg_mujoco.racing.decisions import DecisionClock, DecisionTimes
+from fg_mujoco.racing.decision_times import DecisionClock, DecisionTimes
 from fg_mujoco.racing.result import clamped_commands
 from fg_mujoco.simulation.planner_failure import DecisionLimitReached
 

@@ -15,13 +15,13 @@ from fg_mujoco import f110
 from fg_mujoco.cli.main import _parser, main
 from fg_mujoco.cli.options import DRIVE
 from fg_mujoco.envs.dm_environment import load
-from fg_mujoco.envs.settings import EnvironmentSettings
+from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.envs.worlds import Worlds
 from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.racing.race import RaceSettings
 from fg_mujoco.simulation.settings import CarSettings, DriveSettings, Scenario, Start
 from fg_mujoco.studies.comparison.run import ComparisonSettings
-from fg_mujoco.viz.live.session import LiveSession, LiveSettings
+from fg_mujoco.viz.live.live_session import LiveSession, LiveSettings
 
 TICKS = 60
 START = Start(s=2.0, offset=0.15, heading=0.1, speed=1.0)

@@ -8,7 +8,7 @@ import pytest
 from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
 
 from fg_mujoco.controllers.control.driving import DrivingSettings
-from fg_mujoco.controllers.control.settings import for_car, record_type, record_values
+from fg_mujoco.controllers.control.planner_settings import for_car, record_type, record_values
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
 from fg_mujoco.controllers.perception.scan_filters import valid_ranges, widen_all
 from fg_mujoco.controllers.perception.scan_geometry import beams_between, scan_record, sees

@@ -11,7 +11,7 @@ from map_oracles import draw_map, real_map, ring
 from fg_mujoco import f110
 from fg_mujoco.course.maps.map_track import read_map
 from fg_mujoco.errors import SettingsError, TrackError
-from fg_mujoco.f110 import driving
+from fg_mujoco.f110 import gym_world
 from fg_mujoco.lidar.lidar import RaycastLidar
 from fg_mujoco.simulation.cars import first_overlap
 from fg_mujoco.simulation.world import LIDAR_PREFIX
@@ -115,7 +115,7 @@ def test_a_scan_has_the_walls_where_they_are(drawn):
 
 @pytest.mark.parametrize(("name", "steps"), [("drawn", 60), ("scene:crossing_box:2", 60)])
 def test_a_scan_is_what_single_rays_measure_along_its_beams(drawn, monkeypatch, name, steps):
-    monkeypatch.setattr(driving, "SCAN_NOISE", 0.0)
+    monkeypatch.setattr(gym_world, "SCAN_NOISE", 0.0)
     env = f110.make(map=str(drawn) if name == "drawn" else name)
     obs, *_ = env.reset(np.array([[7.5, 2.25, 0.1]] if name == "drawn" else [[0.0, 0.1, 0.05]]))
     bearings = np.linspace(-2.35, 2.35, 1080)
@@ -144,13 +144,13 @@ def test_the_noise_of_a_scan_is_that_of_the_seed(drawn):
     pose = np.array([[7.5, 2.25, 0.0]])
     scans = [f110.make(map=str(drawn), seed=seed).reset(pose)[0]["scans"][0] for seed in (1, 1, 2)]
     np.testing.assert_array_equal(scans[0], scans[1])
-    assert np.std(scans[0] - scans[2]) == pytest.approx(math.sqrt(2.0) * driving.SCAN_NOISE, rel=0.1)
+    assert np.std(scans[0] - scans[2]) == pytest.approx(math.sqrt(2.0) * gym_world.SCAN_NOISE, rel=0.1)
 
 
 def test_noise_is_that_of_the_published_generator_to_the_bit(drawn, monkeypatch):
     pose, rng = np.array([[7.5, 2.25, 0.0]]), np.random.default_rng(5)
     noisy = f110.make(map=str(drawn), seed=5).reset(pose)[0]["scans"][0]
-    monkeypatch.setattr(f110.driving, "SCAN_NOISE", 0.0)
+    monkeypatch.setattr(f110.gym_world, "SCAN_NOISE", 0.0)
     plain = f110.make(map=str(drawn), seed=5).reset(pose)[0]["scans"][0]
     np.testing.assert_array_equal(noisy, np.clip(plain + rng.normal(0.0, 0.01, 1080), 0.0, 10.0))
 
@@ -311,7 +311,7 @@ def test_each_of_many_cars_has_a_row_of_every_observation(drawn):
 
 def test_cars_see_each_other_where_they_are(drawn, monkeypatch):
     """The car behind sees the box of the car ahead: 0.12 m wide, its rear face 0.19 m behind that car's LiDAR."""
-    monkeypatch.setattr(driving, "SCAN_NOISE", 0.0)
+    monkeypatch.setattr(gym_world, "SCAN_NOISE", 0.0)
     env = f110.make(map=str(drawn), num_agents=2)
     obs, *_ = env.reset(np.array([[7.0, 2.25, 0.0], [8.5, 2.25, 0.0]]))
     alone = f110.make(map=str(drawn)).reset(np.array([[7.0, 2.25, 0.0]]))[0]["scans"][0]
@@ -367,7 +367,7 @@ def test_the_episode_is_done_when_all_cars_have_driven_two_laps(drawn):
 
 @pytest.mark.slow
 def test_a_car_drives_the_same_bits_with_others_far_away_and_its_noise_is_its_own(drawn, monkeypatch):
-    monkeypatch.setattr(driving, "SCAN_NOISE", 0.0)
+    monkeypatch.setattr(gym_world, "SCAN_NOISE", 0.0)
     pose, action = [7.0, 2.25, 0.0], [0.02, 2.0]
     pair, _ = run(f110.make(map=str(drawn), num_agents=2), np.array([pose, [9.5, 2.25, 0.0]]), [[action, action]] * 40)
     again, _ = run(f110.make(map=str(drawn), num_agents=2), np.array([pose, [9.5, 2.25, 0.0]]), [[action, action]] * 40)
@@ -381,11 +381,11 @@ def test_a_car_drives_the_same_bits_with_others_far_away_and_its_noise_is_its_ow
     scans = [f110.make(map=str(drawn), num_agents=2).reset(np.array([pose, [x, 2.25, 0.0]]))[0] for x in (9.5, 10.0)]
     quiet = pair[0]["scans"][0]
     one, two = scans[0]["scans"]
-    assert np.std(one - quiet) == pytest.approx(driving.SCAN_NOISE, rel=0.2)
+    assert np.std(one - quiet) == pytest.approx(gym_world.SCAN_NOISE, rel=0.2)
     alone = f110.make(map=str(drawn)).reset(np.array([pose]))[0]["scans"][0]
     behind = np.arange(1080) < 400  # where the other car is not seen
     np.testing.assert_array_equal(one[behind], alone[behind])
-    assert np.abs((one - quiet) - (two - pair[0]["scans"][1]))[behind].max() > driving.SCAN_NOISE
+    assert np.abs((one - quiet) - (two - pair[0]["scans"][1]))[behind].max() > gym_world.SCAN_NOISE
 
 
 def test_parameters_can_be_those_of_one_car():

@@ -13,9 +13,9 @@ from map_oracles import draw_map, ring
 from fg_mujoco import f110
 from fg_mujoco.errors import FgMujocoError, SettingsError, TrackError
 from fg_mujoco.f110 import gym_functions
+from fg_mujoco.f110.gym_track import Track
 from fg_mujoco.f110.old_api import GymEnv
 from fg_mujoco.f110.params import F1FIFTH, F1TENTH, FULL_SCALE, own_params
-from fg_mujoco.f110.track import Track
 
 POSE = np.array([[7.5, 2.25, 0.0]])
 
@@ -105,7 +105,7 @@ def test_any_timestep_is_a_step(drawn, timestep):
 
 
 def test_the_lidar_stands_where_it_is_asked_to(drawn, monkeypatch):
-    monkeypatch.setattr(f110.driving, "SCAN_NOISE", 0.0)
+    monkeypatch.setattr(f110.gym_world, "SCAN_NOISE", 0.0)
     ahead = [f110.make(map=str(drawn), lidar_dist=dist).reset(POSE)[0]["scans"][0][540] for dist in (None, 0.0, 0.275)]
     assert ahead[1] - ahead[2] == pytest.approx(0.275, abs=0.003)
     assert ahead[0] == pytest.approx(ahead[2], abs=1e-9)
@@ -355,22 +355,22 @@ def test_laps_that_are_no_number_are_refused(drawn):
 
 
 def test_configuration_objects_are_the_settings(drawn):
-    from fg_mujoco.f110 import config
+    from fg_mujoco.f110 import gym_config
 
-    settings = config.EnvConfig(
-        map_name=str(drawn), num_agents=2, params=config.F1TENTH_VEHICLE_PARAMETERS.with_updates(mu=0.7),
-        simulation_config=config.SimulationConfig(timestep=0.02, max_laps=3),
-        control_config=config.ControlConfig(longitudinal_mode=config.LongitudinalActionType.ACCL),
-        observation_config=config.ObservationConfig(type=config.ObservationType.KINEMATIC_STATE),
-        lidar_config=config.LiDARConfig(num_beams=270, angle_min=-1.0, angle_max=1.0),
+    settings = gym_config.EnvConfig(
+        map_name=str(drawn), num_agents=2, params=gym_config.F1TENTH_VEHICLE_PARAMETERS.with_updates(mu=0.7),
+        simulation_config=gym_config.SimulationConfig(timestep=0.02, max_laps=3),
+        control_config=gym_config.ControlConfig(longitudinal_mode=gym_config.LongitudinalActionType.ACCL),
+        observation_config=gym_config.ObservationConfig(type=gym_config.ObservationType.KINEMATIC_STATE),
+        lidar_config=gym_config.LiDARConfig(num_beams=270, angle_min=-1.0, angle_max=1.0),
     )  # fmt: skip
     env = f110.make("f1tenth-v0", config=settings)
     assert (env.num_agents, env.timestep, env.sim.num_beams, env.sim.fov) == (2, 0.02, 270, 2.0)
     assert env.action_type.type == ("steering_angle", "accl") and env.world.car.mu == pytest.approx(0.7)
     assert env.config["max_laps"] == 3 and env.observation_type.type == "kinematic_state"
     with pytest.warns(UserWarning, match="config: not here: steer_noise_std"):
-        f110.make("f1tenth-v0", config=config.EnvConfig(
-            map_name=str(drawn), control_config=config.ControlConfig(steer_noise_std=0.1)))  # fmt: skip
+        f110.make("f1tenth-v0", config=gym_config.EnvConfig(
+            map_name=str(drawn), control_config=gym_config.ControlConfig(steer_noise_std=0.1)))  # fmt: skip
 
 
 # Functions

@@ -12,8 +12,8 @@ from fg_mujoco.errors import ControllerError
 from fg_mujoco.racing.planner_trust import require_trusted
 from fg_mujoco.racing.replay import replay
 from fg_mujoco.studies.comparison.run import RunRow
-from fg_mujoco.viz.rendering.drive import read_drive
 from fg_mujoco.viz.rendering.planner_view import PlannerEye
+from fg_mujoco.viz.rendering.recorded_drive import read_drive
 
 PLANNER = """
 from pathlib import Path

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scan_worlds import CAR, MU, odometry_of
 
-from fg_mujoco.controllers.control.settings import for_car
+from fg_mujoco.controllers.control.planner_settings import for_car
 from fg_mujoco.controllers.control.speed import friction_speed, friction_steering
 from fg_mujoco.controllers.safety.friction_limiter import (
     LIMITER_MEMORY,

@@ -11,9 +11,9 @@ gymnasium = pytest.importorskip("gymnasium")
 
 from gymnasium.vector import AutoresetMode, SyncVectorEnv  # noqa: E402
 
+from fg_mujoco.envs.environment_settings import EnvironmentSettings  # noqa: E402
 from fg_mujoco.envs.gym_environment import ID, F1TenthEnv  # noqa: E402
 from fg_mujoco.envs.gym_vector import F1TenthVectorEnv  # noqa: E402
-from fg_mujoco.envs.settings import EnvironmentSettings  # noqa: E402
 from fg_mujoco.envs.worlds import Worlds  # noqa: E402
 from fg_mujoco.simulation.settings import Start  # noqa: E402
 

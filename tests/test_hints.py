@@ -9,7 +9,7 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.messages import DriveCommand
-from fg_mujoco.racing.decisions import DecisionTimes
+from fg_mujoco.racing.decision_times import DecisionTimes
 from fg_mujoco.racing.hints import clamped_hint, late_hint, race_hints
 from fg_mujoco.simulation.telemetry import COMMAND, TELEMETRY
 

@@ -14,8 +14,8 @@ from fg_mujoco.cli.main import main
 from fg_mujoco.simulation.planner_adapter import plan
 from fg_mujoco.simulation.planner_failure import is_of_planner, without_exit
 from fg_mujoco.simulation.settings import Scenario
-from fg_mujoco.studies.rollout.world_batch import drive_worlds
-from fg_mujoco.viz.live.session import LiveSession, LiveSettings
+from fg_mujoco.studies.rollout.drive_worlds import drive_worlds
+from fg_mujoco.viz.live.live_session import LiveSession, LiveSettings
 
 PLANNER = """import ctypes, os, signal, sys, time
 import numpy as np

@@ -305,7 +305,7 @@ def test_no_value_of_a_summary_ends_in_a_traceback(door, here, capsys, monkeypat
     if door == "report":
         arguments = ("report", "run", "--no-clip")
     if door == "render":  # the folder is read in the same way, and no picture is drawn a hundred times
-        from fg_mujoco.viz.rendering.drive import read_drive
+        from fg_mujoco.viz.rendering.recorded_drive import read_drive
 
         arguments = None
     path = here / "run/summary.json"
@@ -405,7 +405,7 @@ def test_a_report_is_made_of_a_summary_without_what_another_version_wrote(change
 
 def test_a_run_is_exported_from_wherever_its_car_begins(here):
     """A state outside of the walls is no place in the map: what is outside is free up to its border."""
-    from fg_mujoco.ros.grid import FREE, grid_of
+    from fg_mujoco.ros.occupancy_grid import FREE, grid_of
 
     world = fg.World("oval")
     inside, outside = (grid_of(world.model, np.array(place)).cells for place in ((0.0, 0.0), (1e9, -1e9)))

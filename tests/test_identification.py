@@ -17,12 +17,12 @@ from browsers import page_of  # noqa: F401
 
 from fg_mujoco.cli.main import main
 from fg_mujoco.racing.run_folder import write_run
-from fg_mujoco.studies.identification.drive import Channel, Drive
+from fg_mujoco.studies.identification.drive_log import Channel, Drive
 from fg_mujoco.studies.identification.fit import fitted_starts
 from fg_mujoco.studies.identification.identification import Estimate, identify_drives
-from fg_mujoco.studies.identification.motion import smooth
 from fg_mujoco.studies.identification.problem import STEP, DriveProblem, assumed_noise
 from fg_mujoco.studies.identification.single_track import Steering, friction_curve
+from fg_mujoco.studies.identification.smoothed_motion import smooth
 from fg_mujoco.studies.identification.tire_file import tire_text, write_tires
 
 if sys.version_info >= (3, 11):

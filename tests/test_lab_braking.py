@@ -9,7 +9,7 @@ from fg_mujoco.errors import SettingsError
 from fg_mujoco.studies.friction_lab.braking import EXPERIMENT, GRIPPY
 from fg_mujoco.studies.friction_lab.experiment import LAW_TIRES, LabSettings
 from fg_mujoco.studies.friction_lab.lab_figures import render
-from fg_mujoco.studies.friction_lab.open_ground import OpenGround
+from fg_mujoco.studies.friction_lab.lab_ground import LabGround
 from fg_mujoco.studies.friction_lab.straight_line_limits import even_torque_limit, held_share
 from fg_mujoco.vehicle.tire_slip import slides_above
 from fg_mujoco.vehicle.vehicle import Vehicle
@@ -100,7 +100,7 @@ def test_tires_stay_in_their_circle_and_the_guard_in_what_holds(mu, share, tires
 def test_friction_out_of_range_is_refused_by_name():
     for mu in (0.0, -1.0, math.nan, 3.5):
         with pytest.raises(SettingsError, match="mu"):
-            OpenGround(mu)
+            LabGround(mu)
 
 
 def test_cells_are_all_parts_and_the_section_draws():

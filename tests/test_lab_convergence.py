@@ -8,7 +8,7 @@ from fg_mujoco.messages import DriveCommand
 from fg_mujoco.studies.friction_lab.convergence import EXPERIMENT, GROUPS, soften
 from fg_mujoco.studies.friction_lab.experiment import LAW_TIRES, LabSettings
 from fg_mujoco.studies.friction_lab.lab_figures import render
-from fg_mujoco.studies.friction_lab.open_ground import Engine, OpenGround
+from fg_mujoco.studies.friction_lab.lab_ground import Engine, LabGround
 from fg_mujoco.studies.friction_lab.rigid_car import creep
 from fg_mujoco.studies.friction_lab.steady_circle import SteadyCircle
 from fg_mujoco.vehicle.tires import Tires
@@ -52,7 +52,7 @@ def test_sliding_tires_slide_at_the_cars_own_timestep_as_at_finer_ones_and_with_
 
 
 def test_softening_keeps_stiffness_and_creep():
-    changed, plain = OpenGround(tires=Tires()), OpenGround(tires=Tires())
+    changed, plain = LabGround(tires=Tires()), LabGround(tires=Tires())
     soften(changed.model, 0.8)
     assert (changed.model.pair_solimp[:, :2] == 0.8).all()
     for ground in (changed, plain):
@@ -68,7 +68,7 @@ def test_each_cell_changes_one_setting():
     for cell in EXPERIMENT.cells(LabSettings()):
         if cell["setting"] in ("impedance", "short steps"):
             continue
-        model, plain = (OpenGround(engine=Engine(), tires=Tires.load(cell["tires"])).model for _ in range(2))
+        model, plain = (LabGround(engine=Engine(), tires=Tires.load(cell["tires"])).model for _ in range(2))
         Engine(**{cell["setting"]: cell["value"]}).apply(model)
         different = [name for name in ("timestep", "impratio", "solver", "cone", "iterations", "tolerance")
                      if getattr(model.opt, name) != getattr(plain.opt, name)]  # fmt: skip

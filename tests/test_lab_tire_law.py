@@ -13,7 +13,7 @@ from fg_mujoco.studies.friction_lab.curve_onset import axle_factor, curve_onset
 from fg_mujoco.studies.friction_lab.experiment import LabSettings
 from fg_mujoco.studies.friction_lab.lab import run_lab
 from fg_mujoco.studies.friction_lab.lab_figures import render
-from fg_mujoco.studies.friction_lab.open_ground import Engine, OpenGround
+from fg_mujoco.studies.friction_lab.lab_ground import Engine, LabGround
 from fg_mujoco.studies.friction_lab.steady_circle import SteadyCircle, UnreachableError
 from fg_mujoco.studies.friction_lab.tire_law import EXPERIMENT, passes_peak
 from fg_mujoco.vehicle.changes import CarChanges
@@ -198,7 +198,7 @@ def test_the_onset_is_the_same_at_a_fifth_of_the_timestep():
 def test_a_sliding_speed_says_whether_a_tire_slides(name):
     """One rule for the lab, races and reports, which have the speed only."""
     tires = Tires.load(name)
-    ground = OpenGround(tires.peak, OWN_TIMESTEP, tires)
+    ground = LabGround(tires.peak, OWN_TIMESTEP, tires)
     ground.place(6.0)
     slip = ground.run([DriveCommand(steering_angle=0.3, speed=6.0)] * 40).slip
     assert (slip.slides == (np.nan_to_num(slip.sliding_speed) > slides_above(tires.model))).all()

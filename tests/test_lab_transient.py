@@ -9,8 +9,8 @@ from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.studies.friction_lab.experiment import LAW_TIRES, LabSettings
 from fg_mujoco.studies.friction_lab.lab_figures import render
-from fg_mujoco.studies.friction_lab.manoeuvres import CURVATURE, MANOEUVRES
-from fg_mujoco.studies.friction_lab.open_ground import Engine, OpenGround
+from fg_mujoco.studies.friction_lab.lab_ground import Engine, LabGround
+from fg_mujoco.studies.friction_lab.reference_steering import CURVATURE, MANOEUVRES
 from fg_mujoco.studies.friction_lab.speed_laws import LAWS
 from fg_mujoco.studies.friction_lab.transient import EXPERIMENT, drive
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED, slides_above
@@ -18,7 +18,7 @@ from fg_mujoco.vehicle.tires import Tires
 
 
 def greatest_slide(manoeuvre, mu, k, law, tires="coulomb"):
-    trace, _ = drive(OpenGround(mu, tires=Tires.load(tires)), manoeuvre, mu, k, law)
+    trace, _ = drive(LabGround(mu, tires=Tires.load(tires)), manoeuvre, mu, k, law)
     return np.nanmax(trace.slip.sliding_speed)
 
 
@@ -48,7 +48,7 @@ def test_nothing_slides_far_below_the_limit_but_where_steering_steps(tires, ramp
 
 
 def test_the_step_turns_at_the_servos_real_rate():
-    trace, _ = drive(OpenGround(1.0489), "step", 1.0489, 0.7, "none")
+    trace, _ = drive(LabGround(1.0489), "step", 1.0489, 0.7, "none")
     car = trace.sensors.parameters
     rates = np.diff(trace.steering_angle) / trace.timestep
     assert rates.max() == pytest.approx(car.max_steering_rate, rel=0.02)
@@ -63,7 +63,7 @@ def test_paths_have_the_curvature_that_they_promise_and_slow_cars_follow_them(na
     slope = np.gradient(y, x)
     curvature = np.gradient(slope, x) / (1.0 + slope**2) ** 1.5
     assert np.abs(curvature[5:-5]).max() == pytest.approx(CURVATURE, rel=0.01)
-    trace, _ = drive(OpenGround(1.0489), name, 1.0489, 0.7, "none")
+    trace, _ = drive(LabGround(1.0489), name, 1.0489, 0.7, "none")
     assert plan.off_path(trace.position) < 0.05  # measured .035
     assert trace.position[-1, 0] == pytest.approx(plan.end, abs=0.1)
 
@@ -71,7 +71,7 @@ def test_paths_have_the_curvature_that_they_promise_and_slow_cars_follow_them(na
 @pytest.mark.parametrize("tires", LAW_TIRES)
 def test_what_a_trace_tells_agrees_with_itself(tires):
     """Newton's law of the whole car, from the tires' forces, accelerometer and positions."""
-    trace, _ = drive(OpenGround(1.0489, tires=Tires.load(tires)), "slalom", 1.0489, 0.9, "none")
+    trace, _ = drive(LabGround(1.0489, tires=Tires.load(tires)), "slalom", 1.0489, 0.9, "none")
     mass = trace.sensors.parameters.mass
     assert trace.tire_forces.sum(axis=1) == pytest.approx(mass * trace.acceleration, abs=0.02 * mass)
     assert np.gradient(trace.position, trace.timestep, axis=0)[50:-1] == pytest.approx(trace.velocity[50:-1], abs=0.02)
@@ -81,7 +81,7 @@ def test_what_a_trace_tells_agrees_with_itself(tires):
 
 
 def test_laws_leave_what_holds_and_limit_what_does_not():
-    ground = OpenGround(1.0489)
+    ground = LabGround(1.0489)
     car = ground.car.parameters
     ground.place(3.0)
     slow, fast = 2.0, 6.0

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 import fg_mujoco as fg
 from fg_mujoco.course.polyline import distance_to_segment
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.studies.friction_lab.driven_line import best_flying_lap, driven_lap
 from fg_mujoco.studies.friction_lab.experiment import LabSettings
 from fg_mujoco.studies.friction_lab.lab_figures import render
+from fg_mujoco.studies.friction_lab.lap_line import best_flying_lap, driven_lap
 from fg_mujoco.studies.friction_lab.lap_time_bound import (
     HoldingCar,
     Line,

@@ -8,8 +8,8 @@ from fg_mujoco.cli.main import main
 from fg_mujoco.errors import ControllerError, SettingsError
 from fg_mujoco.simulation.simulation import Simulation
 from fg_mujoco.simulation.telemetry import TELEMETRY
-from fg_mujoco.viz.live.session import LiveSession, LiveSettings
-from fg_mujoco.viz.live.shapes import world_shapes
+from fg_mujoco.viz.live.browser_shapes import world_shapes
+from fg_mujoco.viz.live.live_session import LiveSession, LiveSettings
 
 RIVALS = (fg.Entry(controller="disparity_extender", max_speed=2.0), fg.Entry(max_speed=3.0, vehicle="nuc2"))
 

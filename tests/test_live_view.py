@@ -17,10 +17,10 @@ from fg_mujoco.cli.main import main
 from fg_mujoco.errors import EngineError, SettingsError, install_command
 from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.viz.live.browser_scene import LEGEND
+from fg_mujoco.viz.live.browser_shapes import world_shapes
 from fg_mujoco.viz.live.hand_driver import HandDriver
 from fg_mujoco.viz.live.handshake import is_own
-from fg_mujoco.viz.live.session import LiveSession, LiveSettings
-from fg_mujoco.viz.live.shapes import world_shapes
+from fg_mujoco.viz.live.live_session import LiveSession, LiveSettings
 
 TICK = 0.025  # [s]
 

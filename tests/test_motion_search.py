@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scan_worlds import CAR, MU
 
+from fg_mujoco.controllers.perception.frontiers import AT_WALL, FAR, FRONTIER_SEARCH, NEAR_WALL
 from fg_mujoco.controllers.perception.local_map import CELL, FREE, RING, WALL
-from fg_mujoco.controllers.perception.way_on import AT_WALL, FAR, NEAR_WALL, WAY_ON
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longitudinal_share
 from fg_mujoco.controllers.safety.motion_search import MOTION, _sorted_ends, _touches, search_motion, touches
 
@@ -37,7 +37,7 @@ def world(walls, goal):
 
     The way to go is the length of the shortest way among cells that share a side, clear of walls by a cell.
     """
-    way = np.zeros(1, WAY_ON)[0]
+    way = np.zeros(1, FRONTIER_SEARCH)[0]
     way["found"] = True
     way["map"]["cells"][INDEX] = np.where(walls, WALL, FREE)
     at, near = grown(walls, offsets(1, 0)), grown(walls, offsets(2, 1))
@@ -128,7 +128,7 @@ def test_motions_are_arcs_of_their_curvature_within_full_lock_and_grip(name, rev
 
 
 @pytest.mark.parametrize("name", WORLDS)
-def test_motions_are_clear_of_walls_and_end_at_the_way_on(name):
+def test_motions_are_clear_of_walls_and_end_at_the_frontier(name):
     walls, goal, speed = WORLDS[name]
     way = world(walls, goal)
     places = poses(search(way, speed))

@@ -16,7 +16,7 @@ import fg_mujoco as fg
 from fg_mujoco.course.moving_obstacles import Mover, moving_obstacles
 from fg_mujoco.course.obstacles import Box
 from fg_mujoco.course.scenes.parts import corridor, walls_round
-from fg_mujoco.studies.rollout.world_batch import drive_worlds
+from fg_mujoco.studies.rollout.drive_worlds import drive_worlds
 
 TICK = 0.025
 ANYWHERE = st.floats(-20.0, 20.0)

@@ -1,6 +1,8 @@
 """A name that is mistyped is refused with the one that was probably meant, at every door."""
 
+import sys
 import warnings
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -8,14 +10,15 @@ import pytest
 from refusals import refused
 
 import fg_mujoco as fg
+from fg_mujoco import controllers
 from fg_mujoco.course.maps.map_server import read_map_file
 from fg_mujoco.course.recipes import write_bundled
 from fg_mujoco.envs.dm_environment import load
-from fg_mujoco.envs.settings import EnvironmentSettings
+from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.errors import FgMujocoError, accepted_names, nearest
 from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.lidar.effects import LidarEffects
-from fg_mujoco.racing.planner_loading import find_controller
+from fg_mujoco.racing.planner_sources import find_controller
 from fg_mujoco.simulation.settings import as_part
 from fg_mujoco.studies.friction_lab.lab import load_experiment
 from fg_mujoco.viz.rendering.cameras import find_camera
@@ -199,3 +202,19 @@ def test_there_is_one_place_that_compares_names():
     """A second one would have another wording and other rules."""
     users = [path.name for path in PACKAGE.rglob("*.py") if "difflib" in path.read_text(encoding="utf-8")]
     assert users == ["errors.py"]
+
+
+@pytest.mark.parametrize(("before", "now"), fg._RENAMED.items())
+def test_an_older_name_of_a_module_gives_the_module_and_a_warning_with_its_name_now(before, now):
+    with pytest.warns(FutureWarning, match=rf"^fg_mujoco\.{before} is called fg_mujoco\.{now} now$"):
+        found = import_module(f"fg_mujoco.{before}")
+    assert found is import_module(f"fg_mujoco.{now}") and found.__name__ == f"fg_mujoco.{now}"
+    del sys.modules[f"fg_mujoco.{before}"]
+
+
+def test_no_two_modules_have_the_same_name():
+    """Modules of commands are named after the command, which another room may have the verb of."""
+    names = [path.stem for path in PACKAGE.rglob("*.py") if "__" not in path.name and path.parent.name != "cli"]
+    names += [path.stem for path in Path(controllers.__file__).parent.rglob("*.py") if "__" not in path.name]
+    same = {name for name in names if names.count(name) > 1}
+    assert same <= {"colours", "differences", "field", "page", "single_track", "tables"}

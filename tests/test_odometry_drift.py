@@ -7,7 +7,7 @@ from test_wrong_way import Driver
 import fg_mujoco as fg
 from fg_mujoco.racing.resimulation import load_world, resimulate
 from fg_mujoco.simulation.settings import Scenario
-from fg_mujoco.studies.rollout.world_batch import drive_worlds
+from fg_mujoco.studies.rollout.drive_worlds import drive_worlds
 
 DRIFT = 0.05
 

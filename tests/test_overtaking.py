@@ -28,8 +28,8 @@ from fg_mujoco.studies.overtaking.duel import (
     drive_duel,
     pace,
 )
-from fg_mujoco.studies.overtaking.opponents import OPPONENTS, Pace, least_curvature, make_opponent
 from fg_mujoco.studies.overtaking.overtaking import overtake
+from fg_mujoco.studies.overtaking.slower_opponents import OPPONENTS, Pace, least_curvature, make_opponent
 from fg_mujoco.studies.overtaking.tables import make_cells
 
 SHORT = {"tracks": ["oval"], "opponents": ["centreline"], "workers": 1, "pictures": False}

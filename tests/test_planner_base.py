@@ -9,7 +9,7 @@ from scan_worlds import CAR, INCREMENT, MU, corridor, odometry_of, scan_of
 
 from fg_mujoco.controllers.control.driving import DrivingSettings
 from fg_mujoco.controllers.control.planner import GoalPlanner, Planner
-from fg_mujoco.controllers.control.settings import (
+from fg_mujoco.controllers.control.planner_settings import (
     FROM_ZERO,
     Settings,
     for_car,

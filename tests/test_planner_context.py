@@ -12,7 +12,7 @@ from fg_mujoco.lidar.effects import LidarEffects
 from fg_mujoco.messages import PlannerContext
 from fg_mujoco.simulation import settings as settings_module
 from fg_mujoco.vehicle.changes import CarChanges
-from fg_mujoco.viz.live.session import LiveSession, LiveSettings
+from fg_mujoco.viz.live.live_session import LiveSession, LiveSettings
 
 PLANNER = """
 import json

@@ -10,8 +10,8 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.simulation.settings import Scenario
-from fg_mujoco.studies.rollout.world_batch import drive_worlds
-from fg_mujoco.viz.live.session import LiveSession, LiveSettings
+from fg_mujoco.studies.rollout.drive_worlds import drive_worlds
+from fg_mujoco.viz.live.live_session import LiveSession, LiveSettings
 
 PLANNER = """import numpy as np
 import fg_mujoco as fg

@@ -9,7 +9,7 @@ from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
 
 import fg_mujoco as fg
 from fg_mujoco.controllers.control.driving import DrivingSettings
-from fg_mujoco.controllers.control.settings import for_car, record_type, record_values
+from fg_mujoco.controllers.control.planner_settings import for_car, record_type, record_values
 from fg_mujoco.controllers.safety.recovery import (
     PATH_HISTORY,
     RecoverySettings,

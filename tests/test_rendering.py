@@ -12,8 +12,8 @@ import fg_mujoco as fg
 from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.viz.rendering import CAMERAS, LABELS, Film, Overlays, Renderer, find_overlays, render
 from fg_mujoco.viz.rendering.cameras import View
-from fg_mujoco.viz.rendering.drive import read_drive
 from fg_mujoco.viz.rendering.planner_view import PlannerEye
+from fg_mujoco.viz.rendering.recorded_drive import read_drive
 from fg_mujoco.viz.rendering.ribbons import wall_chains
 from fg_mujoco.viz.rendering.scenery import SUN
 

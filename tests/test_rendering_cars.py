@@ -13,8 +13,8 @@ from fg_mujoco.simulation.cars import BOX_HEIGHTS, BOX_SIDE, car_colour
 from fg_mujoco.simulation.physics import STATE
 from fg_mujoco.simulation.telemetry import TELEMETRY
 from fg_mujoco.viz.rendering import CAMERAS, LABELS, Film, Overlays, Renderer
-from fg_mujoco.viz.rendering.drive import read_drive
 from fg_mujoco.viz.rendering.planner_view import PlannerEye
+from fg_mujoco.viz.rendering.recorded_drive import read_drive
 from fg_mujoco.viz.rendering.ribbons import box_faces
 from fg_mujoco.viz.rendering.scenery import compile_scenery
 from fg_mujoco.viz.rendering.textures import car_number

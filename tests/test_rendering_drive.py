@@ -17,10 +17,10 @@ from fg_mujoco.vehicle.tire_forces import TireForces
 from fg_mujoco.viz.rendering import car_meshes
 from fg_mujoco.viz.rendering.cameras import CAMERAS, Moment, View
 from fg_mujoco.viz.rendering.colours import friction_colour
-from fg_mujoco.viz.rendering.drive import read_drive
 from fg_mujoco.viz.rendering.force_arrows import TireForceMeter
 from fg_mujoco.viz.rendering.gg_diagram import accelerations, gg_picture
 from fg_mujoco.viz.rendering.planner_view import PlannerEye, intermediate_scans
+from fg_mujoco.viz.rendering.recorded_drive import read_drive
 from fg_mujoco.viz.rendering.ribbons import road, wall_chains
 from fg_mujoco.viz.rendering.scenery import compile_scenery
 from fg_mujoco.viz.rendering.telemetry_strip import _Strip, law_limit

@@ -13,7 +13,7 @@ from fg_mujoco.racing.entries import Entry
 from fg_mujoco.racing.opponents import AmongCars
 from fg_mujoco.racing.race_control import Contact, Overtake
 from fg_mujoco.racing.result import trajectory_sha256
-from fg_mujoco.studies.rollout.world_batch import AMONG, RESULT
+from fg_mujoco.studies.rollout.drive_worlds import AMONG, RESULT
 
 TRACKS = ["oval", "hairpins"]
 MIXED = [

@@ -11,7 +11,7 @@ from rollout_worlds import stand_in
 import fg_mujoco as fg
 from fg_mujoco.course.writing import claimed_folder
 from fg_mujoco.errors import RunFolderError
-from fg_mujoco.studies.rollout.store import FolderStore, MemoryStore, TemporaryFolderStore
+from fg_mujoco.studies.rollout.chunk_store import FolderStore, MemoryStore, TemporaryFolderStore
 
 ROLLOUT = {"tracks": ["oval", "tight"], "n": 21, "seed": 5, "chunk": 4, "workers": 1, "laps": 2}
 ROLLOUT["randomize"] = {"mu": (0.6, 1.2), "planner_mu": ["off", 1.0], "obstacles": "0:2"}

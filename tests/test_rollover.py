@@ -156,7 +156,7 @@ def test_an_episode_ends_terminated_and_costs_as_a_crash():
 
 
 def test_the_live_view_stops_and_says_so():
-    from fg_mujoco.viz.live.session import LiveSession, LiveSettings
+    from fg_mujoco.viz.live.live_session import LiveSession, LiveSettings
 
     session = LiveSession(LiveSettings(track="oval"))
     session.tick()
@@ -171,7 +171,7 @@ def test_the_live_view_stops_and_says_so():
 
 
 def test_a_script_of_f1tenth_gym_is_told_of_a_collision():
-    from fg_mujoco.f110.driving import Driving
+    from fg_mujoco.f110.gym_world import Driving
 
     driving = Driving(fg.World("oval").track, [WorldCar()], timestep=0.01)
     driving.place([(0.0, 0.0, 0.0)])

@@ -11,7 +11,7 @@ from test_ros_surroundings import DRIVES, NODE, commands, make
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.viz.live.browser import LiveView
-from fg_mujoco.viz.live.session import LiveSession, LiveSettings
+from fg_mujoco.viz.live.live_session import LiveSession, LiveSettings
 
 SHOWS = """
         from visualization_msgs.msg import Marker, MarkerArray

@@ -11,8 +11,8 @@ from scan_worlds import CAR, corridor, odometry_of
 import fg_mujoco as fg
 from fg_mujoco.errors import ControllerError
 from fg_mujoco.racing.planner_loading import make_controller
-from fg_mujoco.ros.door.driving import _SERVO_OFFSET, _STEERING_TO_SERVO
-from fg_mujoco.ros.door.sensing import SPEED_TO_ERPM, STEERING, THROTTLE
+from fg_mujoco.ros.node_host.drive_topics import _SERVO_OFFSET, _STEERING_TO_SERVO
+from fg_mujoco.ros.node_host.sensing import SPEED_TO_ERPM, STEERING, THROTTLE
 
 SCAN, ODOMETRY = corridor(1.0, 1.0, 5.0), odometry_of(1.0)
 NODE = """

@@ -11,7 +11,7 @@ import pytest
 from scan_worlds import CAR, corridor, odometry_of
 
 from fg_mujoco.racing.planner_loading import make_controller
-from fg_mujoco.ros.door.graph import NodeError
+from fg_mujoco.ros.node_host.graph import NodeError
 from fg_mujoco.simulation.old_numpy import advice
 from fg_mujoco.simulation.planner_failure import one_line
 

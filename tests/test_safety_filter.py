@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.controllers.control.settings import for_car, record_type, record_values
+from fg_mujoco.controllers.control.planner_settings import for_car, record_type, record_values
 from fg_mujoco.controllers.control.steering import pursue
 from fg_mujoco.controllers.safety.friction_limiter import LIMITER_MEMORY, FrictionLimiter
 from fg_mujoco.controllers.safety.safety_filter import SafetyFilterSettings, bearing_of_arc, reading, safe_steering

@@ -34,7 +34,7 @@ from fg_mujoco.lidar.body_poses import mounted_pose
 from fg_mujoco.lidar.clusters import CLUSTER_TRIANGLES, make_clusters
 from fg_mujoco.lidar.lidar import RaycastLidar, lidar_spec
 from fg_mujoco.lidar.scanline import scan
-from fg_mujoco.lidar.scene import ScanlineScene, is_scanline
+from fg_mujoco.lidar.visible_surfaces import ScanlineScene, is_scanline
 from fg_mujoco.simulation.world import World
 
 INCREMENT = LidarModel.load().beams.angle_increment

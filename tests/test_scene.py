@@ -14,7 +14,7 @@ from fg_mujoco.course.definitions import course_sha256
 from fg_mujoco.course.lap_timer import LapTimer
 from fg_mujoco.course.obstacles import Box
 from fg_mujoco.course.scenes.parts import corridor, mirrored, rounded_way, walls_round
-from fg_mujoco.studies.rollout.world_batch import drive_worlds
+from fg_mujoco.studies.rollout.drive_worlds import drive_worlds
 
 TICK = 0.025
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.controllers.control.settings import CAR, record_values
+from fg_mujoco.controllers.control.planner_settings import CAR, record_values
 from fg_mujoco.controllers.control.speedometer import SPEEDOMETER, command_speed, read_speedometer
 from fg_mujoco.vehicle.vehicle import Vehicle
 

@@ -12,8 +12,8 @@ from fg_mujoco.cli.main import main
 from fg_mujoco.course.standing import off_course, stands_in_something
 from fg_mujoco.envs.dm_environment import load
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.studies.rollout.world_batch import drive_worlds
-from fg_mujoco.viz.live.session import LiveSession, LiveSettings
+from fg_mujoco.studies.rollout.drive_worlds import drive_worlds
+from fg_mujoco.viz.live.live_session import LiveSession, LiveSettings
 
 CAR = fg.Vehicle.load("f1tenth").parameters
 BEYOND, IN_WALL = fg.Start(offset=3.0), fg.Start(offset=1.1)  # the oval is 2.2 m wide

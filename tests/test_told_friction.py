@@ -11,14 +11,14 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco.cli.config import parse
 from fg_mujoco.cli.main import _parser, main
-from fg_mujoco.envs.settings import EnvironmentSettings
+from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.envs.worlds import Worlds
 from fg_mujoco.simulation.settings import DriveSettings
 from fg_mujoco.simulation.telemetry import COMMAND
 from fg_mujoco.studies.comparison.run import ComparisonSettings
 from fg_mujoco.studies.friction_lab.lab_laps import LabWorld, drive_laps
 from fg_mujoco.studies.overtaking.duel import DuelSettings
-from fg_mujoco.viz.live.session import LiveSession, LiveSettings
+from fg_mujoco.viz.live.live_session import LiveSession, LiveSettings
 
 TELLS = """
 from fg_mujoco.messages import DriveCommand

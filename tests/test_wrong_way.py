@@ -14,7 +14,7 @@ from fg_mujoco.course.lap_timer import LapTimer
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.settings import Scenario
 from fg_mujoco.simulation.termination import END_REASONS, WRONG_WAY_LIMIT, WrongWay
-from fg_mujoco.studies.rollout.world_batch import drive_worlds
+from fg_mujoco.studies.rollout.drive_worlds import drive_worlds
 
 TICK, STEP = 0.025, 0.21  # [s], [m] of which five metres are no multiple
 WORLDS = {name: fg.World(name) for name in ("oval", "hairpins", "scene:dead_end:0")}

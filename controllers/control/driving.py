@@ -36,6 +36,19 @@ from ..safety.friction_limiter import LIMITER, LIMITER_MEMORY, FrictionLimiter, 
 from ..safety.guidance import GUIDANCE, GuidanceSettings, guide, path_ahead
 from ..safety.recovery import PATH_HISTORY, RecoverySettings, angle_along_history, extend_history, reverses
 from ..safety.safety_filter import SafetyFilterSettings, safe_steering
+from .planner_settings import (
+    CAR,
+    FROM_ZERO,
+    POSITIVE,
+    Accepted,
+    Record,
+    Settings,
+    for_car,
+    record_type,
+    record_values,
+    setting,
+    setting_of_car,
+)
 from .reasons import (
     AFTER_RECOVERY,
     AHEAD,
@@ -59,19 +72,6 @@ from .reasons import (
 )
 from .reasons import (
     SPEEDOMETER as BY_SPEEDOMETER,
-)
-from .settings import (
-    CAR,
-    FROM_ZERO,
-    POSITIVE,
-    Accepted,
-    Record,
-    Settings,
-    for_car,
-    record_type,
-    record_values,
-    setting,
-    setting_of_car,
 )
 from .slip import COURSE, see_from_course, steered
 from .speed import forward_distance_speed, range_ratio_speed

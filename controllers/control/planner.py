@@ -64,8 +64,8 @@ from .driving import (
     refer,
     refer_to_goal,
 )
+from .planner_settings import for_car, record_type, record_values
 from .reasons import Reason, told
-from .settings import for_car, record_type, record_values
 
 _NO_MEMORY = np.dtype([("unused", np.int8)])
 _NO_LINE = np.empty((0, 0))

@@ -21,7 +21,7 @@ from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from ..safety.friction_limiter import FrictionLimiter, longitudinal_share
-from .settings import Record
+from .planner_settings import Record
 
 SPACING = 0.1  # [m] of the points of a table, about
 X, Y, SPEED, STEP = range(4)

@@ -33,7 +33,7 @@ from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import ODOMETRY, CarParameters
 
 from ..perception.scan_geometry import SCAN, period_of
-from .settings import Record
+from .planner_settings import Record
 from .steering import saturate
 
 _MOST_USE = 0.97  # of an axle's peak: a greater force has the slip angle of this

@@ -15,7 +15,7 @@ import numpy as np
 
 from fg_mujoco.kernels import kernel
 
-from .settings import Record
+from .planner_settings import Record
 from .speed import share_of_way
 from .steering import saturate
 

@@ -10,7 +10,7 @@ become walls; ends of neighbouring beams that are close together are joined, bec
 meets a wall at a small angle. The last observation counts, so that an obstacle that has moved on is forgotten when
 its place is seen again.
 
-The path of the rear axle is kept with the room to its right and left, so that the way back can be closed (way_on).
+The path of the rear axle is kept with the room to its right and left, so that the way back can be closed (frontiers).
 
 Source: H. Moravec and A. Elfes, High Resolution Maps from Wide Angle Sonar, IEEE ICRA 1985, for the grid. Its cells
 have probabilities; these have three values.
@@ -25,7 +25,7 @@ import numpy as np
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
-from ..control.settings import Record
+from ..control.planner_settings import Record
 
 SIZE = 256  # cells to a side; a power of two, so that `place & RING` is the place of a cell in the ring
 RING = SIZE - 1
@@ -38,7 +38,7 @@ UNKNOWN, FREE, WALL = 0, 1, 2
 PATH = 160  # points of the path that are kept
 RIGHT, LEFT, ALONG, SIN, COS = range(3, 8)  # columns of the path, after x, y and heading; the last two are of that
 
-_FORGET = 72  # quarters of a metre: longer than the path that way_on closes
+_FORGET = 72  # quarters of a metre: longer than the path that is closed (frontiers)
 _SWEPT = 8  # rows that are searched for old cells each time: all of them within 32 entries
 _STEP = 0.09  # [m] along a beam, below a cell
 _FINEST = math.radians(0.5)  # between the beams that are entered: a cell at 11 m

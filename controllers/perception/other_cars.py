@@ -23,7 +23,7 @@ import numpy as np
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
-from ..control.settings import Record
+from ..control.planner_settings import Record
 from ..control.steering import saturate
 from .scan_geometry import bearing_of, period_of
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray, LaserScan, ScanGeometry
 
-from ..control.settings import Record
+from ..control.planner_settings import Record
 
 _PERIOD = LaserScan.scan_time  # [s] for scans that do not tell theirs
 _LEAST_INCREMENT = 1e-9  # [rad] below it, counts of beams overflow

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import CarParameters, FloatArray
 
-from ..control.settings import (
+from ..control.planner_settings import (
     FROM_ZERO,
     POSITIVE,
     SHARE,

@@ -35,7 +35,7 @@ from fg_mujoco.errors import SettingsError
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import CarParameters, DriveCommand, Odometry, require
 
-from ..control.settings import (
+from ..control.planner_settings import (
     CAR,
     POSITIVE,
     SHARE,

@@ -1,7 +1,7 @@
 """Guidance: a planner that would drive into a pocket, or back, is led along the way on.
 
 A gap planner goes where the scan shows most room. In a hairpin that is the pocket at its end, and then the way back.
-Guidance knows the way on (perception.way_on), and lets the planner drive as long as that is not lost:
+Guidance knows the way on (perception.frontiers), and lets the planner drive as long as that is not lost:
 
 1. Where the planner's goal leads on about as well as any beam, and nothing hides the way on nearby, the planner
    drives.
@@ -17,7 +17,7 @@ Guidance knows the way on (perception.way_on), and lets the planner drive as lon
 Where the car has no way on, as in a dead end, it is no faster than it can stop ahead of what it sees. Where it has
 stood there for 4 s it forgets its path, which on a course as short as its memory may have been wrong.
 
-Limits: as of way_on and motion_search. Without a friction limit nothing says how sharply the car can turn, and
+Limits: as of frontiers and motion_search. Without a friction limit nothing says how sharply the car can turn, and
 guidance is off.
 """
 
@@ -31,21 +31,21 @@ import numpy as np
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
-from ..control.settings import FROM_ZERO, POSITIVE, SHARE, Record, Settings, setting, setting_of_car
+from ..control.planner_settings import FROM_ZERO, POSITIVE, SHARE, Record, Settings, setting, setting_of_car
 from ..control.steering import saturate
 from ..control.tracking import CURVATURE, HEADING, LAG, X, Y, errors, next_place, steer_along
-from ..perception.local_map import SIGHT, forget, move
-from ..perception.scan_geometry import beams_between, bearing_of, looks_ahead, period_of, sees
-from ..perception.way_on import (
+from ..perception.frontiers import (
     AT_WALL,
+    FRONTIER_SEARCH,
     NEAR_WALL,
-    WAY_ON,
     least_to_go_along,
     least_to_go_towards,
-    look_again,
-    look_for_way_on,
+    search_frontier,
+    search_frontier_again,
     to_go_around,
 )
+from ..perception.local_map import SIGHT, forget, move
+from ..perception.scan_geometry import beams_between, bearing_of, looks_ahead, period_of, sees
 from .motion_search import MOST_LOCK, MOST_NODES, MOTION, is_clear, search_motion
 from .turning import TURNING, turn_in_moves
 
@@ -89,7 +89,7 @@ class GuidanceSettings(Settings):
 
 GUIDANCE = np.dtype(
     [
-        ("way", WAY_ON),
+        ("way", FRONTIER_SEARCH),
         ("motion", MOTION),  # that the car follows
         ("trial", MOTION),  # that was last searched for
         ("follows", np.bool_),  # there is a motion to follow
@@ -136,7 +136,7 @@ def guide(
         memory.follows = memory.turning.active = False
         return
     led = memory.follows or memory.turning.active or memory.careful
-    look_for_way_on(scan, ranges, odometry, car.lidar_offset, way, settings.every, settings.every_plain, led)
+    search_frontier(scan, ranges, odometry, car.lidar_offset, way, settings.every, settings.every_plain, led)
     turn_in_moves(way, limiter, memory.turning, odometry.steering_angle, speed)
     if memory.turning.active:
         memory.careful = True
@@ -163,7 +163,7 @@ def guide(
     if _planner_drives(scan, ranges, odometry, limiter, settings, memory, reference, x, y, here, gain, bend):
         return
     if way.ticks - way.searched >= settings.every:
-        look_again(scan, ranges, car.lidar_offset, way)
+        search_frontier_again(scan, ranges, car.lidar_offset, way)
     if not _renew_motion(limiter, settings, memory, present, speed):
         memory.follows = not math.isnan(bend)
     memory.knows_speed, memory.stuck = memory.follows, not memory.follows
@@ -215,7 +215,7 @@ def _planner_drives(
     wanted = saturate(math.tan(saturate(reference.steering_angle, car.max_steering_angle)) / car.wheelbase, most)
     memory.narrow = False
     if way.ticks - way.searched >= settings.every:  # walls that were not known then would be driven into
-        look_again(scan, ranges, car.lidar_offset, way)
+        search_frontier_again(scan, ranges, car.lidar_offset, way)
     if not search_motion(
         way, limiter, memory.trial, 0.5 * (present + wanted), speed, settings.viable_time, 1.0, MOST_LOCK,
         settings.horizon + 0.1 * speed * speed, NEAR_WALL, False, min(_NODES, MOST_NODES - way.nodes),

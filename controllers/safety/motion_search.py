@@ -1,6 +1,6 @@
 """Motion search: arcs that lead a car of its turning circle and speed through the local map along the way on.
 
-The way on (perception.way_on) is a way for a point. A car at speed can turn only so sharply, and has to slow down
+The way on (perception.frontiers) is a way for a point. A car at speed can turn only so sharply, and has to slow down
 first. So motions are put together from short arcs: each arc is turned at a share of what the tires hold at the
 speed there, the steering changes by one share at a time, and the car brakes with what cornering leaves, down to the
 speed at which full lock is held. The search goes on from the motion of the least length so far and way to go (A*;
@@ -25,9 +25,9 @@ from numpy.typing import NDArray
 
 from fg_mujoco.kernels import kernel
 
-from ..control.settings import Record
+from ..control.planner_settings import Record
+from ..perception.frontiers import AT_WALL, FAR, UNIT, to_go_around, to_go_at
 from ..perception.local_map import FREE, PER_METRE, RING, SIZE, WALL, in_window
-from ..perception.way_on import AT_WALL, FAR, UNIT, to_go_around, to_go_at
 from .friction_limiter import longitudinal_share
 
 DIRECTION = 4  # column of a motion, after those of control.tracking
@@ -84,7 +84,7 @@ def search_motion(
     Where there is none, the motion leads to where the way to go is shortest.
 
     Args:
-      way: of type WAY_ON.
+      way: of type FRONTIER_SEARCH.
       limiter: of type LIMITER.
       motion: of type MOTION, written to.
       curvature: present [1/m].

@@ -18,7 +18,7 @@ import numpy as np
 
 from fg_mujoco.kernels import kernel
 
-from ..control.settings import POSITIVE, Record, Settings, setting, setting_of_car
+from ..control.planner_settings import POSITIVE, Record, Settings, setting, setting_of_car
 from ..control.steering import arc_through
 
 _POINTS = 96  # of the path that are kept

@@ -32,7 +32,7 @@ import numpy as np
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
-from ..control.settings import FROM_ZERO, POSITIVE, SHARE, Record, Settings, setting, setting_of_car
+from ..control.planner_settings import FROM_ZERO, POSITIVE, SHARE, Record, Settings, setting, setting_of_car
 from ..control.slip import path_lag
 from ..control.speed import share_of_way
 from ..control.steering import arc_through, pursue

@@ -13,10 +13,10 @@ import numpy as np
 
 from fg_mujoco.kernels import kernel
 
-from ..control.settings import Record
+from ..control.planner_settings import Record
 from ..control.steering import arc_through, saturate
 from ..control.tracking import CURVATURE, HEADING, X, Y
-from ..perception.way_on import AT_WALL, NEAR_WALL
+from ..perception.frontiers import AT_WALL, NEAR_WALL
 from .motion_search import (
     DIRECTION,
     MOST_IN_WALLS,
@@ -57,7 +57,7 @@ def turn_in_moves(way: Record, limiter: Record, memory: Record, steering_angle: 
     """Begin, follow or end a turn in several moves. While it is active, its command is in the memory.
 
     Args:
-      way: of type WAY_ON.
+      way: of type FRONTIER_SEARCH.
       limiter: of type LIMITER.
       memory: of type TURNING, written to.
       steering_angle: present [rad].

@@ -18,7 +18,7 @@ from ..racing.planner_choice import ControllerChoice
 from ..racing.planner_loading import make_controller
 from ..racing.run_folder import check_run_folder, read_run
 from ..ros.bag_messages import ODOMETRY, SCAN, require_ros_extra
-from ..ros.grid import RESOLUTION
+from ..ros.occupancy_grid import RESOLUTION
 from ..simulation.course_loading import load_track
 from .options import add_setup_options, in_one_line, number, setup_of
 from .out import RUN, require_new
@@ -158,7 +158,7 @@ def _write_run(
     options: argparse.Namespace, bag: Recording, sweeps: Sweeps, made: RecordedMap, course: Course, vehicle: Vehicle
 ) -> None:
     """Write the run folder of a bag, with its picture and its report, and say what it has."""
-    from ..ros.mapping.recorded_run import write_recorded_run
+    from ..ros.mapping.mapped_run import write_recorded_run
 
     with contextlib.redirect_stdout(sys.stderr):
         write_recorded_run(bag, sweeps, made, course, vehicle, options.out, drive_topic=options.drive_topic)

@@ -16,7 +16,7 @@ from typing import Any
 
 from ..course.scenes.catalogue import PREFIX, scene_names
 from ..errors import EngineError
-from ..racing.planner_loading import controller_names
+from ..racing.planner_sources import controller_names
 from ..simulation.settings import FASTEST
 from ..studies.comparison.comparison import DEFAULT_SEEDS, Comparison, ComparisonProgress, compare
 from ..studies.store import as_json

@@ -14,10 +14,10 @@ from typing import Any
 from ..course.formats import track_names
 from ..course.scenes.catalogue import PREFIX, scene_names
 from ..lidar.lidar import LIDAR_BACKENDS
-from ..racing.planner_loading import controller_names
+from ..racing.planner_sources import controller_names
+from ..studies.rollout.drive_worlds import RECORDS
 from ..studies.rollout.randomization import PARAMETERS
 from ..studies.rollout.rollouts import EXECUTORS
-from ..studies.rollout.world_batch import RECORDS
 from ..vehicle.tires import tire_names
 from ..vehicle.vehicle import vehicle_names
 

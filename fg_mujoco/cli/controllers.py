@@ -8,7 +8,8 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from ..racing.planner_loading import controller_names, describe
+from ..racing.planner_origin import describe
+from ..racing.planner_sources import controller_names
 
 _TEXT_COLUMN = 46
 

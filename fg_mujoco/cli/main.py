@@ -20,7 +20,7 @@ from typing import Any, NoReturn
 
 from ..course.formats import track_names
 from ..errors import FgMujocoError, accepted_names, nearest
-from ..racing.planner_loading import controller_names
+from ..racing.planner_sources import controller_names
 from ..racing.replay import replay
 from .config import parse
 from .options import (

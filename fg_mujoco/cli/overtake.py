@@ -13,7 +13,6 @@ from collections.abc import Callable
 from typing import Any
 
 from ..errors import EngineError
-from ..studies.overtaking.opponents import OPPONENTS
 from ..studies.overtaking.overtaking import (
     DEFAULT_RATIO,
     DEFAULT_SEEDS,
@@ -22,6 +21,7 @@ from ..studies.overtaking.overtaking import (
     OvertakingProgress,
     overtake,
 )
+from ..studies.overtaking.slower_opponents import OPPONENTS
 from ..studies.store import as_json
 from .compare import names_in, seeds_in
 from .config import add_config

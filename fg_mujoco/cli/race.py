@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import FgMujocoError, RunFolderError
-from ..racing.decisions import decision_limit_text
+from ..racing.decision_times import decision_limit_text
 from ..racing.hints import race_hints
 from ..racing.planner_choice import with_settings
 from ..racing.race import RaceProgress, race_setup

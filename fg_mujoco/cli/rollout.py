@@ -15,12 +15,12 @@ from typing import Any
 
 from ..errors import EngineError, SettingsError
 from ..messages import require_whole
-from ..racing.planner_loading import bundled_names
+from ..racing.planner_sources import bundled_names
 from ..racing.setup import Setup
 from ..simulation.settings import friction_text
-from ..studies.rollout.result import RolloutResult
+from ..studies.rollout.drive_worlds import RECORDS
+from ..studies.rollout.rollout_result import RolloutResult
 from ..studies.rollout.rollouts import DEFAULT_WORLDS, EXECUTORS, Executor, RolloutProgress, rollout_setup
-from ..studies.rollout.world_batch import RECORDS
 from ..studies.store import as_json
 from ..vehicle.tire_slip import sliding_rule
 from .config import add_config

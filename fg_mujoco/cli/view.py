@@ -33,7 +33,7 @@ def _view(options: argparse.Namespace) -> int:
     from ..errors import SettingsError
     from ..viz.live.browser import HOST, PORT, LiveView, check_port, require_viser
     from ..viz.live.desktop import require_display, run_desktop
-    from ..viz.live.session import LiveSession
+    from ..viz.live.live_session import LiveSession
 
     setup = setup_of(options)
     host, port = options.host or HOST, PORT if options.port is None else options.port

@@ -29,8 +29,8 @@ from ..display import brief
 from ..errors import SettingsError, accepted_names
 from ..simulation.simulation import Simulation
 from .actions import ACTION
+from .environment_settings import EnvironmentSettings
 from .episodes import Episodes
-from .settings import EnvironmentSettings
 from .worlds import Worlds
 
 TASKS: Mapping[str, Mapping[str, Any]] = MappingProxyType(

@@ -21,9 +21,9 @@ from ..errors import SettingsError
 from ..simulation.settings import Start
 from ..simulation.termination import END_REASONS
 from .actions import ActionBounds
+from .environment_settings import EnvironmentSettings
 from .observations import Observation, ObservationLayout
 from .reward_kernels import reward_ticks
-from .settings import EnvironmentSettings
 from .starts import StartGrid
 from .worlds import Mask, Worlds
 

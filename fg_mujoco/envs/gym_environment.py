@@ -24,12 +24,12 @@ from ..display import brief
 from ..errors import SettingsError, accepted_names, missing_extra
 from ..lidar.beams import LidarModel
 from .actions import ActionBounds
+from .environment_settings import EnvironmentSettings
 from .episodes import Episodes
 from .observations import ObservationLayout
 from .registration import ID as ID
 from .registration import register
 from .rendering import ChaseView, Window
-from .settings import EnvironmentSettings
 from .starts import given_start
 from .worlds import Worlds
 

@@ -22,10 +22,10 @@ from ..display import brief
 from ..errors import SettingsError, accepted_names
 from ..simulation.physics import STATE
 from ..studies.workers import usable_cores
+from .environment_settings import EnvironmentSettings
 from .episodes import Episodes
 from .gym_environment import F1TenthEnv, Observation, action_space, observation_space
 from .rendering import ChaseView
-from .settings import EnvironmentSettings
 from .starts import given_start
 from .worlds import Worlds
 

@@ -23,10 +23,10 @@ from ..errors import MessageError, SettingsError, accepted_names, missing_extra
 from ..messages import require_whole, shown
 from ..simulation.cars import GREATEST_CARS
 from .actions import one_action
+from .environment_settings import EnvironmentSettings
 from .episodes import Episodes
 from .observations import Observation
 from .rendering import ChaseView
-from .settings import EnvironmentSettings
 from .starts import given_start
 from .worlds import Worlds
 

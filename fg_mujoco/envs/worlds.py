@@ -12,8 +12,8 @@ from ..simulation.engine import Engine
 from ..simulation.settings import Start
 from ..simulation.telemetry import TELEMETRY
 from ..simulation.termination import END_REASONS
-from .opponents import Opponents
-from .settings import EnvironmentSettings
+from .environment_opponents import Opponents
+from .environment_settings import EnvironmentSettings
 
 Mask = NDArray[np.bool_]
 

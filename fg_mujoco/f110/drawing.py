@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import SettingsError, accepted_names
-from .driving import Driving
 from .gym_functions import get_vertices
+from .gym_world import Driving
 
 MODES = ("human", "human_fast", "unlimited", "rgb_array")
 

@@ -18,10 +18,10 @@ from ..simulation.world import World
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .drawing import EnvRenderer, View, require_mode
-from .driving import LAPS, Driving
+from .gym_track import Track
+from .gym_world import LAPS, Driving
 from .params import F1FIFTH, F1TENTH, FULL_SCALE
 from .simulator import Simulator
-from .track import Track
 
 VEHICLE, TIRES = "FG_MUJOCO_VEHICLE", "FG_MUJOCO_TIRES"
 """Environment variables: the vehicle and the tires of environments that are not told any."""

@@ -26,10 +26,10 @@ from ..errors import accepted_names
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import Vehicle
 from .environment import TIRES, VEHICLE
-from .gym_stand_in import Registry, really_installed
+from .gym_stub import Registry, really_installed
 from .maps import FOLDER
 from .module_tables import GYMS, RACING, module_tables
-from .pyglet_stand_in import Pyglet, names_of
+from .pyglet_stub import Pyglet, names_of
 
 _PACKAGE = str(Path(__file__).parents[1])
 _LIBRARIES = tuple({sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")})

@@ -23,21 +23,21 @@ _MODELS = {name: f"gym_functions:{name}" for name in (
     "accl_constraints", "steering_constraint", "vehicle_dynamics_ks", "vehicle_dynamics_st", "pid", "pid_steer",
     "pid_accl",
 )} | {"DynamicModel": "simulator:DynamicModel"} | {
-    name: f"config:{name}" for name in (
+    name: f"gym_config:{name}" for name in (
         "VehicleParameters", "F1TENTH_VEHICLE_PARAMETERS", "F1FIFTH_VEHICLE_PARAMETERS", "FULLSCALE_VEHICLE_PARAMETERS",
     )
 }  # fmt: skip
 _COLLISIONS = {name: f"gym_functions:{name}" for name in (
     "get_vertices", "get_trmtx", "collision", "collision_multiple",
-)} | {"CollisionCheckMode": "config:CollisionCheckMode"}  # fmt: skip
-_LASERS = {"ScanSimulator2D": "simulator:ScanSimulator2D", "LiDARConfig": "config:LiDARConfig"} | {
+)} | {"CollisionCheckMode": "gym_config:CollisionCheckMode"}  # fmt: skip
+_LASERS = {"ScanSimulator2D": "simulator:ScanSimulator2D", "LiDARConfig": "gym_config:LiDARConfig"} | {
     name: f"gym_functions:{name}" for name in ("check_ttc_jit", "ray_cast", "get_dt", "xy_2_rc")
 }  # fmt: skip
-_TRACKS = {name: f"track:{name}" for name in ("Track", "TrackSpec", "Raceline", "CubicSpline2D", "find_track_dir")}
+_TRACKS = {name: f"gym_track:{name}" for name in ("Track", "TrackSpec", "Raceline", "CubicSpline2D", "find_track_dir")}
 _ACTIONS = {"CarAction": "new_api:CarAction"} | {
-    name: f"config:{name}" for name in ("LongitudinalActionType", "SteerActionType")
+    name: f"gym_config:{name}" for name in ("LongitudinalActionType", "SteerActionType")
 } | {
-    "LongitudinalActionEnum": "config:LongitudinalActionType", "SteerActionEnum": "config:SteerActionType",
+    "LongitudinalActionEnum": "gym_config:LongitudinalActionType", "SteerActionEnum": "gym_config:SteerActionType",
 }  # fmt: skip
 _RENDERING = {
     "EnvRenderer": "drawing:EnvRenderer", "RenderSpec": "drawing:Nothing", "make_renderer": "drawing:Nothing",
@@ -45,15 +45,15 @@ _RENDERING = {
     "ZOOM_OUT_FACTOR": 1.0 / 1.2, "make_lidar_scan_callback": "drawing:Nothing",
 }  # fmt: skip
 _OTHERS = dict.fromkeys(
-    ("TerminationConfig", "RewardConfig", "DomainRandomizationConfig", "ContactConfig"), "config:OtherConfig"
+    ("TerminationConfig", "RewardConfig", "DomainRandomizationConfig", "ContactConfig"), "gym_config:OtherConfig"
 ) | {"RewardMode": "drawing:Nothing", "ScanBackend": "drawing:Nothing"}
-_CONFIG = {name: f"config:{name}" for name in (
+_CONFIG = {name: f"gym_config:{name}" for name in (
     "EnvConfig", "ControlConfig", "SimulationConfig", "ObservationConfig", "ResetConfig", "RenderConfig",
     "LoopCounterMode",
 )} | _OTHERS | _LASERS | _ACTIONS | _MODELS  # fmt: skip
 _OBSERVATIONS = {
-    "Observation": "observations:Observation", "observation_factory": "observations:Observation",
-    "ObservationType": "config:ObservationType",
+    "Observation": "gym_observations:Observation", "observation_factory": "gym_observations:Observation",
+    "ObservationType": "gym_config:ObservationType",
 }  # fmt: skip
 _ENVIRONMENT = {
     "F110Env": "environment", "VIDEO_W": 600, "VIDEO_H": 400, "WINDOW_W": 1000, "WINDOW_H": 800,
@@ -61,7 +61,7 @@ _ENVIRONMENT = {
 
 _RACING: dict[str, Table] = {
     "": {"__version__": "value.1.0.0"},
-    "envs": _ENVIRONMENT | _SIMULATOR | _INTEGRATORS | {"Track": "track:Track"},
+    "envs": _ENVIRONMENT | _SIMULATOR | _INTEGRATORS | {"Track": "gym_track:Track"},
     "envs.f110_env": _ENVIRONMENT | _SIMULATOR | _INTEGRATORS,
     "envs.base_classes": _SIMULATOR | _INTEGRATORS | _MODELS | _COLLISIONS | _LASERS,
     "envs.simulator": _SIMULATOR,
@@ -79,7 +79,7 @@ _RACING: dict[str, Table] = {
     "envs.action": _ACTIONS,
     "envs.observation": _OBSERVATIONS,
     "envs.env_config": _CONFIG,
-    "envs.reset": {"ResetStrategy": "config:ResetStrategy"},
+    "envs.reset": {"ResetStrategy": "gym_config:ResetStrategy"},
     "envs.rendering": _RENDERING,
     "envs.rendering.renderer": _RENDERING,
     "envs.rendering.rendering_pyglet": _RENDERING,
@@ -93,34 +93,34 @@ _RACING: dict[str, Table] = {
     "envs.utils": {"deep_update": "gym_functions:deep_update"},
 }
 
-_WRAPPERS = {name: f"gym_stand_in:{name}" for name in (
+_WRAPPERS = {name: f"gym_stub:{name}" for name in (
     "Env", "Wrapper", "ObservationWrapper", "ActionWrapper", "RewardWrapper",
 )}  # fmt: skip
-_SPACES = {name: f"gym_stand_in:{name}" for name in (
+_SPACES = {name: f"gym_stub:{name}" for name in (
     "Space", "Box", "Discrete", "MultiDiscrete", "MultiBinary", "Dict", "Tuple",
 )}  # fmt: skip
 _REGISTERS = {
     "make": "registry.make", "register": "registry.register", "spec": "registry.find", "registry": "registry.itself",
-    "EnvSpec": "gym_stand_in:EnvSpec",
+    "EnvSpec": "gym_stub:EnvSpec",
 }  # fmt: skip
 _RECORDERS = dict.fromkeys(
     ("RecordVideo", "RecordEpisodeStatistics", "Monitor", "OrderEnforcing", "PassiveEnvChecker"),
-    "gym_stand_in:RecordNothing",
+    "gym_stub:RecordNothing",
 )
 _LOGGER = dict.fromkeys(("set_level", "info", "warn", "error", "debug", "deprecation"), "drawing:Nothing")
 
 _GYM: dict[str, Table] = {
-    "": _WRAPPERS | _REGISTERS | {"Space": "gym_stand_in:Space"},
-    "core": _WRAPPERS | {"Space": "gym_stand_in:Space"},
-    "spaces": _SPACES | {"flatten": "gym_stand_in:flatten"},
+    "": _WRAPPERS | _REGISTERS | {"Space": "gym_stub:Space"},
+    "core": _WRAPPERS | {"Space": "gym_stub:Space"},
+    "spaces": _SPACES | {"flatten": "gym_stub:flatten"},
     "spaces.box": _SPACES,
-    "spaces.utils": {"flatten": "gym_stand_in:flatten"},
-    "wrappers": _RECORDERS | {"TimeLimit": "gym_stand_in:TimeLimit", "RescaleAction": "gym_stand_in:RescaleAction"},
-    "wrappers.time_limit": {"TimeLimit": "gym_stand_in:TimeLimit"},
+    "spaces.utils": {"flatten": "gym_stub:flatten"},
+    "wrappers": _RECORDERS | {"TimeLimit": "gym_stub:TimeLimit", "RescaleAction": "gym_stub:RescaleAction"},
+    "wrappers.time_limit": {"TimeLimit": "gym_stub:TimeLimit"},
     "envs": _REGISTERS,
     "envs.registration": _REGISTERS,
-    "utils": {"EzPickle": "gym_stand_in:EzPickle"},
-    "utils.seeding": {"np_random": "gym_stand_in:np_random"},
+    "utils": {"EzPickle": "gym_stub:EzPickle"},
+    "utils.seeding": {"np_random": "gym_stub:np_random"},
     "error": {"Error": RuntimeError, "DependencyNotInstalled": ImportError, "InvalidAction": ValueError},
     "logger": _LOGGER | {"INFO": 20, "WARN": 30, "ERROR": 40, "DEBUG": 10, "DISABLED": 50},
 }

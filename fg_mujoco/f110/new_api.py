@@ -23,15 +23,15 @@ from ..errors import SettingsError, accepted_names
 from ..messages import FloatArray, shown
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import Vehicle
-from .config import VehicleParameters, plain_config
-from .driving import BEAMS, FIELD_OF_VIEW
 from .environment import RaceEnvironment, say_of_others, simulator_of
+from .gym_config import VehicleParameters, plain_config
 from .gym_functions import deep_update
-from .gym_stand_in import installed_base, spaces
-from .observations import Observation
+from .gym_observations import Observation
+from .gym_stub import installed_base, spaces
+from .gym_track import Raceline
+from .gym_world import BEAMS, FIELD_OF_VIEW
 from .params import F1TENTH, mapping, number
 from .simulator import DynamicModel, Integrator, checked, say_of_model
-from .track import Raceline
 
 _LONGITUDINAL, _STEERING = ("speed", "accl"), ("steering_angle", "steering_speed")
 _BESIDES = {"speed": "steering_angle", "accl": "steering_speed", "steering_angle": "speed", "steering_speed": "accl"}

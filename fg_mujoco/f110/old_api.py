@@ -18,9 +18,9 @@ from numpy.typing import ArrayLike
 
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import Vehicle
-from .driving import BEAMS, FIELD_OF_VIEW
 from .environment import RaceEnvironment, say_of_others, simulator_of
-from .gym_stand_in import installed_base
+from .gym_stub import installed_base
+from .gym_world import BEAMS, FIELD_OF_VIEW
 from .simulator import DynamicModel, Integrator, say_of_model
 
 

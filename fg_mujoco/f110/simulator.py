@@ -28,10 +28,10 @@ from ..messages import FloatArray, shown
 from ..simulation.cars import WorldCar
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
-from .driving import BEAMS, FIELD_OF_VIEW, Driving, shifted
+from .gym_track import Track
+from .gym_world import BEAMS, FIELD_OF_VIEW, Driving, shifted
 from .maps import find_map
 from .params import all_params, car_of, mapping, number, physics_timestep, whole
-from .track import Track
 
 MOST_AGENTS, MOST_BEAMS = 8, 20_000
 

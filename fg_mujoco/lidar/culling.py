@@ -8,7 +8,7 @@ import numpy as np
 
 from ..kernels import kernel
 from ..messages import FloatArray
-from .scene import BINS, SceneArrays, Scratch
+from .visible_surfaces import BINS, SceneArrays, Scratch
 
 TINY = 1e-300
 _BLOCK = 64  # beams

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..messages import FloatArray
 from .body_poses import BodyPoses, rotated
-from .shapes import bring_nearer
+from .round_shapes import bring_nearer
 from .surfaces import Plane, Surfaces, visible_surfaces
 
 Poses = tuple[FloatArray, FloatArray]

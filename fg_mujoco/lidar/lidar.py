@@ -31,7 +31,7 @@ from .beams import DEFAULT_LIDAR, Beams, LidarModel, lidar_body, lidar_of
 from .body_poses import BodyPoses, Mount, PoseArrays, StateArrays, read_poses, state_arrays
 from .embree_rays import Poses, RayScene
 from .scanline import scan
-from .scene import ScanlineScene, SceneArrays, Scratch, is_scanline
+from .visible_surfaces import ScanlineScene, SceneArrays, Scratch, is_scanline
 
 LIDAR_BACKENDS = ("raycast", "rangefinder")
 

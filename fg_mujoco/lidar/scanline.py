@@ -26,8 +26,8 @@ import numpy as np
 from ..kernels import inlined, kernel
 from ..messages import FloatArray
 from .culling import TINY, Pose, bearing, is_hidden, skip, sort_by_distance, survey, whole_turn
-from .scene import NO_END, SceneArrays, Scratch
-from .shapes import into_shape, ray_distance
+from .round_shapes import into_shape, ray_distance
+from .visible_surfaces import NO_END, SceneArrays, Scratch
 
 _EDGE_ON = 1e-11  # [rad] that a surface spans, under which its two ends are in one direction
 _PARALLEL = 1e-15  # mjMINVAL: MuJoCo's rays miss a plane that they approach more slowly

@@ -1,6 +1,6 @@
 """What a LiDAR's rays can meet in a compiled model: triangles, planes and round shapes, for each body that moves.
 
-The round ones among them are kept as they are (shapes.py).
+The round ones among them are kept as they are (round_shapes.py).
 
 The geoms are those that MuJoCo's rays see: not the transparent ones (alpha 0 of the material, or of the geom where it
 has no material), any group, both sides of a mesh or box, the front of a plane. Nothing of the kinematic tree that
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ..errors import ModelError
 from ..messages import FloatArray
-from .shapes import SHAPE, is_shape, shape_row
+from .round_shapes import SHAPE, is_shape, shape_row
 
 # Corners of the box of half-sizes 1, and its sides as triangles.
 _BOX_CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])

@@ -17,7 +17,9 @@ from ..errors import SettingsError
 from ..messages import Controller
 from ..simulation.settings import DriveSettings
 from .planner_files import Files, planner_files
-from .planner_loading import ROS, build_controller, file_in, find_controller, text_of
+from .planner_loading import build_controller
+from .planner_sources import find_controller
+from .planner_texts import code_of, file_in, scheme_of
 
 Value = float | int | bool | str
 """Of a setting, as text can say it."""
@@ -65,8 +67,8 @@ class ControllerChoice:
     @property
     def sha256(self) -> str | None:
         """Of the file of a user's controller; None for a bundled one."""
-        if self.source.startswith(ROS):
-            return hashlib.sha256(text_of(self.source) or b"").hexdigest()
+        if scheme_of(self.source):
+            return hashlib.sha256(code_of(self.source) or b"").hexdigest()
         path = file_in(self.source)
         return None if path is None else file_sha256(path)
 

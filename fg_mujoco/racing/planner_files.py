@@ -33,7 +33,7 @@ from ..course.files import file_sha256, is_file, is_folder
 from ..errors import ControllerError
 from ..messages import Controller
 from ..simulation.planner_failure import is_of_planner, one_line
-from .planner_loading import source_file
+from .planner_sources import source_file
 
 Files = dict[str, str | None]
 """SHA-256 of a file's contents, or of all files of a folder, by its path; None: it is not there."""

@@ -25,7 +25,10 @@ from ..simulation.settings import DriveSettings
 from ..vehicle.car import car_parameters
 from .planner_choice import ControllerChoice
 from .planner_files import Files, changed_file, changed_text, recorded_files
-from .planner_loading import bundled_names, file_in, make_controller, moved_to, origin, text_of
+from .planner_loading import make_controller
+from .planner_origin import origin
+from .planner_sources import bundled_names
+from .planner_texts import code_of, file_in, moved_to
 from .run_folder import kept_controller, was_raced_here
 
 
@@ -106,7 +109,7 @@ def controller_of(folder: Path, summary: Mapping[str, Any], controller: str) -> 
     kept = None if there is None else kept_controller(folder, summary)
     if there is None or kept is None or there.suffix != ".py":  # of several nodes the folder keeps the text only
         return controller
-    if is_file(there) and text_of(source) == read_bytes(kept):
+    if is_file(there) and code_of(source) == read_bytes(kept):
         return controller
     return f"{moved_to(source, kept)}{controller.strip()[len(source) :]}"
 

@@ -31,12 +31,12 @@ from ..simulation.planner_adapter import Cars, Planners, PlannersOfEach, Reasons
 from ..simulation.planner_failure import DecisionLimitReached, PlannerFailure, without_exit
 from ..simulation.settings import Start
 from ..simulation.termination import END_REASONS
-from .decisions import DecisionClock, DecisionTimes
+from .decision_times import DecisionClock, DecisionTimes
 from .entries import check_starts, entry_planner, grid_starts
 from .figures import course_figures, driven_figures, track_figures, world_figures
 from .planner_choice import split_controller
 from .planner_files import Files, planner_files
-from .planner_loading import origin, source_code
+from .planner_origin import origin, source_code
 from .race_control import RaceControl, find_rules
 from .result import CarResult, History, RaceResult
 from .setup import Setup

@@ -22,8 +22,8 @@ from ..simulation.telemetry import COMMAND, column_index, column_meant
 from ..simulation.termination import WrongWay
 from ..vehicle.tires import CONTACT, MagicFormula
 from .crash import Crash
-from .decisions import DecisionTimes
-from .driven_line import driven_line, driven_lines
+from .decision_times import DecisionTimes
+from .driven_line_svg import driven_line, driven_lines
 from .rollover import Rollover
 
 if TYPE_CHECKING:

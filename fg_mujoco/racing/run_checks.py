@@ -22,7 +22,7 @@ from ..simulation.planner_adapter import short
 from ..simulation.settings import GREATEST_LAPS
 from ..simulation.termination import WrongWay
 from .crash import Crash
-from .decisions import DecisionTimes
+from .decision_times import DecisionTimes
 from .entries import GRIDS
 from .race_control import RULES, Contact, Overtake, Restart, Warned
 

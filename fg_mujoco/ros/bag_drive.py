@@ -25,7 +25,7 @@ from ..course.files import file_sha256
 from ..errors import BagError, SettingsError
 from ..messages import CarParameters
 from ..racing.run_folder import RECORDED, SUMMARY, read_run
-from ..studies.identification.drive import Channel, Drive
+from ..studies.identification.drive_log import Channel, Drive
 from ..studies.identification.fit import require_scipy
 from ..studies.identification.identification import Identification, check_front_drive, identify_drives
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import missing_extra
+from ..intermediate_values import ShownValue
 from ..messages import DriveCommand, FloatArray, LaserScan, Odometry
-from ..showing import ShownValue
 from ..simulation.telemetry import recorded_command
 
 SCAN, ODOMETRY = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"

@@ -49,14 +49,14 @@ import numpy as np
 
 from ..course.writing import staged_file
 from ..errors import BagError, PlannerError, SettingsError
+from ..intermediate_values import NUMBER as SHOWN_NUMBER
+from ..intermediate_values import SCAN as SHOWN_SCAN
+from ..intermediate_values import ShownValue, ShownValues
 from ..messages import DriveCommand, LaserScan
-from ..racing.planner_loading import bundled_names
+from ..racing.planner_sources import bundled_names
 from ..racing.planner_trust import recorded_planner
 from ..racing.resimulation import Sensed, Tick, load_world, resimulate
 from ..racing.run_folder import Run, read_run
-from ..showing import NUMBER as SHOWN_NUMBER
-from ..showing import SCAN as SHOWN_SCAN
-from ..showing import ShownValue, ShownValues
 from ..simulation.cars import car_prefix
 from ..simulation.planner_adapter import plan
 from ..simulation.telemetry import COMMAND
@@ -89,7 +89,7 @@ from .bag_messages import (
     to_cdr,
     transform_message,
 )
-from .grid import grid_of
+from .occupancy_grid import grid_of
 
 TOPICS = {
     "/scan": SCAN, "/odom": ODOMETRY, "/imu": IMU, "/joint_states": JOINTS, "/drive": DRIVE, "/tf": TRANSFORMS,

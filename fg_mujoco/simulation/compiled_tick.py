@@ -24,7 +24,7 @@ from ..array_table import (
 )
 from ..course.course import Course
 from ..kernels import c_function, call_at, kernel
-from ..lidar.scene import SceneArrays, Scratch
+from ..lidar.visible_surfaces import SceneArrays, Scratch
 from ..vehicle.stages import Fields
 from ..vehicle.tire_forces import Inertia
 from .clear_ground import ClearGround

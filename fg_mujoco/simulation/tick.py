@@ -16,7 +16,7 @@ from ..kernels import kernel
 from ..lidar.body_poses import mounted_pose
 from ..lidar.links import place_links
 from ..lidar.scanline import scan
-from ..lidar.scene import SceneArrays, Scratch
+from ..lidar.visible_surfaces import SceneArrays, Scratch
 from ..messages import FloatArray
 from ..vehicle.motion import drive, read_odometry
 from ..vehicle.tire_forces import USERDATA

@@ -25,7 +25,7 @@ from ..course.obstacles import Obstacle, require_obstacles
 from ..display import brief, quoted
 from ..errors import SettingsError, accepted_names
 from ..lidar.lidar import LIDAR_BACKENDS, Lidar, make_lidar
-from ..lidar.scene import ScanlineScene
+from ..lidar.visible_surfaces import ScanlineScene
 from ..messages import CarParameters, FloatArray
 from ..vehicle.bodywork import PUSH_OF_MOVING, add_hull, harden, stand_on_ground
 from ..vehicle.car import Car

@@ -22,7 +22,7 @@ A study is a list of parts, which travel to worker processes, a function that wo
         rows.sort([run.key for run in runs])
 
 Parts that are more than a row have files of their own, which `write_file` writes whole or not at all, and which their
-row has the SHA-256 of, see `comparison.store`; or they are arrays, see `rollout.store`.
+row has the SHA-256 of, see `comparison.run_store`; or they are arrays, see `rollout.chunk_store`.
 """
 
 from __future__ import annotations

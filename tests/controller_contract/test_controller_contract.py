@@ -29,7 +29,8 @@ from scan_worlds import CAR, INCREMENT, MU, corridor, odometry_of, scan_of
 
 from fg_mujoco.controllers import CONTROLLERS
 from fg_mujoco.messages import ODOMETRY, STOP, DriveCommand, MapLine, ScanGeometry
-from fg_mujoco.racing.planner_loading import controller_names, make_controller
+from fg_mujoco.racing.planner_loading import make_controller
+from fg_mujoco.racing.planner_sources import controller_names
 
 TOP_SPEED = 6.0
 TURNS = np.linspace(0.0, 2.0 * math.pi, 100, endpoint=False)

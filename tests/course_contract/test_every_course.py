@@ -172,7 +172,7 @@ def test_it_is_raced_drawn_and_learned_on(course, monkeypatch):
     fg.track_picture(course, files[0])
     fg.trace_picture(result, files[1])
     assert len(drawn) == 2 or all(file.getvalue().startswith(b"\x89PNG") for file in files)
-    from fg_mujoco.envs.settings import EnvironmentSettings
+    from fg_mujoco.envs.environment_settings import EnvironmentSettings
 
     assert EnvironmentSettings(track=course).make_world().track is course
 

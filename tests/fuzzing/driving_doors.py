@@ -20,7 +20,7 @@ from fg_mujoco import f110
 from fg_mujoco.f110.new_api import F110Env as NewEnv
 from fg_mujoco.racing.run_folder import write_run
 from fg_mujoco.viz.live.browser import LiveView
-from fg_mujoco.viz.live.session import LiveSession, LiveSettings
+from fg_mujoco.viz.live.live_session import LiveSession, LiveSettings
 
 from .course_doors import ring
 from .door import SHORT, Attempt, Door, as_text, command, ignore_refusal

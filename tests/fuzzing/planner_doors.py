@@ -10,10 +10,11 @@ import numpy as np
 from numpy.random import Generator
 
 import fg_mujoco as fg
-from fg_mujoco.racing.planner_loading import bundled_names, make_controller
+from fg_mujoco.intermediate_values import POINTS
+from fg_mujoco.racing.planner_loading import make_controller
+from fg_mujoco.racing.planner_sources import bundled_names
 from fg_mujoco.ros.bag_messages import markers_message, to_cdr
-from fg_mujoco.ros.door.program import read_program
-from fg_mujoco.showing import POINTS
+from fg_mujoco.ros.node_host.program import read_program
 from fg_mujoco.viz.debug import page
 from fg_mujoco.viz.debug.decisions import Witness
 

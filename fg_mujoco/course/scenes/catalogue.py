@@ -2,8 +2,8 @@
 
     scene = load_scene("scene:cylinder_field:3", car)
 
-The bundled scenes are in `corridors`, `gaps` and `corners`. A distribution adds scenes of its own by entry points of
-the group `fg_mujoco.scenes`. In its pyproject.toml:
+The bundled scenes are in `corridors`, `gap_widths` and `corners`. A distribution adds scenes of its own by entry points
+of the group `fg_mujoco.scenes`. In its pyproject.toml:
 
     [project.entry-points."fg_mujoco.scenes"]
     my_scene = "my_package.my_module:my_scene"
@@ -23,7 +23,7 @@ from types import MappingProxyType
 from ...errors import TrackError, accepted_names
 from ...messages import CarParameters
 from ..course import Course, require_course
-from . import corners, corridors, gaps
+from . import corners, corridors, gap_widths
 
 PREFIX = "scene:"
 GROUP = "fg_mujoco.scenes"
@@ -39,14 +39,14 @@ SCENES: Mapping[str, SceneMaker] = MappingProxyType(
     {
         "corridor_sparse": corridors.corridor_sparse,
         "corridor_dense": corridors.corridor_dense,
-        "cylinder_field": gaps.cylinder_field,
-        "narrow_gap_120": gaps.narrow_gap_120,
-        "narrow_gap_150": gaps.narrow_gap_150,
-        "narrow_gap_200": gaps.narrow_gap_200,
+        "cylinder_field": gap_widths.cylinder_field,
+        "narrow_gap_120": gap_widths.narrow_gap_120,
+        "narrow_gap_150": gap_widths.narrow_gap_150,
+        "narrow_gap_200": gap_widths.narrow_gap_200,
         "square_corner": corners.square_corner,
         "dead_end": corners.dead_end,
         "u_turn_trap": corners.u_turn_trap,
-        "wrong_side_chicane": gaps.wrong_side_chicane,
+        "wrong_side_chicane": gap_widths.wrong_side_chicane,
         "crossing_box": corridors.crossing_box,
         "slow_leader": corridors.slow_leader,
     }

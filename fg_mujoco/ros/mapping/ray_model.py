@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from ...errors import BagError
 from ...kernels import kernel
 from ...messages import FloatArray
-from ..grid import FREE, OCCUPIED, UNKNOWN
+from ..occupancy_grid import FREE, OCCUPIED, UNKNOWN
 
 HIT, MISS = math.log(0.7 / 0.3), math.log(0.4 / 0.6)
 _LEAST, _GREATEST = -4.0, 4.0  # of log odds

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from ...course.writing import write_files
 from ...errors import BagError, SettingsError
 from ...messages import FloatArray
-from ..grid import FREE, OCCUPIED, RESOLUTION, UNKNOWN
+from ..occupancy_grid import FREE, OCCUPIED, RESOLUTION, UNKNOWN
 from .poses import Sweeps
 from .ray_model import LogOdds
 from .scan_matching import match_scans, standing

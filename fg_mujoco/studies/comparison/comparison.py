@@ -25,12 +25,12 @@ from ...messages import FloatArray, require_whole, shown
 from ...racing.opponents import Opponents
 from ...racing.planner_choice import ControllerChoice
 from ...racing.planner_files import files_sha256
-from ...racing.planner_loading import controller_names
+from ...racing.planner_sources import controller_names
 from ...racing.setup import Setup
 from ...simulation.settings import FASTEST, renamed
 from ...viz.plots import require_matplotlib
-from ..grid import as_axis, require_axes, time_left
 from ..rollout.job import versions
+from ..run_grid import as_axis, require_axes, time_left
 from ..store import WRITABLE, blame, claimed
 from ..workers import work_through
 from .differences import HEADER as DIFFERENCES
@@ -46,7 +46,7 @@ from .differences import (
 from .ground import check_course, course_ground, course_name, ground_sha256
 from .pictures import table_picture, trace_pictures
 from .run import ComparisonSettings, Run, RunKey, RunRow
-from .store import ComparisonFolder
+from .run_store import ComparisonFolder
 from .tables import LEGEND, Cell, cells_csv, header_of, make_cells, markdown, runs_csv, table_rows
 
 if TYPE_CHECKING:

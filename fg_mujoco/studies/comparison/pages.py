@@ -37,7 +37,7 @@ from .differences import LEGEND as DIFFERENCES_LEGEND
 from .differences import difference_rows, paired_differences, shown_differences
 from .ground import ground_sha256
 from .run import ComparisonSettings, Run, RunKey, RunRow
-from .store import ComparisonFolder
+from .run_store import ComparisonFolder
 from .tables import LEGEND, Cell, header_of, make_cells, table_rows
 
 _FOLDER, _MANIFEST, _RUNS = "report", "manifest.json", "runs.jsonl"

@@ -15,7 +15,7 @@ from ...viz.plots import require_matplotlib, save_figure
 from ..intervals import per_cent
 from .ground import Ground
 from .run import Run, RunKey, RunRow
-from .store import ComparisonFolder
+from .run_store import ComparisonFolder
 from .tables import Cell, course_title
 
 if TYPE_CHECKING:

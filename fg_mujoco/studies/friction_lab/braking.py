@@ -28,7 +28,7 @@ from ...vehicle.tires import DEFAULT_TIRES, Tires
 from .braking_figures import draw_gg, draw_splits, draw_stops
 from .experiment import LAW_TIRES, Cell, Experiment, Figure, LabSettings, Row, Section, Tables
 from .figure_style import column
-from .open_ground import OpenGround
+from .lab_ground import LabGround
 from .speed_laws import LAWS
 from .steady_circle import SteadyCircle
 from .straight_line_limits import even_torque_limit, held_share, stopping_distance, wheel_inertia
@@ -143,7 +143,7 @@ def _figures(tires: str, tables: Tables) -> tuple[Figure, ...]:
 
 def _stop(tires: Tires, mu: float, speed: float, how: str) -> Row:
     """Brake from a speed to a stand."""
-    ground = OpenGround(mu, tires=tires)
+    ground = LabGround(mu, tires=tires)
     car = ground.car.parameters
     hold = LAWS["guard" if how == "guard" else "none"](car, mu)
     ground.place(speed)
@@ -173,7 +173,7 @@ def _stop(tires: Tires, mu: float, speed: float, how: str) -> Row:
 
 def _throttle(tires: Tires, mu: float) -> list[Row]:
     """Accelerate at full throttle from 0.5 m/s for three seconds, and return the acceleration of each tenth of one."""
-    ground = OpenGround(mu, tires=tires)
+    ground = LabGround(mu, tires=tires)
     car = ground.car.parameters
     ground.place(0.5)
     rows: list[Row] = []
@@ -202,7 +202,7 @@ def _split(tires: Tires, mu: float, share: float, direction: int) -> tuple[Row, 
         circle.at(math.sqrt(share))
         ground, steering = circle.ground, _STEERING
     else:
-        ground, steering = OpenGround(mu, tires=tires), 0.0
+        ground, steering = LabGround(mu, tires=tires), 0.0
         ground.place(_FASTEST if direction < 0 else _SLOWEST)
     trace, slid = _ramp(ground, mu, steering, direction)
     car, gravity = ground.car.parameters, mu * ground.car.parameters.gravity
@@ -228,7 +228,7 @@ def _split(tires: Tires, mu: float, share: float, direction: int) -> tuple[Row, 
     return row, _gg_points(trace, mu)
 
 
-def _ramp(ground: OpenGround, mu: float, steering: float, direction: int) -> tuple[Trace, int | None]:
+def _ramp(ground: LabGround, mu: float, steering: float, direction: int) -> tuple[Trace, int | None]:
     """Let a demand grow; return the trace and the step at which a tire began to slide, or None."""
     car, data = ground.car.parameters, ground.data
     traces: list[Trace] = []

@@ -36,8 +36,8 @@ from ...vehicle.vehicle import Vehicle
 from . import figure_style as style
 from .experiment import Cell, Experiment, Figure, LabSettings, Row, Section, Tables
 from .figure_style import column
+from .lab_ground import Engine
 from .lab_laps import LabWorld, drive_laps
-from .open_ground import Engine
 from .rigid_car import creep
 from .steady_circle import CircleReading, SteadyCircle, UnreachableError
 

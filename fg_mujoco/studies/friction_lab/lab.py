@@ -25,8 +25,8 @@ from typing import NamedTuple
 from ...errors import SettingsError, accepted_names
 from ...messages import require_whole
 from ...viz.plots import require_matplotlib
-from ..grid import time_left
 from ..rollout.job import versions
+from ..run_grid import time_left
 from ..store import Rows, StudyFolder, claimed
 from ..workers import work_through
 from .experiment import Cell, Experiment, LabSettings, Section, Tables

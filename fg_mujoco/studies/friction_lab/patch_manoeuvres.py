@@ -28,7 +28,7 @@ from ...vehicle.tire_forces import LOAD, USERDATA, TireForces
 from ...vehicle.tire_slip import TireSlip, TireSlipMeter
 from ...vehicle.tires import Tires
 from ...vehicle.vehicle import Vehicle
-from .open_ground import Engine
+from .lab_ground import Engine
 
 WAYS = ("maximum", "priority", "pair", "raised", "site")
 

@@ -16,8 +16,8 @@ from ...messages import CarParameters, DriveCommand, FloatArray
 from ...vehicle.tires import Tires
 from ...vehicle.vehicle import Vehicle
 from .experiment import Cell, LabSettings, Row, Section, Tables, no_number
+from .lab_ground import TICK, LabGround
 from .linear_tire_model import SingleTrack
-from .open_ground import TICK, OpenGround
 from .single_track_section import models_section
 from .steady_circle import SteadyCircle, UnreachableError
 from .trace import Trace
@@ -77,7 +77,7 @@ class Models:
 
     def section(self, tables: Tables) -> Section:
         """Say where the two models agree, and where they differ."""
-        car = OpenGround().car
+        car = LabGround().car
         return models_section(tables, SingleTrack.of(car.parameters, mu=car.mu))
 
 
@@ -98,7 +98,7 @@ def creep_stiffness(mu: float, gravity: float, speed: float) -> float:
 
 def measure_circle(steering: float, ks: Sequence[float]) -> list[Row]:
     """Return a row for each k: our car's settled yaw rate on a circle, and the models' at the same angle and speed."""
-    car = OpenGround(tires=_CONTACT).car
+    car = LabGround(tires=_CONTACT).car
     mu, gravity, lr = car.mu, car.parameters.gravity, car.parameters.rear_axle_distance
     circle = SteadyCircle(mu, steering, tires=_CONTACT)
     kinematic = math.tan(steering) / car.parameters.wheelbase  # [1/m] curvature of the rear axle's path
@@ -129,7 +129,7 @@ def measure_manoeuvre(name: str, swing: float, k: float) -> tuple[Row, list[Row]
     Returns:
       How the yaw rates differ over all of it, and a row for each tick.
     """
-    ground = OpenGround(tires=_CONTACT)
+    ground = LabGround(tires=_CONTACT)
     mu, car = ground.car.mu, ground.car.parameters
     top = k * math.sqrt(car.gravity * mu * car.wheelbase / math.tan(swing))
     shares = [MANOEUVRES[name](tick * TICK - _START) for tick in range(round(_SECONDS / TICK))]

@@ -21,7 +21,7 @@ from fg_mujoco.controllers.control.steering import saturate
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, FrictionLimiterSettings
 
 from ...messages import CarParameters, DriveCommand, Odometry
-from .open_ground import TICK
+from .lab_ground import TICK
 
 Law: TypeAlias = Callable[[float, float, Odometry], DriveCommand]
 """From a reference steering angle [rad] and speed [m/s], and the present motion, to a command."""

@@ -26,7 +26,7 @@ from ...vehicle.car import WHEELS
 from ...vehicle.changes import CarChanges
 from ...vehicle.tires import Tires
 from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
-from .open_ground import Engine, OpenGround
+from .lab_ground import Engine, LabGround
 from .trace import Trace, join
 
 _PERIOD = 0.01  # [s] of the speed's control: whole steps of 0.25 to 5 ms
@@ -104,7 +104,7 @@ class SteadyCircle:
 
     Attributes:
       tires: that the car stands on.
-      ground: the OpenGround it is driven on.
+      ground: the LabGround it is driven on.
       law: speed of the law at this mu and steering [m/s].
 
     Raises:
@@ -121,7 +121,7 @@ class SteadyCircle:
         changes: CarChanges | None = None,
     ) -> None:
         self.tires = tires or Vehicle.load(vehicle).tires
-        self.ground = OpenGround(greatest_peak(self.tires, mu), engine, self.tires, vehicle, changes)
+        self.ground = LabGround(greatest_peak(self.tires, mu), engine, self.tires, vehicle, changes)
         self.car = self.ground.car.parameters
         self.mu, self.steering = mu, steering
         lock = self.car.max_steering_angle

@@ -9,7 +9,7 @@ from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
 from ...messages import CarParameters
 from ...vehicle.car import WHEELS
 from ...vehicle.vehicle import Vehicle
-from .open_ground import TICK
+from .lab_ground import TICK
 
 
 def even_torque_limit(mu: float, car: CarParameters, direction: int, spin_inertia: float = 0.0) -> float:

@@ -32,8 +32,8 @@ from . import figure_style as style
 from .curve_onset import curve_onset
 from .experiment import Cell, Experiment, Figure, LabSettings, Row, Section, Tables
 from .figure_style import column
-from .manoeuvres import MANOEUVRES, Manoeuvre
-from .open_ground import Engine, OpenGround
+from .lab_ground import Engine, LabGround
+from .reference_steering import MANOEUVRES, Manoeuvre
 from .skidpad import STEERINGS
 from .steady_circle import CircleReading, SteadyCircle, UnreachableError, greatest_peak
 from .transient import drive
@@ -244,7 +244,7 @@ def _plan(cell: Cell) -> Manoeuvre:
 def _transient_row(cell: Cell) -> Row:
     tires, plan = _tires(cell), _plan(cell)
     mu = _told(cell, tires)
-    ground = OpenGround(greatest_peak(tires, mu), _CAR_TIMESTEP, tires)
+    ground = LabGround(greatest_peak(tires, mu), _CAR_TIMESTEP, tires)
     angle = cell["steering"]
     first = {0.0: ""}
 
@@ -278,7 +278,7 @@ def _transient_row(cell: Cell) -> Row:
     }
 
 
-def _limited_slides(ground: OpenGround, plan: Manoeuvre, mu: float, share: float, angle: float | None) -> float:
+def _limited_slides(ground: LabGround, plan: Manoeuvre, mu: float, share: float, angle: float | None) -> float:
     """Return for which share of the time a tire slides under a friction limiter that is told `share` of mu."""
     found = 0.0
     for k in _LIMITED_KS:

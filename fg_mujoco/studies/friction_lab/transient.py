@@ -22,8 +22,8 @@ from ...vehicle.tires import DEFAULT_TIRES, Tires
 from . import figure_style as style
 from .experiment import LAW_TIRES, Cell, Experiment, Figure, LabSettings, Row, Section, Tables
 from .figure_style import column
-from .manoeuvres import CURVATURE, MANOEUVRES, Manoeuvre
-from .open_ground import OpenGround
+from .lab_ground import LabGround
+from .reference_steering import CURVATURE, MANOEUVRES, Manoeuvre
 from .speed_laws import LAWS
 from .trace import Trace
 
@@ -57,7 +57,7 @@ class Transient:
     def measure(self, cell: Cell) -> Tables:
         """Drive a manoeuvre under each of the laws."""
         tables: Tables = {"runs": [], "trace": []}
-        ground = OpenGround(cell["mu"], tires=Tires.load(cell["tires"]))
+        ground = LabGround(cell["mu"], tires=Tires.load(cell["tires"]))
         for law in LAWS:
             trace, reference = drive(ground, cell["manoeuvre"], cell["mu"], cell["k"], law)
             tables["runs"].append({**cell, "law": law, **_figures(trace, reference, cell["manoeuvre"])})
@@ -112,7 +112,7 @@ def _pictures(tires: str, runs: list[Row], samples: list[Row]) -> tuple[Figure, 
 
 
 def drive(
-    ground: OpenGround, manoeuvre: str | Manoeuvre, mu: float, k: float, law: str, steering: float | None = None
+    ground: LabGround, manoeuvre: str | Manoeuvre, mu: float, k: float, law: str, steering: float | None = None
 ) -> tuple[Trace, float]:
     """Drive a manoeuvre under a law, and return the trace and the reference speed [m/s]: k times the law's.
 

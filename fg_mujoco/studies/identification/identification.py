@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ...display import brief
 from ...errors import SettingsError
 from ...messages import FloatArray
-from .drive import Drive
+from .drive_log import Drive
 from .fit import Fit, fitted_starts, force_points, inverse_dynamics, output_error, require_scipy
 from .problem import PARAMETERS, DriveProblem
 from .single_track import TIRE, friction_curve

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ...kernels import inlined, kernel
 from ...messages import CarParameters, FloatArray
-from .drive import Channel
+from .drive_log import Channel
 
 TIRE = ("stiffness", "C", "D", "E")
 """Parameters of an axle in the fit: the stiffness B C D takes the place of B, because a drive determines it better."""

@@ -36,7 +36,7 @@ from ...simulation.settings import FASTEST, CarSettings, DriveSettings, Start, r
 from ...simulation.termination import END_REASONS
 from ...simulation.world import World
 from ..store import of_kind
-from .opponents import Blocking, Pace, make_opponent
+from .slower_opponents import Blocking, Pace, make_opponent
 
 AHEAD_FOR = 1.0  # [s]
 HEADWAY = (2.0, 10.0)

@@ -24,15 +24,15 @@ from ...racing.setup import Setup
 from ...simulation.course_loading import load_track
 from ...simulation.settings import renamed
 from ...viz.plots import require_matplotlib
-from ..grid import as_axis, require_axes, time_left
 from ..rollout.job import versions
+from ..run_grid import as_axis, require_axes, time_left
 from ..store import WRITABLE, StudyFolder, blame, claimed
 from ..workers import work_through
 from .differences import HEADER as DIFFERENCES
 from .differences import LEGEND as DIFFERENCES_LEGEND
 from .differences import DuelDifference, difference_rows, differences_csv, differences_markdown, paired_differences
 from .duel import Duel, DuelKey, DuelRow, DuelSettings
-from .opponents import OPPONENTS
+from .slower_opponents import OPPONENTS
 from .tables import HEADER, LEGEND, DuelCell, cells_csv, duels_csv, make_cells, markdown, ratio_picture, table_rows
 
 DEFAULT_TRACKS = ("oval", "l_corridor", "hairpins", "chicanes", "fast", "tight")

@@ -30,14 +30,16 @@ from ...racing.entries import check_starts
 from ...racing.opponents import Opponents, entry_of
 from ...racing.planner_choice import Value
 from ...racing.planner_files import Files, by_name, planner_files
-from ...racing.planner_loading import build_controller, find_controller, text_of
+from ...racing.planner_loading import build_controller
+from ...racing.planner_sources import find_controller
+from ...racing.planner_texts import code_of
 from ...racing.setup import described_obstacles, require_decision_limit
 from ...simulation.physics import STATE
 from ...simulation.settings import DriveSettings, Scenario, require_laps, require_time_limit
 from ...simulation.telemetry import TELEMETRY
 from ...vehicle.changes import CarChanges
+from .drive_worlds import RECORDS, WorldResults, drive_worlds, result_dtype, undriven_world
 from .randomization import Randomization
-from .world_batch import RECORDS, WorldResults, drive_worlds, result_dtype, undriven_world
 
 TICK = 0.025  # [s] a period of the LiDAR, for estimates of what a rollout will take and has done
 
@@ -230,7 +232,7 @@ class RolloutJob:
     @cached_property
     def controller_text(self) -> bytes | None:
         """The file of a user's controller; None for a bundled one."""
-        return text_of(self.controller)
+        return code_of(self.controller)
 
     @cached_property
     def _sites(self) -> tuple[Sites | None, ...]:

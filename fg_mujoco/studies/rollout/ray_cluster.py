@@ -23,7 +23,7 @@ import numpy as np
 
 from ...errors import ControllerError, EngineError, FgMujocoError, missing_extra
 from ...racing.planner_files import changed_file, changed_text
-from ...racing.planner_loading import file_in, moved_to
+from ...racing.planner_texts import file_in, moved_to
 from ..workers import completed, usable_cores
 from .job import Arrays, RolloutJob, versions
 

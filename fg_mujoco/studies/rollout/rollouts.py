@@ -28,15 +28,15 @@ from ...racing.planner_choice import split_controller
 from ...racing.setup import Setup
 from ...simulation.course_loading import load_track
 from ...simulation.settings import renamed
-from ..grid import time_left
+from ..run_grid import time_left
 from ..store import claimed
 from ..workers import usable_cores
+from .chunk_store import ChunkStore, FolderStore, MemoryStore, TemporaryFolderStore
 from .job import RolloutJob, versions
 from .local import drive_in_processes, drive_in_threads
 from .randomization import Randomization, world_seeds
 from .ray_cluster import drive_on_ray, require_ray
-from .result import RolloutResult, gather
-from .store import ChunkStore, FolderStore, MemoryStore, TemporaryFolderStore
+from .rollout_result import RolloutResult, gather
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack

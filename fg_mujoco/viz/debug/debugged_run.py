@@ -15,7 +15,7 @@ from ...racing.resimulation import load_world, resimulate
 from ...racing.result import RaceResult
 from ...racing.run_folder import FAILED_SCAN, RECORDED, Run, read_failed_scan, read_run
 from ...simulation.world import World
-from ..rendering.drive import Drive, read_drive
+from ..rendering.recorded_drive import Drive, read_drive
 from ..report.map_shapes import map_shapes
 from ..report.recorded_run import RecordedRun, read_recorded
 from .decisions import Witness

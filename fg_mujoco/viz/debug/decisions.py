@@ -27,8 +27,8 @@ import numpy as np
 from ...arguments import explain_class
 from ...display import brief
 from ...errors import ControllerError
+from ...intermediate_values import BASE, FARTHEST, MAP, NUMBER, SCAN, ShownValues, moved
 from ...messages import CarParameters, Controller, DriveCommand, FloatArray, LaserScan, Odometry, Sketch
-from ...showing import BASE, FARTHEST, MAP, NUMBER, SCAN, ShownValues, moved
 from ...simulation.planner_adapter import Surroundings, plan, short_text
 from ...simulation.planner_failure import one_line
 from ...simulation.telemetry import recorded_command

@@ -23,12 +23,12 @@ from typing import Any
 import numpy as np
 
 from ...errors import EngineError, SettingsError, missing_extra
-from ...showing import NUMBER
+from ...intermediate_values import NUMBER
 from ...simulation.settings import friction_text
 from .browser_scene import CAMERAS, LEGEND, LiveScene, camera_view
 from .hand_driver import ARROWS, KEYS, WASD
 from .handshake import own_pages_only
-from .session import LiveSession
+from .live_session import LiveSession
 
 HOST, PORT = "127.0.0.1", 8080
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from ...messages import FloatArray
 from ...simulation.physics import STATE
 from ..rendering.scenery import MOVING_COLOUR, OBSTACLE_COLOUR
-from .session import LiveSession
-from .shapes import world_shapes
+from .browser_shapes import world_shapes
+from .live_session import LiveSession
 
 CAMERAS = ("chase", "above", "course", "free")
 

@@ -9,7 +9,7 @@ from ...errors import FgMujocoError, SettingsError
 from ...simulation.settings import friction_text
 from ..display_check import can_open_window
 from .hand_driver import KEYS
-from .session import LiveSession
+from .live_session import LiveSession
 
 _ARROWS = {265: "faster", 264: "slower", 263: "left", 262: "right"}  # GLFW's codes of the keys
 _NO_DISPLAY = "no display here; accepted: --web, which serves the view to a browser"

@@ -12,7 +12,7 @@
         fg.write_video("oval.mp4", film.frames(fps=30.0), size=film.size)
 
 `gl` opens an OpenGL context, `scenery` compiles the model that is drawn, and `renderer` turns states into arrays.
-`cameras` has the cameras, and `drive` a recording at any time. `overlays`, `planner_view`, `force_arrows` and
+`cameras` has the cameras, and `recorded_drive` a recording at any time. `overlays`, `planner_view`, `force_arrows` and
 `telemetry_strip` draw over a picture, and `gg_diagram` draws the g-g diagram. `film` puts all of this together, and
 `video` writes files.
 """
@@ -31,10 +31,10 @@ from ...racing.result import RaceResult
 from ...racing.run_folder import Run
 from ...simulation.simulation import Simulation
 from .cameras import CAMERAS, View
-from .drive import Drive
 from .film import Film
 from .overlays import OVERLAYS, Overlays, find_overlays
 from .presets import QUALITIES
+from .recorded_drive import Drive
 from .renderer import LABELS, Renderer
 from .video import write_picture, write_video
 

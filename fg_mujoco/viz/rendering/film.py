@@ -26,10 +26,10 @@ from ...simulation.cars import car_colour, car_prefix, lidar_prefix
 from ...vehicle.car import car_parameters
 from .cameras import Moment, View, find_camera
 from .colours import STAGES
-from .drive import Drive, Player, read_drive
 from .force_arrows import TireForceMeter, draw_arrows, draw_circles
 from .overlays import Overlays, draw_beams, draw_marker, draw_trace, find_overlays
 from .planner_view import PlannerEye, PlannerView
+from .recorded_drive import Drive, Player, read_drive
 from .renderer import Renderer
 from .telemetry_strip import draw_legend, draw_strip, require_pillow, strip_height
 

@@ -21,7 +21,7 @@ from ...vehicle.car import Car
 from ...vehicle.tire_forces import TireForces
 from ...vehicle.tire_slip import slides_above
 from ..plots import require_matplotlib, save_figure
-from .drive import Drive, read_drive
+from .recorded_drive import Drive, read_drive
 
 _STYLE: Any = {"font.size": 8.0, "axes.linewidth": 0.6, "legend.frameon": False}
 

@@ -13,8 +13,8 @@ from ...messages import FloatArray
 from .cameras import View
 from .colours import STAGES, friction_colour
 from .decor import Colour, line, ring, slat, sphere, triangle
-from .drive import Drive
 from .planner_view import PlannerView
+from .recorded_drive import Drive
 
 _TRACE_PIECES = 900  # most of them: a longer trace has longer pieces
 _TRACE_WIDTH = 0.05  # [m]

@@ -26,7 +26,7 @@ from ...simulation.cars import car_prefix, lidar_prefix
 from ...simulation.physics import STATE
 from ...simulation.world import World
 from ...vehicle.car import Car
-from .drive import Drive
+from .recorded_drive import Drive
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -20,7 +20,7 @@ from ...simulation.telemetry import TELEMETRY
 from ...vehicle.car import WHEELS
 from ...vehicle.tire_slip import slides_above
 from .colours import STAGES, friction_colour
-from .drive import Drive
+from .recorded_drive import Drive
 
 _BACK = np.array((16.0, 20.0, 27.0))
 _COVER = 0.80  # of the picture under the strip

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ...racing.decisions import decision_limit_text
+from ...racing.decision_times import decision_limit_text
 from ...racing.hints import clamped_hint, late_hint
 from ...racing.manoeuvres import is_driven_by_commands
 from ...racing.run_folder import RECORDED

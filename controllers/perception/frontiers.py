@@ -1,0 +1,769 @@
+"""The way on: where the course goes that the car has not come from, and how far it is to there from everywhere.
+
+1. The way back is closed like a wall: across the path of the last metres, as wide as the corridor was there.
+2. From the car, distances spread over the free ground of the local map. Where they reach ground that nobody has
+   seen is a frontier, unless that ground is only the shadow of a box or lies behind a crack in a wall. The way on is
+   the frontier that is far and wide: a pocket that was seen to its end has none.
+3. Where there is no frontier, the car may go round a course as short as its memory: then the way on is the far side
+   of the closed path, to which it comes from behind. Else it is in a pocket, and the end of its path is opened again,
+   2, 4 and 6 m of it.
+4. From the way on, distances spread back over the free ground. Ground near a wall counts as longer, so that the
+   shortest way goes round the end of a barrier on a circle and not along it.
+
+Source: B. Yamauchi, A Frontier-Based Approach for Autonomous Exploration, IEEE CIRA 1997, for frontiers. E.
+Dijkstra, A Note on Two Problems in Connexion with Graphs, Numerische Mathematik 1, 1959, with a ring of buckets (R.
+Dial, Algorithm 360, CACM 12, 1969), for the distances.
+
+Limits: a wide opening into a pocket whose end the car does not see yet looks like a way on.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fg_mujoco.kernels import kernel
+from fg_mujoco.messages import FloatArray
+
+from ..control.planner_settings import Record
+from .local_map import (
+    ALONG,
+    CELL,
+    COS,
+    EDGE,
+    FREE,
+    LEFT,
+    LOCAL_MAP,
+    PATH,
+    PER_METRE,
+    RIGHT,
+    RING,
+    SIGHT,
+    SIN,
+    SIZE,
+    UNKNOWN,
+    WALL,
+    cut_path,
+    enter_scan,
+    extend_path,
+    in_window,
+    move,
+)
+from .scan_geometry import period_of
+
+FAR = 65535  # to_go of cells from which no way on is known
+UNIT = 0.01  # [m] of to_go
+NEAR_WALL, WAY_BACK, AT_WALL, HOLE, OPEN, UNSEEN, WITHIN_6, WITHIN_4 = 1, 2, 4, 8, 16, 32, 64, 128
+# bits of a cell: within two cells of a wall; closed; within one cell; in the middle of a hole of three cells; free;
+# unknown; with a wall in a square of six cells to each side, and of four
+
+_MOVED = 0.2  # [m] after which a scan is entered
+_TURNED = 0.1  # [rad] the same
+_ENTER_EVERY = 3  # ticks, the same
+_LASTS = 0.25  # of the distance to the way on, after which it is looked for again
+_LASTS_AT_MOST = 2.0  # [m] the same, at most
+_OPENED = 0.6  # [m] before the end of the path that stay open
+_CLOSED = 15.0  # [m] of the path that are closed
+_CLOSED_LOOP = 8.0  # [m] the same, on a course that is shorter
+_ATTEMPTS = (
+    (_OPENED, _CLOSED, AT_WALL | HOLE),
+    (_OPENED, _CLOSED_LOOP, AT_WALL | HOLE),
+    (_OPENED, _CLOSED, AT_WALL),
+    (2.0, _CLOSED, NEAR_WALL),
+    (4.0, _CLOSED, NEAR_WALL),
+    (6.0, _CLOSED, NEAR_WALL),
+)  # [m] from the end of the path: where it begins to be closed, and where it ends; bits of cells that are impassable
+_WIDEST = 3.0  # [m] of a line across open ground, to either side
+_POCKET = 6.0  # [m] deepest pocket that the car leaves again
+_LEAST_FRONTIER = 5  # cells
+_LEAST_FRONTIER_BACK = 10  # cells, where the car has to leave a pocket for it
+_WIDE = 3.0  # [m] of a frontier; more counts as this
+_ROOM = 150  # cells that nobody has seen behind a frontier, or it is a shadow or a crack in a wall
+_SAME = 1.0  # [m] from the last way on: a frontier counts as the same, and as 1 m farther
+_LEAST_LOOP = 3.0  # [m] to the far side of a closed path
+_LEAST_AGE = 5.0  # [m] of the part of the path that the car comes upon there
+_FREE_START = 4  # cells from the car that may be near a wall
+_MARGIN = 8  # columns beside the known ones, in which their walls count
+_BUCKETS = 64  # above the greatest cost of a step; a power of two, so that `cost & _BUCKET` is the bucket of a cost
+_BUCKET = _BUCKETS - 1
+_LAST = SIZE * SIZE - 1
+
+FRONTIER_SEARCH = np.dtype(
+    [
+        ("map", LOCAL_MAP),
+        ("ticks", np.int64),
+        ("entered", np.int64),  # tick in which a scan was last entered,
+        ("entered_driven", np.float64),  # [m] how far the car had driven then,
+        ("entered_heading", np.float64),  # [rad] and its heading
+        ("searched", np.int64),  # tick of the last search,
+        ("searched_driven", np.float64),  # [m] and how far the car had driven then
+        ("found", np.bool_),
+        ("hidden", np.bool_),  # the frontier is nearer than the sight, so something hides what is behind it
+        ("x", np.float64),  # [m] of the middle of the way on
+        ("y", np.float64),
+        ("edge_x", np.float64),  # [m] of the nearest of its cells that is not near a wall
+        ("edge_y", np.float64),
+        ("to_go", np.uint16, (SIZE, SIZE)),  # to the way on [UNIT], by column and row in the ring; FAR: not known
+        ("nodes", np.int64),  # of all searches for a motion in this tick
+        ("blocked", np.uint8, (SIZE, SIZE)),  # bits, see NEAR_WALL, by column and row in the ring
+    ]
+)
+"""Type of the memory; zero at the beginning."""
+
+
+@kernel
+def search_frontier(
+    scan: Record,
+    ranges: FloatArray,
+    odometry: Record,
+    lidar_offset: float,
+    memory: Record,
+    every: int,
+    every_plain: int,
+    led: bool,
+) -> None:
+    """Take a scan and odometry into the memory, in every tick.
+
+    A scan is entered once the car has moved on by _MOVED or turned by _TURNED since the last one, after _ENTER_EVERY
+    ticks, and before a search. The way on is looked for after `every` ticks. As long as the planner drives, that is
+    not before the car has come on by a share _LASTS of the distance to the way on, or after `every_plain` ticks.
+
+    Args:
+      scan: of type SCAN.
+      ranges: its readings (n,) [m], without NaN or inf.
+      odometry: of type ODOMETRY.
+      lidar_offset: of the LiDAR ahead of the rear axle [m].
+      memory: of type FRONTIER_SEARCH, written to.
+      every: ticks.
+      every_plain: ticks.
+      led: the car is not driven by its planner alone.
+    """
+    world = memory.map
+    move(world, odometry.speed, odometry.angular_velocity[2], period_of(scan))
+    extend_path(world, scan, ranges)
+    since, driven = memory.ticks - memory.searched, world.driven - memory.searched_driven
+    due = memory.ticks == 0 or since >= (every if led or not memory.found else every_plain)
+    if since >= every and not due:
+        apart = math.hypot(memory.x - world.x, memory.y - world.y)
+        due = driven >= min(_LASTS * apart, _LASTS_AT_MOST)
+    moved, turned = world.driven - memory.entered_driven, abs(world.heading - memory.entered_heading)
+    memory.nodes = 0
+    memory.ticks += 1
+    if due:
+        search_frontier_again(scan, ranges, lidar_offset, memory)
+    elif moved >= _MOVED or turned >= _TURNED or memory.ticks - memory.entered > _ENTER_EVERY:
+        _enter(scan, ranges, lidar_offset, memory)
+
+
+@kernel
+def search_frontier_again(scan: Record, ranges: FloatArray, lidar_offset: float, memory: Record) -> None:
+    """Enter a scan, and look for the way on, unless that was done in this tick; arguments as of `search_frontier`."""
+    if memory.searched == memory.ticks:
+        return
+    if memory.entered != memory.ticks:
+        _enter(scan, ranges, lidar_offset, memory)
+    memory.searched, memory.searched_driven = memory.ticks, memory.map.driven
+    _find_frontier(memory, lidar_offset)
+
+
+@kernel
+def _enter(scan: Record, ranges: FloatArray, lidar_offset: float, memory: Record) -> None:
+    """Enter a scan; arguments as of `search_frontier`."""
+    world = memory.map
+    memory.entered, memory.entered_driven, memory.entered_heading = memory.ticks, world.driven, world.heading
+    enter_scan(world, scan, ranges, lidar_offset)
+
+
+@kernel
+def to_go_at(memory: Record, x: float, y: float) -> int:
+    """Return the way to go [UNIT] from a place [m], FAR where it is not known."""
+    i, j = math.floor(x * PER_METRE), math.floor(y * PER_METRE)
+    return memory.to_go[i & RING, j & RING] if in_window(memory.map, i, j) else FAR
+
+
+@kernel
+def to_go_around(memory: Record, x: float, y: float) -> float:
+    """Return the way to go [m] from a place, or from the nearest one within .6 m from where it is known; else inf."""
+    for reach in range(7):
+        least = math.inf
+        for i in range(-reach, reach + 1):
+            for j in range(-reach, reach + 1):
+                if max(abs(i), abs(j)) == reach:
+                    cells = to_go_at(memory, x + i * CELL, y + j * CELL)
+                    if cells != FAR:
+                        least = min(least, cells * UNIT + reach * CELL)
+        if least < math.inf:
+            return least
+    return math.inf
+
+
+@kernel
+def least_to_go_along(memory: Record, x: float, y: float, heading: float, distance: float) -> tuple[float, float]:
+    """Return the least way to go [m] on a line from a place, inf if none is known, and how far along that is [m]."""
+    return least_to_go_towards(memory, x, y, math.cos(heading), math.sin(heading), distance)
+
+
+@kernel
+def least_to_go_towards(
+    memory: Record, x: float, y: float, cos: float, sin: float, distance: float
+) -> tuple[float, float]:
+    """Return the same as `least_to_go_along`, for the cosine and the sine of the line's heading."""
+    step_x, step_y = 0.2 * PER_METRE * cos, 0.2 * PER_METRE * sin
+    x, y = x * PER_METRE, y * PER_METRE
+    least, at = FAR, 0
+    for step in range(1, int(min(distance, SIGHT) / 0.2) + 1):  # all of these are in the window
+        i, j = math.floor(x + step * step_x), math.floor(y + step * step_y)
+        cells = int(memory.to_go[i & RING, j & RING])
+        if cells < least:
+            least, at = cells, step
+    return (least * UNIT, 0.2 * at) if least != FAR else (math.inf, 0.0)
+
+
+@kernel
+def _find_frontier(memory: Record, lidar_offset: float) -> None:
+    """Look for the way on, and write how far it is to there.
+
+    Below, a cell is a number: its column in the ring times SIZE, and its row. Arrays of cells are unsigned: else numba
+    asks of each index if it is negative.
+    """
+    world, blocked, bits = memory.map, memory.blocked, memory.blocked.reshape(SIZE * SIZE)
+    free = _mark_cells(world, blocked)
+    distance, goal = np.empty(SIZE * SIZE, np.uint16), np.empty(free + 1, np.uint16)
+    queue, edge = np.empty(free + 1, np.uint16), np.empty(free + 1, np.uint16)
+    queue[0] = _cell_at(
+        world.x + lidar_offset * math.cos(world.heading), world.y + lidar_offset * math.sin(world.heading)
+    )
+    loop, count, closings = False, 0, 0
+    open_ground = False
+    for attempt in range(len(_ATTEMPTS)):
+        opened, closed, impassable = _ATTEMPTS[attempt]
+        for _ in range(2):
+            if closings > 0:
+                _open_path(bits)
+            closings += 1
+            _close_path(world, bits, opened, closed, open_ground)
+            distance[:] = FAR
+            distance[queue[0]] = 0
+            reached, edges = _flood(world, bits, distance, queue, edge, impassable)
+            if attempt > 0 or open_ground or not _is_open_ground(world, distance):
+                break
+            open_ground = True
+        if closed < _CLOSED and open_ground:
+            continue
+        least = _LEAST_FRONTIER if opened == _OPENED else _LEAST_FRONTIER_BACK
+        if closed == _CLOSED:
+            count = _choose_frontier(memory, bits, distance, edge[:edges], least, goal)
+        if count > 0:
+            if opened > _OPENED:
+                cut_path(world, max(world.along - opened, world.furthest - _POCKET))
+            break
+        if closed < _CLOSED:
+            place = reached - 1
+            while place > 0:
+                if _is_next_to_path(world, bits, queue[place]) and _comes_from_behind(world, distance, queue[place]):
+                    break
+                place -= 1
+            loop = distance[queue[place]] * CELL > _LEAST_LOOP
+            if loop:
+                goal[0], count = queue[place], 1
+                a, b = _place_of(world, queue[place])
+                memory.x, memory.y = a * CELL, b * CELL
+                break
+    memory.found = count > 0
+    memory.hidden = memory.found and not loop and math.hypot(memory.x - world.x, memory.y - world.y) < SIGHT - 1.0
+    memory.edge_x, memory.edge_y = memory.x, memory.y
+    if not loop:
+        _find_edge(memory, bits, goal[:count])
+    memory.to_go[:] = FAR
+    _spread(bits, memory.to_go.reshape(SIZE * SIZE), goal[:count], free, AT_WALL | impassable & HOLE)
+
+
+@kernel
+def _cell_at(x: float, y: float) -> int:
+    """Return the cell at a place [m]."""
+    return (math.floor(x * PER_METRE) & RING) * SIZE | math.floor(y * PER_METRE) & RING
+
+
+@kernel
+def _place_of(world: Record, cell: int) -> tuple[int, int]:
+    """Return the column and the row of a cell of the window."""
+    half = SIZE // 2
+    i = world.column + (((cell // SIZE) - world.column + half) & RING) - half
+    return i, world.row + (((cell & RING) - world.row + half) & RING) - half
+
+
+@kernel
+def _mark_cells(world: Record, blocked: NDArray[np.uint8]) -> int:
+    """Write the bits of all cells, without WAY_BACK, and return how many are free.
+
+    Only columns with something known in them are looked at. How near walls are is worked out within each column first.
+    Then columns are joined, for the greater distances two and four at a time.
+    """
+    first, end = _known_columns(world)
+    blocked[:] = UNSEEN
+    if first == end:
+        return 0
+    count = end - first + 2 * _MARGIN
+    within = np.zeros((count, SIZE), np.uint8)  # bits as of _mark_column
+    walls = np.empty(SIZE + 12, np.uint8)
+    two, four = np.empty((count, SIZE), np.uint8), np.empty((count, SIZE), np.uint8)  # of this column and those after
+    for k in range(_MARGIN, count - _MARGIN):
+        _mark_column(world.cells[(first + k - _MARGIN) & RING], walls, within[k])
+    for k in range(count - 1):
+        _join(within[k], within[k + 1], two[k])
+    for k in range(count - 3):
+        _join(two[k], two[k + 2], four[k])
+    for k in range(_MARGIN - 2, count - _MARGIN + 2):
+        i = first + k - _MARGIN
+        if abs(i - world.column) > EDGE:
+            continue
+        _mark_ground(world.cells[i & RING], blocked[i & RING])
+        _mark_near(within[k - 2], within[k - 1], within[k], within[k + 1], within[k + 2], blocked[i & RING])
+        _mark_far(two[k - 6], four[k - 4], four[k], within[k + 4], two[k + 5], blocked[i & RING])
+    return (end - first) * SIZE
+
+
+@kernel
+def _known_columns(world: Record) -> tuple[int, int]:
+    """Return the first column in which a cell is known, and the one after the last; twice the same if none is."""
+    first, end = world.column - EDGE, world.column + EDGE + 1
+    while first < end and not _is_known(world.cells[first & RING]):
+        first += 1
+    while first < end and not _is_known(world.cells[(end - 1) & RING]):
+        end -= 1
+    return first, end
+
+
+@kernel
+def _is_known(cells: NDArray[np.uint8]) -> bool:
+    """Say whether any of some cells is known."""
+    known = np.uint8(0)
+    for j in range(len(cells)):
+        known |= cells[j]
+    return bool(known != UNKNOWN)
+
+
+@kernel
+def _mark_column(cells: NDArray[np.uint8], walls: NDArray[np.uint8], within: NDArray[np.uint8]) -> None:
+    """Write how near the walls of a column are to its cells.
+
+    The bits: 1, a wall; 2, within a cell; 4, within two; 8, walls two cells to both sides; WITHIN_4; WITHIN_6.
+
+    Args:
+      cells: (SIZE,) of a column.
+      walls: (SIZE + 12,) room.
+      within: (SIZE,) written to; a column without a wall is left as it is.
+    """
+    some = np.uint8(0)
+    for j in range(SIZE):
+        wall = np.uint8(cells[j] == WALL)
+        walls[j + 6] = wall
+        some |= wall
+    if some == 0:
+        return
+    for j in range(6):
+        walls[j], walls[SIZE + 6 + j] = walls[SIZE + j], walls[6 + j]
+    for j in range(SIZE):
+        one = walls[j + 5] | walls[j + 6] | walls[j + 7]
+        two = one | walls[j + 4] | walls[j + 8]
+        four = two | walls[j + 2] | walls[j + 3] | walls[j + 9] | walls[j + 10]
+        six = four | walls[j] | walls[j + 1] | walls[j + 11] | walls[j + 12]
+        hole = walls[j + 4] & walls[j + 8]
+        near = walls[j + 6] | one << np.uint8(1) | two << np.uint8(2) | hole << np.uint8(3)
+        within[j] = near | six << np.uint8(6) | four << np.uint8(7)
+
+
+@kernel
+def _join(left: NDArray[np.uint8], right: NDArray[np.uint8], both: NDArray[np.uint8]) -> None:
+    """Write the bits of two columns to a third; an expression of whole arrays takes fifty times as long."""
+    for j in range(SIZE):
+        both[j] = left[j] | right[j]
+
+
+@kernel
+def _mark_ground(cells: NDArray[np.uint8], bits: NDArray[np.uint8]) -> None:
+    """Write OPEN or UNSEEN to the bits of a column, or none."""
+    for j in range(SIZE):
+        bits[j] = np.uint8(cells[j] == FREE) << np.uint8(4) | np.uint8(cells[j] == UNKNOWN) << np.uint8(5)
+
+
+@kernel
+def _mark_near(
+    a: NDArray[np.uint8],
+    b: NDArray[np.uint8],
+    c: NDArray[np.uint8],
+    d: NDArray[np.uint8],
+    e: NDArray[np.uint8],
+    bits: NDArray[np.uint8],
+) -> None:
+    """Add NEAR_WALL, AT_WALL and HOLE to the bits of a column, c, with its neighbours: see _mark_column."""
+    for j in range(SIZE):
+        near = (a[j] | e[j]) >> np.uint8(1) | (b[j] | c[j] | d[j]) >> np.uint8(2)
+        touching = c[j] >> np.uint8(1) | b[j] | d[j]
+        hole = c[j] >> np.uint8(3) | (a[j] & e[j])
+        one = np.uint8(1)
+        bits[j] |= (near & one) | (touching & one) << np.uint8(2) | (hole & one) << np.uint8(3)
+
+
+@kernel
+def _mark_far(
+    outer_left: NDArray[np.uint8],
+    left: NDArray[np.uint8],
+    right: NDArray[np.uint8],
+    last: NDArray[np.uint8],
+    outer_right: NDArray[np.uint8],
+    bits: NDArray[np.uint8],
+) -> None:
+    """Add WITHIN_4 and WITHIN_6 to the bits of a column: by those within 4 columns, and the outer ones within 6."""
+    for j in range(SIZE):
+        far = (left[j] | right[j] | last[j]) & np.uint8(WITHIN_4 | WITHIN_6)
+        bits[j] |= far | (outer_left[j] | outer_right[j]) & np.uint8(WITHIN_6)
+
+
+@kernel
+def _open_path(bits: NDArray[np.uint8]) -> None:
+    """Take all lines across the path away again."""
+    for cell in range(len(bits)):
+        bits[cell] &= np.uint8(255 - WAY_BACK)
+
+
+@kernel
+def _close_path(world: Record, bits: NDArray[np.uint8], opened: float, closed: float, open_ground: bool) -> None:
+    """Block a line across the corridor at each point of the path from `opened` to `closed` [m] before its end.
+
+    On open ground the lines go on up to a wall, or _WIDEST to either side.
+    """
+    until = world.along - opened
+    if opened > _OPENED:
+        until = max(until, world.furthest - _POCKET)
+    for back in range(world.known):
+        place = (world.newest - back) % PATH
+        x, y, sin, cos = _path_point(world, place)
+        if world.along - world.path[place, ALONG] > closed:
+            break
+        if world.path[place, ALONG] > until:
+            continue
+        for side in (1, -1):
+            room = world.path[place, LEFT if side == 1 else RIGHT]
+            steps = int((_WIDEST if open_ground else room) / (0.5 * CELL)) + 1
+            first, last = _aside(x, y, sin, cos, 0.0), _aside(x, y, sin, cos, side * 0.5 * CELL * (steps - 1))
+            whole = in_window(world, first[0], first[1]) and in_window(world, last[0], last[1])
+            for step in range(steps):
+                i, j = _aside(x, y, sin, cos, side * 0.5 * CELL * step)
+                if not (whole or in_window(world, i, j)):
+                    break
+                cell = (i & RING) * SIZE | j & RING
+                if open_ground and 0.5 * CELL * step > room and bits[cell] & (OPEN | UNSEEN) == 0:
+                    break
+                bits[cell] |= np.uint8(WAY_BACK)
+                bits[(cell + SIZE) & _LAST] |= np.uint8(WAY_BACK)  # two cells, or a diagonal step passes it
+
+
+@kernel
+def _path_point(world: Record, place: int) -> tuple[float, float, float, float]:
+    """Return x [m], y [m], and the sine and cosine of the heading, of a point of the path."""
+    return world.path[place, 0], world.path[place, 1], world.path[place, SIN], world.path[place, COS]
+
+
+@kernel
+def _aside(x: float, y: float, sin: float, cos: float, aside: float) -> tuple[int, int]:
+    """Return the column and row of the cell beside a point of the path [m], left positive; see `_path_point`."""
+    return math.floor((x - aside * sin) * PER_METRE), math.floor((y + aside * cos) * PER_METRE)
+
+
+@kernel
+def _is_open_ground(world: Record, distance: NDArray[np.uint16]) -> bool:
+    """Say whether the ground beside the closed path is reached from the car at a third of its points, or more."""
+    points, passed = 0, 0
+    for back in range(world.known):
+        place = (world.newest - back) % PATH
+        age = world.along - world.path[place, ALONG]
+        if age > _CLOSED:
+            break
+        if age > 2.0:
+            points += 1
+            x, y, sin, cos = _path_point(world, place)
+            for side in (1, -1):
+                room = world.path[place, LEFT if side == 1 else RIGHT]
+                walled = False  # the ground behind a thin barrier is another lane
+                for cells in range(-1, 3):
+                    i, j = _aside(x, y, sin, cos, side * (room + cells * CELL))
+                    walled = walled or not in_window(world, i, j) or world.cells[i & RING, j & RING] == WALL
+                if not walled and distance[(i & RING) * SIZE | j & RING] != FAR:
+                    passed += 1
+                    break
+    return 3 * passed > points > 10
+
+
+@kernel
+def _neighbours(cell: int) -> tuple[int, int, int, int]:
+    """Return the cells that share a side with a cell."""
+    column, row = cell & ~RING, cell & RING
+    right, left, up, down = (column + SIZE) & _LAST, (column - SIZE) & _LAST, (row + 1) & RING, (row - 1) & RING
+    return right | row, left | row, column | up, column | down
+
+
+@kernel
+def _diagonal_neighbours(cell: int) -> tuple[int, int, int, int]:
+    """Return the cells that share a corner with a cell, and no side."""
+    column, row = cell & ~RING, cell & RING
+    right, left, up, down = (column + SIZE) & _LAST, (column - SIZE) & _LAST, (row + 1) & RING, (row - 1) & RING
+    return right | up, right | down, left | up, left | down
+
+
+@kernel
+def _flood(
+    world: Record,
+    bits: NDArray[np.uint8],
+    distance: NDArray[np.uint16],
+    queue: NDArray[np.uint16],
+    edge: NDArray[np.uint16],
+    impassable: int,
+) -> tuple[int, int]:
+    """Spread distances [cells] from the first cell of the queue; return how many cells were reached.
+
+    Steps to four neighbours and to eight take turns, which makes circles octagons. No step leaves the window: the cells
+    around it are unknown.
+
+    Args:
+      world: of type LOCAL_MAP.
+      bits: of each cell.
+      distance: of each cell, FAR but for the first of the queue; written to.
+      queue: cells in the order in which they are reached, written to.
+      edge: those of them that share a side with a cell that nobody has seen, in the same order; written to.
+      impassable: bits of cells that are reached in the first _FREE_START steps only.
+
+    Returns:
+      How many cells there are in the queue, and in `edge`.
+    """
+    first, count, edges, level = 0, 1, 0, 0
+    while first < count:
+        end = count
+        looked_at = np.uint8(OPEN | WAY_BACK | (impassable if level >= _FREE_START else 0))
+        for place in range(first, end):
+            unseen = np.uint8(0)
+            for cell in _neighbours(queue[place]):
+                unseen |= bits[cell]
+                if bits[cell] & looked_at == OPEN and distance[cell] == FAR:
+                    distance[cell] = level + 1
+                    queue[count] = cell
+                    count += 1
+            if level % 2 == 1:
+                for cell in _diagonal_neighbours(queue[place]):
+                    if bits[cell] & looked_at == OPEN and distance[cell] == FAR:
+                        distance[cell] = level + 1
+                        queue[count] = cell
+                        count += 1
+            if unseen & UNSEEN != 0:
+                i, j = _place_of(world, queue[place])
+                if abs(i - world.column) < EDGE and abs(j - world.row) < EDGE:
+                    edge[edges] = queue[place]
+                    edges += 1
+        first = end
+        level += 1
+    return count, edges
+
+
+@kernel
+def _choose_frontier(
+    memory: Record,
+    bits: NDArray[np.uint8],
+    distance: NDArray[np.uint16],
+    edge: NDArray[np.uint16],
+    least: int,
+    goal: NDArray[np.uint16],
+) -> int:
+    """Write the cells of the best frontier to `goal`, and where its middle is; return how many cells, 0: none.
+
+    Args:
+      memory: of type FRONTIER_SEARCH, written to.
+      bits: of each cell.
+      distance: of each cell from the car [cells].
+      edge: the cells that were reached at ground that nobody has seen.
+      least: cells of a frontier.
+      goal: written to.
+    """
+    world = memory.map
+    label = np.zeros(SIZE * SIZE, np.uint8)  # 1: at unknown ground, 2: in a frontier that was looked at
+    for cell in edge:
+        label[cell] = 1
+    group, behind = np.empty(len(edge), np.uint16), np.empty(_ROOM + 8, np.uint16)
+    best, best_count, last_x, last_y = 0.0, 0, memory.x, memory.y
+    for start in edge:
+        if label[start] != 1:
+            continue
+        label[start] = 2
+        group[0] = start
+        count, at = 1, 0
+        far, x, y = 0.0, 0.0, 0.0
+        while at < count:
+            i, j = _place_of(world, group[at])
+            far += distance[group[at]] * CELL
+            x += i * CELL
+            y += j * CELL
+            at += 1
+            for a in range(i - 1, i + 2):
+                for b in range(j - 1, j + 2):
+                    cell = (a & RING) * SIZE | b & RING
+                    if label[cell] == 1:
+                        label[cell] = 2
+                        group[count] = cell
+                        count += 1
+        if count < least:
+            continue
+        far, x, y = far / count, x / count, y / count
+        score = far + 2.0 * min(count * CELL, _WIDE)
+        if memory.found and math.hypot(x - last_x, y - last_y) < _SAME:
+            score += 1.0
+        if score > best and _has_room_behind(world, bits, distance, label, group[:count], behind):
+            best, best_count, memory.x, memory.y = score, count, x, y
+            goal[:count] = group[:count]
+    return best_count
+
+
+@kernel
+def _has_room_behind(
+    world: Record,
+    bits: NDArray[np.uint8],
+    distance: NDArray[np.uint16],
+    label: NDArray[np.uint8],
+    group: NDArray[np.uint16],
+    behind: NDArray[np.uint16],
+) -> bool:
+    """Say whether a frontier may lead on: there is room behind it, or ground that the car does not reach otherwise.
+
+    Args:
+      world: of type LOCAL_MAP.
+      bits: of each cell.
+      distance: of each cell from the car [cells].
+      label: of each cell that nobody has seen, written to: 3: behind a frontier that does not lead on, 4: that does.
+      group: cells of the frontier.
+      behind: written to.
+    """
+    count, reached, at, leads_on = len(group), 0, 0, False
+    while at < count + reached and not leads_on:
+        place = group[at] if at < count else behind[at - count]
+        for cell in _neighbours(place):
+            i, j = _place_of(world, cell)
+            if not in_window(world, i, j) or label[cell] == 4:
+                leads_on = True
+            elif bits[cell] & (UNSEEN | NEAR_WALL | WAY_BACK) == UNSEEN and label[cell] == 0:
+                label[cell] = 3
+                behind[reached] = cell
+                reached += 1
+            elif at >= count and bits[cell] & (OPEN | NEAR_WALL) == OPEN and distance[cell] == FAR:
+                leads_on = True
+        leads_on = leads_on or reached >= _ROOM
+        at += 1
+    for k in range(reached if leads_on else 0):
+        label[behind[k]] = 4
+    return leads_on
+
+
+@kernel
+def _find_edge(memory: Record, bits: NDArray[np.uint8], goal: NDArray[np.uint16]) -> None:
+    """Write where the nearest cell of a frontier is that is not near a wall."""
+    world, least = memory.map, math.inf
+    for cell in goal:
+        i, j = _place_of(world, cell)
+        distance = math.hypot((i + 0.5) * CELL - world.x, (j + 0.5) * CELL - world.y)
+        if distance < least and bits[cell] & NEAR_WALL == 0:
+            least, memory.edge_x, memory.edge_y = distance, (i + 0.5) * CELL, (j + 0.5) * CELL
+
+
+@kernel
+def _is_next_to_path(world: Record, bits: NDArray[np.uint8], cell: int) -> bool:
+    """Say whether a cell is within two cells of the closed way back."""
+    i, j = _place_of(world, cell)
+    for a in range(i - 2, i + 3):
+        for b in range(j - 2, j + 3):
+            if bits[(a & RING) * SIZE | b & RING] & WAY_BACK != 0:
+                return True
+    return False
+
+
+@kernel
+def _comes_from_behind(world: Record, distance: NDArray[np.uint16], cell: int) -> bool:
+    """Say whether distances grow, at a cell beside the path, in the direction in which the car came by there."""
+    x, y, here = 0.0, 0.0, distance[cell]
+    i, j = _place_of(world, cell)
+    for di in range(-2, 3):
+        for dj in range(-2, 3):
+            there = distance[((i + di) & RING) * SIZE | (j + dj) & RING]
+            if there != FAR:
+                x += di * (float(there) - here)
+                y += dj * (float(there) - here)
+    nearest, along, age = math.inf, 0.0, 0.0
+    for back in range(world.known):
+        point = world.path[(world.newest - back) % PATH]
+        apart = math.hypot(point[0] - i * CELL, point[1] - j * CELL)
+        if apart < nearest:
+            nearest, age = apart, world.along - point[ALONG]
+            along = math.cos(point[2]) * x + math.sin(point[2]) * y
+    return along > 0.5 * math.hypot(x, y) and age > _LEAST_AGE
+
+
+@kernel
+def _spread(
+    bits: NDArray[np.uint8], to_go: NDArray[np.uint16], goal: NDArray[np.uint16], free: int, impassable: int
+) -> None:
+    """Write the way to go [UNIT] from all free cells to the nearest cell of `goal`.
+
+    Args:
+      bits: of each cell.
+      to_go: of each cell, FAR; written to.
+      goal: cells.
+      free: how many cells are free.
+      impassable: bits of cells that are no way, beside WAY_BACK.
+    """
+    heads = np.full(_BUCKETS, -1, np.int32)  # of the lists of cells that wait, by their way to go modulo _BUCKETS
+    room = 2 * free + len(goal) + 8  # a cell is come upon once over a side and once over a corner, at most
+    cells, links = np.empty(room, np.uint16), np.empty(room, np.int32)
+    straight, diagonal = _costs(10, WAY_BACK | impassable), _costs(14, WAY_BACK | impassable)
+    made, one = np.uintp(0), np.uintp(1)
+    for cell in goal:
+        to_go[cell] = 0
+        cells[made], links[made] = cell, heads[0]
+        heads[0] = made
+        made += one
+    level, empty = 0, 0
+    while empty < _BUCKETS and made <= np.uintp(room - 8):
+        place = heads[level & _BUCKET]
+        if place < 0:
+            level, empty = level + 1, empty + 1
+            continue
+        empty = 0
+        heads[level & _BUCKET] = links[place]
+        if to_go[cells[place]] != level:
+            continue  # it was reached by a shorter way meanwhile
+        for cell in _neighbours(cells[place]):
+            cost = level + straight[bits[cell]]
+            if cost < to_go[cell]:
+                to_go[cell] = cost
+                cells[made], links[made] = cell, heads[cost & _BUCKET]
+                heads[cost & _BUCKET] = made
+                made += one
+        for cell in _diagonal_neighbours(cells[place]):
+            cost = level + diagonal[bits[cell]]
+            if cost < to_go[cell]:
+                to_go[cell] = cost
+                cells[made], links[made] = cell, heads[cost & _BUCKET]
+                heads[cost & _BUCKET] = made
+                made += one
+
+
+@kernel
+def _costs(length: int, impassable: int) -> NDArray[np.int64]:
+    """Return what a step onto a cell costs by its bits, in units of to_go: up to 4.5 times its length near a wall."""
+    costs = np.full(256, FAR)
+    for bits in range(256):
+        if bits & (OPEN | impassable) == OPEN:
+            cost = length
+            if bits & WITHIN_6 != 0:
+                cost += cost // 2
+            if bits & WITHIN_4 != 0:
+                cost += cost // 2
+            costs[bits] = 2 * cost if bits & NEAR_WALL != 0 else cost
+    return costs

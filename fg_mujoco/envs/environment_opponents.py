@@ -1,0 +1,185 @@
+"""Opponents: the cars of an environment that do not learn, and the planners and policies that drive them.
+
+    F1TenthEnv(opponents=["gap_finder", {"controller": "pure_pursuit", "max_speed": 4.0}, policy])
+
+A policy is a function of an observation that returns an action, both as the environment has them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import ControllerError, MessageError, PlannerError, SettingsError
+from ..messages import Controller, shown
+from ..racing.entries import Entry
+from ..racing.planner_choice import split_controller
+from ..racing.planner_loading import build_controller
+from ..racing.planner_sources import find_controller
+from ..simulation.planner_adapter import Cars, Planners, PlannersOfEach, Reasons, adapt
+from ..simulation.planner_adapter import start as start_planner
+from ..simulation.planner_failure import without_exit
+from ..simulation.settings import CarSettings, known_settings
+from ..simulation.world import World
+from .actions import ActionBounds, one_action
+from .observations import Observation, ObservationLayout
+
+Policy = Callable[[Observation], ArrayLike]
+
+_ACCEPTED = (
+    "a planner's name, path/to/file.py:ClassName, an Entry or its fields by name, or a policy: a function of an "
+    "observation that returns an action"
+)
+
+
+def as_entries(opponents: Any, own: CarSettings) -> tuple[Entry, ...]:
+    """Return the entries of opponents, each given in one of the ways that the message of the error lists.
+
+    Args:
+      opponents: a list of them.
+      own: the learning car; an opponent of which no car is said has the same.
+
+    Raises:
+      SettingsError: one is given in no such way, or with a setting that is not accepted.
+    """
+    if isinstance(opponents, (str, Mapping)) or not isinstance(opponents, Sequence):
+        raise SettingsError(f"opponents is {shown(opponents)}; accepted: a list, each {_ACCEPTED}")
+    return tuple(_as_entry(opponent, number, own) for number, opponent in enumerate(opponents, start=1))
+
+
+def _as_entry(opponent: Any, number: int, own: CarSettings) -> Entry:
+    same: dict[str, Any] = {name: getattr(own, name) for name in ("vehicle", "tires", "mu", "changes")}
+    if isinstance(opponent, Mapping):
+        given = known_settings(opponent, Entry, f"opponent {number}")
+        entry = Entry(**(given if "vehicle" in given else same | given))
+    elif isinstance(opponent, Entry):
+        entry = opponent
+    else:
+        entry = Entry(controller=opponent, **same)
+    controller: Any = entry.controller
+    if not isinstance(controller, str) and (
+        isinstance(controller, type) or not callable(controller) or hasattr(controller, "reset")
+    ):
+        raise SettingsError(f"opponent {number} is {shown(controller)}; accepted: {_ACCEPTED}")
+    if entry.effects.motion_distortion:
+        raise SettingsError(f"motion distortion of the LiDAR of opponent {number}; accepted: in `race` only")
+    return entry
+
+
+class Opponents:
+    """Those who drive the opponents of n worlds: Planners of an engine.
+
+    Args:
+      entries: of the opponents of each world.
+      world: that the worlds are; the opponents are its last cars.
+      count: how many worlds, n.
+      beam_step: of what policies see.
+      speed_range: of the actions of policies, as ActionBounds takes it.
+      normalised: whether the actions of policies are from -1 to 1.
+
+    Attributes:
+      rows: of the engine's cars that they drive, (n, opponents).
+
+    Raises:
+      ControllerError: a planner that cannot be built.
+      SettingsError: a range of speeds that a policy's car does not have.
+    """
+
+    def __init__(
+        self,
+        entries: Sequence[Entry],
+        world: World,
+        count: int,
+        *,
+        beam_step: int,
+        speed_range: tuple[float, float] | None,
+        normalised: bool,
+    ) -> None:
+        m, first = len(world.cars), len(world.cars) - len(entries)
+        self.rows = np.arange(count * m).reshape(count, m)[:, first:]
+        self._planners: dict[int, Controller] = {}  # by row
+        self._policies: list[tuple[NDArray[np.int64], Planners]] = []
+        for number, entry in enumerate(entries, start=1):
+            rows, car = self.rows[:, number - 1], world.cars[first + number - 1].parameters
+            if isinstance(entry.controller, str):
+                self._planners |= zip(rows.tolist(), _planners(entry, number, world, first, count), strict=True)
+            else:
+                layout = ObservationLayout(car, world.vehicles[first + number - 1].lidar.beams, beam_step)
+                bounds = ActionBounds(car, speed_range, normalised=normalised)
+                self._policies.append((rows, PolicyCars(entry.controller, number, layout, bounds)))  # type: ignore[arg-type]
+        self._adapted: dict[int, Planners] = {}
+        self._of_each = PlannersOfEach([])
+
+    @property
+    def failures(self) -> dict[int, PlannerError]:
+        """What was wrong with the planners that failed in the episodes that run, by row."""
+        return self._of_each.failures
+
+    def begin(self, worlds: NDArray[np.bool_]) -> None:
+        """Let the planners of some worlds (n,) forget everything, because an episode begins there.
+
+        Raises:
+          ControllerError: one raises.
+        """
+        for row in self.rows[worlds].ravel().tolist():
+            if row in self._planners:
+                start_planner(self._planners[row])
+                self._adapted[row] = adapt([self._planners[row]])
+        of_planners = [(np.array([row]), planners) for row, planners in self._adapted.items()]
+        self._of_each = PlannersOfEach([*of_planners, *self._policies])
+
+    @without_exit()
+    def __call__(self, cars: Cars) -> Reasons | None:
+        """See Planners.
+
+        Raises:
+          MessageError: a policy answers no action. What a policy raises is not caught.
+        """
+        return self._of_each(cars)
+
+
+class PolicyCars:
+    """The cars of a policy in some worlds: Planners that call it with the observation of each.
+
+    Args:
+      policy: as given.
+      number: of the opponent, for messages.
+      layout: of its observations.
+      bounds: of its actions.
+    """
+
+    def __init__(self, policy: Policy, number: int, layout: ObservationLayout, bounds: ActionBounds) -> None:
+        self._policy, self._number, self._layout, self._bounds = policy, number, layout, bounds
+        self.failures: dict[int, PlannerError] = {}  # a policy's error is the caller's own
+
+    def __call__(self, cars: Cars) -> Reasons | None:
+        """See Planners."""
+        seen, running = self._layout.read(cars.ranges, cars.odometry), cars.running
+        actions = np.zeros((len(running), 2))
+        for world in map(int, np.flatnonzero(running)):
+            action = self._policy({name: values[world] for name, values in seen.items()})
+            actions[world] = one_action(action, f"the policy of opponent {self._number} answered")
+        try:
+            self._bounds.read(actions, running, cars.commands, np.zeros(len(running), np.int64))
+        except MessageError as error:
+            raise MessageError(f"the policy of opponent {self._number}: {error}") from error
+        return None
+
+
+def _planners(entry: Entry, number: int, world: World, first: int, count: int) -> list[Controller]:
+    """Return the planners of an opponent, one for each world.
+
+    Raises:
+      ControllerError: they cannot be built; the message says whose they are.
+    """
+    source, settings = split_controller(entry.controller, entry.planner_settings)
+    assert isinstance(source, str)
+    try:
+        found = find_controller(source)
+        context = entry.context(world.cars[first + number - 1].parameters, world.track.map_line)
+        return [build_controller(found, source, context, settings) for _ in range(count)]
+    except ControllerError as error:
+        raise ControllerError(f"opponent {number}: {error}") from error

@@ -1,0 +1,126 @@
+"""What an environment for learning is made of: the course, the episode, what is seen and what is rewarded.
+
+    settings = EnvironmentSettings.of({"track": "hairpins", "laps": 2, "beam_step": 10})
+    world = settings.make_world()
+
+What an observation, an action and a reward are is in modules of their own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from ..course.course import Course, laps_to_drive
+from ..course.random_obstacles import random_boxes
+from ..errors import SettingsError, accepted_names
+from ..lidar.effects import LidarEffects
+from ..messages import require, require_whole
+from ..racing.entries import GRIDS, Entry
+from ..simulation.cars import WorldCar
+from ..simulation.course_loading import load_track
+from ..simulation.engine import Engine
+from ..simulation.settings import CarSettings, Start, known_settings
+from ..simulation.world import World
+from .environment_opponents import as_entries
+from .rewards import Rewards
+from .starts import GRID_ORDERS
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+STARTS = ("random", "line")
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class EnvironmentSettings(CarSettings):
+    """Settings of an environment; the same for dm_env, Gymnasium and its vector environment.
+
+    `changes`, `start`, `effects` and `rewards` may be mappings of the fields of their classes. With more cars than one,
+    `start` is where the first place of the grid is.
+
+    Raises:
+      SettingsError: a value outside what is accepted.
+      ModelError: a file that is not that of a vehicle.
+    """
+
+    track: Course | str = "oval"  # as `load_track` takes it
+    laps: int = 1  # to be driven; of a scene 1
+    start: Start | str = "random"  # "random": anywhere on the lap; "line": standing on the start of the centreline
+    time_limit: float | None = None  # [s] of an episode; None: what a car of 0.5 m/s needs, or the scene's own
+    obstacles: int = 0  # boxes at random places of the track, which stay there
+    obstacle_seed: int = 0  # of their places
+    effects: LidarEffects = field(default_factory=LidarEffects)  # what the LiDAR does to a scan
+    beam_step: int = 1  # every how many-th beam is seen, counted from the one straight ahead to both sides
+    speed_range: tuple[float, float] | None = None  # [m/s] that an action may ask for; None: what the car can
+    normalised_actions: bool = False  # both parts of an action are from -1 to 1
+    rewards: Rewards = field(default_factory=Rewards)
+    opponents: tuple[Entry, ...] = ()  # the cars that do not learn, in any of the ways that `as_entries` takes
+    grid: str = "staggered"  # on which several cars start, as `race` takes it
+    grid_order: str = "as_listed"  # from the front, car 0 first; "reversed": car 0 last; "random": drawn each time
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._make("effects", LidarEffects)
+        self._make("rewards", Rewards)
+        for name, least in (("laps", 1), ("obstacles", 0), ("obstacle_seed", 0), ("beam_step", 1)):
+            require_whole(name, getattr(self, name), least)
+        if not isinstance(self.start, str):
+            self._make("start", Start)
+        elif self.start not in STARTS:
+            raise SettingsError(f"start is {self.start!r}; {accepted_names(self.start, STARTS, ', or a Start')}")
+        if self.time_limit is not None:
+            require(self, lambda value: 0.0 < value < math.inf, "a positive number", ("time_limit",), SettingsError)
+        if not isinstance(self.normalised_actions, bool):
+            raise SettingsError(f"normalised_actions is {self.normalised_actions!r}; accepted: True, False")
+        if self.effects.motion_distortion:
+            raise SettingsError("motion distortion of the LiDAR, in an environment; accepted: in `race` only")
+        for name, accepted in (("grid", GRIDS), ("grid_order", GRID_ORDERS)):
+            value = getattr(self, name)
+            if value not in accepted:
+                raise SettingsError(f"{name} is {value!r}; {accepted_names(value, accepted)}")
+        object.__setattr__(self, "opponents", as_entries(self.opponents, self))
+
+    @classmethod
+    def of(cls, description: Mapping[str, Any]) -> Self:
+        """Return settings by their names.
+
+        Raises:
+          SettingsError: an unknown name; the message has the nearest known one.
+        """
+        return cls(**known_settings(description, cls, "an environment"))
+
+    @property
+    def fixed_start(self) -> Start | None:
+        """Where each episode starts; None: at a place that is drawn for it."""
+        if isinstance(self.start, str):
+            return Start() if self.start == "line" else None
+        return self.start
+
+    def make_world(self, agents: int = 1) -> World:
+        """Return the compiled world of so many cars that learn, all alike, and the opponents.
+
+        Raises:
+          TrackError, SettingsError: what cannot be driven.
+        """
+        car = self.car.parameters
+        course = load_track(self.track, car=car)
+        laps_to_drive(course, self.laps)  # refuses more than a scene has
+        start = self.fixed_start or Start()
+        boxes = random_boxes(course, self.obstacles, self.obstacle_seed, car=car, start=start.s)
+        learner = WorldCar(vehicle=self.car, mu=self.mu, changes=self.changes, tires=self.tire_set)
+        others = [learner] * (agents - 1) + [entry.world_car() for entry in self.opponents]
+        return self.world(course, obstacles=boxes, others=others)
+
+    def make_engine(self, count: int = 1, threads: int = 1, *, agents: int = 1, world: World | None = None) -> Engine:
+        """Return an engine of so many worlds; of `world` itself, if it is given, which then is the only one.
+
+        Raises:
+          TrackError, SettingsError: what cannot be driven.
+        """
+        return Engine(
+            world or self.make_world(agents), count, laps=self.laps, time_limit=self.time_limit, threads=threads,
+            own_model=world is not None,
+        )  # fmt: skip

@@ -1,0 +1,247 @@
+"""Values that a planner shows of its work: numbers, points, polygons, and arrays of a scan's length.
+
+    from fg_mujoco.intermediate_values import show  # the same function as fg_mujoco.show
+
+    show("gap width", 0.8)                        # a number
+    show("goal", (3.0, 0.4))                      # a point (2,) [m]
+    show("corridor", corners)                     # a polygon, points (m, 2) [m]
+    show("path", points, draw="line", frame="base_link")
+    show("clipped", scan.ranges.clip(0.0, 3.0))   # ranges (n,) [m], one for each beam of the scan
+
+The debug page, the live view and `export` collect these values while the planner decides:
+
+    values = ShownValues()
+    with values.of(scan):
+        command = planner(scan, odometry)
+    values.now["goal"].array
+
+Otherwise, as in a race, in a rollout and on a real car, `show` returns at once. The collector is kept in a context
+variable, so each thread has its own, and cars and worlds that run in parallel do not see each other's values.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from .errors import SettingsError, accepted_names
+from .messages import FloatArray, LaserScan, Sketch, read_only, shown
+
+NUMBER, SCAN, POINTS = "number", "scan", "points"
+"""Kinds of values."""
+DRAWN_AS = ("points", "line", "polygon")
+"""How points are drawn: each by itself, joined by a line, or joined by a closed line."""
+LASER, BASE, MAP = "laser", "base_link", "map"
+"""Frames of points, as in ROS: the LiDAR, the rear axle, both x ahead and y to the left (REP 103), and the map."""
+FRAMES = (LASER, BASE, MAP)
+
+FARTHEST = 1e6
+"""[m] Points that are farther, or not finite, are left out."""
+
+_MOST_NAMES = 60  # of a planner
+_LONGEST_NAME = 60  # characters
+_LONGEST_REMARK = 300  # characters
+_MOST_NUMBERS = 8000  # of one value, two a point
+_HEIGHT = 0.08  # [m] above the ground at which values are drawn in the world
+_LINE, _POINT = 0.03, 0.08  # [m] width of a line, size of a point
+_COLOURS = (
+    (213, 94, 0), (0, 114, 178), (204, 61, 153), (0, 140, 105), (181, 137, 0), (120, 94, 240), (46, 160, 214),
+    (160, 72, 32),
+)  # fmt: skip
+
+_Listener = Callable[[Any, Any, Any, Any], None]
+_listener: ContextVar[_Listener | None] = ContextVar("fg_mujoco_show", default=None)
+
+
+def show(name: str, value: Any, *, draw: str | None = None, frame: str = LASER) -> None:
+    """Show a value of this decision on the debug page, in the live view and in an exported bag.
+
+    A value that cannot be shown is left out, and whoever looks is told so once. It is not looked at where nobody looks.
+
+    Args:
+      name: of the value, at most 60 characters. Of one name the last value of a decision counts.
+      value: a number; a point (2,) or points (m, 2) [m]; ranges (n,) [m] of all beams of the scan; or None, which
+        shows nothing. Points that are not finite are left out, or farther than 1000 km.
+      draw: of points: "points", "line" or "polygon"; None: a polygon.
+      frame: of points: "laser" (the LiDAR) or "base_link" (the rear axle), x ahead and y to the left; or "map".
+    """
+    listener = _listener.get()
+    if listener is not None:
+        listener(name, value, draw, frame)
+
+
+def listener() -> _Listener | None:
+    """Return what takes the values that are shown in this context; None: nobody looks."""
+    return _listener.get()
+
+
+def pass_on(to: Callable[[], _Listener | None]) -> None:
+    """Let this thread's values go to the listener that `to` returns when they are shown.
+
+    A planner that works in a thread of its own calls it there.
+    """
+
+    def give(name: Any, value: Any, draw: Any, frame: Any) -> None:
+        taker = to()
+        if taker is not None:
+            taker(name, value, draw, frame)
+
+    _listener.set(give)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ShownValue:
+    """One value that a planner has shown in a decision."""
+
+    name: str
+    kind: str  # NUMBER, SCAN or POINTS
+    array: FloatArray  # number (), ranges (n,) [m], or points (m, 2) [m]; read-only
+    draw: str  # points: one of DRAWN_AS; a scan is a line
+    frame: str  # points: one of FRAMES; a scan is in the frame of the LiDAR
+    colour: tuple[int, int, int]  # red, green, blue in 0..255; the same in all decisions
+
+    def drawing(self, scan: LaserScan) -> FloatArray:
+        """Return points (k, 2), or ends of pieces of lines (k, 2, 2), in the value's frame [m]; none of a number.
+
+        `scan` is the one of the decision.
+        """
+        if self.kind == NUMBER:
+            return np.empty((0, 2))
+        points = self.array
+        if self.kind == SCAN:
+            points = self.array[:, np.newaxis] * np.column_stack((np.cos(scan.bearings), np.sin(scan.bearings)))
+        if self.draw == "points" or len(points) < 2:
+            return points
+        ends = np.roll(points, -1, axis=0) if self.draw == "polygon" and len(points) > 2 else points[1:]
+        pieces: FloatArray = np.stack((points[: len(ends)], ends), axis=1)
+        return pieces[(np.abs(pieces) <= FARTHEST).all(axis=(1, 2))]
+
+    def sketch(self, scan: LaserScan, pose: FloatArray, lidar_offset: float) -> Sketch | None:
+        """Return it as drawn in the map; None of a number, of no points, and where the pose is not known.
+
+        Args:
+          scan: of the decision.
+          pose: (3,) x [m], y [m] and heading [rad] of the rear axle on the map, in the decision.
+          lidar_offset: LiDAR ahead of the rear axle [m].
+        """
+        points = moved(self.drawing(scan), self.frame, MAP, pose, lidar_offset)
+        if not points.size or not (np.abs(points) <= FARTHEST).all():
+            return None
+        raised = np.concatenate((points, np.full((*points.shape[:-1], 1), _HEIGHT)), axis=-1)
+        size = _LINE if points.ndim == 3 else _POINT
+        return Sketch(points=raised, colour=self.colour, size=size, name=self.name)
+
+
+def moved(points: FloatArray, frame: str, to: str, pose: FloatArray, lidar_offset: float) -> FloatArray:
+    """Return points (..., 2) [m] of one of FRAMES in another one.
+
+    Args:
+      points: to be moved.
+      frame: that they are in.
+      to: frame that they are wanted in.
+      pose: (3,) x [m], y [m] and heading [rad] of the rear axle on the map; NaN is NaN between the map and the car.
+      lidar_offset: LiDAR ahead of the rear axle [m].
+    """
+    if frame == to:
+        return points
+    x, y, heading = (float(each) for each in pose)
+    turn = np.array(((math.cos(heading), math.sin(heading)), (-math.sin(heading), math.cos(heading))))
+    mount = np.array((lidar_offset, 0.0))
+    of_axle = points + mount if frame == LASER else (points - (x, y)) @ turn.T if frame == MAP else points
+    found: FloatArray = of_axle - mount if to == LASER else of_axle @ turn + (x, y) if to == MAP else of_axle
+    return found
+
+
+class ShownValues:
+    """Collects what one planner shows, decision by decision.
+
+    Attributes:
+      now: values of the last decision, by name, in the order in which they were shown.
+      remarks: why values are left out, a text for each name.
+    """
+
+    def __init__(self) -> None:
+        self.now: dict[str, ShownValue] = {}
+        self.remarks: list[str] = []
+        self._kinds: dict[str, tuple[str, tuple[int, int, int]]] = {}  # of each name that was shown
+        self._refused: set[str] = set()
+
+    @contextmanager
+    def of(self, scan: LaserScan) -> Iterator[None]:
+        """Collect while a planner decides on a scan."""
+        found: dict[str, ShownValue] = {}
+        token = _listener.set(partial(self._take, found, len(scan.ranges)))
+        try:
+            yield
+        finally:
+            _listener.reset(token)
+            self.now = dict(found)  # threads of the planner may still write to the other
+
+    def sketches(self, scan: LaserScan, pose: FloatArray, lidar_offset: float) -> list[Sketch]:
+        """Return the last decision's points and scans as drawn in the map; arguments as of ShownValue.sketch."""
+        found = (value.sketch(scan, pose, lidar_offset) for value in self.now.values())
+        return [sketch for sketch in found if sketch is not None]
+
+    def _take(self, found: dict[str, ShownValue], beams: int, name: Any, value: Any, draw: Any, frame: Any) -> None:
+        try:
+            read = self._read(beams, name, value, draw, frame)
+        except Exception as error:  # the value is a planner's: anything may be wrong with it, its repr too
+            key = str.__str__(name)[:_LONGEST_NAME] if isinstance(name, str) else ""
+            if key not in self._refused and len(self._refused) < _MOST_NAMES:
+                self._refused.add(key)
+                why = str(error) if type(error) is SettingsError else f"reading it raised {type(error).__name__}"
+                self.remarks.append(f"value {key!r} is not shown: {' '.join(why.split())[:_LONGEST_REMARK]}")
+            return
+        if read is not None:
+            found[read.name] = read
+
+    def _read(self, beams: int, name: Any, value: Any, draw: Any, frame: Any) -> ShownValue | None:
+        """Return a value as it is shown; None where there is nothing to show.
+
+        Raises:
+          SettingsError: it cannot be shown.
+          Exception: whatever turning it into an array raises.
+        """
+        if not isinstance(name, str) or not 0 < len(str.__str__(name)) <= _LONGEST_NAME:
+            raise SettingsError(f"its name is {shown(name)}; accepted: a text of 1 to {_LONGEST_NAME} characters")
+        name = str.__str__(name).encode(errors="backslashreplace").decode()  # half a pair of UTF-16 is no text
+        if draw is not None and draw not in DRAWN_AS:
+            raise SettingsError(f"draw is {shown(draw)}; {accepted_names(draw, DRAWN_AS)}")
+        if frame not in FRAMES:
+            raise SettingsError(f"frame is {shown(frame)}; {accepted_names(frame, FRAMES)}")
+        if value is None:
+            return None
+        array = np.asarray(value)
+        accepted = f"accepted: a number, a point (2,), points (m, 2), or ranges ({beams},) as the scan has them"
+        if array.dtype.kind not in "biuf":
+            raise SettingsError(f"it is of type {type(value).__name__}; {accepted}")
+        if array.size > _MOST_NUMBERS:
+            raise SettingsError(f"it has shape {array.shape}; accepted: at most {_MOST_NUMBERS} numbers")
+        if array.shape == () and draw is None:
+            kind = NUMBER
+        elif array.shape == (beams,) != (2,) and draw is None:
+            kind, frame, draw = SCAN, LASER, "line"
+        elif array.shape == (2,) or (array.ndim == 2 and array.shape[1] == 2):
+            kind, array = POINTS, array.reshape(-1, 2)
+            array = array[(np.abs(array) <= FARTHEST).all(axis=1)]
+        elif array.size == 0:
+            return None
+        else:
+            raise SettingsError(f"it has shape {array.shape}; {accepted}")
+        before = self._kinds.get(name)
+        if before is None:
+            if len(self._kinds) >= _MOST_NAMES:
+                raise SettingsError(f"the planner has shown {_MOST_NAMES} others; accepted: that many names")
+            before = self._kinds[name] = kind, _COLOURS[len(self._kinds) % len(_COLOURS)]
+        if before[0] != kind:
+            raise SettingsError(f"it is of kind {kind}, and was {before[0]} before; accepted: one kind for a name")
+        return ShownValue(
+            name=name, kind=kind, array=read_only(array), draw=draw or "polygon", frame=frame, colour=before[1]
+        )

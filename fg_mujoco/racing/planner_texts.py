@@ -1,0 +1,64 @@
+"""The texts that name planners: `gap_finder`, `path/to/file.py:ClassName`, or `SCHEME:path/to/file[:NAME]`.
+
+A scheme is a kind of planners that are no Python classes in a file, such as nodes of ROS, `ros:path/to/node.py`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..errors import ControllerError
+from ..registry import Registry
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlannerScheme:
+    """What a room that has planners of a scheme does with their texts."""
+
+    find: Callable[[str], type]  # returns a class of planners
+    code: Callable[[str], bytes]  # returns the code that the text names, unexecuted
+
+
+SCHEMES: Registry[PlannerScheme] = Registry("scheme", ControllerError)
+"""Upper rooms have the planners of schemes; `fg_mujoco/__init__.py`, which is above all rooms, registers them here."""
+
+_NAME = re.compile(r":\w*$")  # behind the path in the text of a scheme
+
+
+def scheme_of(source: str) -> str:
+    """Return the scheme of a controller's text, such as "ros"; an empty text where it has none."""
+    scheme, colon, _ = source.partition(":")
+    return scheme if colon and scheme in SCHEMES else ""
+
+
+def file_in(source: str) -> Path | None:
+    """Return the file that a controller's text names: that of a class, of a node or a launch file; None for a name."""
+    if scheme := scheme_of(source):
+        return Path(_NAME.sub("", source.removeprefix(f"{scheme}:")))
+    path, colon, _ = source.rpartition(":")
+    return Path(path) if colon else None
+
+
+def code_of(source: str) -> bytes | None:
+    """Return the code that a controller's text names, unexecuted; of a launch file that of all its nodes.
+
+    None: it is a name.
+
+    Raises:
+      ControllerError, OSError: it cannot be read.
+    """
+    path, scheme = file_in(source), scheme_of(source)
+    if path is None:
+        return None
+    return SCHEMES.find(scheme).code(source) if scheme else path.read_bytes()
+
+
+def moved_to(source: str, path: str | Path) -> str:
+    """Return a controller's text with the same file in another place."""
+    if scheme := scheme_of(source):
+        name = _NAME.search(source.removeprefix(f"{scheme}:"))
+        return f"{scheme}:{path}{name.group() if name else ''}"
+    return f"{path}:{source.rpartition(':')[2]}"

@@ -1,0 +1,105 @@
+"""A registry: things of one kind by name, each imported when it is first used.
+
+    SCENES = Registry("scene", TrackError, group="fg_mujoco.scenes")
+    SCENES["dead_end"] = "fg_mujoco.course.scenes.corners:dead_end"
+    make = SCENES.find("dead_end")
+
+A room that needs things of upper rooms holds a registry. `fg_mujoco/__init__.py`, which is above all rooms, fills it
+with texts, so that no room imports from an upper one. Other packages register theirs as entry points of the group:
+
+    [project.entry-points."fg_mujoco.scenes"]
+    my_scene = "my_package.my_module:my_scene"
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Generic, TypeVar
+
+from .errors import FgMujocoError, accepted_names
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
+T = TypeVar("T")
+
+
+class Registry(Generic[T]):
+    """Things of one kind by name: those of this package, and those that other packages register.
+
+    A name of this package stays this package's. A name that two other packages register is refused when it is used.
+
+    Args:
+      kind: what the things are called in messages.
+      error: class of the errors.
+      group: of the entry points of other packages; None: there are none.
+    """
+
+    def __init__(self, kind: str, error: type[FgMujocoError], group: str | None = None) -> None:
+        self.kind, self.error, self.group = kind, error, group
+        self._own: dict[str, str | T] = {}
+
+    def __setitem__(self, name: str, thing: str | T) -> None:
+        """Register a thing of this package, or "module:attribute", from where it is imported when it is first used."""
+        self._own[name] = thing
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._own
+
+    def own_names(self) -> tuple[str, ...]:
+        """Return the names of this package, in the order in which they were registered."""
+        return tuple(self._own)
+
+    def names(self) -> tuple[str, ...]:
+        """Return the names of this package and then, sorted, those of other packages."""
+        return (*self._own, *sorted({point.name for point in self.entry_points()} - set(self._own)))
+
+    def entry_points(self, name: str | None = None) -> list[EntryPoint]:
+        """Return the entry points by which other packages register a name, or all names, sorted by name."""
+        if self.group is None:
+            return []
+        from importlib.metadata import entry_points  # takes longer to import than all of this
+
+        found = entry_points(group=self.group) if name is None else entry_points(group=self.group, name=name)
+        return sorted(found, key=lambda point: point.name)
+
+    def find(self, name: str, others: str = "") -> T:
+        """Return the thing of a name.
+
+        Args:
+          name: of the thing.
+          others: what is accepted besides names, in words, for the message.
+
+        Raises:
+          FgMujocoError: an error of this registry's class; the name is not known, or two packages register it, or what
+            it stands for cannot be imported.
+        """
+        if name in self._own:
+            thing = self._own[name]
+            if isinstance(thing, str):
+                module, _, attribute = thing.partition(":")
+                self._own[name] = thing = getattr(import_module(module), attribute)
+            return thing
+        point = self.entry_point(name, others)
+        try:
+            return point.load()  # type: ignore[no-any-return]
+        except Exception as error:
+            said = " ".join(f"{type(error).__name__}: {error}".split())
+            raise self.error(f"{self.kind} {name!r} of {package_of(point)}, {point.value}: {said}") from error
+
+    def entry_point(self, name: str, others: str = "") -> EntryPoint:
+        """Return the entry point by which another package registers a name; arguments and errors as those of `find`."""
+        points = self.entry_points(name)
+        if not points:
+            raise self.error(f"{self.kind} {name!r} is not known; {accepted_names(name, self.names(), others)}")
+        if len({point.value for point in points}) > 1:
+            packages = " and ".join(sorted(map(package_of, points)))
+            raise self.error(
+                f"{self.kind} {name!r} is registered by {packages}; accepted: a name that one package registers"
+            )
+        return points[0]
+
+
+def package_of(point: EntryPoint) -> str:
+    """Return the name and the version of the package that registers an entry point; of an unnamed one its text."""
+    return point.value if point.dist is None else f"{point.dist.name} {point.dist.version}"
