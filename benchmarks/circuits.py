@@ -77,12 +77,12 @@ def drive(data: Path, runs: Path, workers: int) -> dict[str, Any]:
 
     circuits = group("circuits", ["gap_finder"], tracks=[*BUNDLED, *real_circuits(data), *RANDOM])
     thresholds = [f"threshold_gap[threshold={t}]" for t in THRESHOLDS]
-    scenes = successes(group("scenes", scenes=fg.scene_names(), seeds=range(10)))
+    scenes = successes(group("scenes", scenes=fg.scene_names(), seed=range(10)))
     return {
         "circuits": by_controller(circuits)["gap_finder"],
         "planners": by_controller(group("planners", tracks=BUNDLED)),
         "scenes": {name: {scene: speeds["8"] for scene, speeds in found.items()} for name, found in scenes.items()},
-        "speeds": successes(group("speeds", scenes=SPEED_SCENES, max_speeds=SPEEDS, seeds=range(5))),
+        "speeds": successes(group("speeds", scenes=SPEED_SCENES, max_speed=SPEEDS, seed=range(5))),
         "thresholds": by_controller(group("thresholds", thresholds, tracks=BUNDLED, laps=2)),
     }
 

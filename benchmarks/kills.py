@@ -28,8 +28,8 @@ from common import parser, report, table
 SMALL = "--controller gap_finder --time-limit 0.5"
 COMMANDS = {
     "race": f"race {SMALL} --out out",
-    "rollout": "rollout --n 12 --chunk 3 --duration 0.5 --record states --workers 2 --out out",
-    "compare": "compare --controllers gap_finder --tracks oval --obstacles 1 --seeds 0:3 --time-limit 0.5 --workers 1 "
+    "rollout": "rollout --n 12 --chunk 3 --time-limit 0.5 --record states --workers 2 --out out",
+    "compare": "compare --controller gap_finder --track oval --obstacles 1 --seed 0:3 --time-limit 0.5 --workers 1 "
     "--out out",
     "friction": "friction braking --quick --workers 1 --out out",
     "export": "export run --force --out run.mcap",

@@ -163,7 +163,7 @@ def rollouts() -> Iterator[Callable[[int], object]]:
     """Rollouts of four worlds of 0.5 s in two threads."""
     import fg_mujoco as fg
 
-    yield lambda number: fg.rollout("oval", n=4, seed=number, randomize={"mu": (0.6, 1.2)}, duration=0.5, workers=2)
+    yield lambda number: fg.rollout("oval", n=4, seed=number, randomize={"mu": (0.6, 1.2)}, time_limit=0.5, workers=2)
 
 
 @contextlib.contextmanager

@@ -1,6 +1,6 @@
 """What one scan costs: drawn as a picture (`raycast`), by Embree's rays, MuJoCo's sensors and its mj_multiRay.
 
-    python benchmarks/lidar_backends.py [--tracks oval ...] [--scans 300] [--json FILE]
+    python benchmarks/lidar_backends.py [--track oval ...] [--scans 300] [--json FILE]
 
 Medians, in one process on one core, the ways taking turns: scan after scan, and as in a race, each after the
 physics steps of a tick, which empty the caches. Then how the cost grows with the number of wall segments: of a winding
@@ -169,7 +169,7 @@ def table_of(head: str, rows: dict[str, dict[str, float]]) -> str:
 def main() -> None:
     """Print the tables."""
     arguments = parser(__doc__)
-    arguments.add_argument("--tracks", nargs="*", default=list(track_names()))
+    arguments.add_argument("--track", nargs="*", default=list(track_names()))
     arguments.add_argument("--scans", type=int, default=300)
     args = arguments.parse_args()
     stay_on_cores(1)

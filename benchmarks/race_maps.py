@@ -1,7 +1,7 @@
 """Races a planner on maps of real courses, on tight ones of our own and on bundled tracks, and prints one table.
 
     python benchmarks/race_maps.py [--data ../shared/data] [--laps 5] [--speeds 4,8] [--controller gap_finder]
-        [--maps f,icra2022] [--tight 0:20] [--tracks oval,tight] [--noise 0.01 --dropout 0.01 --odometry-drift 0.05]
+        [--maps f,icra2022] [--tight 0:20] [--track oval,tight] [--noise 0.01 --dropout 0.01 --odometry-drift 0.05]
         [--reference] [--workers 2] [--json FILE]
 
 All other settings are the defaults of a race. The maps are those of race_maps/ in `--data`, which are not part of the
@@ -235,7 +235,7 @@ def main() -> None:
     add = command.add_argument
     add("--data", type=Path, default=Path(__file__).parents[1] / "../shared/data", help="folder that has race_maps/")
     add("--maps", type=_names, metavar="NAME,...", help="default: all; none: without maps")
-    add("--tracks", type=_names, default=[], metavar="NAME,...", help="other courses, as `race --track` takes them")
+    add("--track", type=_names, default=[], metavar="NAME,...", help="other courses, as `race --track` takes them")
     add("--tight", type=_seeds, default=range(0), metavar="FIRST:END", help="seeds of random:SEED:tight")
     add("--controller", default="gap_finder", help="as `race --controller` takes it")
     add("--laps", type=int, default=5, metavar="N", help="on maps and tracks; default: 5")

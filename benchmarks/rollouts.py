@@ -1,6 +1,6 @@
 """How many world-seconds a second `rollout` drives, by worlds and threads, and what a world costs in memory.
 
-    python benchmarks/rollouts.py [--track oval] [--duration 2] [--most 4096] [--json FILE]
+    python benchmarks/rollouts.py [--track oval] [--time-limit 2] [--most 4096] [--json FILE]
 
 gap_finder, 1081 beams at 40 Hz, physics and slip meter, each world with a friction of its own. The baseline is the same
 worlds raced one after the other by `race`, a single world of the batch at a time.
@@ -27,7 +27,7 @@ THREADS = (1, 2)
 def drive(track: str, n: int, workers: int, duration: float) -> float:
     """Return world-seconds per second."""
     start = time.perf_counter()
-    result = fg.rollout(track, n=n, duration=duration, workers=workers, randomize=RANDOMIZE)
+    result = fg.rollout(track, n=n, time_limit=duration, workers=workers, randomize=RANDOMIZE)
     return float(result["sim_time_s"].sum()) / (time.perf_counter() - start)
 
 
@@ -42,7 +42,7 @@ def memory(track: str, few: int = 64, many: int = 1088) -> float:
     """Return how much a world adds to the memory of a process whose batch has them all at once [MB]."""
     code = (
         "import resource, sys, fg_mujoco as fg\n"
-        f"fg.rollout({track!r}, n=int(sys.argv[1]), chunk=int(sys.argv[1]), duration=0.2, workers=1,"
+        f"fg.rollout({track!r}, n=int(sys.argv[1]), executor=fg.Executor(chunk=int(sys.argv[1])), time_limit=0.2, workers=1,"
         f" randomize={RANDOMIZE!r})\n"
         "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)"
     )
@@ -80,7 +80,7 @@ def main() -> None:
     """Print the tables."""
     arguments = parser(__doc__)
     arguments.add_argument("--track", default="oval")
-    arguments.add_argument("--duration", type=float, default=2.0, help="of each world [s]")
+    arguments.add_argument("--time-limit", type=float, default=2.0, help="of each world [s]")
     arguments.add_argument("--most", type=int, default=4096, help="worlds")
     options = arguments.parse_args()
     stay_on_cores(2)

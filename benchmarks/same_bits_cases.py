@@ -231,11 +231,11 @@ def rollouts() -> Iterator[Case]:
         "command_delay": (0.0, 0.05), "lidar_dropout": (0.0, 0.1), "start_heading": (-0.2, 0.2),
         "planner_mu": (0.7, 1.2), "max_speed": [5.0, 8.0], "obstacles": "0:3",
     }  # fmt: skip
-    run = partial(rollout, "oval", "gap_finder", n=64, seed=1, randomize=first, duration=10.0, workers=1)
+    run = partial(rollout, "oval", "gap_finder", n=64, seed=1, randomize=first, time_limit=10.0, workers=1)
     yield Case(name="rollouts/mu_mass_start_noise_planner", run=run, quick=True)
     tracks = ["hairpins", "random:3"]
     run = partial(
-        rollout, tracks, "disparity_extender", n=64, seed=2, randomize=second, duration=8.0, workers=2, chunk=10
+        rollout, tracks, "disparity_extender", n=64, seed=2, randomize=second, time_limit=8.0, workers=2, executor=fg.Executor(chunk=10)
     )
     yield Case(name="rollouts/car_lidar_obstacles_two_tracks", run=run)
     options = ["--track", "tight", "--n", "12", "--laps", "1", "--randomize", "mu=0.7:1.1", "--workers", "1"]
@@ -472,7 +472,7 @@ def comparison() -> Facts:
     """Runs a few of the runs of `compare`."""
     folder = new_folder() / "comparison"
     fg.compare(
-        ["gap_finder", "wall_follow[lookahead=8]"], tracks=["oval"], scenes=["dead_end", "slow_leader"], seeds=(0, 1),
+        ["gap_finder", "wall_follow[lookahead=8]"], track=["oval"], scenes=["dead_end", "slow_leader"], seed=(0, 1),
         laps=1, obstacles=2, lidar_noise=0.01, workers=1, out=folder, pictures=False,
     )  # fmt: skip
     return {"csv": csv_facts(folder)}

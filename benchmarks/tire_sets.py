@@ -1,7 +1,7 @@
 """Races gap_finder with each set of tires on the bundled circuits and on the real ones, and prints one table.
 
     python benchmarks/tire_sets.py [--data ../shared/data] [--laps 5] [--tires forzaeth_nuc2,forzaeth_nuc6]
-        [--tracks oval,l_corridor] [--controller gap_finder] [--use 1.0] [--workers 2] [--json FILE]
+        [--track oval,l_corridor] [--controller gap_finder] [--use 1.0] [--workers 2] [--json FILE]
 
 All settings are the defaults of a race, which tells the planner the least peak of the set; `--use 0.8` tells it that
 share. The real circuits are those of maps/ and circuits/ in `--data`, which are not part of the repository; without the
@@ -94,7 +94,7 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=Path(__file__).parents[1] / "../shared/data")
     parser.add_argument("--laps", type=int, default=5)
     parser.add_argument("--tires", default=",".join(tire_names()), help="sets, by commas; default: all")
-    parser.add_argument("--tracks", help="circuits, by commas; default: all that are bundled, and those of --data")
+    parser.add_argument("--track", help="circuits, by commas; default: all that are bundled, and those of --data")
     parser.add_argument("--controller", default="gap_finder")
     parser.add_argument("--use", type=float, default=1.0, help="share of the least peak that the planner is told")
     parser.add_argument("--workers", type=int, default=2, help="processes")

@@ -73,17 +73,18 @@ if TYPE_CHECKING:
     from .racing.resimulation import scan_at
     from .racing.result import CarResult, RaceResult
     from .racing.run_folder import Run, check_run_folder, read_failed_scan, read_run
+    from .racing.setup import Setup
     from .ros.bag_drive import identify
     from .simulation.cars import WorldCar
     from .simulation.course_loading import load_track
-    from .simulation.settings import Scenario, Start
+    from .simulation.settings import Start
     from .simulation.simulation import Simulation
     from .simulation.telemetry import TELEMETRY
     from .simulation.world import World
     from .studies.comparison.comparison import Comparison, ComparisonProgress, compare
     from .studies.rollout.randomization import Choice, Randomization, Uniform
     from .studies.rollout.rollout_result import RolloutResult, read_rollout
-    from .studies.rollout.rollouts import RolloutProgress, rollout
+    from .studies.rollout.rollouts import Executor, RolloutProgress, rollout
     from .vehicle.car import Car, car_parameters
     from .vehicle.changes import CarChanges
     from .vehicle.friction_patches import Patch
@@ -121,6 +122,7 @@ __all__ = [
     "DriveCommand",
     "EngineError",
     "Entry",
+    "Executor",
     "FgMujocoError",
     "Film",
     "GeneratorSettings",
@@ -150,9 +152,9 @@ __all__ = [
     "RolloutResult",
     "Run",
     "RunFolderError",
-    "Scenario",
     "Scene",
     "SettingsError",
+    "Setup",
     "Simulation",
     "Start",
     "TightSettings",
@@ -240,19 +242,20 @@ _PLACES = {
     "racing.replay": "ReplayReport replay",
     "racing.resimulation": "scan_at",
     "racing.result": "CarResult RaceResult",
+    "racing.setup": "Setup",
     "racing.run_folder": "Run check_run_folder read_failed_scan read_run",
     "ros.bag_drive": "identify",
     "intermediate_values": "show",
     "simulation.cars": "WorldCar",
     "simulation.course_loading": "load_track",
-    "simulation.settings": "Scenario Start",
+    "simulation.settings": "Start",
     "simulation.simulation": "Simulation",
     "simulation.telemetry": "TELEMETRY",
     "simulation.world": "World",
     "studies.comparison.comparison": "Comparison ComparisonProgress compare",
     "studies.rollout.randomization": "Choice Randomization Uniform",
     "studies.rollout.rollout_result": "RolloutResult read_rollout",
-    "studies.rollout.rollouts": "RolloutProgress rollout",
+    "studies.rollout.rollouts": "Executor RolloutProgress rollout",
     "vehicle.car": "Car car_parameters",
     "vehicle.changes": "CarChanges",
     "vehicle.friction_patches": "Patch",

@@ -10,7 +10,7 @@ from fg_mujoco.studies.rollout.drive_worlds import RESULT, WorldResults
 STATE = 5
 
 
-def stand_in(scenarios, controller, *, laps=None, duration=None, record="summary", watch=None, **others):
+def stand_in(scenarios, controller, *, laps=None, time_limit=None, record="summary", watch=None, **others):
     """Has the interface of `drive_worlds`. Worlds of an even seed finish, the others crash; one in ten at once."""
     rows = np.zeros(len(scenarios), RESULT)
     lap_times = np.full((len(scenarios), laps or 1), math.nan)

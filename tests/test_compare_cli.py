@@ -19,7 +19,7 @@ from fg_mujoco.cli.main import main
 from fg_mujoco.course.scenes.catalogue import scene_names
 from fg_mujoco.errors import install_command
 
-SHORT = ["--tracks", "oval", "--laps", "1", "--time-limit", "0.6", "--workers", "1", "--out", "out"]
+SHORT = ["--track", "oval", "--laps", "1", "--time-limit", "0.6", "--workers", "1", "--out", "out"]
 
 
 @pytest.fixture(autouse=True)
@@ -39,15 +39,15 @@ def refusal(here, capsys, *arguments):
 
 def test_the_command_is_the_function(here, capsys):
     arguments = [
-        "--controllers", "planners.py:Gentle[speed=2,steering=0.1],planners.py:Broken", "--tracks", "oval,l_corridor",
-        "--seeds", "1:3", "--max-speed", "4", "--obstacles", "1", "--lidar-noise", "0.01", "--laps", "1",
+        "--controller", "planners.py:Gentle[speed=2,steering=0.1],planners.py:Broken", "--track", "oval,l_corridor",
+        "--seed", "1:3", "--max-speed", "4", "--obstacles", "1", "--lidar-noise", "0.01", "--laps", "1",
         "--mu", "0.9", "--planner-mu", "off", "--time-limit", "0.3", "--workers", "1", "--out", "out",
     ]  # fmt: skip
     assert main(["compare", *arguments]) == 0
     out, err = capsys.readouterr()
     expected = fg.compare(
-        ["planners.py:Gentle[speed=2,steering=0.1]", "planners.py:Broken"], tracks=["oval", "l_corridor"],
-        seeds=[1, 2], max_speeds=[4.0], obstacles=1, lidar_noise=0.01, laps=1, mu=0.9, planner_mu=float("inf"),
+        ["planners.py:Gentle[speed=2,steering=0.1]", "planners.py:Broken"], track=["oval", "l_corridor"],
+        seed=[1, 2], max_speed=[4.0], obstacles=1, lidar_noise=0.01, laps=1, mu=0.9, planner_mu=float("inf"),
         time_limit=0.3, workers=1, out="mine",
     )  # fmt: skip
     assert files(here / "out") == files(here / "mine")
@@ -56,11 +56,11 @@ def test_the_command_is_the_function(here, capsys):
 
 
 def test_json_is_one_object_and_finished_runs_are_not_driven_again(capsys):
-    assert main(["compare", "--controllers", "planners.py:Gentle", *SHORT, "--json"]) == 0
+    assert main(["compare", "--controller", "planners.py:Gentle", *SHORT, "--json"]) == 0
     first = json.loads(capsys.readouterr().out)
     assert (first["runs"], first["runs_driven"]) == (1, 1)
     assert first["table"][0]["controller"] == "planners.py:Gentle"
-    assert main(["compare", "--controllers", "planners.py:Gentle", *SHORT]) == 0
+    assert main(["compare", "--controller", "planners.py:Gentle", *SHORT]) == 0
     assert "1 runs, 1 of them by an earlier call; written to out" in capsys.readouterr().out
 
 
@@ -73,8 +73,8 @@ def test_by_default_all_controllers_meet_all_scenes(monkeypatch, capsys):
 
     monkeypatch.setattr("fg_mujoco.cli.compare.compare", stand_in)
     assert main(["compare", "--out", "out"]) == 130
-    assert main(["compare", "--out", "out", "--tracks", "oval"]) == 130
-    assert main(["compare", "--out", "out", "--tracks", "oval", "--scenes", "all"]) == 130
+    assert main(["compare", "--out", "out", "--track", "oval"]) == 130
+    assert main(["compare", "--out", "out", "--track", "oval", "--scenes", "all"]) == 130
     assert [arguments for arguments, _ in asked] == [(None,)] * 3
     assert [tuple(options["scenes"]) for _, options in asked] == [scene_names(), (), scene_names()]
     assert list(asked[0][1]["seeds"]) == list(range(10))
@@ -83,16 +83,16 @@ def test_by_default_all_controllers_meet_all_scenes(monkeypatch, capsys):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("--out", "out", "--controllers", "nobody"), "'nobody' is not known"),
-        (("--out", "out", "--controllers", "gap_finder,"), "accepted: names"),
-        (("--out", "out", "--controllers", "gap_finder[lookahead]"), "accepted: SETTING=VALUE"),
-        (("--out", "out", "--tracks", "nowhere"), "unknown track 'nowhere'"),
+        (("--out", "out", "--controller", "nobody"), "'nobody' is not known"),
+        (("--out", "out", "--controller", "gap_finder,"), "accepted: names"),
+        (("--out", "out", "--controller", "gap_finder[lookahead]"), "accepted: SETTING=VALUE"),
+        (("--out", "out", "--track", "nowhere"), "unknown track 'nowhere'"),
         (("--out", "out", "--scenes", "nowhere"), "unknown scene"),
-        (("--out", "out", "--seeds", "1:x"), "accepted: FIRST:END"),
-        (("--out", "out", "--seeds", "5:5"), "no seed is given"),
+        (("--out", "out", "--seed", "1:x"), "accepted: FIRST:END"),
+        (("--out", "out", "--seed", "5:5"), "no seed is given"),
         (("--out", "out", "--max-speed", "4,fast"), "accepted: a number"),
-        (("--out", "out", "--tracks", "oval", "--obstacles", "500"), "accepted: at most"),
-        (("--tracks", "oval"), "--out"),
+        (("--out", "out", "--track", "oval", "--obstacles", "500"), "accepted: at most"),
+        (("--track", "oval"), "--out"),
     ],
 )
 def test_a_bad_option_is_refused_with_what_is_accepted(here, capsys, arguments, said):
@@ -100,7 +100,7 @@ def test_a_bad_option_is_refused_with_what_is_accepted(here, capsys, arguments, 
 
 
 def test_a_folder_of_another_comparison_is_refused(here, capsys):
-    arguments = ["--controllers", "planners.py:Gentle", *SHORT]
+    arguments = ["--controller", "planners.py:Gentle", *SHORT]
     assert main(["compare", *arguments]) == 0
     capsys.readouterr()
     assert "laps is 1 there and 2 here" in refusal(here, capsys, *arguments, "--laps", "2")
@@ -109,14 +109,14 @@ def test_a_folder_of_another_comparison_is_refused(here, capsys):
 def test_without_matplotlib_the_tables_are_written_and_the_install_command_is_said(here, capsys, monkeypatch):
     find = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "matplotlib" else find(name))
-    assert main(["compare", "--controllers", "planners.py:Gentle", *SHORT]) == 0
+    assert main(["compare", "--controller", "planners.py:Gentle", *SHORT]) == 0
     assert install_command("plot") in capsys.readouterr().err
     assert (here / "out/table.md").exists()
     assert not (here / "out/table.png").exists()
 
 
 def test_a_worker_that_dies_exits_1(capsys):
-    arguments = ["--controllers", "planners.py:Deadly", *SHORT, "--max-speed", "4,6", "--workers", "2"]
+    arguments = ["--controller", "planners.py:Deadly", *SHORT, "--max-speed", "4,6", "--workers", "2"]
     assert main(["compare", *arguments]) == 1
     out, err = capsys.readouterr()
     assert out.count("1 worker died") == 2
@@ -124,7 +124,7 @@ def test_a_worker_that_dies_exits_1(capsys):
 
 
 def test_ctrl_c_exits_130_and_the_same_command_goes_on(here):
-    arguments = ["--controllers", "planners.py:Slow", "--tracks", "oval", "--obstacles", "1", "--seeds", "0:20"]
+    arguments = ["--controller", "planners.py:Slow", "--track", "oval", "--obstacles", "1", "--seed", "0:20"]
     arguments += ["--laps", "1", "--time-limit", "2", "--workers", "2", "--out", "out"]
     process = subprocess.Popen(
         command(*arguments), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
@@ -139,12 +139,12 @@ def test_ctrl_c_exits_130_and_the_same_command_goes_on(here):
     assert err == "fg-mujoco: out: interrupted; the same command goes on\n"
     found = len((here / "out/runs.jsonl").read_text().splitlines())
     assert 0 <= found < 20  # the line may just be on its way
-    assert main(["compare", *arguments, "--json", "--seeds", f"0:{found + 1}"]) == 0
+    assert main(["compare", *arguments, "--json", "--seed", f"0:{found + 1}"]) == 0
 
 
 def test_progress_is_shown_on_a_terminal(here):
     ours, theirs = pty.openpty()
-    arguments = ["--controllers", "planners.py:Slow", *SHORT, "--max-speed", "4,5,6"]
+    arguments = ["--controller", "planners.py:Slow", *SHORT, "--max-speed", "4,5,6"]
     process = subprocess.Popen(command(*arguments), stdout=subprocess.PIPE, stderr=theirs, text=True)
     os.close(theirs)
     shown = read_to_the_end(ours)

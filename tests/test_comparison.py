@@ -40,7 +40,7 @@ def here(tmp_path, monkeypatch):
     return tmp_path
 
 
-def compare(controllers=GRID, **options):
+def compare(controller=GRID, **options):
     defaults = {
         "tracks": ["oval"], "laps": 1, "time_limit": 0.6, "obstacles": 1, "seeds": [0, 4], "workers": 1, "out": "out",
         "pictures": False,
@@ -75,7 +75,7 @@ def test_what_is_no_controller_with_settings_is_refused(text):
 
 
 def test_a_run_is_the_race_that_it_says():
-    comparison = compare(GRID[1:2], seeds=[4], lidar_noise=0.02)
+    comparison = compare(GRID[1:2], seed=[4], lidar_noise=0.02)
     (row,) = comparison.rows
     result = fg.race(
         "oval", "planners.py:Gentle", laps=1, time_limit=0.6, obstacles=1, obstacle_seed=4, seed=4,
@@ -133,7 +133,7 @@ def test_wrong_way_time_counts_what_goes_back_faster_than_jitter():
 
 
 def test_a_planner_that_fails_is_a_row_and_the_others_go_on():
-    comparison = compare(seeds=[0])
+    comparison = compare(seed=[0])
     assert [row.figures.end_reason for row in comparison.rows] == ["time_limit", "time_limit", "planner_failed"]
     failed = comparison.rows[-1].figures
     assert failed.message == "controller Broken failed at t = 0.200 s: ValueError: no more (planners.py, line 34)"
@@ -182,7 +182,7 @@ def test_the_files_are_the_same_for_any_number_of_workers_and_after_an_interrupt
 def test_finished_runs_are_not_driven_again_and_a_larger_grid_goes_on(here):
     assert compare(GRID[:1]).runs_driven == 2
     assert compare(GRID[:1]).runs_driven == 0
-    assert compare(GRID[:2], max_speeds=(8.0, 4.0), seeds=[0, 4, 5]).runs_driven == 10
+    assert compare(GRID[:2], max_speed=(8.0, 4.0), seed=[0, 4, 5]).runs_driven == 10
     smaller = compare(GRID[:1])
     assert smaller.runs_driven == 0
     assert len(smaller.rows) == 2
@@ -433,7 +433,7 @@ def test_a_page_tells_runs_of_an_edited_planner_apart(here):
     pytest.importorskip("bokeh")
     for speed in ("1.0", "1.5"):
         (here / "planners.py").write_text(PLANNERS.replace("speed: float = 1.0", f"speed: float = {speed}"))
-        compare(GRID[:1], seeds=[0])
+        compare(GRID[:1], seed=[0])
     with pytest.warns(UserWarning, match="sha256"):
         page = write_comparison_report("out", trust=True).read_text("utf-8")
     names = set(re.findall(r"<td>(planners.py:Gentle \(code [0-9a-f]{8}\))</td>", page))
@@ -493,7 +493,7 @@ def test_settings_are_checked():
 
 
 def test_a_scene_is_driven_once_with_each_seed():
-    comparison = compare(["gap_finder"], tracks=[], scenes=["corridor_sparse"], obstacles=0, laps=3, pictures=True)
+    comparison = compare(["gap_finder"], track=[], scenes=["corridor_sparse"], obstacles=0, laps=3, pictures=True)
     assert [row.key.course for row in comparison.rows] == ["scene:corridor_sparse"] * 2
     assert [row.key.seed for row in comparison.rows] == [0, 4]
     assert all(row.figures.laps_requested == 1 for row in comparison.rows)

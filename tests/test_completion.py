@@ -34,7 +34,7 @@ def completions(line, folder):
         ("fg-mujoco race --vehicle ", set(fg.vehicle_names())),
         ("fg-mujoco race --track ova", {"oval"}),
         ("fg-mujoco race --controller gap", {"gap_finder"}),
-        ("fg-mujoco rollout --engine r", {"ray"}),
+        ("fg-mujoco rollout --executor r", {"ray"}),
         ("fg-mujoco render run --camera o", {"onboard", "orbit"}),
         ("fg-mujoco friction sk", {"skidpad"}),
     ],

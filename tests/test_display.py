@@ -29,12 +29,12 @@ def crashed():
 @pytest.fixture(scope="module")
 def comparison(tmp_path_factory):
     folder = tmp_path_factory.mktemp("shown") / "comparison"
-    return fg.compare(["gap_finder"], tracks=["oval"], laps=1, out=folder, pictures=False, workers=1)
+    return fg.compare(["gap_finder"], track=["oval"], laps=1, out=folder, pictures=False, workers=1)
 
 
 @pytest.fixture(scope="module")
 def worlds():
-    return fg.rollout("oval", n=12, laps=1, duration=0.5, randomize={"mu": (0.6, 1.2)}, workers=1)
+    return fg.rollout("oval", n=12, laps=1, time_limit=0.5, randomize={"mu": (0.6, 1.2)}, workers=1)
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +78,7 @@ def objects(lap, crashed, comparison, worlds, tmp_path_factory):
         fg.MovingObstacle(length=1 / 3, width=1 / 3, start=(1 / 3, 2 / 3), end=(4 / 3, 5 / 3), speed=1 / 3),
         fg.CarChanges(mu=1 / 3, mass=10 / 3), fg.GeneratorSettings(), fg.TightSettings(), fg.LidarEffects(),
         fg.Tires.load("forzaeth_nuc2"), fg.Patch(x=1 / 3, y=0.0, length=1.0, width=1.0, mu=0.3),
-        fg.Start(s=1.0), fg.Uniform(0.1, 0.2), fg.Choice(tuple(range(900))), worlds.randomization, worlds.scenario(3),
+        fg.Start(s=1.0), fg.Uniform(0.1, 0.2), fg.Choice(tuple(range(900))), worlds.randomization, worlds.setup(3),
         fg.Scenario(track=track, obstacles=track.walls), worlds.base, replace(lap, track=HOSTILE, controller=HOSTILE),
         fg.RaceProgress(time=1.0, laps_completed=1, laps_requested=2, speed=3.0),
         fg.ComparisonProgress(runs=3, runs_found=1, runs_driven=1, wall_time_s=1.0),
@@ -131,7 +131,7 @@ def test_reprs_have_their_figures_with_units(lap, crashed, comparison, worlds):
     assert str(crashed.crash) in repr(crashed) and crashed.crash is not None
     assert "1 runs, 1 controllers on 1 courses: 1 finished" in repr(comparison)
     assert repr(worlds).startswith("RolloutResult(12 worlds on 'oval': ends 12 time_limit; median first lap none; ")
-    assert repr(worlds.scenario(0)).startswith("Scenario(changes=CarChanges(mu=")
+    assert repr(worlds.setup(0)).startswith("Scenario(changes=CarChanges(mu=")
 
 
 def test_the_repr_of_a_scan_counts_beams_without_a_return():

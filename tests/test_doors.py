@@ -19,9 +19,10 @@ from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.envs.worlds import Worlds
 from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.racing.race import RaceSettings
+from fg_mujoco.racing.setup import Setup
 from fg_mujoco.simulation.settings import CarSettings, DriveSettings, Scenario, Start
 from fg_mujoco.studies.comparison.run import ComparisonSettings
-from fg_mujoco.viz.live.live_session import LiveSession, LiveSettings
+from fg_mujoco.viz.live.live_session import LiveSession
 
 TICKS = 60
 START = Start(s=2.0, offset=0.15, heading=0.1, speed=1.0)
@@ -49,7 +50,7 @@ def test_a_rollouts_world_is_the_race(raced):
     result = fg.rollout(
         "oval",
         seeds=[5],
-        duration=TICKS * 0.025 - 0.01,
+        time_limit=TICKS * 0.025 - 0.01,
         record="states",
         start=START,
         effects=NOISE,
@@ -62,7 +63,7 @@ def test_a_rollouts_world_is_the_race(raced):
 
 
 def test_a_live_session_is_the_race(raced):
-    session = LiveSession(LiveSettings(start=START, effects=NOISE, seed=5, **CAR, **TOLD, **DRIFT))
+    session = LiveSession(Setup.of(start=START, effects=NOISE, seed=5, **CAR, **TOLD, **DRIFT))
     for state in raced.states[1:]:
         session.tick()
         assert (session.simulation.state == state).all()
@@ -70,7 +71,7 @@ def test_a_live_session_is_the_race(raced):
 
 
 def test_a_live_session_with_other_tires_keeps_its_settings(raced):
-    session = LiveSession(LiveSettings(start=START, effects=NOISE, seed=5, **CAR, **TOLD, **DRIFT))
+    session = LiveSession(Setup.of(start=START, effects=NOISE, seed=5, **CAR, **TOLD, **DRIFT))
     session.change("mu", 0.5)
     session.tick()
     assert session.message == "" and session.world.car.mu == 0.5
@@ -98,7 +99,7 @@ def test_dm_env_starts_where_it_is_told(raced):
 
 def test_a_comparisons_run_is_the_race(here):
     comparison = fg.compare(
-        ["gap_finder[lookahead=6]"], tracks=["oval"], laps=1, planner_mu=0.75, max_speeds=[4.0], time_limit=0.5,
+        ["gap_finder[lookahead=6]"], track=["oval"], laps=1, planner_mu=0.75, max_speed=[4.0], time_limit=0.5,
         out="out", workers=1, pictures=False, **CAR,
     )  # fmt: skip
     raced = fg.race("oval", laps=1, time_limit=0.5, **CAR, **TOLD)
@@ -110,7 +111,7 @@ def test_a_controllers_brackets_are_its_planner_settings():
     inside = fg.race("oval", "gap_finder[lookahead=6.0]", time_limit=0.5)
     unlike = {"wall_time_s": 0, "realtime_factor": 0, "decision_times": 0}  # they differ from run to run
     assert inside.summary() | unlike == beside.summary() | unlike
-    rolled = fg.rollout("oval", "gap_finder[lookahead=6.0]", seeds=[0], duration=0.5, record="states")
+    rolled = fg.rollout("oval", "gap_finder[lookahead=6.0]", seeds=[0], time_limit=0.5, record="states")
     assert (rolled.states(0) == beside.states).all()
 
 
@@ -168,7 +169,7 @@ CONFLICT = {"mu": 0.8, "changes": fg.CarChanges(mu=0.5)}
         lambda **settings: fg.rollout("oval", n=1, **settings),
         lambda **settings: fg.World("oval", **settings),
         lambda **settings: load("oval", **settings),
-        lambda **settings: fg.compare(["gap_finder"], tracks=["oval"], out="nowhere", **settings),
+        lambda **settings: fg.compare(["gap_finder"], track=["oval"], out="nowhere", **settings),
         Scenario, LiveSettings, EnvironmentSettings, CarSettings, fg.Vehicle.load().spec,
     ],
 )  # fmt: skip
@@ -183,7 +184,7 @@ def test_a_friction_that_is_given_twice_is_refused(here, door):
     [
         lambda **settings: fg.race("oval", **settings),
         lambda **settings: fg.rollout("oval", n=1, **settings),
-        lambda **settings: LiveSession(LiveSettings(**settings)),
+        lambda **settings: LiveSession(Setup.of(**settings)),
     ],
 )
 def test_a_setting_of_the_planner_that_is_given_twice_is_refused(door):

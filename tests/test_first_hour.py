@@ -125,7 +125,7 @@ def test_wrong_arguments_of_all_that_is_public_are_refused_in_one_line():
         (lambda: fg.race("oval", "gap_finder", 3), "accepted: 2 at most, as in race(track, controller)"),
         (lambda: fg.race(), "race lacks track; accepted: race(track, controller)"),
         (lambda: fg.rollout("oval", worlds=2), "did you mean 'n'?"),
-        (lambda: fg.compare(planners=["gap_finder"]), "did you mean 'controllers'?"),
+        (lambda: fg.compare(controller=["gap_finder"]), "did you mean 'controllers'?"),
         (lambda: fg.load_track("oval", cars=3), "did you mean 'car'?"),
         (lambda: fg.Entry(planner="gap_finder"), "did you mean 'controller'?"),
         (lambda: fg.Scenario(map="oval"), "did you mean 'track'?"),
@@ -305,7 +305,7 @@ def test_a_function_in_a_file_is_a_planner_on_the_command_line_and_in_a_rollout(
     by_file = fg.race("oval", f"{planner_file}:follow", **SHORT)
     assert by_file.trajectory_sha256 == fg.race("oval", straight, **SHORT).trajectory_sha256
     assert by_file.car.controller_source == planner_file.read_bytes()
-    worlds = fg.rollout("oval", f"{planner_file}:follow", n=2, duration=0.1)
+    worlds = fg.rollout("oval", f"{planner_file}:follow", n=2, time_limit=0.1)
     assert worlds["end_reason"].tolist() == ["time_limit"] * 2
 
 
@@ -434,8 +434,8 @@ COMMANDS = {
     "race mine.py:Planner": "did you mean '--controller mine.py:Planner'?",
     "race --laps=abc": "'abc'; accepted: a whole number",
     "replay --seed 3 runs/x": "'--seed' is no option here;",
-    "compare --planners gap_finder": "did you mean '--controllers'?",
-    "compare --map oval": "did you mean '--tracks'?",
+    "compare --planners gap_finder": "did you mean '--controller'?",
+    "compare --map oval": "did you mean '--track'?",
     "rollout --num-worlds 4": "did you mean '--n'?",
     "--map my.yaml": "'--map' stands before the command; accepted: fg-mujoco COMMAND --map",
     "tracks": "`fg-mujoco track list` lists the circuits",

@@ -11,11 +11,12 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
+from fg_mujoco.racing.setup import Setup
 from fg_mujoco.simulation.planner_adapter import plan
 from fg_mujoco.simulation.planner_failure import is_of_planner, without_exit
 from fg_mujoco.simulation.settings import Scenario
 from fg_mujoco.studies.rollout.drive_worlds import drive_worlds
-from fg_mujoco.viz.live.live_session import LiveSession, LiveSettings
+from fg_mujoco.viz.live.live_session import LiveSession
 
 PLANNER = """import ctypes, os, signal, sys, time
 import numpy as np
@@ -220,8 +221,8 @@ def same(rows, others):
 @pytest.mark.parametrize("how", ("os_exit", "ctrl_c", "mute", "long", "nan", "deep"))
 def test_in_a_batch_it_is_the_failure_of_that_world(how):
     scenarios = [Scenario(max_speed=speed) for speed in (3.0, 4.0, 5.0)]
-    honest = drive_worlds(scenarios, planner(), duration=0.3)
-    rows = drive_worlds(scenarios, planner(v4=how), duration=0.3).rows
+    honest = drive_worlds(scenarios, planner(), time_limit=0.3)
+    rows = drive_worlds(scenarios, planner(v4=how), time_limit=0.3).rows
     assert rows["end_reason"].tolist() == ["time_limit", "planner_failed", "time_limit"]
     assert same(rows[[0, 2]], honest.rows[[0, 2]])
 
@@ -244,10 +245,10 @@ class Together:
     with open("together.py", "w") as file:
         file.write(text)
     scenarios = [Scenario(max_speed=speed) for speed in (3.0, 4.0, 5.0)]
-    found = drive_worlds(scenarios, "together.py:Together", duration=0.3, record="states")
+    found = drive_worlds(scenarios, "together.py:Together", time_limit=0.3, record="states")
     assert found.rows["end_reason"].tolist() == ["time_limit", "planner_failed", "time_limit"]
     assert [len(ticks) for ticks in found.ctrl] == [12, 4, 12]
-    alone = drive_worlds([scenarios[2]], "together.py:Together", duration=0.3, record="states")
+    alone = drive_worlds([scenarios[2]], "together.py:Together", time_limit=0.3, record="states")
     assert alone.states[0].tobytes() == found.states[2].tobytes()
 
 
@@ -260,7 +261,7 @@ def test_a_planner_that_cannot_be_built_in_one_world_is_that_worlds_failure():
             "    def __call__(self, scan, odometry): return fg.DriveCommand(steering_angle=0.0, speed=1.0)\n"
         )
     result = fg.rollout(
-        "oval", "picky.py:Picky", n=8, randomize={"max_speed": [3, 4]}, duration=0.3, record="telemetry", chunk=8
+        "oval", "picky.py:Picky", n=8, randomize={"max_speed": [3, 4]}, time_limit=0.3, record="telemetry", executor=fg.Executor(chunk=8)
     )
     assert {*zip(result["max_speed"], result["end_reason"], strict=True)} == {(3, "time_limit"), (4, "planner_failed")}
     failed = int(np.flatnonzero(result["max_speed"] == 4)[0])
@@ -271,10 +272,10 @@ def test_a_planner_that_cannot_be_built_in_one_world_is_that_worlds_failure():
 def honest(tmp_path_factory):
     """The worlds of ROLLOUT whose planners do not fail."""
     source = planner(tmp_path_factory.mktemp("honest"))
-    return fg.rollout("oval", source, n=6, randomize={"max_speed": "3|4|5"}, duration=0.3, workers=1)
+    return fg.rollout("oval", source, n=6, randomize={"max_speed": "3|4|5"}, time_limit=0.3, workers=1)
 
 
-ROLLOUT = ["--n", "6", "--randomize", "max_speed=3|4|5", "--duration", "0.3", "--chunk", "3", "--out", "out"]
+ROLLOUT = ["--n", "6", "--randomize", "max_speed=3|4|5", "--time-limit", "0.3", "--chunk", "3", "--out", "out"]
 
 
 @pytest.mark.parametrize(("how", "said"), (("segfault", "by SIGSEGV"), ("c_exit", "code 0")))
@@ -313,13 +314,13 @@ def test_a_planner_that_hangs_ends_its_world_by_the_decision_limit(capfd, honest
     ),
 )  # fmt: skip
 def test_a_comparison_goes_on_without_the_run_whose_planner_ended_its_worker(capfd, how, options, reason, code):
-    grid = ["compare", "--controllers", planner(v4=how), "--tracks", "oval", "--max-speed", "3,4,5", "--laps", "1"]
+    grid = ["compare", "--controller", planner(v4=how), "--track", "oval", "--max-speed", "3,4,5", "--laps", "1"]
     grid += ["--time-limit", "0.3", "--workers", "2", "--out", "out", *options]
     assert main(grid) == code
     err = capfd.readouterr().err
     assert ("warning: mine.py:Planner on oval: the worker ended by SIGKILL" in err) == (how == "killed")
     rows = fg.compare(
-        ["mine.py:Planner"], tracks=["oval"], max_speeds=[3, 4, 5], laps=1, time_limit=0.3, workers=1, out="out",
+        ["mine.py:Planner"], track=["oval"], max_speed=[3, 4, 5], laps=1, time_limit=0.3, workers=1, out="out",
         pictures=False, decision_limit=float(options[1]) if options else None,
     )  # fmt: skip
     assert rows.runs_driven == 0
@@ -331,7 +332,7 @@ def test_a_comparison_goes_on_without_the_run_whose_planner_ended_its_worker(cap
 
 @pytest.mark.parametrize("how", (*RAISING[:-3], "nan", "unwritable"))
 def test_the_live_view_shows_it_and_goes_on(how):
-    session = LiveSession(LiveSettings(controller=planner(v8=how)))
+    session = LiveSession(Setup.of(controller=planner(v8=how)))
     for _ in range(8):
         session.tick()
     assert session.paused and "(mine.py, line" in session.message and session.failure is not None

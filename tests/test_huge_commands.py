@@ -42,7 +42,7 @@ def runs(tmp_path_factory):
     with warnings.catch_warnings():
         warnings.simplefilter("error", RuntimeWarning)
         assert main(["race", "--controller", planner, "--time-limit", "0.3", "--out", str(here / "one")]) == 1
-        assert main(["race", "--opponent", planner, "--time-limit", "0.3", "--out", str(here / "two")]) == 1
+        assert main(["race", "--opponents", planner, "--time-limit", "0.3", "--out", str(here / "two")]) == 1
     return here
 
 

@@ -15,8 +15,9 @@ from test_ros_surroundings import DRIVES, NODE, make
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.intermediate_values import BASE, FRAMES, LASER, MAP, ShownValues, moved, show
+from fg_mujoco.racing.setup import Setup
 from fg_mujoco.viz.debug.decisions import Witness
-from fg_mujoco.viz.live.live_session import LiveSession, LiveSettings
+from fg_mujoco.viz.live.live_session import LiveSession
 
 SCAN = corridor(1.0, 1.0, 5.0)
 BEAMS = len(SCAN.ranges)
@@ -330,7 +331,7 @@ def test_the_live_view_draws_the_values_of_its_own_car_on_the_map(shows, tmp_pat
     other = tmp_path / "other.py"
     other.write_text(SHOWS.replace('fg.show("', 'fg.show("other ').replace("0.2 * self.count", "0.1"))
     opponents = (fg.Entry(controller=f"{other}:Shows", start=fg.Start(s=12.0)),)
-    session = LiveSession(LiveSettings(track="oval", controller=shows, opponents=opponents))
+    session = LiveSession(Setup.of(track="oval", controller=shows, opponents=opponents))
     for _ in range(20):
         scan, pose = session.scan, session.simulation.pose
         session.tick()
@@ -499,7 +500,7 @@ def test_debug_draws_the_markers_and_paths_of_nodes_over_the_scan(node):
 
 
 def test_the_live_view_has_the_values_and_the_markers_of_a_node_alike(node):
-    session = LiveSession(LiveSettings(track="oval", controller=node))
+    session = LiveSession(Setup.of(track="oval", controller=node))
     session.drawings()
     for _ in range(3):
         session.tick()

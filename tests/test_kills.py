@@ -52,7 +52,7 @@ def test_without_a_home_a_race_is_written(tmp_path):
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
 @pytest.mark.parametrize(
     "arguments",
-    [RACE, "rollout --n 2 --duration 0.5 --out a", "compare --out a", "friction skidpad --quick --out a",
+    [RACE, "rollout --n 2 --time-limit 0.5 --out a", "compare --out a", "friction skidpad --quick --out a",
      "track new --seed 1 a.csv", "track show oval --out a.png"],
 )  # fmt: skip
 def test_a_folder_that_is_read_only_is_refused_in_one_line(tmp_path, arguments):

@@ -6,10 +6,11 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import ControllerError, SettingsError
+from fg_mujoco.racing.setup import Setup
 from fg_mujoco.simulation.simulation import Simulation
 from fg_mujoco.simulation.telemetry import TELEMETRY
 from fg_mujoco.viz.live.browser_shapes import world_shapes
-from fg_mujoco.viz.live.live_session import LiveSession, LiveSettings
+from fg_mujoco.viz.live.live_session import LiveSession
 
 RIVALS = (fg.Entry(controller="disparity_extender", max_speed=2.0), fg.Entry(max_speed=3.0, vehicle="nuc2"))
 
@@ -40,7 +41,7 @@ def places(session):
 
 
 def test_session_drives_as_a_race_of_the_same_cars_does():
-    session = LiveSession(LiveSettings(max_speed=4.0, opponents=RIVALS))
+    session = LiveSession(Setup.of(max_speed=4.0, opponents=RIVALS))
     race = fg.race("oval", entries=[fg.Entry(max_speed=4.0), *RIVALS], laps=1, time_limit=2.0)
     drive(session, 79)
     np.testing.assert_array_equal(session.simulation.state[: session.world.model.nq + 1],
@@ -51,7 +52,7 @@ def test_session_drives_as_a_race_of_the_same_cars_does():
 
 
 def test_keys_drive_the_own_car_and_planners_the_others():
-    session = LiveSession(LiveSettings(opponents=RIVALS[:1]))
+    session = LiveSession(Setup.of(opponents=RIVALS[:1]))
     before = places(session)
     session.by_hand = True
     drive(session, 40)
@@ -65,7 +66,7 @@ def test_keys_drive_the_own_car_and_planners_the_others():
 
 
 def test_reset_puts_all_cars_back():
-    session = LiveSession(LiveSettings(opponents=RIVALS[:1]))
+    session = LiveSession(Setup.of(opponents=RIVALS[:1]))
     before = session.simulation.state
     drive(session, 30)
     session.reset()
@@ -75,7 +76,7 @@ def test_reset_puts_all_cars_back():
 
 
 def test_other_tires_of_the_own_car_leave_all_where_they_are():
-    session = LiveSession(LiveSettings(opponents=RIVALS[:1]))
+    session = LiveSession(Setup.of(opponents=RIVALS[:1]))
     drive(session, 30)
     before = places(session)
     session.change("mu", 0.4)
@@ -90,7 +91,7 @@ def test_other_tires_of_the_own_car_leave_all_where_they_are():
 
 
 def test_opponent_whose_planner_fails_stands_and_the_rest_goes_on():
-    session = LiveSession(LiveSettings(max_speed=2.0, opponents=(fg.Entry(controller=Fails()),)))
+    session = LiveSession(Setup.of(max_speed=2.0, opponents=(fg.Entry(controller=Fails()),)))
     drive(session, 24)
     assert session.message.startswith("car_1: ") and "lost" in session.message and not session.paused
     drive(session, 60)
@@ -101,7 +102,7 @@ def test_opponent_whose_planner_fails_stands_and_the_rest_goes_on():
 
 def test_opponent_that_crashes_stands_and_is_told_of():
     rival = fg.Entry(controller=OnAnArc(), start=fg.Start(s=3.0))
-    session = LiveSession(LiveSettings(opponents=(rival,)))
+    session = LiveSession(Setup.of(opponents=(rival,)))
     session.by_hand = True
     for _ in range(400):
         session.tick()
@@ -126,7 +127,7 @@ class OnAnArc:
 
 
 def test_browser_has_the_shapes_of_all_cars():
-    session = LiveSession(LiveSettings(opponents=RIVALS))
+    session = LiveSession(Setup.of(opponents=RIVALS))
     model, shapes = world_shapes(session.world)
     bodies = {model.body(shape.body).name for shape in shapes}
     assert {"car/base_link", "car_1/base_link", "car_2/base_link"} <= bodies
@@ -135,10 +136,10 @@ def test_browser_has_the_shapes_of_all_cars():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--opponent", "gap_findr"], "did you mean"),
-        (["--opponent", "gap_finder", "--grid", "heap"], "grid is 'heap'; accepted: staggered, side_by_side"),
+        (["--opponents", "gap_findr"], "did you mean"),
+        (["--opponents", "gap_finder", "--grid", "heap"], "grid is 'heap'; accepted: staggered, side_by_side"),
         (["--opponent-max-speed", "3"], "--opponent-max-speed is given 1 times for 0 opponents"),
-        (["--opponent", "gap_finder"] * 16, "17 entries; accepted: 1 to 16"),
+        (["--opponents", "gap_finder"] * 16, "17 entries; accepted: 1 to 16"),
     ],
 )
 def test_opponents_that_cannot_be_are_refused_in_one_line(capsys, monkeypatch, options, message):
@@ -153,7 +154,7 @@ def test_command_takes_opponents(capsys, monkeypatch):
     shown = []
     monkeypatch.setattr("fg_mujoco.viz.live.desktop.require_display", lambda: None)
     monkeypatch.setattr("fg_mujoco.viz.live.desktop.run_desktop", shown.append)
-    assert main(["view", "--max-speed", "5", "--opponent", "gap_finder", "--opponent-max-speed", "2"]) == 0
+    assert main(["view", "--max-speed", "5", "--opponents", "gap_finder", "--opponent-max-speed", "2"]) == 0
     (session,) = shown
     assert len(session.world.cars) == 2 and session.settings.opponents[0].max_speed == 2.0
 
@@ -163,4 +164,4 @@ def test_simulation_wants_settings_of_each_car():
     with pytest.raises(SettingsError, match="settings of 0 other cars for a world of 2 cars"):
         Simulation(world)
     with pytest.raises(ControllerError):
-        LiveSession(LiveSettings(opponents=(fg.Entry(controller="nobody"),)))
+        LiveSession(Setup.of(opponents=(fg.Entry(controller="nobody"),)))

@@ -15,12 +15,13 @@ from browsers import page_of  # noqa: F401 - a fixture
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import EngineError, SettingsError, install_command
+from fg_mujoco.racing.setup import Setup
 from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.viz.live.browser_scene import LEGEND
 from fg_mujoco.viz.live.browser_shapes import world_shapes
 from fg_mujoco.viz.live.hand_driver import HandDriver
 from fg_mujoco.viz.live.handshake import is_own
-from fg_mujoco.viz.live.live_session import LiveSession, LiveSettings
+from fg_mujoco.viz.live.live_session import LiveSession
 
 TICK = 0.025  # [s]
 
@@ -32,7 +33,7 @@ def drive(session, seconds):
 
 @pytest.fixture
 def session():
-    return LiveSession(LiveSettings(track="oval"))
+    return LiveSession(Setup.of(track="oval"))
 
 
 def test_session_drives_as_a_race_does(session, lap):

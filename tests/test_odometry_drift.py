@@ -51,15 +51,15 @@ def test_a_planner_that_believes_it_drives_otherwise():
 
 def test_each_world_of_a_rollout_has_its_own_drift():
     drifts = (0.0, DRIFT, -DRIFT)
-    results = drive_worlds([Scenario(odometry_drift=d) for d in drifts], "gap_finder", duration=1.0, record="states")
+    results = drive_worlds([Scenario(odometry_drift=d) for d in drifts], "gap_finder", time_limit=1.0, record="states")
     for states, drift in zip(results.states, drifts, strict=True):
         alone = fg.race("oval", laps=1, time_limit=1.0, odometry_drift=drift)
         assert np.array_equal(states, alone.states)
 
 
 def test_a_rollout_is_given_a_drift_or_draws_it():
-    given = fg.rollout("oval", seeds=[1], duration=1.0, record="states", odometry_drift=DRIFT)
-    drawn = fg.rollout("oval", seeds=[1], duration=1.0, record="states", randomize={"odometry_drift": DRIFT})
+    given = fg.rollout("oval", seeds=[1], time_limit=1.0, record="states", odometry_drift=DRIFT)
+    drawn = fg.rollout("oval", seeds=[1], time_limit=1.0, record="states", randomize={"odometry_drift": DRIFT})
     assert np.array_equal(given.states(0), drawn.states(0))
     assert drawn["odometry_drift"].tolist() == [DRIFT]
 

@@ -27,18 +27,18 @@ RACE = {
 }
 ROLLOUT = {name: RACE[name] for name in ("--mu", "--planner-mu", "--max-speed", "--laps", "--seed")} | {
     "--n": ("0", "-5"),
-    "--duration": ("-1", "0", "nan", "inf"),
+    "--time-limit": ("-1", "0", "nan", "inf"),
     "--workers": ("0",),
     "--memory-budget": ("-1",),
     "--chunk": ("0",),
     "--record": ("all",),
-    "--engine": ("dask",),
+    "--executor": ("dask",),
     "--randomize": ("mu=0.5:50", "mu=-1:1", "lidar_noise=99", "speed=1"),
 }
 COMPARE = {name: RACE[name] for name in ("--mu", "--planner-mu", "--max-speed", "--laps", "--time-limit")} | {
     "--obstacles": ("-1",),
     "--lidar-noise": ("-0.1", "50"),
-    "--seeds": ("-1", "1,-4"),
+    "--seed": ("-1", "1,-4"),
     "--workers": ("0",),
 }
 VIEW = {name: RACE[name] for name in ("--mu", "--planner-mu", "--max-speed", "--obstacles", "--obstacle-seed")} | {

@@ -119,24 +119,24 @@ def test_an_overtake_is_half_a_length_for_a_second_where_the_cars_are(kind):
 
 
 def test_a_study_goes_on_where_it_stopped(tmp_path):
-    first = overtake(["overtaker"], seeds=[0], out=tmp_path / "a", **SHORT)
+    first = overtake(["overtaker"], seed=[0], out=tmp_path / "a", **SHORT)
     assert (first.duels_driven, len(first.rows)) == (1, 1)
-    longer = overtake(["overtaker"], seeds=[0, 1], out=tmp_path / "a", **SHORT)
+    longer = overtake(["overtaker"], seed=[0, 1], out=tmp_path / "a", **SHORT)
     assert (longer.duels_driven, len(longer.rows)) == (1, 2)
     assert longer.rows[0] == first.rows[0]
     (cell,) = [cell for cell in longer.cells if cell.track == "all" and cell.opponent == "all"]
     assert cell.duels == 2
     assert {"duels.csv", "duels.jsonl", "manifest.json", "table.csv", "table.md"} <= set(files(tmp_path / "a"))
     with pytest.raises(RunFolderError, match="accepted"):
-        overtake(["overtaker"], seeds=[0], out=tmp_path / "a", laps=1, **SHORT)
+        overtake(["overtaker"], seed=[0], out=tmp_path / "a", laps=1, **SHORT)
 
 
 def test_a_damaged_line_is_driven_again(tmp_path):
-    first = overtake(["gap_finder"], seeds=[0], out=tmp_path, **SHORT)
+    first = overtake(["gap_finder"], seed=[0], out=tmp_path, **SHORT)
     path = tmp_path / "duels.jsonl"
     path.write_text(path.read_text().replace('"planner": "gap_finder"', '"planner": "another"'))
     with pytest.warns(UserWarning, match="is damaged"):
-        again = overtake(["gap_finder"], seeds=[0], out=tmp_path, **SHORT)
+        again = overtake(["gap_finder"], seed=[0], out=tmp_path, **SHORT)
     assert again.duels_driven == 1
     same = [
         {name: value for name, value in row.as_dict().items() if not name.startswith("decision")}
@@ -153,7 +153,7 @@ def test_a_planner_that_cannot_drive_is_a_row(tmp_path, monkeypatch):
         "    def reset(self): pass\n"
         "    def __call__(self, scan, odometry): return DriveCommand(steering_angle=0.0, speed=0.0)\n"
     )
-    study = overtake(["mine.py:Stands"], seeds=[0], out=tmp_path / "out", **SHORT)
+    study = overtake(["mine.py:Stands"], seed=[0], out=tmp_path / "out", **SHORT)
     assert study.rows[0].figures.outcome == "failed"
     assert "does not drive two laps" in study.rows[0].figures.message
     assert math.isclose(make_cells(study.rows)[0].share, 0.0)
@@ -161,12 +161,12 @@ def test_a_planner_that_cannot_drive_is_a_row(tmp_path, monkeypatch):
 
 def test_the_command_is_the_function(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    arguments = ["--tracks", "oval", "--opponents", "centreline", "--seeds", "0:1", "--speed-ratio", ".4:.5"]
-    assert main(["overtake", *arguments, "--planner", "gap_finder", "--workers", "1", "--out", "out", "--json"]) == 0
+    arguments = ["--track", "oval", "--opponents", "centreline", "--seed", "0:1", "--speed-ratio", ".4:.5"]
+    assert main(["overtake", *arguments, "--controller", "gap_finder", "--workers", "1", "--out", "out", "--json"]) == 0
     summary = json.loads(capsys.readouterr().out)
     assert (summary["duels"], summary["table"][0]["planner"]) == (1, "gap_finder")
     assert (tmp_path / "out" / "table.png").is_file()
-    assert main(["overtake", *arguments, "--planner", "gap_finder", "--workers", "1", "--out", "out"]) == 0
+    assert main(["overtake", *arguments, "--controller", "gap_finder", "--workers", "1", "--out", "out"]) == 0
     out = capsys.readouterr().out
     assert "1 duels, 1 of them by an earlier call; written to out" in out and "Wilson's at 95 %" in out
     assert (tmp_path / "out" / "differences.csv").read_text("utf-8").count("\n") == 1  # of one planner none
@@ -178,9 +178,9 @@ def test_the_command_is_the_function(tmp_path, monkeypatch, capsys):
     [
         (["--speed-ratio", ".9:.3"], "--speed-ratio is 0.9:0.3; accepted: FIRST:LAST, above 0 and at most 1"),
         (["--opponents", "ghost"], "opponent 'ghost'; accepted: centreline, raceline, reactive, blocking"),
-        (["--tracks", "scene:dead_end:0"], "is no circuit; accepted: a closed track"),
-        (["--planner", "overtakes"], "overtaker"),
-        (["--seeds", "1,1"], "seed 1 is given twice"),
+        (["--track", "scene:dead_end:0"], "is no circuit; accepted: a closed track"),
+        (["--controller", "overtakes"], "overtaker"),
+        (["--seed", "1,1"], "seed 1 is given twice"),
     ],
 )
 def test_what_cannot_be_driven_is_refused_in_a_line(tmp_path, monkeypatch, capsys, arguments, said):
@@ -234,4 +234,4 @@ def test_errors_are_of_the_one_tree():
     with pytest.raises(SettingsError):
         DuelSettings(max_speed=-1.0)
     with pytest.raises(TrackError):
-        overtake(tracks=["scene:dead_end:0"], out="nowhere", pictures=False)
+        overtake(track=["scene:dead_end:0"], out="nowhere", pictures=False)

@@ -10,9 +10,10 @@ import fg_mujoco as fg
 from fg_mujoco.errors import ControllerError, MessageError
 from fg_mujoco.lidar.effects import LidarEffects
 from fg_mujoco.messages import PlannerContext
+from fg_mujoco.racing.setup import Setup
 from fg_mujoco.simulation import settings as settings_module
 from fg_mujoco.vehicle.changes import CarChanges
-from fg_mujoco.viz.live.live_session import LiveSession, LiveSettings
+from fg_mujoco.viz.live.live_session import LiveSession
 
 PLANNER = """
 import json
@@ -55,15 +56,15 @@ def race_of_entries(planner, folder):
 
 
 def rollout(planner, folder):
-    fg.rollout("oval", planner, n=1, seeds=[7], duration=0.1, **CAR, **{k: v for k, v in LATE.items() if k != "seed"})
+    fg.rollout("oval", planner, n=1, seeds=[7], time_limit=0.1, **CAR, **{k: v for k, v in LATE.items() if k != "seed"})
 
 
 def rollout_with_opponents(planner, folder):
-    fg.rollout("oval", n=1, duration=0.1, workers=1, opponents=[fg.Entry(controller=planner, **CAR, **LATE)])
+    fg.rollout("oval", n=1, time_limit=0.1, workers=1, opponents=[fg.Entry(controller=planner, **CAR, **LATE)])
 
 
 def compare(planner, folder):
-    fg.compare([planner], tracks=["oval"], seeds=[7], max_speeds=[3.0], laps=1, mu=0.8, time_limit=0.1, workers=1,
+    fg.compare([planner], track=["oval"], seed=[7], max_speed=[3.0], laps=1, mu=0.8, time_limit=0.1, workers=1,
                lidar_noise=0.01, changes=LATE["changes"], out=folder / "out", pictures=False)  # fmt: skip
 
 
@@ -75,11 +76,11 @@ def environment(planner, folder):
 
 
 def live_view(planner, folder):
-    LiveSession(LiveSettings(controller=planner, **CAR, **LATE))
+    LiveSession(Setup.of(controller=planner, **CAR, **LATE))
 
 
 def live_opponents(planner, folder):
-    session = LiveSession(LiveSettings(opponents=(fg.Entry(controller=planner, **CAR, **LATE),)))
+    session = LiveSession(Setup.of(opponents=(fg.Entry(controller=planner, **CAR, **LATE),)))
     session.reset()
 
 

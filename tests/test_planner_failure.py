@@ -9,9 +9,10 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
+from fg_mujoco.racing.setup import Setup
 from fg_mujoco.simulation.settings import Scenario
 from fg_mujoco.studies.rollout.drive_worlds import drive_worlds
-from fg_mujoco.viz.live.live_session import LiveSession, LiveSettings
+from fg_mujoco.viz.live.live_session import LiveSession
 
 PLANNER = """import numpy as np
 import fg_mujoco as fg
@@ -175,7 +176,7 @@ def test_a_rollout_counts_it_as_the_failure_of_that_world():
 
 
 def test_the_live_view_pauses_and_says_so_until_the_reset():
-    session = LiveSession(LiveSettings(track="oval", controller="mine.py:Late"))
+    session = LiveSession(Setup.of(track="oval", controller="mine.py:Late"))
     for _ in range(30):
         session.tick()
     assert session.paused and session.simulation.time == pytest.approx(0.5)
@@ -187,12 +188,12 @@ def test_the_live_view_pauses_and_says_so_until_the_reset():
 
 
 def test_a_live_planner_that_cannot_be_reset_pauses_and_a_goal_that_fails_is_none():
-    session = LiveSession(LiveSettings(track="oval", controller="mine.py:Late"))
+    session = LiveSession(Setup.of(track="oval", controller="mine.py:Late"))
     session._planner.reset = lambda: 1 / 0
     session.reset()
     session.tick()
     assert session.paused and "failed in reset(): ZeroDivisionError" in session.message
-    assert LiveSession(LiveSettings(track="oval", controller="mine.py:Goal")).goal() is None
+    assert LiveSession(Setup.of(track="oval", controller="mine.py:Goal")).goal() is None
 
 
 @pytest.mark.slow
@@ -202,7 +203,7 @@ def test_the_browser_shows_the_failure_beside_the_pause():
 
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
-    session = LiveSession(LiveSettings(track="oval", controller="mine.py:Late"))
+    session = LiveSession(Setup.of(track="oval", controller="mine.py:Late"))
     with LiveView(session, port=port) as view:
         assert view._pause.label == "pause"
         for _ in range(30):

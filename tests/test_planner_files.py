@@ -352,7 +352,7 @@ def test_the_line_of_a_bundled_planner_is_asked_for_too(here, capsys, without_pi
 
 
 def test_a_race_of_several_cars_keeps_the_files_of_each(here, capsys, without_pictures):
-    assert race("--opponent", "mine.py:Learned", "--out", "run") == 1
+    assert race("--opponents", "mine.py:Learned", "--out", "run") == 1
     cars = json.loads((here / "run" / "summary.json").read_text())["cars"]
     assert cars[0]["controller_origin"]["files"] == {}
     assert list(cars[1]["controller_origin"]["files"]) == ["policy.txt"]

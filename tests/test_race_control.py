@@ -209,15 +209,15 @@ def test_the_settings_of_one_car_are_refused_beside_entries() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--opponent", "nobody"], "car_1: controller 'nobody'"),
+        (["--opponents", "nobody"], "car_1: controller 'nobody'"),
         (
-            ["--opponent", "wall_follow", "--opponent-max-speed", "1", "--opponent-max-speed", "2"],
+            ["--opponents", "wall_follow", "--opponent-max-speed", "1", "--opponent-max-speed", "2"],
             "given 2 times for 1",
         ),
         (["--opponent-max-speed", "1"], "given 1 times for 0 opponents"),
-        (["--opponent", "wall_follow"] * 16, "17 entries; accepted: 1 to 16"),
-        (["--opponent", "wall_follow", "--grid", "heap"], "--grid is 'heap'"),
-        (["--opponent", "wall_follow", "--rules", "f1"], "--rules is 'f1'"),
+        (["--opponents", "wall_follow"] * 16, "17 entries; accepted: 1 to 16"),
+        (["--opponents", "wall_follow", "--grid", "heap"], "--grid is 'heap'"),
+        (["--opponents", "wall_follow", "--rules", "f1"], "--rules is 'f1'"),
     ],
 )
 def test_bad_opponents_are_one_line_and_exit_2(
@@ -242,7 +242,7 @@ def test_a_race_with_opponents_on_the_command_line_can_be_raced_again(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], without_pictures: None
 ) -> None:
     out = tmp_path / "run"
-    arguments = ["race", "--time-limit", "2", "--laps", "1", "--opponent", "wall_follow", "--opponent-max-speed", "2"]
+    arguments = ["race", "--time-limit", "2", "--laps", "1", "--opponents", "wall_follow", "--opponent-max-speed", "2"]
     assert main([*arguments, "--out", str(out)]) == 1  # not driven to its end
     assert "car_1" in capsys.readouterr().out
     again = tmp_path / "again"

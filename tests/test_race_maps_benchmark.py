@@ -33,7 +33,7 @@ def data(tmp_path):
 def test_rows_are_in_the_order_of_what_was_asked_for_and_have_the_figures_of_the_race(data):
     figures = data / "figures.json"
     done = run(
-        "--data", data, "--tracks", "oval", "--speeds", "2,4", "--laps", 2, "--tight", "3:4", "--workers", 2,
+        "--data", data, "--track", "oval", "--speeds", "2,4", "--laps", 2, "--tight", "3:4", "--workers", 2,
         "--odometry-drift", 0.05, "--json", figures,
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (0, "")
@@ -53,7 +53,7 @@ def test_rows_are_in_the_order_of_what_was_asked_for_and_have_the_figures_of_the
 
 def test_the_ratio_is_to_a_lap_of_the_planner_with_the_map(data):
     figures = data / "figures.json"
-    run("--maps", "none", "--tracks", "oval", "--speeds", "4", "--laps", 2, "--reference", "--json", figures)
+    run("--maps", "none", "--track", "oval", "--speeds", "4", "--laps", 2, "--reference", "--json", figures)
     (row,) = json.loads(figures.read_text(encoding="utf-8"))["races"]
     assert row["reference_lap_s"] == fg.race("oval", "pure_pursuit", laps=1, max_speed=4.0).lap_times_s[0]
     assert row["ratio"] == row["best_flying_lap_s"] / row["reference_lap_s"]

@@ -45,7 +45,7 @@ def test_python_examples_run(tmp_path, monkeypatch, capsys):
 
 SHORTER = {
     "render": "--to 0.2 --size 160x120 --quality draft",
-    "compare": "--controllers gap_finder,wall_follow --laps 1 --time-limit 0.6",
+    "compare": "--controller gap_finder,wall_follow --laps 1 --time-limit 0.6",
     "rollout": "--n 4 --workers 1",
     "view": "--port {port}",
 }

@@ -54,7 +54,7 @@ def refusal(here, capsys, *arguments):
 
 
 def test_worlds_are_driven_and_told_of_in_a_table_and_a_folder(here):
-    arguments = ["--track", "oval", "--n", "6", "--randomize", "mu=0.6:1.2", "--duration", "0.5", "--out", "runs/a"]
+    arguments = ["--track", "oval", "--n", "6", "--randomize", "mu=0.6:1.2", "--time-limit", "0.5", "--out", "runs/a"]
     done = subprocess.run(command(*arguments), capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""  # nothing but the results in a pipe
@@ -67,13 +67,13 @@ def test_worlds_are_driven_and_told_of_in_a_table_and_a_folder(here):
 
 def test_the_command_is_the_function(no_engine, here, capsys):
     arguments = [
-        "--track", "oval", "--track", "tight", "--n", "9", "--seed", "4", "--laps", "2", "--duration", "30",
+        "--track", "oval", "--track", "tight", "--n", "9", "--seed", "4", "--laps", "2", "--time-limit", "30",
         "--randomize", "mu=0.6:1.2", "--randomize", "max_speed=6|8", "--chunk", "2", "--workers", "1",
         "--memory-budget", "1", "--record", "states", "--out", "out",
     ]  # fmt: skip
     assert main(["rollout", *arguments]) == 0
     expected = fg.rollout(
-        ["oval", "tight"], n=9, seed=4, laps=2, duration=30.0, randomize={"mu": (0.6, 1.2), "max_speed": [6, 8]},
+        ["oval", "tight"], n=9, seed=4, laps=2, time_limit=30.0, randomize={"mu": (0.6, 1.2), "max_speed": [6, 8]},
         record="states",
     )  # fmt: skip
     read = fg.read_rollout("out")
@@ -84,7 +84,7 @@ def test_the_command_is_the_function(no_engine, here, capsys):
 
 
 def test_json_is_one_object_without_nan(no_engine, here, capsys):
-    assert main(["rollout", "--n", "20", "--json", "--duration", "3"]) == 0
+    assert main(["rollout", "--n", "20", "--json", "--time-limit", "3"]) == 0
 
     def refuse(constant):
         raise AssertionError(constant)
@@ -133,14 +133,14 @@ def test_a_finished_folder_is_told_of_again(no_engine, capsys):
         (("--n", "0"), "n is 0; accepted: a whole number from 1"),
         (("--n", "many"), "'many'; accepted: a whole number"),
         (("--laps", "1.5"), "'1.5'; accepted: a whole number"),
-        (("--duration", "-1"), "duration is -1.0; accepted: a positive number"),
-        (("--duration", "nan"), "duration is nan"),
+        (("--time-limit", "-1"), "duration is -1.0; accepted: a positive number"),
+        (("--time-limit", "nan"), "duration is nan"),
         (("--seed", "-1"), "seed is -1"),
         (("--workers", "0"), "workers is 0"),
         (("--chunk", "0"), "chunk is 0"),
         (("--memory-budget", "-1"), "--memory-budget is -1"),
         (("--memory-budget", "lots"), "'lots'; accepted: a whole number"),
-        (("--engine", "slurm"), "engine is 'slurm'; accepted: local, processes, ray"),
+        (("--executor", "slurm"), "engine is 'slurm'; accepted: local, processes, ray"),
         (("--record", "video", "--out", "run"), "record is 'video'; accepted: summary, telemetry, states"),
         (("--record", "states"), "--record states is kept nowhere; accepted: with --out DIR"),
         (("--track", "nowhere"), "unknown track 'nowhere'"),
@@ -152,7 +152,7 @@ def test_a_finished_folder_is_told_of_again(no_engine, capsys):
         (("--randomize", "grip=1:2"), "no parameter; accepted: mu, mass"),
         (("--randomize", "planner.gain=1:2"), "gain"),
         (("--randomize", "obstacles=500"), "accepted: at most"),
-        (("--tracks", "oval"), "--tracks"),
+        (("--track", "oval"), "--track"),
     ],
 )
 def test_a_bad_option_is_refused_with_what_is_accepted(here, capsys, arguments, said):
@@ -169,7 +169,7 @@ def test_a_folder_of_another_rollout_is_refused(no_engine, here, capsys):
 
 def test_without_ray_the_command_that_installs_it_is_said(no_engine, here, capsys, monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    assert install_command("cluster") in refusal(here, capsys, "--engine", "ray")
+    assert install_command("cluster") in refusal(here, capsys, "--executor", "ray")
 
 
 def test_a_cluster_that_fails_exits_1(no_engine, capsys, monkeypatch):
@@ -179,13 +179,13 @@ def test_a_cluster_that_fails_exits_1(no_engine, capsys, monkeypatch):
 
     monkeypatch.setattr("fg_mujoco.studies.rollout.rollouts.require_ray", lambda: None)
     monkeypatch.setattr("fg_mujoco.studies.rollout.rollouts.drive_on_ray", lost)
-    assert main(["rollout", "--engine", "ray"]) == 1
+    assert main(["rollout", "--executor", "ray"]) == 1
     assert capsys.readouterr() == ("", "fg-mujoco: a chunk was lost for good\n")
 
 
 def test_ctrl_c_exits_130_and_the_same_command_goes_on(here):
     (here / "slow.py").write_text(SLOW)
-    arguments = ["--controller", "slow.py:Planner", "--n", "36", "--duration", "1", "--chunk", "1", "--out", "out"]
+    arguments = ["--controller", "slow.py:Planner", "--n", "36", "--time-limit", "1", "--chunk", "1", "--out", "out"]
     process = subprocess.Popen(command(*arguments), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     until = time.monotonic() + 60
     while not list(here.glob("out/chunks/*.npz")) and time.monotonic() < until:
@@ -205,7 +205,7 @@ def test_ctrl_c_exits_130_and_the_same_command_goes_on(here):
 
 def test_progress_is_shown_on_a_terminal_and_what_planners_print_is_not_our_output(here):
     (here / "slow.py").write_text(SLOW)
-    arguments = ["--controller", "slow.py:Planner", "--n", "8", "--duration", "0.5", "--chunk", "1"]
+    arguments = ["--controller", "slow.py:Planner", "--n", "8", "--time-limit", "0.5", "--chunk", "1"]
     ours, theirs = pty.openpty()
     process = subprocess.Popen(command(*arguments), stdout=subprocess.PIPE, stderr=theirs, text=True)
     os.close(theirs)

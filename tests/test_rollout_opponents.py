@@ -67,7 +67,7 @@ def some(request):
 @pytest.fixture(scope="module")
 def behind_a_slow_car():
     """Two worlds in which car 0 comes up to a car that drives at 1 m/s."""
-    return fg.rollout("l_corridor", n=2, opponents=[AHEAD], max_speed=4.0, duration=8.0)
+    return fg.rollout("l_corridor", n=2, opponents=[AHEAD], max_speed=4.0, time_limit=8.0)
 
 
 @pytest.fixture
@@ -100,14 +100,14 @@ def test_worlds_in_another_order_are_the_same(some):
 @pytest.mark.slow
 def test_processes_drive_the_same_worlds():
     threads = fg.rollout("oval", n=2, opponents=MIXED, **SHORT)
-    assert_same(fg.rollout("oval", n=2, opponents=MIXED, engine="processes", workers=1, **SHORT), threads)
+    assert_same(fg.rollout("oval", n=2, opponents=MIXED, executor="processes", workers=1, **SHORT), threads)
 
 
 @pytest.mark.slow
 def test_a_world_is_the_race_of_its_entries(some):
     result, opponents = some
     for world in (0, 5):
-        scenario, entries = result.scenario(world), result.entries(world)
+        scenario, entries = result.setup(world), result.entries(world)
         assert len(entries) == len(opponents) + 1
         race = fg.race(scenario.track, entries=entries, time_limit=0.5, laps=1)
         assert trajectory_sha256(result.states(world), result.ctrl(world)) == race.trajectory_sha256
@@ -119,7 +119,7 @@ def test_a_world_is_the_race_of_its_entries(some):
 
 def test_opponents_are_the_same_cars_in_each_world_with_noise_of_their_own():
     noisy = Entry(effects=fg.LidarEffects(range_noise_std=0.02), seed=3)
-    result = fg.rollout("oval", n=2, opponents=[noisy, noisy], duration=0.1)
+    result = fg.rollout("oval", n=2, opponents=[noisy, noisy], time_limit=0.1)
     seeds = [[entry.seed for entry in result.entries(world)] for world in range(2)]
     assert [row[0] for row in seeds] == result["seed"].tolist()
     assert len({seed for row in seeds for seed in row}) == 6
@@ -175,7 +175,7 @@ def test_figures_are_counted_for_car_0_only():
 
 
 def test_without_opponents_columns_and_keys_are_those_of_before():
-    alone, among = (fg.rollout("oval", n=1, duration=0.1, opponents=cars) for cars in ((), ["gap_finder"]))
+    alone, among = (fg.rollout("oval", n=1, time_limit=0.1, opponents=cars) for cars in ((), ["gap_finder"]))
     assert alone.names == ("world", "track", *RESULT.names)
     assert among.names == (*alone.names, *AMONG.names)
     new = {"opponents", "grid", "wins", "mean_position"}
@@ -196,14 +196,14 @@ def test_an_opponent_that_fails_ends_its_own_race_only(here):
 
 
 def test_where_car_0_fails_the_opponents_race_on(here):
-    result = fg.rollout("oval", "mine.py:Broken", n=2, opponents=["gap_finder"], duration=1.0)
+    result = fg.rollout("oval", "mine.py:Broken", n=2, opponents=["gap_finder"], time_limit=1.0)
     assert result["end_reason"].tolist() == ["planner_failed"] * 2
     assert result["sim_time_s"].tolist() == [pytest.approx(1.0)] * 2
     assert result["position"].tolist() == [2, 2]
 
 
 def test_where_all_planners_fail_at_once_the_world_is_its_race_which_replays(here):
-    result = fg.rollout("oval", "mine.py:Broken", n=1, opponents=["mine.py:Broken"], duration=1.0, record="states")
+    result = fg.rollout("oval", "mine.py:Broken", n=1, opponents=["mine.py:Broken"], time_limit=1.0, record="states")
     race = fg.race("oval", entries=result.entries(0), time_limit=1.0, laps=5)
     assert [car["end_reason"] for car in race.cars] == ["planner_failed"] * 2
     assert trajectory_sha256(result.states(0), result.ctrl(0)) == race.trajectory_sha256
@@ -302,7 +302,7 @@ def test_a_finished_car_leaves_its_trace_on_the_course(here):
 
 def test_without_opponents_a_comparison_has_the_keys_of_before(here):
     result = fg.compare(
-        ["mine.py:Gentle"], tracks=["oval"], laps=1, time_limit=0.2, out="out", pictures=False, workers=1
+        ["mine.py:Gentle"], track=["oval"], laps=1, time_limit=0.2, out="out", pictures=False, workers=1
     )
     row, manifest = result.rows[0].as_dict(), json.loads((here / "out" / "manifest.json").read_text())
     assert "position" not in row and "among" not in row
@@ -334,32 +334,32 @@ def test_without_opponents_a_comparison_has_the_keys_of_before(here):
 def test_opponents_that_cannot_be_are_refused_before_anything_is_driven(here, door, options, error, said):
     with pytest.raises(error, match=said) as refusal:
         if door == "rollout":
-            fg.rollout("oval", n=1, duration=0.1, out="out", **options)
+            fg.rollout("oval", n=1, time_limit=0.1, out="out", **options)
         else:
-            fg.compare(["gap_finder"], tracks=["oval"], laps=1, out="out", pictures=False, **options)
+            fg.compare(["gap_finder"], track=["oval"], laps=1, out="out", pictures=False, **options)
     assert "\n" not in str(refusal.value)
     assert not (here / "out").exists()
 
 
 def test_a_world_in_which_a_box_stands_on_the_grid_is_named(here):
     with pytest.raises(SettingsError, match=r"^world \d+, seed \d+: 'car_\d+' does not fit on 'oval'"):
-        fg.rollout("oval", n=8, duration=0.1, opponents=["gap_finder"] * 7, randomize={"obstacles": 9})
+        fg.rollout("oval", n=8, time_limit=0.1, opponents=["gap_finder"] * 7, randomize={"obstacles": 9})
 
 
-@pytest.mark.parametrize("command", ["rollout --track oval --n 1", "compare --tracks oval --out out"])
+@pytest.mark.parametrize("command", ["rollout --track oval --n 1", "compare --track oval --out out"])
 @pytest.mark.parametrize(
     "arguments, said",
     [
-        ("--opponent nope", "car_1: controller 'nope' is not known"),
-        ("--opponent gap_finder --grid round", "--grid is 'round'; accepted: staggered, side_by_side"),
+        ("--opponents nope", "car_1: controller 'nope' is not known"),
+        ("--opponents gap_finder --grid round", "--grid is 'round'; accepted: staggered, side_by_side"),
         ("--grid side_by_side", "--grid is 'side_by_side' without opponents"),
         ("--opponent-max-speed 3", "--opponent-max-speed is given 1 times for 0 opponents"),
         (
-            "--opponent gap_finder --opponent-max-speed 3 --opponent-max-speed 2",
+            "--opponents gap_finder --opponent-max-speed 3 --opponent-max-speed 2",
             "--opponent-max-speed is given 2 times for 1 opponents",
         ),
-        ("--opponent gap_finder --opponent-max-speed -1", "--opponent-max-speed is -1.0; accepted: a positive number"),
-        ("--opponent gap_finder " * 16, "17 entries; accepted: 1 to 16"),
+        ("--opponents gap_finder --opponent-max-speed -1", "--opponent-max-speed is -1.0; accepted: a positive number"),
+        ("--opponents gap_finder " * 16, "17 entries; accepted: 1 to 16"),
     ],
 )  # fmt: skip
 def test_a_bad_option_is_refused_in_one_line(here, capsys, command, arguments, said):
@@ -370,10 +370,10 @@ def test_a_bad_option_is_refused_in_one_line(here, capsys, command, arguments, s
 
 
 def test_the_command_is_the_function(here, capsys):
-    arguments = "rollout --n 2 --duration 0.2 --max-speed 5 --opponent gap_finder --opponent wall_follow --json"
+    arguments = "rollout --n 2 --time-limit 0.2 --max-speed 5 --opponents gap_finder --opponents wall_follow --json"
     assert main([*arguments.split(), "--opponent-max-speed", "3", "--opponent-max-speed", "2", "--out", "out"]) == 0
     told = json.loads(capsys.readouterr().out)
     opponents = [Entry(max_speed=3.0, seed=1), Entry(controller="wall_follow", max_speed=2.0, seed=2)]
-    result = fg.rollout("oval", n=2, duration=0.2, max_speed=5.0, opponents=opponents)
+    result = fg.rollout("oval", n=2, time_limit=0.2, max_speed=5.0, opponents=opponents)
     assert same(fg.read_rollout("out").worlds, result.worlds)
     assert told["opponents"] == result.summary()["opponents"]

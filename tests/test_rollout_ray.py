@@ -89,7 +89,7 @@ def assert_same(result, local):
 
 
 def test_without_a_cluster_the_command_starts_its_own_and_stops_it(ray, tmp_path):
-    arguments = ["--n", "8", "--duration", "0.5", "--workers", "2", "--engine", "ray", "--out", "ray"]
+    arguments = ["--n", "8", "--time-limit", "0.5", "--workers", "2", "--executor", "ray", "--out", "ray"]
     environment = {name: value for name, value in os.environ.items() if name != "RAY_ADDRESS"}
     done = subprocess.run(
         [sys.executable, "-m", "fg_mujoco", "rollout", *arguments],
@@ -98,7 +98,7 @@ def test_without_a_cluster_the_command_starts_its_own_and_stops_it(ray, tmp_path
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
     assert "8: 8 time limit" in done.stdout
-    assert_same(fg.read_rollout(tmp_path / "ray"), fg.rollout("oval", n=8, duration=0.5))
+    assert_same(fg.read_rollout(tmp_path / "ray"), fg.rollout("oval", n=8, time_limit=0.5))
     assert not ray.is_initialized()
 
 
@@ -109,7 +109,7 @@ def test_a_cluster_that_does_not_answer_is_named_at_once(ray, monkeypatch):
     monkeypatch.setenv("RAY_ADDRESS", address)
     started = time.monotonic()
     with pytest.raises(EngineError, match=f"no cluster at {address}"):
-        fg.rollout("oval", engine="ray", n=1, duration=0.5)
+        fg.rollout("oval", executor="ray", n=1, time_limit=0.5)
     assert time.monotonic() - started < 60.0
 
 
@@ -118,7 +118,7 @@ def test_without_ray_the_command_that_installs_it_is_said(monkeypatch):
     with pytest.raises(
         MissingExtraError, match=rf"^rollouts on a cluster need Ray: {re.escape(install_command('cluster'))}$"
     ):
-        fg.rollout("oval", engine="ray", n=1)
+        fg.rollout("oval", executor="ray", n=1)
 
 
 # -- on one cluster, which is up from here on
@@ -126,7 +126,7 @@ def test_without_ray_the_command_that_installs_it_is_said(monkeypatch):
 
 def test_a_cluster_that_exists_is_used_and_left_as_it_is(ray, two_nodes, planner, tmp_path):
     expected = fg.rollout(["oval", "tight"], record="states", **WORLDS)
-    result = fg.rollout(["oval", "tight"], record="states", engine="ray", **WORLDS)
+    result = fg.rollout(["oval", "tight"], record="states", executor="ray", **WORLDS)
     assert_same(result, expected)
     for world in range(WORLDS["n"]):
         assert result.telemetry(world).tobytes() == expected.telemetry(world).tobytes()
@@ -136,15 +136,15 @@ def test_a_cluster_that_exists_is_used_and_left_as_it_is(ray, two_nodes, planner
 
     # a worker that dies, once, in the middle of a chunk
     source = planner(reset="(MARKS / 'dead').exists() or ((MARKS / 'dead').touch(), os.kill(os.getpid(), 9))")
-    result = fg.rollout("oval", source, engine="ray", **WORLDS)
+    result = fg.rollout("oval", source, executor="ray", **WORLDS)
     assert marks(tmp_path) == ["dead"]
     assert_same(result, fg.rollout("oval", source, **WORLDS))
 
     # a planner that raises ends its worlds, not the rollout; one that cannot be built is refused
     failing = planner(call="raise ValueError('lost')")
-    assert set(fg.rollout("oval", failing, engine="ray", n=2, duration=0.5)["end_reason"]) == {"planner_failed"}
+    assert set(fg.rollout("oval", failing, executor="ray", n=2, time_limit=0.5)["end_reason"]) == {"planner_failed"}
     with pytest.raises(ControllerError, match="nobody"):
-        fg.rollout("oval", "nobody", engine="ray", n=2)
+        fg.rollout("oval", "nobody", executor="ray", n=2)
 
     # a chunk that kills its worker every time
     with pytest.raises(EngineError, match="lost more than"):
@@ -153,14 +153,14 @@ def test_a_cluster_that_exists_is_used_and_left_as_it_is(ray, two_nodes, planner
             planner(reset="os.kill(os.getpid(), 9) if MARKS.exists() else None"),
             engine="ray",
             n=1,
-            duration=0.5,
+            time_limit=0.5,
         )
 
 
 def test_other_versions_on_a_node_are_refused(two_nodes, monkeypatch):
     monkeypatch.setattr("fg_mujoco.studies.rollout.ray_cluster.versions", lambda: {"mujoco_version": "3.0.0"})
     with pytest.raises(EngineError, match=r"a node of the cluster has mujoco_version .*; accepted: the same"):
-        fg.rollout("oval", engine="ray", n=1, duration=0.5)
+        fg.rollout("oval", executor="ray", n=1, time_limit=0.5)
 
 
 def test_a_node_that_is_killed_half_way_costs_its_chunk_only(two_nodes, planner, tmp_path):
@@ -181,7 +181,7 @@ def test_a_node_that_is_killed_half_way_costs_its_chunk_only(two_nodes, planner,
                     os.kill(pid, signal.SIGKILL)
             killed.append(progress.worlds_driven)
 
-    result = fg.rollout("oval", source, engine="ray", watch=watch, out=tmp_path / "out", **WORLDS)
+    result = fg.rollout("oval", source, executor="ray", watch=watch, out=tmp_path / "out", **WORLDS)
     assert killed
     assert killed[0] < WORLDS["n"]
     begun = marks(tmp_path)

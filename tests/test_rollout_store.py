@@ -93,7 +93,7 @@ def test_a_folder_reads_back_bit_for_bit(engine, tmp_path, record):
     assert same(read.worlds, kept.worlds)
     assert same(read.lap_times_s, kept.car.lap_times_s)
     for world in range(21):
-        again, before = read.scenario(world), kept.scenario(world)
+        again, before = read.setup(world), kept.setup(world)
         assert same(again.track.centreline, before.track.centreline)
         assert (again.car, again.start, again.obstacles, again.car.planner_mu, again.car.seed) == (
             before.car, before.start, before.obstacles, before.planner_mu, before.seed,
@@ -118,7 +118,7 @@ def test_worlds_that_end_at_once_have_telemetry_of_no_rows(engine, tmp_path):
 def test_what_fits_the_budget_stays_in_memory_and_the_rest_goes_to_a_folder_that_is_gone_with_it(engine):
     kept = drive(record="telemetry")
     assert isinstance(kept.chunks, MemoryStore)
-    spilled = drive(record="telemetry", memory_budget=100_000)
+    spilled = drive(record="telemetry", executor=fg.Executor(memory_budget=100_000))
     assert isinstance(spilled.chunks, TemporaryFolderStore)
     folder = spilled.chunks.folder
     assert list(folder.rglob("*.telemetry.npy"))
@@ -129,7 +129,7 @@ def test_what_fits_the_budget_stays_in_memory_and_the_rest_goes_to_a_folder_that
 
 
 def test_a_summary_never_needs_a_folder(engine):
-    assert isinstance(drive(memory_budget=0).chunks, MemoryStore)
+    assert isinstance(drive(executor=fg.Executor(memory_budget=0)).chunks, MemoryStore)
 
 
 def test_chunks_that_are_driven_fit_the_budget_too(monkeypatch):
@@ -141,7 +141,7 @@ def test_chunks_that_are_driven_fit_the_budget_too(monkeypatch):
 
     monkeypatch.setattr("fg_mujoco.studies.rollout.job.drive_worlds", engine)
     one = 41 * len(fg.TELEMETRY) * 8  # [bytes] a second of telemetry, and a row
-    fg.rollout("oval", n=32, duration=1.0, record="telemetry", workers=2, memory_budget=10 * one)
+    fg.rollout("oval", n=32, time_limit=1.0, record="telemetry", workers=2, executor=fg.Executor(memory_budget=10 * one))
     assert max(sizes) == 5
 
 
@@ -187,7 +187,7 @@ def test_a_folder_keeps_its_chunks_whatever_is_asked_for_later(engine, tmp_path)
     with pytest.raises(KeyboardInterrupt):
         drive(out=tmp_path / "out")
     engine()
-    result = drive(out=tmp_path / "out", chunk=7, workers=3, memory_budget=5)
+    result = drive(out=tmp_path / "out", executor=fg.Executor(chunk=7, memory_budget=5), workers=3)
     assert same(result.worlds, drive().worlds)
     assert len(list((tmp_path / "out/chunks").glob("*.npz"))) == 6
 

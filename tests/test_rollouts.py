@@ -89,7 +89,7 @@ def test_a_world_of_a_known_seed_and_track_is_the_same_alone(twelve):
 
 
 def assert_is_its_race(result, world, controller="gap_finder"):
-    scenario = result.scenario(world)
+    scenario = result.setup(world)
     race = fg.race(
         scenario.track, controller, time_limit=0.5, laps=1, seed=scenario.seed, max_speed=scenario.max_speed,
         changes=scenario.changes, start=scenario.start, effects=scenario.effects, obstacles=scenario.obstacles,
@@ -114,7 +114,7 @@ def test_so_it_is_where_everything_differs_from_world_to_world():
         "start_offset": (-0.3, 0.3), "start_heading": (-0.2, 0.2), "planner_mu": [0.7, math.inf], "obstacles": "1|2",
         "planner.lookahead": (5.0, 12.0),
     }  # fmt: skip
-    result = fg.rollout(["oval", "tight"], n=6, randomize=RANDOMIZE | everything, duration=0.5, record="states")
+    result = fg.rollout(["oval", "tight"], n=6, randomize=RANDOMIZE | everything, time_limit=0.5, record="states")
     for world in range(6):
         assert_is_its_race(result, world)
 
@@ -123,7 +123,7 @@ def test_worlds_take_the_tracks_in_turn(no_engine):
     result = fg.rollout(["oval", "tight", "oval"], n=8, seed=3)
     assert result["world"].tolist() == list(range(8))
     assert result["track"].tolist() == [0, 1, 2, 0, 1, 2, 0, 1]
-    assert [result.scenario(i).track.name for i in range(3)] == ["oval", "tight", "oval"]
+    assert [result.setup(i).track.name for i in range(3)] == ["oval", "tight", "oval"]
 
 
 def test_the_chunks_of_a_rollout_are_each_world_once_and_of_one_track(no_engine, monkeypatch):
@@ -134,7 +134,7 @@ def test_the_chunks_of_a_rollout_are_each_world_once_and_of_one_track(no_engine,
         return stand_in(scenarios, *args, **options)
 
     monkeypatch.setattr("fg_mujoco.studies.rollout.job.drive_worlds", engine)
-    result = fg.rollout(["oval", "tight"], n=23, chunk=4)
+    result = fg.rollout(["oval", "tight"], n=23, executor=fg.Executor(chunk=4))
     assert sorted(seed for chunk in asked for _, seed in chunk) == sorted(result["seed"].tolist())
     assert all(len({name for name, _ in chunk}) == 1 and len(chunk) <= 4 for chunk in asked)
 
@@ -173,7 +173,7 @@ def test_columns_are_what_was_drawn_and_how_it_went(twelve):
     assert set(RANDOMIZE) < set(twelve.names)
     assert ((twelve["mu"] >= 0.6) & (twelve["mu"] <= 1.2)).all()
     assert set(twelve["max_speed"].tolist()) <= {4, 6, 8}
-    assert [twelve.scenario(i).changes.mu for i in range(12)] == twelve["mu"].tolist()
+    assert [twelve.setup(i).changes.mu for i in range(12)] == twelve["mu"].tolist()
     assert (twelve["sim_time_s"] <= 0.5 + 1e-9).all()
     assert not twelve["mu"].flags.writeable
     assert len(twelve) == 12
@@ -184,7 +184,7 @@ def test_columns_are_what_was_drawn_and_how_it_went(twelve):
 @pytest.mark.parametrize("world", [-1, 12, 1.5, "one"])
 def test_a_world_that_there_is_not_is_refused(twelve, world):
     with pytest.raises(SettingsError, match="accepted: 0 to 11"):
-        twelve.scenario(world)
+        twelve.setup(world)
 
 
 def test_what_was_not_recorded_is_said(no_engine):
@@ -194,7 +194,7 @@ def test_what_was_not_recorded_is_said(no_engine):
 
 
 def test_the_summary_counts_all_worlds(no_engine):
-    result = fg.rollout("oval", n=200, randomize={"mu": (0.5, 1.5)}, chunk=7)
+    result = fg.rollout("oval", n=200, randomize={"mu": (0.5, 1.5)}, executor=fg.Executor(chunk=7))
     summary = result.summary()
     finished = sum(seed % 2 == 0 for seed in result["seed"].tolist())
     assert summary["end_reasons"] == {"finished": finished, "crash": 200 - finished}
@@ -207,7 +207,7 @@ def test_the_summary_counts_all_worlds(no_engine):
 
 
 def test_lap_times_of_all_chunks_stand_side_by_side(no_engine):
-    result = fg.rollout(["oval", "tight"], n=9, laps=3, chunk=2)
+    result = fg.rollout(["oval", "tight"], n=9, laps=3, executor=fg.Executor(chunk=2))
     assert result.lap_times_s.shape == (9, 3)
     lengths = np.array([track.length for track in result.tracks])[result["track"]]
     expected = np.where(result["seed"] % 2 == 0, lengths / 8.0, math.nan)
@@ -230,7 +230,7 @@ def test_a_table_of_all_worlds_gives_each_number_back(no_engine, tmp_path):
 
 def test_progress_ends_with_all_worlds(no_engine):
     seen = []
-    fg.rollout("oval", n=20, chunk=4, workers=1, watch=seen.append)
+    fg.rollout("oval", n=20, executor=fg.Executor(chunk=4), workers=1, watch=seen.append)
     assert [p.worlds_driven for p in seen if p.world_seconds] == sorted(
         p.worlds_driven for p in seen if p.world_seconds
     )
@@ -244,7 +244,7 @@ def test_progress_ends_with_all_worlds(no_engine):
 
 def test_a_world_whose_planner_fails_ends_and_the_others_go_on(planner_file):
     source = planner_file("if self.speed < 5.0 and scan.stamp > 0.2: raise ValueError('slow')")
-    result = fg.rollout("oval", source, n=12, randomize={"max_speed": [4, 6]}, duration=0.5)
+    result = fg.rollout("oval", source, n=12, randomize={"max_speed": [4, 6]}, time_limit=0.5)
     reasons = set(zip(result["max_speed"].tolist(), result["end_reason"].tolist(), strict=True))
     assert reasons == {(4, "planner_failed"), (6, "time_limit")}
 
@@ -262,7 +262,7 @@ def test_what_the_engine_raises_is_raised_and_the_other_workers_stop(no_engine, 
     monkeypatch.setattr("fg_mujoco.studies.rollout.job.drive_worlds", engine)
     seeds = [2, 4, 6]
     with pytest.raises(RuntimeError, match="out of memory"):
-        fg.rollout("oval", seeds=seeds, chunk=1, workers=3)
+        fg.rollout("oval", seeds=seeds, executor=fg.Executor(chunk=1), workers=3)
     assert threading.active_count() == before
 
 
@@ -280,7 +280,7 @@ def test_ctrl_c_stops_the_workers_and_is_raised(no_engine, monkeypatch):
 
     monkeypatch.setattr("fg_mujoco.studies.rollout.job.drive_worlds", engine)
     with pytest.raises(KeyboardInterrupt):
-        fg.rollout("oval", n=4, chunk=1, workers=2)
+        fg.rollout("oval", n=4, executor=fg.Executor(chunk=1), workers=2)
     assert threading.active_count() == before
 
 
@@ -385,7 +385,7 @@ def test_settings_reach_the_planners(tmp_path):
         "        return DriveCommand(steering_angle=0.0, speed=self.settings.speed)\n"
     )
     result = fg.rollout(
-        "oval", f"{tmp_path / 'mine.py'}:Planner", n=4, randomize={"planner.speed": (0.5, 2.0)}, duration=1.5,
+        "oval", f"{tmp_path / 'mine.py'}:Planner", n=4, randomize={"planner.speed": (0.5, 2.0)}, time_limit=1.5,
         record="telemetry",
     )  # fmt: skip
     column = fg.TELEMETRY.index("command_speed_m_s")

@@ -156,9 +156,10 @@ def test_an_episode_ends_terminated_and_costs_as_a_crash():
 
 
 def test_the_live_view_stops_and_says_so():
-    from fg_mujoco.viz.live.live_session import LiveSession, LiveSettings
+    from fg_mujoco.racing.setup import Setup
+from fg_mujoco.viz.live.live_session import LiveSession
 
-    session = LiveSession(LiveSettings(track="oval"))
+    session = LiveSession(Setup.of(track="oval"))
     session.tick()
     first = session.world.car.constants[0]["free_qpos"]
     session.simulation.data.qpos[first + 2 : first + 7] = 0.2, 0.0, 1.0, 0.0, 0.0

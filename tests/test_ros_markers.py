@@ -10,8 +10,9 @@ from test_ros_surroundings import DRIVES, NODE, commands, make
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
+from fg_mujoco.racing.setup import Setup
 from fg_mujoco.viz.live.browser import LiveView
-from fg_mujoco.viz.live.live_session import LiveSession, LiveSettings
+from fg_mujoco.viz.live.live_session import LiveSession
 
 SHOWS = """
         from visualization_msgs.msg import Marker, MarkerArray
@@ -76,7 +77,7 @@ def test_drawings_are_those_of_rviz_in_the_frame_of_the_map(source):
 
 @pytest.mark.slow
 def test_the_live_view_draws_what_a_node_shows(source, page_of):  # noqa: F811
-    session = LiveSession(LiveSettings(track="oval", controller=source))
+    session = LiveSession(Setup.of(track="oval", controller=source))
     assert session.drawings() == []
     for _ in range(3):
         session.tick()

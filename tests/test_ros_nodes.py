@@ -638,7 +638,7 @@ def test_a_node_of_several_files_is_not_sent_to_a_cluster(tmp_path):
     launch = tmp_path / "launch.yaml"
     launch.write_text(f"nodes:\n- {{file: {NODES / 'wall_follow.py'}}}\n")
     with pytest.raises(ControllerError, match="has several files; accepted on a Ray cluster: a node of one file"):
-        fg.rollout("oval", f"ros:{launch}", n=1, laps=1, duration=0.1, engine="ray")
+        fg.rollout("oval", f"ros:{launch}", n=1, laps=1, time_limit=0.1, executor="ray")
 
 
 def test_nodes_race_each_other_and_in_rollouts(node):
@@ -646,7 +646,7 @@ def test_nodes_race_each_other_and_in_rollouts(node):
     entries = [fg.Entry(controller=f"ros:{NODES / 'wall_follow.py'}"), fg.Entry(controller=source)]
     result = fg.race("oval", entries=entries, laps=1, time_limit=2.0)
     assert [round(car["max_speed_m_s"]) for car in result.cars] == [2, 1]
-    worlds = fg.rollout("oval", source, n=2, laps=1, duration=1.0)
+    worlds = fg.rollout("oval", source, n=2, laps=1, time_limit=1.0)
     assert len(worlds) == 2
 
 

@@ -201,8 +201,8 @@ def test_nodes_with_a_map_and_others_have_the_same_bits_alone_and_in_threads(wri
         'self.create_subscription(OccupancyGrid, "/map", lambda m: self.got.update(map=m), 1)',
         "assert len(self.got['map'].data) > 1000\nself.drive(1.0 + message.ranges[540] / 100.0)",
     )
-    alone = fg.rollout("oval", source, n=4, laps=1, duration=0.6)
-    other = fg.rollout("oval", source, n=4, laps=1, duration=0.6, engine="processes", workers=1)
+    alone = fg.rollout("oval", source, n=4, laps=1, time_limit=0.6)
+    other = fg.rollout("oval", source, n=4, laps=1, time_limit=0.6, executor="processes", workers=1)
     assert (alone["max_speed_m_s"] > 0.5).all()
     for name in ("distance_m", "max_speed_m_s"):
         assert alone[name].tolist() == other[name].tolist()

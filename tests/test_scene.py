@@ -243,7 +243,7 @@ def test_a_batch_keeps_the_scenes_rules():
     assert results.rows["end_reason"].tolist() == ["time_limit"]
     with pytest.raises(fg.SettingsError, match="laps is 2"):
         drive_worlds([fg.Scenario(track=short)], "gap_finder", laps=2)
-    results = drive_worlds([fg.Scenario(track=scene(), max_speed=4.0)], "gap_finder", duration=20.0)
+    results = drive_worlds([fg.Scenario(track=scene(), max_speed=4.0)], "gap_finder", time_limit=20.0)
     assert (results.rows["end_reason"].tolist(), results.rows["laps_completed"].tolist()) == (["finished"], [1])
 
 
@@ -257,7 +257,7 @@ def test_worlds_of_a_rollout_drive_the_scene_as_a_race_does(tmp_path):
     again = fg.read_rollout(tmp_path / "out")
     assert len(set(result.worlds["seed"])) == 6
     for world in range(6):
-        scenario = again.scenario(world)  # its course is read from the folder
+        scenario = again.setup(world)  # its course is read from the folder
         assert scenario.track.name == (name, "scene:slow_leader:0")[world % 2]
         alone = fg.race(scenario.track, start=scenario.start, seed=scenario.seed, effects=scenario.effects)
         assert result["end_reason"][world] == alone.car.end_reason
@@ -267,7 +267,7 @@ def test_worlds_of_a_rollout_drive_the_scene_as_a_race_does(tmp_path):
 
 def test_the_same_scene_is_driven_whatever_the_seeds_of_the_worlds_are():
     first, second = (
-        fg.rollout("scene:crossing_box:3", n=2, seed=seed, duration=0.1, record="states") for seed in (1, 2)
+        fg.rollout("scene:crossing_box:3", n=2, seed=seed, time_limit=0.1, record="states") for seed in (1, 2)
     )
     for world in range(2):
         np.testing.assert_array_equal(first.states(world), second.states(world))  # no noise, nothing randomised

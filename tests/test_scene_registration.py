@@ -91,8 +91,8 @@ def test_it_is_compared_with_the_bundled_ones(register, tmp_path):
     comparison = fg.compare(
         ["gap_finder"],
         scenes=["doorway"],
-        seeds=[0, 1],
-        max_speeds=[3.0],
+        seed=[0, 1],
+        max_speed=[3.0],
         out=tmp_path / "out",
         workers=1,
         pictures=False,

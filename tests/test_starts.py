@@ -12,8 +12,9 @@ from fg_mujoco.cli.main import main
 from fg_mujoco.course.standing import off_course, stands_in_something
 from fg_mujoco.envs.dm_environment import load
 from fg_mujoco.errors import SettingsError
+from fg_mujoco.racing.setup import Setup
 from fg_mujoco.studies.rollout.drive_worlds import drive_worlds
-from fg_mujoco.viz.live.live_session import LiveSession, LiveSettings
+from fg_mujoco.viz.live.live_session import LiveSession
 
 CAR = fg.Vehicle.load("f1tenth").parameters
 BEYOND, IN_WALL = fg.Start(offset=3.0), fg.Start(offset=1.1)  # the oval is 2.2 m wide
@@ -110,9 +111,9 @@ def test_several_cars_may_start_beside_an_obstacle():
 @pytest.mark.parametrize("start", [BEYOND, IN_WALL])
 def test_a_rollout_and_the_live_view_refuse_it(start):
     with pytest.raises(SettingsError, match="the car does not fit on "):
-        fg.rollout("oval", n=2, start=start, duration=0.1)
+        fg.rollout("oval", n=2, start=start, time_limit=0.1)
     with pytest.raises(SettingsError, match="the car does not fit on "):
-        LiveSession(LiveSettings(start=start))
+        LiveSession(Setup.of(start=start))
 
 
 @pytest.mark.parametrize("start", [BEYOND, IN_WALL])
@@ -138,7 +139,7 @@ def test_a_simulation_that_is_stepped_by_hand_says_that_it_has_crashed():
 
 
 def test_a_rollout_has_a_crash_at_0_s_where_it_is_drawn():
-    result = fg.rollout("oval", n=40, randomize={"start_offset": (-3.0, 3.0)}, duration=0.5)
+    result = fg.rollout("oval", n=40, randomize={"start_offset": (-3.0, 3.0)}, time_limit=0.5)
     aside = np.abs(result["start_offset"])
     beyond, clear = aside > 1.1, aside < 1.1 - 0.5 * CAR.width - 0.05
     assert beyond.any() and clear.any()
@@ -150,22 +151,22 @@ def test_a_rollout_has_a_crash_at_0_s_where_it_is_drawn():
 
 def test_among_opponents_too():
     drawn = {"start_offset": [-3.0, 0.0]}
-    result = fg.rollout("oval", n=8, randomize=drawn, duration=0.5, opponents=["gap_finder"])
+    result = fg.rollout("oval", n=8, randomize=drawn, time_limit=0.5, opponents=["gap_finder"])
     beyond = result["start_offset"] < -1.0
     assert beyond.any() and not beyond.all()
     assert (result["end_reason"] == np.where(beyond, "crash", "time_limit")).all()
 
 
 def test_other_worlds_are_the_same_bits():
-    result = fg.rollout("oval", n=6, randomize={"start_offset": [0.0, 3.0]}, duration=0.5, record="states")
+    result = fg.rollout("oval", n=6, randomize={"start_offset": [0.0, 3.0]}, time_limit=0.5, record="states")
     own = int(np.flatnonzero(result["start_offset"] == 0.0)[0])
-    alone = drive_worlds([result.scenario(own)], "gap_finder", duration=0.5, record="states")
+    alone = drive_worlds([result.setup(own)], "gap_finder", time_limit=0.5, record="states")
     assert (alone.states[0] == result.states(own)).all()
     assert len(result.states(int(np.flatnonzero(result["start_offset"] == 3.0)[0]))) == 1
 
 
 def test_the_command_line_counts_what_is_drawn(capsys):
-    assert main(["rollout", "--n", "20", "--duration", "0.1", "--randomize", "start_offset=1.5"]) == 0
+    assert main(["rollout", "--n", "20", "--time-limit", "0.1", "--randomize", "start_offset=1.5"]) == 0
     assert "20: 20 crash" in capsys.readouterr().out
 
 

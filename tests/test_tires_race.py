@@ -13,6 +13,7 @@ from fg_mujoco.cli.main import main
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.racing.replay import replay
 from fg_mujoco.racing.result import trajectory_sha256
+from fg_mujoco.racing.setup import Setup
 from fg_mujoco.simulation.cars import CAR_PREFIX
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.physics import STATE
@@ -22,7 +23,7 @@ from fg_mujoco.vehicle.changes import CarChanges
 from fg_mujoco.vehicle.tire_forces import TireForces
 from fg_mujoco.vehicle.tire_slip import slides_above
 from fg_mujoco.vehicle.tires import Tires
-from fg_mujoco.viz.live.live_session import LiveSession, LiveSettings
+from fg_mujoco.viz.live.live_session import LiveSession
 from fg_mujoco.viz.rendering.force_arrows import TireForceMeter
 
 NUC2 = "forzaeth_nuc2"
@@ -91,7 +92,7 @@ SCENARIOS = (
 
 
 def test_a_world_of_a_batch_is_that_world_raced_alone():
-    together = drive_worlds(SCENARIOS, "gap_finder", duration=1.5, record="states")
+    together = drive_worlds(SCENARIOS, "gap_finder", time_limit=1.5, record="states")
     assert len({states[-1].tobytes() for states in together.states}) == len(SCENARIOS)
     for i, scenario in enumerate(SCENARIOS):
         raced = fg.race(
@@ -104,10 +105,10 @@ def test_a_world_of_a_batch_is_that_world_raced_alone():
 
 
 def test_a_rollout_draws_the_peak_of_the_tires():
-    result = fg.rollout("oval", n=4, tires=NUC2, randomize={"mu": (0.5, 0.9)}, duration=1.0, workers=1)
+    result = fg.rollout("oval", n=4, tires=NUC2, randomize={"mu": (0.5, 0.9)}, time_limit=1.0, workers=1)
     assert len({row["mu"] for row in result.worlds}) == 4
     with pytest.raises(fg.SettingsError, match="tires 'nuc3' are not known"):
-        fg.rollout("oval", n=1, tires="nuc3", duration=1.0)
+        fg.rollout("oval", n=1, tires="nuc3", time_limit=1.0)
 
 
 def test_scenes_obstacles_that_move_and_environments():
@@ -120,7 +121,7 @@ def test_scenes_obstacles_that_move_and_environments():
 
 
 def test_the_live_view_keeps_the_tires_and_changes_their_peak():
-    session = LiveSession(LiveSettings(tires=NUC2))
+    session = LiveSession(Setup.of(tires=NUC2))
     for _ in range(20):
         assert session.tick()
     before = session.simulation.state
@@ -208,7 +209,7 @@ def test_patches_are_part_of_any_world(tires, tmp_path):
     fg.write_run(raced, tmp_path / "run", picture=False)
     assert replay(tmp_path / "run").identical
     scenarios = [Scenario(tires=tires, patches=(ICE,), planner_mu=1.05, mu=mu) for mu in (None, 0.5)]
-    together = drive_worlds(scenarios, "gap_finder", duration=4.0, record="states")
+    together = drive_worlds(scenarios, "gap_finder", time_limit=4.0, record="states")
     assert same_bits(together.states[0], raced.states) and same_bits(together.telemetry[0], raced.car.telemetry)
     alone = fg.race("oval", laps=100, time_limit=4.0, tires=tires, patches=(ICE,), planner_mu=1.05, mu=0.5)
     assert same_bits(together.states[1], alone.states) and same_bits(together.telemetry[1], alone.car.telemetry)

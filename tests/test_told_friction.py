@@ -13,12 +13,13 @@ from fg_mujoco.cli.config import parse
 from fg_mujoco.cli.main import _parser, main
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.envs.worlds import Worlds
+from fg_mujoco.racing.setup import Setup
 from fg_mujoco.simulation.settings import DriveSettings
 from fg_mujoco.simulation.telemetry import COMMAND
 from fg_mujoco.studies.comparison.run import ComparisonSettings
 from fg_mujoco.studies.friction_lab.lab_laps import LabWorld, drive_laps
 from fg_mujoco.studies.overtaking.duel import DuelSettings
-from fg_mujoco.viz.live.live_session import LiveSession, LiveSettings
+from fg_mujoco.viz.live.live_session import LiveSession
 
 TELLS = """
 from fg_mujoco.messages import DriveCommand
@@ -64,9 +65,9 @@ def test_a_race_a_rollout_and_the_live_view_tell_what_is_set(settings, expected)
     race = fg.race("oval", TOLD, time_limit=0.02, **settings)
     assert told(race.car.telemetry) == expected
     assert min(race.car.planner_mu, 9.0) == expected
-    rollout = fg.rollout("oval", TOLD, n=1, duration=0.02, record="telemetry", **settings)
+    rollout = fg.rollout("oval", TOLD, n=1, time_limit=0.02, record="telemetry", **settings)
     assert told(rollout.telemetry(0)) == expected
-    session = LiveSession(LiveSettings(controller=TOLD, **settings))
+    session = LiveSession(Setup.of(controller=TOLD, **settings))
     session.tick()
     assert session.simulation.engine.commands[0, 1] == expected
 
@@ -114,24 +115,24 @@ def test_the_friction_lab_tells_the_mu_of_its_world_and_its_own_where_it_says_so
 
 
 def test_what_is_drawn_is_not_told():
-    result = fg.rollout("oval", TOLD, n=4, duration=0.02, record="telemetry", randomize={"mu": (0.5, 0.7)})
+    result = fg.rollout("oval", TOLD, n=4, time_limit=0.02, record="telemetry", randomize={"mu": (0.5, 0.7)})
     assert (result["mu"] < 0.7).all()
     assert [told(result.telemetry(i)) for i in range(4)] == [OWN] * 4
-    one = result.scenario(0)
+    one = result.setup(0)
     alone = fg.race("oval", TOLD, time_limit=0.02, changes=one.changes, planner_mu=one.planner_mu)
     assert told(alone.car.telemetry) == OWN and alone.car.mu == pytest.approx(result["mu"][0], rel=1e-5)
 
 
 def test_what_is_drawn_for_the_planner_stays_what_it_assumes():
     randomize = {"mu": (0.5, 0.7), "planner_mu": [0.8]}
-    result = fg.rollout("oval", TOLD, n=1, duration=0.02, record="telemetry", randomize=randomize)
+    result = fg.rollout("oval", TOLD, n=1, time_limit=0.02, record="telemetry", randomize=randomize)
     assert told(result.telemetry(0)) == 0.8
-    given = fg.rollout("oval", TOLD, n=1, duration=0.02, record="telemetry", mu=0.6, randomize={"planner_mu": [0.8]})
+    given = fg.rollout("oval", TOLD, n=1, time_limit=0.02, record="telemetry", mu=0.6, randomize={"planner_mu": [0.8]})
     assert told(given.telemetry(0)) == 0.8
 
 
 def test_a_live_view_whose_tires_change_tells_the_planner_until_it_was_given_another():
-    session = LiveSession(LiveSettings(controller=TOLD))
+    session = LiveSession(Setup.of(controller=TOLD))
     for name, value, expected in (("mu", 0.5, 0.5), ("planner_mu", 0.7, 0.7), ("mu", 0.4, 0.7)):
         session.change(name, value)
         session.tick()
@@ -145,7 +146,7 @@ def test_the_view_in_a_browser_shows_both_and_its_slider_follows_while_it_is_unt
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    session = LiveSession(LiveSettings(mu=0.6))
+    session = LiveSession(Setup.of(mu=0.6))
     with LiveView(session, port=port) as view:
         for name, value, text, slider in (
             ("max_speed", 5.0, "mu 0.6; the planner assumes 0.6", 0.6),
@@ -208,10 +209,10 @@ def test_table_and_report_show_both(told_mu, text, here, capsys):
 
 
 def test_tables_of_studies_show_both(here, capsys):
-    main(["rollout", "--n", "1", "--duration", "0.1", "--mu", "0.6", "--planner-mu", "0.8"])
+    main(["rollout", "--n", "1", "--time-limit", "0.1", "--mu", "0.6", "--planner-mu", "0.8"])
     assert "  friction          mu 0.6; the planner assumes 0.8\n" in capsys.readouterr().out
-    main(["rollout", "--n", "1", "--duration", "0.1", "--randomize", "mu=0.5:0.6"])
+    main(["rollout", "--n", "1", "--time-limit", "0.1", "--randomize", "mu=0.5:0.6"])
     assert f"  friction          mu as drawn; the planner assumes {OWN:.4g}\n" in capsys.readouterr().out
-    grid = ["--tracks", "oval", "--laps", "1", "--time-limit", "0.1", "--workers", "1", "--out", "out", "--seeds", "0"]
-    main(["compare", "--controllers", "gap_finder", *grid, "--mu", "0.6"])
+    grid = ["--track", "oval", "--laps", "1", "--time-limit", "0.1", "--workers", "1", "--out", "out", "--seed", "0"]
+    main(["compare", "--controller", "gap_finder", *grid, "--mu", "0.6"])
     assert "mu 0.6; the planner assumes 0.6" in capsys.readouterr().out

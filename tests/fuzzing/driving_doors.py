@@ -19,8 +19,9 @@ import fg_mujoco as fg
 from fg_mujoco import f110
 from fg_mujoco.f110.new_api import F110Env as NewEnv
 from fg_mujoco.racing.run_folder import write_run
+from fg_mujoco.racing.setup import Setup
 from fg_mujoco.viz.live.browser import LiveView
-from fg_mujoco.viz.live.live_session import LiveSession, LiveSettings
+from fg_mujoco.viz.live.live_session import LiveSession
 
 from .course_doors import ring
 from .door import SHORT, Attempt, Door, as_text, command, ignore_refusal
@@ -109,7 +110,7 @@ def _live_session(samples: Path, here: Path, rng: Generator) -> Attempt:
         settings[one_of(rng, names)] = one_of(rng, VALUES)
 
     def play() -> None:
-        session = LiveSession(LiveSettings(**settings))
+        session = LiveSession(Setup.of(**settings))
         for _ in range(6):
             what = int(rng.integers(5))
             if what == 0:
@@ -200,7 +201,7 @@ def _several_cars(samples: Path, here: Path, rng: Generator) -> Attempt:
     arguments: list[Any] = ["--track", one_of(rng, ("oval", "oval", "ring.csv", "map.yaml", "scene:u_turn_trap:3"))]
     for _ in range(int(rng.integers(1, 4))):
         opponent = one_of(rng, _OPPONENTS)
-        arguments.append(f"--opponent={as_text(mutated(opponent.encode(), rng)) if rng.random() < 0.5 else opponent}")
+        arguments.append(f"--opponents={as_text(mutated(opponent.encode(), rng)) if rng.random() < 0.5 else opponent}")
     if rng.random() < 0.5:
         arguments.append(f"--opponent-max-speed={one_of(rng, (*NUMBERS, '3', '3'))}")
     if rng.random() < 0.4:

@@ -23,8 +23,8 @@ from fg_mujoco.racing.run_folder import write_run
 from .door import SHORT, Attempt, Door, command
 from .mutations import WORDS, mutated, mutated_binary, one_of
 
-QUICK = ("--n", "3", "--duration", "0.05", "--chunk", "1", "--workers", "1")
-COMPARED = ("--controllers", "gap_finder", "--tracks", "oval", "--seeds", "0:1", "--laps", "1", "--time-limit", "0.05")
+QUICK = ("--n", "3", "--time-limit", "0.05", "--chunk", "1", "--workers", "1")
+COMPARED = ("--controller", "gap_finder", "--track", "oval", "--seed", "0:1", "--laps", "1", "--time-limit", "0.05")
 
 
 def run(samples: Path) -> None:

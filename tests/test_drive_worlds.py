@@ -34,7 +34,7 @@ DURATION = 2.0
 
 @pytest.fixture(scope="module")
 def together():
-    return drive_worlds(SCENARIOS, "gap_finder", duration=DURATION, record="states")
+    return drive_worlds(SCENARIOS, "gap_finder", time_limit=DURATION, record="states")
 
 
 def alone(scenario, **settings):
@@ -76,7 +76,7 @@ def test_the_scenarios_differ(together):
 
 @pytest.mark.parametrize("order", ([3, 1, 2], [8, 0], [6], [5, 4, 9, 7]))
 def test_the_others_and_the_order_make_no_difference(together, order):
-    again = drive_worlds([SCENARIOS[i] for i in order], "gap_finder", duration=DURATION, record="states")
+    again = drive_worlds([SCENARIOS[i] for i in order], "gap_finder", time_limit=DURATION, record="states")
     for place, i in enumerate(order):
         assert same_bits(again.states[place], together.states[i])
         assert again.rows[place].tobytes() == together.rows[i].tobytes()
@@ -86,7 +86,7 @@ def test_threads_make_no_difference(together):
     found = {}
 
     def work(place):
-        found[place] = drive_worlds(SCENARIOS[place::2], "gap_finder", duration=DURATION)
+        found[place] = drive_worlds(SCENARIOS[place::2], "gap_finder", time_limit=DURATION)
 
     threads = [threading.Thread(target=work, args=(place,)) for place in range(2)]
     for thread in threads:
@@ -201,7 +201,7 @@ def planners(tmp_path_factory):
 def test_a_planner_of_plain_python_drives_as_in_a_race(planners):
     source = f"{planners}:Straight"
     scenarios = [Scenario(effects=NOISY, max_speed=2.0), Scenario(max_speed=7.0, track="tight")]
-    results = drive_worlds(scenarios, source, duration=DURATION, record="states")
+    results = drive_worlds(scenarios, source, time_limit=DURATION, record="states")
     for i, scenario in enumerate(scenarios):
         assert same_bits(results.states[i], alone(scenario, controller=source).states)
     assert results.rows["end_reason"].tolist() == ["time_limit", "crash"]
@@ -211,7 +211,7 @@ def test_a_planner_of_plain_python_drives_as_in_a_race(planners):
 @pytest.mark.parametrize(("name", "ticks"), (("Raises", 3), ("Together", 5)))
 def test_a_planner_that_fails_ends_its_world_and_no_other(planners, name, ticks):
     scenarios = [Scenario(max_speed=speed) for speed in (1.0, 3.0, 2.0)]
-    results = drive_worlds(scenarios, f"{planners}:{name}", duration=0.5, record="telemetry")
+    results = drive_worlds(scenarios, f"{planners}:{name}", time_limit=0.5, record="telemetry")
     assert results.rows["end_reason"].tolist() == ["time_limit", "planner_failed", "time_limit"]
     assert results.rows["sim_time_s"] == pytest.approx([0.5, ticks * 0.025, 0.5])
     assert [len(telemetry) for telemetry in results.telemetry] == [20, ticks, 20]
@@ -226,7 +226,7 @@ def test_a_state_that_mujoco_warns_of_ends_its_world_and_no_other(monkeypatch):
         self.state(1)[1:4] = 1e12  # time comes first, then positions
 
     monkeypatch.setattr(Engine, "place", place_badly)
-    results = drive_worlds([Scenario(), Scenario()], "gap_finder", duration=0.5)
+    results = drive_worlds([Scenario(), Scenario()], "gap_finder", time_limit=0.5)
     assert results.rows["end_reason"].tolist() == ["time_limit", "unstable"]
 
 
