@@ -35,12 +35,15 @@ class TomlFile:
         """Return the file and the line on which a top-level key is first given."""
         return f"{self.path}, line {_line(self.text, key)}"
 
-    def place_of(self, message: str) -> str:
-        """Return where the first key is given that a message names; the file alone where it names none."""
-        words = re.findall(r"[a-z_][a-z0-9_-]*", message)
-        named = [key for key in self.values if key.replace("-", "_") in words or key in words]
-        first = min(named, key=lambda key: message.find(key.replace("-", "_")), default=None)
-        return str(self.path) if first is None else self.where(first)
+    def placed(self, message: str) -> str:
+        """Return a message about a setting after the place of the first key that it names, as the file spells it."""
+        names = {key.replace("-", "_"): key for key in self.values}
+        for word in re.finditer(r"[A-Za-z_][A-Za-z0-9_]*", message):
+            key = names.get(word[0])
+            if key is not None:
+                spelled = f"{message[: word.start()]}{key}{message[word.end() :]}" if word.start() == 0 else message
+                return f"{self.where(key)}: {spelled}"
+        return f"{self.path}: {message}"
 
 
 def read_toml(path: str | Path) -> TomlFile:

@@ -64,7 +64,7 @@ class Executor:
 
     def __post_init__(self) -> None:
         if self.kind == "local":
-            raise SettingsError("executor 'local' is called 'threads' now")
+            raise SettingsError("executor is 'local', which is called 'threads' now; accepted: threads, processes, ray")
         if self.kind not in EXECUTORS:
             raise SettingsError(f"executor is {self.kind!r}; {accepted_names(self.kind, EXECUTORS)}")
         require_whole("chunk", self.chunk, 1)
