@@ -14,6 +14,7 @@ from fg_mujoco.course.definitions import course_sha256
 from fg_mujoco.course.lap_timer import LapTimer
 from fg_mujoco.course.obstacles import Box
 from fg_mujoco.course.scenes.parts import corridor, mirrored, rounded_way, walls_round
+from fg_mujoco.simulation.settings import Scenario
 from fg_mujoco.studies.rollout.drive_worlds import drive_worlds
 
 TICK = 0.025
@@ -223,8 +224,8 @@ def test_nor_is_to_come_back_and_stand_there():
 @pytest.mark.parametrize("name", ("corridor_sparse:1", "dead_end:0", "square_corner:2"))
 def test_a_batch_is_the_race_to_the_last_bit(name):
     scenarios = [
-        fg.Scenario(track=f"scene:{name}", max_speed=3.0),
-        fg.Scenario(track=f"scene:{name}", max_speed=4.0, start=fg.Start(s=1.0, offset=0.1), seed=3,
+        Scenario(track=f"scene:{name}", max_speed=3.0),
+        Scenario(track=f"scene:{name}", max_speed=4.0, start=fg.Start(s=1.0, offset=0.1), seed=3,
                     effects=fg.LidarEffects(range_noise_std=0.01)),
     ]  # fmt: skip
     results = drive_worlds(scenarios, "gap_finder", laps=1, record="states")
@@ -239,11 +240,11 @@ def test_a_batch_is_the_race_to_the_last_bit(name):
 
 def test_a_batch_keeps_the_scenes_rules():
     short = scene(time_limit=1.0)
-    results = drive_worlds([fg.Scenario(track=short, max_speed=0.5)], "gap_finder", laps=1)
+    results = drive_worlds([Scenario(track=short, max_speed=0.5)], "gap_finder", laps=1)
     assert results.rows["end_reason"].tolist() == ["time_limit"]
     with pytest.raises(fg.SettingsError, match="laps is 2"):
-        drive_worlds([fg.Scenario(track=short)], "gap_finder", laps=2)
-    results = drive_worlds([fg.Scenario(track=scene(), max_speed=4.0)], "gap_finder", time_limit=20.0)
+        drive_worlds([Scenario(track=short)], "gap_finder", laps=2)
+    results = drive_worlds([Scenario(track=scene(), max_speed=4.0)], "gap_finder", time_limit=20.0)
     assert (results.rows["end_reason"].tolist(), results.rows["laps_completed"].tolist()) == (["finished"], [1])
 
 
@@ -257,9 +258,9 @@ def test_worlds_of_a_rollout_drive_the_scene_as_a_race_does(tmp_path):
     again = fg.read_rollout(tmp_path / "out")
     assert len(set(result.worlds["seed"])) == 6
     for world in range(6):
-        scenario = again.setup(world)  # its course is read from the folder
-        assert scenario.track.name == (name, "scene:slow_leader:0")[world % 2]
-        alone = fg.race(scenario.track, start=scenario.start, seed=scenario.seed, effects=scenario.effects)
+        setup = again.setup(world)  # its course is read from the folder
+        assert setup.track.name == (name, "scene:slow_leader:0")[world % 2]
+        alone = fg.race(setup)
         assert result["end_reason"][world] == alone.car.end_reason
         np.testing.assert_array_equal(result.states(world), alone.states)
     assert [course_sha256(course) for course in again.tracks] == [course_sha256(course) for course in result.tracks]

@@ -94,7 +94,7 @@ def test_an_opponent_in_a_car_like_the_learning_one_is_told_what_that_is_set_to(
 
 
 def test_a_comparison_and_a_duel_tell_what_is_set(here):
-    grid = {"tracks": ["oval"], "seeds": [0], "laps": 1, "time_limit": 1.0, "workers": 1, "pictures": False, "mu": 0.6}
+    grid = {"track": ["oval"], "seed": [0], "laps": 1, "time_limit": 1.0, "workers": 1, "pictures": False, "mu": 0.6}
     for planner_mu, expected in ((None, 0.6), (0.9, 0.9)):
         result = fg.compare([TOLD], out=f"out{planner_mu}", planner_mu=planner_mu, **grid)
         race = fg.race("oval", TOLD, laps=1, time_limit=1.0, mu=0.6, planner_mu=expected)
