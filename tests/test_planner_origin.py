@@ -74,7 +74,7 @@ def test_a_planner_that_a_package_registers_is_listed_and_made_by_its_name(insta
 
 def test_it_races(installed):
     installed("crawlers", {"crawler": "crawlers:Crawler"})
-    assert fg.race("oval", "crawler", laps=1, time_limit=0.2).column("speed_m_s")[-1] > 0.0
+    assert fg.race("oval", "crawler", laps=1, time_limit=0.2).car.column("speed_m_s")[-1] > 0.0
 
 
 def test_a_bundled_name_stays_the_bundled_planner(installed):

@@ -114,7 +114,7 @@ def test_every_long_command_shows_it_by_the_same_line(name, terminal, stderr, tm
         raise KeyboardInterrupt
 
     place = {
-        "race": "fg_mujoco.cli.main.race", "rollout": "fg_mujoco.cli.rollout.rollout",
+        "race": "fg_mujoco.cli.race.race_setup", "rollout": "fg_mujoco.cli.rollout.rollout_setup",
         "compare": "fg_mujoco.cli.compare.compare", "overtake": "fg_mujoco.cli.overtake.overtake",
         "friction": "fg_mujoco.cli.friction.run_lab", "identify": "fg_mujoco.ros.bag_drive.identify",
     }[name]  # fmt: skip

@@ -85,7 +85,7 @@ def test_crash_when_the_car_drives_straight_on():
 def test_crash_into_an_obstacle():
     result = race(lambda time: (0.0, 2.0), obstacles=(fg.Cylinder(x=3.0, y=0.0, radius=0.2),))
     assert result.car.end_reason == "crash" and result.car.column("x_m")[-1] < 3.0 - 0.2
-    assert race(lambda time: (0.0, 2.0), time_limit=result.sim_time_s).end_reason == "time_limit"
+    assert race(lambda time: (0.0, 2.0), time_limit=result.sim_time_s).car.end_reason == "time_limit"
 
 
 def test_no_progress_when_the_car_stands_for_ten_seconds():
@@ -297,7 +297,7 @@ def test_a_controller_object_is_raced_as_it_is_and_named_by_its_class():
     planner = Recorder(lambda time: (0.0, 0.5))
     result = fg.race("oval", planner, laps=1, time_limit=0.1)
     assert result.car.controller == "Recorder" and len(planner.said) == 4
-    assert fg.race("oval", "gap_finder", laps=1, time_limit=0.1).controller == "gap_finder"
+    assert fg.race("oval", "gap_finder", laps=1, time_limit=0.1).car.controller == "gap_finder"
 
 
 def test_a_controller_that_fails_in_mid_race_is_named_with_the_time():

@@ -114,7 +114,7 @@ def test_a_world_is_the_race_of_its_entries(some):
         assert same(result.telemetry(world), race.car.telemetry)
         for name in ("end_reason", "laps_completed", "collisions", "max_slide_m_s", "mean_speed_m_s", "sim_time_s"):
             assert result[name][world] == getattr(race, name), name
-        assert result["position"][world] == race.cars[0]["position"]
+        assert result["position"][world] == race.cars[0].position
 
 
 def test_opponents_are_the_same_cars_in_each_world_with_noise_of_their_own():
@@ -155,7 +155,7 @@ def test_a_slow_car_is_overtaken_and_loses():
     fast = Entry(max_speed=4.0, name="fast")
     result = fg.rollout("scene:slow_leader:1", n=1, opponents=[fast], max_speed=1.0, laps=1)
     race = fg.race("scene:slow_leader:1", entries=result.entries(0), laps=1)
-    assert (result["winner"][0], result["position"][0]) == ("fast", 2) == (race.winner, race.cars[0]["position"])
+    assert (result["winner"][0], result["position"][0]) == ("fast", 2) == (race.winner, race.cars[0].position)
     summary = result.summary()
     assert summary["wins"] == 0.0 and summary["mean_position"] == 2.0
     assert summary["overtaken_per_world"] == sum(overtake.of == "car_0" for overtake in race.overtakes)

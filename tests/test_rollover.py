@@ -157,7 +157,7 @@ def test_an_episode_ends_terminated_and_costs_as_a_crash():
 
 def test_the_live_view_stops_and_says_so():
     from fg_mujoco.racing.setup import Setup
-from fg_mujoco.viz.live.live_session import LiveSession
+    from fg_mujoco.viz.live.live_session import LiveSession
 
     session = LiveSession(Setup.of(track="oval"))
     session.tick()

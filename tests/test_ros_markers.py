@@ -154,4 +154,4 @@ def test_a_race_is_the_same_whether_its_nodes_are_watched_or_not(source):
     watched = make(source)
     watched.drawings()
     assert commands(watched, 5) == commands(make(source), 5)
-    assert fg.race("oval", source, laps=1, time_limit=0.3).max_speed_m_s > 0.3
+    assert fg.race("oval", source, laps=1, time_limit=0.3).car.max_speed_m_s > 0.3
