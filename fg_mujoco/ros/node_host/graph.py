@@ -199,8 +199,8 @@ class Graph:
         self.newest: dict[str, Any] = {}  # message that a node has published, by topic
         self.journal: list[tuple[int, str, Any]] | None = None  # time, topic and message of all that nodes publish
         self.listener: Any = None  # what takes the values that nodes show by `fg_mujoco.show`; None: nobody looks
-        self.provided: dict[str, str] = {}  # types of the topics that the door publishes on
-        self.answers: dict[str, Callable[[Any], Any]] = {}  # services that the door answers, by name
+        self.provided: dict[str, str] = {}  # types of the topics that the host publishes on
+        self.answers: dict[str, Callable[[Any], Any]] = {}  # services that the host answers, by name
         self.transforms: dict[str, tuple[str, Any]] = {}  # child frame -> parent frame, matrix (4, 4)
         self._read = 0  # [ns] last time that a node has read
         self.ticks = 0

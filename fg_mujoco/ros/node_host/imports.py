@@ -44,7 +44,7 @@ class StandIn(ModuleType):
 
 
 class LackingError(AttributeError):
-    """A name that a stand-in has not: the door's lack, which no node can be blamed for."""
+    """A node uses a name that a stub lacks: a fault of the stub and not of the node."""
 
 
 def lacks(module: ModuleType, name: str) -> str:

@@ -527,7 +527,7 @@ def refusal(value: Unknown) -> str:
     text = value.text if len(value.text) <= 80 else value.text[:77] + "..."
     return (
         f"{' '.join(text.split())} {value.why} ({value.file}, line {value.line}); accepted: Python of constants, "
-        "paths, YAML files and launch arguments, or a file of the door's own: ros:launch.yaml"
+        "paths, YAML files and launch arguments, or a launch file of this package's own form: ros:launch.yaml"
     )
 
 

@@ -142,7 +142,7 @@ class Rospy:
         if value is KeyError:
             raise MissingParameter(
                 f"parameter {name} is not given, and has no default; accepted: [{short}=VALUE], or a file: "
-                "[door.params=FILE.yaml]"
+                "[host.params=FILE.yaml]"
             )
         return float(value) if isinstance(default, float) and type(value) is int else value
 

@@ -1,7 +1,7 @@
 """Services: requests go to who offers them, as messages do, and are answered in that node's turn.
 
 A service is a subscription to a topic that no node can name. So requests are answered by the executors of the node
-that offers it, in the order in which all that it is told has come. The door itself answers at once.
+that offers it, in the order in which all that it is told has come. The host itself answers at once.
 """
 
 from __future__ import annotations

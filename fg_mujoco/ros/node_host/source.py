@@ -29,7 +29,7 @@ _JOINING = ("join", "joinpath")
 _READING = ("open", "loadtxt", "genfromtxt", "read_csv", "load")
 _FILE = ("file", "fname", "filepath_or_buffer")  # what these call their first argument
 FINDER = "__fg_mujoco_found__"
-"""What a path that a node reads goes through when it is executed: a function of the door's, among the builtins."""
+"""What a path that a node reads goes through when it is executed: a function of the host's, among the builtins."""
 _LONGEST_PATH = 1000  # characters
 _LEVELS = 4  # folders above the node's in which files are looked for
 
