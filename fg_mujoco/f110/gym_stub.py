@@ -192,7 +192,7 @@ class RescaleAction(ActionWrapper):
 
 
 class RecordNothing(Wrapper):
-    """Stands in for wrappers that record; nothing is recorded."""
+    """Stub of the wrappers that record; nothing is recorded."""
 
     def __init__(self, env: Any, *_: Any, **__: Any) -> None:
         super().__init__(env)
@@ -451,18 +451,18 @@ def really_installed(name: str) -> bool:
 
 
 def installed_base(name: str) -> type:
-    """Return the class Env of gym or gymnasium where it is installed, else the stand-in's."""
+    """Return the class Env of gym or gymnasium where it is installed, else the stub's."""
     found: type = importlib.import_module(name).Env if really_installed(name) else Env
     return found
 
 
 def spaces() -> Any:
-    """Return gymnasium's spaces where it is installed, else the stand-ins."""
+    """Return gymnasium's spaces where it is installed, else the stubs."""
     return importlib.import_module("gymnasium.spaces") if really_installed("gymnasium") else Spaces
 
 
 class Spaces:
-    """The spaces of the stand-in, by name."""
+    """The spaces of the stub, by name."""
 
     Space, Box, Discrete, MultiDiscrete, MultiBinary, Dict, Tuple = (
         Space, Box, Discrete, MultiDiscrete, MultiBinary, Dict, Tuple,

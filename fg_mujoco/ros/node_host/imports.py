@@ -1,4 +1,4 @@
-"""What the import statements of a node find: stand-ins for ROS, the user's own files, and other modules as they are.
+"""What the import statements of a node find: stubs of ROS, the user's own files, and other modules as they are.
 
 A node's file runs with an `__import__` of its own, so that nothing is put into `sys.modules` that others would see, and
 each planner has its own modules. The user's own files are looked for beside the node and in its package.
@@ -30,10 +30,10 @@ _LEVELS = 4  # folders above the node's in which packages of messages are looked
 
 
 class StandIn(ModuleType):
-    """A module that stands in for one of ROS."""
+    """A stub of a module of ROS."""
 
     def __init__(self, name: str, **members: Any) -> None:
-        super().__init__(name, f"Stands in for {name}.")
+        super().__init__(name, f"Stub of {name}.")
         self.__dict__.update(members)
         self.__path__: list[str] = []
 
@@ -48,7 +48,7 @@ class LackingError(AttributeError):
 
 
 def lacks(module: ModuleType, name: str) -> str:
-    """Return what is said of a name that a stand-in has not."""
+    """Return the message for a name that a stub lacks."""
     known = [each for each in vars(module) if not each.startswith("_")]
     return f"{module.__name__} has no {name!r} here, where no ROS is installed; {accepted_names(name, known)}"
 
@@ -85,7 +85,7 @@ class Imports:
       node: its file.
       graph: which is told of the files that are read.
       definitions: of messages; the user's own `.msg` files are added.
-      modules: that stand in, by name.
+      modules: the stubs, by name.
       overlays: of modules of Python, by name.
       drawing: of modules that draw random numbers, by name, for files that name such.
     """
@@ -140,7 +140,7 @@ class Imports:
         fromlist: Sequence[str] | None = (),
         level: int = 0,
     ) -> Any:
-        """Stand in for `__import__` in the files of a node."""
+        """Take the place of `__import__` in the files of a node."""
         wanted = tuple(fromlist or ())
         file, line = str((globals or {}).get("__file__")), sys._getframe(1).f_lineno
         unused = self._unused.get(file, {}).get(line, set())
@@ -186,7 +186,7 @@ class Imports:
         beside = self._beside(name, wanted)
         if beside is not None:
             return beside
-        found = self._stand_in(name)
+        found = self._stub(name)
         if found is not None:
             for each in wanted:
                 known = each == "*" or each in vars(found) or self._provides(found, each)
@@ -220,12 +220,12 @@ class Imports:
         if own is None:
             return None
         for each in (each for each in wanted if not hasattr(own, each)):
-            part = self._stand_in(f"{name}.{each}") if each in ("msg", "srv", "action", "cfg") else None
+            part = self._stub(f"{name}.{each}") if each in ("msg", "srv", "action", "cfg") else None
             if part is not None:
                 setattr(own, each, part)
         return own
 
-    def _stand_in(self, name: str) -> ModuleType | None:
+    def _stub(self, name: str) -> ModuleType | None:
         top, _, rest = name.partition(".")
         if name not in self._modules and rest in ("msg", "srv", "action") and self._package(top):
             self._hang(name)
@@ -247,11 +247,11 @@ class Imports:
         return found
 
     def _provides(self, module: ModuleType, name: str) -> bool:
-        """Say whether a stand-in has a name: a module in it, or a service, which is made when it is asked for."""
+        """Return whether a stub has a name: a module in it, or a service, which is made when it is used."""
         part = f"{module.__name__}.{name}"
         if isinstance(module, Services) or part in self._modules:
             return True
-        return name in ("msg", "srv", "action") and self._stand_in(part) is not None
+        return name in ("msg", "srv", "action") and self._stub(part) is not None
 
     def _package(self, name: str, *, beside: bool = True) -> bool:
         """Say whether there are messages of a package, and make its modules.

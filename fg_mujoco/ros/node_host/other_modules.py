@@ -1,4 +1,4 @@
-"""Stand-ins for small packages of ROS, and modules of Python whose clocks and threads are the simulated ones here."""
+"""Stubs of small packages of ROS, and modules of Python whose clocks and threads are the simulated ones here."""
 
 from __future__ import annotations
 

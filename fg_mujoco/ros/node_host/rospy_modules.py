@@ -1,4 +1,4 @@
-"""Stand-ins for rospy and its modules. Names, arguments and meanings are those of ROS 1 Noetic's rospy.
+"""Stubs of rospy and its modules. Names, arguments and meanings are those of ROS 1 Noetic's rospy.
 
 In ROS 1 callbacks come in threads of their own. Here they come while the node waits: in `spin`, `sleep`, `Rate.sleep`.
 An exception of a callback is logged there, and ends at most that thread. So it is here: the node goes on without the
