@@ -182,7 +182,7 @@ def _register_with(library: Any, id: str, entry: str) -> None:
 
 
 def is_of_the_script(file: str) -> bool:
-    """Say whether a file of a frame is a script's own, and not of Python, of this package, or of a library."""
+    """Return whether a file of a frame is a script's own, and not of Python, of this package, or of a library."""
     return not (file.startswith(("<", _PACKAGE, *_LIBRARIES)) or "site-packages" in file)
 
 

@@ -327,16 +327,16 @@ class Graph:
             self.deliver(publication.topic, copy.deepcopy(kept))
 
     def listens(self, topic: str) -> bool:
-        """Say whether a node listens to a topic."""
+        """Return whether a node listens to a topic."""
         return any(subscription.topic == topic for subscription in self.subscriptions)
 
     def read(self) -> int:
-        """Return what a node reads off a clock [ns]: simulated time, at one instant a microsecond later each time."""
+        """Return simulated time [ns]; each further reading at one instant is a microsecond later."""
         self._read = max(self.now, self._read + _READING)
         return self._read
 
     def wall_time(self) -> float:
-        """Return what a node reads off the wall clock [s]."""
+        """Return the wall clock's time as nodes read it [s]."""
         return self.read() / 1e9
 
     def place(self) -> str:

@@ -258,7 +258,7 @@ class LaunchFiles:
     # Values
 
     def _parameter_file(self, value: Any, place: str) -> Path | None:
-        """Return a file of parameters; as in ROS one that is not there is told of, and left out."""
+        """Return a file of parameters; as in ROS one that is not there gives a warning, and is left out."""
         if isinstance(value, Made) and value.kind == "ParameterFile":
             value = (*value.values, *value.named.values())[0]
         path = Path(self._text(value))
@@ -358,7 +358,7 @@ class LaunchFiles:
 
 
 def read_launch_python(path: Path, given: Mapping[str, Any], said: str) -> LaunchFiles:
-    """Return what a launch file starts.
+    """Return the nodes that a launch file starts.
 
     Args:
       path: of the file.

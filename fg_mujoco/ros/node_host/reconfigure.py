@@ -48,7 +48,7 @@ class _Reconfigure:
 
 
 def configurations(folders: Iterable[Path]) -> dict[str, Any]:
-    """Return what a package's module `cfg` has: `ControlConfig` of `Control.cfg`, with its `defaults`."""
+    """Return the members of a package's module `cfg`: `ControlConfig` of `Control.cfg`, with its `defaults`."""
     return {
         f"{file.stem}Config": type(f"{file.stem}Config", (), {"defaults": _defaults(file)})
         for folder in folders

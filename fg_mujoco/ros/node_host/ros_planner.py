@@ -3,7 +3,7 @@
     planner = find_node("ros:wall_follow.py:WallFollow")(car=car, max_speed=8.0, settings={"speed": 2.0})
     planner(scan, odometry)   # the last message on /drive
 
-Each tick the nodes are told the scan, the odometry and the pose, and do all that is due in simulated time. The last
+Each tick the nodes receive the scan, the odometry and the pose, and do all that is due in simulated time. The last
 message that they have published on the drive topic is the command. Before the first the car stands.
 """
 
@@ -183,7 +183,7 @@ class RosPlanner:
             raise
 
     def _run(self, act: Callable[[], None]) -> None:
-        """Let nodes run; an error in one of several is told with its own file and line."""
+        """Let nodes run; an error in one of several names its own file and line."""
         try:
             act()
         except Exception as error:
@@ -235,7 +235,7 @@ class RosPlanner:
         return DriveCommand(steering_angle=float(np.float32(asked[1])), speed=speed)
 
     def _silent(self) -> str:
-        """Return what is said of nodes that have published no command for long."""
+        """Return the message for nodes that have published no command within PATIENCE."""
         drives = self._driving.topics()
         waits = "".join(f"; it waits for {session.waits}" for session in self._sessions if session.waits)
         waits += "".join(f"; its callback failed: {session.failed}" for session in self._sessions if session.failed)
@@ -287,7 +287,7 @@ class RosPlanner:
 
 
 def _said(graph: Graph, program: Program) -> str:
-    """Return what nodes are called in messages."""
+    """Return the name of nodes for messages."""
     names = [process.name for process in graph.processes]
     return f"node {names[0]!r}" if len(names) == 1 else f"{program.path.name}"
 
@@ -322,7 +322,7 @@ def _with_arguments(program: Program, settings: Mapping[str, Any]) -> Program:
 
 
 def source_text(source: str) -> bytes:
-    """Return what the hash of `ros:...` is of: the node's file; of a launch file that and the nodes' files."""
+    """Return the code that `ros:...` names: the node's file; of a launch file that and the nodes' files."""
     return read_program(source).text
 
 
@@ -331,7 +331,7 @@ NODES = PlannerScheme(find=find_node, code=source_text)
 
 
 def _starter(session: Session, node: NodeFile, definitions: Definitions) -> Callable[[], None]:
-    """Return what the thread of a node does; nodes that talk to each other share the definitions of messages."""
+    """Return the function that the thread of a node runs; nodes of a planner share the definitions of messages."""
     rospy = node.flavour == ROS1
     modules = rospy_modules(session) if rospy else rclpy_modules(session)
     modules.update(transform_modules(session, node.flavour))
