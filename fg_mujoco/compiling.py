@@ -273,7 +273,7 @@ def _blas_unseen() -> Iterator[None]:
 
 
 def _calls_in_turn(library: Any) -> bool:
-    """Say whether functions in there call each other in turn: that is done by addresses."""
+    """Return whether functions in there call each other in turn: that is done by addresses."""
     prefix = library.codegen._rtlinker.PREFIX
     return any(variable.name.startswith(prefix) for variable in library._final_module.global_variables)
 

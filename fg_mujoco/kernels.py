@@ -95,7 +95,7 @@ def numbas(in_python: Any) -> Callable[[Callable[[], Any]], Any]:
 
 
 def _interpreted() -> bool:
-    """Say whether the user wants Python to run kernels, to step through them: see `interpreted`."""
+    """Return whether the user wants Python to run kernels, to step through them: see `interpreted`."""
     if "numba" in sys.modules:
         return bool(sys.modules["numba"].config.DISABLE_JIT)
     return os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")

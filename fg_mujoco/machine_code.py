@@ -283,7 +283,7 @@ def _target() -> Any:
 
 @cache
 def _is_there(name: str) -> bool:
-    """Say whether a name can be linked: LLVM ends the process where one cannot."""
+    """Return whether a name can be linked: LLVM ends the process where one cannot."""
     import llvmlite.binding as llvm
 
     return bool(llvm.address_of_symbol(name)) or hasattr(ctypes.pythonapi, name)

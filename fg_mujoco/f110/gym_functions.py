@@ -139,7 +139,7 @@ def check_ttc_jit(
     scan: FloatArray, vel: float, scan_angles: FloatArray, cosines: FloatArray, side_distances: FloatArray,
     ttc_thresh: float,
 ) -> bool:  # fmt: skip
-    """Say whether a car would touch what a beam sees sooner than a time [s], going on at its speed [m/s]."""
+    """Return whether a car would touch what a beam sees sooner than a time [s], going on at its speed [m/s]."""
     if vel == 0.0:
         return False
     for beam in range(len(scan)):
@@ -188,7 +188,7 @@ def get_dt(bitmap: FloatArray, resolution: float) -> FloatArray:
 
 
 def collision(vertices1: FloatArray, vertices2: FloatArray) -> bool:
-    """Say whether two convex shapes, corners (n, 2) and (m, 2), overlap."""
+    """Return whether two convex shapes, corners (n, 2) and (m, 2), overlap."""
     for shape in (vertices1, vertices2):
         along = np.roll(shape, -1, axis=0) - shape
         across = np.column_stack((-along[:, 1], along[:, 0]))

@@ -228,7 +228,7 @@ def judge(table: Table) -> None:
 
 @kernel
 def _commands_are_numbers(table: Table) -> bool:
-    """Say whether the commands of all cars that run are numbers."""
+    """Return whether the commands of all cars that run are numbers."""
     running, commands = flags(table[_RUNNING]), matrix(table[_COMMANDS])
     for row in range(len(running)):
         if running[row] and not (math.isfinite(commands[row, 0]) and math.isfinite(commands[row, 1])):

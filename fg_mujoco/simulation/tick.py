@@ -283,7 +283,7 @@ def book_touches(
 
 @kernel
 def any_touch(records: FloatArray, sensor: int) -> bool:
-    """Say whether a contact sensor found anything in any of the rows of `records` (steps, nsensordata)."""
+    """Return whether a contact sensor found anything in any of the rows of `records` (steps, nsensordata)."""
     touched = False
     for step in range(len(records)):
         touched = touched or records[step, sensor] > 0.0

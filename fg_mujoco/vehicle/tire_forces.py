@@ -278,7 +278,7 @@ def _find_wheel(model: mujoco.MjModel, prefix: str, wheel: str, row: Any, common
 
 
 def _moves_straight(model: mujoco.MjModel, dof: int) -> bool:
-    """Say whether a dof turns nothing: that of a slide, or one of the first three of a free joint."""
+    """Return whether a dof turns nothing: that of a slide, or one of the first three of a free joint."""
     joint, kinds = int(model.dof_jntid[dof]), mujoco.mjtJoint
     free = model.jnt_type[joint] == kinds.mjJNT_FREE
     return bool(model.jnt_type[joint] == kinds.mjJNT_SLIDE or (free and dof < model.jnt_dofadr[joint] + 3))
@@ -396,7 +396,7 @@ def _find_drive(model: mujoco.MjModel, prefix: str, gear: Any) -> None:
 
 
 def _is_plain(model: mujoco.MjModel, actuator: int, transmission: Any) -> bool:
-    """Say whether an actuator's force is affine in its control, and acts one to one through a transmission."""
+    """Return whether an actuator's force is affine in its control, and acts one to one through a transmission."""
     return bool(
         model.actuator_trntype[actuator] == transmission
         and model.actuator_dyntype[actuator] == mujoco.mjtDyn.mjDYN_NONE
