@@ -21,9 +21,11 @@ from ..errors import SettingsError
 from ..simulation.settings import Start
 from ..simulation.termination import END_REASONS
 from .actions import ActionBounds
+from .end_conditions import as_end_conditions
 from .environment_settings import EnvironmentSettings
-from .observations import Observation, ObservationLayout
+from .observations import Observation, ObservationLayout, as_observations
 from .reward_kernels import reward_ticks
+from .rewards import values_of
 from .starts import StartGrid
 from .worlds import Mask, Worlds
 
@@ -37,10 +39,6 @@ tick in which a tire slid, and how many actions were held within the bounds."""
 FACTS_AMONG_CARS = ("touches", "position", "lead_m")
 """What is told besides where there are other cars: how often the car has touched one, its place, 1 in front, and how
 far it is ahead of the foremost other car along the course, negative behind it."""
-
-_TRUNCATED = np.array([reason in TRUNCATIONS for reason in END_REASONS])
-_TERMINATED = np.array([reason not in ("", *TRUNCATIONS) for reason in END_REASONS])
-
 
 class Episodes:
     """Episodes in n worlds, each with its own beginning and end; (n,) is one for each car that learns.
@@ -62,15 +60,24 @@ class Episodes:
 
     def __init__(self, settings: EnvironmentSettings, worlds: Worlds) -> None:
         self.worlds = worlds
+        self._others, self._end_conditions = settings.rewards.others, as_end_conditions(settings.end_conditions)
         self._weights = settings.rewards.of_tick(worlds.period)
+        self._reasons = (*END_REASONS, *(condition.name for condition in self._end_conditions))
+        truncations = (*TRUNCATIONS, *(each.name for each in self._end_conditions if each.outcome == "truncated"))
+        self._truncates = np.array([reason in truncations for reason in self._reasons])
+        self._terminates = np.array([reason not in ("", *truncations) for reason in self._reasons])
         own = [None] * worlds.agents + [entry.start for entry in settings.opponents]
         self._grid = StartGrid(
             worlds.world, settings.fixed_start, kind=settings.grid, order=settings.grid_order, own=own
         )
         car, count = worlds.world.parameters, len(worlds.times)
-        self.layout = ObservationLayout(car, worlds.world.vehicle.lidar.beams, settings.beam_step)
+        beams, parts = worlds.world.vehicle.lidar.beams, as_observations(settings.observations)
+        self.layout = ObservationLayout(car, beams, settings.beam_step, parts)
         self.actions = ActionBounds(car, settings.speed_range, normalised=settings.normalised_actions)
         self.rewards = np.zeros(count)
+        names = [term.name for term in settings.rewards.terms]
+        self._names = [*(f"reward_{name}" for name in names), *(f"return_{name}" for name in names)]
+        self._terms = np.zeros((2, len(names), count))  # of each reward term the last tick's value, and the sum
         self.clipped = np.zeros(count, np.int64)
         self.commands = np.zeros((count, 2))
         self._driven = np.zeros(count, np.bool_)
@@ -86,13 +93,13 @@ class Episodes:
     @property
     def terminated(self) -> Mask:
         """See the attributes."""
-        ended: Mask = _TERMINATED.take(self.worlds.monitor.reasons)
+        ended: Mask = self._terminates.take(self.worlds.monitor.reasons)
         return ended
 
     @property
     def truncated(self) -> Mask:
         """See the attributes."""
-        ended: Mask = _TRUNCATED.take(self.worlds.monitor.reasons)
+        ended: Mask = self._truncates.take(self.worlds.monitor.reasons)
         return ended
 
     def begin(self, which: Mask, generators: Sequence[np.random.Generator], start: Start | None = None) -> None:
@@ -115,6 +122,7 @@ class Episodes:
         self.worlds.begin(which, starts, seeds)
         agents = np.repeat(which, self.worlds.agents)
         self.rewards[agents] = 0.0
+        self._terms[:, :, agents] = 0.0
         self.clipped[agents] = 0
         self._before[agents] = self._progress[agents]
         touching = self.worlds.touching(which)
@@ -143,11 +151,26 @@ class Episodes:
         self.actions.read(actions, self._driven, self.commands, self.clipped)
 
     def reward(self) -> None:
-        """Reward the tick that was driven."""
-        worlds = self.worlds
+        """End the episodes that a condition ends, and reward the tick that was driven.
+
+        Raises:
+          SettingsError: an end condition or a reward term returned something else than it should.
+        """
+        worlds, state = self.worlds, self.worlds.tick_state
         reward_ticks(
-            self._driven, self._progress, self._before, worlds.wrecked, worlds.sliding, self._weights, self.rewards
+            self._driven, self._progress, self._before, worlds.wrecked, worlds.sliding, self._weights, self.rewards,
+            self._terms,
         )  # fmt: skip
+        if state is None:
+            return
+        for number, condition in enumerate(self._end_conditions, start=len(END_REASONS)):
+            worlds.end(condition.holds(state) & self.running, number)
+        driven = self._driven
+        for index, term in enumerate(self._others, start=len(self._weights)):
+            values = values_of(term, state, driven)[driven]
+            self._terms[0, index, driven] = values
+            self._terms[1, index, driven] += values
+            self.rewards[driven] += values
 
     def stop(self, which: Mask) -> None:
         """Let the episodes `which` (n,) run no longer."""
@@ -156,7 +179,7 @@ class Episodes:
     def observe(self, which: Mask) -> Observation:
         """Return new observations of all worlds, (n, ...) by name; those of the worlds `which` (n,) are sensed anew."""
         self.worlds.sense(which)
-        return self.layout.read(self.worlds.ranges, self.worlds.odometry)
+        return self.layout.read(self.worlds.ranges, self.worlds.odometry, self.worlds.sensed_state)
 
     def facts(self) -> dict[str, NDArray[Any]]:
         """Return FACTS of all episodes, and FACTS_AMONG_CARS where there are others, new arrays (n,) by name."""
@@ -165,9 +188,10 @@ class Episodes:
         facts = {name: value.copy() for name, value in zip(FACTS, values, strict=True)}
         if worlds.cars > 1:
             facts |= zip(FACTS_AMONG_CARS, (worlds.touches.copy(), worlds.positions, worlds.leads), strict=True)
+        facts |= zip(self._names, self._terms.reshape(len(self._names), -1).copy(), strict=True)
         return facts
 
     def ending(self, i: int) -> dict[str, Any]:
         """Return how episode i, which is over, ended: its reason, and the times of its laps, NaN where not driven."""
         monitor = self.worlds.monitor
-        return {"end_reason": END_REASONS[monitor.reasons[i]], "lap_times_s": monitor.lap_times[i].copy()}
+        return {"end_reason": self._reasons[monitor.reasons[i]], "lap_times_s": monitor.lap_times[i].copy()}

@@ -56,8 +56,9 @@ def reward_ticks(
     sliding: FloatArray,
     weights: FloatArray,
     rewards: FloatArray,
+    terms: FloatArray,
 ) -> None:
-    """Write the rewards of a tick.
+    """Write the rewards of a tick, of the three default terms.
 
     Args:
       driven: (n,) the worlds in which it was driven; the others' rows are left as they are.
@@ -67,12 +68,17 @@ def reward_ticks(
       sliding: (n,) share of the tick in which a tire slid.
       weights: (3,) of a metre, of a crash, and of a tick in which a tire slides all the while.
       rewards: (n,) written to.
+      terms: (2, k, n) written to: of each term the tick's value, and the sum of the episode, which it is added to.
     """
     for i in range(len(driven)):
         if driven[i]:
-            reward = weights[0] * (progress[i] - before[i]) - weights[2] * sliding[i]
+            made, slid = weights[0] * (progress[i] - before[i]), weights[2] * sliding[i]
+            reward = made - slid
             rewards[i] = reward - weights[1] if crashed[i] else reward
             before[i] = progress[i]
+            terms[0, 0, i], terms[0, 1, i], terms[0, 2, i] = made, -weights[1] if crashed[i] else 0.0, 0.0 - slid
+            for term in range(3):
+                terms[1, term, i] += terms[0, term, i]
 
 
 @kernel
