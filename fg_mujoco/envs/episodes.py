@@ -56,6 +56,8 @@ class Episodes:
         (n,).
       truncated: whether the time limit has, ten seconds without progress, or five metres the wrong way (n,).
       clipped: how many actions of the episode were held within the bounds (n,).
+      fact_names: FACTS; FACTS_AMONG_CARS where there are other cars; and of each reward term "reward_NAME", its value in
+        the last tick, and "return_NAME", its sum of the episode.
     """
 
     def __init__(self, settings: EnvironmentSettings, worlds: Worlds) -> None:
@@ -76,8 +78,12 @@ class Episodes:
         self.actions = ActionBounds(car, settings.speed_range, normalised=settings.normalised_actions)
         self.rewards = np.zeros(count)
         names = [term.name for term in settings.rewards.terms]
-        self._names = [*(f"reward_{name}" for name in names), *(f"return_{name}" for name in names)]
+        self.fact_names = (
+            *FACTS, *(FACTS_AMONG_CARS if worlds.cars > 1 else ()), *(f"reward_{name}" for name in names),
+            *(f"return_{name}" for name in names),
+        )  # fmt: skip
         self._terms = np.zeros((2, len(names), count))  # of each reward term the last tick's value, and the sum
+        self._flat_terms = self._terms.reshape(2 * len(names), count)  # a view
         self.clipped = np.zeros(count, np.int64)
         self.commands = np.zeros((count, 2))
         self._driven = np.zeros(count, np.bool_)
@@ -182,14 +188,20 @@ class Episodes:
         return self.layout.read(self.worlds.ranges, self.worlds.odometry, self.worlds.sensed_state)
 
     def facts(self) -> dict[str, NDArray[Any]]:
-        """Return FACTS of all episodes, and FACTS_AMONG_CARS where there are others, new arrays (n,) by name."""
+        """Return the facts of all episodes, new arrays (n,) by name, in the order of `fact_names`."""
         worlds = self.worlds
-        values = (worlds.times, self._progress, self._laps, worlds.sliding, self.clipped)
-        facts = {name: value.copy() for name, value in zip(FACTS, values, strict=True)}
+        values = [worlds.times, self._progress.copy(), self._laps.copy(), worlds.sliding.copy(), self.clipped.copy()]
         if worlds.cars > 1:
-            facts |= zip(FACTS_AMONG_CARS, (worlds.touches.copy(), worlds.positions, worlds.leads), strict=True)
-        facts |= zip(self._names, self._terms.reshape(len(self._names), -1).copy(), strict=True)
-        return facts
+            values += worlds.touches.copy(), worlds.positions, worlds.leads
+        return dict(zip(self.fact_names, [*values, *self._flat_terms.copy()], strict=True))
+
+    def facts_of(self, i: int) -> dict[str, Any]:
+        """Return the facts of episode i, numbers by name."""
+        worlds, time = self.worlds, self.worlds.engine.time(i // self.worlds.agents)
+        values = [time, self._progress.item(i), self._laps.item(i), worlds.sliding.item(i), self.clipped.item(i)]
+        if worlds.cars > 1:
+            values += worlds.touches.item(i), worlds.positions.item(i), worlds.leads.item(i)
+        return dict(zip(self.fact_names, [*values, *self._flat_terms[:, i].tolist()], strict=True))
 
     def ending(self, i: int) -> dict[str, Any]:
         """Return how episode i, which is over, ended: its reason, and the times of its laps, NaN where not driven."""

@@ -148,7 +148,7 @@ class F1TenthEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         return {name: values[0] for name, values in self._episodes.observe(_ALL).items()}
 
     def _info(self) -> dict[str, Any]:
-        return {name: values.item() for name, values in self._episodes.facts().items()}
+        return self._episodes.facts_of(0)
 
 
 def observation_space(layout: ObservationLayout) -> gymnasium.spaces.Dict[Any]:

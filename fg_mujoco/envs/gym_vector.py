@@ -88,6 +88,7 @@ class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
         self._begun = self._none.copy()
         self._generators: list[np.random.Generator | None] = [None] * num_envs
         self._seeds: list[int | None] = [None] * num_envs
+        self._mask_names = [f"_{name}" for name in self._episodes.fact_names]
         self._view: ChaseView | None = None
 
     def __repr__(self) -> str:
@@ -206,7 +207,7 @@ class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
         if which is not None:
             infos = {name: np.where(which, values, np.zeros_like(values)) for name, values in infos.items()}
         mask = (self._every if which is None else which).copy()
-        return infos | {f"_{name}": mask for name in infos}
+        return infos | dict.fromkeys(self._mask_names, mask)
 
     def _checked_mask(self, mask: Any) -> Flags:
         if mask is None:

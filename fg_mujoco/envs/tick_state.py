@@ -79,7 +79,7 @@ class Ground:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class CarState(Suggesting):
+class Snapshot(Suggesting):
     """Where n cars are, and what has happened to them, at one moment."""
 
     ground: Ground  # of their world
@@ -130,10 +130,10 @@ class CarState(Suggesting):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class TickState(CarState):
+class TickState(Snapshot):
     """Where n cars are after a tick, and where they were before it."""
 
-    before: CarState  # at the beginning of the tick; before the first tick of an episode the same as now
+    before: Snapshot  # at the beginning of the tick; before the first tick of an episode the same as now
     period: float  # of a tick [s]
 
 
@@ -160,7 +160,7 @@ class TickStates:
 
     def of(self, rows: slice, car: CarParameters) -> TickState:
         """Return the state of some cars, which are alike; it stays up to date."""
-        before = CarState(ground=self._ground, car=car, **_views(self._before, rows))
+        before = Snapshot(ground=self._ground, car=car, **_views(self._before, rows))
         return TickState(
             ground=self._ground, car=car, before=before, period=self._engine.period, **_views(self._now, rows)
         )
@@ -241,11 +241,11 @@ def _gaps(engine: Engine) -> FloatArray:
 
 
 def _fresh(count: int) -> dict[str, NDArray[Any]]:
-    """Return the arrays of a CarState of so many cars, by name, as they are of a car that is alone."""
+    """Return the arrays of a Snapshot of so many cars, by name, as they are of a car that is alone."""
     shapes = {"pose": (count, 3), "velocity": (count, 3), "command": (count, 2)}
     kinds: dict[str, Any] = {"laps": np.int64, "touches": np.int64, "position": np.int64}
     kinds |= dict.fromkeys(("crashed", "rolled_over", "finished"), np.bool_)
-    names = [f.name for f in fields(CarState) if f.name not in ("ground", "car")]
+    names = [f.name for f in fields(Snapshot) if f.name not in ("ground", "car")]
     arrays = {name: np.zeros(shapes.get(name, count), kinds.get(name, np.float64)) for name in names}
     arrays["position"][:], arrays["lead"][:] = 1, math.inf
     return arrays
