@@ -56,8 +56,8 @@ class Episodes:
         (n,).
       truncated: whether the time limit has, ten seconds without progress, or five metres the wrong way (n,).
       clipped: how many actions of the episode were held within the bounds (n,).
-      fact_names: FACTS; FACTS_AMONG_CARS where there are other cars; and of each reward term "reward_NAME", its value in
-        the last tick, and "return_NAME", its sum of the episode.
+      fact_names: FACTS; FACTS_AMONG_CARS where there are other cars; and of each reward term "reward_NAME", its part of
+        the last tick's reward, and "return_NAME", the sum of the episode.
     """
 
     def __init__(self, settings: EnvironmentSettings, worlds: Worlds) -> None:
