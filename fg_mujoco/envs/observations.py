@@ -55,7 +55,7 @@ class Bounds:
     high: NDArray[np.float32]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class ObservationTerm:
     """A part of an observation that is a function of the state of the cars.
 
