@@ -25,22 +25,15 @@ from fg_mujoco.envs.gym_vector import F1TenthVectorEnv  # noqa: E402
 WORLD = fg.World("oval")
 CAR, PERIOD = WORLD.parameters, 0.025
 HOWTO = Path(__file__).parent.parent / "docs" / "howto"
-TERMS = tuple(REWARDS)  # the bundled ones: other tests register theirs
+TERMS = REWARDS.names()  # the bundled ones: other tests register theirs
+PARTS, CONDITIONS = OBSERVATIONS.names(), END_CONDITIONS.names()
 OTHERS = [name for name in TERMS if name not in ("progress", "collision", "sliding")]
 ALL = {
     "rewards": dict.fromkeys(OTHERS, 1.0),
-    "observations": [*SENSORS, *OBSERVATIONS],
-    "end_conditions": list(END_CONDITIONS),
+    "observations": list(PARTS),
+    "end_conditions": list(CONDITIONS),
 }
 STAND = np.zeros(2)
-
-
-@pytest.fixture
-def own_names():
-    """What a test registers as "mine" is gone after it."""
-    yield
-    for registered in (REWARDS, END_CONDITIONS, OBSERVATIONS):
-        registered.pop("mine", None)
 
 
 def state(before=None, **now):
@@ -86,7 +79,7 @@ BY_HAND = {
 @pytest.mark.parametrize("name", BY_HAND)
 def test_a_reward_term_is_its_closed_form(name):
     made, expected = BY_HAND[name]
-    np.testing.assert_allclose(REWARDS[name](made), expected, atol=1e-12)
+    np.testing.assert_allclose(REWARDS.find(name)(made), expected, atol=1e-12)
 
 
 def test_near_wall_costs_all_of_the_time_at_the_wall_and_nothing_at_its_limit():
@@ -98,21 +91,21 @@ def test_near_wall_costs_all_of_the_time_at_the_wall_and_nothing_at_its_limit():
     np.testing.assert_allclose(near.wall_distance, [0.15, 0.3, 0.0], atol=5e-3)
     expected = -PERIOD * np.maximum(1.0 - near.wall_distance / rewards.NEAR_WALL, 0.0)
     assert expected[1] == 0.0 and expected[2] == -PERIOD
-    np.testing.assert_allclose(REWARDS["near_wall"](near), expected)
+    np.testing.assert_allclose(REWARDS.find("near_wall")(near), expected)
 
 
 def test_every_bundled_term_has_a_test_by_hand():
     assert set(TERMS) == {*BY_HAND, "near_wall"}
 
 
-@pytest.mark.parametrize("name", OBSERVATIONS)
+@pytest.mark.parametrize("name", [name for name in PARTS if name not in SENSORS])
 def test_a_bundled_observation_is_a_quantity_of_the_state(name):
     made = state(
         pose=[[0.0, 0.0, 0.3]] * 3, velocity=[[1.0, 0.2, 3.0]] * 3, offset=[0.3, -9.0, 0.0], command=[[0.1, 2.0]] * 3
     )
     attribute = {"cross_track_error": "offset"}.get(name, name)
-    np.testing.assert_array_equal(OBSERVATIONS[name].function(made), getattr(made, attribute))
-    term = OBSERVATIONS[name]
+    np.testing.assert_array_equal(OBSERVATIONS.find(name).function(made), getattr(made, attribute))
+    term = OBSERVATIONS.find(name)
     read = term.read(made, term.bounds_of(CAR))
     assert read.dtype == np.float32 and read.shape == (3, 2 if name == "command" else 1)
     if name == "cross_track_error":
@@ -121,8 +114,8 @@ def test_a_bundled_observation_is_a_quantity_of_the_state(name):
 
 def test_conditions_hold_where_they_say():
     turned = state(pose=[[0.0, 0.0, HEADING + angle] for angle in (1.5, 1.6, -3.0)])
-    assert END_CONDITIONS["turned_round"].holds(turned).tolist() == [False, True, True]
-    assert END_CONDITIONS["touched_car"].holds(state(touches=[0, 1, 2])).tolist() == [False, True, True]
+    assert END_CONDITIONS.find("turned_round").holds(turned).tolist() == [False, True, True]
+    assert END_CONDITIONS.find("touched_car").holds(state(touches=[0, 1, 2])).tolist() == [False, True, True]
 
 
 def test_a_state_cannot_be_written_to_and_names_the_attribute_that_was_meant():
@@ -193,7 +186,7 @@ def test_terms_sum_up_to_the_reward_and_their_sums_to_the_return():
 
 def test_the_compiled_terms_are_their_functions():
     defaults = {"progress": 1.0, "collision": 10.0, "sliding": 1.0}
-    weights = {f"{name}_function": (REWARDS[name], weight) for name, weight in defaults.items()}
+    weights = {f"{name}_function": (REWARDS.find(name), weight) for name, weight in defaults.items()}
     env = F1TenthEnv(start="line", beam_step=540, rewards=weights)
     env.reset(seed=0)
     terminated, slid = False, 0.0
@@ -278,16 +271,18 @@ def told_by_pettingzoo(settings, commands):
 
 
 @pytest.mark.parametrize("told", [told_by_vector, told_by_dm_env, told_by_pettingzoo])
-def test_all_doors_tell_the_same(told, own_names):
+def test_all_doors_tell_the_same(told):
     @reward
-    def mine(state):
+    def mine_at_all_doors(state):
         return state.yaw_rate * state.period
 
     far = EndCondition(name="far", function=lambda state: np.abs(state.offset) > 0.3, outcome="truncated")
     settings = {
-        "beam_step": 60, "rewards": ALL["rewards"] | {"mine": 0.5, "other": (lambda state: state.lateral_speed, 2.0)},
-        "observations": ALL["observations"], "end_conditions": ["turned_round", far],
-    }  # fmt: skip
+        "beam_step": 60,
+        "rewards": ALL["rewards"] | {"mine_at_all_doors": 0.5, "other": (lambda state: state.lateral_speed, 2.0)},
+        "observations": ALL["observations"],
+        "end_conditions": ["turned_round", far],
+    }
     commands = [np.array([0.2, 2.0])] * 100
     expected, found = told_by_gym(settings, commands), told(settings, commands)
     assert len(expected) == len(found) < 100
@@ -298,7 +293,7 @@ def test_all_doors_tell_the_same(told, own_names):
         assert {name: values.tobytes() for name, values in seen.items()} == {
             name: np.ascontiguousarray(other_seen[name]).tobytes() for name in seen
         }
-    assert info["end_reason"] == "far" and info["return_mine"] != 0.0 != info["return_other"]
+    assert info["end_reason"] == "far" and info["return_mine_at_all_doors"] != 0.0 != info["return_other"]
 
 
 def test_worlds_and_threads_make_no_difference():
@@ -428,9 +423,9 @@ def test_an_agent_that_a_condition_ends_stays_as_an_obstacle_and_one_that_finish
     assert abs(seen["car_0"]["cross_track_error"].item()) < 0.5 and 0.0 < seen["car_0"]["wall_distance"].item() < 1.5
 
 
-def test_own_terms_are_registered_by_their_functions_names(own_names):
+def test_own_terms_are_registered_by_their_functions_names():
     @reward
-    def mine(state):
+    def mine_rewarded(state):
         return state.speed
 
     @end_condition("truncated")
@@ -441,8 +436,9 @@ def test_own_terms_are_registered_by_their_functions_names(own_names):
     def mine_seen(state):
         return state.ranges[:, 540] / 30.0
 
-    assert (REWARDS["mine"], END_CONDITIONS["mine_ends"], OBSERVATIONS["mine_seen"]) == (mine, mine_ends, mine_seen)
-    env = F1TenthEnv(rewards={"mine": 1.0}, end_conditions=["mine_ends"], observations=["mine_seen", "scan"])
+    assert REWARDS.find("mine_rewarded") is mine_rewarded
+    assert (END_CONDITIONS.find("mine_ends"), OBSERVATIONS.find("mine_seen")) == (mine_ends, mine_seen)
+    env = F1TenthEnv(rewards={"mine_rewarded": 1.0}, end_conditions=["mine_ends"], observations=["mine_seen", "scan"])
     seen, _ = env.reset(seed=0)
     assert seen["mine_seen"].item() == pytest.approx(seen["scan"][540] / 30.0)
     env.step(STAND)
@@ -450,9 +446,8 @@ def test_own_terms_are_registered_by_their_functions_names(own_names):
     assert truncated and info["end_reason"] == "mine_ends"
     seen, _ = env.reset()
     assert seen["mine_seen"].item() == pytest.approx(seen["scan"][540] / 30.0)  # what is sensed now
-    del END_CONDITIONS["mine_ends"], OBSERVATIONS["mine_seen"]
     for decorate, name in ((reward, "progress"), (end_condition("truncated"), "turned_round")):
-        taken = type(mine)(mine.__code__, {}, name)
+        taken = type(mine_ends.function)(mine_rewarded.__code__, {}, name)
         with pytest.raises(fg.SettingsError, match="bundled one; accepted: another name"):
             decorate(taken)
 
@@ -537,9 +532,9 @@ def test_what_a_function_must_not_return_is_refused(settings, match):
 @pytest.mark.parametrize(
     ("page", "names"),
     [
-        ("own_reward.md", list(REWARDS)),
-        ("own_end_condition.md", list(END_CONDITIONS)),
-        ("own_observation.md", [*SENSORS, *OBSERVATIONS]),
+        ("own_reward.md", list(TERMS)),
+        ("own_end_condition.md", list(CONDITIONS)),
+        ("own_observation.md", list(PARTS)),
     ],
 )
 def test_the_pages_list_what_is_bundled(page, names):

@@ -19,8 +19,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SettingsError, accepted_names
 from ..messages import shown
+from ..registry import Registry
 from ..simulation.termination import END_REASONS
 from .tick_state import TickState
+
+_MADE = "or an EndCondition, as @end_condition makes it"
 
 OUTCOMES = ("terminated", "truncated")
 
@@ -64,7 +67,7 @@ class EndCondition:
         return found
 
 
-END_CONDITIONS: dict[str, EndCondition] = {}
+END_CONDITIONS: Registry[EndCondition] = Registry("end condition", SettingsError, "fg_mujoco.end_conditions")
 """The conditions that are known by name."""
 
 
@@ -80,7 +83,7 @@ def end_condition(outcome: str) -> Callable[[EndFunction], EndCondition]:
 
     def register(function: EndFunction) -> EndCondition:
         made = EndCondition(name=function.__name__, function=function, outcome=outcome)
-        if made.name in END_CONDITIONS and END_CONDITIONS[made.name].function.__module__ == __name__:
+        if made.name in END_CONDITIONS and END_CONDITIONS.find(made.name).function.__module__ == __name__:
             raise SettingsError(f"end condition {made.name!r} is a bundled one; accepted: another name")
         END_CONDITIONS[made.name] = made
         return made
@@ -108,12 +111,12 @@ def as_end_conditions(given: Any) -> tuple[EndCondition, ...]:
     """
     if isinstance(given, str) or not isinstance(given, Sequence):
         raise SettingsError(f"end_conditions is {shown(given)}; accepted: a list of names and EndConditions")
-    found = []
+    found: list[EndCondition] = []
     for each in given:
-        if not isinstance(each, EndCondition) and not (isinstance(each, str) and each in END_CONDITIONS):
-            known = accepted_names(each, END_CONDITIONS, ", or an EndCondition, as @end_condition makes it")
-            raise SettingsError(f"there is no end condition {shown(each)}; {known}")
-        found.append(END_CONDITIONS[each] if isinstance(each, str) else each)
-        if sum(other.name == found[-1].name for other in found) > 1:
-            raise SettingsError(f"end condition {found[-1].name!r} stands twice in end_conditions; accepted: once")
+        condition = END_CONDITIONS.find(each, f", {_MADE}") if isinstance(each, str) else each
+        if not isinstance(condition, EndCondition):
+            raise SettingsError(f"an end condition is {shown(each)}; accepted: a name, {_MADE}")
+        if any(condition.name == other.name for other in found):
+            raise SettingsError(f"end condition {condition.name!r} stands twice in end_conditions; accepted: once")
+        found.append(condition)
     return tuple(found)

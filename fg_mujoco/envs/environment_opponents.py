@@ -25,7 +25,7 @@ from ..simulation.planner_failure import without_exit
 from ..simulation.settings import CarSettings, known_settings
 from ..simulation.world import World
 from .actions import ActionBounds, one_action
-from .observations import Observation, ObservationLayout, ObservationTerm
+from .observations import Observation, ObservationLayout, Term
 from .tick_state import SensedState, TickStates
 
 Policy = Callable[[Observation], ArrayLike]
@@ -100,7 +100,7 @@ class Opponents:
         beam_step: int,
         speed_range: tuple[float, float] | None,
         normalised: bool,
-        observations: Sequence[str | ObservationTerm],
+        observations: Sequence[str | Term],
         states: TickStates | None,
     ) -> None:
         m, first = len(world.cars), len(world.cars) - len(entries)

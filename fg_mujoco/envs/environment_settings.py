@@ -26,7 +26,7 @@ from ..simulation.settings import CarSettings, Start, known_settings
 from ..simulation.world import World
 from .end_conditions import EndCondition, as_end_conditions
 from .environment_opponents import as_entries
-from .observations import DEFAULT_OBSERVATIONS, ObservationTerm, as_observations
+from .observations import DEFAULT_OBSERVATIONS, ObservationTerm, Term, as_observations
 from .rewards import Rewards
 from .starts import GRID_ORDERS
 
@@ -60,7 +60,7 @@ class EnvironmentSettings(CarSettings):
     normalised_actions: bool = False  # both parts of an action are from -1 to 1
     rewards: Rewards = field(default_factory=Rewards)  # weights of the terms, by name
     end_conditions: Sequence[str | EndCondition] = ()  # that end an episode besides the race's own reasons
-    observations: Sequence[str | ObservationTerm] = DEFAULT_OBSERVATIONS  # the parts of an observation, in this order
+    observations: Sequence[str | Term] = DEFAULT_OBSERVATIONS  # the parts of an observation, in this order
     opponents: tuple[Entry, ...] = ()  # the cars that do not learn, in any of the ways that `as_entries` takes
     grid: str = "staggered"  # on which several cars start, as `race` takes it
     grid_order: str = "as_listed"  # from the front, car 0 first; "reversed": car 0 last; "random": drawn each time
@@ -108,8 +108,8 @@ class EnvironmentSettings(CarSettings):
     @property
     def looks_at_state(self) -> bool:
         """Whether any term is a function of the cars' state, besides the three rewards that are compiled."""
-        terms = [*self.rewards.others, *self.end_conditions, *self.observations]
-        return any(not isinstance(term, str) for term in terms)
+        seen = any(isinstance(term, ObservationTerm) for term in self.observations)
+        return seen or len(self.rewards.others) + len(self.end_conditions) > 0
 
     def make_world(self, agents: int = 1) -> World:
         """Return the compiled world of so many cars that learn, all alike, and the opponents.

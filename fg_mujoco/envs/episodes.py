@@ -23,7 +23,7 @@ from ..simulation.termination import END_REASONS
 from .actions import ActionBounds
 from .end_conditions import as_end_conditions
 from .environment_settings import EnvironmentSettings
-from .observations import Observation, ObservationLayout, as_observations
+from .observations import Observation, ObservationLayout
 from .reward_kernels import reward_ticks
 from .rewards import values_of
 from .starts import StartGrid
@@ -73,8 +73,9 @@ class Episodes:
             worlds.world, settings.fixed_start, kind=settings.grid, order=settings.grid_order, own=own
         )
         car, count = worlds.world.parameters, len(worlds.times)
-        beams, parts = worlds.world.vehicle.lidar.beams, as_observations(settings.observations)
-        self.layout = ObservationLayout(car, beams, settings.beam_step, parts)
+        self.layout = ObservationLayout(
+            car, worlds.world.vehicle.lidar.beams, settings.beam_step, settings.observations
+        )
         self.actions = ActionBounds(car, settings.speed_range, normalised=settings.normalised_actions)
         self.rewards = np.zeros(count)
         names = [term.name for term in settings.rewards.terms]

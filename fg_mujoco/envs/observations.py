@@ -25,9 +25,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import SettingsError, accepted_names
+from ..errors import SettingsError
 from ..lidar.beams import Beams
 from ..messages import ODOMETRY, CarParameters, FloatArray, shown
+from ..registry import Registry
 from .reward_kernels import read_sensors
 from .tick_state import SensedState
 
@@ -43,8 +44,10 @@ _OVERSHOOT = 1.25  # of spinning wheels over the greatest speed that can be comm
 
 DEFAULT_OBSERVATIONS = ("scan", "speed", "yaw_rate", "steering_angle", "acceleration")
 
+_MADE = "or an ObservationTerm, as @observation makes it"
+
 SENSORS = (*DEFAULT_OBSERVATIONS, "wheel_speeds")
-"""The terms that are read off the scan and the odometry; see the table above."""
+"""The parts that are read off the scan and the odometry; see the table above."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -110,8 +113,19 @@ class ObservationTerm:
         return found
 
 
-OBSERVATIONS: dict[str, ObservationTerm] = {}
-"""The terms besides SENSORS that are known by name."""
+@dataclass(frozen=True, kw_only=True)
+class SensorTerm:
+    """A part of an observation that a compiled loop reads off the scan or the odometry."""
+
+    name: str  # one of SENSORS
+
+
+Term = SensorTerm | ObservationTerm
+
+OBSERVATIONS: Registry[Term] = Registry("observation", SettingsError, "fg_mujoco.observations")
+"""The parts that are known by name."""
+for _name in SENSORS:
+    OBSERVATIONS[_name] = SensorTerm(name=_name)
 
 
 def observation(
@@ -128,7 +142,8 @@ def observation(
 
     def register(function: ObservationFunction) -> ObservationTerm:
         made = ObservationTerm(name=function.__name__, function=function, bounds=bounds)
-        if made.name in OBSERVATIONS and OBSERVATIONS[made.name].function.__module__ == __name__:
+        known = OBSERVATIONS.find(made.name) if made.name in OBSERVATIONS else None
+        if isinstance(known, ObservationTerm) and known.function.__module__ == __name__:
             raise SettingsError(f"observation {made.name!r} is a bundled one; accepted: another name")
         OBSERVATIONS[made.name] = made
         return made
@@ -176,25 +191,22 @@ def lead(state: SensedState) -> FloatArray:
     return state.lead
 
 
-def as_observations(given: Any) -> tuple[str | ObservationTerm, ...]:
-    """Return the names of sensors, and the terms of other names, of a list of names and ObservationTerms.
+def as_observations(given: Any) -> tuple[Term, ...]:
+    """Return the parts of a list of names and ObservationTerms.
 
     Raises:
       SettingsError: no such list, an empty one, an unknown name, or the same name twice.
     """
     if isinstance(given, str) or not isinstance(given, Sequence) or len(given) == 0:
         raise SettingsError(f"observations is {shown(given)}; accepted: a list of names and ObservationTerms")
-    found: list[str | ObservationTerm] = []
+    found: list[Term] = []
     for each in given:
-        known_name = isinstance(each, str) and each in (*SENSORS, *OBSERVATIONS)
-        if not known_name and not isinstance(each, ObservationTerm):
-            known = accepted_names(each, (*SENSORS, *OBSERVATIONS), ", or an ObservationTerm, as @observation makes it")
-            raise SettingsError(f"there is no observation {shown(each)}; {known}")
-        found.append(OBSERVATIONS.get(each, each) if isinstance(each, str) else each)
-    names = [each if isinstance(each, str) else each.name for each in found]
-    for name in names:
-        if names.count(name) > 1:
-            raise SettingsError(f"observation {name!r} stands twice in observations; accepted: once")
+        term = OBSERVATIONS.find(each, f", {_MADE}") if isinstance(each, str) else each
+        if not isinstance(term, Term):
+            raise SettingsError(f"an observation is {shown(each)}; accepted: a name, {_MADE}")
+        if any(term.name == other.name for other in found):
+            raise SettingsError(f"observation {term.name!r} stands twice in observations; accepted: once")
+        found.append(term)
     return tuple(found)
 
 
@@ -222,10 +234,10 @@ class ObservationLayout:
       car: of the compiled model.
       beams: of its LiDAR.
       beam_step: every how many-th beam is seen, counted from the one straight ahead to both sides.
-      terms: the parts, as `as_observations` returns them.
+      parts: names and ObservationTerms.
 
     Attributes:
-      bounds: name -> Bounds, in the order of the terms.
+      bounds: name -> Bounds, in the order of the parts.
       bearings: of the beams that are seen (beams,) [rad].
 
     Raises:
@@ -237,7 +249,7 @@ class ObservationLayout:
         car: CarParameters,
         beams: Beams,
         beam_step: int = 1,
-        terms: Sequence[str | ObservationTerm] = DEFAULT_OBSERVATIONS,
+        parts: Sequence[str | Term] = DEFAULT_OBSERVATIONS,
     ) -> None:
         middle = len(beams.bearings) // 2
         if not 1 <= beam_step <= middle:
@@ -256,16 +268,16 @@ class ObservationLayout:
         self.bounds: dict[str, Bounds] = {}
         self._parts: dict[str, slice | ObservationTerm | None] = {}
         columns: list[int] = []
-        for term in terms:
+        for term in as_observations(parts):
+            name, first = term.name, len(columns)
             if isinstance(term, ObservationTerm):
-                self.bounds[term.name], self._parts[term.name] = term.bounds_of(car), term
-            elif term == "scan":
-                self.bounds[term], self._parts[term] = _bounds(0.0, beams.range_max, len(self.bearings)), None
+                self.bounds[name], self._parts[name] = term.bounds_of(car), term
+            elif name == "scan":
+                self.bounds[name], self._parts[name] = _bounds(0.0, beams.range_max, len(self.bearings)), None
             else:
-                first = len(columns)
-                columns += _COLUMNS[term]
-                self.bounds[term] = _bounds(-limits[term], limits[term], len(_COLUMNS[term]))
-                self._parts[term] = slice(first, len(columns))
+                columns += _COLUMNS[name]
+                self.bounds[name] = _bounds(-limits[name], limits[name], len(_COLUMNS[name]))
+                self._parts[name] = slice(first, len(columns))
         self._columns, self._beams_seen = np.array(columns, np.int64), len(self.bearings) * ("scan" in self.bounds)
         read = [self.bounds[name].high for name, part in self._parts.items() if isinstance(part, slice)]
         self._high = np.concatenate([np.empty(0, np.float32), *read])

@@ -17,13 +17,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import SettingsError, accepted_names
+from ..errors import SettingsError
 from ..messages import FloatArray, shown
+from ..registry import Registry
 from .tick_state import TickState
 
 RewardFunction = Callable[[TickState], ArrayLike]
 
-REWARDS: dict[str, RewardFunction] = {}
+REWARDS: Registry[RewardFunction] = Registry("reward term", SettingsError, "fg_mujoco.rewards")
 """The terms that are known by name."""
 
 NEAR_WALL = 0.2
@@ -37,7 +38,7 @@ def reward(function: RewardFunction) -> RewardFunction:
       SettingsError: a bundled term has that name.
     """
     name = function.__name__
-    if name in REWARDS and REWARDS[name].__module__ == __name__:
+    if name in REWARDS and REWARDS.find(name).__module__ == __name__:
         raise SettingsError(f"reward term {name!r} is a bundled one; accepted: another name")
     REWARDS[name] = function
     return function
@@ -236,16 +237,16 @@ def _term(name: str, value: Any) -> RewardTerm:
       SettingsError: an unknown name, no weight, or a bundled name with a function of its own.
     """
     function, weight = value if isinstance(value, (tuple, list)) and len(value) == 2 else (None, value)
-    if function is None and name not in REWARDS:
-        known = accepted_names(name, REWARDS, f", or {{{name!r}: (function, weight)}}")
-        raise SettingsError(f"rewards has no term {name!r}; {known}")
-    if function is not None and (not callable(function) or (name in REWARDS and REWARDS[name] is not function)):
-        said = "a bundled or registered name" if callable(function) else shown(function)
-        raise SettingsError(f"reward term {name!r} is {said}; accepted: (function, weight) under another name")
+    if function is None:
+        function = REWARDS.find(name, f", or {{{name!r}: (function, weight)}}")
+    elif name in REWARDS and REWARDS.find(name) is not function:
+        raise SettingsError(f"reward term {name!r} is registered; accepted: (function, weight) under another name")
+    if not callable(function):
+        raise SettingsError(f"reward term {name!r} is {shown(function)}; accepted: (function, weight)")
     real = isinstance(weight, (int, float, np.integer, np.floating)) and not isinstance(weight, bool)
     if not real or not 0.0 <= weight < math.inf:
         raise SettingsError(
             f"Rewards.{name} is {shown(weight)}; accepted: a finite number from 0 on; a cost is a term whose values "
             "are negative"
         )
-    return RewardTerm(name=name, function=function or REWARDS[name], weight=float(weight))
+    return RewardTerm(name=name, function=function, weight=float(weight))
