@@ -71,7 +71,7 @@ def _as_entry(opponent: Any, number: int, own: CarSettings) -> Entry:
 
 
 class Opponents:
-    """Those who drive the opponents of n worlds: Planners of an engine.
+    """Planners and policies that drive the opponents of n worlds, as Planners of an engine.
 
     Args:
       entries: of the opponents of each world.
@@ -123,11 +123,11 @@ class Opponents:
 
     @property
     def failures(self) -> dict[int, PlannerError]:
-        """What was wrong with the planners that failed in the episodes that run, by row."""
+        """Errors of the planners that have failed in the present episodes, by row."""
         return self._of_each.failures
 
     def begin(self, worlds: NDArray[np.bool_]) -> None:
-        """Let the planners of some worlds (n,) forget everything, because an episode begins there.
+        """Reset the planners of some worlds (n,), because an episode begins there.
 
         Raises:
           ControllerError: one raises.

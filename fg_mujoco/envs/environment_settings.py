@@ -1,9 +1,9 @@
-"""What an environment for learning is made of: the course, the episode, what is seen and what is rewarded.
+"""Settings of an environment for learning: course, episode, observations and rewards.
 
     settings = EnvironmentSettings.of({"track": "hairpins", "laps": 2, "beam_step": 10})
     world = settings.make_world()
 
-What an observation, an action and a reward are is in modules of their own.
+`observations`, `actions`, `rewards` and `end_conditions` describe these.
 """
 
 from __future__ import annotations

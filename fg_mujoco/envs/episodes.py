@@ -1,6 +1,6 @@
-"""Episodes in some worlds: actions in, observations, rewards and ends out. What all faces of the environment share.
+"""Episodes in some worlds, for all environments: actions in; observations, rewards and ends out.
 
-    episodes = Episodes(settings, OneWorld(settings))
+    episodes = Episodes(settings, Worlds(settings))
     episodes.begin(which, generators)
     observation = episodes.observe(which)
     episodes.step(actions)
@@ -30,15 +30,15 @@ from .starts import StartGrid
 from .worlds import Mask, Worlds
 
 TRUNCATIONS = ("wrong_way", "no_progress", "time_limit")
-"""End reasons that are the environment's patience, not something that happened to the car."""
+"""End reasons of a race that truncate an episode; the others terminate it."""
 
 FACTS = ("time_s", "progress_m", "laps", "sliding", "clipped_actions")
-"""What is told of an episode besides: seconds and metres since its beginning, laps completed, the share of the last
-tick in which a tire slid, and how many actions were held within the bounds."""
+"""Facts of an episode: seconds and metres since its beginning, laps completed, the share of the last tick in which a
+tire slid, and the number of clipped actions."""
 
 FACTS_AMONG_CARS = ("touches", "position", "lead_m")
-"""What is told besides where there are other cars: how often the car has touched one, its place, 1 in front, and how
-far it is ahead of the foremost other car along the course, negative behind it."""
+"""Further facts where there are other cars: how often the car has touched one, its position, 1 in front, and its lead on
+the foremost other car along the course, negative behind it."""
 
 class Episodes:
     """Episodes in n worlds, each with its own beginning and end; (n,) is one for each car that learns.
@@ -52,10 +52,11 @@ class Episodes:
       actions: their bounds.
       commands: of the last step (n, 2) [rad, m/s].
       rewards: of the last step (n,).
-      terminated: whether something has ended the episode: a crash, a rollover, the last lap, a physics that broke down
-        (n,).
-      truncated: whether the time limit has, ten seconds without progress, or five metres the wrong way (n,).
-      clipped: how many actions of the episode were held within the bounds (n,).
+      terminated: whether a crash, a rollover, the last lap, unstable physics or an end condition that terminates has
+        ended the episode (n,).
+      truncated: whether the time limit, ten seconds without progress, five metres the wrong way or an end condition that
+        truncates has ended it (n,).
+      clipped: number of clipped actions of the episode (n,).
       fact_names: FACTS; FACTS_AMONG_CARS where there are other cars; and of each reward term "reward_NAME", its part of
         the last tick's reward, and "return_NAME", the sum of the episode.
     """
@@ -139,7 +140,7 @@ class Episodes:
             raise SettingsError(f"{said}; accepted: a start where it does not")
 
     def step(self, actions: ArrayLike) -> None:
-        """Take the actions (n, 2) in the worlds whose episodes run; what the others' rows have is not looked at.
+        """Take the actions (n, 2) in the worlds whose episodes go on; the other rows are ignored.
 
         Raises:
           MessageError: an action that is no number.
@@ -149,7 +150,7 @@ class Episodes:
         self.reward()
 
     def command(self, actions: ArrayLike) -> None:
-        """Work out what the actions command.
+        """Convert actions to commands.
 
         Raises:
           MessageError: an action that is no number.
@@ -180,7 +181,7 @@ class Episodes:
             self.rewards[driven] += values
 
     def stop(self, which: Mask) -> None:
-        """Let the episodes `which` (n,) run no longer."""
+        """Stop the episodes `which` (n,)."""
         self.worlds.stop(which)
 
     def observe(self, which: Mask) -> Observation:

@@ -19,7 +19,7 @@ def read_actions(
     commands: FloatArray,
     clipped: NDArray[np.int64],
 ) -> int:
-    """Write what the actions command, and count those that had to be held within the bounds.
+    """Convert actions to commands, and count the clipped ones.
 
     Args:
       actions: (n, 2).
@@ -93,7 +93,7 @@ def read_sensors(
     scan: NDArray[np.float32],
     values: NDArray[np.float32],
 ) -> None:
-    """Write what a policy sees, held within its bounds.
+    """Write the parts of an observation that are read off sensors, within their bounds.
 
     Args:
       ranges: (n, beams) [m], as in LaserScan.

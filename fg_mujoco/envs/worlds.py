@@ -1,4 +1,4 @@
-"""The worlds under an environment: cars that are placed, driven for a tick, and sensed, each in its own time."""
+"""The worlds of an environment: places their cars, drives them for a tick, and senses."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _SLIDING_STEPS = TELEMETRY.index("sliding_steps")
 
 
 class Worlds:
-    """Worlds of one engine whose episodes begin anew one by one, while the others go on.
+    """Worlds of one engine. Each is reset while the others go on.
 
     In each world the first cars are those that learn, the agents; the others are its opponents. Arrays are overwritten
     by the next call; (a,) is one for each agent, those of world 0 first. While others of its world go on, an agent that
@@ -181,7 +181,7 @@ class Worlds:
         self._stop_without_agents()
 
     def stop(self, which: Mask) -> None:
-        """Let the cars of the worlds `which` (n,) race no longer."""
+        """Stop the cars of the worlds `which` (n,)."""
         self.engine.running.reshape(-1, self.cars)[which] = False
 
     def _stop_without_agents(self) -> None:
@@ -205,5 +205,5 @@ class Worlds:
         return self.engine.state(i).copy()
 
     def close(self) -> None:
-        """Let go of threads."""
+        """Close the thread pool."""
         self.engine.close()
