@@ -249,6 +249,11 @@ class Engine:
         i = row // self.cars_per_world
         return ground_speed(self.qpos(i), self.qvel(i), self._arrays.constants[row : row + 1])
 
+    def read_motions(self, which: Mask, poses: FloatArray, velocities: FloatArray) -> None:
+        """Write the true poses (r, 3) and velocities (r, 3) of the cars `which` (r,), see `motion.read_motions`."""
+        for batch in self._batches:
+            batch.read_motions(which[batch.rows], poses[batch.rows], velocities[batch.rows])
+
     def surroundings(self, row: int) -> Surroundings:
         """Return what surrounds a car: its world, and where the other cars of it are."""
         i, own = divmod(row, self.cars_per_world)

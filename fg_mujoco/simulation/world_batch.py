@@ -28,7 +28,7 @@ from ..vehicle.bodywork import fit_timestep
 from ..vehicle.car import WHEELS, Car
 from ..vehicle.changes import CarChanges, change_worlds
 from ..vehicle.friction_patches import patch_table, wheel_positions
-from ..vehicle.motion import CAR
+from ..vehicle.motion import CAR, read_motions
 from ..vehicle.stages import fields
 from ..vehicle.tire_forces import GEAR, SCRATCH, USERDATA, Inertia, gear_row, steps_within, take_over
 from ..vehicle.tire_slip import QUANTITIES, TireSlipMeter
@@ -383,6 +383,13 @@ class WorldBatch:
     def read(self, which: Mask) -> None:
         """Take the odometry of the cars `which` (r,), and what begins their rows of telemetry."""
         compiled_tick.read(self._table.rows, which)
+
+    def read_motions(self, which: Mask, poses: FloatArray, velocities: FloatArray) -> None:
+        """Write where the cars `which` (r,) are and how they move, see `motion.read_motions`."""
+        read_motions(
+            which, self._cars_per_world, self.physics.states, self.layout.qpos[0], self.layout.qvel[0],
+            self._arrays.constants, poses, velocities,
+        )  # fmt: skip
 
     def sense(self, which: Mask) -> None:
         """Take odometry and, where scans are drawn, the scans of the cars `which` (r,)."""
