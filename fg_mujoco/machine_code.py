@@ -36,6 +36,9 @@ OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 INLINED = {"inline": "always", **OPTIONS}
 """Of numba, for functions that are written out where kernels call them."""
 
+LOADING = "fg_mujoco:kernel"
+"""Event of numba's kind: a kernel is compiled, or loaded from disk, by numba."""
+
 Kind = tuple[Any, ...]
 """What tells the type of an argument: equal only where numba's type is."""
 

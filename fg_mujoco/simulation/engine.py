@@ -292,7 +292,7 @@ class Engine:
         It is a copy of shape (substeps, 4); without patches (1, 4).
         """
         floor = self._batches[0].floor
-        return floor.mu[0].copy() if len(floor.mu) else self._arrays.mu[:1].copy()
+        return floor.mu[:, 0].copy() if floor.mu.size else self._arrays.mu[:1].copy()
 
     def read(self, i: int, data: mujoco.MjData) -> None:
         """Write world i into a mujoco.MjData of its model, poses current."""
