@@ -118,7 +118,7 @@ def hide_cars(memory: Record, scan: Record, ranges: FloatArray) -> None:
 
 @kernel
 def _ends_near(scan: Record, ranges: FloatArray, beam: int, ahead: float, left: float) -> bool:
-    """Say whether a beam ends within _HIDDEN of a place ahead and to the left of the LiDAR [m]."""
+    """Return whether a beam ends within _HIDDEN of a place ahead and to the left of the LiDAR [m]."""
     bearing = scan.angle_min + scan.angle_increment * beam
     distance = ranges[beam]
     return math.hypot(distance * math.cos(bearing) - ahead, distance * math.sin(bearing) - left) < _HIDDEN

@@ -35,10 +35,9 @@ from numba.core.typing.templates import _OverloadFunctionTemplate
 from numba.extending import intrinsic, overload
 from numba.np import arrayobj
 
-from .kernel_files import cache_folder, read_kept, say, write_kept
+from .kernel_files import read_kept, say, write_kept
 from .kernel_keys import kernel_file
-from .machine_code import INLINED, OPTIONS, MachineCode, kinds, machine, omitted, text_of
-from .numba_events import LOADING
+from .machine_code import INLINED, LOADING, OPTIONS, MachineCode, kinds, machine, omitted, text_of
 
 _ANNOUNCED = "FG_MUJOCO_COMPILING"  # environment variable: set once somebody has said that kernels are being compiled
 _functions: WeakSet[Callable[..., Any]] = WeakSet()  # of which kernels are made
@@ -273,7 +272,7 @@ def _blas_unseen() -> Iterator[None]:
 
 
 def _calls_in_turn(library: Any) -> bool:
-    """Say whether functions in there call each other in turn: that is done by addresses."""
+    """Return whether functions in there call each other in turn: that is done by addresses."""
     prefix = library.codegen._rtlinker.PREFIX
     return any(variable.name.startswith(prefix) for variable in library._final_module.global_variables)
 
@@ -402,7 +401,7 @@ def _text_of(signature: Any) -> str:
     return " ".join(texts)
 
 
-class _KernelCache:
+class _KernelCache(NullCache):  # type: ignore[misc]
     """The files of one kernel, in the place of numba's own cache (numba.core.caching._Cache).
 
     A file that is missing, damaged or unreadable is compiled anew, and where none can be written, none is.
@@ -415,17 +414,15 @@ class _KernelCache:
         self._function = function
         self.texts: dict[tuple[Any, ...], str] = {}
 
-    @property
-    def cache_path(self) -> str:
-        """The folder, for numba's statistics."""
-        return str(cache_folder())
-
     def load_overload(self, signature: Any, target: Any) -> Any:
         """Return what was compiled for a signature; None where it is not there, or damaged."""
         with contextlib.suppress(Exception):  # whatever is wrong with it, compiling helps
             kept = read_kept(self._file(signature, target.codegen()))
             if kept is not None:
                 return self.unpacked(self._numbas(kept), target)
+        if _ANNOUNCED not in os.environ:  # in the first of a family of processes that compiles kernels
+            os.environ[_ANNOUNCED] = "announced"
+            say("compiling kernels, once; this takes 10 to 30 s")
         return None
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
@@ -469,15 +466,6 @@ class _KernelCache:
             return kernel_file(self._function, text, machine())
         return kernel_file(self._function, type(self).__name__, machine(), codegen.magic_tuple(), _text_of(signature))
 
-    def enable(self) -> None:
-        """Nothing to do: it always is."""
-
-    def disable(self) -> None:
-        """Nothing to do: it never is."""
-
-    def flush(self) -> None:
-        """Nothing to do: files of old sources are not read."""
-
 
 class _PartCache(_KernelCache):
     """The files of one kernel as other kernels call it."""
@@ -502,18 +490,3 @@ class _PartCache(_KernelCache):
             environment=environment, signature=signature, referenced_envs=environments, objectmode=False, lifted=(),
             reload_init=(),
         )  # fmt: skip
-
-
-class _Announcer(event.Listener):  # type: ignore[misc]
-    """Says on stderr that kernels are being compiled: once, in the first of a family of processes that does so."""
-
-    def on_start(self, event: Any) -> None:
-        if _ANNOUNCED not in os.environ and isinstance(event.data["dispatcher"], (Dispatcher, _Part)):
-            os.environ[_ANNOUNCED] = "announced"  # processes that this one starts say nothing
-            say("compiling kernels, once; this takes 10 to 30 s")
-
-    def on_end(self, event: Any) -> None:
-        """Nothing to say."""
-
-
-event.register("numba:compile", _Announcer())

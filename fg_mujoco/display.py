@@ -219,13 +219,13 @@ class Shown(Suggesting):
 
 
 def _in_notebook() -> bool:
-    """Say whether this is a cell of a notebook. IPython in a terminal has no kernel."""
+    """Return whether this is a cell of a notebook. IPython in a terminal has no kernel."""
     shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
     return getattr(shell, "kernel", None) is not None
 
 
 def _has_display() -> bool:
-    """Say whether a person sits in front of this terminal, at a machine with a display."""
+    """Return whether a person sits in front of this terminal, at a machine with a display."""
     graphical = sys.platform in ("darwin", "win32") or bool(
         os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     )

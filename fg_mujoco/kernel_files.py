@@ -63,7 +63,7 @@ def own_folder(name: str, otherwise: str) -> Path | None:
 
 
 def _open_to_others(folder: Path) -> bool:
-    """Say whether a folder is another user's, or group or others may write to it."""
+    """Return whether a folder is another user's, or group or others may write to it."""
     status = folder.stat()
     return hasattr(os, "geteuid") and (
         status.st_uid != os.geteuid() or bool(status.st_mode & (stat.S_IWGRP | stat.S_IWOTH))

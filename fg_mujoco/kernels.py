@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
 from . import interpreted
 from .kernel_files import cache_folder, own_folder, package_files, read_kept, source_digest
 from .kernel_keys import kernel_file
-from .machine_code import INLINED, Kind, each_kind, kind_of, kinds, machine, omitted, text_of
+from .machine_code import INLINED, LOADING, Kind, each_kind, kind_of, kinds, machine, omitted, text_of
 
 if TYPE_CHECKING:
     from .compiling import Dispatcher
@@ -38,6 +38,7 @@ __all__ = [
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
+_EVENTS = (LOADING, "numba:compile")
 _lock = threading.RLock()
 
 
@@ -95,7 +96,7 @@ def numbas(in_python: Any) -> Callable[[Callable[[], Any]], Any]:
 
 
 def _interpreted() -> bool:
-    """Say whether the user wants Python to run kernels, to step through them: see `interpreted`."""
+    """Return whether the user wants Python to run kernels, to step through them: see `interpreted`."""
     if "numba" in sys.modules:
         return bool(sys.modules["numba"].config.DISABLE_JIT)
     return os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
@@ -297,7 +298,7 @@ class CompileTime:
         self.running = False
         self._depth, self._done, self._began = 0, 0.0, 0.0
         self._thread = threading.get_ident()
-        self._listener: Any = None
+        self._heard: Any = None  # numba's module of events, once this hears them
 
     def __enter__(self) -> CompileTime:
         _measuring.append(self)
@@ -306,16 +307,23 @@ class CompileTime:
 
     def __exit__(self, *exception: object) -> None:
         _measuring.remove(self)
-        if self._listener is not None:
-            self._listener.stop()
-            self._listener = None
+        for kind in _EVENTS if self._heard is not None else ():
+            self._heard.unregister(kind, self)
+        self._heard = None
 
     def _listen(self) -> None:
         """Hear what numba compiles, once it has been imported."""
-        if self._listener is None and self in _measuring and "numba.core.event" in sys.modules:
-            from .numba_events import Listener
+        if self._heard is None and self in _measuring and "numba.core.event" in sys.modules:
+            from numba.core import event
 
-            self._listener = Listener(self)
+            event.Listener.register(CompileTime)
+            for kind in _EVENTS:
+                event.register(kind, self)
+            self._heard = event
+
+    def notify(self, event: Any) -> None:
+        """Hear that numba begins to compile something, or has ended."""
+        (self.begin if event.is_start else self.end)()
 
     @property
     def seconds(self) -> float:

@@ -36,6 +36,9 @@ OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 INLINED = {"inline": "always", **OPTIONS}
 """Of numba, for functions that are written out where kernels call them."""
 
+LOADING = "fg_mujoco:kernel"
+"""Event of numba's kind: a kernel is compiled, or loaded from disk, by numba."""
+
 Kind = tuple[Any, ...]
 """What tells the type of an argument: equal only where numba's type is."""
 
@@ -283,7 +286,7 @@ def _target() -> Any:
 
 @cache
 def _is_there(name: str) -> bool:
-    """Say whether a name can be linked: LLVM ends the process where one cannot."""
+    """Return whether a name can be linked: LLVM ends the process where one cannot."""
     import llvmlite.binding as llvm
 
     return bool(llvm.address_of_symbol(name)) or hasattr(ctypes.pythonapi, name)

@@ -1,6 +1,6 @@
 """A registry: things of one kind by name, each imported when it is first used.
 
-    SCENES = Registry("scene", TrackError, group="fg_mujoco.scenes")
+    SCENES = Registry("scene", TrackError, "fg_mujoco.scenes")
     SCENES["dead_end"] = "fg_mujoco.course.scenes.corners:dead_end"
     make = SCENES.find("dead_end")
 
@@ -13,6 +13,7 @@ with texts, so that no room imports from an upper one. Other packages register t
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from importlib import import_module
 from typing import TYPE_CHECKING, Generic, TypeVar
 
@@ -32,12 +33,20 @@ class Registry(Generic[T]):
     Args:
       kind: what the things are called in messages.
       error: class of the errors.
-      group: of the entry points of other packages; None: there are none.
+      group: of the entry points of other packages; None: other packages cannot register any.
+      own: things of this package by name, as they are or as "module:attribute".
+      instance_of: class of the things that other packages register.
     """
 
-    def __init__(self, kind: str, error: type[FgMujocoError], group: str | None = None) -> None:
-        self.kind, self.error, self.group = kind, error, group
-        self._own: dict[str, str | T] = {}
+    def __init__(
+        self,
+        kind: str,
+        error: type[FgMujocoError],
+        group: str | None = None,
+        own: Mapping[str, str | T] | None = None,
+        instance_of: type = object,
+    ) -> None:
+        self.kind, self.error, self.group, self._own, self._class = kind, error, group, dict(own or {}), instance_of
 
     def __setitem__(self, name: str, thing: str | T) -> None:
         """Register a thing of this package, or "module:attribute", from where it is imported when it is first used."""
@@ -46,9 +55,9 @@ class Registry(Generic[T]):
     def __contains__(self, name: object) -> bool:
         return name in self._own
 
-    def own_names(self) -> tuple[str, ...]:
-        """Return the names of this package, in the order in which they were registered."""
-        return tuple(self._own)
+    def __iter__(self) -> Iterator[str]:
+        """Yield the names of this package, in the order in which they were registered."""
+        return iter(self._own)
 
     def names(self) -> tuple[str, ...]:
         """Return the names of this package and then, sorted, those of other packages."""
@@ -81,17 +90,22 @@ class Registry(Generic[T]):
                 self._own[name] = thing = getattr(import_module(module), attribute)
             return thing
         point = self.entry_point(name, others)
+        origin = f"{self.kind} {name!r} of {package_of(point)}, {point.value}"
         try:
-            return point.load()  # type: ignore[no-any-return]
+            found: T = point.load()
         except Exception as error:
             said = " ".join(f"{type(error).__name__}: {error}".split())
-            raise self.error(f"{self.kind} {name!r} of {package_of(point)}, {point.value}: {said}") from error
+            raise self.error(f"{origin}: {said}") from error
+        if not isinstance(found, self._class):
+            raise self.error(f"{origin} is a {type(found).__name__}; accepted: a {self._class.__name__}")
+        return found
 
     def entry_point(self, name: str, others: str = "") -> EntryPoint:
         """Return the entry point by which another package registers a name; arguments and errors as those of `find`."""
         points = self.entry_points(name)
         if not points:
-            raise self.error(f"{self.kind} {name!r} is not known; {accepted_names(name, self.names(), others)}")
+            are = "are" if self.kind.endswith("s") else "is"
+            raise self.error(f"{self.kind} {name!r} {are} not known; {accepted_names(name, self.names(), others)}")
         if len({point.value for point in points}) > 1:
             packages = " and ".join(sorted(map(package_of, points)))
             raise self.error(

@@ -89,8 +89,8 @@ def test_a_car_that_has_finished_says_no_more(tmp_path):
     entries = [fg.Entry(max_speed=2.0), fg.Entry(max_speed=6.0)]
     race = fg.race("oval", entries=entries, laps=1, time_limit=11.0)
     found = written(race, tmp_path)
-    ticks = round(race.cars[1]["end_time_s"] / 0.025)
-    assert race.cars[1]["finished"] and ticks < len(race.car.telemetry)
+    ticks = round(race.cars[1].end_time_s / 0.025)
+    assert race.cars[1].finished and ticks < len(race.car.telemetry)
     for topic in ("/opp_scan", "/opp_racecar/odom", "/ego_racecar/opp_odom", "/opp_drive"):
         assert len(found[topic]) == ticks
     for topic in ("/scan", "/ego_racecar/odom", "/drive"):

@@ -125,7 +125,7 @@ def test_poses_that_drift_are_corrected_by_the_scans(sweeps, tmp_path):
     assert "poses: the odometry on /odom, corrected by the scans" in (tmp_path / "made.yaml").read_text()
     track = load_track(str(tmp_path / "made.yaml"))
     assert track.length == pytest.approx(load_track("oval").length, rel=0.02)
-    assert fg.race(track, laps=1, max_speed=4.0).finished
+    assert fg.race(track, laps=1, max_speed=4.0).car.finished
 
 
 def test_scans_alone_make_no_map_and_what_does_is_said(tmp_path, capsys):

@@ -74,10 +74,9 @@ def test_by_default_all_controllers_meet_all_scenes(monkeypatch, capsys):
     monkeypatch.setattr("fg_mujoco.cli.compare.compare", stand_in)
     assert main(["compare", "--out", "out"]) == 130
     assert main(["compare", "--out", "out", "--track", "oval"]) == 130
-    assert main(["compare", "--out", "out", "--track", "oval", "--scenes", "all"]) == 130
-    assert [arguments for arguments, _ in asked] == [(None,)] * 3
-    assert [tuple(options["scenes"]) for _, options in asked] == [scene_names(), (), scene_names()]
-    assert list(asked[0][1]["seeds"]) == list(range(10))
+    assert [arguments for arguments, _ in asked] == [(fg.controller_names(),)] * 2
+    assert [list(options["track"]) for _, options in asked] == [[f"scene:{name}" for name in scene_names()], ["oval"]]
+    assert list(asked[0][1]["seed"]) == list(range(10))
 
 
 @pytest.mark.parametrize(
@@ -87,7 +86,8 @@ def test_by_default_all_controllers_meet_all_scenes(monkeypatch, capsys):
         (("--out", "out", "--controller", "gap_finder,"), "accepted: names"),
         (("--out", "out", "--controller", "gap_finder[lookahead]"), "accepted: SETTING=VALUE"),
         (("--out", "out", "--track", "nowhere"), "unknown track 'nowhere'"),
-        (("--out", "out", "--scenes", "nowhere"), "unknown scene"),
+        (("--out", "out", "--track", "scene:nowhere"), "unknown scene"),
+        (("--out", "out", "--scenes", "all"), "is called '--track scene:NAME' now"),
         (("--out", "out", "--seed", "1:x"), "accepted: FIRST:END"),
         (("--out", "out", "--seed", "5:5"), "no seed is given"),
         (("--out", "out", "--max-speed", "4,fast"), "accepted: a number"),

@@ -66,7 +66,7 @@ def test_the_wall_on_the_side_that_the_car_steers_to(steering, side):
 
 def test_the_sides_of_a_course_driven_against_its_direction_stay_its_own():
     start = fg.Start(s=3.0, heading=math.pi)
-    assert fg.race("oval", Held(0.2, 2.0), laps=1, start=start).crash.into == "right wall"
+    assert fg.race("oval", Held(0.2, 2.0), laps=1, start=start).car.crash.into == "right wall"
 
 
 def test_a_box_ahead_is_hit_at_its_face_by_its_number():
@@ -91,7 +91,7 @@ def test_a_moving_obstacle_a_dead_end_and_a_wall_behind():
     assert (low - 0.03 <= place).all() and (place <= high + 0.03).all()
     end = fg.race("scene:dead_end:0", Held(0.0, 4.0))
     assert str(end.car.crash).startswith("hit the wall across the course at (")
-    behind = fg.race("oval", Held(0.3, -2.0), laps=1).crash
+    behind = fg.race("oval", Held(0.3, -2.0), laps=1).car.crash
     assert behind.speed_m_s == pytest.approx(-2.0, abs=0.1)
     assert str(behind).endswith(", 2.0 m/s in reverse")
 
@@ -107,7 +107,7 @@ def test_a_car_that_is_in_a_wall_at_the_beginning_has_crashed_at_once():
 
 
 def test_a_race_that_ends_otherwise_has_no_crash(lap):
-    assert lap.crash is None and lap.summary()["crash"] is None
+    assert lap.car.crash is None and lap.summary()["crash"] is None
 
 
 @pytest.mark.slow

@@ -77,7 +77,7 @@ def test_a_planner_that_never_answers_ends_the_race(hang):
     assert (result.car.end_reason, result.car.finished, result.car.collisions_wall) == ("decision_limit", False, 0)
     assert len(result.ctrl) == 4 and result.sim_time_s == pytest.approx(4 * TICK)
     assert result.car.decision_times.decisions == 5 and result.car.decision_times.worst_s >= 0.2
-    assert result.decision_limit_s == 0.2
+    assert result.setup.decision_limit == 0.2
     whole = race(lambda now: None)
     assert whole.car.end_reason == "time_limit" and np.array_equal(result.states, whole.states[:5])
 
@@ -93,8 +93,8 @@ def test_in_another_thread_the_limit_is_checked_when_the_planner_has_answered():
     thread = threading.Thread(target=lambda: results.append(race(lambda now: time.sleep(0.3 * (now > 0.09)))))
     thread.start()
     thread.join()
-    assert results[0].end_reason == "decision_limit" and len(results[0].ctrl) == 4
-    assert results[0].decision_times.worst_s >= 0.3
+    assert results[0].car.end_reason == "decision_limit" and len(results[0].ctrl) == 4
+    assert results[0].car.decision_times.worst_s >= 0.3
 
 
 def test_without_a_limit_a_slow_planner_races_on():
@@ -111,9 +111,9 @@ def test_a_race_leaves_signals_and_timers_as_they_were():
     try:
         signal.setitimer(signal.ITIMER_REAL, 300.0)
         handler = signal.getsignal(signal.SIGALRM)
-        assert race(lambda now: None).end_reason == "time_limit"
+        assert race(lambda now: None).car.end_reason == "time_limit"
         assert signal.getsignal(signal.SIGALRM) is handler and 0.0 < signal.getitimer(signal.ITIMER_REAL)[0] <= 300.0
-        assert race(sleep).end_reason == "decision_limit" and signal.getsignal(signal.SIGALRM) is handler
+        assert race(sleep).car.end_reason == "decision_limit" and signal.getsignal(signal.SIGALRM) is handler
         assert not heard
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)

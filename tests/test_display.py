@@ -124,11 +124,11 @@ def test_reprs_have_their_figures_with_units(lap, crashed, comparison, worlds):
     points = len(track.centreline)
     assert repr(track).startswith(f"Track('oval', {track.length:.1f} m long, 2.20 m wide, ")
     assert repr(track).endswith(f"m, {points} points)")
-    best = min(lap.lap_times_s)
+    best = min(lap.car.lap_times_s)
     assert repr(lap) == (
         f"RaceResult('gap_finder' on 'oval': 1 of 1 laps in {lap.sim_time_s:.1f} s, best {best:.2f} s, no collision)"
     )
-    assert str(crashed.crash) in repr(crashed) and crashed.crash is not None
+    assert str(crashed.car.crash) in repr(crashed) and crashed.car.crash is not None
     assert "1 runs, 1 controllers on 1 courses: 1 finished" in repr(comparison)
     assert repr(worlds).startswith("RolloutResult(12 worlds on 'oval': ends 12 time_limit; median first lap none; ")
     assert repr(worlds.setup(0)).startswith("Scenario(changes=CarChanges(mu=")
@@ -234,9 +234,9 @@ def test_the_driven_line_is_where_the_car_was_in_the_colours_of_its_speed(crashe
 
 def test_pictures_stay_small_however_long_the_race_is(lap):
     times = 300
-    many = replace(lap, telemetry=np.tile(lap.telemetry, (times, 1)))
+    many = replace(lap, telemetry=np.tile(lap.car.telemetry, (times, 1)))
     assert len(many._repr_html_()) < 1_000_000
-    few = replace(lap, telemetry=lap.telemetry[:0])
+    few = replace(lap, telemetry=lap.car.telemetry[:0])
     assert "<svg" in few._repr_html_()
 
 

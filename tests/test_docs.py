@@ -31,7 +31,9 @@ ONLY_IMPORTED = {
 NEEDS = {"docs/maps.md": ("PIL", "yaml", "scipy")}
 GREATEST_DIAGRAM = 60_000  # [bytes]
 
-ENTRY_POINT_GROUPS = {"fg_mujoco.scenes", "fg_mujoco.controllers"}  # names for other packages, not modules
+ENTRY_POINT_GROUPS = {  # names for other packages, not modules
+    f"fg_mujoco.{group}" for group in ("scenes", "controllers", "rewards", "end_conditions", "observations")
+}
 
 BLOCK = re.compile(r'^```(\w+)(?: title="([^"]+)")?\n(.*?)^```', re.MULTILINE | re.DOTALL)
 

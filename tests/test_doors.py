@@ -1,8 +1,6 @@
 """One spelling of settings: races, rollouts, the live view, environments and comparisons mean the same by it."""
 
-import inspect
 import json
-from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -13,15 +11,14 @@ from vehicle_worlds import F1TENTH, made_file
 import fg_mujoco as fg
 from fg_mujoco import f110
 from fg_mujoco.cli.main import _parser, main
-from fg_mujoco.cli.options import DRIVE
+from fg_mujoco.cli.options import CAR as CAR_OPTIONS
 from fg_mujoco.envs.dm_environment import load
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.envs.worlds import Worlds
 from fg_mujoco.lidar.beams import LidarModel
-from fg_mujoco.racing.race import RaceSettings
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.simulation.settings import CarSettings, DriveSettings, Scenario, Start
-from fg_mujoco.studies.comparison.run import ComparisonSettings
+from fg_mujoco.studies.overtaking.overtaking import overtake
 from fg_mujoco.viz.live.live_session import LiveSession
 
 TICKS = 60
@@ -128,33 +125,43 @@ def test_the_f110_environment_drives_the_vehicle():
 # -- the same names
 
 
-@pytest.mark.parametrize("door", [fg.race, fg.rollout, Scenario, LiveSettings, RaceSettings])
-def test_doors_of_planners_have_all_settings(door):
-    assert {f.name for f in fields(DriveSettings)} <= set(inspect.signature(door).parameters)
+DOORS = {
+    "race": lambda **keywords: fg.race("oval", **keywords),
+    "rollout": lambda **keywords: fg.rollout("oval", n=1, **keywords),
+    "compare": lambda **keywords: fg.compare("gap_finder", track="oval", out="nowhere", **keywords),
+    "overtake": lambda **keywords: overtake("overtaker", track="oval", out="nowhere", **keywords),
+    "drive": lambda **keywords: fg.drive("brake", **keywords),
+}
 
 
-@pytest.mark.parametrize("door", [fg.compare, EnvironmentSettings, ComparisonSettings])
-def test_doors_of_cars_have_theirs(door):
-    assert {f.name for f in fields(CarSettings)} <= set(inspect.signature(door).parameters)
+@pytest.mark.parametrize("name", DOORS)
+def test_a_keyword_that_no_setup_has_is_refused_with_the_one_that_was_meant(here, name):
+    with pytest.raises(fg.SettingsError, match=rf"^{name} has no argument 'time_limt'; .* did you mean 'time_limit'\?$"):
+        DOORS[name](time_limt=2.0)
+    assert not list(here.iterdir())
 
 
 @pytest.mark.parametrize(
-    ("command", "names"),
+    ("name", "old", "new"),
     [
-        ("race", DRIVE),
-        ("rollout", DRIVE),
-        ("view", DRIVE),
-        ("compare", DRIVE),
-        ("replay-scans", ("vehicle", "planner_mu", "max_speed")),
+        ("race", "begin", "start"), ("race", "car", "changes"), ("race", "duration", "time_limit"),
+        ("race", "planner", "controller"), ("rollout", "engine", "executor"), ("rollout", "duration", "time_limit"),
+        ("compare", "tracks", "track"), ("compare", "max_speeds", "max_speed"), ("overtake", "planners", "controller"),
+        ("overtake", "seeds", "seed"),
     ],
-)
-def test_commands_have_the_options_with_the_same_help(command, names):
+)  # fmt: skip
+def test_an_old_name_is_answered_with_the_new_one(here, name, old, new):
+    with pytest.raises(fg.SettingsError, match=rf"'{old}' is called '{new}' now"):
+        DOORS[name](**{old: 1})
+
+
+@pytest.mark.parametrize("command", ["race", "rollout", "view", "compare"])
+def test_commands_have_the_options_of_a_car_with_the_same_help(command):
     commands = _parser()._subparsers._group_actions[0].choices
-    helps = {a.dest: a.help.replace("each", "the") for a in commands[command]._actions}
+    helps = {a.dest: a.help for a in commands[command]._actions}
     race = {a.dest: a.help for a in commands["race"]._actions}
-    same = [name for name in names if (command, name) != ("compare", "max_speed")]  # that one is a list
+    same = [name for name in CAR_OPTIONS if (command, name) != ("compare", "max_speed")]  # that one is a list
     assert {name: helps.get(name) for name in same} == {name: race[name] for name in same}
-    assert set(names) <= set(helps)
 
 
 # -- what is refused
@@ -170,7 +177,7 @@ CONFLICT = {"mu": 0.8, "changes": fg.CarChanges(mu=0.5)}
         lambda **settings: fg.World("oval", **settings),
         lambda **settings: load("oval", **settings),
         lambda **settings: fg.compare(["gap_finder"], track=["oval"], out="nowhere", **settings),
-        Scenario, LiveSettings, EnvironmentSettings, CarSettings, fg.Vehicle.load().spec,
+        Scenario, Setup.of, EnvironmentSettings, CarSettings, fg.Vehicle.load().spec,
     ],
 )  # fmt: skip
 def test_a_friction_that_is_given_twice_is_refused(here, door):

@@ -161,7 +161,7 @@ def test_a_drive_is_commanded_what_the_file_says_at_each_tick(tmp_path):
 def test_the_commands_of_a_race_drive_the_same_trajectory_bit_for_bit(lap):
     """On open ground, from the start of the race: what no wall has touched."""
     x, y, heading = lap.world.track.start_pose()
-    columns = [lap.column(name) for name in ("time_s", "command_steering_rad", "command_speed_m_s")]
+    columns = [lap.car.column(name) for name in ("time_s", "command_steering_rad", "command_speed_m_s")]
     commands = fg.Commands(time=columns[0], steering_angle=columns[1], speed=columns[2])
     driven = fg.drive(commands, start=fg.Start(s=x, offset=y, heading=heading))
     ticks = len(driven.ctrl)

@@ -77,7 +77,7 @@ def test_lines_end_where_the_race_of_a_car_was_over():
         "oval", entries=[fg.Entry(max_speed=2.0), fg.Entry(max_speed=6.0)], laps=1,
         time_limit=14.0,
     )  # fmt: skip
-    assert race.cars[1]["finished"]
+    assert race.cars[1].finished
     field = Field.of(read_recorded(race))
     for line in field.lines:
         assert (np.abs(line) < 20.0).all()

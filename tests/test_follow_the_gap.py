@@ -143,9 +143,9 @@ def test_limit_the_square_corners_need_the_furthest_point_and_the_lookahead(sett
         "safety_filter": False,
         "guidance": False,
     }  # held or led, it gets round all the same
-    assert fg.race("l_corridor", "follow_the_gap", laps=1, planner_settings=alone).end_reason != "finished"
+    assert fg.race("l_corridor", "follow_the_gap", laps=1, planner_settings=alone).car.end_reason != "finished"
 
 
 def test_the_deepest_point_drives_the_circuits_too():
     for circuit in ("oval", "l_corridor"):
-        assert fg.race(circuit, "follow_the_gap", laps=1, planner_settings={"point": "deepest"}).finished
+        assert fg.race(circuit, "follow_the_gap", laps=1, planner_settings={"point": "deepest"}).car.finished

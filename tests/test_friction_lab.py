@@ -375,4 +375,4 @@ def test_the_command_line_starts_without_the_experiments():
         "print([name for name in sys.modules if 'friction_lab' in name])"
     )
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout
-    assert "lab_report" in loaded and "skidpad" not in loaded and "single_track" not in loaded
+    assert "lab_report" in loaded and "skidpad" not in loaded and "models" not in loaded

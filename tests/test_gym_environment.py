@@ -252,9 +252,12 @@ def test_reward_is_the_sum_of_its_three_terms():
     weights = Rewards(progress=2.0, collision=5.0, sliding=3.0).of_tick(0.025)
     driven, crashed = np.array([True, True, False]), np.array([False, True, True])
     progress, before, rewards = np.array([4.1, 3.8, 9.0]), np.full(3, 4.0), np.full(3, 7.0)
-    reward_ticks(driven, progress, before, crashed, np.array([1.0, 0.0, 1.0]), weights, rewards)
+    terms = np.full((2, 3, 3), 1.0)
+    reward_ticks(driven, progress, before, crashed, np.array([1.0, 0.0, 1.0]), weights, rewards, terms)
     np.testing.assert_allclose(rewards, [0.2 - 0.075, -0.4 - 5.0, 7.0])
     assert before.tolist() == [4.1, 3.8, 4.0]
+    np.testing.assert_allclose(terms[0], [[0.2, -0.4, 1.0], [0.0, -5.0, 1.0], [-0.075, 0.0, 1.0]])
+    np.testing.assert_allclose(terms[1], [[1.2, 0.6, 1.0], [1.0, -4.0, 1.0], [0.925, 1.0, 1.0]])
 
 
 def test_random_starts_are_free_and_all_over_the_lap():

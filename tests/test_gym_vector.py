@@ -88,6 +88,14 @@ CASES = {
     "noise, normalised": (AutoresetMode.SAME_STEP, {"effects": NOISE, "normalised_actions": True}),
     "boxes, narrow track": (AutoresetMode.NEXT_STEP, {"track": "chicanes", "obstacles": 3, "mu": 0.8}),
     "max steps": (AutoresetMode.SAME_STEP, {"max_episode_steps": 13}),
+    "chosen terms": (
+        AutoresetMode.NEXT_STEP,
+        {
+            "rewards": {"command_rate": 0.1, "near_wall": 1.0, "heading_error": 1.0},
+            "observations": ["scan", "command", "wall_distance", "heading_error"],
+            "end_conditions": ["turned_round"],
+        },
+    ),
     "moving boxes": (AutoresetMode.NEXT_STEP, {"track": "scene:crossing_box:1", "max_episode_steps": 29}),
 }
 

@@ -13,10 +13,10 @@ import fg_mujoco as fg
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.simulation.cars import CAR_PREFIX
 from fg_mujoco.simulation.physics import STATE
-from fg_mujoco.simulation.simulation import complete_state
+from fg_mujoco.simulation.simulation import Simulation, complete_state
 from fg_mujoco.studies.friction_lab.experiment import LabSettings
 from fg_mujoco.studies.friction_lab.lab_figures import render
-from fg_mujoco.studies.friction_lab.lab_laps import LabSimulation, LabWorld, drive_laps
+from fg_mujoco.studies.friction_lab.lab_laps import drive_laps
 from fg_mujoco.studies.friction_lab.patch_manoeuvres import bisect, brake_onset, circle, edge_load, sliding_sideways
 from fg_mujoco.studies.friction_lab.patches import EXPERIMENT
 from fg_mujoco.vehicle.car import WHEELS
@@ -125,7 +125,7 @@ def test_bisection_finds_where_something_begins_and_says_where_it_does_not():
 def test_patch_of_the_tires_own_friction_changes_no_bit_and_without_patches_it_is_race():
     everywhere = Patch(x=0.0, y=0.0, length=200.0, width=200.0, mu=Vehicle.load().nominal_mu)
     expected = fg.race("oval", laps=1)
-    for world in (LabWorld("oval"), LabWorld("oval", patches=(everywhere,))):
+    for world in (fg.World("oval"), fg.World("oval", patches=(everywhere,))):
         laps = drive_laps(world, laps=1)
         assert laps.trajectory_sha256 == expected.trajectory_sha256
         assert laps.lap_times_s == expected.car.lap_times_s
@@ -134,15 +134,15 @@ def test_patch_of_the_tires_own_friction_changes_no_bit_and_without_patches_it_i
 
 def test_patch_everywhere_is_other_tires():
     everywhere = Patch(x=0.0, y=0.0, length=200.0, width=200.0, mu=0.7)
-    patched = drive_laps(LabWorld("oval", patches=(everywhere,)), laps=1, planner_mu=0.9)
-    tires = drive_laps(LabWorld("oval", mu=0.7), laps=1, planner_mu=0.9)
+    patched = drive_laps(fg.World("oval", patches=(everywhere,)), laps=1, planner_mu=0.9)
+    tires = drive_laps(fg.World("oval", mu=0.7), laps=1, planner_mu=0.9)
     assert patched.trajectory_sha256 == tires.trajectory_sha256
     assert patched.column("friction_use_rear_left") == pytest.approx(tires.column("friction_use_rear_left"))
 
 
 def test_laps_over_patches_are_simulated_again_bit_for_bit_from_the_xml_alone():
     """By MuJoCo alone, on its contacts; tires of ours are stepped in tests of the engine."""
-    world = LabWorld("oval", patches=(ICE,), tires="contact")
+    world = fg.World("oval", patches=(ICE,), tires="contact")
     laps = drive_laps(world, laps=1)
     assert (laps.floor_mu == ICE.mu).any()
     model = mujoco.MjModel.from_xml_string(world.xml)
@@ -154,35 +154,35 @@ def test_laps_over_patches_are_simulated_again_bit_for_bit_from_the_xml_alone():
             floor.apply(data.qpos)
             mujoco.mj_step(model, data)
         assert np.array_equal(complete_state(model, data), expected)
-    assert drive_laps(LabWorld("oval", tires="contact"), laps=1).trajectory_sha256 != laps.trajectory_sha256
+    assert drive_laps(fg.World("oval", tires="contact"), laps=1).trajectory_sha256 != laps.trajectory_sha256
 
 
 def test_simulations_that_follow_each_other_start_on_the_floor_where_the_car_is():
-    simulation = LabSimulation(LabWorld("oval", patches=(Patch(x=0, y=0, length=1.5, width=3, mu=0.3),)))
+    simulation = Simulation(fg.World("oval", patches=(Patch(x=0, y=0, length=1.5, width=3, mu=0.3),)))
     hashes = []
     for _ in range(2):
         simulation.reset()
         for _ in range(20):
             simulation.drive(0.0, 3.0)
         assert 0.9 < np.nanmax(simulation.slip.friction_utilisation) < 1.01  # tires that spin hop: NaN
-        assert simulation.floor_mu.shape == (simulation.substeps, 4)
+        assert simulation.engine.floor_friction().shape == (simulation.substeps, 4)
         hashes.append(simulation.state.tobytes())
         simulation.reset(s=20.0)
         simulation.drive(0.0, 1.0)
-        assert (simulation.floor_mu == Vehicle.load().nominal_mu).all()
+        assert (simulation.engine.floor_friction() == Vehicle.load().nominal_mu).all()
     assert hashes[0] == hashes[1]
 
 
 def test_patches_are_read_back_off_the_compiled_xml():
     patches = (ICE, Patch(x=-1.0, y=2.0, length=0.5, width=3.0, heading=-2.0, mu=1.2))
-    model = LabWorld("oval", patches=patches).model
+    model = fg.World("oval", patches=patches).model
     for read, given_patch in zip(read_patches(model), patches, strict=True):
         assert vars(read) == pytest.approx(vars(given_patch), rel=1e-5)
-    assert read_patches(LabWorld("oval").model) == ()
+    assert read_patches(fg.World("oval").model) == ()
 
 
 def test_beams_do_not_see_patches():
-    scans = [LabSimulation(LabWorld("oval", patches=patches)).reset(s=3.0)[0].ranges for patches in ((), (ICE, ICE))]
+    scans = [Simulation(fg.World("oval", patches=patches)).reset(s=3.0)[0].ranges for patches in ((), (ICE, ICE))]
     assert np.array_equal(*scans)
 
 

@@ -421,6 +421,6 @@ def test_parameters_in_a_file_count_as_a_setting_and_in_a_launch_file(here):
     (here / "params.yaml").write_text("mine: {ros__parameters: {gain: 1.0}}\n")
     (here / "launch.yaml").write_text("nodes: [{file: node.py, class: Mine, params_file: params.yaml}]\n")
     launch = ControllerChoice.of("ros:launch.yaml").sha256
-    assert list(read_by("ros:node.py:Mine[door.params=params.yaml]")) == ["params.yaml"]
+    assert list(read_by("ros:node.py:Mine[host.params=params.yaml]")) == ["params.yaml"]
     (here / "params.yaml").write_text("mine: {ros__parameters: {gain: 2.0}}\n")
     assert ControllerChoice.of("ros:launch.yaml").sha256 != launch

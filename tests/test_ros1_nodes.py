@@ -140,13 +140,13 @@ def test_arguments_reach_a_node_from_the_setting_and_from_a_launch_file(tmp_path
     )
     text += "assert parser.parse_args().speed == float(speed)\n"
     source = write(tmp_path, text + LISTENS.format("drive(float(speed) if name == 'car 1' else 0.0)"))
-    assert commands(source, **{"door.args": "'car 1' 1.5"})[-1][0] == 1.5
+    assert commands(source, **{"host.args": "'car 1' 1.5"})[-1][0] == 1.5
     launch = "nodes:\n  - file: mine.py\n    args: [car 1, 2.5]\n"
     assert commands(write(tmp_path, launch, "launch.yaml"))[-1][0] == 2.5
     with pytest.raises(ControllerError, match=r"args are \{'a': 1\}; accepted: words, such as car_1 --fast"):
         commands(write(tmp_path, launch.replace("[car 1, 2.5]", "{a: 1}"), "launch.yaml"))
-    with pytest.raises(ControllerError, match=r"door.args: args are \"'car\"; accepted: words"):
-        commands(source, **{"door.args": "'car"})
+    with pytest.raises(ControllerError, match=r"host.args: args are \"'car\"; accepted: words"):
+        commands(source, **{"host.args": "'car"})
 
 
 def test_a_file_whose_tabs_only_python_2_reads_is_read_as_it_does(tmp_path):

@@ -204,7 +204,7 @@ def test_nodes_that_are_not_here_are_left_out_with_a_warning(workspace):
         assert speeds(source)[0] == 1.0
     said = next(str(each.message) for each in caught if "left out are" in str(each.message))
     assert re.search(r"rviz2 of rviz2, whose package is not here \(.*race.launch.py, line 19\)", said)
-    assert "gym_bridge of f1tenth_gym_ros, for which this simulator stands in" in said
+    assert "gym_bridge of f1tenth_gym_ros, which this simulator replaces" in said
     assert "wheels of my_car, of which there is no Python file" in said
     assert "names package 'nav2', which is not here" in said
 

@@ -272,7 +272,7 @@ def test_parameters_are_declared_given_and_refused(node, tmp_path):
     assert speeds(make(source, speed=2), 1) == [2.0]
     file = tmp_path / "config.yaml"
     file.write_text("mine:\n  ros__parameters:\n    speed: 2.5\n")
-    assert speeds(make(source, **{"door.params": str(file)}), 1) == [2.5]
+    assert speeds(make(source, **{"host.params": str(file)}), 1) == [2.5]
     with pytest.raises(ControllerError, match=r"has no parameter 'sped'; accepted: speed; did you mean 'speed'\?"):
         make(source, sped=2)
     with pytest.raises(ControllerError, match=r"parameter 'speed' of node 'mine' is 'fast'; .*mine.py, line 14"):
@@ -543,7 +543,7 @@ def test_a_node_that_never_publishes_is_named_with_the_line_of_its_publisher(nod
 
 @pytest.mark.slow
 def test_a_node_that_blocks_is_named_with_its_line_and_its_thread_ends(node):
-    planner = make(node("while True:\n    x = 1"), **{"door.wall_limit": 1.0})
+    planner = make(node("while True:\n    x = 1"), **{"host.wall_limit": 1.0})
     with pytest.raises(Exception, match=r"'Mine' has not come back within 1 s of wall time \(.*mine.py, line 1[67]\)"):
         ticks(planner, 1)
     del planner
@@ -811,7 +811,7 @@ while not is_shutdown():
     )
     file = tmp_path / "config.yaml"
     file.write_text("team: {gain: 2.0}\nspeeds: {fast: 1.5}\n")
-    assert speeds(make(f"ros:{path}", **{"door.params": str(file)}), 2)[-1] == 3.0
+    assert speeds(make(f"ros:{path}", **{"host.params": str(file)}), 2)[-1] == 3.0
     assert speeds(make(f"ros:{path}", **{"team/gain": 1.0, "speeds/fast": 2.0}), 2)[-1] == 2.0
     with pytest.raises(ControllerError, match=r"parameter /team/gain is not given, and has no default; .*line 6\)"):
         make(f"ros:{path}")

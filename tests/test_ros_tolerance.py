@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scan_worlds import CAR, corridor, odometry_of
 
+from fg_mujoco.errors import ControllerError
 from fg_mujoco.racing.planner_loading import make_controller
 from fg_mujoco.ros.node_host.graph import NodeError
 from fg_mujoco.simulation.old_numpy import advice
@@ -396,12 +397,14 @@ def test_a_lifecycle_node_is_configured_and_activated_when_it_is_spun(tmp_path):
 
 def test_a_node_for_1080_beams_is_told_of_the_setting_and_drives_with_it(node2):
     source = node2("assert len(message.ranges) > 1\nself.drive(float((np.array(message.ranges) + np.ones(1080))[540]))")
-    told = pytest.warns(UserWarning, match=r"written for the 1080 beams of f1tenth_gym_ros.*\[door.beams=1080\]")
+    told = pytest.warns(UserWarning, match=r"written for the 1080 beams of f1tenth_gym_ros.*\[host.beams=1080\]")
     with told, pytest.raises(ValueError, match="1081"):
         commands(make(source), 1)
-    assert speeds(make(source, **{"door.beams": 1080}), 1)[0] > 1.0
+    assert speeds(make(source, **{"host.beams": 1080}), 1)[0] > 1.0
     body = "angles = message.angle_min + message.angle_increment * np.arange(len(message.ranges))\n"
     wall = node2(body + "self.drive(float(np.array(message.ranges)[np.argmin(abs(angles - np.pi / 2))]))")
-    assert speeds(make(wall, **{"door.beams": 720}), 1)[0] == pytest.approx(speeds(make(wall), 1)[0], abs=1e-3)
-    with pytest.raises(Exception, match=r"door\.beams is 1; accepted: a whole number from 2"):
-        make(source, **{"door.beams": 1})
+    assert speeds(make(wall, **{"host.beams": 720}), 1)[0] == pytest.approx(speeds(make(wall), 1)[0], abs=1e-3)
+    with pytest.raises(Exception, match=r"host\.beams is 1; accepted: a whole number from 2"):
+        make(source, **{"host.beams": 1})
+    with pytest.raises(ControllerError, match=r"setting 'door\.beams' is called 'host\.beams' now; accepted"):
+        make(source, **{"door.beams": 1080})

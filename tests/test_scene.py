@@ -157,7 +157,7 @@ def test_its_time_limit_is_its_own_unless_another_is_given():
 
 
 def test_walls_and_obstacles_are_hit():
-    assert fg.race(scene(), Law(lambda time: 3.0), start=fg.Start(heading=0.5)).end_reason == "crash"
+    assert fg.race(scene(), Law(lambda time: 3.0), start=fg.Start(heading=0.5)).car.end_reason == "crash"
     inside = (Box(x=6.0, y=0.0, length=0.5, width=0.5),)
     first = fg.race(scene(obstacles=inside), Law(lambda time: 3.0))
     second = fg.race(scene(), Law(lambda time: 3.0), obstacles=inside)
@@ -303,4 +303,4 @@ def test_an_unknown_scene_lists_the_known_ones(name):
 def test_a_scene_can_be_changed_and_raced():
     wall = Box(x=6.0, y=0.0, length=0.2, width=2.0)
     changed = dataclasses.replace(fg.load_track("scene:corridor_sparse"), obstacles=(wall,), name="closed")
-    assert fg.race(changed, Law(lambda time: 2.0)).end_reason == "crash"
+    assert fg.race(changed, Law(lambda time: 2.0)).car.end_reason == "crash"

@@ -9,15 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
-from fg_mujoco.studies.friction_lab.linear_tire_model import FRONT_STIFFNESS, REAR_STIFFNESS, SLOWEST, SingleTrack
-from fg_mujoco.studies.friction_lab.single_track import (
+from fg_mujoco.studies.friction_lab.models import (
     EXPERIMENT,
     creep_stiffness,
     measure_circle,
     measure_manoeuvre,
     settled_yaw_rate,
 )
-from fg_mujoco.studies.friction_lab.single_track_section import agreeing_share, gym_curvature
+from fg_mujoco.studies.friction_lab.models_section import agreeing_share, gym_curvature
+from fg_mujoco.vehicle.single_track import FRONT_STIFFNESS, REAR_STIFFNESS, SLOWEST, SingleTrack
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 
 CAR = flat_world()[2]

@@ -105,7 +105,7 @@ def test_several_cars_are_refused_with_the_name(start, obstacles, said):
 
 def test_several_cars_may_start_beside_an_obstacle():
     entries = [fg.Entry(start=fg.Start(offset=0.6)), fg.Entry(start=fg.Start(s=9.0))]
-    assert fg.race("oval", entries=entries, obstacles=(BOX,), time_limit=0.1).end_reason == "time_limit"
+    assert fg.race("oval", entries=entries, obstacles=(BOX,), time_limit=0.1).car.end_reason == "time_limit"
 
 
 @pytest.mark.parametrize("start", [BEYOND, IN_WALL])

@@ -85,4 +85,4 @@ def test_limit_it_does_not_consider_the_cars_width():
 
 def test_limit_the_threshold_of_the_course_is_too_far_for_these_circuits():
     settings = {"threshold": 5.0, "guidance": False}
-    assert fg.race("l_corridor", "threshold_gap", laps=1, planner_settings=settings).end_reason != "finished"
+    assert fg.race("l_corridor", "threshold_gap", laps=1, planner_settings=settings).car.end_reason != "finished"

@@ -17,7 +17,7 @@ from fg_mujoco.racing.setup import Setup
 from fg_mujoco.simulation.settings import DriveSettings
 from fg_mujoco.simulation.telemetry import COMMAND
 from fg_mujoco.studies.comparison.run import ComparisonSettings
-from fg_mujoco.studies.friction_lab.lab_laps import LabWorld, drive_laps
+from fg_mujoco.studies.friction_lab.lab_laps import drive_laps
 from fg_mujoco.studies.overtaking.duel import DuelSettings
 from fg_mujoco.viz.live.live_session import LiveSession
 
@@ -109,7 +109,7 @@ def test_a_file_of_settings_tells_what_it_sets(here, capsys):
 
 
 def test_the_friction_lab_tells_the_mu_of_its_world_and_its_own_where_it_says_so():
-    for world, planner_mu, expected in ((LabWorld("oval", mu=0.6), None, 0.6), (LabWorld("oval", mu=0.6), 0.9, 0.9)):
+    for world, planner_mu, expected in ((fg.World("oval", mu=0.6), None, 0.6), (fg.World("oval", mu=0.6), 0.9, 0.9)):
         race = fg.race("oval", laps=1, mu=0.6, planner_mu=expected)
         assert drive_laps(world, laps=1, planner_mu=planner_mu).trajectory_sha256 == race.trajectory_sha256
 

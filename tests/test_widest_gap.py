@@ -179,4 +179,4 @@ def test_it_drives_a_circuit(track):
 def test_driving_at_the_centre_itself_it_meets_the_corner():
     """A limit of the source, which does not say how to drive there: its centre lies right behind the near edge."""
     alone = {"passing_distance": 0.0, "safety_filter": False}
-    assert fg.race("oval", "widest_gap", laps=1, planner_settings=alone).collisions
+    assert fg.race("oval", "widest_gap", laps=1, planner_settings=alone).car.collisions_wall

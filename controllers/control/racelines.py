@@ -83,7 +83,7 @@ def _row(content: str, where: str) -> list[float]:
 
 
 def is_counterclockwise(points: FloatArray) -> bool:
-    """Say whether a closed line (n, 2) is driven counterclockwise: by the sign of the area that it encloses."""
+    """Return whether a closed line (n, 2) is driven counterclockwise: by the sign of the area that it encloses."""
     x, y = (points - points[0]).T
     return bool(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) > 0.0)
 

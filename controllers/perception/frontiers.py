@@ -338,7 +338,7 @@ def _known_columns(world: Record) -> tuple[int, int]:
 
 @kernel
 def _is_known(cells: NDArray[np.uint8]) -> bool:
-    """Say whether any of some cells is known."""
+    """Return whether any of some cells is known."""
     known = np.uint8(0)
     for j in range(len(cells)):
         known |= cells[j]
@@ -475,7 +475,7 @@ def _aside(x: float, y: float, sin: float, cos: float, aside: float) -> tuple[in
 
 @kernel
 def _is_open_ground(world: Record, distance: NDArray[np.uint16]) -> bool:
-    """Say whether the ground beside the closed path is reached from the car at a third of its points, or more."""
+    """Return whether the ground beside the closed path is reached from the car at a third of its points, or more."""
     points, passed = 0, 0
     for back in range(world.known):
         place = (world.newest - back) % PATH
@@ -632,7 +632,7 @@ def _has_room_behind(
     group: NDArray[np.uint16],
     behind: NDArray[np.uint16],
 ) -> bool:
-    """Say whether a frontier may lead on: there is room behind it, or ground that the car does not reach otherwise.
+    """Return whether a frontier may lead on: there is room behind it, or ground that the car does not reach otherwise.
 
     Args:
       world: of type LOCAL_MAP.
@@ -675,7 +675,7 @@ def _find_edge(memory: Record, bits: NDArray[np.uint8], goal: NDArray[np.uint16]
 
 @kernel
 def _is_next_to_path(world: Record, bits: NDArray[np.uint8], cell: int) -> bool:
-    """Say whether a cell is within two cells of the closed way back."""
+    """Return whether a cell is within two cells of the closed way back."""
     i, j = _place_of(world, cell)
     for a in range(i - 2, i + 3):
         for b in range(j - 2, j + 3):
@@ -686,7 +686,7 @@ def _is_next_to_path(world: Record, bits: NDArray[np.uint8], cell: int) -> bool:
 
 @kernel
 def _comes_from_behind(world: Record, distance: NDArray[np.uint16], cell: int) -> bool:
-    """Say whether distances grow, at a cell beside the path, in the direction in which the car came by there."""
+    """Return whether distances grow, at a cell beside the path, in the direction in which the car came by there."""
     x, y, here = 0.0, 0.0, distance[cell]
     i, j = _place_of(world, cell)
     for di in range(-2, 3):

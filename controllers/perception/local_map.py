@@ -259,5 +259,5 @@ def _room_beside(scan: Record, ranges: FloatArray) -> tuple[float, float]:
 
 @kernel
 def in_window(memory: Record, i: int, j: int) -> bool:
-    """Say whether the map has a cell, by its column and row."""
+    """Return whether the map has a cell, by its column and row."""
     return bool(abs(i - memory.column) <= EDGE and abs(j - memory.row) <= EDGE)

@@ -203,7 +203,7 @@ def bearing_to(memory: Record, car: Record) -> float:
 
 @kernel
 def _is_in_view(memory: Record, car: Record, scan: Record, ranges: FloatArray) -> bool:
-    """Say whether a car would be seen where it is expected: a beam ends beyond it."""
+    """Return whether a car would be seen where it is expected: a beam ends beyond it."""
     place = round((bearing_to(memory, car) - scan.angle_min) / scan.angle_increment)
     if not 0 <= place < len(ranges):
         return False

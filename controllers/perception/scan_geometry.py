@@ -36,7 +36,7 @@ def scan_record(scan: LaserScan | ScanGeometry) -> NDArray[np.void]:
 
 @kernel
 def sees(scan: Record, valid: FloatArray) -> bool:
-    """Say whether there is a scan to plan with: two beams or more, not all zero, a sensible angle between them."""
+    """Return whether there is a scan to plan with: two beams or more, not all zero, a sensible angle between them."""
     if len(valid) < 2 or not _LEAST_INCREMENT < scan.angle_increment < 2.0 * math.pi:
         return False
     for distance in valid:  # noqa: SIM110  # numba compiles a loop sooner than a generator
@@ -47,7 +47,7 @@ def sees(scan: Record, valid: FloatArray) -> bool:
 
 @kernel
 def looks_ahead(scan: Record, count: int) -> bool:
-    """Say whether a scan of so many beams has some to both sides of straight ahead."""
+    """Return whether a scan of so many beams has some to both sides of straight ahead."""
     return bool(scan.angle_min < 0.0 < scan.angle_min + scan.angle_increment * (count - 1))
 
 

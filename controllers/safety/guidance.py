@@ -194,7 +194,7 @@ def _planner_drives(
     best_gain: float,
     bend: float,
 ) -> bool:
-    """Say whether the planner's own reference leads on; arguments as of `guide`, and as of `_best_beam`.
+    """Return whether the planner's own reference leads on; arguments as of `guide`, and as of `_best_beam`.
 
     `bend` is that of the motion that the car is on, see `_bend`; NaN: it is on none.
     """
@@ -270,7 +270,7 @@ def _renew_motion(limiter: Record, settings: Record, memory: Record, present: fl
 
 @kernel
 def _is_on_motion(memory: Record, car: Record) -> bool:
-    """Say whether what is left of the motion is free, and the car on it."""
+    """Return whether what is left of the motion is free, and the car on it."""
     world, motion = memory.way.map, memory.motion
     points = motion.points[: motion.count]
     memory.progress = next_place(points, memory.progress, world.x, world.y, world.heading)

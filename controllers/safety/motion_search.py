@@ -210,7 +210,7 @@ def search_motion(
 
 @kernel
 def is_clear(way: Record, car: Record, x: float, y: float, heading: float, nearest: int) -> bool:
-    """Say whether three discs on the axis of a car at a place keep clear of walls."""
+    """Return whether three discs on the axis of a car at a place keep clear of walls."""
     return _discs_are_clear(way, car, x, y, math.cos(heading), math.sin(heading), nearest)
 
 
@@ -241,7 +241,7 @@ def outline_in_walls(world: Record, car: Record, x: float, y: float, cos: float,
 
 @kernel
 def touches(world: Record, car: Record, x: float, y: float, heading: float, margin: float) -> bool:
-    """Say whether an end of the last scan's beams lies in the outline of a car at a place, wider by a margin [m]."""
+    """Return whether an end of the last scan's beams lies in the outline of a car at a place, wider by a margin [m]."""
     cos, sin = math.cos(heading), math.sin(heading)
     tail, nose = -car.rear_overhang - margin, car.length - car.rear_overhang + margin
     for k in range(world.ends_known):
@@ -312,7 +312,7 @@ def _touches(
 
 @kernel
 def _tail_is_seen(world: Record, car: Record, x: float, y: float, cos: float, sin: float) -> bool:
-    """Say whether the ground under a car's tail was seen: nothing else shows what is behind the car."""
+    """Return whether the ground under a car's tail was seen: nothing else shows what is behind the car."""
     i = math.floor((x - car.rear_overhang * cos) * PER_METRE)
     j = math.floor((y - car.rear_overhang * sin) * PER_METRE)
     return bool(in_window(world, i, j) and world.cells[i & RING, j & RING] == FREE)

@@ -101,7 +101,7 @@ def turn_in_moves(way: Record, limiter: Record, memory: Record, steering_angle: 
 
 @kernel
 def _begins(way: Record, limiter: Record, memory: Record, steering_angle: float, speed: float) -> bool:
-    """Say whether the car begins to turn now."""
+    """Return whether the car begins to turn now."""
     memory.slow = memory.slow + 1 if abs(speed) < _SLOW else 0
     if memory.slow < _PATIENCE or not way.found:
         return False
@@ -124,7 +124,7 @@ def _begins(way: Record, limiter: Record, memory: Record, steering_angle: float,
 
 @kernel
 def _is_free(way: Record, car: Record, memory: Record) -> bool:
-    """Say whether what is left of the motion is free."""
+    """Return whether what is left of the motion is free."""
     for k in range(memory.place, memory.motion.count):
         point = memory.motion.points[k]
         cos, sin = math.cos(point[HEADING]), math.sin(point[HEADING])

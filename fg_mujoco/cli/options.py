@@ -241,7 +241,7 @@ def add_trust_option(add: Callable[..., Any]) -> None:
 
 
 def can_draw(what: str, *, several: bool = True) -> bool:
-    """Say whether there is matplotlib; if not, say on stderr that `what` is left out, and how to have it."""
+    """Return whether there is matplotlib; if not, say on stderr that `what` is left out, and how to have it."""
     try:
         require_matplotlib()
     except MissingExtraError as error:

@@ -124,7 +124,7 @@ def read_points(path: str | Path) -> FloatArray:
 
 
 def is_centreline(name: str) -> bool:
-    """Say whether a name of a track, as load_track takes it, is that of a centreline CSV."""
+    """Return whether a name of a track, as load_track takes it, is that of a centreline CSV."""
     return _SPECIFICATION.fullmatch(name) is not None
 
 

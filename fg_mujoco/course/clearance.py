@@ -40,6 +40,22 @@ def least_clearance(poses: FloatArray, segments: FloatArray, car: CarParameters)
     )  # fmt: skip
 
 
+def clearances(poses: FloatArray, segments: FloatArray, car: CarParameters) -> FloatArray:
+    """Return the least distance from the car's footprint to any segment, at each pose. Shape (n,) [m].
+
+    Args:
+      poses: as `least_clearance` takes them.
+      segments: likewise.
+      car: whose footprint it is.
+    """
+    found = np.empty(len(poses))
+    _clearances(
+        poses, segments if segments.ndim == 3 else segments[np.newaxis], 0.5 * car.length - car.rear_overhang,
+        0.5 * car.length, 0.5 * car.width, found,
+    )  # fmt: skip
+    return found
+
+
 @kernel
 def rectangle_distance(ax: float, ay: float, bx: float, by: float, half_length: float, half_width: float) -> float:
     """Return the distance from a segment to a rectangle about the origin, its length along x; 0 where they overlap.
@@ -99,3 +115,13 @@ def _least_clearance(
             )  # fmt: skip
             least = min(least, distance)
     return least
+
+
+@kernel
+def _clearances(
+    poses: FloatArray, segments: FloatArray, ahead: float, half_length: float, half_width: float, found: FloatArray
+) -> None:
+    """Write to `found` (n,) the least distance at each pose."""
+    for i in range(len(poses)):
+        near = i % len(segments)
+        found[i] = _least_clearance(poses[i : i + 1], segments[near : near + 1], ahead, half_length, half_width)

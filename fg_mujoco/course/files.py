@@ -125,7 +125,7 @@ def file_sha256(*paths: str | Path) -> str:
 
 
 def is_file(path: str | Path) -> bool:
-    """Say whether there is a regular file; there is none of a name that the system does not take."""
+    """Return whether there is a regular file; there is none of a name that the system does not take."""
     try:
         require_regular(path)
     except OSError:
@@ -134,7 +134,7 @@ def is_file(path: str | Path) -> bool:
 
 
 def is_folder(path: str | Path) -> bool:
-    """Say whether there is a folder; there is none of a name that the system does not take."""
+    """Return whether there is a folder; there is none of a name that the system does not take."""
     try:
         return Path(path).is_dir()
     except (OSError, ValueError):

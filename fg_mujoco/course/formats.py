@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import lru_cache
 from importlib import resources
 from pathlib import Path
 
 from ..errors import TrackError, accepted_names, nearest
 from ..messages import CarParameters
+from ..registry import Registry
 from .centreline_csv import is_centreline, load_centreline, read_centreline
 from .course import Course
 from .files import LONGEST_NAME, is_file
@@ -19,6 +22,21 @@ from .tight import generate_tight_track
 
 TIGHT = "tight"
 """Kind of the random circuits that are built as races are: `random:SEED:tight`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CourseFormat:
+    """A kind of texts that name courses.
+
+    Attributes:
+      accepts: returns whether a text is of this format.
+      load: returns the course that a text names; a scene is made for the car.
+      texts: how its texts look, for messages; nothing where the names themselves are listed.
+    """
+
+    accepts: Callable[[str], bool]
+    load: Callable[[str, CarParameters], Course]
+    texts: str
 
 
 def track_names() -> tuple[str, ...]:
@@ -33,7 +51,7 @@ def load_course(name_or_path: str | Path, car: CarParameters) -> Course:
     Args:
       name_or_path: a bundled name, `random:SEED`, `random:SEED:tight`, `scene:NAME`, `scene:NAME:SEED`, or a path to a
         centreline `.csv` or to a map's `.yaml`, with settings in brackets where wanted
-        (centreline_csv.load_centreline, map_track.load_map).
+        (centreline_csv.load_centreline, map_track.load_map), or a text of a format that an installed package registers.
       car: that a scene is made for: its gaps are measured in widths of the car.
 
     Raises:
@@ -42,20 +60,22 @@ def load_course(name_or_path: str | Path, car: CarParameters) -> Course:
     name = str(name_or_path)
     if len(name) > LONGEST_NAME:
         raise TrackError(f"track {name[:60]!r}... has {len(name)} characters; accepted: {LONGEST_NAME} at most")
-    if name in track_names():
-        return _bundled(name)
-    kind, _, rest = name.partition(":")
-    if kind == "random":
-        return _random(name, rest)
-    if kind == "scene":
-        return load_scene(name, car)
-    if is_map(name):
-        return load_map(name)
-    if is_centreline(name) or is_file(name):
+    for each in _formats():
+        if each.accepts(name):
+            return each.load(name, car)
+    if is_file(name):
         return load_centreline(name)
-    others = ", random:SEED, random:SEED:tight, scene:NAME:SEED, or a path to a centreline .csv or a map .yaml"
+    *texts, last = (each.texts for each in _formats() if each.texts)
+    rest = name.partition(":")[2]
     besides = [*([f"random:{rest}"] if rest else []), *(f"{PREFIX}{scene}" for scene in scene_names())]
+    others = f", {', '.join(texts)} or {last}"
     raise TrackError(f"unknown track {name!r}; {accepted_names(name, track_names(), others, besides=besides)}")
+
+
+def _formats() -> Iterator[CourseFormat]:
+    """Yield the formats of this package and then those of others, which are looked for when none of ours fits."""
+    yield from map(FORMATS.find, FORMATS)
+    yield from map(FORMATS.find, FORMATS.names()[len(list(FORMATS)) :])
 
 
 @lru_cache(maxsize=32)  # a course is immutable, and what is worked out of it is kept in it
@@ -64,8 +84,8 @@ def _bundled(name: str) -> Course:
         return read_centreline(path)
 
 
-def _random(name: str, rest: str) -> Course:
-    seed, colon, kind = rest.partition(":")
+def _random(name: str) -> Course:
+    seed, colon, kind = name.removeprefix("random").removeprefix(":").partition(":")
     forms = "random:SEED or random:SEED:tight, with SEED an integer from 0, as random:7"
     if not re.fullmatch("[0-9]{1,18}", seed):
         raise TrackError(f"{name!r} has no seed; accepted: {forms}")
@@ -78,3 +98,29 @@ def _random(name: str, rest: str) -> Course:
 @lru_cache(maxsize=32)
 def _drawn(seed: int, *, tight: bool) -> Course:
     return generate_tight_track(seed) if tight else generate_track(seed)
+
+
+FORMATS: Registry[CourseFormat] = Registry(
+    "track format",
+    TrackError,
+    "fg_mujoco.track_formats",
+    {
+        "circuit": CourseFormat(
+            accepts=lambda text: text in track_names(), load=lambda text, car: _bundled(text), texts=""
+        ),
+        "random": CourseFormat(
+            accepts=lambda text: text.partition(":")[0] == "random",
+            load=lambda text, car: _random(text),
+            texts="random:SEED, random:SEED:tight",
+        ),
+        "scene": CourseFormat(
+            accepts=lambda text: text.partition(":")[0] == "scene", load=load_scene, texts="scene:NAME:SEED"
+        ),
+        "centreline": CourseFormat(
+            accepts=is_centreline, load=lambda text, car: load_centreline(text), texts="a path to a centreline .csv"
+        ),
+        "map": CourseFormat(accepts=is_map, load=lambda text, car: load_map(text), texts="a map .yaml"),
+    },
+    CourseFormat,
+)
+"""Formats are asked in this order. What is a file and of none of them is read as a centreline."""

@@ -164,7 +164,7 @@ def _positive(value: float) -> bool:
 
 
 def _is_convex(corners: Any) -> bool:
-    """Say whether corners (n, 2) are those of a convex polygon, counterclockwise. In Python: a track has hundreds."""
+    """Return whether corners (n, 2) are a convex polygon, counterclockwise. In Python: a track has hundreds."""
     try:
         points = [(float(x), float(y)) for x, y in corners]
     except (TypeError, ValueError):

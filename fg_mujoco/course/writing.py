@@ -231,7 +231,7 @@ def _lock(descriptor: int, *, wait: bool = False) -> bool | None:
 
 
 def _is_at(path: Path, descriptor: int) -> bool:
-    """Say whether what is open is still at a path."""
+    """Return whether what is open is still at a path."""
     try:
         return os.path.samestat(os.stat(path), os.fstat(descriptor))
     except FileNotFoundError:

@@ -1,7 +1,7 @@
-"""Learning environments: the same episodes behind dm_env, Gymnasium and Gymnasium's vector interface.
+"""Learning environments: the same episodes for dm_env, Gymnasium, Gymnasium's vector interface and PettingZoo.
 
-`dm_environment`, `gym_environment` and `gym_vector` are the three interfaces. `episodes` has what they share: actions
-in; observations, rewards and ends out. It drives the cars of `worlds`, one or many. `actions`, `observations` and
-`rewards` say what a policy commands, sees and gets, `starts` where an episode begins, and `environment_settings` which
-of these can be set. `reward_kernels` has the compiled loops, and `rendering` pictures of an episode.
+`dm_environment`, `gym_environment`, `gym_vector` and `pettingzoo_environment` are the interfaces. They share `episodes`:
+actions in; observations, rewards and ends out. Episodes drive the cars of `worlds`. `actions`, `observations`, `rewards`
+and `end_conditions` describe the policy's side. Their own terms are functions of `tick_state`. `starts` places the cars,
+and `environment_settings` has all settings. `reward_kernels` has the compiled loops, and `rendering` draws pictures.
 """

@@ -1,6 +1,6 @@
-"""What a policy may ask of the car: an action is [steering angle, speed], as the array of a DriveCommand.
+"""Actions and their bounds: an action is [steering angle, speed], as the array of a DriveCommand.
 
-What is outside the bounds is held within them, and counted; what is not a number is refused.
+A value out of bounds is clipped and counted. A NaN is refused.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class ActionBounds:
       high: (2,) float32, greatest.
 
     Raises:
-      SettingsError: a speed range that the car has not.
+      SettingsError: a speed range beyond the car's.
     """
 
     def __init__(
@@ -50,7 +50,7 @@ class ActionBounds:
     def read(
         self, actions: ArrayLike, taken: NDArray[np.bool_], commands: FloatArray, clipped: NDArray[np.int64]
     ) -> None:
-        """Write what the actions of n cars command, and count those that had to be held within the bounds.
+        """Convert the actions of n cars to commands, and count the clipped ones.
 
         Args:
           actions: (n, 2).
@@ -80,7 +80,7 @@ def one_action(action: Any, said: str) -> FloatArray:
     """Return one action as an array (2,).
 
     Raises:
-      MessageError: it is none; the message begins with what is `said` of it.
+      MessageError: it is not two numbers; the message begins with `said`.
     """
     try:
         given = np.asarray(action, dtype=np.float64)

@@ -6,8 +6,8 @@
         time_step = env.step(policy(time_step.observation))
 
 Its world is that of `race`, its control timestep the LiDAR's period. `env.physics` is a dm_control Physics: named
-access, `render`, and `dm_control.viewer.launch(env)`. Observations are those of environment_observations, rewards
-those of environment_rewards. A crash and the last lap end an episode with discount 0, the time limit with discount 1.
+access, `render`, and `dm_control.viewer.launch(env)`. Observations are described in `observations`, rewards in
+`rewards`. An episode that is terminated ends with discount 0, one that is truncated with discount 1.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ def load(
 
 
 class Physics(dm_mujoco.Physics):  # type: ignore[misc]
-    """A Simulation in dm_control's clothes: both have the same data.
+    """A Simulation as a Physics of dm_control; both use the same data.
 
     Attributes:
       simulation: the Simulation.
@@ -148,7 +148,7 @@ class CarTask(control.Task):  # type: ignore[misc]
       flat_observation: whether the environment makes one array of an observation.
 
     Attributes:
-      episodes: the Episodes, of one world: `episodes.facts()` has progress, laps and how many actions were clipped.
+      episodes: the Episodes, of one world: `episodes.facts()` has what `info` of the Gymnasium environment has.
     """
 
     def __init__(
@@ -175,23 +175,23 @@ class CarTask(control.Task):  # type: ignore[misc]
         """Take an action.
 
         Raises:
-          MessageError: a NaN, or an action of another shape. What is out of bounds is held within them, and counted.
+          MessageError: a NaN, or an action of another shape. A value out of bounds is clipped and counted.
         """
         self.episodes.command(np.asarray(action)[np.newaxis])
         physics.set_control(self.episodes.commands[0])
 
     def after_step(self, physics: Physics) -> None:
-        """Judge what the car did, and sense."""
+        """End the episode where it is over, compute the reward, and sense."""
         self._world.judge()
         self.episodes.reward()
         self._observation = self.episodes.observe(_ALL)
 
     def get_observation(self, physics: Physics) -> OrderedDict[str, NDArray[np.float32]]:
-        """Return what the policy sees."""
+        """Return the observation."""
         return OrderedDict((name, values[0]) for name, values in self._observation.items())
 
     def get_reward(self, physics: Physics) -> float:
-        """Return what the last tick was worth."""
+        """Return the reward of the last tick."""
         return float(self.episodes.rewards[0])
 
     def get_termination(self, physics: Physics) -> float | None:

@@ -25,7 +25,8 @@ from ..simulation.planner_failure import without_exit
 from ..simulation.settings import CarSettings, known_settings
 from ..simulation.world import World
 from .actions import ActionBounds, one_action
-from .observations import Observation, ObservationLayout
+from .observations import Observation, ObservationLayout, Term
+from .tick_state import SensedState, TickStates
 
 Policy = Callable[[Observation], ArrayLike]
 
@@ -70,7 +71,7 @@ def _as_entry(opponent: Any, number: int, own: CarSettings) -> Entry:
 
 
 class Opponents:
-    """Those who drive the opponents of n worlds: Planners of an engine.
+    """Planners and policies that drive the opponents of n worlds, as Planners of an engine.
 
     Args:
       entries: of the opponents of each world.
@@ -79,6 +80,8 @@ class Opponents:
       beam_step: of what policies see.
       speed_range: of the actions of policies, as ActionBounds takes it.
       normalised: whether the actions of policies are from -1 to 1.
+      observations: the parts of what policies see.
+      states: of the engine's cars; None: no term looks at them.
 
     Attributes:
       rows: of the engine's cars that they drive, (n, opponents).
@@ -97,6 +100,8 @@ class Opponents:
         beam_step: int,
         speed_range: tuple[float, float] | None,
         normalised: bool,
+        observations: Sequence[str | Term],
+        states: TickStates | None,
     ) -> None:
         m, first = len(world.cars), len(world.cars) - len(entries)
         self.rows = np.arange(count * m).reshape(count, m)[:, first:]
@@ -107,19 +112,22 @@ class Opponents:
             if isinstance(entry.controller, str):
                 self._planners |= zip(rows.tolist(), _planners(entry, number, world, first, count), strict=True)
             else:
-                layout = ObservationLayout(car, world.vehicles[first + number - 1].lidar.beams, beam_step)
+                layout = ObservationLayout(car, world.vehicles[first + number - 1].lidar.beams, beam_step, observations)
                 bounds = ActionBounds(car, speed_range, normalised=normalised)
-                self._policies.append((rows, PolicyCars(entry.controller, number, layout, bounds)))  # type: ignore[arg-type]
+                state, own = None, slice(first + number - 1, None, m)
+                if states is not None:
+                    state = states.sensed(states.of(own, car), own)
+                self._policies.append((rows, PolicyCars(entry.controller, number, layout, bounds, state)))  # type: ignore[arg-type]
         self._adapted: dict[int, Planners] = {}
         self._of_each = PlannersOfEach([])
 
     @property
     def failures(self) -> dict[int, PlannerError]:
-        """What was wrong with the planners that failed in the episodes that run, by row."""
+        """Errors of the planners that have failed in the present episodes, by row."""
         return self._of_each.failures
 
     def begin(self, worlds: NDArray[np.bool_]) -> None:
-        """Let the planners of some worlds (n,) forget everything, because an episode begins there.
+        """Reset the planners of some worlds (n,), because an episode begins there.
 
         Raises:
           ControllerError: one raises.
@@ -149,15 +157,19 @@ class PolicyCars:
       number: of the opponent, for messages.
       layout: of its observations.
       bounds: of its actions.
+      state: of the cars; None: no term of the observations looks at it.
     """
 
-    def __init__(self, policy: Policy, number: int, layout: ObservationLayout, bounds: ActionBounds) -> None:
+    def __init__(
+        self, policy: Policy, number: int, layout: ObservationLayout, bounds: ActionBounds, state: SensedState | None
+    ) -> None:
         self._policy, self._number, self._layout, self._bounds = policy, number, layout, bounds
+        self._state = state
         self.failures: dict[int, PlannerError] = {}  # a policy's error is the caller's own
 
     def __call__(self, cars: Cars) -> Reasons | None:
         """See Planners."""
-        seen, running = self._layout.read(cars.ranges, cars.odometry), cars.running
+        seen, running = self._layout.read(cars.ranges, cars.odometry, self._state), cars.running
         actions = np.zeros((len(running), 2))
         for world in map(int, np.flatnonzero(running)):
             action = self._policy({name: values[world] for name, values in seen.items()})

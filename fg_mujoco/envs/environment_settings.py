@@ -1,15 +1,15 @@
-"""What an environment for learning is made of: the course, the episode, what is seen and what is rewarded.
+"""Settings of an environment for learning: course, episode, observations and rewards.
 
     settings = EnvironmentSettings.of({"track": "hairpins", "laps": 2, "beam_step": 10})
     world = settings.make_world()
 
-What an observation, an action and a reward are is in modules of their own.
+`observations`, `actions`, `rewards` and `end_conditions` describe these.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +24,9 @@ from ..simulation.course_loading import load_track
 from ..simulation.engine import Engine
 from ..simulation.settings import CarSettings, Start, known_settings
 from ..simulation.world import World
+from .end_conditions import EndCondition, as_end_conditions
 from .environment_opponents import as_entries
+from .observations import DEFAULT_OBSERVATIONS, ObservationTerm, Term, as_observations
 from .rewards import Rewards
 from .starts import GRID_ORDERS
 
@@ -56,7 +58,9 @@ class EnvironmentSettings(CarSettings):
     beam_step: int = 1  # every how many-th beam is seen, counted from the one straight ahead to both sides
     speed_range: tuple[float, float] | None = None  # [m/s] that an action may ask for; None: what the car can
     normalised_actions: bool = False  # both parts of an action are from -1 to 1
-    rewards: Rewards = field(default_factory=Rewards)
+    rewards: Rewards = field(default_factory=Rewards)  # weights of the terms, by name
+    end_conditions: Sequence[str | EndCondition] = ()  # that end an episode besides the race's own reasons
+    observations: Sequence[str | Term] = DEFAULT_OBSERVATIONS  # the parts of an observation, in this order
     opponents: tuple[Entry, ...] = ()  # the cars that do not learn, in any of the ways that `as_entries` takes
     grid: str = "staggered"  # on which several cars start, as `race` takes it
     grid_order: str = "as_listed"  # from the front, car 0 first; "reversed": car 0 last; "random": drawn each time
@@ -64,7 +68,9 @@ class EnvironmentSettings(CarSettings):
     def __post_init__(self) -> None:
         super().__post_init__()
         self._make("effects", LidarEffects)
-        self._make("rewards", Rewards)
+        object.__setattr__(self, "rewards", Rewards.of(self.rewards))
+        object.__setattr__(self, "end_conditions", as_end_conditions(self.end_conditions))
+        object.__setattr__(self, "observations", as_observations(self.observations))
         for name, least in (("laps", 1), ("obstacles", 0), ("obstacle_seed", 0), ("beam_step", 1)):
             require_whole(name, getattr(self, name), least)
         if not isinstance(self.start, str):
@@ -98,6 +104,12 @@ class EnvironmentSettings(CarSettings):
         if isinstance(self.start, str):
             return Start() if self.start == "line" else None
         return self.start
+
+    @property
+    def looks_at_state(self) -> bool:
+        """Whether any term is a function of the cars' state, besides the three rewards that are compiled."""
+        seen = any(isinstance(term, ObservationTerm) for term in self.observations)
+        return seen or len(self.rewards.others) + len(self.end_conditions) > 0
 
     def make_world(self, agents: int = 1) -> World:
         """Return the compiled world of so many cars that learn, all alike, and the opponents.

@@ -1,6 +1,6 @@
-"""Episodes in some worlds: actions in, observations, rewards and ends out. What all faces of the environment share.
+"""Episodes in some worlds, for all environments: actions in; observations, rewards and ends out.
 
-    episodes = Episodes(settings, OneWorld(settings))
+    episodes = Episodes(settings, Worlds(settings))
     episodes.begin(which, generators)
     observation = episodes.observe(which)
     episodes.step(actions)
@@ -21,26 +21,24 @@ from ..errors import SettingsError
 from ..simulation.settings import Start
 from ..simulation.termination import END_REASONS
 from .actions import ActionBounds
+from .end_conditions import as_end_conditions
 from .environment_settings import EnvironmentSettings
 from .observations import Observation, ObservationLayout
 from .reward_kernels import reward_ticks
+from .rewards import values_of
 from .starts import StartGrid
 from .worlds import Mask, Worlds
 
 TRUNCATIONS = ("wrong_way", "no_progress", "time_limit")
-"""End reasons that are the environment's patience, not something that happened to the car."""
+"""End reasons of a race that truncate an episode; the others terminate it."""
 
 FACTS = ("time_s", "progress_m", "laps", "sliding", "clipped_actions")
-"""What is told of an episode besides: seconds and metres since its beginning, laps completed, the share of the last
-tick in which a tire slid, and how many actions were held within the bounds."""
+"""Facts of an episode: seconds and metres since its beginning, laps completed, the share of the last tick in which a
+tire slid, and the number of clipped actions."""
 
 FACTS_AMONG_CARS = ("touches", "position", "lead_m")
-"""What is told besides where there are other cars: how often the car has touched one, its place, 1 in front, and how
-far it is ahead of the foremost other car along the course, negative behind it."""
-
-_TRUNCATED = np.array([reason in TRUNCATIONS for reason in END_REASONS])
-_TERMINATED = np.array([reason not in ("", *TRUNCATIONS) for reason in END_REASONS])
-
+"""Further facts where there are other cars: how often the car has touched one, its position, 1 in front, and its lead on
+the foremost other car along the course, negative behind it."""
 
 class Episodes:
     """Episodes in n worlds, each with its own beginning and end; (n,) is one for each car that learns.
@@ -54,23 +52,40 @@ class Episodes:
       actions: their bounds.
       commands: of the last step (n, 2) [rad, m/s].
       rewards: of the last step (n,).
-      terminated: whether something has ended the episode: a crash, a rollover, the last lap, a physics that broke down
-        (n,).
-      truncated: whether the time limit has, ten seconds without progress, or five metres the wrong way (n,).
-      clipped: how many actions of the episode were held within the bounds (n,).
+      terminated: whether a crash, a rollover, the last lap, unstable physics or an end condition that terminates has
+        ended the episode (n,).
+      truncated: whether the time limit, ten seconds without progress, five metres the wrong way or an end condition that
+        truncates has ended it (n,).
+      clipped: number of clipped actions of the episode (n,).
+      fact_names: FACTS; FACTS_AMONG_CARS where there are other cars; and of each reward term "reward_NAME", its part of
+        the last tick's reward, and "return_NAME", the sum of the episode.
     """
 
     def __init__(self, settings: EnvironmentSettings, worlds: Worlds) -> None:
         self.worlds = worlds
+        self._others, self._end_conditions = settings.rewards.others, as_end_conditions(settings.end_conditions)
         self._weights = settings.rewards.of_tick(worlds.period)
+        self._reasons = (*END_REASONS, *(condition.name for condition in self._end_conditions))
+        truncations = (*TRUNCATIONS, *(each.name for each in self._end_conditions if each.outcome == "truncated"))
+        self._truncates = np.array([reason in truncations for reason in self._reasons])
+        self._terminates = np.array([reason not in ("", *truncations) for reason in self._reasons])
         own = [None] * worlds.agents + [entry.start for entry in settings.opponents]
         self._grid = StartGrid(
             worlds.world, settings.fixed_start, kind=settings.grid, order=settings.grid_order, own=own
         )
         car, count = worlds.world.parameters, len(worlds.times)
-        self.layout = ObservationLayout(car, worlds.world.vehicle.lidar.beams, settings.beam_step)
+        self.layout = ObservationLayout(
+            car, worlds.world.vehicle.lidar.beams, settings.beam_step, settings.observations
+        )
         self.actions = ActionBounds(car, settings.speed_range, normalised=settings.normalised_actions)
         self.rewards = np.zeros(count)
+        names = [term.name for term in settings.rewards.terms]
+        self.fact_names = (
+            *FACTS, *(FACTS_AMONG_CARS if worlds.cars > 1 else ()), *(f"reward_{name}" for name in names),
+            *(f"return_{name}" for name in names),
+        )  # fmt: skip
+        self._terms = np.zeros((2, len(names), count))  # of each reward term the last tick's value, and the sum
+        self._flat_terms = self._terms.reshape(2 * len(names), count)  # a view
         self.clipped = np.zeros(count, np.int64)
         self.commands = np.zeros((count, 2))
         self._driven = np.zeros(count, np.bool_)
@@ -86,13 +101,13 @@ class Episodes:
     @property
     def terminated(self) -> Mask:
         """See the attributes."""
-        ended: Mask = _TERMINATED.take(self.worlds.monitor.reasons)
+        ended: Mask = self._terminates.take(self.worlds.monitor.reasons)
         return ended
 
     @property
     def truncated(self) -> Mask:
         """See the attributes."""
-        ended: Mask = _TRUNCATED.take(self.worlds.monitor.reasons)
+        ended: Mask = self._truncates.take(self.worlds.monitor.reasons)
         return ended
 
     def begin(self, which: Mask, generators: Sequence[np.random.Generator], start: Start | None = None) -> None:
@@ -115,6 +130,7 @@ class Episodes:
         self.worlds.begin(which, starts, seeds)
         agents = np.repeat(which, self.worlds.agents)
         self.rewards[agents] = 0.0
+        self._terms[:, :, agents] = 0.0
         self.clipped[agents] = 0
         self._before[agents] = self._progress[agents]
         touching = self.worlds.touching(which)
@@ -124,7 +140,7 @@ class Episodes:
             raise SettingsError(f"{said}; accepted: a start where it does not")
 
     def step(self, actions: ArrayLike) -> None:
-        """Take the actions (n, 2) in the worlds whose episodes run; what the others' rows have is not looked at.
+        """Take the actions (n, 2) in the worlds whose episodes go on; the other rows are ignored.
 
         Raises:
           MessageError: an action that is no number.
@@ -134,7 +150,7 @@ class Episodes:
         self.reward()
 
     def command(self, actions: ArrayLike) -> None:
-        """Work out what the actions command.
+        """Convert actions to commands.
 
         Raises:
           MessageError: an action that is no number.
@@ -143,31 +159,53 @@ class Episodes:
         self.actions.read(actions, self._driven, self.commands, self.clipped)
 
     def reward(self) -> None:
-        """Reward the tick that was driven."""
-        worlds = self.worlds
+        """End the episodes that a condition ends, and reward the tick that was driven.
+
+        Raises:
+          SettingsError: an end condition or a reward term returned something else than it should.
+        """
+        worlds, state = self.worlds, self.worlds.tick_state
         reward_ticks(
-            self._driven, self._progress, self._before, worlds.wrecked, worlds.sliding, self._weights, self.rewards
+            self._driven, self._progress, self._before, worlds.wrecked, worlds.sliding, self._weights, self.rewards,
+            self._terms,
         )  # fmt: skip
+        if state is None:
+            return
+        for number, condition in enumerate(self._end_conditions, start=len(END_REASONS)):
+            worlds.end(condition.holds(state) & self.running, number)
+        driven = self._driven
+        for index, term in enumerate(self._others, start=len(self._weights)):
+            values = values_of(term, state, driven)[driven]
+            self._terms[0, index, driven] = values
+            self._terms[1, index, driven] += values
+            self.rewards[driven] += values
 
     def stop(self, which: Mask) -> None:
-        """Let the episodes `which` (n,) run no longer."""
+        """Stop the episodes `which` (n,)."""
         self.worlds.stop(which)
 
     def observe(self, which: Mask) -> Observation:
         """Return new observations of all worlds, (n, ...) by name; those of the worlds `which` (n,) are sensed anew."""
         self.worlds.sense(which)
-        return self.layout.read(self.worlds.ranges, self.worlds.odometry)
+        return self.layout.read(self.worlds.ranges, self.worlds.odometry, self.worlds.sensed_state)
 
     def facts(self) -> dict[str, NDArray[Any]]:
-        """Return FACTS of all episodes, and FACTS_AMONG_CARS where there are others, new arrays (n,) by name."""
+        """Return the facts of all episodes, new arrays (n,) by name, in the order of `fact_names`."""
         worlds = self.worlds
-        values = (worlds.times, self._progress, self._laps, worlds.sliding, self.clipped)
-        facts = {name: value.copy() for name, value in zip(FACTS, values, strict=True)}
+        values = [worlds.times, self._progress.copy(), self._laps.copy(), worlds.sliding.copy(), self.clipped.copy()]
         if worlds.cars > 1:
-            facts |= zip(FACTS_AMONG_CARS, (worlds.touches.copy(), worlds.positions, worlds.leads), strict=True)
-        return facts
+            values += worlds.touches.copy(), worlds.positions, worlds.leads
+        return dict(zip(self.fact_names, [*values, *self._flat_terms.copy()], strict=True))
+
+    def facts_of(self, i: int) -> dict[str, Any]:
+        """Return the facts of episode i, numbers by name."""
+        worlds, time = self.worlds, self.worlds.engine.time(i // self.worlds.agents)
+        values = [time, self._progress.item(i), self._laps.item(i), worlds.sliding.item(i), self.clipped.item(i)]
+        if worlds.cars > 1:
+            values += worlds.touches.item(i), worlds.positions.item(i), worlds.leads.item(i)
+        return dict(zip(self.fact_names, [*values, *self._flat_terms[:, i].tolist()], strict=True))
 
     def ending(self, i: int) -> dict[str, Any]:
         """Return how episode i, which is over, ended: its reason, and the times of its laps, NaN where not driven."""
         monitor = self.worlds.monitor
-        return {"end_reason": END_REASONS[monitor.reasons[i]], "lap_times_s": monitor.lap_times[i].copy()}
+        return {"end_reason": self._reasons[monitor.reasons[i]], "lap_times_s": monitor.lap_times[i].copy()}

@@ -8,8 +8,8 @@
     observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
 
 `gymnasium.make("fg_mujoco:fg_mujoco/F1Tenth-v0")` needs no import. `gymnasium.make_vec` makes the
-vector environment of gym_vector. The keywords are those of EnvironmentSettings; the observation is that of
-environment_observations, the reward that of environment_rewards.
+vector environment of gym_vector. The keywords are those of EnvironmentSettings. Observations are described in
+`observations`, rewards in `rewards`, and further ends of episodes in `end_conditions`.
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ class F1TenthEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     An episode is terminated by a crash, by the last lap and by a physics that breaks down; it is truncated by the time
     limit, by ten seconds without progress and by five metres the wrong way. `info` has `time_s`, `progress_m`, `laps`,
     `sliding` (share of the tick in which a tire slid) and `clipped_actions`; with opponents `touches` (of other cars so
-    far), `position` (1 in front) and `lead_m` (on the foremost other car); and at the end `end_reason` and
-    `lap_times_s`.
+    far), `position` (1 in front) and `lead_m` (on the foremost other car); of each reward term `reward_NAME`, its part
+    of the tick's reward, and `return_NAME`, the sum of the episode; and at the end `end_reason` and `lap_times_s`.
 
     Args:
       render_mode: "rgb_array", "human" or None.
@@ -99,7 +99,7 @@ class F1TenthEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         """Drive for a tick of 25 ms.
 
         Raises:
-          MessageError: a NaN, or an action of another shape. What is out of bounds is held within them, and counted.
+          MessageError: a NaN, or an action of another shape. A value out of bounds is clipped and counted.
           gymnasium.error.ResetNeeded: no episode has begun, or it is over.
         """
         episodes = self._episodes
@@ -138,7 +138,7 @@ class F1TenthEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         return None
 
     def close(self) -> None:
-        """Close what shows it."""
+        """Close the renderer and the window."""
         for shown in (self._view, self._window):
             if shown is not None:
                 shown.close()
@@ -148,7 +148,7 @@ class F1TenthEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         return {name: values[0] for name, values in self._episodes.observe(_ALL).items()}
 
     def _info(self) -> dict[str, Any]:
-        return {name: values.item() for name, values in self._episodes.facts().items()}
+        return self._episodes.facts_of(0)
 
 
 def observation_space(layout: ObservationLayout) -> gymnasium.spaces.Dict[Any]:

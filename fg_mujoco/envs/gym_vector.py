@@ -1,12 +1,11 @@
-"""The Gymnasium vector environment: many worlds, stepped in C threads in this process (environment_batch).
+"""The Gymnasium vector environment: many worlds, stepped in C threads of this process.
 
     envs = gymnasium.make_vec("fg_mujoco.envs.gym_environment:fg_mujoco/F1Tenth-v0", num_envs=64, beam_step=10)
     observations, infos = envs.reset(seed=1)
     observations, rewards, terminations, truncations, infos = envs.step(envs.action_space.sample())
 
-World i gives what `F1TenthEnv` gives with seed + i and the same actions, bit for bit, in the form in which
-gymnasium.vector.SyncVectorEnv would tell it, whatever the number of worlds and threads. Worlds begin anew one by one,
-as `gymnasium.vector.AutoresetMode` has it.
+World i returns the same bits as `F1TenthEnv` with seed + i and the same actions, for any number of worlds and threads, in
+the form of `gymnasium.vector.SyncVectorEnv`. Worlds are reset one by one, as `gymnasium.vector.AutoresetMode` says.
 """
 
 from __future__ import annotations
@@ -44,7 +43,7 @@ class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
 
     Args:
       num_envs: how many.
-      autoreset_mode: when an episode that is over begins anew: NEXT_STEP, SAME_STEP, DISABLED, or their values.
+      autoreset_mode: when a finished world is reset: NEXT_STEP, SAME_STEP, DISABLED, or their values.
       max_episode_steps: an episode is truncated after so many; None: by its time limit only.
       threads: that step the worlds; None: one for each core.
       render_mode: "rgb_array" or None.
@@ -88,6 +87,7 @@ class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
         self._begun = self._none.copy()
         self._generators: list[np.random.Generator | None] = [None] * num_envs
         self._seeds: list[int | None] = [None] * num_envs
+        self._mask_names = [f"_{name}" for name in self._episodes.fact_names]
         self._view: ChaseView | None = None
 
     def __repr__(self) -> str:
@@ -115,10 +115,10 @@ class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
     def step(
         self, actions: NDArray[np.float32]
     ) -> tuple[Observation, NDArray[np.float64], Flags, Flags, dict[str, Any]]:
-        """Drive for a tick of 25 ms; where an episode begins anew in the next step, the action is not looked at.
+        """Drive for a tick of 25 ms. The action of a world that is reset in this step is ignored.
 
         Raises:
-          MessageError: a NaN, or actions of another shape. What is out of bounds is held within them, and counted.
+          MessageError: a NaN, or actions of another shape. A value out of bounds is clipped and counted.
           gymnasium.error.ResetNeeded: a world was never reset; without autoreset, an episode is over.
         """
         episodes = self._episodes
@@ -163,7 +163,7 @@ class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
         return tuple(frames)
 
     def close_extras(self, **_: Any) -> None:
-        """Let go of threads and of what draws."""
+        """Close the thread pool and the renderer."""
         self._worlds.close()
         if self._view is not None:
             self._view.close()
@@ -188,7 +188,7 @@ class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
         self._begun |= which
 
     def _begin_over(self, over: Flags, observation: Observation) -> tuple[Observation, dict[str, Any]]:
-        """Begin anew what is over, and return what is seen and known then, with what was seen and known last."""
+        """Reset finished worlds; return their first observation and info, with the final ones under `final_*`."""
         episodes, facts = self._episodes, self._episodes.facts()
         final: dict[str, Any] = {}
         for i in map(int, np.flatnonzero(over)):
@@ -201,12 +201,12 @@ class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
         return episodes.observe(over), final | self._infos()
 
     def _infos(self, which: Flags | None = None) -> dict[str, Any]:
-        """Return what is known of the worlds `which`, or of all, in Gymnasium's form: an array and its mask by name."""
+        """Return the facts of the worlds `which`, or of all, in Gymnasium's form: an array and its mask by name."""
         infos: dict[str, Any] = self._episodes.facts()
         if which is not None:
             infos = {name: np.where(which, values, np.zeros_like(values)) for name, values in infos.items()}
         mask = (self._every if which is None else which).copy()
-        return infos | {f"_{name}": mask for name in infos}
+        return infos | dict.fromkeys(self._mask_names, mask)
 
     def _checked_mask(self, mask: Any) -> Flags:
         if mask is None:

@@ -130,7 +130,7 @@ class F1TenthParallelEnv(pettingzoo.ParallelEnv):  # type: ignore[misc]
         """Drive for a tick of 25 ms.
 
         Args:
-          actions: of each agent whose episode goes on. What is out of bounds is held within them, and counted.
+          actions: of each agent whose episode goes on. A value out of bounds is clipped and counted.
 
         Returns:
           Observations, rewards, terminations, truncations and infos of these agents.
@@ -169,7 +169,7 @@ class F1TenthParallelEnv(pettingzoo.ParallelEnv):  # type: ignore[misc]
         return self._view.frame(data)
 
     def close(self) -> None:
-        """Let go of what draws."""
+        """Close the renderer."""
         if self._view is not None:
             self._view.close()
             self._view = None

@@ -1,4 +1,4 @@
-"""Pictures of an environment: what a camera behind the car sees, as an array or in a window."""
+"""Pictures of an environment from a camera behind the car, as an array or in a window."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _AHEAD = 0.5  # [m] of the rear axle, what the camera looks at
 
 
 class ChaseView:
-    """Draws frames on the GPU, or on the CPU where there is none; nothing is made before the first.
+    """Draws frames on the GPU, or on the CPU where there is none. The first frame opens the OpenGL context.
 
     Args:
       world: to be drawn.
@@ -44,7 +44,7 @@ class ChaseView:
         return self._renderer.rgb(data, "chase")
 
     def close(self) -> None:
-        """Let go of the OpenGL context."""
+        """Free the OpenGL context."""
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None

@@ -19,7 +19,7 @@ def read_actions(
     commands: FloatArray,
     clipped: NDArray[np.int64],
 ) -> int:
-    """Write what the actions command, and count those that had to be held within the bounds.
+    """Convert actions to commands, and count the clipped ones.
 
     Args:
       actions: (n, 2).
@@ -56,8 +56,9 @@ def reward_ticks(
     sliding: FloatArray,
     weights: FloatArray,
     rewards: FloatArray,
+    terms: FloatArray,
 ) -> None:
-    """Write the rewards of a tick.
+    """Write the rewards of a tick, of the three default terms.
 
     Args:
       driven: (n,) the worlds in which it was driven; the others' rows are left as they are.
@@ -67,12 +68,17 @@ def reward_ticks(
       sliding: (n,) share of the tick in which a tire slid.
       weights: (3,) of a metre, of a crash, and of a tick in which a tire slides all the while.
       rewards: (n,) written to.
+      terms: (2, k, n) written to: of each term the tick's value, and the sum of the episode, which it is added to.
     """
     for i in range(len(driven)):
         if driven[i]:
-            reward = weights[0] * (progress[i] - before[i]) - weights[2] * sliding[i]
+            made, slid = weights[0] * (progress[i] - before[i]), weights[2] * sliding[i]
+            reward = made - slid
             rewards[i] = reward - weights[1] if crashed[i] else reward
             before[i] = progress[i]
+            terms[0, 0, i], terms[0, 1, i], terms[0, 2, i] = made, -weights[1] if crashed[i] else 0.0, 0.0 - slid
+            for term in range(3):
+                terms[1, term, i] += terms[0, term, i]
 
 
 @kernel
@@ -87,7 +93,7 @@ def read_sensors(
     scan: NDArray[np.float32],
     values: NDArray[np.float32],
 ) -> None:
-    """Write what a policy sees, held within its bounds.
+    """Write the parts of an observation that are read off sensors, within their bounds.
 
     Args:
       ranges: (n, beams) [m], as in LaserScan.

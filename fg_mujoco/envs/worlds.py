@@ -1,4 +1,4 @@
-"""The worlds under an environment: cars that are placed, driven for a tick, and sensed, each in its own time."""
+"""The worlds of an environment: places their cars, drives them for a tick, and senses."""
 
 from __future__ import annotations
 
@@ -14,15 +14,16 @@ from ..simulation.telemetry import TELEMETRY
 from ..simulation.termination import END_REASONS
 from .environment_opponents import Opponents
 from .environment_settings import EnvironmentSettings
+from .tick_state import SensedState, TickState, TickStates, leads, positions
 
 Mask = NDArray[np.bool_]
 
-_FINISHED, _ROLLED_OVER = END_REASONS.index("finished"), END_REASONS.index("rolled_over")
+_ROLLED_OVER = END_REASONS.index("rolled_over")
 _SLIDING_STEPS = TELEMETRY.index("sliding_steps")
 
 
 class Worlds:
-    """Worlds of one engine whose episodes begin anew one by one, while the others go on.
+    """Worlds of one engine. Each is reset while the others go on.
 
     In each world the first cars are those that learn, the agents; the others are its opponents. Arrays are overwritten
     by the next call; (a,) is one for each agent, those of world 0 first. While others of its world go on, an agent that
@@ -43,6 +44,8 @@ class Worlds:
       cars: of each world, m.
       monitor: of the agents' episodes: laps, which run, and why they ended.
       sliding: share of the last tick's physics steps in which any tire slid, (a,).
+      tick_state: of the agents after the last tick; None: no term of the settings looks at it.
+      sensed_state: the same with what their sensors read last.
     """
 
     def __init__(
@@ -61,11 +64,17 @@ class Worlds:
         entries = settings.opponents
         self._effects = [settings.effects] * agents + [entry.effects for entry in entries]
         self._drifts = [0.0] * agents + [entry.odometry_drift for entry in entries]
+        self._states = TickStates(self.engine) if settings.looks_at_state else None
+        self.tick_state: TickState | None = None
+        self.sensed_state: SensedState | None = None
+        if self._states is not None:
+            self.tick_state = self._states.of(self._rows, self.world.parameters)
+            self.sensed_state = self._states.sensed(self.tick_state, self._rows)
         self._opponents: Opponents | None = None
         if entries:
             self._opponents = self.engine.planners = Opponents(
                 entries, self.world, count, beam_step=settings.beam_step, speed_range=settings.speed_range,
-                normalised=settings.normalised_actions,
+                normalised=settings.normalised_actions, observations=settings.observations, states=self._states,
             )  # fmt: skip
         self.sliding = np.zeros(count * agents)
         self._sensed = np.zeros(count * m, np.bool_)  # the cars that have sensed what they can at the present moment
@@ -104,30 +113,13 @@ class Worlds:
 
     @property
     def positions(self) -> NDArray[np.int64]:
-        """How many cars of its world each agent is behind, and one more: 1 is in front. Shape (a,).
-
-        Cars that have finished are in the order in which they did, in front of the others.
-        """
-        monitor, shape = self.engine.monitor, (-1, 1, self.cars)
-        finished_at = np.where(monitor.reasons == _FINISHED, monitor.timers["lap_start"], np.inf).reshape(shape)
-        own = finished_at[:, 0, : self.agents, np.newaxis]
-        ahead = (finished_at < own) | ((finished_at == own) & (self._gaps < 0.0))
-        positions: NDArray[np.int64] = 1 + np.count_nonzero(ahead, axis=2).ravel()
-        return positions
+        """Position of each agent among the cars of its world, 1 in front. Shape (a,)."""
+        return positions(self.engine)[self._rows]
 
     @property
     def leads(self) -> FloatArray:
         """How far each agent is ahead of the foremost other car, negative behind it. Shape (a,) [m]."""
-        others = ~np.eye(self.agents, self.cars, dtype=np.bool_)
-        leads: FloatArray = np.min(self._gaps, axis=2, where=others, initial=np.inf).ravel()
-        return leads
-
-    @property
-    def _gaps(self) -> FloatArray:
-        """How far each agent is ahead of each car of its world along the course. Shape (n, agents, cars) [m]."""
-        progress = self.engine.monitor.timers["progress"].reshape(-1, self.cars)
-        gaps: FloatArray = progress[:, : self.agents, np.newaxis] - progress[:, np.newaxis, :]
-        return gaps
+        return leads(self.engine)[self._rows]
 
     def begin(self, which: Mask, starts: Sequence[Start], seeds: Sequence[int]) -> None:
         """Place the cars of the worlds `which` (n,); one start and one seed of the LiDAR's noise for each of them.
@@ -144,6 +136,8 @@ class Worlds:
             self._opponents.begin(which)
         self.sliding[np.repeat(which, self.agents)] = 0.0
         self._sensed[np.repeat(which, self.cars)] = False
+        if self._states is not None:
+            self._states.begin(np.repeat(which, self.cars))
 
     def touching(self, which: Mask) -> Mask:
         """Return which cars of the worlds `which` (n,) have touched a wall or an obstacle, in a row each."""
@@ -174,14 +168,27 @@ class Worlds:
         """Judge the races after a tick that the engine was driven for; a world ends with the last of its agents."""
         engine, running = self.engine, self.monitor.running
         np.divide(engine.telemetry[self._rows, _SLIDING_STEPS], engine.substeps, out=self.sliding, where=running)
+        if self._states is not None:
+            self._states.drive()
         engine.judge()
-        if self.cars > 1:
-            goes_on: Mask = np.asarray(running.reshape(-1, self.agents).any(axis=1))
-            self.stop(~goes_on)
+        if self._states is not None:
+            self._states.judge()
+        self._stop_without_agents()
+
+    def end(self, which: Mask, reason: int) -> None:
+        """End the episodes of the agents `which` (a,), with a number for the reason."""
+        self.monitor.reasons[which], self.monitor.running[which] = reason, False
+        self._stop_without_agents()
 
     def stop(self, which: Mask) -> None:
-        """Let the cars of the worlds `which` (n,) race no longer."""
+        """Stop the cars of the worlds `which` (n,)."""
         self.engine.running.reshape(-1, self.cars)[which] = False
+
+    def _stop_without_agents(self) -> None:
+        """Stop the worlds in which no agent's episode goes on."""
+        if self.cars > 1:
+            goes_on: Mask = np.asarray(self.monitor.running.reshape(-1, self.agents).any(axis=1))
+            self.stop(~goes_on)
 
     def sense(self, which: Mask) -> None:
         """Take the scans and odometry of the agents `which` (a,); once for each moment."""
@@ -198,5 +205,5 @@ class Worlds:
         return self.engine.state(i).copy()
 
     def close(self) -> None:
-        """Let go of threads."""
+        """Close the thread pool."""
         self.engine.close()

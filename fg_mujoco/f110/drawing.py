@@ -1,6 +1,6 @@
-"""Where scripts of f1tenth_gym draw: MuJoCo's viewer where there is a display, and a stand-in for the gym's window.
+"""Where scripts of f1tenth_gym draw: MuJoCo's viewer where there is a display, and a stub of the gym's window.
 
-Callbacks get the stand-in, with the names that they read and write: the cars' corners in 50 px a metre, the camera, the
+Callbacks get the stub, with the names that they read and write: the cars' corners in 50 px a metre, the camera, the
 label, the batch. What they draw with pyglet's names is kept nowhere and shown nowhere.
 """
 
@@ -82,7 +82,7 @@ class Nothing(metaclass=Permissive):
 
 
 class Batch(Nothing):
-    """Stands in for pyglet's: what is added to it is a list of vertices whose values can be set."""
+    """Stub of pyglet's: what is added to it is a list of vertices whose values can be set."""
 
     def add(self, count: int = 0, *_: Any, **__: Any) -> Nothing:
         """Return a list of vertices."""
@@ -92,7 +92,7 @@ class Batch(Nothing):
 
 
 class EnvRenderer(Nothing):
-    """Stands in for the gym's window, of v0.2 and of v1.0.
+    """Stub of the gym's window, of v0.2 and of v1.0.
 
     Attributes:
       cars: of each car its `vertices`, x and y of four corners [px].

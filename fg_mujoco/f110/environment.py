@@ -38,7 +38,7 @@ class RaceEnvironment:
       current_time: simulated since the reset [s].
       start_xs, start_ys, start_thetas, start_rot: where they started.
       render_obs: what is drawn.
-      renderer: the stand-in for the gym's window; None: nothing was drawn.
+      renderer: the stub of the gym's window; None: nothing was drawn.
     """
 
     renderer: Any = None
@@ -137,7 +137,7 @@ class RaceEnvironment:
         self.params = self.sim.params
 
     def add_render_callback(self, callback_func: Callable[[Any], Any]) -> None:
-        """Take a callback that draws: it is called at each `render` with a stand-in for the gym's window."""
+        """Take a callback that draws: it is called at each `render` with a stub of the gym's window."""
         self.render_callbacks.append(callback_func)
 
     def close(self) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 
 from ..kernels import kernel
 from ..messages import FloatArray
+from ..vehicle.single_track import linear_rates
 
 _GRAVITY = 9.81
 _KINEMATIC_BELOW = 0.5  # [m/s] the single-track model divides by the speed
@@ -76,14 +77,11 @@ def vehicle_dynamics_st(
         f[4] = speed / wheelbase * math.tan(x[2])
         f[5] = acceleration / wheelbase * math.tan(x[2]) + speed / (wheelbase * math.cos(x[2]) ** 2) * rate
         return f
-    front = C_Sf * (_GRAVITY * lr - acceleration * h) * mu / wheelbase  # [1/s^2 m] of each rad of slip, over the mass
-    rear = C_Sr * (_GRAVITY * lf + acceleration * h) * mu / wheelbase
     f[0], f[1] = speed * math.cos(x[6] + x[4]), speed * math.sin(x[6] + x[4])
     f[4] = x[5]
-    f[5] = m / I * ((lr * rear - lf * front) * x[6] + lf * front * x[2])
-    f[5] -= m / (speed * I) * (lf * lf * front + lr * lr * rear) * x[5]
-    f[6] = ((rear * lr - front * lf) / speed**2 - 1.0) * x[5]
-    f[6] += (front * x[2] - (rear + front) * x[6]) / speed
+    f[5], f[6] = linear_rates(
+        x[5], x[6], x[2], speed, acceleration, mu, C_Sf, C_Sr, lf, lr, h, m, I, _GRAVITY,
+    )  # fmt: skip
     return f
 
 
@@ -139,7 +137,7 @@ def check_ttc_jit(
     scan: FloatArray, vel: float, scan_angles: FloatArray, cosines: FloatArray, side_distances: FloatArray,
     ttc_thresh: float,
 ) -> bool:  # fmt: skip
-    """Say whether a car would touch what a beam sees sooner than a time [s], going on at its speed [m/s]."""
+    """Return whether a car would touch what a beam sees sooner than a time [s], going on at its speed [m/s]."""
     if vel == 0.0:
         return False
     for beam in range(len(scan)):
@@ -188,7 +186,7 @@ def get_dt(bitmap: FloatArray, resolution: float) -> FloatArray:
 
 
 def collision(vertices1: FloatArray, vertices2: FloatArray) -> bool:
-    """Say whether two convex shapes, corners (n, 2) and (m, 2), overlap."""
+    """Return whether two convex shapes, corners (n, 2) and (m, 2), overlap."""
     for shape in (vertices1, vertices2):
         along = np.roll(shape, -1, axis=0) - shape
         across = np.column_stack((-along[:, 1], along[:, 0]))

@@ -192,7 +192,7 @@ class RescaleAction(ActionWrapper):
 
 
 class RecordNothing(Wrapper):
-    """Stands in for wrappers that record; nothing is recorded."""
+    """Stub of the wrappers that record; nothing is recorded."""
 
     def __init__(self, env: Any, *_: Any, **__: Any) -> None:
         super().__init__(env)
@@ -223,7 +223,7 @@ class Space:
         raise NotImplementedError
 
     def contains(self, value: Any) -> bool:
-        """Say whether it has a value."""
+        """Return whether it has a value."""
         raise NotImplementedError
 
     def __contains__(self, value: Any) -> bool:
@@ -258,7 +258,7 @@ class Box(Space):
         return np.where(bounded, drawn, self._generator.normal(size=self.shape)).astype(self.dtype)
 
     def contains(self, value: Any) -> bool:
-        """Say whether an array has this shape and is between the bounds."""
+        """Return whether an array has this shape and is between the bounds."""
         array = np.asarray(value)
         return bool(array.shape == self.shape and (array >= self.low).all() and (array <= self.high).all())
 
@@ -278,7 +278,7 @@ class Discrete(Space):
         return int(self._generator.integers(self.n)) + self.start
 
     def contains(self, value: Any) -> bool:
-        """Say whether a number is one of them."""
+        """Return whether a number is one of them."""
         return float(value).is_integer() and self.start <= int(value) < self.start + self.n
 
     def __repr__(self) -> str:
@@ -297,7 +297,7 @@ class MultiDiscrete(Space):
         return self._generator.integers(self.nvec).astype(self.dtype)
 
     def contains(self, value: Any) -> bool:
-        """Say whether some numbers are each below its bound."""
+        """Return whether some numbers are each below its bound."""
         array = np.asarray(value)
         return bool(array.shape == self.shape and (array >= 0).all() and (array < self.nvec).all())
 
@@ -346,7 +346,7 @@ class Dict(Space):
         return {key: space.sample() for key, space in self.spaces.items()}
 
     def contains(self, value: Any) -> bool:
-        """Say whether each has its value."""
+        """Return whether each has its value."""
         return set(value) == set(self.spaces) and all(self.spaces[key].contains(each) for key, each in value.items())
 
     def __repr__(self) -> str:
@@ -371,7 +371,7 @@ class Tuple(Space):
         return tuple(space.sample() for space in self.spaces)
 
     def contains(self, value: Any) -> bool:
-        """Say whether each has its value."""
+        """Return whether each has its value."""
         return len(value) == len(self.spaces) and all(map(lambda s, v: s.contains(v), self.spaces, value))
 
     def __repr__(self) -> str:
@@ -445,24 +445,24 @@ class Registry(dict[str, EnvSpec]):
 
 
 def really_installed(name: str) -> bool:
-    """Say whether a library is installed; a folder of its name without `__init__.py` is none."""
+    """Return whether a library is installed; a folder of its name without `__init__.py` is none."""
     spec = importlib.machinery.PathFinder.find_spec(name)
     return spec is not None and spec.loader is not None and spec.origin is not None
 
 
 def installed_base(name: str) -> type:
-    """Return the class Env of gym or gymnasium where it is installed, else the stand-in's."""
+    """Return the class Env of gym or gymnasium where it is installed, else the stub's."""
     found: type = importlib.import_module(name).Env if really_installed(name) else Env
     return found
 
 
 def spaces() -> Any:
-    """Return gymnasium's spaces where it is installed, else the stand-ins."""
+    """Return gymnasium's spaces where it is installed, else the stubs."""
     return importlib.import_module("gymnasium.spaces") if really_installed("gymnasium") else Spaces
 
 
 class Spaces:
-    """The spaces of the stand-in, by name."""
+    """The spaces of the stub, by name."""
 
     Space, Box, Discrete, MultiDiscrete, MultiBinary, Dict, Tuple = (
         Space, Box, Discrete, MultiDiscrete, MultiBinary, Dict, Tuple,

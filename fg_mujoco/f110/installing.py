@@ -142,7 +142,7 @@ class Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         return getattr(importlib.import_module(f"{__package__}.{source}"), name)
 
     def _register(self) -> None:
-        """Register the environments with the stand-ins, and with the libraries that are installed."""
+        """Register the environments with the stubs, and with the libraries that are installed."""
         new = f"{__package__}.new_api:F110Env"
         for library, registry in self._registries.items():
             old = new if library == "gymnasium" else f"{__package__}.making:environment_of_gym"
@@ -156,7 +156,7 @@ class StandIn(ModuleType):
     """A module of here, whose names are looked up when they are asked for."""
 
     def __init__(self, name: str, finder: Finder) -> None:
-        super().__init__(name, f"Stands in for {name}.")
+        super().__init__(name, f"Stub of {name}.")
         self.__dict__["_finder"] = finder
 
     def __getattr__(self, name: str) -> Any:
@@ -182,7 +182,7 @@ def _register_with(library: Any, id: str, entry: str) -> None:
 
 
 def is_of_the_script(file: str) -> bool:
-    """Say whether a file of a frame is a script's own, and not of Python, of this package, or of a library."""
+    """Return whether a file of a frame is a script's own, and not of Python, of this package, or of a library."""
     return not (file.startswith(("<", _PACKAGE, *_LIBRARIES)) or "site-packages" in file)
 
 

@@ -187,7 +187,7 @@ def mapping(name: str, value: Any) -> dict[str, Any]:
 
 
 def _is_set(name: str, values: Mapping[str, float]) -> bool:
-    """Say whether a stiffness is none of the gym's own, which every script carries with it."""
+    """Return whether a stiffness is none of the gym's own, which every script carries with it."""
     own = (F1TENTH[name], F1FIFTH[name], FULL_SCALE[name])
     return not any(math.isclose(values[name], each, rel_tol=_SAME) for each in own)
 

@@ -99,7 +99,7 @@ def bring_back_names() -> None:
 
 
 def _is_ours(error: ImportError) -> bool:
-    """Say whether an import failed here, and not in another library."""
+    """Return whether an import failed here, and not in another library."""
     frames = list(traceback.walk_tb(error.__traceback__))
     return bool(frames) and frames[-1][0].f_code.co_filename.startswith(_HERE)
 

@@ -109,7 +109,7 @@ def whole_turn(scene: SceneArrays) -> int:
 
 @kernel
 def is_hidden(right: int, left: int, nearest: float, turn: int, out: FloatArray) -> bool:
-    """Say whether all that is drawn where a cluster may be seen is nearer than its nearest point.
+    """Return whether all that is drawn where a cluster may be seen is nearer than its nearest point.
 
     Args:
       right: first beam that may meet it, see Scratch.views.
@@ -128,7 +128,7 @@ def is_hidden(right: int, left: int, nearest: float, turn: int, out: FloatArray)
 
 @kernel
 def _all_above(values: FloatArray, first: int, behind: int, limit: float) -> bool:
-    """Say whether none of some values is below a limit: by blocks, whose values are compared eight at a time."""
+    """Return whether none of some values is below a limit: by blocks, whose values are compared eight at a time."""
     start, end = np.uintp(first), np.uintp(max(first, behind))
     while start < end:
         below, block_end = 0, min(start + np.uintp(_BLOCK), end)

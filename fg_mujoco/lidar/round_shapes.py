@@ -30,7 +30,7 @@ _NUMERICALLY_NONE = 1e-15  # mjMINVAL: of a ray that only grazes, or runs along 
 
 
 def is_shape(kind: int) -> bool:
-    """Say whether a geom of this mjtGeom is one of these shapes."""
+    """Return whether a geom of this mjtGeom is one of these shapes."""
     return kind in _KINDS
 
 

@@ -92,7 +92,7 @@ def scan(
 def _is_off_plane(
     sphere: FloatArray, position: FloatArray, rotation: FloatArray, body_position: FloatArray, body_rotation: FloatArray
 ) -> bool:
-    """Say whether the scan plane misses the sphere around what a body carries."""
+    """Return whether the scan plane misses the sphere around what a body carries."""
     height = 0.0
     for i in range(3):
         away = body_position[i] - position[i]

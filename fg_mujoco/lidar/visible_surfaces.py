@@ -110,7 +110,7 @@ class ScanlineScene:
 
 
 def is_scanline(beams: Beams) -> bool:
-    """Say whether all beams leave the LiDAR's origin in its x-y plane, evenly spaced to the left, within one turn."""
+    """Return whether all beams start at the LiDAR's origin in its x-y plane, evenly spaced to the left, in one turn."""
     even = beams.angle_min + beams.angle_increment * np.arange(len(beams.bearings))
     return bool(
         np.abs(beams.origins).max() < _IN_PLANE

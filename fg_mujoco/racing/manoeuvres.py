@@ -358,5 +358,5 @@ def find_manoeuvre(text: str, speed: float | None = None) -> Manoeuvre:
 
 
 def is_driven_by_commands(controller: str) -> bool:
-    """Say whether the controller that a summary names is a manoeuvre or a file of commands, and no planner."""
+    """Return whether the controller that a summary names is a manoeuvre or a file of commands, and no planner."""
     return controller.partition("[")[0] in (*MANOEUVRES, Commands.name) or controller.lower().endswith(SUFFIX)

@@ -174,7 +174,7 @@ def _named(text: str, folder: Path, *, exact: bool) -> Iterator[str]:
 
 
 def _is_around(folder: Path) -> bool:
-    """Say whether a folder is the current one or around it: a place to look in, and not a planner's data."""
+    """Return whether a folder is the current one or around it: a place to look in, and not a planner's data."""
     try:
         return Path.cwd().is_relative_to(folder.resolve())
     except OSError:

@@ -28,7 +28,12 @@ from ..simulation.planner_adapter import short
 from ..simulation.planner_failure import is_of_planner, one_line, told, without_exit
 from .planner_texts import SCHEMES, scheme_of
 
-PLANNERS: Registry[Any] = Registry("controller", ControllerError, "fg_mujoco.controllers")
+PLANNERS: Registry[Any] = Registry(
+    "controller",
+    ControllerError,
+    "fg_mujoco.controllers",
+    {name: f"fg_mujoco.controllers.{place}" for name, place in CONTROLLERS.items()},
+)
 
 A_PLANNER = "one with __call__(scan, odometry) and reset(), or a function of (scan, odometry)"
 READ = "__fg_mujoco_read__"
@@ -37,13 +42,10 @@ READ = "__fg_mujoco_read__"
 _ARGUMENTS = ["scan", "odometry"]  # names of a planner's arguments
 _FILE = ", or path/to/file.py:ClassName"
 
-for _name, _place in CONTROLLERS.items():
-    PLANNERS[_name] = f"fg_mujoco.controllers.{_place}"
-
 
 def bundled_names() -> tuple[str, ...]:
     """Return the names of the bundled controllers."""
-    return tuple(sorted(PLANNERS.own_names()))
+    return tuple(sorted(PLANNERS))
 
 
 def controller_names() -> tuple[str, ...]:

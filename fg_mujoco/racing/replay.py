@@ -270,7 +270,7 @@ class _Again:
         return {"telemetry": own["telemetry"], "states": own["states"][: ticks + 1], "ctrl": own["ctrl"][:ticks]}
 
     def from_outside(self, reason: object) -> bool:
-        """Say whether a race ends for a reason that its states do not tell."""
+        """Return whether a race ends for a reason that its states do not tell."""
         return reason in _FROM_OUTSIDE or (reason == "time_limit" and not self.limit_known)
 
 

@@ -33,7 +33,7 @@ Accepts = Callable[[Any], bool]
 
 
 def is_figure(value: Any) -> bool:
-    """Say whether a value of a summary is a number within GREATEST."""
+    """Return whether a value of a summary is a number within GREATEST."""
     return isinstance(value, (int, float)) and not isinstance(value, bool) and -GREATEST <= value <= GREATEST
 
 
@@ -42,7 +42,7 @@ def _is_count(value: Any) -> bool:
 
 
 def _is_mapping(value: Any, names: set[str], texts: tuple[str, ...] = ()) -> bool:
-    """Say whether a value has these names, and numbers but for the `texts`."""
+    """Return whether a value has these names, and numbers but for the `texts`."""
     return (
         isinstance(value, dict)
         and set(value) == names
@@ -82,7 +82,7 @@ def _are_texts(value: Any) -> bool:
 
 
 def _are_cars(value: Any) -> bool:
-    """Say whether a value is rows of cars; of several, with what a replay of them needs."""
+    """Return whether a value is rows of cars; of several, with what a replay of them needs."""
     if not isinstance(value, list) or len(value) > GREATEST_CARS or not all(isinstance(row, dict) for row in value):
         return False
     names = [row.get("name") for row in value]
@@ -94,7 +94,7 @@ def _are_cars(value: Any) -> bool:
 
 
 def _is_row(row: dict[str, Any]) -> bool:
-    """Say whether the row of one of several cars has what a replay and a report of them need."""
+    """Return whether the row of one of several cars has what a replay and a report of them need."""
     return (
         all(isinstance(row.get(name), str) for name in ("end_reason", "controller", "vehicle"))
         and all(is_figure(row.get(name)) for name in ("end_time_s", "max_slide_m_s", "max_speed_m_s"))
@@ -144,7 +144,7 @@ def _are_texts_by_name(value: Any) -> bool:
 
 
 def _is_origin(value: Any) -> bool:
-    """Say whether this is where a planner comes from; older versions have no `files`."""
+    """Return whether this is where a planner comes from; older versions have no `files`."""
     texts = {name: each for name, each in value.items() if name != "files"} if isinstance(value, dict) else value
     return _are_texts_by_name(texts) and (value.get("files") is None or _are_texts_by_name(value["files"]))
 

@@ -193,7 +193,7 @@ def remember_run(folder: Path) -> None:
 
 
 def was_raced_here(folder: Path, summary: Mapping[str, Any]) -> bool:
-    """Say whether this user raced a run, whose summary was read: only `write_run` notes that, and nobody else can.
+    """Return whether this user raced a run, whose summary was read: only `write_run` notes that, and nobody else can.
 
     The folder itself proves nothing: whoever made it wrote all of it.
     """

@@ -41,8 +41,8 @@ class TomlFile:
         for word in re.finditer(r"[A-Za-z_][A-Za-z0-9_]*", message):
             key = names.get(word[0])
             if key is not None:
-                spelled = f"{message[: word.start()]}{key}{message[word.end() :]}" if word.start() == 0 else message
-                return f"{self.where(key)}: {spelled}"
+                said = message if word.start() else key + message[word.end() :]
+                return f"{self.where(key)}: {said}"
         return f"{self.path}: {message}"
 
 

@@ -149,7 +149,7 @@ class _Places:
 
 
 class _Wheels:
-    """How fast the rear wheels turn [rad/s], from one reading of an encoder to the next."""
+    """Speed of the rear wheels [rad/s], from one reading of an encoder to the next."""
 
     def __init__(self) -> None:
         self._last: dict[str, tuple[int, float]] = {}

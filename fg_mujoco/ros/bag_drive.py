@@ -1,4 +1,4 @@
-"""What a car recorded of a drive, from its bag: for the identification of its tires.
+"""The signals of a drive that a car recorded in a bag, for the identification of its tires.
 
     drive = read_drive("drive.mcap", vehicle="nuc2")
 
@@ -77,7 +77,7 @@ def identify(
       drive_topic: of the commands in a bag; None: /drive, or the only one there is.
       imu_topic: None: /imu, or the only one there is.
       odometry_topic: None: /odom, or the only one there is.
-      watch: told in words how far it is.
+      watch: called with the progress in words.
 
     Raises:
       MissingExtraError: the extra `ros` is not installed.

@@ -28,7 +28,7 @@ def plain(name: str) -> str:
 
 
 def is_world(name: str) -> bool:
-    """Say whether a frame is one that cars move in, by its name."""
+    """Return whether a frame is one that cars move in, by its name."""
     return plain(name).rsplit("/", 1)[-1] in WORLDS
 
 
@@ -74,19 +74,19 @@ class FrameTree:
                     ways.append([*way, name])
         return None
 
-    def base_of(self, frame: str, told: str = "") -> str | None:
+    def base_of(self, frame: str, stated: str = "") -> str | None:
         """Return the car's own frame that a sensor's frame hangs on; None: there is none.
 
         Args:
           frame: of the sensor.
-          told: the frame that the odometry is of, which counts where none has a usual name.
+          stated: the frame of the odometry, which is used where no frame has a usual name.
         """
         worlds = {name for name in self._links if is_world(name)}
         for base in BASES:
             way = self.way(frame, lambda name, base=base: name.rsplit("/", 1)[-1] == base, worlds)
             if way is not None:
                 return way[-1]
-        way = self.way(frame, lambda name: name == plain(told), worlds) if told else None
+        way = self.way(frame, lambda name: name == plain(stated), worlds) if stated else None
         return None if way is None else way[-1]
 
 

@@ -77,7 +77,7 @@ def type_store(distribution: str = "") -> Any:
 
 
 def definition(kind: str) -> str:
-    """Return the text of a type, and of all that it is made of, as `ros2 bag` keeps it beside the messages."""
+    """Return the definition of a type and of its parts, as `ros2 bag` stores it with the messages."""
     text: str = type_store().generate_msgdef(kind, ros_version=2)[0]
     return text
 

@@ -192,7 +192,7 @@ class ScanBag:
         self.speed = self._speed()
 
     def _reads_twist(self) -> bool:
-        """Say whether the Odometry has speeds; a localisation's often has none, while its pose moves."""
+        """Return whether the Odometry has speeds; a localisation's often has none, while its pose moves."""
         moved = []
         assert self._odometry is not None
         for heard in self.recording.messages({self._odometry}, most=_FIRST_TWISTS):
@@ -232,7 +232,7 @@ def mounting_frames(bag: Recording) -> FrameTree:
 
 
 def _moves(topic: Topic, bag: Recording) -> bool:
-    """Say whether a topic of transforms has one from a frame of the world."""
+    """Return whether a topic of transforms has one from a frame of the world."""
     heard = bag.messages({topic}, most=_FIRST_TRANSFORMS)
     return any(
         is_world(entry.header.frame_id) and not is_world(entry.child_frame_id)
@@ -252,33 +252,33 @@ class Clock:
         self._first = 0
 
     def shift(self, stamp: int, heard: Heard, *, again: bool = False) -> tuple[int, float]:
-        """Return what is added to a stamp [ns], and the time from the stamp before [s].
+        """Return the offset to add to a stamp [ns], and the time since the stamp before [s].
 
         Args:
           stamp: in the message's header [ns].
           heard: the message.
           again: whether it is the last one, sent again.
         """
-        told = stamp
-        if told == 0 and heard.received > _UNSTAMPED:
+        stated = stamp
+        if stated == 0 and heard.received > _UNSTAMPED:
             self.unstamped += 1
-            told = heard.received
+            stated = heard.received
         if self._last is None:
             self._first = heard.time
         else:
-            step, passed = told - self._last[0], heard.time - self._last[1]
+            step, passed = stated - self._last[0], heard.time - self._last[1]
             if step <= 0 and not again:
                 self._offset += (passed if passed > 0 else self._period) - step
                 if step < 0:
                     self.set_back.append((-step / 1e9, (heard.time - self._first) / 1e9))
             elif step > 0:
                 self._period = step
-        self._last = told, heard.time
-        return told + self._offset - stamp, self._period / 1e9
+        self._last = stated, heard.time
+        return stated + self._offset - stamp, self._period / 1e9
 
 
 class ScanFaults:
-    """What is wrong with the scans of a bag, and can be lived with: told once, at the end.
+    """Faults of a bag's scans that do not prevent reading them; each is reported once, at the end.
 
     Attributes:
       again: whether the last scan was the one before it, sent again.
@@ -393,11 +393,11 @@ class _Known:
         self._last[kind] = message
 
     def age(self, time: int) -> float:
-        """Return how old the odometry is [s]; 0 where there never was any."""
+        """Return the age of the odometry [s]; 0 before the first."""
         return (time - self._time) / 1e9 if self._time is not None else 0.0
 
     def mount(self, name: str) -> Mount:
-        """Return how the LiDAR of a frame sits on the car."""
+        """Return the mount of the LiDAR of a frame on the car."""
         self._sensor = name
         if name not in self._mounts:
             odometry = self._last.get(ODOMETRY)
@@ -459,11 +459,11 @@ class _Known:
                 return
 
     def _pose(self, odometry: Any) -> FloatArray:
-        """Return where base_link is on the map: x [m], y [m], heading [rad]."""
+        """Return the pose of base_link on the map: x [m], y [m], heading [rad]."""
         nowhere = np.full(3, math.nan)
-        told = next((self._last[kind] for kind in POSES if kind in self._last), odometry)
-        if told is not None:
-            frame, pose = plain(told.header.frame_id), pose_of(told)
+        found = next((self._last[kind] for kind in POSES if kind in self._last), odometry)
+        if found is not None:
+            frame, pose = plain(found.header.frame_id), pose_of(found)
             if frame == MAP_FRAME:
                 return pose
             found = self._frames.find(frame, MAP_FRAME)
@@ -474,7 +474,7 @@ class _Known:
 
 
 class Motion:
-    """How fast a car is, from where it was to where it is."""
+    """Speed of a car, from the difference of its poses."""
 
     def __init__(self) -> None:
         self._poses: deque[tuple[int, FloatArray]] = deque()
@@ -502,13 +502,13 @@ class Motion:
         return float(ahead) / seconds, turned / seconds
 
 
-def mount_of(frames: FrameTree, sensor: str, told: str = "") -> Mount:
-    """Return how the LiDAR of a frame sits on the car; level and straight ahead where no transforms say so.
+def mount_of(frames: FrameTree, sensor: str, stated: str = "") -> Mount:
+    """Return the mount of the LiDAR of a frame on the car; level and straight ahead where there are no transforms.
 
     Raises:
       BagError: it is tilted by more than 5 degrees.
     """
-    base = frames.base_of(sensor, told)
+    base = frames.base_of(sensor, stated)
     worlds = {MAP_FRAME, "odom", "world", "earth"}
     found = None if base is None else frames.find(sensor, base, worlds)
     return Mount() if found is None else Mount.of(found[:3, :3], sensor)

@@ -108,7 +108,7 @@ class Recording:
         return ", ".join(f"{topic} ({kind})" for topic, kind in held) or "no messages"
 
     def table(self) -> list[str]:
-        """Return how long the bag is, and its topics with their types and counts, a line each."""
+        """Return the duration of the bag, and its topics with their types and counts, one line each."""
         rows = [f"{self.path}: {self.span:.1f} s, {sum(self._recorded.values())} messages"]
         for (kind, topic), count in sorted(self._recorded.items(), key=lambda row: row[0][1]):
             rows.append(f"  {topic:<32} {kind:<40} {count:>8}")
@@ -239,15 +239,15 @@ class Recording:
         if not self.path.is_dir():
             return [self.path]
         files = {path.name: path for path in sorted(self.path.iterdir()) if is_storage(path)}
-        told = self._metadata()
-        if told:
-            missing = [name for name in told if name not in files]
+        listed = self._metadata()
+        if listed:
+            missing = [name for name in listed if name not in files]
             if missing:
                 self.warn(f"{_METADATA} names {', '.join(missing)}, which cannot be read or is not there")
-            files = {name: files[name] for name in told if name in files} or files
+            files = {name: files[name] for name in listed if name in files} or files
         if not files:
             raise BagError(f"{self.path}: cannot be read: it has no file of a bag; accepted: {ACCEPTED}")
-        if told or len(files) == 1:
+        if listed or len(files) == 1:
             return list(files.values())
         stems = {name: name.split(".")[0] for name in files}
         numbers = {name: _NUMBERED.match(stem) for name, stem in stems.items()}
@@ -302,7 +302,7 @@ class Recording:
         self._sequence: NDArray[np.int64] = np.argsort(self._times, kind="stable")
 
     def _decoder(self, channel: Channel) -> Callable[[bytes], Any]:
-        """Return what turns the bytes of a channel's messages into messages."""
+        """Return the decoder of a channel's messages."""
         if channel not in self._decoders:
             store = self._store(channel)
             if channel.encoding == "ros1":
@@ -344,7 +344,7 @@ class Recording:
 
 
 def _set_back(times: NDArray[np.int64], owners: NDArray[np.int64]) -> list[tuple[int, int]]:
-    """Return where the recorder's clock was set back, and by how much [ns]: where the times of one topic go back.
+    """Return when the recorder's clock was set back, and by how much [ns]: where the times of one topic go back.
 
     Times of different topics say nothing: some tools write topic by topic.
     """

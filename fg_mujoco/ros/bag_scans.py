@@ -30,7 +30,7 @@ _NUMBERS = ("angle_min", "angle_increment", "range_min", "range_max")
 
 @dataclass(frozen=True, kw_only=True)
 class Mount:
-    """How a LiDAR sits on the car."""
+    """The mount of a LiDAR on the car."""
 
     yaw: float = 0.0  # [rad] from straight ahead, left positive
     upside_down: bool = False
@@ -94,7 +94,7 @@ def disagreement(message: Any) -> float:
 
 
 def beyond(message: Any) -> float:
-    """Return which share of the readings is far beyond `range_max`, where a LiDAR that has seen them has it too low."""
+    """Return the share of readings far beyond `range_max`: a LiDAR that measures them states too low a `range_max`."""
     ranges = np.asarray(message.ranges)
     limit = 1.02 * float(message.range_max)
     return float(np.mean((ranges > limit) & (ranges < _NOTHING[0]))) if len(ranges) else 0.0

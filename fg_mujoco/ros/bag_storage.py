@@ -4,9 +4,9 @@
         for row in range(len(file)):
             file.times[row], file.channels[file.owners[row]].topic, file.data(row)
 
-A file is told by its first bytes, and read from its beginning to its end, without the index that it may have there. So
-one that was never closed, or that ends in the middle of a record, is read up to its last whole message; `damage` says
-so. Messages come in the order in which they were written.
+A file is recognised by its first bytes, and read from its beginning to its end, without the index that it may have
+there. So one that was never closed, or that ends in the middle of a record, is read up to its last whole message;
+`damage` says so. Messages come in the order in which they were written.
 
 Sources: the MCAP specification; rosbag2's storage_sqlite3; the ROS wiki, Bags/Format/2.0.
 """
@@ -33,7 +33,7 @@ from urllib.parse import quote
 from ..errors import BagError
 
 ACCEPTED = "an .mcap or .db3 file, a .bag of ROS 1, or a bag's folder"
-"""What can be read as a bag."""
+"""The kinds of bags that can be read, in words."""
 
 _ZSTD = b"\x28\xb5\x2f\xfd"
 _KEPT_CHUNKS = 16  # uncompressed, of those read last
@@ -127,7 +127,7 @@ def open_storage(path: Path) -> Storage:
 
 
 def is_storage(path: Path) -> bool:
-    """Say whether a file begins as one of a bag does."""
+    """Return whether a file begins as one of a bag does."""
     begin = _first_bytes(path) if path.is_file() else b""
     compressed = begin.startswith(_ZSTD) and path.suffix in (".zstd", ".zst")
     return compressed or any(begin.startswith(storage.MAGIC) for storage in (_Mcap, _Ros1, _Sqlite))

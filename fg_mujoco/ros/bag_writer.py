@@ -271,7 +271,7 @@ def _names(car: int) -> tuple[str, str, str]:
 
 @dataclass(frozen=True, kw_only=True)
 class _Ends:
-    """How many ticks of a run a car is there."""
+    """Number of ticks of a run in which a car is there."""
 
     drives: int  # driven by its planner, which gets its scans
     leaves: int  # on the course: one that has finished is taken off
@@ -288,7 +288,7 @@ class _Ends:
 
 
 class _Shown:
-    """What the planner of car 0 shows and its nodes publish: it runs once more, as it was raced.
+    """The intermediate values of car 0's planner and the messages of its nodes: it runs again, as it was raced.
 
     Raises:
       ControllerError, SettingsError: the planner may not be loaded, cannot be built, or is a bundled one.
@@ -355,7 +355,7 @@ class _Shown:
 
 
 class _Other:
-    """What a bag has of a car besides car 0."""
+    """The messages of a car other than car 0."""
 
     def __init__(self, run: Run, model: mujoco.MjModel, car: int) -> None:
         self.car, self.mounts, self.ends = car, _mounts(model, car), _Ends.of(run, car)

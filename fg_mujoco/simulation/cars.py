@@ -231,7 +231,7 @@ def _axes(headings: FloatArray) -> FloatArray:
 
 
 def _overlap_along(shapes: Sequence[FloatArray], axis: FloatArray) -> bool:
-    """Say whether the shadows of two shapes (k, 2) on an axis (2,) touch or overlap."""
+    """Return whether the shadows of two shapes (k, 2) on an axis (2,) touch or overlap."""
     (low, high), (other_low, other_high) = [((shape @ axis).min(), (shape @ axis).max()) for shape in shapes]
     return bool(low <= other_high and other_low <= high)
 

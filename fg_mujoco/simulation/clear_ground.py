@@ -198,7 +198,7 @@ def _cells(low: float, high: float, count: int) -> tuple[int, int]:
 
 @kernel
 def touches_nothing(qpos: FloatArray, cars: CarArray, clear: ClearGround) -> bool:
-    """Say whether the cars of a world are clear of all that is solid, as they are now.
+    """Return whether the cars of a world are clear of all that is solid, as they are now.
 
     Args:
       qpos: of the world.

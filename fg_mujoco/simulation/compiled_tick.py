@@ -16,6 +16,7 @@ from ..array_table import (
     flags,
     matrix,
     numbers,
+    rows,
     short_matrix,
     short_numbers,
     table_at,
@@ -23,14 +24,18 @@ from ..array_table import (
     whole_numbers,
 )
 from ..course.course import Course
+from ..course.lap_timer import LAP_TIMER
 from ..kernels import c_function, call_at, kernel
+from ..lidar.links import LINK
 from ..lidar.visible_surfaces import SceneArrays, Scratch
+from ..messages import ODOMETRY
+from ..vehicle.motion import CAR
 from ..vehicle.stages import Fields
-from ..vehicle.tire_forces import Inertia
+from ..vehicle.tire_forces import GEAR, TIRE, Inertia
 from .clear_ground import ClearGround
 from .clock import seconds
 from .physics import Batch, StateLayout, apply_to_states
-from .record_rows import car_rows, gear_rows, link_rows, odometry_rows, statistics_rows, timer_rows, tire_rows
+from .telemetry import STATISTICS
 from .termination import END_REASONS, judge_cars
 from .tick import Mounts, book_cars, hold_commands, read_cars, scan_cars, worlds_to_drive
 from .world_step import Floor, Sizes, step_world
@@ -108,7 +113,7 @@ def read(table: Table, which: NDArray[np.bool_]) -> None:
     places = whole_numbers(table[_PLACES])
     read_cars(
         which, places[_CARS_PER_WORLD], matrix(table[_STATES]), _layout(places), matrix(table[_SENSORS]),
-        car_rows(table[_CARS]), timer_rows(table[_TIMERS]), odometry_rows(table[_ODOMETRY]),
+        rows(table[_CARS], CAR), rows(table[_TIMERS], LAP_TIMER), rows(table[_ODOMETRY], ODOMETRY),
         matrix(table[_TELEMETRY]),
     )  # fmt: skip
 
@@ -122,7 +127,7 @@ def sense(table: Table, which: NDArray[np.bool_]) -> None:
         which, places[_CARS_PER_WORLD], matrix(table[_STATES]), _layout(places),
         whole_matrix(table[_CAR_PLACES]),
         Mounts(matrix(table[_OFFSET_POSITIONS]), cube(table[_OFFSET_ROTATIONS])),
-        matrix(table[_MOTIONS]), link_rows(table[_LINKS]),
+        matrix(table[_MOTIONS]), rows(table[_LINKS], LINK),
         SceneArrays(
             matrix(table[_BEAMS]), numbers(table[_LIMITS]), matrix(table[_EDGES]), corner_numbers(table[_TRIANGLES]),
             matrix(table[_BOXES]), short_matrix(table[_SPANS]), matrix(table[_PLANES]), short_matrix(table[_FRAMES]),
@@ -164,8 +169,8 @@ def _step_world(model: int, data: int, world: int, address: int) -> None:
             short_numbers(table[_ROW_COUNTS]), short_numbers(table[_ROW_STARTS]),
             short_numbers(table[_COLUMNS_OF_INERTIA]),
         ),
-        gear_rows(table[_GEARS]), whole_matrix(table[_CAR_PLACES]), car_rows(table[_CARS]),
-        tire_rows(table[_TIRE_ROWS]), matrix(table[_MU]), _floor(table), matrix(table[_MOTIONS]),
+        rows(table[_GEARS], GEAR), whole_matrix(table[_CAR_PLACES]), rows(table[_CARS], CAR),
+        rows(table[_TIRE_ROWS], TIRE), matrix(table[_MU]), _floor(table), matrix(table[_MOTIONS]),
         numbers(table[_TIMES])[_TIMESTEP], matrix(table[_SENSORS]), cube(table[_RECORDS]), cube(table[_TIRE_STATES]),
         numbers(table[_SCRATCH]),
         ClearGround(matrix(table[_DISTANCES]), numbers(table[_CORNER]), matrix(table[_BODIES])),
@@ -189,11 +194,11 @@ def book(table: Table, count: int) -> None:
     places = whole_numbers(table[_PLACES])
     book_cars(
         short_numbers(table[_IDS]), count, places[_CARS_PER_WORLD], matrix(table[_STATES]), _layout(places),
-        car_rows(table[_CARS]), whole_matrix(table[_CAR_PLACES]), whole_matrix(table[_TOUCH_PLACES]),
-        tire_rows(table[_TIRE_ROWS]), cube(table[_TIRE_STATES]), _floor(table), flags(table[_RUNNING]),
+        rows(table[_CARS], CAR), whole_matrix(table[_CAR_PLACES]), whole_matrix(table[_TOUCH_PLACES]),
+        rows(table[_TIRE_ROWS], TIRE), cube(table[_TIRE_STATES]), _floor(table), flags(table[_RUNNING]),
         cube(table[_RECORDS]), short_numbers(table[_STATUS]), flags(table[_FAILED]), matrix(table[_MU]),
         cube(table[_SLIP]), flags(table[_CRASHED]), matrix(table[_TOUCHED_AT]), matrix(table[_TELEMETRY]),
-        statistics_rows(table[_STATISTICS]),
+        rows(table[_STATISTICS], STATISTICS),
     )  # fmt: skip
 
 
@@ -207,7 +212,7 @@ def drive(table: Table) -> None:
     count = worlds_to_drive(flags(table[_RUNNING]), places[_CARS_PER_WORLD], ids)
     hold_commands(
         ids, count, places[_CARS_PER_WORLD], matrix(table[_STATES]), _layout(places), matrix(table[_COMMANDS]),
-        car_rows(table[_CARS]), matrix(table[_TELEMETRY]),
+        rows(table[_CARS], CAR), matrix(table[_TELEMETRY]),
     )  # fmt: skip
     if count > 0:
         step(table, count, 0, cube(table[_RECORDS]).shape[1], True)
@@ -220,15 +225,15 @@ def judge(table: Table) -> None:
     places, times = whole_numbers(table[_PLACES]), numbers(table[_TIMES])
     judge_cars(
         flags(table[_RUNNING]), whole_numbers(table[_REASONS]), places[_CARS_PER_WORLD], matrix(table[_STATES]),
-        _layout(places), car_rows(table[_CARS]), short_matrix(table[_WARNINGS]), flags(table[_CRASHED]),
-        timer_rows(table[_TIMERS]), matrix(table[_LAP_TIMES]), numbers(table[_STANDING_SINCE]), matrix(table[_TABLE]),
-        times[_LENGTH], times[_MODULUS], times[_STOP_TIME], places[_LAPS], times[_LAST_TIME],
+        _layout(places), rows(table[_CARS], CAR), short_matrix(table[_WARNINGS]), flags(table[_CRASHED]),
+        rows(table[_TIMERS], LAP_TIMER), matrix(table[_LAP_TIMES]), numbers(table[_STANDING_SINCE]),
+        matrix(table[_TABLE]), times[_LENGTH], times[_MODULUS], times[_STOP_TIME], places[_LAPS], times[_LAST_TIME],
     )  # fmt: skip
 
 
 @kernel
 def _commands_are_numbers(table: Table) -> bool:
-    """Say whether the commands of all cars that run are numbers."""
+    """Return whether the commands of all cars that run are numbers."""
     running, commands = flags(table[_RUNNING]), matrix(table[_COMMANDS])
     for row in range(len(running)):
         if running[row] and not (math.isfinite(commands[row, 0]) and math.isfinite(commands[row, 1])):

@@ -249,6 +249,11 @@ class Engine:
         i = row // self.cars_per_world
         return ground_speed(self.qpos(i), self.qvel(i), self._arrays.constants[row : row + 1])
 
+    def read_motions(self, which: Mask, poses: FloatArray, velocities: FloatArray) -> None:
+        """Write the true poses (r, 3) and velocities (r, 3) of the cars `which` (r,), see `motion.read_motions`."""
+        for batch in self._batches:
+            batch.read_motions(which[batch.rows], poses[batch.rows], velocities[batch.rows])
+
     def surroundings(self, row: int) -> Surroundings:
         """Return what surrounds a car: its world, and where the other cars of it are."""
         i, own = divmod(row, self.cars_per_world)
@@ -287,7 +292,7 @@ class Engine:
         It is a copy of shape (substeps, 4); without patches (1, 4).
         """
         floor = self._batches[0].floor
-        return floor.mu[0].copy() if len(floor.mu) else self._arrays.mu[:1].copy()
+        return floor.mu[:, 0].copy() if floor.mu.size else self._arrays.mu[:1].copy()
 
     def read(self, i: int, data: mujoco.MjData) -> None:
         """Write world i into a mujoco.MjData of its model, poses current."""

@@ -78,7 +78,7 @@ def _advice(error: BaseException, said: str) -> str:
 
 
 def is_of_planner(error: BaseException) -> bool:
-    """Say whether what came out of a planner's code is its failure, whatever it is: not Ctrl-C, nor its time limit.
+    """Return whether what came out of a planner's code is its failure, whatever it is: not Ctrl-C, nor its time limit.
 
     A planner raises KeyboardInterrupt itself by a `raise` statement. Ctrl-C comes between two other instructions.
     """
@@ -208,7 +208,7 @@ def _definition(kind: Any, file: str | None) -> int | None:
 
 
 def _of_numba(error: BaseException) -> bool:
-    """Say whether numba could not compile something."""
+    """Return whether numba could not compile something."""
     return str(type.__dict__["__module__"].__get__(type(error))).startswith("numba.")
 
 

@@ -234,7 +234,7 @@ def book_cars(
                 )
                 crashed[row] = crashed[row] or (touched_wall and races)
             rows = tire_rows[max(first, 0) : first + 4] if first >= 0 else tire_rows[:0]
-            mus = floor.mu[row] if len(floor.patches) > 0 else mu[row : row + 1]
+            mus = np.ascontiguousarray(floor.mu[:, row]) if len(floor.patches) > 0 else mu[row : row + 1]
             measure_slip(
                 records[world], own[TIRES], own[AXLES], mus, rows, tire_states[world], max(USERDATA * first, 0), slip
             )
@@ -283,7 +283,7 @@ def book_touches(
 
 @kernel
 def any_touch(records: FloatArray, sensor: int) -> bool:
-    """Say whether a contact sensor found anything in any of the rows of `records` (steps, nsensordata)."""
+    """Return whether a contact sensor found anything in any of the rows of `records` (steps, nsensordata)."""
     touched = False
     for step in range(len(records)):
         touched = touched or records[step, sensor] > 0.0

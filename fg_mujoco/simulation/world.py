@@ -255,7 +255,7 @@ def _named_solids(beams: Any) -> list[str]:
 
 
 def shows(xml: str, track: Course) -> bool:
-    """Say whether the MJCF text of a world has the walls of a course, its obstacles and its moving obstacles."""
+    """Return whether the MJCF text of a world has the walls of a course, its obstacles and its moving obstacles."""
     found = _shapes(xml)
     for below in (_BELOW_GROUND, 0.0):  # up to version 0.1 solids ended at the ground
         spec = mujoco.MjSpec()

@@ -28,9 +28,9 @@ from ..vehicle.bodywork import fit_timestep
 from ..vehicle.car import WHEELS, Car
 from ..vehicle.changes import CarChanges, change_worlds
 from ..vehicle.friction_patches import patch_table, wheel_positions
-from ..vehicle.motion import CAR
+from ..vehicle.motion import CAR, read_motions
 from ..vehicle.stages import fields
-from ..vehicle.tire_forces import GEAR, SCRATCH, USERDATA, Inertia, gear_row, steps_within, take_over
+from ..vehicle.tire_forces import SCRATCH, USERDATA, Inertia, gear_row, no_gear, steps_within, take_over
 from ..vehicle.tire_slip import QUANTITIES, TireSlipMeter
 from . import compiled_tick
 from .cars import lidar_prefix, touch_places, tree_of
@@ -182,7 +182,7 @@ class WorldBatch:
         patches = patch_table(model)
         wheels = np.concatenate([wheel_positions(model, car.prefix) for car in self.world.cars])
         room = len(self.cars) if len(patches) else 0
-        return Floor(patches, wheels, np.zeros((room, substeps, len(WHEELS))), self._pairs.ravel())
+        return Floor(patches, wheels, np.zeros((substeps, room, len(WHEELS))), self._pairs.ravel())
 
     def _sizes(self) -> Sizes:
         """Return how large the model is, and whether any car has tires of ours."""
@@ -192,10 +192,11 @@ class WorldBatch:
         )  # fmt: skip
 
     def _gear_of(self, car: Car, meter: TireSlipMeter) -> NDArray[np.void]:
-        """Return how a car is steered and driven on tires of ours, (1,) of GEAR; zeros on others."""
+        """Return how a car is steered and driven on tires of ours, (1,) of GEAR."""
         if not len(meter.rows):
-            return np.zeros(1, GEAR)
+            return no_gear()
         gear = gear_row(self._model, car.prefix).copy()
+        gear["first_tire"] = gear["userdata"] // USERDATA
         gear["tire_steps"] = steps_within(self._model, meter.rows, float(self._model.opt.timestep))
         return gear
 
@@ -383,6 +384,13 @@ class WorldBatch:
     def read(self, which: Mask) -> None:
         """Take the odometry of the cars `which` (r,), and what begins their rows of telemetry."""
         compiled_tick.read(self._table.rows, which)
+
+    def read_motions(self, which: Mask, poses: FloatArray, velocities: FloatArray) -> None:
+        """Write where the cars `which` (r,) are and how they move, see `motion.read_motions`."""
+        read_motions(
+            which, self._cars_per_world, self.physics.states, self.layout.qpos[0], self.layout.qvel[0],
+            self._arrays.constants, poses, velocities,
+        )  # fmt: skip
 
     def sense(self, which: Mask) -> None:
         """Take odometry and, where scans are drawn, the scans of the cars `which` (r,)."""

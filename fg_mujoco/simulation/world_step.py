@@ -18,20 +18,7 @@ from ..vehicle import stages
 from ..vehicle.friction_patches import look_at_floor
 from ..vehicle.motion import planar_pose
 from ..vehicle.stages import Fields
-from ..vehicle.tire_forces import (
-    ACROSS,
-    ALONG,
-    USERDATA,
-    Inertia,
-    begin_step,
-    damp_inertia,
-    end_step,
-    place_between,
-    push_car,
-    put_steering,
-    resist_rolling,
-    steer,
-)
+from ..vehicle.tire_forces import Inertia, step_on_tires
 from .clear_ground import ClearGround, touches_nothing
 
 Rows = NDArray[np.void]
@@ -48,7 +35,7 @@ class Floor(NamedTuple):
 
     patches: FloatArray  # (k, 7) of `patch_table`
     wheels: FloatArray  # (4 cars_per_world, 2) of `wheel_positions`
-    mu: FloatArray  # (r, steps, 4) room: what each tire had in each step of a tick
+    mu: FloatArray  # (steps, r, 4) room: what each tire had in each step of a tick
     pairs: NDArray[np.int32]  # (4 cars_per_world,) of the tires
 
 
@@ -118,15 +105,15 @@ def step_world(
     readings = stages.vector(data, found.sensordata, sizes.readings)
     for step in range(first, end):
         _place_obstacles(data, found, motions)
-        _look_at_floor(model, data, found, world, step, sizes, car_places, cars, mu, floor)
+        under = _friction(model, data, found, world, step, sizes, car_places, cars, mu, floor)
         if not sizes.own_tires:
             stages.step(model, data)
         else:
             own = cars[world * len(car_places) : (world + 1) * len(car_places)]
             clear = touches_nothing(stages.vector(data, found.qpos, sizes.positions), own, ground)
-            _step_on_tires(
-                model, data, world, step, advance, sizes, found, inertia, gears, car_places, tire_rows, mu, floor,
-                timestep, userdata, scratch, clear, step == end - 1,
+            step_on_tires(
+                model, data, found, inertia, gears, tire_rows, under, userdata, scratch, sizes.dofs, timestep, advance,
+                clear, step == end - 1,
             )  # fmt: skip
         for k in range(sizes.readings):
             sensors[world, k] = records[world, step, k] = readings[k]
@@ -136,71 +123,25 @@ def step_world(
 
 
 @kernel
-def _step_on_tires(
-    model: int, data: int, world: int, step: int, advance: bool, sizes: Sizes, found: Fields, inertia: Inertia,
-    gears: Rows, car_places: Places, tire_rows: Rows, mu: FloatArray, floor: Floor, timestep: float,
-    userdata: FloatArray, scratch: FloatArray, clear: bool, last: bool,
-) -> None:  # fmt: skip
-    """Do one physics step of a world with tires of ours; arguments as in `step_world`."""
-    count, dofs = len(car_places), sizes.dofs
-    begin_step(model, data, found, clear)
-    for car in range(count):
-        first = car_places[car, FIRST_TIRE]
-        if first >= 0:
-            own = userdata[USERDATA * first : USERDATA * (first + 4)]
-            resist_rolling(data, found, tire_rows[first : first + 4], own, dofs)
-    damp_inertia(model, data, found, inertia, gears, dofs, timestep)
-    stages.stage_actuation(model, data)
-    stages.stage_acceleration(model, data)
-    kept, qvel = np.empty((count, 5)), stages.vector(data, found.qvel, dofs)
-    for car in range(count):
-        first = car_places[car, FIRST_TIRE]
-        if first >= 0:
-            row, gear = world * count + car, gears[car]
-            own = userdata[USERDATA * first : USERDATA * (first + 4)]
-            under = floor.mu[row, step] if len(floor.patches) > 0 else mu[row]
-            if not advance:
-                own = own.copy()
-            push_car(
-                model, data, found, inertia, gear, tire_rows[first : first + 4], under, own, scratch, dofs, timestep,
-                gear.tire_steps,
-            )  # fmt: skip
-            if not advance:
-                for k in range(4):  # the tires stay as they are
-                    for part in range(USERDATA):
-                        if part != ALONG and part != ACROSS:
-                            userdata[USERDATA * (first + k) + part] = own[USERDATA * k + part]
-            if gear.steered:
-                kept[car, 0], kept[car, 1] = steer(model, data, found, gear, scratch, dofs, timestep, gear.tire_steps)
-            free = gear.free_dof
-            kept[car, 2], kept[car, 3], kept[car, 4] = qvel[free], qvel[free + 1], qvel[free + 5]
-    end_step(model, data, found, dofs, advance, last)
-    if advance:
-        for car in range(count):
-            if car_places[car, FIRST_TIRE] >= 0:
-                place_between(data, found, gears[car], dofs, kept[car, 2:], timestep)
-                if gears[car].steered:
-                    put_steering(data, found, gears[car], dofs, kept[car, 0], kept[car, 1])
-
-
-@kernel
-def _look_at_floor(
+def _friction(
     model: int, data: int, found: Fields, world: int, step: int, sizes: Sizes, car_places: Places, cars: Rows,
     mu: FloatArray, floor: Floor,
-) -> None:  # fmt: skip
-    """Write what each tire has on the floor under it, and give it to MuJoCo's contacts, too."""
+) -> FloatArray:  # fmt: skip
+    """Return what each tire of a world has on the floor under it (m, 4) [-], and give it to MuJoCo's contacts, too."""
+    first, end = world * len(car_places), (world + 1) * len(car_places)
     if len(floor.patches) == 0:
-        return
+        return mu[first:end]
+    all_under = floor.mu[step, first:end]
     friction = stages.vector(model, found.pair_friction, 5 * sizes.pairs)
     qpos = stages.vector(data, found.qpos, sizes.positions)
     for car in range(len(car_places)):
-        row = world * len(car_places) + car
-        under = floor.mu[row, step]
+        row, under = first + car, all_under[car]
         x, y, heading = planar_pose(qpos, cars[row : row + 1])
         look_at_floor(x, y, heading, floor.wheels[4 * car : 4 * (car + 1)], floor.patches, mu[row], under)
         for tire in range(4):
             pair = floor.pairs[4 * car + tire]
             friction[5 * pair] = friction[5 * pair + 1] = under[tire]
+    return all_under
 
 
 @kernel

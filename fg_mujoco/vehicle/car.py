@@ -238,5 +238,5 @@ class Car:
         car_motion.drive(data.qvel, command.steering_angle, command.speed, self.constants, data.ctrl)
 
     def crashed(self, data: mujoco.MjData) -> bool:
-        """Say whether the chassis touched a wall, an obstacle or another car, as of the last sensor update."""
+        """Return whether the chassis touched a wall, an obstacle or another car, as of the last sensor update."""
         return bool(data.sensordata[self.chassis_contact] > 0.0)

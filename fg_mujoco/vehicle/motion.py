@@ -115,6 +115,38 @@ def body_velocity(qpos: FloatArray, qvel: FloatArray, car: CarArray) -> tuple[fl
 
 
 @kernel
+def read_motions(
+    which: NDArray[np.bool_],
+    cars_per_world: int,
+    states: FloatArray,
+    first_qpos: int,
+    first_qvel: int,
+    cars: CarArray,
+    poses: FloatArray,
+    velocities: FloatArray,
+) -> None:
+    """Write the true poses and velocities of the cars `which` of some worlds.
+
+    Args:
+      which: (r,).
+      cars_per_world: m.
+      states: of the worlds, (r / m, k).
+      first_qpos: where the positions begin in a state.
+      first_qvel: where the velocities begin.
+      cars: (r,).
+      poses: of base_link, x [m], y [m], heading [rad], (r, 3), written to.
+      velocities: of base_link ahead and to the left [m/s], and the yaw rate [rad/s], (r, 3), written to.
+    """
+    for row in range(len(which)):
+        if which[row]:
+            state, car = states[row // cars_per_world], cars[row : row + 1]
+            qpos, qvel = state[first_qpos:], state[first_qvel:]
+            poses[row, 0], poses[row, 1], poses[row, 2] = planar_pose(qpos, car)
+            velocities[row, 0], velocities[row, 1] = body_velocity(qpos, qvel, car)
+            velocities[row, 2] = qvel[cars[row].free_dof + 5]
+
+
+@kernel
 def point_motion(
     qpos: FloatArray, qvel: FloatArray, ahead: float, car: CarArray
 ) -> tuple[float, float, float, float, float, float]:

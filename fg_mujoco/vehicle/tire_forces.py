@@ -119,6 +119,8 @@ TIRE = np.dtype(
 
 GEAR = np.dtype(
     [
+        ("first_tire", np.int64),  # its first row among those of TIRE; -1: its tires are MuJoCo's contacts
+        ("userdata", np.int64),  # where in `userdata` that of its tires begins
         ("free_qpos", np.int64),  # of base_link's joint
         ("free_dof", np.int64),
         ("tire_steps", np.int64),  # short steps in a physics step, of `steps_within`
@@ -278,7 +280,7 @@ def _find_wheel(model: mujoco.MjModel, prefix: str, wheel: str, row: Any, common
 
 
 def _moves_straight(model: mujoco.MjModel, dof: int) -> bool:
-    """Say whether a dof turns nothing: that of a slide, or one of the first three of a free joint."""
+    """Return whether a dof turns nothing: that of a slide, or one of the first three of a free joint."""
     joint, kinds = int(model.dof_jntid[dof]), mujoco.mjtJoint
     free = model.jnt_type[joint] == kinds.mjJNT_FREE
     return bool(model.jnt_type[joint] == kinds.mjJNT_SLIDE or (free and dof < model.jnt_dofadr[joint] + 3))
@@ -314,13 +316,14 @@ def steps_within(model: mujoco.MjModel, rows: TireRows, timestep: float) -> int:
 
 
 def gear_row(model: mujoco.MjModel, prefix: str = "") -> GearRows:
-    """Return how a car is steered and driven, (1,) of GEAR.
+    """Return how a car is steered and driven, (1,) of GEAR; whoever has the rows of all tires writes `first_tire`.
 
     Raises:
       ModelError: the model does not hold the car under this prefix.
     """
     gears, kinds = np.zeros(1, GEAR), mujoco.mjtObj
     gear = gears[0]
+    gear["first_tire"], gear["userdata"] = -1, userdata_place(model, prefix)
     free = element_id(model, kinds.mjOBJ_JOINT, f"{prefix}base_link")
     gear["free_qpos"], gear["free_dof"] = model.jnt_qposadr[free], model.jnt_dofadr[free]
     _find_common(model, gear, _common(model, prefix, WHEELS))
@@ -396,7 +399,7 @@ def _find_drive(model: mujoco.MjModel, prefix: str, gear: Any) -> None:
 
 
 def _is_plain(model: mujoco.MjModel, actuator: int, transmission: Any) -> bool:
-    """Say whether an actuator's force is affine in its control, and acts one to one through a transmission."""
+    """Return whether an actuator's force is affine in its control, and acts one to one through a transmission."""
     return bool(
         model.actuator_trntype[actuator] == transmission
         and model.actuator_dyntype[actuator] == mujoco.mjtDyn.mjDYN_NONE
@@ -407,9 +410,9 @@ def _is_plain(model: mujoco.MjModel, actuator: int, transmission: Any) -> bool:
 
 
 def no_gear() -> GearRows:
-    """Return the row of GEAR of wheels that are no car's, (1,): nothing steers or drives them."""
+    """Return the row of GEAR of contacts, or of wheels that are no car's, (1,): nothing steers or drives them."""
     gears = np.zeros(1, GEAR)
-    gears["free_dof"] = -1
+    gears["free_dof"] = gears["first_tire"] = -1
     return gears
 
 
@@ -466,7 +469,7 @@ class TireForces(Suggesting):
                 take_over(model, name)
             whole = tuple(wheels) == WHEELS
             self._gears = np.concatenate([gear_row(model, name) if whole else no_gear() for name in own])
-            self._places = np.array([userdata_place(model, name) for name in own])
+            self._gears["first_tire"] = range(0, len(self.rows), len(wheels))
             self._inertia, self._scratch = Inertia.of(model), np.zeros(SCRATCH)
             self._fields = fields()
 
@@ -499,9 +502,9 @@ class TireForces(Suggesting):
         for car, gear in enumerate(self._gears):
             own = self.rows[wheels * car : wheels * (car + 1)]
             gear["tire_steps"] = self.steps or steps_within(self._model, own, timestep)
-        step_by_hand(
-            self._model._address, data._address, self._fields, self._inertia, self._gears, self.rows, self.mu,
-            self._places, data.userdata, self._scratch, self._model.nv, timestep, advance,
+        step_on_tires(
+            self._model._address, data._address, self._fields, self._inertia, self._gears, self.rows,
+            self.mu.reshape(-1, wheels), data.userdata, self._scratch, self._model.nv, timestep, advance, False, True,
         )  # fmt: skip
 
 
@@ -1030,50 +1033,68 @@ def _mobility(gear: Any, tires: TireRows, short: float, scratch: FloatArray) -> 
 
 
 @kernel
-def step_by_hand(
+def step_on_tires(
     model: int, data: int, found: Fields, inertia: Inertia, gears: GearRows, tires: TireRows, mu: FloatArray,
-    places: NDArray[np.int64], userdata: FloatArray, scratch: FloatArray, dofs: int, timestep: float,
-    advance: bool,
+    userdata: FloatArray, scratch: FloatArray, dofs: int, timestep: float, advance: bool, clear: bool, last: bool,
 ) -> None:  # fmt: skip
-    """Do a physics step of a model, or only work out its forces and sensors.
+    """Do a physics step of a model whose cars have tires of ours, or only work out its forces and sensors.
 
-    Arguments are those of `push_car`, of all cars (m,) with tires of ours; `places` (m,) are of `userdata_place`.
+    Arguments are those of `push_car`, of all cars, those on MuJoCo's contacts included (their `first_tire` is -1).
+
+    Args:
+      model: address of the mujoco.MjModel.
+      data: address of the mujoco.MjData, written to.
+      found: where the arrays of model and data are.
+      inertia: of the model.
+      gears: (m,) of GEAR.
+      tires: (k,) of TIRE, of the cars with tires of ours.
+      mu: (m, wheels) lateral peak of each tire [-].
+      userdata: of the data.
+      scratch: (SCRATCH,) room.
+      dofs: of the model.
+      timestep: [s].
+      advance: whether to move the state.
+      clear: whether there is no contact to be found.
+      last: whether somebody reads the accelerometers of this step.
     """
-    begin_step(model, data, found, False)
-    count = len(gears)
-    wheels = len(tires) // count
+    count, wheels = mu.shape
+    begin_step(model, data, found, clear)
     for car in range(count):
-        own = userdata[places[car] : places[car] + USERDATA * wheels]
-        resist_rolling(data, found, tires[wheels * car : wheels * (car + 1)], own, dofs)
+        gear = gears[car]
+        if gear.first_tire >= 0:
+            own = userdata[gear.userdata : gear.userdata + USERDATA * wheels]
+            resist_rolling(data, found, tires[gear.first_tire : gear.first_tire + wheels], own, dofs)
     damp_inertia(model, data, found, inertia, gears, dofs, timestep)
     stages.stage_actuation(model, data)
     stages.stage_acceleration(model, data)
-    kept, qvel = np.zeros((count, 5)), stages.vector(data, found.qvel, dofs)
+    kept, qvel = np.empty((count, 5)), stages.vector(data, found.qvel, dofs)
     for car in range(count):
-        first, own = wheels * car, userdata[places[car] : places[car] + USERDATA * wheels]
-        before = own.copy()
-        push_car(
-            model, data, found, inertia, gears[car], tires[first : first + wheels], mu[first : first + wheels], own,
-            scratch, dofs, timestep, gears[car].tire_steps,
-        )  # fmt: skip
-        if not advance:
-            for k in range(wheels):  # the tires stay as they are
-                own[USERDATA * k + ALONG] = before[USERDATA * k + ALONG]
-                own[USERDATA * k + ACROSS] = before[USERDATA * k + ACROSS]
-        if gears[car].steered:
-            kept[car, 0], kept[car, 1] = steer(
-                model, data, found, gears[car], scratch, dofs, timestep, gears[car].tire_steps
-            )
-        if gears[car].free_dof >= 0:
-            free = gears[car].free_dof
-            kept[car, 2], kept[car, 3], kept[car, 4] = qvel[free], qvel[free + 1], qvel[free + 5]
-    end_step(model, data, found, dofs, advance, True)
+        gear = gears[car]
+        first = gear.first_tire
+        if first >= 0:
+            own = userdata[gear.userdata : gear.userdata + USERDATA * wheels]
+            if not advance:
+                own = own.copy()
+            push_car(
+                model, data, found, inertia, gear, tires[first : first + wheels], mu[car], own, scratch, dofs,
+                timestep, gear.tire_steps,
+            )  # fmt: skip
+            if not advance:
+                for k in range(len(own)):
+                    if k % USERDATA not in (ALONG, ACROSS):  # the tires stay as they are
+                        userdata[gear.userdata + k] = own[k]
+            if gear.steered:
+                kept[car, 0], kept[car, 1] = steer(model, data, found, gear, scratch, dofs, timestep, gear.tire_steps)
+            if gear.free_dof >= 0:
+                free = gear.free_dof
+                kept[car, 2], kept[car, 3], kept[car, 4] = qvel[free], qvel[free + 1], qvel[free + 5]
+    end_step(model, data, found, dofs, advance, last)
     if advance:
         for car in range(count):
-            if gears[car].free_dof >= 0:
+            if gears[car].first_tire >= 0 and gears[car].free_dof >= 0:
                 place_between(data, found, gears[car], dofs, kept[car, 2:], timestep)
-            if gears[car].steered:
-                put_steering(data, found, gears[car], dofs, kept[car, 0], kept[car, 1])
+                if gears[car].steered:
+                    put_steering(data, found, gears[car], dofs, kept[car, 0], kept[car, 1])
 
 
 @kernel

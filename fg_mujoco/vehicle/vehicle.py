@@ -15,16 +15,17 @@ from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 
 from ..arguments import explain_class
 from ..course.files import read_text
 from ..course.mjcf import MOST_MJCF
-from ..errors import SettingsError, accepted_names
+from ..errors import SettingsError
 from ..lidar.beams import LidarModel
 from ..messages import CarParameters
+from ..registry import Registry
 from .bodywork import add_hull
 from .car import WHEELS, car_parameters, command_delay
 from .changes import ACCEPTED_MU, GREATEST_MU, CarChanges, change_spec, set_mu
@@ -32,15 +33,26 @@ from .contract import check_model, check_names, compiled, find_lidar, find_look,
 from .tire_forces import put_on
 from .tires import DEFAULT_TIRES, Tires
 
+if TYPE_CHECKING:
+    from importlib.abc import Traversable
+
 DEFAULT_VEHICLE = "f1tenth"
 
 _MOUNT = 'name="lidar_mount"'  # the files of models/ that have it are the bundled vehicles
 
 
 def vehicle_names() -> tuple[str, ...]:
-    """Return the names of the bundled vehicles: the files of models/ that have a site `lidar_mount`."""
-    sources = (file for file in files("fg_mujoco.models").iterdir() if file.name.endswith(".xml"))
-    return tuple(sorted(file.name.removesuffix(".xml") for file in sources if _MOUNT in file.read_text("utf-8")))
+    """Return the names of the bundled vehicles and of those that installed packages register."""
+    return _vehicles().names()
+
+
+@lru_cache(maxsize=1)
+def _vehicles() -> Registry[Path | Traversable]:
+    """Return the MJCF files of vehicles by name: of models/ those that have a site `lidar_mount`."""
+    sources = sorted(files("fg_mujoco.models").iterdir(), key=lambda file: file.name)
+    own = {file.name.removesuffix(".xml"): file for file in sources if file.name.endswith(".xml")}
+    own = {name: file for name, file in own.items() if _MOUNT in file.read_text("utf-8")}
+    return Registry("vehicle", SettingsError, "fg_mujoco.vehicles", own, Path)
 
 
 @explain_class
@@ -191,11 +203,10 @@ def _as_it_was(name: str, file: str, text: str, lidar: LidarModel, look: str | N
 
 @lru_cache(maxsize=32)
 def _bundled(name: str) -> Vehicle:
-    known = vehicle_names()
-    if name not in known:
-        raise SettingsError(f"vehicle {name!r} is not known; {accepted_names(name, known, ', or path/to/file.xml')}")
-    text = (files("fg_mujoco.models") / f"{name}.xml").read_text("utf-8")
-    return _checked(name, f"models/{name}.xml", text, None)
+    file = _vehicles().find(name, ", or path/to/file.xml")
+    if name not in _vehicles():
+        return Vehicle.load(Path(str(file)))
+    return _checked(name, f"models/{name}.xml", file.read_text("utf-8"), None)
 
 
 @lru_cache(maxsize=32)

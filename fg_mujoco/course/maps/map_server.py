@@ -78,7 +78,7 @@ class OccupancyMap:
         return np.asarray((np.asarray(points, np.float64) - (x, y)) @ turn / self.resolution)
 
     def is_free(self, point: ArrayLike) -> bool:
-        """Say whether a point (2,) of the world [m] is in a free pixel of the image."""
+        """Return whether a point (2,) of the world [m] is in a free pixel of the image."""
         column, row = np.floor(self.to_pixels(point)).astype(int)
         rows, columns = self.free.shape
         return bool(0 <= row < rows and 0 <= column < columns and self.free[row, column])

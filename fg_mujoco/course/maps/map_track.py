@@ -84,7 +84,7 @@ class MapTrack(Track):
 
 
 def is_map(name: str) -> bool:
-    """Say whether a name of a track, as load_track takes it, is that of a map."""
+    """Return whether a name of a track, as load_track takes it, is that of a map."""
     return _SPECIFICATION.fullmatch(name) is not None
 
 

@@ -150,7 +150,7 @@ def pixels_within(free: BoolArray, holes: list[FloatArray]) -> tuple[NDArray[np.
 
 
 def encloses(loop: FloatArray, point: FloatArray) -> bool:
-    """Say whether a closed polyline (n, 2) goes round a point (2,): a ray from it crosses an odd number of times."""
+    """Return whether a closed polyline (n, 2) goes round a point (2,): a ray from it crosses an odd number of times."""
     a, b = loop, np.roll(loop, -1, axis=0)
     x, y = point
     straddles = (a[:, 1] > y) != (b[:, 1] > y)

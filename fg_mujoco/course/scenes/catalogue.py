@@ -14,20 +14,16 @@ of the group `fg_mujoco.scenes`. In its pyproject.toml:
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import cached_property
-from importlib.metadata import EntryPoint, entry_points
-from types import MappingProxyType
+from collections.abc import Callable
+from importlib.metadata import EntryPoint
 
 from ...errors import TrackError, accepted_names
 from ...messages import CarParameters
+from ...registry import Registry, package_of
 from ..course import Course, require_course
 from . import corners, corridors, gap_widths
 
 PREFIX = "scene:"
-GROUP = "fg_mujoco.scenes"
-"""Of the entry points by which distributions add scenes."""
 
 WIDEST_CAR = 0.6
 """[m] Width of the widest car that the bundled scenes have room for."""
@@ -35,7 +31,10 @@ WIDEST_CAR = 0.6
 SceneMaker = Callable[[str, int, CarParameters], Course]
 """Makes a scene of a name, `scene:NAME:SEED`, from the seed and for the car."""
 
-SCENES: Mapping[str, SceneMaker] = MappingProxyType(
+SCENES: Registry[SceneMaker] = Registry(
+    "scene",
+    TrackError,
+    "fg_mujoco.scenes",
     {
         "corridor_sparse": corridors.corridor_sparse,
         "corridor_dense": corridors.corridor_dense,
@@ -49,73 +48,31 @@ SCENES: Mapping[str, SceneMaker] = MappingProxyType(
         "wrong_side_chicane": gap_widths.wrong_side_chicane,
         "crossing_box": corridors.crossing_box,
         "slow_leader": corridors.slow_leader,
-    }
+    },
 )
-"""The bundled scenes: name -> what makes it."""
 
 
-@dataclass(frozen=True)
-class RegisteredScene:
-    """A scene of another distribution."""
-
-    entry_point: EntryPoint
-
-    @property
-    def distribution(self) -> str:
-        """Name and version of the distribution."""
-        found = self.entry_point.dist
-        return "an unnamed distribution" if found is None else f"{found.name} {found.version}"
-
-    @cached_property
-    def maker(self) -> SceneMaker:
-        """What makes the scene.
-
-        Raises:
-          TrackError: it cannot be imported, or cannot be called.
-        """
-        try:
-            found = self.entry_point.load()
-        except Exception as error:
-            raise TrackError(f"{self}: {type(error).__name__}: {error}") from error
-        if not callable(found):
-            raise TrackError(f"{self} is a {type(found).__name__}; accepted: a function (name, seed, car) -> Scene")
-        return found  # type: ignore[no-any-return]
-
-    def __str__(self) -> str:
-        return f"scene {self.entry_point.name!r} of {self.distribution}, {self.entry_point.value}"
-
-
-def registered_scenes() -> dict[str, RegisteredScene]:
-    """Return the scenes of other distributions by name, sorted.
+def scene_names() -> tuple[str, ...]:
+    """Return the names of the bundled scenes and then of those of other distributions, without prefix and seed.
 
     Raises:
       TrackError: two scenes of one name, or a name that cannot stand in `scene:NAME:SEED`.
     """
-    found: dict[str, RegisteredScene] = {}
-    for entry_point in sorted(entry_points(group=GROUP), key=lambda entry_point: entry_point.name):
-        scene, name = RegisteredScene(entry_point), entry_point.name
+    found: dict[str, str] = dict.fromkeys(SCENES, "a bundled scene")
+    for point in SCENES.entry_points():
+        scene, name = _said(point), point.name
         if not re.fullmatch(r"\w+", name):
             raise TrackError(f"{scene}: the name is {name!r}; accepted: letters, digits and underscores")
-        if name in SCENES or name in found:
-            other = "a bundled scene" if name in SCENES else str(found[name])
-            raise TrackError(f"{scene} has the name of {other}; accepted: a name of its own")
+        if name in found:
+            raise TrackError(f"{scene} has the name of {found[name]}; accepted: a name of its own")
         found[name] = scene
-    return found
-
-
-def scene_names() -> tuple[str, ...]:
-    """Return the names of the bundled scenes and then of those of other distributions, without prefix and seed."""
-    return (*SCENES, *registered_scenes())
+    return tuple(found)
 
 
 def describe_scene(name: str) -> str:
     """Return what the scene of this name is, in one line; of another distribution, with the distribution."""
-    maker = SCENES.get(name)
-    origin = ""
-    if maker is None:
-        scene = registered_scenes()[name]
-        maker, origin = scene.maker, f" ({scene.distribution})"
-    first_line = " ".join((maker.__doc__ or "").split("\n\n")[0].split())
+    origin = "" if name in SCENES else f" ({package_of(SCENES.entry_point(name))})"
+    first_line = " ".join((SCENES.find(name).__doc__ or "").split("\n\n")[0].split())
     return f"{PREFIX}{name}: {first_line}{origin}"
 
 
@@ -131,11 +88,9 @@ def load_scene(name: str, car: CarParameters) -> Course:
         for, or a maker of another distribution that fails or returns no course of this name.
     """
     kind, colon, seed = name.removeprefix(PREFIX).partition(":")
-    registered = {} if kind in SCENES else registered_scenes()
-    if kind not in SCENES and kind not in registered:
+    if kind not in SCENES and kind not in scene_names():
         raise TrackError(
-            f"unknown scene {name!r}; "
-            f"{accepted_names(kind, (*SCENES, *registered), ', as scene:NAME or scene:NAME:SEED')}"
+            f"unknown scene {name!r}; {accepted_names(kind, scene_names(), ', as scene:NAME or scene:NAME:SEED')}"
         )
     if colon and not re.fullmatch("[0-9]{1,18}", seed):
         raise TrackError(
@@ -146,18 +101,26 @@ def load_scene(name: str, car: CarParameters) -> Course:
     if kind in SCENES:
         if car.width > WIDEST_CAR:
             raise TrackError(f"{name!r} for a car {car.width:.2f} m wide; accepted: at most {WIDEST_CAR} m")
-        return SCENES[kind](full_name, number, car)
-    return _make_registered(registered[kind], full_name, number, car)
+        return SCENES.find(kind)(full_name, number, car)
+    return _make_registered(kind, full_name, number, car)
 
 
-def _make_registered(scene: RegisteredScene, name: str, seed: int, car: CarParameters) -> Course:
+def _said(point: EntryPoint) -> str:
+    return f"scene {point.name!r} of {package_of(point)}, {point.value}"
+
+
+def _make_registered(kind: str, name: str, seed: int, car: CarParameters) -> Course:
+    """Return a scene of another distribution."""
+    scene, make = _said(SCENES.entry_point(kind)), SCENES.find(kind)
+    if not callable(make):
+        raise TrackError(f"{scene} is a {type(make).__name__}; accepted: a function (name, seed, car) -> Scene")
     try:
-        course = scene.maker(name, seed, car)
+        course = make(name, seed, car)
     except TrackError:
         raise
     except Exception as error:
         raise TrackError(f"{scene} cannot be made: {type(error).__name__}: {error}") from error
-    require_course(course, str(scene))
+    require_course(course, scene)
     if course.name != name:
         raise TrackError(f"{scene} is named {course.name!r}; accepted: {name!r}, the name that it is given")
     return course

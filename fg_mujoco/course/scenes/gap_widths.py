@@ -110,7 +110,7 @@ def _least_gap(cylinder: FloatArray, others: FloatArray) -> float:
 
 
 def _passable(cylinders: FloatArray, length: float, car: CarParameters) -> bool:
-    """Say whether a disc of the diameter WAY_THROUGH gets from the start to beyond `length` [m], on a grid."""
+    """Return whether a disc of the diameter WAY_THROUGH gets from the start to beyond `length` [m], on a grid."""
     radius, half = 0.5 * WAY_THROUGH * car.width, 0.5 * FIELD_WIDTH
     x, y = np.arange(0.0, length + _CELL, _CELL), np.arange(-half, half + _CELL, _CELL)
     across = np.hypot(x[:, None, None] - cylinders[:, 0], y[:, None] - cylinders[:, 1]) - cylinders[:, 2]

@@ -64,7 +64,7 @@ class Sweeps:
     left_out: Mapping[str, int] = field(default_factory=dict)
 
     def beam_poses(self, index: int, corrected: FloatArray | None = None) -> FloatArray:
-        """Return where the LiDAR was at each beam of a scan, shape (beams, 3).
+        """Return the pose of the LiDAR at each beam of a scan, shape (beams, 3).
 
         Args:
           index: of the scan.
@@ -153,7 +153,8 @@ def read_sweeps(
                            ("after the last pose", times >= track[-1, 0] + _LATE)):  # fmt: skip
             left_out[why] = int(np.count_nonzero(which))
     if not keep.any():
-        raise BagError(f"{bag.path}: no scan has a pose at its time, by {source.text}; accepted: poses beside scans")
+        said = f"no scan has a pose at its time, by {source.text}"
+        raise BagError(f"{bag.path}: {said}; accepted: poses at the times of scans")
     found = interpolated(track, times)
     return Sweeps(
         scans=[row[3] for row, kept in zip(heard_scans, keep, strict=True) if kept],
@@ -180,7 +181,7 @@ class _Source:
 def _source(
     bag: Recording, frames: FrameTree, sensor: str, pose_topic: str | None, odometry_topic: str | None
 ) -> _Source:
-    """Return where the poses are from."""
+    """Return the source of the poses."""
     if pose_topic is not None:
         topic = bag.choose((*POSES, ODOMETRY), wanted=pose_topic, option="--pose-topic")
         assert topic is not None

@@ -55,7 +55,7 @@ class RecordedMap:
 
     @property
     def text(self) -> str:
-        """Which scans the map is of, in words: how many of how many, their poses, and why not the others."""
+        """The scans of the map, in words: their number, their poses, and why the others were left out."""
         every, used = len(self.numbers) + sum(self.left_out.values()), len(self.numbers)
         by = ", corrected by the scans" if self.matched else ""
         said = f"{used if used == every else f'{used} of {every}'} scans at {self.source}{by}"
@@ -132,7 +132,7 @@ def map_files(path: str | Path) -> tuple[Path, Path]:
 
 
 def write_map(made: RecordedMap, path: str | Path, comment: str = "") -> tuple[Path, Path]:
-    """Write a map as a YAML of map_server and a PNG beside it; files that exist are replaced.
+    """Write a map as a YAML of map_server and a PNG in the same folder; files that exist are replaced.
 
     Raises:
       SettingsError: another suffix.

@@ -6,7 +6,7 @@ The poses move from scan to scan as the source says. From there the ends of the 
 nearest ends seen before, by least squares; those that have none near by, as what comes into view for the first time, do
 not count. A step away from what the source says costs a little, so that a corridor, in which all places along it look
 alike, straight or round, keeps that. So scans alone, without any odometry, would not do. Nothing closes a loop: where a
-lap ends beside what its beginning saw, the map is double there.
+lap does not end where it began, walls are double there.
 
 Source: A. Censi, An ICP variant using a point-to-line metric, ICRA 2008.
 """
@@ -75,7 +75,7 @@ def match_scans(sweeps: Sweeps) -> tuple[list[int], FloatArray, dict[str, int]]:
 
 
 class _Walls:
-    """Where beams ended, and the directions across the walls there."""
+    """The ends of beams, and the directions across the walls there."""
 
     def __init__(self) -> None:
         self._ends, self._normals = np.empty((0, 2)), np.empty((0, 2))
@@ -115,7 +115,7 @@ class _Walls:
 
 
 def _ends(sweeps: Sweeps, number: int) -> tuple[FloatArray, FloatArray]:
-    """Return where beams of a scan ended, as seen from its pose, (n, 2) [m], and the wall at each, (n, 4).
+    """Return the ends of a scan's beams as seen from its pose, (n, 2) [m], and the wall at each, (n, 4).
 
     Each beam is taken at its own time. A wall is as of `_walls_at`.
     """

@@ -31,7 +31,7 @@ _SHAPES = {
 
 
 class Drawings:
-    """What nodes show.
+    """The markers, paths and poses that nodes publish.
 
     Args:
       graph: of the nodes, whose frames the drawings are in.
@@ -59,7 +59,7 @@ class Drawings:
                        _LINE if joined else _POINT, None)  # fmt: skip
 
     def now(self) -> list[Sketch]:
-        """Return what is shown now."""
+        """Return the drawings of now."""
         return [sketch for sketch, over in self._kept.values() if over is None or over > self._graph.now]
 
     def _take_marker(self, topic: str, marker: Any, time: int) -> None:

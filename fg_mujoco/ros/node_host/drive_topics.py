@@ -1,8 +1,8 @@
-"""How nodes drive: which of the topics that they publish on command the car, and what speed and angle they ask for.
+"""Reads commands from the topics that nodes publish on: selects those that command the car, and their speed and angle.
 
 In this order: Ackermann messages, AutoDRIVE's throttle and steering, the VESC's motor and servo, the F1/10 course's
 drive_param, a Twist. Of several Ackermann topics the first of KNOWN counts, as in the multiplexers of the field, else
-the one that no node listens to. A brake beside the drive topic overrides it.
+the one that no node listens to. A brake topic overrides the drive topic.
 """
 
 from __future__ import annotations
@@ -145,7 +145,7 @@ class Driving:
         return (speed, angle), ""
 
     def _brake(self) -> tuple[float, float] | None:
-        """Return the command of an emergency brake beside the drive topic; None: there is none now.
+        """Return the command of an emergency brake, which overrides the drive topic; None: it is not on.
 
         A Bool such as /brake_bool that no node listens to brakes from True to False, as in f1tenth_simulator, and holds
         the steering angle. Without one an Ackermann message on /brake counts for 0.2 s, as in the multiplexer of

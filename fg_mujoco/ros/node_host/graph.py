@@ -199,8 +199,8 @@ class Graph:
         self.newest: dict[str, Any] = {}  # message that a node has published, by topic
         self.journal: list[tuple[int, str, Any]] | None = None  # time, topic and message of all that nodes publish
         self.listener: Any = None  # what takes the values that nodes show by `fg_mujoco.show`; None: nobody looks
-        self.provided: dict[str, str] = {}  # types of the topics that the door publishes on
-        self.answers: dict[str, Callable[[Any], Any]] = {}  # services that the door answers, by name
+        self.provided: dict[str, str] = {}  # types of the topics that the host publishes on
+        self.answers: dict[str, Callable[[Any], Any]] = {}  # services that the host answers, by name
         self.transforms: dict[str, tuple[str, Any]] = {}  # child frame -> parent frame, matrix (4, 4)
         self._read = 0  # [ns] last time that a node has read
         self.ticks = 0
@@ -327,16 +327,16 @@ class Graph:
             self.deliver(publication.topic, copy.deepcopy(kept))
 
     def listens(self, topic: str) -> bool:
-        """Say whether a node listens to a topic."""
+        """Return whether a node listens to a topic."""
         return any(subscription.topic == topic for subscription in self.subscriptions)
 
     def read(self) -> int:
-        """Return what a node reads off a clock [ns]: simulated time, at one instant a microsecond later each time."""
+        """Return simulated time [ns]; each further reading at one instant is a microsecond later."""
         self._read = max(self.now, self._read + _READING)
         return self._read
 
     def wall_time(self) -> float:
-        """Return what a node reads off the wall clock [s]."""
+        """Return the wall clock's time as nodes read it [s]."""
         return self.read() / 1e9
 
     def place(self) -> str:

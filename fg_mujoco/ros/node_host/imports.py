@@ -1,7 +1,7 @@
-"""What the import statements of a node find: stand-ins for ROS, the user's own files, and other modules as they are.
+"""Resolves the import statements of a node: stubs of ROS, the user's own files, and other modules as they are.
 
 A node's file runs with an `__import__` of its own, so that nothing is put into `sys.modules` that others would see, and
-each planner has its own modules. The user's own files are looked for beside the node and in its package.
+each planner has its own modules. The user's own files are looked for in the node's folder and in its package.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ _LEVELS = 4  # folders above the node's in which packages of messages are looked
 
 
 class StandIn(ModuleType):
-    """A module that stands in for one of ROS."""
+    """A stub of a module of ROS."""
 
     def __init__(self, name: str, **members: Any) -> None:
-        super().__init__(name, f"Stands in for {name}.")
+        super().__init__(name, f"Stub of {name}.")
         self.__dict__.update(members)
         self.__path__: list[str] = []
 
@@ -44,11 +44,11 @@ class StandIn(ModuleType):
 
 
 class LackingError(AttributeError):
-    """A name that a stand-in has not: the door's lack, which no node can be blamed for."""
+    """A node uses a name that a stub lacks: a fault of the stub and not of the node."""
 
 
 def lacks(module: ModuleType, name: str) -> str:
-    """Return what is said of a name that a stand-in has not."""
+    """Return the message for a name that a stub lacks."""
     known = [each for each in vars(module) if not each.startswith("_")]
     return f"{module.__name__} has no {name!r} here, where no ROS is installed; {accepted_names(name, known)}"
 
@@ -66,7 +66,7 @@ class Overlay(ModuleType):
 
 
 class Absent(ModuleType):
-    """What an import that has failed binds, where nothing uses it; and whatever is asked of it."""
+    """Placeholder for a failed import that nothing uses; each of its attributes is a placeholder, too."""
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
@@ -83,9 +83,9 @@ class Imports:
 
     Args:
       node: its file.
-      graph: which is told of the files that are read.
+      graph: gets the paths of the files that are read.
       definitions: of messages; the user's own `.msg` files are added.
-      modules: that stand in, by name.
+      modules: the stubs, by name.
       overlays: of modules of Python, by name.
       drawing: of modules that draw random numbers, by name, for files that name such.
     """
@@ -107,7 +107,7 @@ class Imports:
         self._unused: dict[str, Unused] = {}  # by file
         self._builtins = {**vars(builtins), "__import__": self.import_module, FINDER: self._find_data}
         self._folders = own_folders(node)
-        self._fixed = {each.partition(".")[0] for each in modules}  # names of which a module beside the node is not
+        self._fixed = {each.partition(".")[0] for each in modules}  # names that no module in the node's folder has
         for name in list(self._modules):
             self._hang(name)
 
@@ -122,7 +122,7 @@ class Imports:
         self._graph.data |= source.data
         if b"random" in text or OLD_NAMES.search(text):
             self._draws.add(str(path))
-        for said in source.told:
+        for said in source.notes:
             _warn(said)
         there = sys.modules.setdefault(name, module)  # dataclasses look their module up there
         try:
@@ -140,7 +140,7 @@ class Imports:
         fromlist: Sequence[str] | None = (),
         level: int = 0,
     ) -> Any:
-        """Stand in for `__import__` in the files of a node."""
+        """Take the place of `__import__` in the files of a node."""
         wanted = tuple(fromlist or ())
         file, line = str((globals or {}).get("__file__")), sys._getframe(1).f_lineno
         unused = self._unused.get(file, {}).get(line, set())
@@ -159,7 +159,7 @@ class Imports:
         return Overlay(found, **{each: Absent(f"{name}.{each}") for each in lacking})
 
     def _find_data(self, said: Any) -> Any:
-        """Return where a file of data is that a node reads: elsewhere, where it is not where the node says."""
+        """Return the path of a file of data that a node reads: another one, where it is not where the node says."""
         found = data_file(str(said), self._node) if isinstance(said, (str, Path)) else None
         if isinstance(said, (str, Path)):
             self._graph.data.add(str(found or said))
@@ -183,10 +183,10 @@ class Imports:
             return self._overlays[name]
         if name in self._drawing and str((globals or {}).get("__file__")) in self._draws:
             return self._drawing[name if wanted or "." not in name else "numpy"]
-        beside = self._beside(name, wanted)
-        if beside is not None:
-            return beside
-        found = self._stand_in(name)
+        own = self._own_namesake(name, wanted)
+        if own is not None:
+            return own
+        found = self._stub(name)
         if found is not None:
             for each in wanted:
                 known = each == "*" or each in vars(found) or self._provides(found, each)
@@ -211,7 +211,7 @@ class Imports:
     def _others(self) -> list[Path]:
         return module_folders(self._node)
 
-    def _beside(self, name: str, wanted: tuple[str, ...]) -> ModuleType | None:
+    def _own_namesake(self, name: str, wanted: tuple[str, ...]) -> ModuleType | None:
         """Return a module of the user's that has the name of a package of messages, whose `msg` it hides none of."""
         top = name.partition(".")[0]
         if top in self._fixed or not (self._definitions.names(top) or top in self._modules):
@@ -220,19 +220,19 @@ class Imports:
         if own is None:
             return None
         for each in (each for each in wanted if not hasattr(own, each)):
-            part = self._stand_in(f"{name}.{each}") if each in ("msg", "srv", "action", "cfg") else None
+            part = self._stub(f"{name}.{each}") if each in ("msg", "srv", "action", "cfg") else None
             if part is not None:
                 setattr(own, each, part)
         return own
 
-    def _stand_in(self, name: str) -> ModuleType | None:
+    def _stub(self, name: str) -> ModuleType | None:
         top, _, rest = name.partition(".")
         if name not in self._modules and rest in ("msg", "srv", "action") and self._package(top):
             self._hang(name)
         elif name not in self._modules and rest == "cfg" and (folders := self._message_folders(top, "cfg")):
             self._modules[name] = StandIn(name, **configurations(folders))
             self._hang(name)
-        elif name not in self._modules and not rest and self._package(top, beside=False):
+        elif name not in self._modules and not rest and self._package(top, loose=False):
             self._modules[top] = StandIn(top)
             self._hang(f"{top}.msg")
         elif name not in self._modules and rest in ("srv", "action") and top.endswith(_INTERFACES):
@@ -247,23 +247,23 @@ class Imports:
         return found
 
     def _provides(self, module: ModuleType, name: str) -> bool:
-        """Say whether a stand-in has a name: a module in it, or a service, which is made when it is asked for."""
+        """Return whether a stub has a name: a module in it, or a service, which is made when it is used."""
         part = f"{module.__name__}.{name}"
         if isinstance(module, Services) or part in self._modules:
             return True
-        return name in ("msg", "srv", "action") and self._stand_in(part) is not None
+        return name in ("msg", "srv", "action") and self._stub(part) is not None
 
-    def _package(self, name: str, *, beside: bool = True) -> bool:
-        """Say whether there are messages of a package, and make its modules.
+    def _package(self, name: str, *, loose: bool = True) -> bool:
+        """Return whether there are messages of a package, and make its modules.
 
         Args:
           name: of the package.
-          beside: whether `.msg` files that lie beside the node may be its: they do not say of which package they are.
+          loose: whether `.msg` files in the node's folder may be its: they do not say of which package they are.
         """
         if f"{name}.msg" in self._modules:
             return True
         if not self._definitions.names(name):
-            for folder in self._message_folders(name, beside=beside):
+            for folder in self._message_folders(name, loose=loose):
                 self._definitions.add_files(name, folder)
         names = self._definitions.names(name)
         if not names and not self._has_services(name):
@@ -279,7 +279,7 @@ class Imports:
         return True
 
     def _has_services(self, package: str) -> bool:
-        """Say whether services or actions of a package are defined."""
+        """Return whether services or actions of a package are defined."""
         return package in SERVICE_PACKAGES or any(self._message_folders(package, part) for part in ("srv", "action"))
 
     def _service(self, package: str, part: str, name: str) -> Mapping[str, type]:
@@ -290,8 +290,8 @@ class Imports:
                 return self._definitions.parts(package, name, file.read_text("utf-8", "replace"), str(file))
         return self._definitions.parts(package, name)
 
-    def _message_folders(self, package: str, kind: str = "msg", *, beside: bool = True) -> list[Path]:
-        """Return the folders of a package's `.msg` files: of its own, of one beside it, or beside the node."""
+    def _message_folders(self, package: str, kind: str = "msg", *, loose: bool = True) -> list[Path]:
+        """Return the folders of a package's `.msg` files: its own, that of a neighbouring package, or the node's."""
         folder = self._node.resolve().parent
         above = [folder, *list(folder.parents)[:_LEVELS]]
         places = [place / package / kind for place in above]
@@ -302,7 +302,7 @@ class Imports:
             for place in above
             if (place.name == package or _is_package(place, package)) and place / kind not in places
         ]
-        if beside and kind == "msg" and not any(place.is_dir() for place in places):
+        if loose and kind == "msg" and not any(place.is_dir() for place in places):
             local = folder / "msg"
             places = [local if local.is_dir() else folder]
         return [place for place in places if place.is_dir() and any(place.glob(f"*.{kind}"))]
@@ -418,7 +418,7 @@ def _is_package(folder: Path, name: str) -> bool:
 
 
 def _has_python(folder: Path) -> bool:
-    """Say whether a folder is one of modules; a setup.py alone makes a ROS package, and no module."""
+    """Return whether a folder is one of modules; a setup.py alone makes a ROS package, and no module."""
     return any(each.name != "setup.py" for each in folder.glob("*.py"))
 
 

@@ -22,8 +22,8 @@ from .source import data_file, parse
 from .workspace import executable, executables, packages
 
 _DEEPEST = 10  # launch files that include each other
-_STANDS_IN = ("f1tenth_gym_ros", "f1tenth_simulator", "autodrive_f1tenth", "autodrive_roboracer")
-"""Packages of simulators, for whose nodes this one stands in."""
+_SIMULATORS = ("f1tenth_gym_ros", "f1tenth_simulator", "autodrive_f1tenth", "autodrive_roboracer")
+"""Packages of simulators, whose nodes this simulator replaces."""
 _NODES = ("Node", "LifecycleNode")
 _INCLUDES = ("IncludeLaunchDescription",)
 _GROUPS = ("LaunchDescription", "GroupAction", "TimerAction", "RegisterEventHandler", "OpaqueCoroutine")
@@ -194,7 +194,7 @@ class LaunchFiles:
         if path.suffix != ".py":
             self.left_out.append(f"the included launch file {path}, which is not in Python{place}")
             return
-        if any(name in path.parts for name in _STANDS_IN):
+        if any(name in path.parts for name in _SIMULATORS):
             self.left_out.append(f"the launch file of the simulator {path.name}{place}")
             return
         given = action.named.get("launch_arguments") or []
@@ -213,8 +213,8 @@ class LaunchFiles:
         package = self._text(named.get("package") or "")
         said = self._text(named.get("executable") or named.get("node_executable") or "")
         folder = self._known.get(package)
-        if folder is None or package in _STANDS_IN:
-            why = "for which this simulator stands in" if package in _STANDS_IN else "whose package is not here"
+        if folder is None or package in _SIMULATORS:
+            why = "which this simulator replaces" if package in _SIMULATORS else "whose package is not here"
             self.left_out.append(f"{said or 'a node'} of {package or 'no package'}, {why}{place}")
             return
         found = executable(folder, said)
@@ -258,7 +258,7 @@ class LaunchFiles:
     # Values
 
     def _parameter_file(self, value: Any, place: str) -> Path | None:
-        """Return a file of parameters; as in ROS one that is not there is told of, and left out."""
+        """Return a file of parameters; as in ROS one that is not there gives a warning, and is left out."""
         if isinstance(value, Made) and value.kind == "ParameterFile":
             value = (*value.values, *value.named.values())[0]
         path = Path(self._text(value))
@@ -358,7 +358,7 @@ class LaunchFiles:
 
 
 def read_launch_python(path: Path, given: Mapping[str, Any], said: str) -> LaunchFiles:
-    """Return what a launch file starts.
+    """Return the nodes that a launch file starts.
 
     Args:
       path: of the file.

@@ -2,7 +2,7 @@
 
 A launch file is a program. Here its statements are followed one by one: assignments, lists and dictionaries, strings,
 `if`, `for`, functions of its own, paths, and YAML files that it reads. What else it does has no value: it is `Unknown`,
-with its line, and is told only where a node depends on it. Calls of `launch` and `launch_ros` become `Made`, whose
+with its line, and is reported only where a node depends on it. Calls of `launch` and `launch_ros` become `Made`, whose
 meaning `launch_files` knows.
 """
 
@@ -114,7 +114,7 @@ class LaunchProgram:
     names: dict[str, Any] = field(default_factory=dict)
 
     def description(self) -> Any:
-        """Return what `generate_launch_description` returns.
+        """Evaluate `generate_launch_description`.
 
         Raises:
           ControllerError: there is no such function; or an `if` or a loop depends on what has no value here.
@@ -257,7 +257,7 @@ class LaunchProgram:
         return value
 
     def _several(self, node: ast.expr, names: dict[str, Any]) -> list[Any]:
-        """Return what a loop goes over."""
+        """Return the values that a loop goes over."""
         value = self._known(node, names)
         if not isinstance(value, (list, tuple, dict, str, set)):
             self._refuse(self._unknown(node))
@@ -442,7 +442,7 @@ class LaunchProgram:
         return inside if isinstance(inside, Unknown) else self._unknown(node)
 
     def _imported(self, name: str, values: list[Any], named: dict[str, Any], node: ast.Call) -> Any:
-        """Return what a call of something that is imported, or built in, gives."""
+        """Return the result of a call of something that is imported or built in."""
         last = name.rpartition(".")[2]
         if name.startswith(("launch.", "launch_ros.", "nav2_common.")):
             return Made(last, values, named, node.lineno, self.path)
@@ -523,11 +523,11 @@ class LaunchProgram:
 
 
 def refusal(value: Unknown) -> str:
-    """Return what is said of a value that a node depends on and that is not worked out."""
+    """Return the message for a value that a node depends on and that is not worked out."""
     text = value.text if len(value.text) <= 80 else value.text[:77] + "..."
     return (
         f"{' '.join(text.split())} {value.why} ({value.file}, line {value.line}); accepted: Python of constants, "
-        "paths, YAML files and launch arguments, or a file of the door's own: ros:launch.yaml"
+        "paths, YAML files and launch arguments, or a launch file of this package's own form: ros:launch.yaml"
     )
 
 

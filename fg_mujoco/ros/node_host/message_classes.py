@@ -99,7 +99,7 @@ def require_rosbags() -> None:
 
 
 class Message:
-    """What the classes of all messages have in common."""
+    """Base class of all messages."""
 
     __slots__ = ("__weakref__",)
     _type: ClassVar[str]  # as package/Name
@@ -363,7 +363,7 @@ def _built(
 
 
 def _field(said: str, described: Any, flavour: int, kind_of: Callable[[str], Any]) -> tuple[Any, Callable[[Any], Any]]:
-    """Return what makes the default of a field, and what checks a value and returns it as it is kept."""
+    """Return two functions: one makes the default of a field, one checks a value and returns it as it is kept."""
     node, inside = int(described[0]), described[1]
     if node == _NAME:
         kind = kind_of(inside)

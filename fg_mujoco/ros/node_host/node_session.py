@@ -1,4 +1,4 @@
-"""What one node of a planner has for itself: its name, parameters, remappings, and whether ROS is up."""
+"""The state of one node of a planner: its name, parameters, remappings, and whether ROS is up."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Session:
 
     @property
     def argv(self) -> list[str]:
-        """What the node finds in `sys.argv`."""
+        """The node's `sys.argv`."""
         return [str(self.file), *self.arguments]
 
     def topic(self, name: str, node: str, namespace: str = "") -> str:
@@ -92,7 +92,7 @@ class Session:
         return value
 
     def unknown_parameters(self) -> str:
-        """Return what is said of parameters that are given and that the node has not; nothing where it has all."""
+        """Return the message for given parameters that the node does not have; an empty text where it has all."""
         if self.takes_all:
             return ""
         for name in self.given:
@@ -209,7 +209,7 @@ class NodeLogger:
         return self._logger.getEffectiveLevel()
 
     def is_enabled_for(self, level: Any) -> bool:
-        """Say whether messages of a level are shown."""
+        """Return whether messages of a level are shown."""
         return self._logger.isEnabledFor(int(getattr(level, "value", level)))
 
     def get_child(self, name: str) -> NodeLogger:

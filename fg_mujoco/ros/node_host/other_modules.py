@@ -1,4 +1,4 @@
-"""Stand-ins for small packages of ROS, and modules of Python whose clocks and threads are the simulated ones here."""
+"""Stubs of small packages of ROS, and modules of Python whose clocks and threads are the simulated ones here."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def other_modules(session: Session, modules: dict[str, ModuleType]) -> dict[str,
         if found is None:
             raise PackageNotFoundError(
                 f"package {name!r} is not here; accepted: that of {session.file}, which has a package.xml, setup.py or "
-                "a folder of that name, or one beside it"
+                "a folder of that name, or of a neighbouring package"
             )
         return str(found)
 

@@ -1,4 +1,4 @@
-"""What `ros:` names: a node's file, or a launch file of several, read without executing any of it.
+"""Reads the file that `ros:` names, a node's or a launch file of several nodes, without executing any of it.
 
 A launch file is YAML, with paths from its own folder:
 
@@ -35,7 +35,7 @@ _KEYS = ("file", "class", "name", "parameters", "params_file", "remap", "args")
 _OF_PYTHON_2 = (
     "Missing parentheses in call to", "exception types must be parenthesized", "leading zeros in decimal integer",
 )  # fmt: skip
-"""What Python says of the syntax of Python 2."""
+"""Beginnings of Python's messages about the syntax of Python 2."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +69,7 @@ class Program:
 
     @property
     def name(self) -> str:
-        """What the planner is called."""
+        """The name of the planner."""
         return self.nodes[0].class_name or self.path.stem if len(self.nodes) == 1 else self.path.stem
 
 
@@ -104,7 +104,7 @@ def read_program(source: str, given: Mapping[str, Any] | None = None) -> Program
 
 
 def _is_launch_python(path: Path) -> bool:
-    """Say whether a file is a launch file in Python."""
+    """Return whether a file is a launch file in Python."""
     try:
         return re.search(rb"^def generate_launch_description\b", path.read_bytes(), re.MULTILINE) is not None
     except OSError:
@@ -175,7 +175,7 @@ def _imported(node: ast.AST) -> list[str]:
 
 
 def _binds(tree: ast.Module, name: str) -> bool:
-    """Say whether a file imports a name."""
+    """Return whether a file imports a name."""
     imports = [each for each in tree.body if isinstance(each, (ast.Import, ast.ImportFrom))]
     return any(name in (each.asname, each.name) for statement in imports for each in statement.names)
 

@@ -150,7 +150,7 @@ class Executor:
         return future
 
     def finish(self, found: Any) -> Any:
-        """Return what a callback has returned; a coroutine is run to its end, and other callbacks come meanwhile."""
+        """Return the result of a callback; a coroutine is run to its end, and other callbacks come meanwhile."""
         if not inspect.iscoroutine(found):
             return found
         while True:

@@ -1,4 +1,4 @@
-"""What nodes of rclpy make: publishers, subscriptions, timers, rates; and their clock."""
+"""The objects that nodes of rclpy make: publishers, subscriptions, timers, rates; and their clock."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .rospy_times import NANOSECONDS
 
 
 class Handle:
-    """What rclpy's `handle` of a node, a publisher and so on is: a context, of which the C library knows more."""
+    """rclpy's `handle` of a node, a publisher and so on: a context manager that does nothing."""
 
     def __init__(self, name: str, namespace: str = "/") -> None:
         self.name, self.namespace = name, namespace
@@ -63,7 +63,7 @@ class Publisher:
         self._session.graph.publish(self._publication, msg, latch=self._latch)
 
     def get_subscription_count(self) -> int:
-        """Return how many listen: to a drive topic the car, too."""
+        """Return the number of subscribers; the car is one of a drive topic."""
         self._session.graph.breathe()
         drives = int("ackermann_msgs/" in getattr(self.msg_type, "_type", ""))
         return drives + sum(each.topic == self.topic_name for each in self._session.graph.subscriptions)
@@ -79,7 +79,7 @@ class Publisher:
 
 
 class SubscriptionHandle:
-    """What `create_subscription` returns."""
+    """A subscription, as `create_subscription` returns it."""
 
     def __init__(self, session: Session, subscription: Subscription, qos: Any, group: Any) -> None:
         self._session, self._subscription = session, subscription
@@ -88,7 +88,7 @@ class SubscriptionHandle:
         self.topic_name, self.msg_type, self.callback = subscription.topic, subscription.kind, subscription.callback
 
     def get_publisher_count(self) -> int:
-        """Return how many publish on its topic."""
+        """Return the number of publishers on its topic."""
         graph = self._session.graph
         return (self.topic_name in graph.provided) + sum(each.topic == self.topic_name for each in graph.publications)
 
@@ -97,7 +97,7 @@ class SubscriptionHandle:
 
 
 class TimerHandle:
-    """What `create_timer` returns."""
+    """A timer, as `create_timer` returns it."""
 
     def __init__(self, session: Session, timer: Timer, callback: Any, group: Any) -> None:
         self._session, self._timer = session, timer

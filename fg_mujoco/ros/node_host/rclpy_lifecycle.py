@@ -58,7 +58,7 @@ class LifecyclePublisher:
 
 
 class LifecycleNodeMixin:
-    """What LifecycleNode has beside Node. Its callbacks do nothing and succeed until a node has its own."""
+    """The methods that LifecycleNode adds to Node. Its callbacks do nothing and succeed unless overridden."""
 
     _fg: Any
     _fg_state = State.unconfigured

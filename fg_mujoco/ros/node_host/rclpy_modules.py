@@ -1,4 +1,4 @@
-"""Stand-ins for rclpy and its modules. Names, arguments and meanings are those of ROS 2 Humble's rclpy."""
+"""Stubs of rclpy and its modules. Names, arguments and meanings are those of ROS 2 Humble's rclpy."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ from .services import offer
 
 @dataclass(eq=False)
 class Inside:
-    """What a node of rclpy consists of."""
+    """The parts of a node of rclpy."""
 
     node: Node
     session: Session
@@ -60,7 +60,7 @@ class Inside:
         return listens
 
     def finish(self, found: Any) -> Any:
-        """Return what a callback has returned; a coroutine is run to its end."""
+        """Return the result of a callback; a coroutine is run to its end."""
         executor = self.node.executor
         return executor.finish(found) if inspect.iscoroutine(found) and executor is not None else found
 
@@ -88,11 +88,11 @@ class Inside:
         if getattr(descriptor, "read_only", False):
             self.read_only.add(name)
         self.session.parameters[name] = given
-        self.told([found])
+        self.asked_about([found])
         return found
 
-    def told(self, changes: list[Parameter]) -> Any:
-        """Return what the node's callbacks say of changed parameters."""
+    def asked_about(self, changes: list[Parameter]) -> Any:
+        """Return the result of the node's callbacks for changed parameters."""
         answers = [callback(changes) for callback in self.on_set]
         refused = [answer for answer in answers if not getattr(answer, "successful", True)]
         return refused[0] if refused else set_result(successful=True)
@@ -136,7 +136,7 @@ class Node:
             self._fg.declare("use_sim_time", True)
 
     def __getattr__(self, name: str) -> Any:
-        """Return what rclpy keeps under such a name, where the node's author has not given it to something of his own.
+        """Return rclpy's attribute of a name that the node's author has not used for an attribute of the node.
 
         Humble has `_logger`, `_clock` and `_parameters`, and the others with a second underscore, Jazzy with one.
         """
@@ -401,7 +401,7 @@ class Node:
             if each.name in self._fg.read_only:
                 results.append(set_result(successful=False, reason=f"parameter {each.name!r} is read-only"))
                 continue
-            result = self._fg.told([each])
+            result = self._fg.asked_about([each])
             if result.successful:
                 self._fg.parameters[each.name] = each
             results.append(result)

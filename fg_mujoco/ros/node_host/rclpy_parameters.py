@@ -79,7 +79,7 @@ def type_of(value: Any) -> ParameterType:
 
 
 class ParameterValue:
-    """What `get_parameter_value()` returns: the value under the name of its type, 0 or empty under the others."""
+    """Result of `get_parameter_value()`: the value under the name of its type, 0 or empty under the others."""
 
     _EMPTY: ClassVar[dict[str, Any]] = {
         "bool_value": False, "integer_value": 0, "double_value": 0.0, "string_value": "", "byte_array_value": [],

@@ -9,7 +9,7 @@ from ...errors import accepted_names
 
 
 class PolicyEnum(enum.IntEnum):
-    """What the policies have in common."""
+    """Base class of the policies."""
 
     @classmethod
     def short_keys(cls) -> list[str]:
@@ -66,7 +66,7 @@ class QoSProfile:
 
 
 def depth_of(qos: Any) -> int:
-    """Return how many messages a queue holds, of a QoSProfile, a preset or a number."""
+    """Return the number of messages in a queue, from a QoSProfile, a preset or a number."""
     qos = getattr(qos, "value", qos)
     depth = qos.depth if isinstance(qos, QoSProfile) else qos
     if not isinstance(depth, int) or isinstance(depth, bool) or depth < 0:
@@ -75,7 +75,7 @@ def depth_of(qos: Any) -> int:
 
 
 def latches(qos: Any) -> bool:
-    """Say whether a topic keeps its last message for those who come later."""
+    """Return whether a topic keeps its last message for those who come later."""
     qos = getattr(qos, "value", qos)
     return isinstance(qos, QoSProfile) and qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
 

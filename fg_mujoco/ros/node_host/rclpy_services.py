@@ -14,7 +14,7 @@ from .services import ask, offered, wait_for
 
 
 class Client:
-    """What `create_client` returns."""
+    """A client, as `create_client` returns it."""
 
     def __init__(self, session: Session, kind: Any, name: str) -> None:
         self._session, self.srv_type, self.srv_name = session, kind, name

@@ -1,4 +1,4 @@
-"""Stands in for ROS 1's dynamic_reconfigure: parameters that a `.cfg` file of the node's package describes.
+"""A stub of ROS 1's dynamic_reconfigure: parameters that a `.cfg` file of the node's package describes.
 
     gen.add("speed", double_t, 0, "of the car", 1.5, 0.0, 8.0)   # in cfg/Control.cfg
     Server(ControlConfig, callback)                              # calls callback(config, -1) once
@@ -48,7 +48,7 @@ class _Reconfigure:
 
 
 def configurations(folders: Iterable[Path]) -> dict[str, Any]:
-    """Return what a package's module `cfg` has: `ControlConfig` of `Control.cfg`, with its `defaults`."""
+    """Return the members of a package's module `cfg`: `ControlConfig` of `Control.cfg`, with its `defaults`."""
     return {
         f"{file.stem}Config": type(f"{file.stem}Config", (), {"defaults": _defaults(file)})
         for folder in folders

@@ -3,7 +3,7 @@
     planner = find_node("ros:wall_follow.py:WallFollow")(car=car, max_speed=8.0, settings={"speed": 2.0})
     planner(scan, odometry)   # the last message on /drive
 
-Each tick the nodes are told the scan, the odometry and the pose, and do all that is due in simulated time. The last
+Each tick the nodes receive the scan, the odometry and the pose, and do all that is due in simulated time. The last
 message that they have published on the drive topic is the command. Before the first the car stands.
 """
 
@@ -53,6 +53,7 @@ _MOST_BEAMS = 100_000
 _OF_GYM = "1080"  # beams of f1tenth_gym_ros, which many nodes have in them
 _SEED = 0  # of random numbers that a node draws without a seed of its own
 _MOST_KEPT = 10_000  # messages, for who asks what has been published
+_RENAMED = {f"door.{name}": f"host.{name}" for name in ("params", "args", "beams", "wall_limit")}
 PATIENCE = 5.0
 """[s] simulated in which a node must have published its first command."""
 
@@ -63,10 +64,9 @@ class RosPlanner:
     Args:
       car: parameters of the car.
       max_speed: fastest that is commanded, whatever the nodes ask for [m/s].
-      settings: parameters of the nodes, by name; `remap./scan` is another name for a topic, `door.params` a file of
-        parameters, `door.args` the arguments of a node, `door.beams` how many beams a
-        scan has, `launch.NAME` an
-        argument of a launch file in Python, `door.wall_limit` the wall time that a node may take [s].
+      settings: parameters of the nodes, by name; `remap./scan` is another name for a topic, `host.params` a file of
+        parameters, `host.args` the arguments of a node, `host.beams` how many beams a scan has, `launch.NAME` an
+        argument of a launch file in Python, `host.wall_limit` the wall time that a node may take [s].
 
     Raises:
       ControllerError: a parameter that no node has, or a node that cannot drive.
@@ -121,8 +121,8 @@ class RosPlanner:
 
     @property
     def files(self) -> list[str]:
-        """The files that the nodes have read: those of data, and those of parameters that `door.params` names."""
-        params = self._settings.get("door.params")
+        """The files that the nodes have read: those of data, and those of parameters that `host.params` names."""
+        params = self._settings.get("host.params")
         read = [path for path in self._graph.data if is_file(path)]
         return sorted({*read, *([] if params is None else [str(params)])})
 
@@ -143,14 +143,17 @@ class RosPlanner:
         require_rosbags()
         self._ticked, self._began = False, 0.0
         given = dict(self._settings)
-        limit = given.pop("door.wall_limit", WALL_LIMIT)
+        for name in given:
+            if name in _RENAMED:
+                raise ControllerError(f"setting {name!r} is called {_RENAMED[name]!r} now; accepted: {_RENAMED[name]}")
+        limit = given.pop("host.wall_limit", WALL_LIMIT)
         if not isinstance(limit, (int, float)) or not 0.0 < limit < math.inf:
-            raise ControllerError(f"door.wall_limit is {limit!r}; accepted: a positive number of seconds")
-        beams = given.pop("door.beams", None)
+            raise ControllerError(f"host.wall_limit is {limit!r}; accepted: a positive number of seconds")
+        beams = given.pop("host.beams", None)
         if beams is not None and not (isinstance(beams, int) and 2 <= beams <= _MOST_BEAMS):
-            raise ControllerError(f"door.beams is {beams!r}; accepted: a whole number from 2 to {_MOST_BEAMS}")
-        file = given.pop("door.params", None)
-        arguments = read_arguments(given.pop("door.args", None), "door.args")
+            raise ControllerError(f"host.beams is {beams!r}; accepted: a whole number from 2 to {_MOST_BEAMS}")
+        file = given.pop("host.params", None)
+        arguments = read_arguments(given.pop("host.args", None), "host.args")
         remap = {name.removeprefix("remap."): str(given.pop(name)) for name in list(given) if name.startswith("remap.")}
         for_launch = {name: given.pop(name) for name in list(given) if name.startswith("launch.")}
         if for_launch:
@@ -180,15 +183,15 @@ class RosPlanner:
             raise
 
     def _run(self, act: Callable[[], None]) -> None:
-        """Let nodes run; an error in one of several is told with its own file and line."""
+        """Let nodes run; an error in one of several names its own file and line."""
         try:
             act()
         except Exception as error:
             of_shape = isinstance(error, (IndexError, ValueError)) and _OF_GYM in str(error)
-            if of_shape and "door.beams" not in self._settings:
+            if of_shape and "host.beams" not in self._settings:
                 warnings.warn(
                     f"{self._said()} may have been written for the {_OF_GYM} beams of f1tenth_gym_ros, and a scan has "
-                    f"another number here: [door.beams={_OF_GYM}]",
+                    f"another number here: [host.beams={_OF_GYM}]",
                     stacklevel=2,
                 )
             if len(self._program.nodes) == 1 or isinstance(error, NodeError):
@@ -232,7 +235,7 @@ class RosPlanner:
         return DriveCommand(steering_angle=float(np.float32(asked[1])), speed=speed)
 
     def _silent(self) -> str:
-        """Return what is said of nodes that have published no command for long."""
+        """Return the message for nodes that have published no command within PATIENCE."""
         drives = self._driving.topics()
         waits = "".join(f"; it waits for {session.waits}" for session in self._sessions if session.waits)
         waits += "".join(f"; its callback failed: {session.failed}" for session in self._sessions if session.failed)
@@ -284,7 +287,7 @@ class RosPlanner:
 
 
 def _said(graph: Graph, program: Program) -> str:
-    """Return what nodes are called in messages."""
+    """Return the name of nodes for messages."""
     names = [process.name for process in graph.processes]
     return f"node {names[0]!r}" if len(names) == 1 else f"{program.path.name}"
 
@@ -319,7 +322,7 @@ def _with_arguments(program: Program, settings: Mapping[str, Any]) -> Program:
 
 
 def source_text(source: str) -> bytes:
-    """Return what the hash of `ros:...` is of: the node's file; of a launch file that and the nodes' files."""
+    """Return the code that `ros:...` names: the node's file; of a launch file that and the nodes' files."""
     return read_program(source).text
 
 
@@ -328,7 +331,7 @@ NODES = PlannerScheme(find=find_node, code=source_text)
 
 
 def _starter(session: Session, node: NodeFile, definitions: Definitions) -> Callable[[], None]:
-    """Return what the thread of a node does; nodes that talk to each other share the definitions of messages."""
+    """Return the function that the thread of a node runs; nodes of a planner share the definitions of messages."""
     rospy = node.flavour == ROS1
     modules = rospy_modules(session) if rospy else rclpy_modules(session)
     modules.update(transform_modules(session, node.flavour))

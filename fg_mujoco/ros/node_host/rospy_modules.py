@@ -1,4 +1,4 @@
-"""Stand-ins for rospy and its modules. Names, arguments and meanings are those of ROS 1 Noetic's rospy.
+"""Stubs of rospy and its modules. Names, arguments and meanings are those of ROS 1 Noetic's rospy.
 
 In ROS 1 callbacks come in threads of their own. Here they come while the node waits: in `spin`, `sleep`, `Rate.sleep`.
 An exception of a callback is logged there, and ends at most that thread. So it is here: the node goes on without the
@@ -56,7 +56,7 @@ class TransportException(ROSException):
 
 
 class SubscribeListener:
-    """What a publisher tells of its subscribers: nothing here."""
+    """Argument of a publisher's subscriber listener; it has no content here."""
 
     def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:
         pass
@@ -71,7 +71,7 @@ class MissingParameter(KeyError):
 
 
 class Rospy:
-    """What a node has of rospy: one for each node."""
+    """rospy's functions for one node."""
 
     def __init__(self, session: Session) -> None:
         self.session, self.graph = session, session.graph
@@ -142,7 +142,7 @@ class Rospy:
         if value is KeyError:
             raise MissingParameter(
                 f"parameter {name} is not given, and has no default; accepted: [{short}=VALUE], or a file: "
-                "[door.params=FILE.yaml]"
+                "[host.params=FILE.yaml]"
             )
         return float(value) if isinstance(default, float) and type(value) is int else value
 
@@ -208,7 +208,7 @@ class Rospy:
     def _short(self, name: str) -> str:
         """Return a parameter's name without the node's: `~speed`, `/my_node/speed` and `/speed` are `speed`.
 
-        Namespaces are told apart by dots, as they are in files of parameters here. A name that is given without its
+        Namespaces are separated by dots, as they are in files of parameters here. A name that is given without its
         namespace is that one.
         """
         found = name.lstrip("~/").removeprefix(f"{self.name}/").strip("/")

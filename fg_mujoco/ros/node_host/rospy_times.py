@@ -11,7 +11,7 @@ NANOSECONDS = 1_000_000_000
 
 @total_ordering
 class _Rospy:
-    """What times and durations of ROS 1 share (genpy.TVal)."""
+    """Base class of times and durations of ROS 1 (genpy.TVal)."""
 
     def __init__(self, secs: float = 0, nsecs: int = 0) -> None:
         whole = round(secs * NANOSECONDS) if isinstance(secs, float) else int(secs) * NANOSECONDS
@@ -40,7 +40,7 @@ class _Rospy:
         return self.to_sec()
 
     def is_zero(self) -> bool:
-        """Say whether it is 0."""
+        """Return whether it is 0."""
         return self.to_nsec() == 0
 
     def __bool__(self) -> bool:

@@ -50,7 +50,7 @@ TOPICS: dict[str, tuple[str, str]] = {
     "/gt_pose": ("geometry_msgs/msg/PoseStamped", "pose"),
     "/amcl_pose": ("geometry_msgs/msg/PoseWithCovarianceStamped", "pose_with_covariance"),
 }
-"""What is published each tick: type, and the method that makes it. The map is published once.
+"""The messages of each tick: type, and the method that makes it. The map is published once.
 
 The order is this one, and scans come before all else but the clock, as in f1tenth_gym_ros: a node that drives when its
 scan comes knows the pose of the tick before. AutoDRIVE sends its scan last.
@@ -103,7 +103,7 @@ class Sensing:
       beams: of a scan, spread evenly over the LiDAR's angles, each with the nearest beam's range; None: the LiDAR's.
 
     Attributes:
-      surroundings: of the car, last told; None: they are not known.
+      surroundings: the last known of the car; None: they are not known.
       opponent: whether the nodes drive as the opponent of f1tenth_gym_ros does, by the names of that car.
     """
 
@@ -236,10 +236,10 @@ class Sensing:
         )  # fmt: skip
 
     def _move(self) -> None:
-        """Take the pose that the planner is told, or reckon it from speed and yaw rate."""
-        told, stamp = self._odometry.pose, self._odometry.stamp
-        if not np.isnan(told).any():
-            self._pose = told
+        """Take the pose of the odometry, or integrate speed and yaw rate."""
+        pose, stamp = self._odometry.pose, self._odometry.stamp
+        if not np.isnan(pose).any():
+            self._pose = pose
         elif self._before is not None:
             x, y, heading = self._pose.tolist()
             passed, speed = stamp - self._before, self._odometry.speed
@@ -421,7 +421,7 @@ def resampled(scan: LaserScan, beams: int) -> LaserScan:
 
 
 def is_anothers(topic: str) -> bool:
-    """Say whether a topic, by its name, is of another car, or of a person: not what this car senses."""
+    """Return whether a topic, by its name, is of another car, or of a person: not what this car senses."""
     return bool(_NOT_OWN.search(topic))
 
 

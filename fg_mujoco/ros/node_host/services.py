@@ -1,7 +1,7 @@
 """Services: requests go to who offers them, as messages do, and are answered in that node's turn.
 
 A service is a subscription to a topic that no node can name. So requests are answered by the executors of the node
-that offers it, in the order in which all that it is told has come. The door itself answers at once.
+that offers it, in the order in which its messages and requests have come. The host itself answers at once.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def offer(session: Session, name: str, answer: Answer, node: str) -> Subscriptio
 
 
 def offered(graph: Graph, name: str) -> bool:
-    """Say whether anybody offers a service."""
+    """Return whether anybody offers a service."""
     return name in graph.answers or graph.listens(_TOPIC + name)
 
 

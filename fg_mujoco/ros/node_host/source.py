@@ -2,8 +2,8 @@
 
 On the machine that a node was written on all its imports are installed and its files lie where it says. Here an import
 that fails does no harm where nothing uses what it binds. A file of data that is not where the node says is looked for
-beside the node and in its package: `/home/me/ws/src/lab5/racelines/levine.csv` is `racelines/levine.csv` there. A path
-that is written out is looked up before the file is executed, one that it puts together when it is read.
+in the node's folder and in its package: `/home/me/ws/src/lab5/racelines/levine.csv` is `racelines/levine.csv` there. A
+path that is written out is looked up before the file is executed, one that it puts together when it is read.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _JOINING = ("join", "joinpath")
 _READING = ("open", "loadtxt", "genfromtxt", "read_csv", "load")
 _FILE = ("file", "fname", "filepath_or_buffer")  # what these call their first argument
 FINDER = "__fg_mujoco_found__"
-"""What a path that a node reads goes through when it is executed: a function of the door's, among the builtins."""
+"""Name, among the builtins, of the host's function that each path that a node reads is passed through."""
 _LONGEST_PATH = 1000  # characters
 _LEVELS = 4  # folders above the node's in which files are looked for
 
@@ -46,7 +46,7 @@ class Source:
 
     code: CodeType
     unused: Unused
-    told: tuple[str, ...]  # of files that lie elsewhere
+    notes: tuple[str, ...]  # of files that lie elsewhere
     data: frozenset[str]  # paths of files of data that are written out in it
 
 
@@ -59,17 +59,17 @@ def read_source(path: Path, text: bytes, node: Path) -> Source:
     Raises:
       SyntaxError, ValueError: it is no Python.
     """
-    told: list[str] = []
+    notes: list[str] = []
     with _ONE_AT_A_TIME:
         tree = parse(text, path)
         if mixes_tabs(text, path):
-            told.append(f"{path} mixes tabs and spaces, and is read as Python 2 does: a tab ends at a multiple of 8")
+            notes.append(f"{path} mixes tabs and spaces, and is read as Python 2 does: a tab ends at a multiple of 8")
         unused = unused_imports(tree)
-        relocate_files(tree, node, lambda said, line: told.append(f"{said} ({path}, line {line})"))
+        relocate_files(tree, node, lambda said, line: notes.append(f"{said} ({path}, line {line})"))
         data = frozenset(_written_out(tree))
         find_what_is_read(tree)
         code = _despite_depth(lambda: compile(tree, str(path), "exec"))
-    return Source(code=code, unused=unused, told=tuple(told), data=data)
+    return Source(code=code, unused=unused, notes=tuple(notes), data=data)
 
 
 def parse(text: bytes, path: Path) -> ast.Module:
@@ -95,7 +95,7 @@ def _parse(text: bytes, path: Path) -> ast.Module:
 
 
 def mixes_tabs(text: bytes, path: Path) -> bool:
-    """Say whether the lines of a file are indented as only Python 2 allows."""
+    """Return whether the lines of a file are indented as only Python 2 allows."""
     try:
         _despite_depth(lambda: ast.parse(text, str(path)))
     except TabError:
@@ -106,7 +106,7 @@ def mixes_tabs(text: bytes, path: Path) -> bool:
 
 
 def _despite_depth(work: Callable[[], T]) -> T:
-    """Return what some work returns, which is done again where another thread has miscounted its depth."""
+    """Call `work()`; retry if it raises SystemError, because another thread corrupted the recursion counter."""
     for _ in range(_TRIES):
         with suppress(SystemError):
             return work()
@@ -114,7 +114,7 @@ def _despite_depth(work: Callable[[], T]) -> T:
 
 
 def unused_imports(tree: ast.Module) -> Unused:
-    """Return what a file imports and does not use; what it tries to import, and does without, is left out."""
+    """Return the names that a file imports and does not use, without imports in a `try` statement."""
     used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
     used |= {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str)}
     found: Unused = {}
@@ -132,8 +132,8 @@ def unused_imports(tree: ast.Module) -> Unused:
 def own_files(node: Path, text: bytes) -> list[Path]:
     """Return the files of the user's own that a node's file imports, and those import, sorted; without its own.
 
-    They are where the node's import statements find them: beside it, in its package, and in the other packages of its
-    workspace. A file that is no Python is left out: its import is told of when it is executed.
+    They are where the node's import statements find them: in its folder, in its package, and in the other packages of
+    its workspace. A file that is no Python is left out: its import is reported when it is executed.
     """
     found: dict[Path, None] = {}
     folders, others = own_folders(node), module_folders(node)
@@ -203,7 +203,7 @@ def _of_import(statement: ast.AST, path: Path, folders: list[Path], others: list
 
 
 def is_package_of_python(folder: Path) -> bool:
-    """Say whether a folder of another package is what an import statement may name."""
+    """Return whether a folder of another package is what an import statement may name."""
     try:
         return (folder / "__init__.py").is_file()
     except OSError:  # a name that is too long
@@ -270,7 +270,7 @@ def _found(path: ast.expr) -> ast.expr:
 
 
 def _writes(node: ast.AST) -> bool:
-    """Say whether a call opens a file to write, or may."""
+    """Return whether a call opens a file to write, or may."""
     if not isinstance(node, ast.Call) or _called(node) != "open":
         return False
     modes = [*node.args[1:2], *(each.value for each in node.keywords if each.arg == "mode")]
@@ -278,16 +278,16 @@ def _writes(node: ast.AST) -> bool:
 
 
 def _called(node: ast.AST) -> str:
-    """Return the last name of what a call calls; nothing of anything else."""
+    """Return the name of the called function, or an empty string."""
     if not isinstance(node, ast.Call):
         return ""
     return node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
 
 
 def data_file(said: str, node: Path) -> Path | None:
-    """Return where a file of data is that a node names, where it is not there; None: it is, or is nowhere.
+    """Return the path of a file of data that a node names elsewhere; None: it is where the node says, or nowhere.
 
-    The longest part of its path that is found counts, beside the node before the folders above.
+    The longest part of its path that is found counts, the node's folder before the folders above.
     """
     if len(said) > _LONGEST_PATH or any(each.isspace() and each != " " for each in said):
         return None

@@ -1,4 +1,4 @@
-"""Stand-ins for tf2_ros, tf and tf_transformations: a tree of frames, of which the newest transforms are kept."""
+"""Stubs of tf2_ros, tf and tf_transformations: a tree of frames, of which the newest transforms are kept."""
 
 from __future__ import annotations
 

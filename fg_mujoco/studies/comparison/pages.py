@@ -54,7 +54,7 @@ class _Page:
 
 
 def is_comparison(folder: str | Path) -> bool:
-    """Say whether a folder is one of `compare`; one of `race` is not."""
+    """Return whether a folder is one of `compare`; one of `race` is not."""
     return is_file(Path(folder) / _MANIFEST) and not is_file(Path(folder) / "summary.json")
 
 

@@ -28,6 +28,7 @@ import numpy as np
 from ...errors import ModelError
 from ...messages import FloatArray
 from ...simulation.settings import Start
+from ...simulation.world import World
 from ...vehicle.car import WHEELS, car_parameters, element_id
 from ...vehicle.tire_forces import steps_within, tire_rows
 from ...vehicle.tire_slip import SLIDING_SPEED, slides_above
@@ -37,7 +38,7 @@ from . import figure_style as style
 from .experiment import Cell, Experiment, Figure, LabSettings, Row, Section, Tables
 from .figure_style import column
 from .lab_ground import Engine
-from .lab_laps import LabWorld, drive_laps
+from .lab_laps import drive_laps
 from .rigid_car import creep
 from .steady_circle import CircleReading, SteadyCircle, UnreachableError
 
@@ -185,7 +186,7 @@ def _lap(cell: Cell) -> Row:
         return {**nothing, "why_no_lap": "lap_s: a race has its own number of short steps"}
     times, slides = [], []
     for offset in _STARTS:
-        world = LabWorld("oval", tires=cell["tires"])
+        world = World("oval", tires=cell["tires"])
         _change(world.model, cell, world.car.prefix)
         try:
             laps = drive_laps(world, laps=_LAPS, start=Start(offset=offset))

@@ -41,7 +41,7 @@ EXPERIMENTS: dict[str, str] = {
     "patches": f"{_HERE}.patches",
     "laps": f"{_HERE}.laps",
     "convergence": f"{_HERE}.convergence",
-    "models": f"{_HERE}.single_track",
+    "models": f"{_HERE}.models",
     "tire_bench": f"{_HERE}.tire_bench",
     "tire_law": f"{_HERE}.tire_law",
 }

@@ -1,107 +1,33 @@
-"""Laps for the lab: those of `race`, on a floor with patches, at a timestep of the lab's choice.
+"""Laps for the lab: those of `race`, in a world whose model the lab may change.
 
-    world = LabWorld("oval", timestep=0.001, patches=(Patch(x=6.0, y=0.0, length=2.0, width=1.0, mu=0.5),))
+    world = World("oval", patches=(Patch(x=6.0, y=0.0, length=2.0, width=1.0, mu=0.5),))
+    world.model.opt.timestep = 0.001
     laps = drive_laps(world, laps=2, planner_mu=0.9)
     print(laps.lap_times_s, laps.max_slide_m_s)
 
 MuJoCo's contacts are wrong at the default timestep where they slide (Tires.sliding_timestep); our own tires are not.
-With neither patches nor a timestep, a race here is `race`'s, bit for bit.
+In a world that nobody changed, a race here is `race`'s, bit for bit.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
-import mujoco
 import numpy as np
 
-from ...course.course import Course
 from ...messages import FloatArray
 from ...racing.planner_loading import make_controller
 from ...racing.result import History, trajectory_sha256
-from ...simulation.cars import CAR_PREFIX
 from ...simulation.engine import Engine
 from ...simulation.planner_adapter import adapt
 from ...simulation.planner_adapter import start as start_planner
 from ...simulation.settings import DriveSettings, Start
-from ...simulation.simulation import Simulation
 from ...simulation.telemetry import TELEMETRY, statistics_figures
 from ...simulation.termination import END_REASONS
 from ...simulation.world import World
-from ...vehicle.car import Car
-from ...vehicle.friction_patches import Patch
-from ...vehicle.tires import Tires
 
 MAX_SPEED = 8.0  # [m/s] as `race` has it
-
-
-class LabWorld(World):
-    """A World with patches on its floor, or with another timestep.
-
-    Args:
-      track: as of a World.
-      mu: as of a World.
-      timestep: of the physics [s]; None: as in the car's MJCF.
-      patches: of the floor.
-      tires: as of a World.
-
-    Raises:
-      TrackError, SettingsError: as a World.
-    """
-
-    def __init__(
-        self,
-        track: Course | str,
-        *,
-        mu: float | None = None,
-        timestep: float | None = None,
-        patches: Sequence[Patch] = (),
-        tires: Tires | str | None = None,
-    ) -> None:
-        super().__init__(track, mu=mu, patches=patches, tires=tires)
-        if timestep is None:
-            return
-        spec = mujoco.MjSpec.from_string(self.xml)
-        spec.option.timestep = timestep
-        self.xml = spec.to_xml()
-        self.model = mujoco.MjModel.from_xml_string(self.xml)
-        self.car = Car(self.model, CAR_PREFIX)
-
-
-class LabEngine(Engine):
-    """An engine that says which friction each tire has on the floor under it.
-
-    Attributes:
-      floor_mu: friction coefficient under each tire in the steps of the last tick, (substeps, 4); without patches
-        (1, 4).
-    """
-
-    def __init__(self, world: World, **settings: Any) -> None:
-        super().__init__(world, **(settings | {"own_model": True}))
-        self.floor_mu = self.floor_friction()[:1]
-
-    def drive(self, **settings: Any) -> None:
-        """Hold the commands for a tick."""
-        super().drive(**settings)
-        self.floor_mu = self.floor_friction()
-
-
-class LabSimulation(Simulation):
-    """A Simulation on a LabEngine."""
-
-    def __init__(self, world: World) -> None:
-        super().__init__(world, engine=LabEngine(world))
-
-    @property
-    def floor_mu(self) -> FloatArray:
-        """See LabEngine."""
-        engine = self.engine
-        assert isinstance(engine, LabEngine)
-        under: FloatArray = engine.floor_mu
-        return under
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -137,33 +63,25 @@ class LabLaps:
 
 
 def drive_laps(
-    world: LabWorld,
-    controller: str = "gap_finder",
-    *,
-    laps: int,
-    planner_mu: float | None = None,
-    planner_settings: Mapping[str, Any] | None = None,
-    start: Start | None = None,
+    world: World, *, laps: int, planner_mu: float | None = None, start: Start | None = None
 ) -> LabLaps:
-    """Drive laps as `race` does, and return how they went.
+    """Drive laps with the gap finder as `race` does, and return how they went.
 
     Args:
-      world: a LabWorld that no other simulation uses.
-      controller: a bundled name.
+      world: that no other simulation uses.
       laps: to be driven.
       planner_mu: friction coefficient that the planner assumes; None: that of the world's tires, without patches.
-      planner_settings: settings of the controller that differ from its own.
       start: where the car stands at first; None: on the line.
 
     Raises:
-      ControllerError: a controller that cannot be built, or fails.
+      ControllerError: the planner fails.
     """
     assumed = world.vehicle.reliable_mu(world.tires, world.car.mu) if planner_mu is None else planner_mu
     settings = DriveSettings(vehicle=world.vehicle, tires=world.tires, planner_mu=assumed, max_speed=MAX_SPEED)
     context = settings.context(world.car.parameters, world.track.map_line)
-    planner = make_controller(controller, context, settings=planner_settings or {})
+    planner = make_controller("gap_finder", context)
     start_planner(planner)
-    engine = LabEngine(world, laps=laps)
+    engine = Engine(world, laps=laps, own_model=True)
     engine.planners = adapt([planner], raises=True)
     engine.place([start or Start()])
     history, floor_mu = History(engine), []
@@ -172,7 +90,7 @@ def drive_laps(
         engine.decide()
         engine.drive()
         history.append()
-        floor_mu.append(engine.floor_mu.min(axis=0))
+        floor_mu.append(engine.floor_friction().min(axis=0))
         engine.judge()
     arrays, monitor = history.arrays(), engine.monitor
     return LabLaps(

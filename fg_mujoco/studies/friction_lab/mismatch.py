@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...messages import FloatArray
+from ...simulation.world import World
 from ...vehicle.car import WHEELS
 from ...vehicle.tire_slip import slides_above
 from ...vehicle.tires import DEFAULT_TIRES
 from ...vehicle.vehicle import Vehicle
 from .experiment import Cell, Figure, LabSettings, Row, Section, Tables
 from .figure_style import COLOURS, column, finish, limit, measured
-from .lab_laps import LabLaps, LabWorld, drive_laps
+from .lab_laps import LabLaps, drive_laps
 
 if TYPE_CHECKING:
     import matplotlib.figure
@@ -96,7 +97,7 @@ class MismatchExperiment:
 
 def drive_believing(track: str, mu: float, ratio: float) -> LabLaps:
     """Drive laps on tires of `mu` with a planner that assumes `ratio` times as much."""
-    return drive_laps(LabWorld(track, mu=mu), laps=_LAPS, planner_mu=mu * ratio)
+    return drive_laps(World(track, mu=mu), laps=_LAPS, planner_mu=mu * ratio)
 
 
 def _knee(track: str, mu: float) -> Row:

@@ -13,6 +13,7 @@ import numpy as np
 
 from ...messages import FloatArray
 from ...simulation.course_loading import load_track
+from ...simulation.world import World
 from ...vehicle.car import WHEELS
 from ...vehicle.friction_patches import Patch, random_patches, read_patches
 from ...vehicle.tire_slip import slides_above
@@ -21,7 +22,7 @@ from ...vehicle.vehicle import Vehicle
 from ...viz.course_drawing import draw_course
 from .experiment import Cell, Figure, LabSettings, Row, Section, Tables
 from .figure_style import COLOURS, column, finish, measured, theory
-from .lab_laps import LabLaps, LabWorld, drive_laps
+from .lab_laps import LabLaps, drive_laps
 from .patch_manoeuvres import WAYS, brake_onset, circle, edge_load, onset, sliding_sideways
 
 if TYPE_CHECKING:
@@ -139,7 +140,7 @@ def _laps(cell: Cell) -> Tables:
     patches: tuple[Patch, ...] = ()
     if cell["patches"]:
         patches = random_patches(track, cell["patches"], np.random.default_rng(cell["seed"]), mu=_PATCH_MU)
-    world = LabWorld(track, patches=patches)
+    world = World(track, patches=patches)
     laps = drive_laps(world, laps=_LAPS, planner_mu=cell["planner_mu"])
     on_patch = (laps.floor_mu < world.car.mu).any(axis=1)
     sliding, steps = laps.column("sliding_steps")[on_patch].sum(), laps.column("steps")[on_patch].sum()

@@ -40,11 +40,11 @@ class Manoeuvre:
     end: float = math.inf
 
     def ended(self, odometry: Odometry) -> bool:
-        """Say whether the car is past the end, or turned away from its path."""
+        """Return whether the car is past the end, or turned away from its path."""
         return float(odometry.pose[0]) >= self.end or self.lost(odometry.pose[2])
 
     def lost(self, heading: float) -> bool:
-        """Say whether a car heads away from where its path leads [rad]; False where there is no path."""
+        """Return whether a car heads away from where its path leads [rad]; False where there is no path."""
         return self.path is not None and math.cos(heading) < 0.0
 
     def off_path(self, position: FloatArray) -> float | None:

@@ -9,6 +9,7 @@ acceleration, heading and position come closest to what was measured; Huber's co
 from __future__ import annotations
 
 import importlib.util
+import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -17,8 +18,8 @@ from numpy.typing import NDArray
 
 from ...errors import missing_extra
 from ...messages import FloatArray
+from ...vehicle.single_track import STATES, axle_loads, friction_curve
 from .problem import PARAMETERS, DriveProblem, assumed_noise, huber, measured_noise
-from .single_track import STATES, axle_loads, friction_curve
 
 _LEAST = np.array((1.0, 1.0, 0.1, -4.0) * 2 + (0.5, -0.2, 0.0, 0.0, 0.01, -0.2, -2.0, 0.7, -0.1, -0.1))
 _GREATEST = np.array((150.0, 5.0, 3.0, 1.5) * 2 + (1.5, 0.2, 0.6, 0.4, 0.5, 0.2, 2.0, 1.3, 0.1, 0.1))
@@ -55,7 +56,7 @@ class Fit:
 
 def force_points(problem: DriveProblem, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return slip angles [rad] and F_y / F_z [-] of both axles by inverse dynamics, each (2, n), of moving nodes."""
-    mass, inertia, front, rear, _, _, share, _ = problem.car
+    mass, inertia, front, rear, height, gravity, share, _ = problem.car
     motion = problem.motion
     nodes = np.concatenate([np.arange(*segment) for segment in problem.segments])
     angle = problem.steering.angles(*parameters[8:12])[nodes]
@@ -70,7 +71,8 @@ def force_points(problem: DriveProblem, parameters: FloatArray) -> tuple[FloatAr
     whole = share * cos + 1.0 - share
     force_front = (across_front - share * mass * ax * sin / whole) / (cos + share * sin**2 / whole)
     slips = np.array((angle - np.arctan2(vy + front * r, vx), -np.arctan2(vy - rear * r, vx)))
-    return slips, np.array((force_front, force_rear)) / axle_loads(np.ascontiguousarray(ax), problem.car)
+    loads = inspect.unwrap(axle_loads)(ax, front, rear, height, mass, gravity)  # of arrays
+    return slips, np.array((force_front, force_rear)) / loads
 
 
 def inverse_dynamics(problems: Sequence[DriveProblem], *, linear: bool = False) -> FloatArray:

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from ...display import brief
 from ...errors import SettingsError
 from ...messages import FloatArray
+from ...vehicle.single_track import TIRE, friction_curve
 from .drive_log import Drive
 from .fit import Fit, fitted_starts, force_points, inverse_dynamics, output_error, require_scipy
 from .problem import PARAMETERS, DriveProblem
-from .single_track import TIRE, friction_curve
 
 AXLES = ("front", "rear")
 

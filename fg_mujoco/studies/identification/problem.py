@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...messages import FloatArray
+from ...vehicle.single_track import STATES, TIRE, car_array, simulate
 from .drive_log import SLOWEST, Drive
-from .single_track import STATES, TIRE, Steering, car_array, simulate
 from .smoothed_motion import NOISE, STEP, Motion, smooth
+from .steering import Steering
 
 SEGMENT = 1.0
 """[s] of a segment; every third one is held back."""

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 
@@ -28,6 +28,7 @@ from ...course.files import read_text
 from ...display import brief, quoted
 from ...errors import ModelError, SettingsError, accepted_names
 from ...messages import require
+from ...registry import Registry
 from .law import Law
 from .laws import CONTACT, LAW_OF, LAWS, MODELS
 
@@ -35,6 +36,9 @@ if sys.version_info >= (3, 11):
     import tomllib
 else:
     import tomli as tomllib
+
+if TYPE_CHECKING:
+    from importlib.abc import Traversable
 
 DEFAULT_TIRES = "coulomb"
 """The set that a vehicle stands on unless its MJCF or a setting names another."""
@@ -273,21 +277,27 @@ def tires_of(model: mujoco.MjModel, prefix: str = "") -> Tires:
 
 
 def tire_names() -> tuple[str, ...]:
-    """Return the names of the bundled sets: `contact`, and the files of models/tires/."""
+    """Return the names of the bundled sets and of those that installed packages register."""
+    return _sets().names()
+
+
+@lru_cache(maxsize=1)
+def _sets() -> Registry[Path | Traversable]:
+    """Return the TOML files of sets by name, those of models/tires/; `contact`, which comes first, has none."""
     folder = files("fg_mujoco.models") / "tires"
-    found = sorted(file.name.removesuffix(".toml") for file in folder.iterdir() if file.name.endswith(".toml"))
-    return (CONTACT, *found)
+    sources = sorted(folder.iterdir(), key=lambda file: file.name)
+    own = {file.name.removesuffix(".toml"): file for file in sources if file.name.endswith(".toml")}
+    return Registry("tires", SettingsError, "fg_mujoco.tires", {CONTACT: folder, **own}, Path)
 
 
 @lru_cache(maxsize=32)
 def _bundled(name: str) -> Tires:
-    known = tire_names()
-    if name not in known:
-        raise SettingsError(f"tires {name!r} are not known; {accepted_names(name, known, ', or path/to/file.toml')}")
     if name == CONTACT:
         return Tires()
-    text = (files("fg_mujoco.models") / "tires" / f"{name}.toml").read_text("utf-8")
-    return _parsed(text, f"tire file models/tires/{name}.toml", name)
+    file = _sets().find(name, ", or path/to/file.toml")
+    if name not in _sets():
+        return Tires.load(Path(str(file)))
+    return _parsed(file.read_text("utf-8"), f"tire file models/tires/{name}.toml", name)
 
 
 def _parsed(text: str, where: str, name: str) -> Tires:

@@ -27,7 +27,7 @@ _LONGEST_METHOD = 16  # letters
 
 
 def is_own(hosts: list[str], origins: list[str], names: frozenset[str]) -> bool:
-    """Say whether a request comes from a page that this server has served, or from no page.
+    """Return whether a request comes from a page that this server has served, or from no page.
 
     Args:
       hosts: its `Host` headers.

@@ -121,7 +121,7 @@ class _Strip:
             self._pen.text((x + width, self._pad), value, font=self._small, fill=fill, anchor="rt")
 
     def _fits(self, text: str, width: float) -> bool:
-        """Say whether a title and a value, set apart, are within a width [px]."""
+        """Return whether a title and a value, set apart, are within a width [px]."""
         fits: bool = self._small.getlength(text) + self._small.size < width
         return fits
 

@@ -13,12 +13,12 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ...messages import CarParameters, DriveCommand, FloatArray
+from ...vehicle.single_track import SingleTrack
 from ...vehicle.tires import Tires
 from ...vehicle.vehicle import Vehicle
 from .experiment import Cell, LabSettings, Row, Section, Tables, no_number
 from .lab_ground import TICK, LabGround
-from .linear_tire_model import SingleTrack
-from .single_track_section import models_section
+from .models_section import models_section
 from .steady_circle import SteadyCircle, UnreachableError
 from .trace import Trace
 

@@ -1,24 +1,40 @@
-"""The single-track model with Magic Formula axles that identification fits, and its forward simulation.
+"""The single-track model of a car, with two kinds of axles, and its forward simulation.
 
-Lateral force of an axle: F_y = F_z D sin(C atan(B a - E (B a - atan(B a)))), with the slip angles
-a_f = delta - atan((v_y + l_f r) / v_x), a_r = -atan((v_y - l_r r) / v_x) and the loads by longitudinal transfer
-F_zf = m (g l_r - a_x h) / L, F_zr = m (g l_f + a_x h) / L: CommonRoad's single-track model with the tires of ForzaETH's
-On-Track-SysID (arXiv 2411.17508). The forward speed and acceleration are those measured. Of the force that drives the
-car, the share of the front axle acts along the steered wheels; CommonRoad's model is that with a share of 0.
+Both kinds carry the loads by longitudinal transfer, F_zf = m (g l_r - a_x h) / L and F_zr = m (g l_f + a_x h) / L.
 
-The steering angle follows gain * command + offset, late by a delay, with a first-order lag and the servo's rate.
+- Linear axles, as the 2D gyms drive them: F_y = mu C_S F_z alpha. Angles are small: steering and slip angles stand
+  where their tangents would, and nothing turns a force. `linear_rates` has the equations; `SingleTrack` drives them:
+
+      model = SingleTrack.of(car.parameters, mu=car.mu)
+      motion = model.follow(steering, speed, timestep=0.001)
+      motion.yaw_rate, motion.slip_angle
+
+  Source: M. Althoff, M. Koschi and S. Manzinger, "CommonRoad: Composable benchmarks for motion planning on roads", IV
+  2017, and its vehicle models, the single-track model with load transfer by acceleration.
+- Magic Formula axles, which identification fits: F_y = F_z D sin(C atan(B a - E (B a - atan(B a)))), with the slip
+  angles a_f = delta - atan((v_y + l_f r) / v_x), a_r = -atan((v_y - l_r r) / v_x). `simulate` drives them at the
+  forward speed and acceleration that were measured. Of the force that drives the car, the share of the front axle acts
+  along the steered wheels. With a share of 0 this is CommonRoad's model with the tires of ForzaETH's On-Track-SysID
+  (arXiv 2411.17508).
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...kernels import inlined, kernel
-from ...messages import CarParameters, FloatArray
-from .drive_log import Channel
+from ..errors import SettingsError
+from ..kernels import inlined, kernel
+from ..messages import CarParameters, FloatArray
+
+FRONT_STIFFNESS, REAR_STIFFNESS = 4.718, 5.4562
+"""[1/rad] C_Sf and C_Sr: side force over (mu times load times slip angle), of each axle; f1tenth_gym's."""
+
+SLOWEST = 0.1
+"""[m/s] Below it the published model switches to a kinematic one, because slip angles are over the speed."""
 
 TIRE = ("stiffness", "C", "D", "E")
 """Parameters of an axle in the fit: the stiffness B C D takes the place of B, because a drive determines it better."""
@@ -30,6 +46,164 @@ _HARDLY = 0.2  # [-] of the load: a drive so small takes a fiftieth of the later
 
 STATES = 5
 """v_y [m/s], r [rad/s], x [m], y [m], heading [rad] of the centre of gravity."""
+
+
+@inlined
+def axle_loads(
+    acceleration: float, front: float, rear: float, height: float, mass: float, gravity: float
+) -> tuple[float, float]:
+    """Return the loads of the front and the rear axle [N] at a forward acceleration [m/s^2].
+
+    Args:
+      acceleration: forward [m/s^2]; it moves load between the axles.
+      front: distance from the centre of gravity to the front axle [m].
+      rear: the same to the rear axle [m].
+      height: of the centre of gravity [m].
+      mass: [kg].
+      gravity: [m/s^2].
+    """
+    moved, length = acceleration * height, front + rear
+    return mass * (gravity * rear - moved) / length, mass * (gravity * front + moved) / length
+
+
+@kernel
+def linear_rates(
+    yaw_rate: float, slip_angle: float, steering: float, speed: float, acceleration: float, mu: float,
+    front_stiffness: float, rear_stiffness: float, front: float, rear: float, height: float, mass: float,
+    yaw_inertia: float, gravity: float,
+) -> tuple[float, float]:  # fmt: skip
+    """Return how fast yaw rate [rad/s^2] and slip angle [rad/s] of a car on linear axles change; see SingleTrack."""
+    front_load, rear_load = axle_loads(acceleration, front, rear, height, mass, gravity)
+    front_force = mu * front_stiffness * front_load * (steering - slip_angle - front * yaw_rate / speed)
+    rear_force = mu * rear_stiffness * rear_load * (rear * yaw_rate / speed - slip_angle)
+    turning = (front * front_force - rear * rear_force) / yaw_inertia
+    return turning, (front_force + rear_force) / (mass * speed) - yaw_rate
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Motion:
+    """What the model did, one value a step, each of shape (n,). Of the centre of gravity."""
+
+    x: FloatArray  # [m]
+    y: FloatArray  # [m]
+    heading: FloatArray  # [rad]
+    yaw_rate: FloatArray  # [rad/s]
+    slip_angle: FloatArray  # [rad] from the heading to the velocity, left positive
+
+
+@dataclass(frozen=True, kw_only=True)
+class SingleTrack:
+    """A car on two linear tires, one for each axle.
+
+    Raises:
+      SettingsError: a cornering stiffness or friction that is not positive.
+    """
+
+    mu: float  # [-]
+    front_stiffness: float  # [1/rad]
+    rear_stiffness: float  # [1/rad]
+    front_axle_distance: float  # [m] centre of gravity to front axle
+    rear_axle_distance: float  # [m]
+    center_of_gravity_height: float  # [m]
+    mass: float  # [kg]
+    yaw_inertia: float  # [kg m^2]
+    gravity: float  # [m/s^2]
+
+    def __post_init__(self) -> None:
+        for name in ("mu", "front_stiffness", "rear_stiffness"):
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise SettingsError(f"SingleTrack.{name} is {getattr(self, name)!r}; accepted: a positive number")
+
+    @classmethod
+    def of(
+        cls,
+        car: CarParameters,
+        *,
+        mu: float,
+        front_stiffness: float = FRONT_STIFFNESS,
+        rear_stiffness: float = REAR_STIFFNESS,
+    ) -> SingleTrack:
+        """Return the model of a car; nothing but the two stiffnesses is not the car's own."""
+        return cls(
+            mu=mu, front_stiffness=front_stiffness, rear_stiffness=rear_stiffness,
+            front_axle_distance=car.front_axle_distance, rear_axle_distance=car.rear_axle_distance,
+            center_of_gravity_height=car.center_of_gravity_height, mass=car.mass, yaw_inertia=car.yaw_inertia,
+            gravity=car.gravity,
+        )  # fmt: skip
+
+    @property
+    def wheelbase(self) -> float:
+        """[m]."""
+        return self.front_axle_distance + self.rear_axle_distance
+
+    def rates(
+        self, yaw_rate: float, slip_angle: float, steering: float, speed: float, acceleration: float
+    ) -> tuple[float, float]:
+        """Return how fast yaw rate [rad/s^2] and slip angle [rad/s] change.
+
+        Args:
+          yaw_rate: [rad/s].
+          slip_angle: [rad].
+          steering: [rad].
+          speed: of the centre of gravity [m/s].
+          acceleration: along the velocity [m/s^2]; it moves load between the axles.
+        """
+        return linear_rates(
+            yaw_rate, slip_angle, steering, speed, acceleration, self.mu, self.front_stiffness, self.rear_stiffness,
+            self.front_axle_distance, self.rear_axle_distance, self.center_of_gravity_height, self.mass,
+            self.yaw_inertia, self.gravity,
+        )  # fmt: skip
+
+    def steady_yaw_rate(self, steering: float, speed: float) -> float:
+        """Return the yaw rate that a held steering angle and speed lead to, v d / (b + K v^2) [rad/s].
+
+        K is the understeer gradient of the two stiffnesses, (1 / C_Sf - 1 / C_Sr) / (mu g).
+        """
+        gradient = (1.0 / self.front_stiffness - 1.0 / self.rear_stiffness) / (self.mu * self.gravity)
+        return speed * steering / (self.wheelbase + gradient * speed**2)
+
+    def follow(self, steering: FloatArray, speed: FloatArray, *, timestep: float) -> Motion:
+        """Drive from the origin, along x, by steering angles and speeds that are given, by Runge and Kutta.
+
+        Args:
+          steering: (n,) [rad]; linear from one step to the next.
+          speed: (n,) [m/s] of the centre of gravity.
+          timestep: between two of them [s].
+
+        Raises:
+          SettingsError: a speed below SLOWEST.
+        """
+        slowest = float(np.min(speed))
+        if not slowest >= SLOWEST:
+            raise SettingsError(f"the speed is {slowest!r} m/s; accepted: {SLOWEST} m/s and above")
+        acceleration = np.gradient(speed, timestep)
+        inputs = np.column_stack((steering, speed, acceleration))
+        middles = 0.5 * (inputs[:-1] + inputs[1:])
+        states = np.zeros((len(inputs), 5))
+        state = [0.0] * 5
+        rows, between = inputs.tolist(), middles.tolist()
+        for step in range(1, len(rows)):
+            state = self._step(state, rows[step - 1], between[step - 1], rows[step], timestep)
+            states[step] = state
+        x, y, heading, yaw_rate, slip_angle = np.ascontiguousarray(states.T)
+        return Motion(x=x, y=y, heading=heading, yaw_rate=yaw_rate, slip_angle=slip_angle)
+
+    def _step(
+        self, state: list[float], start: list[float], middle: list[float], end: list[float], timestep: float
+    ) -> list[float]:
+        first = self._derivative(state, start)
+        second = self._derivative([a + 0.5 * timestep * b for a, b in zip(state, first, strict=True)], middle)
+        third = self._derivative([a + 0.5 * timestep * b for a, b in zip(state, second, strict=True)], middle)
+        fourth = self._derivative([a + timestep * b for a, b in zip(state, third, strict=True)], end)
+        slopes = zip(state, first, second, third, fourth, strict=True)
+        return [a + timestep / 6.0 * (b + 2.0 * c + 2.0 * d + e) for a, b, c, d, e in slopes]
+
+    def _derivative(self, state: list[float], inputs: list[float]) -> list[float]:
+        _, _, heading, yaw_rate, slip_angle = state
+        steering, speed, acceleration = inputs
+        course = heading + slip_angle
+        rates = self.rates(yaw_rate, slip_angle, steering, speed, acceleration)
+        return [speed * math.cos(course), speed * math.sin(course), yaw_rate, *rates]
 
 
 def car_array(car: CarParameters, front_drive: float, *, single_track: bool = False) -> FloatArray:
@@ -73,16 +247,6 @@ def friction_curve(slip: FloatArray, tire: FloatArray) -> FloatArray:
     return out
 
 
-@kernel
-def axle_loads(forward_acceleration: FloatArray, car: FloatArray) -> FloatArray:
-    """Return the loads of the front and the rear axle [N], (2, n)."""
-    mass, _, front, rear, height, gravity = car[:6]
-    out = np.empty((2, len(forward_acceleration)))
-    out[0] = mass * (gravity * rear - forward_acceleration * height) / (front + rear)
-    out[1] = mass * (gravity * front + forward_acceleration * height) / (front + rear)
-    return out
-
-
 @inlined
 def _across(slip: float, load: float, drive: float, stiffness: float, c: float, d: float, e: float) -> float:
     """Return the lateral force of a tire [N] at a slip angle [rad], while it drives by a force along its heading [N].
@@ -121,8 +285,7 @@ def _accelerations(
     """Return the lateral [m/s^2] and the yaw acceleration [rad/s^2]; `leaning` is the lateral one of the loads."""
     mass, inertia, front, rear, height, gravity, share, half = car
     length = front + rear
-    load_front = mass * (gravity * rear - ax * height) / length
-    load_rear = mass * (gravity * front + ax * height) / length
+    load_front, load_rear = axle_loads(ax, front, rear, height, mass, gravity)
     cos, sin = math.cos(steering), math.sin(steering)
     if half == 0.0:
         force_front = load_front * friction_used(slip_front, tires[0], tires[1], tires[2], tires[3])
@@ -246,68 +409,3 @@ def simulate(
                 slip_front, slip_rear = new_front, new_rear
                 if relaxation_length == 0.0:
                     slip_front, slip_rear = _slips(vy, r, now, vx, car)
-
-
-class Steering:
-    """The steering of a drive: from commands, each held until the next one, to the angle of the front wheels.
-
-    Args:
-      commands: [rad].
-      time: (n,) [s] of the grid.
-      limit: greatest angle that is commanded [rad].
-      rate: greatest of the servo [rad/s].
-      held: whether a command holds until the next one; else, as for measured angles, it is linear in between.
-    """
-
-    def __init__(self, commands: Channel, time: FloatArray, *, limit: float, rate: float, held: bool) -> None:
-        angles = np.clip(commands.values[:, 0], -limit, limit)
-        steps = np.diff(commands.time)
-        self._time, self._rate = time, rate
-        before = min(commands.time[0], time[0]) - 1.0  # [s]: the first one holds from long ago
-        self._knots = np.concatenate(([before], commands.time))
-        self._values = np.concatenate((angles[:1], angles))
-        self._slopes = np.zeros(len(self._knots))
-        if not held:
-            self._slopes[1:-1] = np.diff(angles) / steps
-
-    def angles(self, gain: float, offset: float, lag: float, delay: float) -> FloatArray:
-        """Return the angle of the front wheels on the grid (n,) [rad]."""
-        out = np.empty(len(self._time))
-        targets = gain * self._values + offset
-        _follow(self._knots + delay, targets, gain * self._slopes, self._time, lag, self._rate, out)
-        return out
-
-
-@kernel
-def _follow(
-    knots: FloatArray, targets: FloatArray, slopes: FloatArray, time: FloatArray, lag: float, rate: float,
-    out: FloatArray,
-) -> None:  # fmt: skip
-    """Write the angle at each time, exact whenever the targets change: between two knots each has a constant slope."""
-    piece, now = max(np.searchsorted(knots, time[0], "right") - 1, 0), time[0]
-    angle = targets[piece] + slopes[piece] * (now - knots[piece])
-    for i in range(len(time)):
-        while now < time[i]:
-            until = time[i]
-            if piece + 1 < len(knots):
-                until = min(until, knots[piece + 1])
-            target = targets[piece] + slopes[piece] * (now - knots[piece])
-            angle = _turned(angle, target, slopes[piece], lag, rate, until - now)
-            now = until
-            if piece + 1 < len(knots) and now >= knots[piece + 1]:
-                piece += 1
-        out[i] = angle
-
-
-@inlined
-def _turned(angle: float, target: float, slope: float, lag: float, rate: float, seconds: float) -> float:
-    """Return the angle after some time; a servo with a greatest rate has a target that stays."""
-    left, away = seconds, target - angle
-    if slope == 0.0 and abs(away) > rate * lag:
-        turning = min(left, (abs(away) - rate * lag) / rate)
-        angle += math.copysign(rate * turning, away)
-        left -= turning
-    if lag == 0.0:
-        return target + slope * seconds if left > 0.0 else angle
-    end = target + slope * (seconds - lag)
-    return end + (angle - target + slope * lag) * math.exp(-left / lag)

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...vehicle.single_track import SingleTrack
 from .experiment import Figure, Row, Section, Tables
 from .figure_style import COLOURS, column, finish, measured, theory
-from .linear_tire_model import SingleTrack
 
 if TYPE_CHECKING:
     import matplotlib.axes

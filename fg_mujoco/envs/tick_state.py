@@ -1,0 +1,268 @@
+"""The state of the cars after a tick: what reward terms, end conditions and observations are functions of.
+
+    def off_line(state: TickState) -> NDArray[np.bool_]:
+        return np.abs(state.offset) > 1.0
+
+All arrays have one row for each car and are read-only views, which the next tick overwrites. They are the true state
+of the simulation: a car does not know most of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arguments import Suggesting
+from ..course.clearance import clearances, outline
+from ..course.course import wall_outlines
+from ..kernels import kernel
+from ..messages import CarParameters, FloatArray
+from ..simulation.engine import Engine
+from ..simulation.telemetry import TELEMETRY
+from ..simulation.termination import END_REASONS
+from ..simulation.world import World
+
+Mask = NDArray[np.bool_]
+Whole = NDArray[np.int64]
+
+_FINISHED, _ROLLED_OVER = END_REASONS.index("finished"), END_REASONS.index("rolled_over")
+_SLIDING_STEPS = TELEMETRY.index("sliding_steps")
+
+
+class Ground:
+    """The course of a world, and what stands and moves on it, from above.
+
+    Args:
+      world: whose ground it is.
+    """
+
+    def __init__(self, world: World) -> None:
+        self._course, self._solids = world.track, (*world.track.obstacles, *world.obstacles)
+
+    def heading_errors(self, poses: FloatArray, places: FloatArray) -> FloatArray:
+        """Return the angles from the course to the cars' headings, left positive. Shape (n,) [rad].
+
+        Args:
+          poses: of the cars (n, 3).
+          places: of the cars along the line (n,) [m].
+        """
+        errors = np.empty(len(poses))  # kernels take arrays only that can be written to
+        _heading_errors(np.array(poses), np.array(places), self._course.table, errors)
+        return errors
+
+    def distances(self, times: FloatArray, poses: FloatArray, car: CarParameters) -> FloatArray:
+        """Return the distances from the cars' footprints to the nearest wall or obstacle. Shape (n,) [m].
+
+        Args:
+          times: in each world (n,) [s], for obstacles that move.
+          poses: of the cars (n, 3).
+          car: whose footprint it is.
+        """
+        poses = np.array(poses)
+        found = clearances(poses, self._sides, car)
+        for obstacle in self._course.moving:
+            corners = np.array([obstacle.corners(time) for time in times.tolist()])
+            found = np.minimum(found, clearances(poses, outline(corners), car))
+        return found
+
+    @cached_property
+    def _sides(self) -> FloatArray:
+        """The sides of what stands. Shape (k, 4) [m]."""
+        shapes = [*wall_outlines(self._course), *(solid.corners() for solid in self._solids)]
+        return np.concatenate([outline(shape) for shape in shapes]) if shapes else np.empty((0, 4))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Snapshot(Suggesting):
+    """Where n cars are, and what has happened to them, at one moment."""
+
+    ground: Ground  # of their world
+    car: CarParameters  # of these cars, which are alike
+    time: FloatArray  # (n,) [s] since the episode began
+    progress: FloatArray  # (n,) [m] along the course since the start, backward negative
+    place: FloatArray  # (n,) [m] along the course from its first point
+    offset: FloatArray  # (n,) [m] of the rear axle from the line of the course, left positive: the cross-track error
+    laps: Whole  # (n,) completed
+    pose: FloatArray  # (n, 3) x [m], y [m], heading [rad] of the rear axle in the world
+    velocity: FloatArray  # (n, 3) of the rear axle ahead [m/s] and to the left [m/s]; yaw rate [rad/s]
+    command: FloatArray  # (n, 2) that was held in the tick: steering angle [rad], speed [m/s]; 0 before the first tick
+    sliding: FloatArray  # (n,) share of the tick in which a tire slid, from 0 to 1
+    crashed: Mask  # (n,) whether the chassis has touched a wall or an obstacle
+    rolled_over: Mask  # (n,) whether the car lies on its side or its roof
+    finished: Mask  # (n,) whether the last lap is completed
+    touches: Whole  # (n,) how often the car has touched another car
+    position: Whole  # (n,) among the cars of the world, 1 in front
+    lead: FloatArray  # (n,) [m] on the foremost other car along the course, negative behind it; inf: there is no other
+
+    @property
+    def speed(self) -> FloatArray:
+        """True speed of the rear axle along the heading, forward positive. Shape (n,) [m/s]."""
+        return self.velocity[:, 0]
+
+    @property
+    def lateral_speed(self) -> FloatArray:
+        """True speed of the rear axle to the left. Shape (n,) [m/s]."""
+        return self.velocity[:, 1]
+
+    @property
+    def yaw_rate(self) -> FloatArray:
+        """True yaw rate, left positive. Shape (n,) [rad/s]."""
+        return self.velocity[:, 2]
+
+    @property
+    def heading_error(self) -> FloatArray:
+        """Angle from the direction of the course to the heading, left positive, within pi. Shape (n,) [rad]."""
+        return self.ground.heading_errors(self.pose, self.place)
+
+    @property
+    def wall_distance(self) -> FloatArray:
+        """Distance from the car's footprint to the nearest wall or obstacle, 0 where they touch. Shape (n,) [m].
+
+        Other cars do not count.
+        """
+        return self.ground.distances(self.time, self.pose, self.car)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class TickState(Snapshot):
+    """Where n cars are after a tick, and where they were before it."""
+
+    before: Snapshot  # at the beginning of the tick; before the first tick of an episode the same as now
+    period: float  # of a tick [s]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class SensedState(TickState):
+    """The same, and what the cars' sensors read now: for observations."""
+
+    ranges: FloatArray  # (n, beams) [m] as in LaserScan, rightmost beam first
+    odometry: NDArray[np.void]  # (n,) of ODOMETRY: wheel speed, steering angle, gyro, accelerometer
+
+
+class TickStates:
+    """Keeps the states of an engine's cars, from tick to tick.
+
+    Args:
+      engine: whose cars they are.
+    """
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine, count = engine, len(engine.commands)
+        self._ground = Ground(engine.world)
+        self._now, self._before = _fresh(count), _fresh(count)
+        self._driven = np.zeros(count, np.bool_)
+
+    def of(self, rows: slice, car: CarParameters) -> TickState:
+        """Return the state of some cars, which are alike; it stays up to date."""
+        before = Snapshot(ground=self._ground, car=car, **_views(self._before, rows))
+        return TickState(
+            ground=self._ground, car=car, before=before, period=self._engine.period, **_views(self._now, rows)
+        )
+
+    def sensed(self, state: TickState, rows: slice) -> SensedState:
+        """Return the state of some cars with what their sensors read; it stays up to date."""
+        own = {f.name: getattr(state, f.name) for f in fields(state)}
+        return SensedState(**own, **_views({"ranges": self._engine.ranges, "odometry": self._engine.odometry}, rows))
+
+    def begin(self, which: Mask) -> None:
+        """Read the states of the cars `which` (r,), whose episodes begin."""
+        self._driven[:] = which
+        self._read_motions()
+        self.judge()
+        self._now["command"][which] = self._now["sliding"][which] = 0.0
+        for name, values in self._now.items():
+            self._before[name][which] = values[which]
+
+    def drive(self) -> None:
+        """Read where the cars are that were driven for a tick, before those that finish are taken off the course."""
+        for name, values in self._now.items():
+            self._before[name][:] = values
+        self._driven[:] = self._engine.running
+        self._read_motions()
+
+    def judge(self) -> None:
+        """Read what the race monitor says of the cars that were driven."""
+        engine, monitor = self._engine, self._engine.monitor
+        read = {name: monitor.timers[name] for name in ("progress", "place", "offset")} | {
+            "laps": monitor.timers["laps_completed"], "time": np.repeat(engine.times, engine.cars_per_world),
+            "command": engine.commands, "sliding": engine.telemetry[:, _SLIDING_STEPS] / engine.substeps,
+            "crashed": engine.crashed, "rolled_over": monitor.reasons == _ROLLED_OVER,
+            "finished": monitor.reasons == _FINISHED, "touches": engine.statistics["touches"],
+        }  # fmt: skip
+        if engine.cars_per_world > 1:
+            read |= {"position": positions(engine), "lead": leads(engine)}
+        for name, values in read.items():
+            self._now[name][self._driven] = values[self._driven]
+
+    def _read_motions(self) -> None:
+        self._engine.read_motions(self._driven, self._now["pose"], self._now["velocity"])
+
+
+def _views(arrays: Mapping[str, NDArray[Any]], rows: slice) -> dict[str, Any]:
+    """Return views of some rows of arrays, by name, that cannot be written to."""
+    found = {name: values[rows] for name, values in arrays.items()}
+    for values in found.values():
+        values.flags.writeable = False
+    return found
+
+
+def positions(engine: Engine) -> Whole:
+    """Return how many cars of its world each car is behind, and one more: 1 is in front. Shape (r,).
+
+    Cars that have finished are in the order in which they did, in front of the others.
+    """
+    monitor = engine.monitor
+    finished_at = np.where(monitor.reasons == _FINISHED, monitor.timers["lap_start"], np.inf)
+    each = finished_at.reshape(-1, engine.cars_per_world)
+    own, others = each[:, :, np.newaxis], each[:, np.newaxis, :]
+    ahead = (others < own) | ((others == own) & (_gaps(engine) < 0.0))
+    found: Whole = 1 + np.count_nonzero(ahead, axis=2).ravel()
+    return found
+
+
+def leads(engine: Engine) -> FloatArray:
+    """Return how far each car is ahead of the foremost other car of its world, negative behind it. Shape (r,) [m]."""
+    others = ~np.eye(engine.cars_per_world, dtype=np.bool_)
+    found: FloatArray = np.min(_gaps(engine), axis=2, where=others, initial=np.inf).ravel()
+    return found
+
+
+def _gaps(engine: Engine) -> FloatArray:
+    """Return how far each car is ahead of each car of its world along the course. Shape (n, m, m) [m]."""
+    progress = engine.monitor.timers["progress"].reshape(-1, engine.cars_per_world)
+    gaps: FloatArray = progress[:, :, np.newaxis] - progress[:, np.newaxis, :]
+    return gaps
+
+
+def _fresh(count: int) -> dict[str, NDArray[Any]]:
+    """Return the arrays of a Snapshot of so many cars, by name, as they are of a car that is alone."""
+    shapes = {"pose": (count, 3), "velocity": (count, 3), "command": (count, 2)}
+    kinds: dict[str, Any] = {"laps": np.int64, "touches": np.int64, "position": np.int64}
+    kinds |= dict.fromkeys(("crashed", "rolled_over", "finished"), np.bool_)
+    names = [f.name for f in fields(Snapshot) if f.name not in ("ground", "car")]
+    arrays = {name: np.zeros(shapes.get(name, count), kinds.get(name, np.float64)) for name in names}
+    arrays["position"][:], arrays["lead"][:] = 1, math.inf
+    return arrays
+
+
+@kernel
+def _heading_errors(poses: FloatArray, places: FloatArray, table: FloatArray, errors: FloatArray) -> None:
+    """Write the angles from the direction of the course at `places` (n,) to the headings of `poses` (n, 3)."""
+    starts = table[0]
+    for i in range(len(poses)):
+        first, behind = 0, len(starts)  # bisection, as in `follow`
+        while first < behind:
+            middle = (first + behind) // 2
+            if starts[middle] > places[i]:
+                behind = middle
+            else:
+                first = middle + 1
+        segment = max(first - 1, 0)
+        error = poses[i, 2] - math.atan2(table[4, segment], table[3, segment])
+        errors[i] = error - 2.0 * math.pi * math.floor(error / (2.0 * math.pi) + 0.5)
