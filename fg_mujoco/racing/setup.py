@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 RENAMED = {
     "begin": "start", "car": "changes", "controllers": "controller", "duration": "time_limit",
     "max_speeds": "max_speed", "opponent": "opponents", "opponent_max_speed": "max_speed of each of opponents",
-    "planner": "controller", "planners": "controller", "seeds": "seed", "tracks": "track",
+    "planner": "controller", "planners": "controller", "scenes": "track", "seeds": "seed", "tracks": "track",
 }  # fmt: skip
 """Keyword that a door had before -> what it is called now."""
 
