@@ -302,7 +302,7 @@ class Setup:
         try:
             return _read(content.values)
         except (ArgumentError, SettingsError) as error:
-            raise SettingsError(content.placed(str(error))) from error
+            raise SettingsError(content.located(str(error))) from error
 
     @cached_property
     def sha256(self) -> str:

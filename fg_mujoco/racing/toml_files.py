@@ -35,14 +35,20 @@ class TomlFile:
         """Return the file and the line on which a top-level key is first given."""
         return f"{self.path}, line {_line(self.text, key)}"
 
-    def placed(self, message: str) -> str:
-        """Return a message about a setting after the place of the first key that it names, as the file spells it."""
+    def located(self, message: str) -> str:
+        """Return a message with the line of the key that it is about, or with the file alone if that is not known.
+
+        It is the key with whose value the message begins, as of a file that cannot be read, or the first that it names,
+        which is then spelled as in the file.
+        """
+        for key, value in self.values.items():
+            if isinstance(value, str) and value and message.startswith(value):
+                return f"{self.where(key)}: {key}: {message}"
         names = {key.replace("-", "_"): key for key in self.values}
         for word in re.finditer(r"[A-Za-z_][A-Za-z0-9_]*", message):
-            key = names.get(word[0])
-            if key is not None:
-                said = message if word.start() else key + message[word.end() :]
-                return f"{self.where(key)}: {said}"
+            key = names.get(word[0], "")
+            if key:
+                return f"{self.where(key)}: {message if word.start() else key + message[word.end() :]}"
         return f"{self.path}: {message}"
 
 
