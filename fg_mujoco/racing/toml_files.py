@@ -35,12 +35,18 @@ class TomlFile:
         """Return the file and the line on which a top-level key is first given."""
         return f"{self.path}, line {_line(self.text, key)}"
 
-    def place_of(self, message: str) -> str:
-        """Return where the first key is given that a message names; the file alone where it names none."""
+    def located(self, message: str) -> str:
+        """Return a message with the line of the key that it is about, or with the file alone if that is not known.
+
+        It is the key with whose value the message begins, as of a file that cannot be read, or the first that it names.
+        """
+        for key, value in self.values.items():
+            if isinstance(value, str) and value and message.startswith(value):
+                return f"{self.where(key)}: {key}: {message}"
         words = re.findall(r"[a-z_][a-z0-9_-]*", message)
         named = [key for key in self.values if key.replace("-", "_") in words or key in words]
         first = min(named, key=lambda key: message.find(key.replace("-", "_")), default=None)
-        return str(self.path) if first is None else self.where(first)
+        return f"{self.path if first is None else self.where(first)}: {message}"
 
 
 def read_toml(path: str | Path) -> TomlFile:
