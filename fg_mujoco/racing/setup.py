@@ -487,17 +487,19 @@ def as_obstacles(values: Iterable[Obstacle | Mapping[str, Any]]) -> tuple[Obstac
       SettingsError: something else.
     """
     found: list[Obstacle] = []
-    for value in values:
+    for place, value in enumerate(values):
+        solid: Any = value
         if isinstance(value, Mapping):
             own = dict(value)
             kind = own.pop("kind", "box")
             if kind not in _SOLIDS:
-                raise SettingsError(f"kind of an obstacle is {kind!r}; {accepted_names(kind, _SOLIDS)}")
-            solid: Any = _SOLIDS[kind](**own)
-        else:
-            solid = value
+                raise SettingsError(f"obstacles[{place}].kind is {shown(kind)}; {accepted_names(kind, _SOLIDS)}")
+            try:
+                solid = _SOLIDS[kind](**own)
+            except (ArgumentError, SettingsError) as error:
+                raise SettingsError(f"obstacles[{place}]: {error}") from error
         if not isinstance(solid, tuple(_SOLIDS.values())):
-            raise SettingsError(f"an obstacle is {shown(value)}; accepted: Box, Cylinder, Prism")
+            raise SettingsError(f"obstacles[{place}] is {shown(value)}; accepted: Box, Cylinder, Prism")
         found.append(solid)  # type: ignore[arg-type]
     return tuple(found)
 
