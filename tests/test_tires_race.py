@@ -39,10 +39,11 @@ def same_bits(first, second):
 
 
 def test_a_planner_that_is_told_the_least_peak_laps_and_no_tire_is_past_its_peak(lap):
-    assert lap.car.finished and lap.car.collisions_wall == 0 and lap.car.slide_time_fraction == 0.0 and lap.car.max_slide_m_s == 0.0
-    assert (lap.car.tires, lap.car.mu) == (NUC2, pytest.approx(1.2307, rel=1e-4))
-    assert lap.car.planner_mu == Tires.load(NUC2).least_peak
-    use = np.array([lap.car.column(f"friction_use_{wheel}") for wheel in fg.vehicle.car.WHEELS])
+    car = lap.car
+    assert car.finished and car.collisions_wall == 0 and car.slide_time_fraction == 0.0 and car.max_slide_m_s == 0.0
+    assert (car.tires, car.mu) == (NUC2, pytest.approx(1.2307, rel=1e-4))
+    assert car.planner_mu == Tires.load(NUC2).least_peak
+    use = np.array([car.column(f"friction_use_{wheel}") for wheel in fg.vehicle.car.WHEELS])
     assert 0.7 < np.nanmax(use) <= 1.0 + 1e-9
 
 
