@@ -37,8 +37,8 @@ FACTS = ("time_s", "progress_m", "laps", "sliding", "clipped_actions")
 tire slid, and the number of clipped actions."""
 
 FACTS_AMONG_CARS = ("touches", "position", "lead_m")
-"""Further facts where there are other cars: how often the car has touched one, its position, 1 in front, and its lead on
-the foremost other car along the course, negative behind it."""
+"""Further facts where there are other cars: how often the car has touched one, its position, 1 in front, and its lead
+on the foremost other car along the course, negative behind it."""
 
 class Episodes:
     """Episodes in n worlds, each with its own beginning and end; (n,) is one for each car that learns.
@@ -54,8 +54,8 @@ class Episodes:
       rewards: of the last step (n,).
       terminated: whether a crash, a rollover, the last lap, unstable physics or an end condition that terminates has
         ended the episode (n,).
-      truncated: whether the time limit, ten seconds without progress, five metres the wrong way or an end condition that
-        truncates has ended it (n,).
+      truncated: whether the time limit, ten seconds without progress, five metres the wrong way or an end condition
+        that truncates has ended it (n,).
       clipped: number of clipped actions of the episode (n,).
       fact_names: FACTS; FACTS_AMONG_CARS where there are other cars; and of each reward term "reward_NAME", its part of
         the last tick's reward, and "return_NAME", the sum of the episode.

@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..display import brief
+from ..errors import SettingsError
 from ..messages import FloatArray
+from ..racing.setup import PARTS, SETUP_KEYWORDS, Setup
 from ..simulation.world import World
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
@@ -22,6 +24,9 @@ from .gym_track import Track
 from .gym_world import LAPS, Driving
 from .params import F1FIFTH, F1TENTH, FULL_SCALE
 from .simulator import Simulator
+
+_UNUSABLE = tuple(name for name in SETUP_KEYWORDS if name not in ("vehicle", "tires", "entries", "opponents", *PARTS))
+"""Keywords of a Setup of which f1tenth_gym has its own, such as `map`, `seed` and `params`."""
 
 VEHICLE, TIRES = "FG_MUJOCO_VEHICLE", "FG_MUJOCO_TIRES"
 """Environment variables: the vehicle and the tires of environments that are not told any."""
@@ -227,13 +232,22 @@ class RaceEnvironment:
 
 
 def simulator_of(
-    *, vehicle: Vehicle | str | Path | None, tires: Tires | str | Path | None, **settings: Any
+    *,
+    setup: Setup | None,
+    vehicle: Vehicle | str | Path | None,
+    tires: Tires | str | Path | None,
+    **settings: Any,
 ) -> Simulator:
     """Return the Simulator of an environment; vehicle and tires that are None are those of the environment variables.
 
     Raises:
-      SettingsError: as of Simulator.
+      SettingsError: as of Simulator; a setup that says more than which car drives, or besides vehicle and tires.
     """
+    if setup is not None:
+        setup.require_usable("an environment of f1tenth_gym", *_UNUSABLE, alone=True)
+        if vehicle is not None or tires is not None:
+            raise SettingsError("setup is given beside vehicle or tires; accepted: one of them")
+        vehicle, tires = setup.first.vehicle, setup.first.tires
     return Simulator(
         vehicle=(os.environ.get(VEHICLE) or DEFAULT_VEHICLE) if vehicle is None else vehicle,
         tires=(os.environ.get(TIRES) or None) if tires is None else tires,

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import SettingsError, accepted_names
 from ..messages import FloatArray, shown
+from ..racing.setup import Setup
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import Vehicle
 from .environment import RaceEnvironment, say_of_others, simulator_of
@@ -103,6 +104,7 @@ class F110Env(RaceEnvironment, installed_base("gymnasium")):  # type: ignore[mis
       render_mode: human, human_fast, rgb_array, or None, with which `render` does nothing.
       vehicle: as of the environment of v0.2; not in the gym.
       tires: the same.
+      setup: a Setup that says vehicle and tires instead; not in the gym.
       maps: the same.
       settings: of `config`, one by one.
 
@@ -120,6 +122,7 @@ class F110Env(RaceEnvironment, installed_base("gymnasium")):  # type: ignore[mis
         *,
         vehicle: Vehicle | str | Path | None = None,
         tires: Tires | str | Path | None = None,
+        setup: Setup | None = None,
         maps: str | Path | None = None,
         **settings: Any,
     ) -> None:
@@ -139,7 +142,7 @@ class F110Env(RaceEnvironment, installed_base("gymnasium")):  # type: ignore[mis
             params=given.get("params"), num_agents=setting["num_agents"], seed=setting["seed"],
             integrator=Integrator.from_string(integrator) if isinstance(integrator, str) else integrator, model=model,
             time_step=setting["timestep"], ego_idx=setting["ego_idx"], lidar_dist=setting["lidar_dist"],
-            num_beams=setting["num_beams"], fov=setting["fov"], vehicle=vehicle, tires=tires, maps=maps,
+            num_beams=setting["num_beams"], fov=setting["fov"], vehicle=vehicle, tires=tires, setup=setup, maps=maps,
         )  # fmt: skip
         extension = setting["map_ext"]
         if extension is None or (isinstance(extension, str) and not extension):

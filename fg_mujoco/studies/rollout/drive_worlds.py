@@ -120,7 +120,7 @@ def drive_worlds(
       scenarios: the worlds.
       controller: a bundled name or `path/to/file.py:ClassName`; each world gets a controller of its own.
       laps: to be driven, of a scene 1; None: as many as fit the time_limit.
-      time_limit: of simulated time at most [s]; None: what a car of 0.5 m/s needs for the laps, or the scene's own limit.
+      time_limit: of simulated time at most [s]; None: what a car of 0.5 m/s needs for the laps, or the scene's own.
       record: "summary", "telemetry" (every tick's row too) or "states" (and its state and controls).
       decision_limit: of wall time that a planner may take for one decision [s], as of `race`; None: any.
       opponents: that car 0 of each world, which the scenario is about, races against; None: it drives alone.

@@ -72,7 +72,8 @@ class LiveSession:
         self.setup.require_usable("a live view", "laps", "time_limit", "lidar", "rules", "decision_limit")
         self.settings = self.setup.drive_settings
         self.planner_settings: dict[str, Any]
-        self._source, self.planner_settings = split_controller(self.setup.first.controller, self.settings.planner_settings)
+        planner = self.setup.first.controller
+        self._source, self.planner_settings = split_controller(planner, self.settings.planner_settings)
         self._course = self.setup.load_course()
         self._obstacles = self.setup.obstacles_on(self._course)
         self._opponents = self.setup.named[1:]
