@@ -75,7 +75,7 @@ class Episodes:
         )
         car, count = worlds.world.parameters, len(worlds.times)
         self.layout = ObservationLayout(
-            car, worlds.world.vehicle.lidar.beams, settings.beam_step, settings.observations
+            car, worlds.world.vehicle.lidar.beams, settings.beam_step, settings.observations, settings.sensed
         )
         self.actions = ActionBounds(car, settings.speed_range, normalised=settings.normalised_actions)
         self.rewards = np.zeros(count)
@@ -187,7 +187,8 @@ class Episodes:
     def observe(self, which: Mask) -> Observation:
         """Return new observations of all worlds, (n, ...) by name; those of the worlds `which` (n,) are sensed anew."""
         self.worlds.sense(which)
-        return self.layout.read(self.worlds.ranges, self.worlds.odometry, self.worlds.sensed_state)
+        worlds = self.worlds
+        return self.layout.read(worlds.ranges, worlds.odometry, worlds.sensed_state, worlds.readings)
 
     def facts(self) -> dict[str, NDArray[Any]]:
         """Return the facts of all episodes, new arrays (n,) by name, in the order of `fact_names`."""

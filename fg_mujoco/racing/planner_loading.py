@@ -15,7 +15,7 @@ from typing import Any
 
 from ..errors import ControllerError, SettingsError, accepted_names
 from ..messages import CarParameters, Controller, MapLine, PlannerContext
-from ..simulation.planner_adapter import short, short_text
+from ..simulation.planner_adapter import short, short_text, wanted_sensors
 from ..simulation.planner_failure import file_of, is_of_planner, one_line, told, without_exit
 from .planner_sources import A_PLANNER, find_controller, planner_of
 
@@ -55,7 +55,7 @@ def make_controller(
         origin = f"controller {type(source).__name__}"
         if settings:
             raise ControllerError(f"{origin} is made already; accepted: settings only for one that is yet to be built")
-        return _checked(source, origin)
+        return _checked(source, origin, context)
     if context is None:
         if car is None or mu is None or max_speed is None:
             missing = [name for name, value in (("car", car), ("mu", mu), ("max_speed", max_speed)) if value is None]
@@ -94,7 +94,7 @@ def build_controller(
         if not is_of_planner(error):
             raise
         raise ControllerError(f"{origin} cannot be built: {told(error, file_of(factory))}") from error
-    return _checked(controller, origin)
+    return _checked(controller, origin, context)
 
 
 def _settings(factory: Any, changes: Mapping[str, Any], origin: str, *, taken: bool) -> Any:
@@ -139,7 +139,7 @@ def _like(default: Any, value: Any) -> str:
     return ""
 
 
-def _checked(controller: Any, origin: str) -> Controller:
+def _checked(controller: Any, origin: str, context: PlannerContext | None) -> Controller:
     if isinstance(controller, type):
         raise ControllerError(
             f"controller {controller.__name__} is a class; accepted: an object of it, such as {controller.__name__}()"
@@ -151,4 +151,9 @@ def _checked(controller: Any, origin: str) -> Controller:
         raise ControllerError(f"{said}; {accepted}")
     if lacking:
         raise ControllerError(f"{origin} is no controller; accepted: {A_PLANNER}")
+    if context is not None:
+        for name in wanted_sensors(type(controller)):
+            if name not in context.sensors:
+                has = accepted_names(name, context.sensors) if context.sensors else f"accepted: sensors=[{name!r}]"
+                raise ControllerError(f"{origin} reads sensor {name!r}, which its car does not have; {has}")
     return controller  # type: ignore[no-any-return]

@@ -113,7 +113,7 @@ def planner_of(function: Callable[[LaserScan, Odometry], DriveCommand], said: st
         signature.bind(None, None)
     except TypeError:
         raise ControllerError(f"{said} is the function {name}{signature}; accepted: {name}(scan, odometry)") from None
-    members = {"__call__": staticmethod(function), "reset": lambda self: None}
+    members = {"__call__": staticmethod(function), "reset": lambda self: None, **vars(function)}
     return type(name, (), {**members, "__module__": function.__module__, "__doc__": function.__doc__})
 
 

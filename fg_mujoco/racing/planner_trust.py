@@ -152,6 +152,7 @@ def recorded_planner(
         max_speed=summary["speed_limit_m_s"],
         planner_settings=summary.get("planner_settings") or {},
         effects=LidarEffects(**summary.get("lidar_effects", {})),
+        sensors=summary.get("sensors") or (),
         seed=summary.get("seed", 0),
     )
     map_line = None if course is None else course.map_line

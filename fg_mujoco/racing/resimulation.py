@@ -22,13 +22,14 @@ from typing import Any, Protocol, cast
 import mujoco
 import numpy as np
 
-from ..errors import RunFolderError, SettingsError
+from ..errors import FgMujocoError, RunFolderError, SettingsError
 from ..lidar.effects import LidarEffects
 from ..messages import DriveCommand, FloatArray, LaserScan, Odometry
 from ..simulation.engine import Engine, whole_steps
 from ..simulation.physics import STATE
 from ..simulation.planner_adapter import OtherCar, Surroundings, odometry_message
 from ..simulation.world import World
+from ..vehicle.sensors import Sensor, as_sensors
 from .result import RaceResult
 from .run_folder import Run
 
@@ -121,8 +122,8 @@ def resimulate(run: Recording, world: World, *, sense: bool = True, follow: bool
         if len(settings) != len(world.cars):
             said = f"summary.json: cars has {len(settings)} rows of {len(world.cars)} cars"
             raise RunFolderError(f"{said}; accepted: one a car, as `race --out` wrote it")
-        effects, seeds, drifts = (list(each) for each in zip(*settings, strict=True))
-        engine.load(run.states[0], effects=effects, seed=seeds, odometry_drift=drifts)
+        effects, seeds, drifts, sensors = (list(each) for each in zip(*settings, strict=True))
+        engine.load(run.states[0], effects=effects, seed=seeds, odometry_drift=drifts, sensors=sensors)
     for controls, (steering_angle, speed), after in zip(run.ctrl, commands, run.states[1:], strict=True):
         time = float(engine.times[0])
         each = _sense(engine) if sense else ()
@@ -178,7 +179,7 @@ def _sense(engine: Engine) -> tuple[Sensed, ...]:
 
 def _sensed(engine: Engine, row: int) -> Sensed:
     """Return what a car has sensed."""
-    odometry = odometry_message(engine.odometry[row])
+    odometry = odometry_message(engine.odometry[row], engine.readings(row))
     pose, (x, y) = engine.free_joint(row)
     heading = odometry.pose[2]
     return Sensed(
@@ -190,11 +191,25 @@ def _sensed(engine: Engine, row: int) -> Sensed:
     )
 
 
-def _sensor_settings(summary: dict[str, Any]) -> tuple[LidarEffects, int, float]:
-    """Return what the LiDAR of a run did to its scans, the seed of its noise, and the drift of the odometry."""
+def recorded_sensors(summary: dict[str, Any]) -> tuple[Sensor, ...]:
+    """Return the sensors of a car of a run, besides LiDAR and odometry.
+
+    Raises:
+      RunFolderError: one is not in SENSORS here.
+    """
+    try:
+        return as_sensors(summary.get("sensors") or ())
+    except (FgMujocoError, TypeError) as error:
+        said = f"summary.json: {error}"
+        raise RunFolderError(f"{said}; a sensor of your own is there once its module is imported") from error
+
+
+def _sensor_settings(summary: dict[str, Any]) -> tuple[LidarEffects, int, float, tuple[Sensor, ...]]:
+    """Return what the LiDAR did to its scans, the seed of its noise, the drift of the odometry, and the sensors."""
+    sensors = recorded_sensors(summary)
     try:
         drift = float(summary.get("odometry_drift", 0.0))  # older runs lack it
-        return LidarEffects(**summary["lidar_effects"]), int(summary["seed"]), drift
+        return LidarEffects(**summary["lidar_effects"]), int(summary["seed"]), drift, sensors
     except (KeyError, TypeError, ValueError) as error:
         raise RunFolderError(
             f"summary.json: {type(error).__name__}: {error}; accepted: with lidar_effects and seed, as `race --out` "

@@ -139,6 +139,11 @@ _NUMBERS: tuple[str, Accepts] = (
 )  # fmt: skip
 
 
+def _are_sensors(value: Any) -> bool:
+    """Say whether a value may be sensors; whether there are such, whoever measures with them says."""
+    return isinstance(value, list) and all(isinstance(each, dict) and "sensor" in each for each in value)
+
+
 def _are_texts_by_name(value: Any) -> bool:
     return isinstance(value, dict) and all(each is None or isinstance(each, str) for each in value.values())
 
@@ -187,6 +192,7 @@ _SUMMARY: dict[str, tuple[str, Accepts]] = {
     "wrong_way": (f"wrong_way, of {', '.join(sorted(_WRONG_WAY))}", lambda value: _is_mapping(value, _WRONG_WAY)),
     "crash": (f"crash, of {', '.join(sorted(_CRASH))}", lambda value: _is_mapping(value, _CRASH, ("into", "geom"))),
     "planner_failure": ("planner_failure, as a race wrote it", _is_failure),
+    "sensors": ("a list of sensors, as a race wrote it", _are_sensors),
 }  # fmt: skip
 """What a summary may have, by name: what is accepted, and what says whether a value is. Each may be null or missing."""
 

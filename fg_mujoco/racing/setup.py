@@ -36,6 +36,7 @@ from ..simulation.settings import CarSettings, DriveSettings, Start, as_parts, r
 from ..simulation.world import World
 from ..vehicle.changes import CarChanges
 from ..vehicle.friction_patches import Patch
+from ..vehicle.sensors import Sensor
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import Vehicle
 from .entries import Entry, require_entries, require_grid
@@ -89,6 +90,7 @@ class StudyKeywords(TypedDict, total=False):
     start: Start | Mapping[str, Any] | None
     effects: LidarEffects | Mapping[str, Any]
     odometry_drift: float
+    sensors: Sequence[Sensor | str | Mapping[str, Any]]
     lidar_noise: float
     lidar_dropout: float
     lidar_latency: float

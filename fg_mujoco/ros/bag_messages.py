@@ -21,13 +21,13 @@ from numpy.typing import NDArray
 
 from ..errors import missing_extra
 from ..intermediate_values import ShownValue
-from ..messages import DriveCommand, FloatArray, LaserScan, Odometry
+from ..messages import DriveCommand, FloatArray, LaserScan, Odometry, Reading
 from ..simulation.telemetry import recorded_command
 
 SCAN, ODOMETRY = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"
 IMU, JOINTS = "sensor_msgs/msg/Imu", "sensor_msgs/msg/JointState"
 DRIVE, TRANSFORMS = "ackermann_msgs/msg/AckermannDriveStamped", "tf2_msgs/msg/TFMessage"
-GRID = "nav_msgs/msg/OccupancyGrid"
+GRID, READING = "nav_msgs/msg/OccupancyGrid", "fg_mujoco_msgs/msg/Reading"
 NUMBER, MARKERS = "std_msgs/msg/Float64", "visualization_msgs/msg/MarkerArray"
 POSE, POSE_WITH_COVARIANCE = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped"
 MOTOR = "vesc_msgs/msg/VescStateStamped"
@@ -36,7 +36,8 @@ MAP_FRAME, ODOM_FRAME, BASE_FRAME, LASER_FRAME, IMU_FRAME = "map", "odom", "base
 STEERING_JOINT = "steering"
 WHEEL_JOINTS = ("front_left_wheel", "front_right_wheel", "rear_left_wheel", "rear_right_wheel")
 
-_OTHERS = {  # of the package ackermann_msgs, which no release of ROS has in its core
+_OTHERS = {  # our own, and those of the package ackermann_msgs, which no release of ROS has in its core
+    READING: "std_msgs/Header header\nstring[] names\nfloat64[] values\n",
     DRIVE: "std_msgs/Header header\nackermann_msgs/AckermannDrive drive\n",
     "ackermann_msgs/msg/AckermannDrive": (
         "float32 steering_angle\nfloat32 steering_angle_velocity\nfloat32 speed\nfloat32 acceleration\nfloat32 jerk\n"
@@ -174,6 +175,14 @@ def joints_message(odometry: Odometry, wheel_radius: float, frame: str = BASE_FR
         velocity=np.concatenate(([math.nan], turning)),
         effort=np.empty(0),
     )
+
+
+def reading_messages(reading: Reading, frame: str) -> list[Any]:
+    """Return READING messages of all that a sensor delivered since the last tick, each stamped when it was measured."""
+    return [
+        _make(READING, header=_header(nanoseconds(stamp), frame), names=list(reading.columns), values=values)
+        for stamp, values in zip(reading.stamps.tolist(), reading.samples, strict=True)
+    ]
 
 
 def drive_message(command: DriveCommand, time: int, frame: str = BASE_FRAME) -> Any:

@@ -7,7 +7,7 @@ for bit, for that is the contract of `batch`, without the messages in between.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Protocol
@@ -17,7 +17,18 @@ from numpy.typing import NDArray
 
 from ..errors import ControllerError, PlannerError
 from ..lidar.beams import Beams
-from ..messages import A_COMMAND, ODOMETRY, Controller, ControllerBatch, DriveCommand, FloatArray, LaserScan, Odometry
+from ..messages import (
+    A_COMMAND,
+    NO_READINGS,
+    ODOMETRY,
+    Controller,
+    ControllerBatch,
+    DriveCommand,
+    FloatArray,
+    LaserScan,
+    Odometry,
+    Reading,
+)
 from .planner_failure import (
     DecisionLimitReached,
     class_name,
@@ -77,6 +88,9 @@ class Cars(Protocol):
     @property
     def running(self) -> NDArray[np.bool_]:
         """Which cars race. Shape (r,)."""
+
+    def readings(self, row: int) -> Mapping[str, Reading]:
+        """Return what the sensors of a car have delivered, by their names."""
 
     def surroundings(self, row: int) -> Surroundings:
         """Return what surrounds a car."""
@@ -258,6 +272,10 @@ class _SomeCars:
         scans = cars.scans
         self.scans = {own: scans[row] for own, row in enumerate(rows.tolist()) if row in scans} if scans else {}
 
+    def readings(self, row: int) -> Mapping[str, Reading]:
+        """See Cars."""
+        return self._whole.readings(int(self._rows[row]))
+
     def surroundings(self, row: int) -> Surroundings:
         """See Cars."""
         return self._whole.surroundings(int(self._rows[row]))
@@ -287,7 +305,7 @@ def adapt(
       ControllerError: their class's `batch` raises.
     """
     kind = type(planners[0])
-    batch = getattr(kind, "batch", None) if arrays and timed is None else None
+    batch = getattr(kind, "batch", None) if arrays and timed is None and not wanted_sensors(kind) else None
     if batch is None or any(type(planner) is not kind for planner in planners):
         return MessagePlanners(planners, raises=raises, timed=timed)
     try:
@@ -299,10 +317,23 @@ def adapt(
     return BatchPlanners(together, kind, raises=raises)
 
 
-def odometry_message(row: Any) -> Odometry:
-    """Return the message of a row of ODOMETRY."""
+def odometry_message(row: Any, readings: Mapping[str, Reading] = NO_READINGS) -> Odometry:
+    """Return the message of a row of ODOMETRY, with the readings of the car's sensors."""
     values: dict[str, Any] = {name: row[name] if row[name].ndim else float(row[name]) for name in _ODOMETRY}
-    return Odometry(**values)
+    return Odometry(**values, readings=readings)
+
+
+def wanted_sensors(kind: type) -> tuple[str, ...]:
+    """Return the names of the sensors that planners of a class read: those of its attribute `sensors`.
+
+    Raises:
+      ControllerError: the attribute is something else than a sequence of names.
+    """
+    names = getattr(kind, "sensors", ())
+    if not isinstance(names, (tuple, list)) or not all(isinstance(name, str) for name in names):
+        said = f"controller {kind.__name__} has sensors = {short(names)}"
+        raise ControllerError(f"{said}; accepted: the names of those that it reads, such as ('imu',)")
+    return tuple(names)
 
 
 @without_exit()
@@ -353,7 +384,7 @@ def plan(controller: Controller, scan: LaserScan, odometry: Odometry) -> DriveCo
 
 def _told(cars: Cars, row: int) -> tuple[LaserScan, Odometry]:
     """Return what a car senses, as messages."""
-    sensed = odometry_message(cars.odometry[row])
+    sensed = odometry_message(cars.odometry[row], cars.readings(row))
     return cars.scans.get(row) or cars.beams.to_scan(cars.ranges[row], sensed.stamp), sensed
 
 

@@ -41,7 +41,7 @@ DEFAULT_RATIO = (0.3, 0.9)
 
 _UNUSABLE = (
     "track", "time_limit", "obstacles", "patches", "lidar", "rules", "decision_limit", "planner_settings", "start",
-    "effects", "odometry_drift", "seed", "name",
+    "effects", "odometry_drift", "sensors", "seed", "name",
 )  # fmt: skip
 """Keywords of a Setup that a duel cannot use."""
 

@@ -258,6 +258,7 @@ def make_engine(
         [scenario.start for scenario in scenarios], effects=[scenario.effects for scenario in scenarios],
         seeds=[scenario.seed for scenario in scenarios],
         odometry_drifts=[scenario.odometry_drift for scenario in scenarios],
+        sensors=[scenario.sensed for scenario in scenarios],
     )  # fmt: skip
     return engine
 
@@ -296,6 +297,7 @@ def _make_field(
     engine.place(
         [entry.start or Start() for entry in entries], effects=[entry.effects for entry in entries],
         seeds=[entry.seed for entry in entries], odometry_drifts=[entry.odometry_drift for entry in entries],
+        sensors=[entry.sensed for entry in entries],
     )  # fmt: skip
     return engine
 

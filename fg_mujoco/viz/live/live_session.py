@@ -298,7 +298,7 @@ class LiveSession:
         cars, engine, before = (settings, *self._opponents), simulation.engine, self.simulation.engine
         engine.load(
             state, effects=[car.effects for car in cars], seed=[car.seed for car in cars],
-            odometry_drift=[car.odometry_drift for car in cars],
+            odometry_drift=[car.odometry_drift for car in cars], sensors=[car.sensed for car in cars],
         )  # fmt: skip
         engine.crashed[:], engine.planners = before.crashed, before.planners
         engine.running[1:] = before.running[1:]
@@ -309,7 +309,7 @@ class LiveSession:
         settings = self.settings
         return Simulation(
             world, effects=settings.effects, seed=settings.seed, odometry_drift=settings.odometry_drift,
-            others=self._opponents,
+            sensors=settings.sensed, others=self._opponents,
         )  # fmt: skip
 
     def _make_world(self, settings: DriveSettings) -> World:
