@@ -37,7 +37,8 @@ def tick_times(repeats):
 
 def call(n, workers, duration):
     start = time.perf_counter()
-    result = fg.rollout("oval", n=n, time_limit=duration, workers=workers, randomize={"mu": "0.9:1.2"})
+    limit = {"time_limit" if hasattr(fg, "Setup") else "duration": duration}
+    result = fg.rollout("oval", n=n, workers=workers, randomize={"mu": "0.9:1.2"}, **limit)
     return (time.perf_counter() - start) / float(result["sim_time_s"].sum())
 
 def steps(env, action, reset):

@@ -30,7 +30,7 @@ COMMAND = "python benchmarks/circuits.py --json docs/figures.json"
 BUNDLED = ("chicanes", "fast", "hairpins", "l_corridor", "oval", "tight")
 RANDOM = tuple(f"random:{seed}" for seed in range(20))
 SPEEDS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0)  # [m/s]
-SPEED_SCENES = ("u_turn_trap", "wrong_side_chicane")
+SPEED_SCENES = ("scene:u_turn_trap", "scene:wrong_side_chicane")
 THRESHOLDS = (1, 2, 3, 4, 5)  # [m]
 DIGITS = {"first_lap_s": 2, "best_lap_s": 2, "max_slide_m_s": 3}
 
@@ -75,15 +75,15 @@ def drive(data: Path, runs: Path, workers: int) -> dict[str, Any]:
         print(f"{name} ...", flush=True)
         return fg.compare(controllers, out=runs / name, workers=workers, pictures=False, **settings)
 
-    circuits = group("circuits", ["gap_finder"], tracks=[*BUNDLED, *real_circuits(data), *RANDOM])
+    circuits = group("circuits", ["gap_finder"], track=[*BUNDLED, *real_circuits(data), *RANDOM])
     thresholds = [f"threshold_gap[threshold={t}]" for t in THRESHOLDS]
-    scenes = successes(group("scenes", scenes=fg.scene_names(), seed=range(10)))
+    scenes = successes(group("scenes", track=[f"scene:{name}" for name in fg.scene_names()], seed=range(10)))
     return {
         "circuits": by_controller(circuits)["gap_finder"],
-        "planners": by_controller(group("planners", tracks=BUNDLED)),
+        "planners": by_controller(group("planners", track=BUNDLED)),
         "scenes": {name: {scene: speeds["8"] for scene, speeds in found.items()} for name, found in scenes.items()},
-        "speeds": successes(group("speeds", scenes=SPEED_SCENES, max_speed=SPEEDS, seed=range(5))),
-        "thresholds": by_controller(group("thresholds", thresholds, tracks=BUNDLED, laps=2)),
+        "speeds": successes(group("speeds", track=SPEED_SCENES, max_speed=SPEEDS, seed=range(5))),
+        "thresholds": by_controller(group("thresholds", thresholds, track=BUNDLED, laps=2)),
     }
 
 

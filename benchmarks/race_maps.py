@@ -109,11 +109,12 @@ def drive(job: Job) -> Row:
         return replace(row, message=f"{'refused' if refused else 'failed'}: {said}")
     if result.car.end_reason == "interrupted":
         raise KeyboardInterrupt
-    laps = result.car.lap_times_s
+    laps, failure = result.car.lap_times_s, result.car.planner_failure
     return replace(
         row,
         laps_completed=len(laps),
-        end_reason=result.car.end_reason,
+        end_reason="" if failure is not None else result.car.end_reason,
+        message="" if failure is None else f"failed: {failure}",
         first_lap_s=laps[0] if laps else None,
         best_flying_lap_s=min(laps[1:], default=None),
         max_slide_m_s=result.car.max_slide_m_s,

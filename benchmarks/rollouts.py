@@ -42,7 +42,8 @@ def memory(track: str, few: int = 64, many: int = 1088) -> float:
     """Return how much a world adds to the memory of a process whose batch has them all at once [MB]."""
     code = (
         "import resource, sys, fg_mujoco as fg\n"
-        f"fg.rollout({track!r}, n=int(sys.argv[1]), executor=fg.Executor(chunk=int(sys.argv[1])), time_limit=0.2, workers=1,"
+        "count = int(sys.argv[1])\n"
+        f"fg.rollout({track!r}, n=count, executor=fg.Executor(chunk=count), time_limit=0.2, workers=1,"
         f" randomize={RANDOMIZE!r})\n"
         "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)"
     )

@@ -40,6 +40,7 @@ import fg_mujoco as fg
 SPELLINGS = {  # of a setting: the first one that a signature has is used
     "changes": ("changes", "car_changes", "vehicle_changes", "overrides", "car"),
     "start": ("start", "begin"),
+    "time_limit": ("duration", "time_limit"),
     "center_of_gravity_height": ("center_of_gravity_height", "cog_height"),
 }
 CLASSES = {  # of a setting that is given as a mapping: the first one that fg_mujoco has is made of it
@@ -47,6 +48,7 @@ CLASSES = {  # of a setting that is given as a mapping: the first one that fg_mu
     "changes": ("CarChanges", "VehicleChanges", "CarOverrides", "VehicleOverrides"),
     "start": ("Start",),
 }
+HAS_SETUP = hasattr(fg, "Setup")  # settings are spelled alike at every function
 TRACKS = ("chicanes", "fast", "hairpins", "l_corridor", "oval", "tight")
 PLANNERS = (
     "disparity_extender", "disparity_selection", "follow_the_gap", "gap_finder", "pure_pursuit", "threshold_gap",
@@ -114,7 +116,7 @@ def race(track: Any, planner: Any = "gap_finder", **settings: Any) -> Facts:
 
 
 def race_facts(result: Any) -> Facts:
-    summary = result.summary()
+    summary, car = result.summary(), getattr(result, "car", result)
     return {
         "trajectory_sha256": result.trajectory_sha256,
         "states_by_second": [
@@ -122,7 +124,7 @@ def race_facts(result: Any) -> Facts:
             for first in range(0, len(result.states), TICKS)
         ],
         **{name: summary[name] for name in FIGURES if name in summary},
-        "telemetry": {name: digest(result.car.column(name)) for name in fg.TELEMETRY},
+        "telemetry": {name: digest(car.column(name)) for name in fg.TELEMETRY},
     }
 
 
@@ -234,8 +236,9 @@ def rollouts() -> Iterator[Case]:
     run = partial(rollout, "oval", "gap_finder", n=64, seed=1, randomize=first, time_limit=10.0, workers=1)
     yield Case(name="rollouts/mu_mass_start_noise_planner", run=run, quick=True)
     tracks = ["hairpins", "random:3"]
+    chunks: dict[str, Any] = {"executor": fg.Executor(chunk=10)} if HAS_SETUP else {"chunk": 10}
     run = partial(
-        rollout, tracks, "disparity_extender", n=64, seed=2, randomize=second, time_limit=8.0, workers=2, executor=fg.Executor(chunk=10)
+        rollout, tracks, "disparity_extender", n=64, seed=2, randomize=second, time_limit=8.0, workers=2, **chunks
     )
     yield Case(name="rollouts/car_lidar_obstacles_two_tracks", run=run)
     options = ["--track", "tight", "--n", "12", "--laps", "1", "--randomize", "mu=0.7:1.1", "--workers", "1"]
@@ -245,12 +248,12 @@ def rollouts() -> Iterator[Case]:
 def rollout(tracks: Any, planner: str, **settings: Any) -> Facts:
     result = call(fg.rollout, tracks, planner, record="states", **settings)
     worlds = range(len(result))
-    telemetry = np.concatenate([result.car.telemetry(world) for world in worlds])
+    telemetry = np.concatenate([result.telemetry(world) for world in worlds])
     return {
         "states": [digest(result.states(world)) for world in worlds],
         "ctrl": [digest(result.ctrl(world)) for world in worlds],
         "columns": {name: digest(result[name]) for name in result.names},
-        "lap_times_s": digest(result.car.lap_times_s),
+        "lap_times_s": digest(result.lap_times_s),
         "telemetry": {name: digest(values) for name, values in zip(fg.TELEMETRY, telemetry.T, strict=True)},
     }
 
@@ -471,9 +474,12 @@ def replay(track: str, **settings: Any) -> Facts:
 def comparison() -> Facts:
     """Runs a few of the runs of `compare`."""
     folder = new_folder() / "comparison"
+    axes: dict[str, Any] = {"tracks": ["oval"], "scenes": ["dead_end", "slow_leader"], "seeds": (0, 1)}
+    if HAS_SETUP:
+        axes = {"track": ["oval", "scene:dead_end", "scene:slow_leader"], "seed": (0, 1)}
     fg.compare(
-        ["gap_finder", "wall_follow[lookahead=8]"], track=["oval"], scenes=["dead_end", "slow_leader"], seed=(0, 1),
-        laps=1, obstacles=2, lidar_noise=0.01, workers=1, out=folder, pictures=False,
+        ["gap_finder", "wall_follow[lookahead=8]"], **axes, laps=1, obstacles=2, lidar_noise=0.01, workers=1,
+        out=folder, pictures=False,
     )  # fmt: skip
     return {"csv": csv_facts(folder)}
 

@@ -67,12 +67,12 @@ def drive(job: Job) -> Row:
     told = None if peak is None or job.use == 1.0 else job.use * peak
     track = fg.load_track(job.course)
     run = fg.race(track, controller=job.controller, laps=job.laps, tires=tires, planner_mu=told)
-    flying = run.car.lap_times_s[1:]
+    car, flying = run.car, run.car.lap_times_s[1:]
     return Row(
-        course=name_of(job.course), tires=job.tires, end_reason=run.car.end_reason, laps_completed=run.car.laps_completed,
-        best_lap_s=round(min(flying), 3) if flying else None, lap_times_s=[round(lap, 4) for lap in run.car.lap_times_s],
-        max_slide_m_s=round(float(run.car.max_slide_m_s), 4), duration_s=round(run.sim_time_s, 2),
-        where=[round(float(run.car.column(name)[-1]), 2) for name in ("x_m", "y_m")],
+        course=name_of(job.course), tires=job.tires, end_reason=car.end_reason, laps_completed=car.laps_completed,
+        best_lap_s=round(min(flying), 3) if flying else None, lap_times_s=[round(lap, 4) for lap in car.lap_times_s],
+        max_slide_m_s=round(float(car.max_slide_m_s), 4), duration_s=round(run.sim_time_s, 2),
+        where=[round(float(car.column(name)[-1]), 2) for name in ("x_m", "y_m")],
     )  # fmt: skip
 
 

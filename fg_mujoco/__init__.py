@@ -3,7 +3,7 @@
     import fg_mujoco as fg
 
     result = fg.race(fg.load_track("oval"), controller="gap_finder", laps=5)
-    print(result.lap_times_s, result.max_slide_m_s)
+    print(result.car.lap_times_s, result.car.max_slide_m_s)
 
 What loads slowly (trimesh, embreex, matplotlib) is imported where it is used.
 """

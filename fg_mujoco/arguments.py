@@ -73,9 +73,10 @@ def _refusal(function: Callable[..., Any], name: str, args: tuple[Any, ...], nam
     needed = [each.name for each in parameters if each.default is each.empty and each.name in taken]
     call = [each for each in taken if each in in_order or each in (needed or taken)]
     accepted = f"{name}({', '.join(each if each in in_order else f'{each}=...' for each in call)})"
+    known = [*taken, *_unpacked(function, parameters)]
     for given in named:
-        if given not in taken and inspect.Parameter.VAR_KEYWORD not in kinds:
-            return unknown_argument(name, given, taken)
+        if given not in known and (inspect.Parameter.VAR_KEYWORD not in kinds or len(known) > len(taken)):
+            return unknown_argument(name, given, known)
     if len(args) > len(in_order) and inspect.Parameter.VAR_POSITIONAL not in kinds:
         most = f"{len(in_order)} at most" if in_order else "none"
         return f"{name} is given {len(args)} arguments without their names; accepted: {most}, as in {accepted}"
@@ -83,11 +84,23 @@ def _refusal(function: Callable[..., Any], name: str, args: tuple[Any, ...], nam
     return f"{name} lacks {', '.join(lacking)}; accepted: {accepted}" if lacking else None
 
 
+def _unpacked(function: Callable[..., Any], parameters: Iterable[inspect.Parameter]) -> Iterable[str]:
+    """Return the keywords of a function's `**keywords: Unpack[Names]`, where `Names` is a TypedDict of its module."""
+    for each in parameters:
+        if each.kind is each.VAR_KEYWORD and str(each.annotation).startswith("Unpack["):
+            names = inspect.unwrap(function).__globals__.get(str(each.annotation)[len("Unpack[") : -1])
+            return list(getattr(names, "__annotations__", ()))
+    return []
+
+
 def unknown_argument(name: str, given: str, taken: Iterable[str]) -> str:
     """Return the refusal of an argument that a function has not: those that it has, and the one that was meant."""
     names = list(taken)
-    rather = None if nearest(given, names) else _RATHER.get(given)
-    return f"{name} has no argument {given!r}; {accepted_names(given, names)}" + (f"; {rather}" if rather else "")
+    meant = nearest(given, names)
+    only_within_a_word = meant is not None and given in meant and given not in meant.split("_")
+    rather = _RATHER.get(given) if meant is None or only_within_a_word else None
+    accepted = accepted_names("" if rather else given, names)
+    return f"{name} has no argument {given!r}; {accepted}" + (f"; {rather}" if rather else "")
 
 
 def explain_class(kind: _C) -> _C:
@@ -115,4 +128,8 @@ class Suggesting:
 
     def _meant(self, name: str) -> str | None:
         """Return the attribute that was probably meant; None: it is not known."""
-        return nearest(name, [each for each in dir(self) if not each.startswith("_")], cutoff=_LEAST_SIMILARITY)
+        return nearest(name, self._names(), cutoff=_LEAST_SIMILARITY)
+
+    def _names(self) -> list[str]:
+        """Return the names of its attributes."""
+        return [each for each in dir(self) if not each.startswith("_")]

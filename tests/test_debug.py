@@ -136,7 +136,7 @@ def test_the_last_step_is_the_recorded_command_to_the_bit(course, planner, secon
     race = fg.race(course, planner, laps=1, time_limit=seconds)
     seen = fg.debug(race, window=seconds)
     assert len(seen.decisions) == len(race.car.telemetry) and seen.notes == ()
-    commands = race.car.telemetry[:, [fg.TELEMETRY.index(name) for name in ("command_steering_rad", "command_speed_m_s")]]
+    commands = np.column_stack([race.car.column(name) for name in ("command_steering_rad", "command_speed_m_s")])
     shown = [(d.command.steering_angle, d.command.speed) for d in seen.decisions]
     answered = [(d.answer.steering_angle, d.answer.speed) for d in seen.decisions]
     told = [(d.steps[-1].steering_angle, d.steps[-1].speed) for d in seen.decisions]

@@ -12,7 +12,7 @@ from numba.core import event
 
 import fg_mujoco as fg
 from fg_mujoco import compiling
-from fg_mujoco.kernels import CompileTime, kernel
+from fg_mujoco.kernels import CompileTime, cache_folder, kernel
 from fg_mujoco.racing.decision_times import DecisionClock, DecisionTimes
 from fg_mujoco.racing.result import clamped_commands
 from fg_mujoco.simulation.planner_failure import DecisionLimitReached
@@ -99,7 +99,7 @@ def test_in_another_thread_the_limit_is_checked_when_the_planner_has_answered():
 
 def test_without_a_limit_a_slow_planner_races_on():
     result = race(lambda now: time.sleep(0.03), decision_limit=None, time_limit=0.1)
-    assert (result.car.end_reason, result.decision_limit_s) == ("time_limit", None)
+    assert (result.car.end_reason, result.setup.decision_limit) == ("time_limit", None)
     times = result.car.decision_times
     assert (times.decisions, times.over_period, times.period_s) == (4, 4, TICK)
     assert 0.03 <= times.median_s <= times.percentile_99_s <= times.worst_s
@@ -167,7 +167,16 @@ def test_the_time_of_compiling_is_that_of_the_first_call(compiler):
     assert compile_time.seconds == first and not compile_time.running
 
 
-def test_the_time_of_compiling_lasts_until_what_was_made_for_it_is_collected(monkeypatch):
+@pytest.fixture
+def empty_cache(tmp_path, monkeypatch):
+    """What an earlier run of the tests has compiled is not loaded."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    cache_folder.cache_clear()
+    yield
+    cache_folder.cache_clear()
+
+
+def test_the_time_of_compiling_lasts_until_what_was_made_for_it_is_collected(monkeypatch, empty_cache):
     compile_time, collected = CompileTime(), []
     monkeypatch.setattr(compiling.gc, "collect", lambda *_: collected.append(compile_time.running))
 

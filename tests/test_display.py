@@ -62,8 +62,8 @@ def objects(lap, crashed, comparison, worlds, tmp_path_factory):
         wall_right=track.right_wall, wall_left=track.left_wall,
     )  # fmt: skip
     failure = PlannerFailure(
-        error="ZeroDivisionError: " + "x" * 900, time_s=1.0, file="a.py", line=3, traceback="a\nb\n" * 99, scan=scan,
-        odometry=odometry,
+        error="ZeroDivisionError: " + "x" * 900, time_s=1.0, file="a.py", line=3, traceback="a\nb\n" * 99,
+        whole_traceback="c\n" * 999, scan=scan, odometry=odometry,
     )  # fmt: skip
     return [
         several, *several.cars, *entries, entries[1].world_car(), contact,
@@ -73,17 +73,18 @@ def objects(lap, crashed, comparison, worlds, tmp_path_factory):
         fg.read_run(folder), fg.replay(folder), debugged, debugged.chosen, fg.STOP, lap.world.vehicle,
         lap.world.parameters, track.map_line,
         simulation.engine.beams, simulation.engine.beams.geometry, fg.LapTimer(track), fg.TireSlipMeter(model, "car/"),
-        fg.RangefinderLidar(fg.World(track, lidar="rangefinder").model, "car/lidar/"), lap.decision_times, failure,
+        fg.RangefinderLidar(fg.World(track, lidar="rangefinder").model, "car/lidar/"), lap.car.decision_times, failure,
         fg.Box(x=1.0, y=2.0, length=0.3, width=0.2), fg.Cylinder(x=1.0, y=2.0, radius=0.2), fg.Prism(footprint=ring),
         fg.MovingObstacle(length=1 / 3, width=1 / 3, start=(1 / 3, 2 / 3), end=(4 / 3, 5 / 3), speed=1 / 3),
         fg.CarChanges(mu=1 / 3, mass=10 / 3), fg.GeneratorSettings(), fg.TightSettings(), fg.LidarEffects(),
         fg.Tires.load("forzaeth_nuc2"), fg.Patch(x=1 / 3, y=0.0, length=1.0, width=1.0, mu=0.3),
         fg.Start(s=1.0), fg.Uniform(0.1, 0.2), fg.Choice(tuple(range(900))), worlds.randomization, worlds.setup(3),
-        fg.Scenario(track=track, obstacles=track.walls), worlds.base, replace(lap, track=HOSTILE, controller=HOSTILE),
-        fg.RaceProgress(time=1.0, laps_completed=1, laps_requested=2, speed=3.0),
+        fg.Setup.of(track, obstacles=track.walls), worlds.base,
+        replace(lap, track=HOSTILE, cars=(replace(lap.car, controller=HOSTILE),)),
+        fg.RaceProgress(time=1.0, laps_completed=1, laps_requested=2, speed=3.0, racing=1),
         fg.ComparisonProgress(runs=3, runs_found=1, runs_driven=1, wall_time_s=1.0),
         fg.RolloutProgress(worlds=3, worlds_found=1, worlds_driven=1, world_seconds=2.0, wall_time_s=1.0),
-        fg.World.from_xml(lap.world.xml), fg.OpenGround(seconds=1 / 3),
+        fg.World.from_xml(lap.world.xml), fg.OpenGround(seconds=1 / 3), fg.Executor(),
         fg.find_manoeuvre("circle").commands(lap.world.parameters, 1.0),
         replace(track, name=HOSTILE), dm_environment.load("oval"), dm_environment.load("oval").physics, F110Env(),
     ]  # fmt: skip
@@ -131,7 +132,7 @@ def test_reprs_have_their_figures_with_units(lap, crashed, comparison, worlds):
     assert str(crashed.car.crash) in repr(crashed) and crashed.car.crash is not None
     assert "1 runs, 1 controllers on 1 courses: 1 finished" in repr(comparison)
     assert repr(worlds).startswith("RolloutResult(12 worlds on 'oval': ends 12 time_limit; median first lap none; ")
-    assert repr(worlds.setup(0)).startswith("Scenario(changes=CarChanges(mu=")
+    assert repr(worlds.setup(0)).startswith("Setup('oval', gap_finder(changes=CarChanges(mu=")
 
 
 def test_the_repr_of_a_scan_counts_beams_without_a_return():
@@ -180,7 +181,7 @@ def test_what_a_notebook_shows_is_well_formed_and_escaped(lap, crashed, comparis
     cells = tuple(replace(cell, controller=hostile) for cell in comparison.cells)
     shown = [
         track,
-        replace(lap, track=hostile, controller=hostile),
+        replace(lap, track=hostile, cars=(replace(lap.car, controller=hostile),)),
         replace(comparison, cells=cells),
         replace(worlds, tracks=(track,)),
     ]
@@ -191,9 +192,9 @@ def test_what_a_notebook_shows_is_well_formed_and_escaped(lap, crashed, comparis
 
 
 def test_the_tables_have_the_figures(lap, crashed, comparison, worlds):
-    assert f"{lap.lap_times_s[0]:.2f} s" in texts(parsed(lap._repr_html_()))
-    assert str(crashed.crash) in texts(parsed(crashed._repr_html_()))
-    assert f"{lap.lap_times_s[0]:.2f}" in texts(parsed(comparison._repr_html_()))  # the same race
+    assert f"{lap.car.lap_times_s[0]:.2f} s" in texts(parsed(lap._repr_html_()))
+    assert str(crashed.car.crash) in texts(parsed(crashed._repr_html_()))
+    assert f"{lap.car.lap_times_s[0]:.2f}" in texts(parsed(comparison._repr_html_()))  # the same race
     rows = parsed(worlds._repr_html_()).findall("table")[1].findall("tbody/tr")
     assert [row[0].text for row in rows] == [str(number) for number in range(10)]
     assert [row[1].text for row in rows] == ["oval"] * 10
@@ -224,19 +225,19 @@ def test_the_driven_line_is_where_the_car_was_in_the_colours_of_its_speed(crashe
     low, high = (course.right_wall.min(axis=0), course.right_wall.max(axis=0))
     scale = 560.0 / (high[0] - low[0] + 1.0)  # [px/m] with a margin of 0.5 m on either side
     first = numbers(line[0].attrib["d"])[:2]
-    x, y = crashed.column("x_m")[0], crashed.column("y_m")[0]
+    x, y = crashed.car.column("x_m")[0], crashed.car.column("y_m")[0]
     np.testing.assert_allclose(first, ((x - low[0] + 0.5) * scale, (high[1] + 0.5 - y) * scale), atol=0.06)
     (cross,) = (path for path in paths if path.attrib.get("stroke") == "#d00000")
-    crash = crashed.crash
+    crash = crashed.car.crash
     place = ((crash.x_m - low[0] + 0.5) * scale, (high[1] + 0.5 - crash.y_m) * scale)
     np.testing.assert_allclose(numbers(cross.attrib["d"])[:2] + 5.0, place, atol=0.06)
 
 
 def test_pictures_stay_small_however_long_the_race_is(lap):
     times = 300
-    many = replace(lap, telemetry=np.tile(lap.car.telemetry, (times, 1)))
+    many = replace(lap, cars=(replace(lap.car, telemetry=np.tile(lap.car.telemetry, (times, 1))),))
     assert len(many._repr_html_()) < 1_000_000
-    few = replace(lap, telemetry=lap.car.telemetry[:0])
+    few = replace(lap, cars=(replace(lap.car, telemetry=lap.car.telemetry[:0]),))
     assert "<svg" in few._repr_html_()
 
 

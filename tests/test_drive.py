@@ -3,6 +3,7 @@
 import csv
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -92,7 +93,7 @@ def test_the_understeer_gradient_is_that_of_a_car_whose_steering_is_known(short_
     telemetry[:, columns["vy_m_s"]] = 0.0
     telemetry[:, columns["ay_m_s2"]] = lateral
     telemetry[:, columns["steering_angle_rad"]] = np.arctan(CAR.wheelbase * curvature) + 0.004 * lateral
-    told = fg.RaceResult(**{**vars(result), "telemetry": telemetry})
+    told = replace(result, cars=(replace(result.car, telemetry=telemetry),))
     assert fg.handling(told)["understeer_gradient_rad_s2_m"] == pytest.approx(0.004, rel=1e-6)
 
 
@@ -105,7 +106,7 @@ def test_a_slalom_and_a_lane_change_end_in_the_direction_that_they_began():
     ):
         result = fg.drive(name)
         assert abs(result.car.column("heading_rad")[-1]) < 0.02
-    y = fg.drive("lane_change[speed=2]").column("y_m")
+    y = fg.drive("lane_change[speed=2]").car.column("y_m")
     assert y.max() == pytest.approx(0.35, rel=0.06) and abs(y[-1]) < 0.05
 
 
@@ -154,7 +155,7 @@ def test_a_drive_is_commanded_what_the_file_says_at_each_tick(tmp_path):
         result.car.column("command_speed_m_s"), np.interp(time, [0.0, 0.33, 1.0], [1.0, 1.5, 2.0])
     )
     assert result.car.column("vx_m_s")[0] == 1.0  # it rolls at the first speed
-    assert fg.drive(str(path), start=fg.Start()).column("vx_m_s")[0] == 0.0
+    assert fg.drive(str(path), start=fg.Start()).car.column("vx_m_s")[0] == 0.0
     assert result.car.controller == str(path)
 
 
@@ -207,7 +208,7 @@ def test_the_settings_of_the_car_are_those_of_a_race():
     for settings in ({"mu": 0.5}, {"vehicle": "nuc2"}, {"changes": fg.CarChanges(mass=5.0)}):
         assert fg.drive("step_steer[seconds=1]", **settings).trajectory_sha256 != plain.trajectory_sha256
     assert fg.drive("step_steer[seconds=1]").trajectory_sha256 == plain.trajectory_sha256
-    assert fg.drive("step_steer[seconds=1]", vehicle="nuc2").vehicle == "nuc2"
+    assert fg.drive("step_steer[seconds=1]", vehicle="nuc2").car.vehicle == "nuc2"
 
 
 def test_a_planner_of_ones_own_may_drive_on_open_ground():

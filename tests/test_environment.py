@@ -61,7 +61,7 @@ def test_contract_tests_see_the_end_of_an_episode():
 
 
 def test_a_lap_is_the_race_of_the_same_commands(lap):
-    commands = np.column_stack((lap.column("command_steering_rad"), lap.column("command_speed_m_s")))
+    commands = np.column_stack((lap.car.column("command_steering_rad"), lap.car.column("command_speed_m_s")))
     env = load("oval", task="time_trial", beam_step=540)
     env.reset()
     for state, command in zip(lap.states[1:], commands, strict=True):
@@ -69,7 +69,7 @@ def test_a_lap_is_the_race_of_the_same_commands(lap):
         assert env.physics.simulation.state.tobytes() == state.tobytes()
     assert (step.last(), step.discount) == (True, 0.0)
     assert env.task.episodes.ending(0)["end_reason"] == "finished"
-    assert tuple(env.task.episodes.ending(0)["lap_times_s"]) == lap.lap_times_s
+    assert tuple(env.task.episodes.ending(0)["lap_times_s"]) == lap.car.lap_times_s
     assert env.physics.time() == lap.sim_time_s
 
 

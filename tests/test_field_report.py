@@ -197,7 +197,7 @@ def test_notebook_shows_a_row_and_a_line_of_each_car():
         (line,) = [path for path in drawn if path.attrib["stroke"] == car_colour_hex(car)]
         ends = [np.array(text.split(), float) for text in re.split("[ML]", line.attrib["d"])[1:]]
         shown = ends[-1] - ends[0]  # [px], y down
-        moved = np.array([result.car.column(name)[-1] - result.car.column(name)[0] for name in ("x_m", "y_m")])
+        moved = np.array([result.column(name)[-1] - result.column(name)[0] for name in ("x_m", "y_m")])
         scale = np.linalg.norm(shown) / np.linalg.norm(moved)
         np.testing.assert_allclose(shown / scale, moved * (1.0, -1.0), atol=0.05)
     crosses = [path for path in page.findall(f".//{SVG}path") if path.attrib["stroke"] == "#d00000"]

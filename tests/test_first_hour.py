@@ -44,22 +44,24 @@ def test_a_column_of_a_race_is_found_without_its_unit(short_race, name):
             plain = name.removesuffix(unit)
             break
     assert plain != name
-    np.testing.assert_array_equal(short_race.column(plain), short_race.telemetry[:, TELEMETRY.index(name)])
+    np.testing.assert_array_equal(short_race.car.column(plain), short_race.car.telemetry[:, TELEMETRY.index(name)])
 
 
 def test_a_column_that_does_not_exist_is_refused_with_the_nearest(short_race):
     with pytest.raises(fg.SettingsError, match="did you mean 'speed_m_s'"):
-        short_race.column("sped_m_s")
+        short_race.car.column("sped_m_s")
     with pytest.raises(fg.SettingsError, match="no column 3"):
-        short_race.column(3)
+        short_race.car.column(3)
 
 
 @pytest.mark.parametrize(
     ("name", "meant"),
     [
-        ("time", "'sim_time_s'"), ("laps", "'laps_completed'"), ("lap_times", "'lap_times_s'"), ("crashed", "'crash'"),
-        ("best_lap", "'lap_times_s'"), ("speed", "\"column('speed_m_s')\""), ("x", "\"column('x_m')\""),
-        ("max_slide", "'max_slide_m_s'"),
+        ("time", "'sim_time_s'"), ("laps", "'car.laps_completed'"), ("lap_times", "'car.lap_times_s'"),
+        ("crashed", "'car.crash'"),
+        ("best_lap", "'car.lap_times_s'"), ("speed", "\"car.column('speed_m_s')\""), ("x", "\"car.column('x_m')\""),
+        ("max_slide", "'car.max_slide_m_s'"), ("collisions", "'car.collisions_wall'"), ("lidar", "'setup.lidar'"),
+        ("decision_limit_s", "'setup.decision_limit'"), ("rules", "'setup.rules'"),
     ],
 )  # fmt: skip
 def test_an_attribute_that_a_result_has_not_is_answered_with_the_one_that_was_meant(short_race, name, meant):
@@ -114,21 +116,23 @@ def test_wrong_arguments_of_all_that_is_public_are_refused_in_one_line():
 @pytest.mark.parametrize(
     ("call", "said"),
     [
-        (lambda: fg.race("oval", planner="gap_finder"), "did you mean 'controller'?"),
+        (lambda: fg.race("oval", planner="gap_finder"), "setting 'planner' is called 'controller' now"),
         (lambda: fg.race(map="oval"), "did you mean 'track'?"),
         (lambda: fg.race("oval", speed=4), "did you mean 'max_speed'?"),
         (lambda: fg.race("oval", friction=0.5), "did you mean 'mu'?"),
         (lambda: fg.race("oval", num_laps=2), "did you mean 'laps'?"),
-        (lambda: fg.race("oval", opponents=["gap_finder"]), "did you mean 'entries'?"),
+        (lambda: fg.race("oval", opponent=["gap_finder"]), "did you mean 'opponents'?"),
+        (lambda: fg.race("oval", opponents="gap_finder"), "opponents is 'gap_finder'; accepted: a list"),
         (lambda: fg.race("oval", gui=True), "`fg-mujoco view` shows a race as it goes"),
         (lambda: fg.race("oval", out="x"), "fg_mujoco.write_run(result, DIR) writes a run folder"),
         (lambda: fg.race("oval", "gap_finder", 3), "accepted: 2 at most, as in race(track, controller)"),
         (lambda: fg.race(), "race lacks track; accepted: race(track, controller)"),
         (lambda: fg.rollout("oval", worlds=2), "did you mean 'n'?"),
-        (lambda: fg.compare(controller=["gap_finder"]), "did you mean 'controllers'?"),
+        (lambda: fg.compare(controllers=["gap_finder"]), "setting 'controllers' is called 'controller' now"),
+        (lambda: fg.compare(planer=["gap_finder"]), "compare has no argument 'planer'; "),
         (lambda: fg.load_track("oval", cars=3), "did you mean 'car'?"),
         (lambda: fg.Entry(planner="gap_finder"), "did you mean 'controller'?"),
-        (lambda: fg.Scenario(map="oval"), "did you mean 'track'?"),
+        (lambda: fg.Setup(map="oval"), "did you mean 'track'?"),
         (lambda: fg.LidarEffects(noise=0.1), "did you mean 'range_noise_std'?"),
         (lambda: fg.DriveCommand(0.1, 1.0), "accepted: none, as in DriveCommand(steering_angle=..., speed=...)"),
         (lambda: fg.DriveCommand(steer=0.1, speed=1.0), "did you mean 'steering_angle'?"),
@@ -188,9 +192,11 @@ def test_numpys_numbers_are_taken_as_numbers():
         ({"patches": [(1, 0, 2, 1, 0.4)]}, "patches[0] is (1, 0, 2, 1, 0.4); accepted: Patch"),
         ({"patches": {"x": 1}}, "patches is {'x': 1}; accepted: a sequence of Patch"),
         ({"patches": 5}, "patches is 5; accepted: a sequence of Patch"),
-        ({"obstacles": "2"}, "obstacles is '2'; accepted: a sequence of Box"),
-        ({"obstacles": 2.5}, "obstacles is 2.5; accepted: a sequence of Box"),
-        ({"obstacles": [{"x": 1}]}, "obstacles[0] is {'x': 1}; accepted: a sequence of Box"),
+        ({"obstacles": "2"}, "obstacles is '2'; accepted: a whole number from 0, or a sequence of Box, "),
+        ({"obstacles": 2.5}, "obstacles is 2.5; accepted: a whole number from 0, or a sequence of Box, "),
+        ({"obstacles": [{"x": 1}]}, "obstacles[0]: Box lacks y, length, width; accepted: Box(x=..., "),
+        ({"obstacles": [{"kind": "ball"}]}, "obstacles[0].kind is 'ball'; accepted: box, cylinder, prism"),
+        ({"obstacles": [fg.Box(x=9, y=0, length=1, width=1), 3]}, "obstacles[1] is 3; accepted: Box, Cylinder, Prism"),
         ({"entries": fg.Entry()}, "accepted: a sequence of Entry"),
         ({"entries": ["gap_finder"]}, "accepted: an Entry, such as Entry(controller='gap_finder')"),
     ],
@@ -339,13 +345,15 @@ def test_a_class_in_place_of_a_planner_says_how_one_is_made():
 
 
 def test_a_planner_that_answers_a_tuple_is_told_what_a_command_is():
-    with pytest.raises(fg.PlannerError, match=r"answered \(0.0, 1.0\) .* DriveCommand\(steering_angle=0.1, "):
-        fg.race("oval", lambda scan, odometry: (0.0, 1.0), **SHORT)
+    with pytest.warns(UserWarning, match=r"answered \(0.0, 1.0\); accepted: a DriveCommand\(steering_angle=0.1, "):
+        result = fg.race("oval", lambda scan, odometry: (0.0, 1.0), **SHORT)
+    assert result.car.end_reason == "planner_failed"
 
 
 def test_a_planner_that_writes_to_a_scan_by_numpy_is_told_to_copy(planner_file):
-    with pytest.raises(fg.PlannerError, match=r"read-only; .* ranges = scan.ranges.copy\(\) \(.*mine.py, line 9\)"):
-        fg.race("oval", f"{planner_file}:fails", **SHORT)
+    with pytest.warns(UserWarning, match=r"read-only; .* ranges = scan.ranges.copy\(\) \(.*mine.py, line 9\)"):
+        result = fg.race("oval", f"{planner_file}:fails", **SHORT)
+    assert result.car.end_reason == "planner_failed"
 
 
 # environments
@@ -419,7 +427,7 @@ COMMANDS = {
     "race --map my.yaml": "did you mean '--track'?",
     "race --speed 4": "did you mean '--max-speed'?",
     "race --max_speed 4": "did you mean '--max-speed'?",
-    "race --planner gap_finder": "did you mean '--controller'?",
+    "race --planner gap_finder": "'--planner' is called '--controller' now",
     "race --car f1tenth": "did you mean '--vehicle'?",
     "race --friction .5": "did you mean '--mu'?",
     "race --output x": "did you mean '--out'?",

@@ -92,12 +92,12 @@ def test_episode_is_the_race_of_the_same_commands(kind, lap):
         assert over == (tick == len(commands(lap)))
     known = {name: values[0] for name, values in info.items()} if many else info
     assert known["end_reason"] == "finished"
-    assert tuple(known["lap_times_s"]) == lap.lap_times_s
+    assert tuple(known["lap_times_s"]) == lap.car.lap_times_s
     assert known["time_s"] == lap.sim_time_s
-    slid = lap.slide_time_fraction * lap.sim_time_s
+    slid = lap.car.slide_time_fraction * lap.sim_time_s
     assert total == pytest.approx(known["progress_m"] - slid, abs=1e-9)
     assert known["clipped_actions"] == 0
-    assert math.isclose(float(np.ravel(observation["speed"])[0]), lap.column("speed_m_s")[-1], abs_tol=0.3)
+    assert math.isclose(float(np.ravel(observation["speed"])[0]), lap.car.column("speed_m_s")[-1], abs_tol=0.3)
 
 
 @pytest.mark.parametrize("kind", [F1TenthEnv, F1TenthVectorEnv])
@@ -117,7 +117,7 @@ def test_nothing_of_an_episode_is_left_in_the_next(kind, lap):
     env.reset()
     for command in commands(lap):
         (_, terminated, _), info = drive(command)
-    assert (terminated, info["laps"], info["lap_times_s"].tolist()) == (True, 1, list(lap.lap_times_s))
+    assert (terminated, info["laps"], info["lap_times_s"].tolist()) == (True, 1, list(lap.car.lap_times_s))
     env.reset()
     total, terminated, ticks = 0.0, False, 0
     while not terminated:

@@ -60,7 +60,7 @@ def test_degrees_are_told_and_radians_are_not():
     )
     (hint,) = race_hints(degrees)
     assert hint.startswith(
-        f"{degrees.clamped_commands} of {len(degrees.telemetry)} commands were beyond the car's limits"
+        f"{degrees.car.clamped_commands} of {len(degrees.car.telemetry)} commands were beyond the car's limits"
     )
     assert "Steering angles are in radians: if these are degrees, try math.radians(angle)" in hint
     assert race_hints(radians) == ()
@@ -99,7 +99,7 @@ def test_a_race_says_that_its_planner_is_late(monkeypatch):
     result = fg.race("oval", Deepest(as_it_is), laps=1, time_limit=1.0)
     assert race_hints(result) == ()
     slow = DecisionTimes.of([0.05] * 40, PERIOD)
-    object.__setattr__(result, "decision_times", slow)
+    object.__setattr__(result.car, "decision_times", slow)
     assert race_hints(result) == (late_hint(vars(slow)),)
 
 

@@ -156,7 +156,7 @@ def test_command_takes_opponents(capsys, monkeypatch):
     monkeypatch.setattr("fg_mujoco.viz.live.desktop.run_desktop", shown.append)
     assert main(["view", "--max-speed", "5", "--opponents", "gap_finder", "--opponent-max-speed", "2"]) == 0
     (session,) = shown
-    assert len(session.world.cars) == 2 and session.settings.opponents[0].max_speed == 2.0
+    assert len(session.world.cars) == 2 and session.setup.entries[1].max_speed == 2.0
 
 
 def test_simulation_wants_settings_of_each_car():

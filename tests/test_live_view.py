@@ -40,7 +40,7 @@ def test_session_drives_as_a_race_does(session, lap):
     drive(session, 4.0)
     row = round(4.0 / TICK)
     assert session.simulation.time == pytest.approx(4.0)
-    assert session.simulation.pose == tuple(lap.telemetry[row, 4:7])
+    assert session.simulation.pose == tuple(lap.car.telemetry[row, 4:7])
     assert (session.simulation.state == lap.states[row]).all()
 
 

@@ -79,7 +79,7 @@ COMMANDS = [
     ("view --web --track ovall", "oval"),
     ("rollout --n 1 --track ovall", "oval"),
     ("compare --out out --track oval,hairpin", "hairpins"),
-    ("compare --out out --scenes dead_ends", "dead_end"),
+    ("compare --out out --track scene:dead_ends", "dead_end"),
     # vehicles
     ("race --vehicle F1TENT", "f1tenth"),
     ("rollout --n 1 --vehicle nuc", "nuc2"),
@@ -109,7 +109,7 @@ COMMANDS = [
     ("race --lidar raycas", "raycast"),
     ("rollout --n 1 --record sumary", "summary"),
     ("rollout --n 1 --record telemetri --out out", "telemetry"),
-    ("rollout --n 1 --executor locl", "local"),
+    ("rollout --n 1 --executor thread", "threads"),
     ("render run --camera chas", "chase"),
     ("render run --quality goood", "good"),
     ("export run --format mcp", "mcap"),

@@ -6,8 +6,7 @@ from refusals import refused
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.lidar.effects import GREATEST_NOISE, LONGEST_LATENCY
-from fg_mujoco.racing.race import RaceSettings
-from fg_mujoco.simulation.settings import GREATEST_LAPS, GREATEST_SPEED, LONGEST_RACE, Scenario
+from fg_mujoco.simulation.settings import GREATEST_LAPS, GREATEST_SPEED, LONGEST_RACE
 from fg_mujoco.vehicle.changes import GREATEST_MU
 
 RACE = {
@@ -81,10 +80,10 @@ def test_a_value_that_makes_no_sense_is_refused_by_the_name_of_its_option(here, 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("mu = 50\n", "race.toml, line 1: mu is 50.0; accepted: a positive number up to 3"),
-        ("\nlidar-latency = 100\n", "race.toml, line 2: lidar-latency is 100.0; accepted: 0 to 1 s"),
+        ("mu = 50\n", "race.toml, line 1: mu is 50; accepted: a positive number up to 3"),
+        ("\nlidar-latency = 100\n", "race.toml, line 2: lidar-latency is 100; accepted: 0 to 1 s"),
         ("laps = -3\n", "race.toml, line 1: laps is -3; accepted: a whole number from 1"),
-        ("obstacle_seed = -3\n", "race.toml, line 1: obstacle-seed is -3; accepted: a whole number from 0"),
+        ("obstacle_seed = -3\n", "race.toml, line 1: obstacle_seed is -3; accepted: a whole number from 0"),
     ],
 )
 def test_a_value_of_a_file_is_refused_by_its_key(here, capsys, text, said):
@@ -104,14 +103,14 @@ def test_a_message_about_something_else_keeps_its_words(here, capsys):
 @pytest.mark.parametrize(
     ("make", "greatest"),
     [
-        (lambda value: Scenario(mu=value), GREATEST_MU),
-        (lambda value: Scenario(planner_mu=value), GREATEST_MU),
-        (lambda value: Scenario(max_speed=value), GREATEST_SPEED),
+        (lambda value: fg.Entry(mu=value), GREATEST_MU),
+        (lambda value: fg.Entry(planner_mu=value), GREATEST_MU),
+        (lambda value: fg.Entry(max_speed=value), GREATEST_SPEED),
         (lambda value: fg.CarChanges(mu=value), GREATEST_MU),
         (lambda value: fg.LidarEffects(range_noise_std=value), GREATEST_NOISE),
         (lambda value: fg.LidarEffects(latency=value), LONGEST_LATENCY),
-        (lambda value: RaceSettings(time_limit=value), LONGEST_RACE),
-        (lambda value: RaceSettings(laps=int(value)), GREATEST_LAPS),
+        (lambda value: fg.Setup(time_limit=value), LONGEST_RACE),
+        (lambda value: fg.Setup(laps=int(value)), GREATEST_LAPS),
     ],
 )
 def test_a_bound_itself_is_accepted_and_what_is_above_it_is_not(make, greatest):
@@ -121,4 +120,4 @@ def test_a_bound_itself_is_accepted_and_what_is_above_it_is_not(make, greatest):
 
 
 def test_no_friction_limits_are_still_no_number():
-    assert Scenario(planner_mu=float("inf")).assumed_mu == float("inf")
+    assert fg.Entry(planner_mu=float("inf")).assumed_mu == float("inf")

@@ -26,7 +26,7 @@ def duel(track, opponent, seed, ratio=0.5, laps=1):
 def test_alone_it_is_the_gap_finder_to_the_last_bit(obstacles):
     settings = {"laps": 1, "obstacles": obstacles, "seed": 2}
     results = [fg.race("chicanes", name, **settings) for name in ("overtaker", "gap_finder")]
-    assert results[0].finished and results[0].collisions == 0
+    assert results[0].car.finished and results[0].car.collisions_wall == 0
     assert results[0].trajectory_sha256 == results[1].trajectory_sha256
 
 

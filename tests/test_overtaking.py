@@ -32,7 +32,7 @@ from fg_mujoco.studies.overtaking.overtaking import overtake
 from fg_mujoco.studies.overtaking.slower_opponents import OPPONENTS, Pace, least_curvature, make_opponent
 from fg_mujoco.studies.overtaking.tables import make_cells
 
-SHORT = {"tracks": ["oval"], "opponents": ["centreline"], "workers": 1, "pictures": False}
+SHORT = {"track": ["oval"], "opponents": ["centreline"], "workers": 1, "pictures": False}
 
 
 @pytest.mark.parametrize(

@@ -119,7 +119,7 @@ def test_a_new_field_is_told_at_every_door(door, tmp_path, monkeypatch):
 
 
 def test_a_planner_names_what_it_wants_and_is_refused_what_there_is_not():
-    context = fg.Scenario().context(fg.Vehicle.load().parameters, None)
+    context = fg.Entry().context(fg.Vehicle.load().parameters, None)
     assert context.mu == fg.Vehicle.load().nominal_mu and context.map_line is None
     assert callable(fg.make_controller("gap_finder", context))
     with pytest.raises(fg.SettingsError, match=r"max_speeed.*did you mean 'max_speed'"):

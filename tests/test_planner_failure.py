@@ -69,10 +69,9 @@ def here(tmp_path, monkeypatch):
 
 
 def failing(name):
-    """The error of a race of one of the planners in the file."""
-    with pytest.raises(fg.PlannerError) as caught:
-        fg.race("oval", f"mine.py:{name}", laps=1)
-    return caught.value
+    """The race of one of the planners in the file, which fails."""
+    with pytest.warns(UserWarning, match=rf"^controller mine\.py:{name} failed: .* \(mine\.py, line \d+\), t = "):
+        return fg.race("oval", f"mine.py:{name}", laps=1)
 
 
 @pytest.mark.slow
@@ -99,10 +98,11 @@ def test_the_command_says_the_line_and_writes_the_run_up_to_there(here, capsys):
 
 
 def test_the_scan_that_did_it_is_the_one_that_the_car_sensed_there(here):
-    error = failing("Late")
-    fg.write_run(error.result, "run", picture=False)
+    result = failing("Late")
+    failure = result.car.planner_failure
+    fg.write_run(result, "run", picture=False)
     scan, odometry = fg.read_failed_scan("run")
-    assert (scan.ranges == error.failure.scan.ranges).all() and scan.stamp == odometry.stamp == error.failure.time_s
+    assert (scan.ranges == failure.scan.ranges).all() and scan.stamp == odometry.stamp == failure.time_s
     simulation = fg.Simulation(fg.World("oval"))
     sensed, told = simulation.reset()
     for _ in range(20):
@@ -118,28 +118,30 @@ def test_the_scan_that_did_it_is_the_one_that_the_car_sensed_there(here):
 
 def test_a_run_whose_planner_did_not_fail_has_no_such_scan(lap, here):
     fg.write_run(lap, "run", picture=False)
-    assert (
-        lap.planner_failure is None and json.loads((here / "run/summary.json").read_text())["planner_failure"] is None
-    )
+    assert lap.car.planner_failure is None
+    assert json.loads((here / "run/summary.json").read_text())["planner_failure"] is None
     with pytest.raises(fg.RunFolderError, match="accepted: the folder of a race whose planner failed"):
         fg.read_failed_scan("run")
 
 
-def test_in_python_the_error_has_the_result_up_to_there():
-    error = failing("Late")
-    assert isinstance(error, fg.ControllerError) and isinstance(error.__cause__, TypeError)
-    assert str(error).endswith("(mine.py, line 15)")
-    assert (error.result.car.end_reason, len(error.result.ctrl)) == ("planner_failed", 20)
-    assert (error.result.car.planner_failure, error.failure.line) == (error.failure, 15)
+def test_in_python_the_race_has_its_result_up_to_there():
+    result = failing("Late")
+    failure = result.car.planner_failure
+    assert failure.error.startswith("TypeError: ") and str(failure).endswith("(mine.py, line 15), t = 0.500 s")
+    assert (result.car.end_reason, result.car.finished, len(result.ctrl)) == ("planner_failed", False, 20)
+    assert (failure.file, failure.line) == ("mine.py", 15)
+    own = failure.traceback.removeprefix("Traceback of the planner:\n")
+    assert own != failure.traceback and failure.whole_traceback.endswith(own)
+    assert "planner_adapter.py" in failure.whole_traceback
 
 
 @pytest.mark.slow
 def test_the_line_in_a_compiled_goal_is_told():
-    error = failing("Goal")
-    assert (error.failure.error, error.failure.file, error.failure.line) == ("ValueError: too many", "mine.py", 35)
-    assert "mine.py" in error.failure.traceback and "planner_adapter" not in error.failure.traceback
-    assert len(error.failure.scan.ranges) == 1081
-    typo = failing("Typo").failure
+    failure = failing("Goal").car.planner_failure
+    assert (failure.error, failure.file, failure.line) == ("ValueError: too many", "mine.py", 35)
+    assert "mine.py" in failure.traceback and "planner_adapter" not in failure.traceback
+    assert len(failure.scan.ranges) == 1081
+    typo = failing("Typo").car.planner_failure
     assert typo.line == 44 and typo.error.startswith("TypingError: Unknown attribute 'angle'")
     assert "\x1b" not in typo.error + typo.traceback
 

@@ -56,7 +56,7 @@ class Told(Learned):
         super().__init__(settings)
         self.files = [Path("line.csv"), Path("policy").with_suffix(".txt")]
 """
-SHORT = {"tracks": ["oval"], "laps": 1, "time_limit": 0.3, "workers": 1, "pictures": False}
+SHORT = {"track": ["oval"], "laps": 1, "time_limit": 0.3, "workers": 1, "pictures": False}
 
 
 @pytest.fixture(autouse=True)

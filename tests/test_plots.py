@@ -60,8 +60,8 @@ def test_trace_picture_draws_what_was_measured(lap, monkeypatch):
 
     (line,) = above.collections
     starts = np.array([segment[0] for segment in line.get_segments()])
-    np.testing.assert_array_equal(starts, np.column_stack((lap.column("x_m"), lap.column("y_m")))[:-1])
-    np.testing.assert_array_equal(line.get_array(), lap.column("speed_m_s")[:-1])
+    np.testing.assert_array_equal(starts, np.column_stack((lap.car.column("x_m"), lap.car.column("y_m")))[:-1])
+    np.testing.assert_array_equal(line.get_array(), lap.car.column("speed_m_s")[:-1])
     assert "1 of 1 laps" in above.get_title()
 
     def curves(axes):
@@ -70,18 +70,24 @@ def test_trace_picture_draws_what_was_measured(lap, monkeypatch):
     def shows(axes, values):
         return any(np.array_equal(curve, values, equal_nan=True) for curve in curves(axes))
 
-    assert shows(speed, lap.column("speed_m_s")) and shows(speed, lap.column("command_speed_m_s"))
-    assert shows(steering, lap.column("steering_angle_rad")) and shows(steering, lap.column("command_steering_rad"))
+    assert shows(speed, lap.car.column("speed_m_s")) and shows(speed, lap.car.column("command_speed_m_s"))
+    assert shows(steering, lap.car.column("steering_angle_rad"))
+    assert shows(steering, lap.car.column("command_steering_rad"))
     for wheel, tire in zip(("front_left", "front_right", "rear_left", "rear_right"), tires, strict=True):
         assert tire.get_ylabel() == wheel.replace("_", "\n")
         assert tire.get_ylim() == tires[0].get_ylim()
-        assert shows(tire, lap.column(f"friction_use_{wheel}"))
-        np.testing.assert_array_equal(tire.lines[0].get_xdata(), lap.column("progress_m"))
+        assert shows(tire, lap.car.column(f"friction_use_{wheel}"))
+        np.testing.assert_array_equal(tire.lines[0].get_xdata(), lap.car.column("progress_m"))
         assert shows(tire, [1.0, 1.0])
-        assert shows(sliding, lap.column(f"slide_{wheel}_m_s"))
+        assert shows(sliding, lap.car.column(f"slide_{wheel}_m_s"))
     assert shows(sliding, [0.01, 0.01])  # tires of bristles, the default
     for axes in (speed, steering, sliding):  # the end of the lap
-        assert any(np.array_equal(curve.get_xdata(), [lap.lap_times_s[0]] * 2) for curve in axes.lines)
+        assert any(np.array_equal(curve.get_xdata(), [lap.car.lap_times_s[0]] * 2) for curve in axes.lines)
+
+
+def with_car(result, **changes):
+    """Return a race of one car with other values in its car's result."""
+    return replace(result, cars=(replace(result.car, **changes),))
 
 
 @pytest.mark.slow
@@ -89,7 +95,7 @@ def test_trace_picture_lays_laps_over_each_other_and_marks_where_a_tire_slid(lap
     drawn = []
     monkeypatch.setattr("fg_mujoco.viz.plots.save_figure", lambda figure, path: drawn.append(figure))
     ticks, length = 400, lap.world.track.length
-    telemetry = np.tile(lap.telemetry[:1], (ticks, 1))
+    telemetry = np.tile(lap.car.telemetry[:1], (ticks, 1))
     column = {name: telemetry[:, index] for index, name in enumerate(fg.TELEMETRY)}
     column["time_s"][:] = 0.025 * np.arange(ticks)
     column["progress_m"][:] = np.linspace(0.0, 2.0 * length, ticks, endpoint=False)
@@ -98,7 +104,7 @@ def test_trace_picture_lays_laps_over_each_other_and_marks_where_a_tire_slid(lap
     column["friction_use_rear_left"][300:310] = 0.75  # from the middle of the second lap on
     column["slide_rear_left_m_s"][:] = 0.01
     column["slide_rear_left_m_s"][340] = 0.2
-    fg.trace_picture(replace(lap, telemetry=telemetry), "not written")
+    fg.trace_picture(with_car(lap, telemetry=telemetry), "not written")
     tire = drawn[0].axes[6]
     assert tire.get_ylabel() == "rear\nleft"
     place, use = tire.lines[0].get_data()
@@ -131,7 +137,8 @@ def cut_off(figure):
 def test_no_text_of_a_trace_picture_is_cut(lap, tires, monkeypatch):
     drawn = []
     monkeypatch.setattr("fg_mujoco.viz.plots.save_figure", lambda figure, path: drawn.append(figure))
-    fg.trace_picture(replace(lap, tires=tires, controller=f"{'path/to/' * 12}planner.py:Planner"), "not written")
+    named = with_car(lap, entry=fg.Entry(tires=tires), controller=f"{'path/to/' * 12}planner.py:Planner")
+    fg.trace_picture(named, "not written")
     assert cut_off(drawn[0]) == []
 
 
@@ -156,7 +163,7 @@ def test_trace_picture_of_a_race_of_one_tick():
 @pytest.mark.slow
 def test_trace_picture_of_a_race_of_no_tick(lap):
     """As of a planner that does not answer its first scan."""
-    result = replace(lap, telemetry=lap.telemetry[:0], lap_times_s=(), sim_time_s=0.0)
+    result = replace(with_car(lap, telemetry=lap.car.telemetry[:0], lap_times_s=()), sim_time_s=0.0)
     assert pixels(lambda file: fg.trace_picture(result, file)).shape[1] == 1080
 
 

@@ -96,7 +96,7 @@ COMMANDS = {
     "race": "race --laps 1 --time-limit 0.1",
     "rollout": "rollout --n 2 --time-limit 0.1 --workers 1",
     "compare": "compare --controller gap_finder --track oval --laps 1 --time-limit 0.1 --workers 1 --out out",
-    "overtake": "overtake --planner gap_finder --track oval --opponents centreline --seed 0:1 --workers 1 --out out",
+    "overtake": "overtake --controller gap_finder --track oval --opponents centreline --seed 0:1 --workers 1 --out out",
     "friction": "friction skidpad --quick --workers 1",
     "identify": "identify nothing --out tires.toml",
 }

@@ -13,7 +13,6 @@ import pytest
 from conftest import Straight
 
 import fg_mujoco as fg
-from fg_mujoco.racing.race import RaceSettings
 from fg_mujoco.racing.result import History
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.telemetry import add_row, end_row
@@ -66,9 +65,10 @@ def assert_complete(result):
 
 def test_finished_when_the_laps_are_done(lap):
     assert_complete(lap)
-    assert (lap.end_reason, lap.finished, lap.laps_completed, lap.collisions) == ("finished", True, 1, 0)
-    assert lap.sim_time_s - TICK <= lap.lap_times_s[0] <= lap.sim_time_s
-    assert lap.column("progress_m")[-1] < lap.world.track.length
+    car = lap.car
+    assert (car.end_reason, car.finished, car.laps_completed, car.collisions_wall) == ("finished", True, 1, 0)
+    assert lap.sim_time_s - TICK <= lap.car.lap_times_s[0] <= lap.sim_time_s
+    assert lap.car.column("progress_m")[-1] < lap.world.track.length
 
 
 def test_crash_when_the_car_drives_straight_on():
@@ -119,7 +119,7 @@ def test_time_limit_is_what_a_car_of_half_a_metre_a_second_needs():
     result = race(lambda time: (math.atan(0.3302 / 2.0), 0.4), track)
     assert result.car.end_reason == "time_limit" and result.car.collisions_wall == 0
     assert result.sim_time_s == pytest.approx(track.length / 0.5, abs=TICK)
-    assert race(lambda time: (math.atan(0.3302 / 2.0), 0.6), track).end_reason == "finished"
+    assert race(lambda time: (math.atan(0.3302 / 2.0), 0.6), track).car.end_reason == "finished"
 
 
 def test_unstable_when_mujoco_meets_a_bad_state(monkeypatch):
@@ -231,7 +231,7 @@ def driven_engine(world):
 )
 def test_a_setting_out_of_range_is_refused_by_name(name, value):
     with pytest.raises(fg.SettingsError, match=rf"{name} is .*; accepted: a "):
-        RaceSettings(**{name: value})
+        fg.Setup.of(**{name: value})
     with pytest.raises(fg.SettingsError, match=rf"{name} is"):
         fg.race("oval", Straight(), **{name: value})
 
@@ -243,10 +243,11 @@ def test_settings_are_checked_before_the_track_is_read():
 
 def test_settings_reach_the_result():
     result = race(lambda time: (0.0, 1.0), mu=0.7, planner_mu=math.inf, max_speed=6, seed=3, time_limit=0.1)
-    assert (result.car.mu, result.car.planner_mu, result.car.speed_limit_m_s, result.car.seed) == (0.7, math.inf, 6.0, 3)
-    assert result.world.car.mu == 0.7 and result.lidar == "raycast" == result.world.lidar_backend
-    default = race(lambda time: (0.0, 1.0), time_limit=0.1)
-    assert (default.car.mu, default.car.planner_mu, default.car.speed_limit_m_s, default.car.seed) == (1.0489, 1.0489, 8.0, 0)
+    car = result.car
+    assert (car.mu, car.planner_mu, car.speed_limit_m_s, car.seed) == (0.7, math.inf, 6.0, 3)
+    assert result.world.car.mu == 0.7 and result.setup.lidar == "raycast" == result.world.lidar_backend
+    default = race(lambda time: (0.0, 1.0), time_limit=0.1).car
+    assert (default.mu, default.planner_mu, default.speed_limit_m_s, default.seed) == (1.0489, 1.0489, 8.0, 0)
 
 
 def test_mu_of_the_tires_and_of_the_planner_are_apart():
@@ -286,11 +287,11 @@ def test_the_planner_cannot_tell_where_in_the_world_it_is():
     line = track.centreline @ [[cos, sin], [-sin, cos]] + (30.0, -20.0)
     moved = fg.Track(name="moved", centreline=line, width_right=track.width_right, width_left=track.width_left)
     here, there = (fg.race(circuit, KeepsToTheMiddle(), laps=1, time_limit=4.0) for circuit in (track, moved))
-    assert here.end_reason == there.end_reason == "time_limit"
+    assert here.car.end_reason == there.car.end_reason == "time_limit"
     assert np.ptp(here.ctrl, axis=0).min() > 0.2
     assert here.ctrl == pytest.approx(there.ctrl, abs=2e-3)
-    assert here.column("progress_m") == pytest.approx(there.column("progress_m"), abs=1e-3)
-    assert np.abs(here.column("x_m") - there.column("x_m")).min() > 10.0
+    assert here.car.column("progress_m") == pytest.approx(there.car.column("progress_m"), abs=1e-3)
+    assert np.abs(here.car.column("x_m") - there.car.column("x_m")).min() > 10.0
 
 
 def test_a_controller_object_is_raced_as_it_is_and_named_by_its_class():
@@ -304,9 +305,10 @@ def test_a_controller_that_fails_in_mid_race_is_named_with_the_time():
     def fails(time):
         return (0.0, 1.0) if time < 0.499 else (0.0, 1.0 / 0.0)
 
-    with pytest.raises(fg.ControllerError, match=r"Recorder failed at t = 0\.500 s.*ZeroDivisionError"):
-        race(fails)
-    with pytest.raises(fg.ControllerError, match=r"Recorder failed at t = 0\.250 s.*speed is nan"):
+    with pytest.warns(UserWarning, match=r"^controller Recorder failed: ZeroDivisionError: .*, t = 0\.500 s$"):
+        result = race(fails)
+    assert (result.car.end_reason, result.car.finished, len(result.ctrl)) == ("planner_failed", False, 20)
+    with pytest.warns(UserWarning, match=r"^controller Recorder failed: .*speed is nan.*, t = 0\.250 s$"):
         race(lambda time: (0.0, math.nan if time > 0.249 else 1.0))
 
 
@@ -341,8 +343,8 @@ def test_reversing_takes_back_what_was_driven():
         return steering, -speed if 4.0 <= time < 7.0 else speed
 
     straight_on, there_and_back = race(lambda time: (steering, speed), track), race(law, track)
-    assert straight_on.finished and there_and_back.car.finished
-    gained = there_and_back.car.lap_times_s[0] - straight_on.lap_times_s[0]
+    assert straight_on.car.finished and there_and_back.car.finished
+    gained = there_and_back.car.lap_times_s[0] - straight_on.car.lap_times_s[0]
     assert gained == pytest.approx(6.0, abs=0.1)
 
 
@@ -359,40 +361,42 @@ def test_the_first_lap_starts_from_a_stand():
 
 
 def test_speed_agrees_with_the_places(lap):
-    x, y, heading = (lap.column(name) for name in ("x_m", "y_m", "heading_rad"))
+    x, y, heading = (lap.car.column(name) for name in ("x_m", "y_m", "heading_rad"))
     middle = np.unwrap(heading)[:-1] + 0.5 * np.diff(np.unwrap(heading))
     ahead = np.diff(x) * np.cos(middle) + np.diff(y) * np.sin(middle)
-    speed = lap.column("speed_m_s")
+    speed = lap.car.column("speed_m_s")
     assert ahead / TICK == pytest.approx(0.5 * (speed[:-1] + speed[1:]), abs=0.03)
-    assert lap.max_speed_m_s == speed.max() > 5.0
-    assert lap.mean_speed_m_s == pytest.approx(np.hypot(np.diff(x), np.diff(y)).sum() / TICK / len(x), rel=0.01)
+    assert lap.car.max_speed_m_s == speed.max() > 5.0
+    assert lap.car.mean_speed_m_s == pytest.approx(np.hypot(np.diff(x), np.diff(y)).sum() / TICK / len(x), rel=0.01)
 
 
 def test_progress_and_offset_agree_with_the_places(lap):
     track = lap.world.track
-    places = track.position(lap.column("progress_m"), lap.column("offset_m"))
-    assert np.hypot(places[:, 0] - lap.column("x_m"), places[:, 1] - lap.column("y_m")).max() < 0.02
-    assert (np.diff(lap.column("progress_m"))[1:] > -1e-6).all()
+    places = track.position(lap.car.column("progress_m"), lap.car.column("offset_m"))
+    assert np.hypot(places[:, 0] - lap.car.column("x_m"), places[:, 1] - lap.car.column("y_m")).max() < 0.02
+    assert (np.diff(lap.car.column("progress_m"))[1:] > -1e-6).all()
 
 
 def test_yaw_rate_agrees_with_the_heading_and_the_steering_with_the_command(lap):
-    rate = np.diff(np.unwrap(lap.column("heading_rad"))) / TICK
-    told = lap.column("yaw_rate_rad_s")
+    rate = np.diff(np.unwrap(lap.car.column("heading_rad"))) / TICK
+    told = lap.car.column("yaw_rate_rad_s")
     assert rate == pytest.approx(0.5 * (told[:-1] + told[1:]), abs=0.12)
     assert np.abs(rate).max() > 1.0
     # the servo reaches the command of a tick by the next, but for its lag
-    assert lap.column("steering_angle_rad")[1:] == pytest.approx(lap.column("command_steering_rad")[:-1], abs=0.03)
+    steering, command = (lap.car.column(f"{name}_rad") for name in ("steering_angle", "command_steering"))
+    assert steering[1:] == pytest.approx(command[:-1], abs=0.03)
 
 
 def test_rows_hold_what_the_planner_heard_and_said_and_what_the_actuators_got():
     planner = Recorder(lambda time: (0.6 * math.sin(9.0 * time), 1.5))
     result = fg.race("oval", planner, laps=1, time_limit=1.0)
-    assert result.car.column("command_steering_rad").tolist() == [command.steering_angle for command in planner.said]
-    assert result.car.column("command_speed_m_s").tolist() == [command.speed for command in planner.said]
-    assert result.car.column("yaw_rate_rad_s").tolist() == [odometry.yaw_rate for _, odometry in planner.heard]
-    assert result.car.column("steering_angle_rad").tolist() == [odometry.steering_angle for _, odometry in planner.heard]
-    assert np.abs(result.car.column("command_steering_rad")).max() > 0.5
-    assert result.ctrl[:, 0] == pytest.approx(np.clip(result.car.column("command_steering_rad"), -0.4189, 0.4189))
+    car = result.car
+    assert car.column("command_steering_rad").tolist() == [command.steering_angle for command in planner.said]
+    assert car.column("command_speed_m_s").tolist() == [command.speed for command in planner.said]
+    assert car.column("yaw_rate_rad_s").tolist() == [odometry.yaw_rate for _, odometry in planner.heard]
+    assert car.column("steering_angle_rad").tolist() == [odometry.steering_angle for _, odometry in planner.heard]
+    assert np.abs(car.column("command_steering_rad")).max() > 0.5
+    assert result.ctrl[:, 0] == pytest.approx(np.clip(car.column("command_steering_rad"), -0.4189, 0.4189))
     assert result.ctrl[:, 1].tolist() == [1.5] * 40
 
 
@@ -463,11 +467,13 @@ def test_a_tire_in_the_air_leaves_nan_and_never_zero(short_race):
 
 
 def test_a_result_cannot_be_changed(short_race):
-    for name in ("telemetry", "states", "ctrl"):
+    for array in (short_race.car.telemetry, short_race.states, short_race.ctrl):
         with pytest.raises(ValueError, match="read-only"):
-            getattr(short_race, name)[:] = 0.0
+            array[:] = 0.0
     with pytest.raises(dataclasses.FrozenInstanceError):
-        short_race.finished = True
+        short_race.car.finished = True
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        short_race.winner = "car_0"
     copied = np.zeros_like(short_race.ctrl)
     changed = dataclasses.replace(short_race, ctrl=copied)
     copied[:] = 9.0
@@ -476,10 +482,10 @@ def test_a_result_cannot_be_changed(short_race):
 
 def test_a_column_is_found_by_its_name(short_race):
     for index, name in enumerate(fg.TELEMETRY):
-        assert np.array_equal(short_race.column(name), short_race.telemetry[:, index], equal_nan=True)
-    assert np.array_equal(short_race.column("speed"), short_race.column("speed_m_s"))
+        assert np.array_equal(short_race.car.column(name), short_race.car.telemetry[:, index], equal_nan=True)
+    assert np.array_equal(short_race.car.column("speed"), short_race.car.column("speed_m_s"))
     with pytest.raises(fg.SettingsError, match="no column 'velocity'"):
-        short_race.column("velocity")
+        short_race.car.column("velocity")
 
 
 def test_the_motion_columns_are_those_of_the_recorded_states(lap):
@@ -499,21 +505,21 @@ def test_the_motion_columns_are_those_of_the_recorded_states(lap):
         axes.append((ahead, left))
     velocities, axes = np.array(velocities), np.array(axes)
     rear, gravity_centre = np.einsum("tad,tpd->pta", axes, velocities)
-    assert lap.column("vx_m_s") == pytest.approx(rear[:-1, 0], abs=1e-9)
-    assert lap.column("vy_m_s") == pytest.approx(rear[:-1, 1], abs=1e-9)
-    assert np.array_equal(lap.column("vx_m_s"), lap.column("speed_m_s"))
+    assert lap.car.column("vx_m_s") == pytest.approx(rear[:-1, 0], abs=1e-9)
+    assert lap.car.column("vy_m_s") == pytest.approx(rear[:-1, 1], abs=1e-9)
+    assert np.array_equal(lap.car.column("vx_m_s"), lap.car.column("speed_m_s"))
     moves = np.hypot(*gravity_centre[:-1].T) >= 0.1
     assert moves.sum() > 300 and not moves[0]
     sideslip = np.arctan2(gravity_centre[:-1, 1], gravity_centre[:-1, 0])
-    assert lap.column("sideslip_rad")[moves] == pytest.approx(sideslip[moves], abs=1e-9)
-    assert np.isnan(lap.column("sideslip_rad")[~moves]).all() and np.abs(sideslip[moves]).max() > 0.02
+    assert lap.car.column("sideslip_rad")[moves] == pytest.approx(sideslip[moves], abs=1e-9)
+    assert np.isnan(lap.car.column("sideslip_rad")[~moves]).all() and np.abs(sideslip[moves]).max() > 0.02
 
     change = np.diff(velocities[:, 1], axis=0) / np.diff(lap.states[:, 0])[:, None]
     half_way = axes[1:, 0] + axes[:-1, 0]
     half_way /= np.linalg.norm(half_way, axis=1)[:, None]
-    assert lap.column("ax_m_s2") == pytest.approx(np.sum(change * half_way, axis=1), abs=1e-6)
+    assert lap.car.column("ax_m_s2") == pytest.approx(np.sum(change * half_way, axis=1), abs=1e-6)
     left = np.column_stack((-half_way[:, 1], half_way[:, 0]))
-    assert lap.column("ay_m_s2") == pytest.approx(np.sum(change * left, axis=1), abs=1e-6)
+    assert lap.car.column("ay_m_s2") == pytest.approx(np.sum(change * left, axis=1), abs=1e-6)
 
 
 def yaw_rate(data, base):
@@ -531,7 +537,7 @@ def test_the_summary_is_json_with_the_keys_of_the_command(lap):
         "wall_time_s", "realtime_factor", "seed", "mu", "planner_mu", "trajectory_sha256",
     }  # fmt: skip
     assert required <= set(summary)
-    assert summary["lap_times_s"] == list(lap.lap_times_s) and summary["finished"] is True
+    assert summary["lap_times_s"] == list(lap.car.lap_times_s) and summary["finished"] is True
     # without the first tick, in which kernels are read from disk
     assert summary["realtime_factor"] >= 0.999 * (summary["sim_time_s"] - 0.025) / summary["wall_time_s"] > 0.0
     assert not {"world", "telemetry", "states", "ctrl"} & set(summary)

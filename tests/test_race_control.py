@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from fg_mujoco import Entry, RaceResult, RunFolderError, SettingsError, Start, race, read_run, replay, write_run
+from fg_mujoco import Entry, RaceResult, RunFolderError, SettingsError, Setup, Start, race, read_run, replay, write_run
 from fg_mujoco.cli.main import main
-from fg_mujoco.cli.options import opponents_of
+from fg_mujoco.cli.options import with_opponents
 from fg_mujoco.messages import DriveCommand, LaserScan, Odometry
 from fg_mujoco.racing.race_control import OVERTAKE_HELD, OVERTAKE_LEAD
 from fg_mujoco.racing.run_folder import SUMMARY, of_car
@@ -58,7 +57,7 @@ def overtaken() -> RaceResult:
 def test_an_overtake_is_half_a_length_ahead_held_for_a_second(overtaken: RaceResult) -> None:
     (overtake,) = overtaken.overtakes
     assert (overtake.by, overtake.of) == ("fast", "slow")
-    slow, fast = overtaken.car_results
+    slow, fast = overtaken.cars
     lead = fast.column("progress_m") - slow.column("progress_m")
     time = slow.column("time_s")
     needed = OVERTAKE_LEAD * overtaken.world.car.parameters.length
@@ -119,7 +118,7 @@ def test_behind_a_car_that_drives_on_it_is_3_metres_and_a_replay_knows(tmp_path:
 def test_the_rules_warn_put_back_and_disqualify(warned: RaceResult) -> None:
     assert [warning.car for warning in warned.warnings] == ["rams"] * 3
     assert all(contact.displacement_m >= 0.05 for contact in warned.contacts[:1])
-    stands, rams = warned.car_results
+    stands, rams = warned.cars
     assert rams.end_reason == "disqualified"
     assert len(warned.restarts) == 2  # the third warning ends the race
     for restart in warned.restarts:
@@ -142,7 +141,7 @@ def test_a_race_with_restarts_replays_to_the_bit(warned: RaceResult, tmp_path: P
     assert report.holds, report.lines
     assert {"contacts", "overtakes", "warnings", "restarts", "cars"} <= set(report.proved[SUMMARY])
     run = read_run(tmp_path / "run")
-    assert np.array_equal(run.others[0], warned.car_results[1].telemetry, equal_nan=True)
+    assert np.array_equal(run.others[0], warned.cars[1].telemetry, equal_nan=True)
 
 
 @pytest.mark.slow
@@ -187,12 +186,12 @@ def test_a_finished_car_is_in_nobodys_way() -> None:
         race(track, entries=entries)
     result = race("oval", entries=[Entry(max_speed=6.0), Entry(max_speed=3.0)], laps=1)
     first, second = result.cars
-    assert first.car.finished
-    assert second.car.finished
-    gone = second.car.column("time_s") > first.end_time_s + 0.05
-    apart = np.hypot(first.car.column("x_m") - second.car.column("x_m"), first.car.column("y_m") - second.car.column("y_m"))
+    assert first.finished
+    assert second.finished
+    gone = second.column("time_s") > first.end_time_s + 0.05
+    apart = np.hypot(first.column("x_m") - second.column("x_m"), first.column("y_m") - second.column("y_m"))
     assert apart[gone].min() > 30.0
-    assert first.car.max_speed_m_s <= 6.1
+    assert first.max_speed_m_s <= 6.1
 
 
 def test_the_settings_of_one_car_are_refused_beside_entries() -> None:
@@ -231,9 +230,8 @@ def test_bad_opponents_are_one_line_and_exit_2(
 
 
 def test_opponents_have_seeds_of_their_own() -> None:
-    options = argparse.Namespace(opponent=["wall_follow", "wall_follow"], opponent_max_speed=[3.0])
-    entries = opponents_of(options, Entry(seed=7))
-    assert [(entry.controller, entry.max_speed, entry.seed) for entry in entries] == [
+    setup = with_opponents(Setup.of(seed=7), ["wall_follow", "wall_follow"], [3.0])
+    assert [(entry.controller, entry.max_speed, entry.seed) for entry in setup.entries[1:]] == [
         ("wall_follow", 3.0, 8), ("wall_follow", 3.0, 9),
     ]  # fmt: skip
 

@@ -11,6 +11,7 @@ import fg_mujoco as fg
 from fg_mujoco.course.random_obstacles import CLEAR_AHEAD, CLEAR_BEHIND, SPACING
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.simulation.course_loading import default_car
+from fg_mujoco.simulation.settings import Scenario
 from fg_mujoco.studies.rollout.randomization import PARAMETERS, Choice, Randomization, Uniform, as_range, world_seeds
 
 OVAL = fg.load_track("oval")
@@ -197,7 +198,7 @@ def test_what_is_drawn_reaches_the_scenario():
 
 
 def test_nothing_randomised_is_the_plain_world():
-    assert Randomization.of({}).scenario(OVAL, 4) == fg.Scenario(track=OVAL, seed=4)
+    assert Randomization.of({}).scenario(OVAL, 4) == Scenario(track=OVAL, seed=4)
 
 
 # -- obstacles

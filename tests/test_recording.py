@@ -51,7 +51,7 @@ def test_reading_gives_back_every_bit(written, short_race):
     run = fg.read_run(written)
     assert run.states.tobytes() == short_race.states.tobytes()
     assert run.ctrl.tobytes() == short_race.ctrl.tobytes()
-    assert run.telemetry.tobytes() == short_race.telemetry.tobytes()
+    assert run.telemetry.tobytes() == short_race.car.telemetry.tobytes()
     assert run.time[0] == 0.0
     np.testing.assert_allclose(np.diff(run.time), 0.025, atol=1e-9)
     np.testing.assert_array_equal(run.column("time_s"), run.time[:-1])
@@ -81,7 +81,7 @@ def test_a_planner_of_ones_own_is_kept_with_the_hash_of_its_source(written, tmp_
 
 def test_the_summary_has_a_row_for_each_car(short_race):
     (row,) = short_race.summary()["cars"]
-    assert row["position"] == 1 and row["collisions_wall"] == short_race.collisions
+    assert row["position"] == 1 and row["collisions_wall"] == short_race.car.collisions_wall
     assert all(
         row[name] == getattr(short_race, name) for name in ("lap_times_s", "finished", "end_reason", "max_slide_m_s")
     )
@@ -89,6 +89,8 @@ def test_the_summary_has_a_row_for_each_car(short_race):
 
 def test_what_is_no_number_is_null_in_json():
     class Result:
+        setup = fg.Setup()
+
         def summary(self):
             return {"planner_mu": math.inf, "max_slide_m_s": math.nan, "lap_times_s": (1.0,)}
 
@@ -127,13 +129,13 @@ def test_telemetry_is_a_table_that_any_reader_reads(written, short_race):
     assert len(rows) == len(short_race.ctrl)
     assert tuple(rows[0]) == fg.TELEMETRY
     assert rows[0]["steps"] == "5" == str(round(0.025 / short_race.world.model.opt.timestep))
-    assert float(rows[5]["x_m"]) == short_race.column("x_m")[5]
+    assert float(rows[5]["x_m"]) == short_race.car.column("x_m")[5]
 
 
 def test_a_tire_off_the_ground_is_nan_in_the_table(short_race, tmp_path):
     from fg_mujoco.racing.run_folder import _read_telemetry, _write_telemetry
 
-    telemetry = short_race.telemetry.copy()
+    telemetry = short_race.car.telemetry.copy()
     use = fg.TELEMETRY.index("friction_use_rear_right")
     telemetry[3, use] = math.nan
     telemetry[4, use] = -0.0
@@ -162,12 +164,12 @@ def test_a_run_of_an_older_version_is_read_and_says_which_columns_it_lacks(writt
     motion = fg.TELEMETRY[fg.TELEMETRY.index("steps") + 1 :]
     run = fg.read_run(_without(written, tmp_path / "old", *motion))
     assert run.columns == fg.TELEMETRY[: fg.TELEMETRY.index("steps") + 1] and "vy_m_s" in motion
-    assert np.array_equal(run.column("speed_m_s"), short_race.column("speed_m_s"))
+    assert np.array_equal(run.column("speed_m_s"), short_race.car.column("speed_m_s"))
     with pytest.raises(
         fg.SettingsError, match=r"older version\) has no column 'vy_m_s'; accepted: time_s, lap, .*steps"
     ):
         run.column("vy_m_s")
-    assert np.array_equal(run.column("speed"), short_race.column("speed_m_s"))
+    assert np.array_equal(run.column("speed"), short_race.car.column("speed_m_s"))
     with pytest.raises(fg.SettingsError, match=r"telemetry.csv has no column 'sped'; .* did you mean 'speed_m_s'"):
         run.column("sped")
     assert fg.replay(run.folder).identical

@@ -238,7 +238,7 @@ def test_trace_lies_where_the_rear_axle_was(lap):
     with Film(lap, camera="track", size=(640, 480), quality="draft", overlays=Overlays(trace=True)) as film:
         picture, view = film.frame(6.0).astype(int), film.view(6.0)
     ticks = np.arange(10, int(5.5 / 0.025), 7)
-    points = np.column_stack((lap.column("x_m")[ticks], lap.column("y_m")[ticks], np.zeros(len(ticks))))
+    points = np.column_stack((lap.car.column("x_m")[ticks], lap.car.column("y_m")[ticks], np.zeros(len(ticks))))
     places = view.project(points, (640, 480))[0].astype(int)
     on_trace = [
         np.ptp(picture[row - 1 : row + 2, column - 1 : column + 2], axis=2).max() > 60 for column, row in places
@@ -249,7 +249,7 @@ def test_trace_lies_where_the_rear_axle_was(lap):
 def test_a_drive_that_was_over_before_its_first_tick_has_one_frame(short_race):
     whole = read_drive(short_race)
     drive = replace(
-        whole, time=whole.time[:1], states=whole.states[:1], ctrl=whole.ctrl[:0], telemetry=whole.car.telemetry[:0]
+        whole, time=whole.time[:1], states=whole.states[:1], ctrl=whole.ctrl[:0], telemetry=whole.telemetry[:0]
     )
     everything = Overlays(beams=True, trace=True, forces=True, strip=True)
     with Film(drive, size=(64, 48), quality="draft", overlays=everything) as film:

@@ -237,7 +237,7 @@ def comparison(tmp_path_factory):
         "    def __call__(self, scan, odometry): return DriveCommand(steering_angle=0.0, speed=1.0)\n"
     )
     fg.compare(
-        ["gap_finder", f"{planner}:Slow"], scenes=["narrow_gap_150"], seed=[0, 1], out=place / "out", workers=1,
+        ["gap_finder", f"{planner}:Slow"], track=["scene:narrow_gap_150"], seed=[0, 1], out=place / "out", workers=1,
         time_limit=3.0, pictures=False,
     )  # fmt: skip
     return place

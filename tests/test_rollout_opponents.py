@@ -28,7 +28,7 @@ DRAWN = {
     "lidar_noise": (0.0, 0.03),
     "command_delay": [0.0, 0.05],
 }
-SHORT = {"randomize": DRAWN, "duration": 0.5, "record": "states"}
+SHORT = {"randomize": DRAWN, "time_limit": 0.5, "record": "states"}
 BATCHED = """
 
 class Batched(Broken):
@@ -81,7 +81,9 @@ def here(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("options", [{"chunk": 1}, {"workers": 1}, {"workers": 3, "chunk": 2}])
+@pytest.mark.parametrize(
+    "options", [{"executor": fg.Executor(chunk=1)}, {"workers": 1}, {"workers": 3, "executor": fg.Executor(chunk=2)}]
+)
 def test_chunks_and_workers_change_nothing(some, options):
     result, opponents = some
     assert_same(fg.rollout(TRACKS, n=6, opponents=opponents, **SHORT, **options), result)
@@ -107,28 +109,28 @@ def test_processes_drive_the_same_worlds():
 def test_a_world_is_the_race_of_its_entries(some):
     result, opponents = some
     for world in (0, 5):
-        scenario, entries = result.setup(world), result.entries(world)
-        assert len(entries) == len(opponents) + 1
-        race = fg.race(scenario.track, entries=entries, time_limit=0.5, laps=1)
+        setup = result.setup(world)
+        assert len(setup.entries) == len(opponents) + 1
+        race = fg.race(setup)
         assert trajectory_sha256(result.states(world), result.ctrl(world)) == race.trajectory_sha256
         assert same(result.telemetry(world), race.car.telemetry)
         for name in ("end_reason", "laps_completed", "collisions", "max_slide_m_s", "mean_speed_m_s", "sim_time_s"):
-            assert result[name][world] == getattr(race, name), name
-        assert result["position"][world] == race.cars[0].position
+            assert result[name][world] == race.summary()[name], name
+        assert result["position"][world] == race.car.position
 
 
 def test_opponents_are_the_same_cars_in_each_world_with_noise_of_their_own():
     noisy = Entry(effects=fg.LidarEffects(range_noise_std=0.02), seed=3)
     result = fg.rollout("oval", n=2, opponents=[noisy, noisy], time_limit=0.1)
-    seeds = [[entry.seed for entry in result.entries(world)] for world in range(2)]
+    seeds = [[entry.seed for entry in result.setup(world).entries] for world in range(2)]
     assert [row[0] for row in seeds] == result["seed"].tolist()
     assert len({seed for row in seeds for seed in row}) == 6
 
 
 def test_the_whole_grid_moves_with_the_start_of_car_0():
-    options = {"duration": 0.1, "opponents": ["gap_finder"]}
-    placed = fg.rollout("oval", n=1, start=fg.Start(s=7.0, offset=0.2, speed=1.0), **options).entries(0)
-    plain = fg.rollout("oval", n=1, **options).entries(0)
+    options = {"time_limit": 0.1, "opponents": ["gap_finder"]}
+    placed = fg.rollout("oval", n=1, start=fg.Start(s=7.0, offset=0.2, speed=1.0), **options).setup(0).entries
+    plain = fg.rollout("oval", n=1, **options).setup(0).entries
     assert [entry.start.s for entry in plain] == [0.0, -0.8]
     assert [entry.start.s for entry in placed] == [7.0, pytest.approx(6.2)]
     assert placed[0].start.offset == pytest.approx(plain[0].start.offset + 0.2)
@@ -145,7 +147,7 @@ def test_car_0_overtakes_a_slow_car_ahead(behind_a_slow_car):
     assert result["overtakes"].tolist() == [1, 1]
     assert result["position"].tolist() == [1, 1]
     assert result["overtaken"].tolist() == [0, 0]
-    race = fg.race("l_corridor", entries=result.entries(0), time_limit=8.0, laps=5)
+    race = fg.race("l_corridor", entries=result.setup(0).entries, time_limit=8.0, laps=5)
     assert [(overtake.by, overtake.of) for overtake in race.overtakes] == [("car_0", "car_1")]
     assert result["contacts"][0] == len(race.contacts)
 
@@ -154,8 +156,8 @@ def test_car_0_overtakes_a_slow_car_ahead(behind_a_slow_car):
 def test_a_slow_car_is_overtaken_and_loses():
     fast = Entry(max_speed=4.0, name="fast")
     result = fg.rollout("scene:slow_leader:1", n=1, opponents=[fast], max_speed=1.0, laps=1)
-    race = fg.race("scene:slow_leader:1", entries=result.entries(0), laps=1)
-    assert (result["winner"][0], result["position"][0]) == ("fast", 2) == (race.winner, race.cars[0].position)
+    race = fg.race("scene:slow_leader:1", entries=result.setup(0).entries, laps=1)
+    assert (result["winner"][0], result["position"][0]) == ("fast", 2) == (race.winner, race.car.position)
     summary = result.summary()
     assert summary["wins"] == 0.0 and summary["mean_position"] == 2.0
     assert summary["overtaken_per_world"] == sum(overtake.of == "car_0" for overtake in race.overtakes)
@@ -181,17 +183,16 @@ def test_without_opponents_columns_and_keys_are_those_of_before():
     new = {"opponents", "grid", "wins", "mean_position"}
     new |= {f"{name}_per_world" for name in ("overtakes", "overtaken", "contacts", "contacts_at_fault")}
     assert set(among.summary()) - set(alone.summary()) == new
-    with pytest.raises(SettingsError, match="no opponents; accepted"):
-        alone.entries(0)
+    assert [len(result.setup(0).entries) for result in (alone, among)] == [1, 2]
 
 
 def test_an_opponent_that_fails_ends_its_own_race_only(here):
-    bad = {"opponents": ["gap_finder", "mine.py:Broken"], "duration": 1.5, "record": "telemetry"}
+    bad = {"opponents": ["gap_finder", "mine.py:Broken"], "time_limit": 1.5, "record": "telemetry"}
     result = fg.rollout("oval", n=3, max_speed=3.0, **bad)
     assert result["end_reason"].tolist() == ["time_limit"] * 3
     assert len(result.telemetry(0)) == 60
-    race = fg.race("oval", entries=result.entries(1), time_limit=1.5, laps=5)
-    assert [car["end_reason"] for car in race.cars] == ["time_limit", "time_limit", "planner_failed"]
+    race = fg.race("oval", entries=result.setup(1).entries, time_limit=1.5, laps=5)
+    assert [car.end_reason for car in race.cars] == ["time_limit", "time_limit", "planner_failed"]
     assert same(result.telemetry(1), race.car.telemetry)
 
 
@@ -204,10 +205,10 @@ def test_where_car_0_fails_the_opponents_race_on(here):
 
 def test_where_all_planners_fail_at_once_the_world_is_its_race_which_replays(here):
     result = fg.rollout("oval", "mine.py:Broken", n=1, opponents=["mine.py:Broken"], time_limit=1.0, record="states")
-    race = fg.race("oval", entries=result.entries(0), time_limit=1.0, laps=5)
-    assert [car["end_reason"] for car in race.cars] == ["planner_failed"] * 2
+    race = fg.race("oval", entries=result.setup(0).entries, time_limit=1.0, laps=5)
+    assert [car.end_reason for car in race.cars] == ["planner_failed"] * 2
     assert trajectory_sha256(result.states(0), result.ctrl(0)) == race.trajectory_sha256
-    assert race.cars[0].end_time_s == race.sim_time_s == result["sim_time_s"][0] == pytest.approx(0.2)
+    assert race.car.end_time_s == race.sim_time_s == result["sim_time_s"][0] == pytest.approx(0.2)
     fg.write_run(race, "run", picture=False)
     assert fg.replay("run").holds
 
@@ -216,11 +217,11 @@ def test_where_all_planners_fail_at_once_the_world_is_its_race_which_replays(her
 def test_opponents_that_decide_together_and_raise_stop_in_their_own_world_only(here):
     """Where it is not known whose failure it is, each world is driven again alone, to the same bits."""
     (here / "mine.py").write_text(PLANNERS + BATCHED)
-    options = {"opponents": ["mine.py:Batched", "gap_finder"], "duration": 0.6, "record": "states", "max_speed": 2.0}
+    options = {"opponents": ["mine.py:Batched", "gap_finder"], "time_limit": 0.6, "record": "states", "max_speed": 2.0}
     result = fg.rollout("oval", n=3, randomize={"mu": (0.8, 1.0)}, **options)
     assert result["end_reason"].tolist() == ["time_limit"] * 3
-    race = fg.race("oval", entries=result.entries(1), time_limit=0.6, laps=5)
-    assert [car["end_reason"] for car in race.cars] == ["time_limit", "planner_failed", "time_limit"]
+    race = fg.race("oval", entries=result.setup(1).entries, time_limit=0.6, laps=5)
+    assert [car.end_reason for car in race.cars] == ["time_limit", "planner_failed", "time_limit"]
     assert trajectory_sha256(result.states(1), result.ctrl(1)) == race.trajectory_sha256
 
 
@@ -229,7 +230,7 @@ def test_opponents_that_decide_together_and_raise_stop_in_their_own_world_only(h
 
 @pytest.mark.slow
 def test_a_rollout_is_gone_on_with_where_it_was(tmp_path):
-    options = {"n": 4, "chunk": 2, "opponents": MIXED, **SHORT}
+    options = {"n": 4, "executor": fg.Executor(chunk=2), "opponents": MIXED, **SHORT}
     whole = fg.rollout("oval", out=tmp_path / "whole", **options)
     for name in ("chunks/000001.npz", "summary.json", "worlds.csv"):
         (tmp_path / "whole" / name).unlink()
@@ -238,7 +239,7 @@ def test_a_rollout_is_gone_on_with_where_it_was(tmp_path):
     assert_same(again, whole)
     read = fg.read_rollout(tmp_path / "whole")
     assert_same(read, whole)
-    assert read.entries(3) == whole.entries(3)
+    assert read.setup(3).entries == whole.setup(3).entries
     assert read.summary()["opponents"] == whole.summary()["opponents"]
 
 
@@ -251,7 +252,7 @@ def test_a_rollout_is_gone_on_with_where_it_was(tmp_path):
     ],
 )  # fmt: skip
 def test_other_opponents_are_another_rollout(tmp_path, changed):
-    options = {"n": 1, "duration": 0.1, "out": tmp_path / "out"}
+    options = {"n": 1, "time_limit": 0.1, "out": tmp_path / "out"}
     fg.rollout("oval", opponents=[Entry(max_speed=2.0)], **options)
     before = files(tmp_path)
     with pytest.raises(fg.RunFolderError, match=r"holds another rollout: (opponents|grid) is"):
@@ -260,7 +261,7 @@ def test_other_opponents_are_another_rollout(tmp_path, changed):
 
 
 def test_the_edited_file_of_an_opponent_is_another_rollout(here):
-    options = {"n": 1, "duration": 0.1, "out": "out", "opponents": ["mine.py:Gentle"]}
+    options = {"n": 1, "time_limit": 0.1, "out": "out", "opponents": ["mine.py:Gentle"]}
     fg.rollout("oval", **options)
     (here / "mine.py").write_text(PLANNERS + "# another\n")
     with pytest.raises(fg.RunFolderError, match="holds another rollout: opponents is"):
@@ -269,8 +270,8 @@ def test_the_edited_file_of_an_opponent_is_another_rollout(here):
 
 @pytest.mark.slow
 def test_a_comparison_is_the_same_for_any_number_of_workers_and_gone_on_with(here):
-    options = {"tracks": ["l_corridor"], "laps": 1, "time_limit": 6.0, "opponents": [AHEAD, "wall_follow"]}
-    options |= {"max_speeds": (4.0,), "pictures": False}
+    options = {"track": ["l_corridor"], "laps": 1, "time_limit": 6.0, "opponents": [AHEAD, "wall_follow"]}
+    options |= {"max_speed": (4.0,), "pictures": False}
     one = fg.compare(["gap_finder", "wall_follow"], out="one", workers=1, **options)
     fg.compare(["gap_finder"], out="two", workers=1, **options)
     two = fg.compare(["gap_finder", "wall_follow"], out="two", workers=2, **options)
@@ -290,7 +291,7 @@ def test_a_comparison_is_the_same_for_any_number_of_workers_and_gone_on_with(her
 @pytest.mark.slow
 def test_a_finished_car_leaves_its_trace_on_the_course(here):
     """A car that has finished is taken off the course while the others race on."""
-    options = {"scenes": ["slow_leader"], "seeds": [1], "max_speeds": (4.0,), "pictures": False, "workers": 1}
+    options = {"track": ["scene:slow_leader"], "seed": [1], "max_speed": (4.0,), "pictures": False, "workers": 1}
     result = fg.compare(["gap_finder"], out="out", opponents=[Entry(max_speed=1.0)], **options)
     alone = fg.compare(["gap_finder"], out="alone", **options)
     figures, own = result.rows[0].figures, alone.rows[0].figures
@@ -317,7 +318,7 @@ def test_without_opponents_a_comparison_has_the_keys_of_before(here):
     "options, error, said",
     [
         ({"opponents": "gap_finder"}, SettingsError, "opponents is 'gap_finder'; accepted: a list"),
-        ({"opponents": [3]}, SettingsError, "an opponent is 3; accepted: the name of a planner, or fg_mujoco.Entry"),
+        ({"opponents": [3]}, SettingsError, "one of opponents is 3; accepted: the name of a planner, or "),
         ({"opponents": ["nope"]}, ControllerError, "car_1: controller 'nope' is not known; accepted: "),
         ({"opponents": ["mine.py:Nobody"]}, ControllerError, "car_1: controller 'mine.py:Nobody'"),
         ({"opponents": ["gap_finder[nope=1]"]}, ControllerError, "car_1: .* has no setting 'nope'; accepted: "),

@@ -16,7 +16,8 @@ from fg_mujoco.errors import ControllerError, EngineError, MissingExtraError, in
 
 pytestmark = pytest.mark.slow
 
-WORLDS = {"n": 24, "randomize": {"mu": (0.6, 1.2), "start_s": (0.0, 50.0)}, "chunk": 2, "duration": 1.0}
+WORLDS = {"n": 24, "randomize": {"mu": (0.6, 1.2), "start_s": (0.0, 50.0)}, "time_limit": 1.0}
+RAY = fg.Executor(kind="ray", chunk=2)
 PLANNER = """
 import os, time
 from pathlib import Path
@@ -126,7 +127,7 @@ def test_without_ray_the_command_that_installs_it_is_said(monkeypatch):
 
 def test_a_cluster_that_exists_is_used_and_left_as_it_is(ray, two_nodes, planner, tmp_path):
     expected = fg.rollout(["oval", "tight"], record="states", **WORLDS)
-    result = fg.rollout(["oval", "tight"], record="states", executor="ray", **WORLDS)
+    result = fg.rollout(["oval", "tight"], record="states", executor=RAY, **WORLDS)
     assert_same(result, expected)
     for world in range(WORLDS["n"]):
         assert result.telemetry(world).tobytes() == expected.telemetry(world).tobytes()
@@ -136,7 +137,7 @@ def test_a_cluster_that_exists_is_used_and_left_as_it_is(ray, two_nodes, planner
 
     # a worker that dies, once, in the middle of a chunk
     source = planner(reset="(MARKS / 'dead').exists() or ((MARKS / 'dead').touch(), os.kill(os.getpid(), 9))")
-    result = fg.rollout("oval", source, executor="ray", **WORLDS)
+    result = fg.rollout("oval", source, executor=RAY, **WORLDS)
     assert marks(tmp_path) == ["dead"]
     assert_same(result, fg.rollout("oval", source, **WORLDS))
 
@@ -151,7 +152,7 @@ def test_a_cluster_that_exists_is_used_and_left_as_it_is(ray, two_nodes, planner
         fg.rollout(
             "oval",
             planner(reset="os.kill(os.getpid(), 9) if MARKS.exists() else None"),
-            engine="ray",
+            executor="ray",
             n=1,
             time_limit=0.5,
         )
@@ -181,11 +182,11 @@ def test_a_node_that_is_killed_half_way_costs_its_chunk_only(two_nodes, planner,
                     os.kill(pid, signal.SIGKILL)
             killed.append(progress.worlds_driven)
 
-    result = fg.rollout("oval", source, executor="ray", watch=watch, out=tmp_path / "out", **WORLDS)
+    result = fg.rollout("oval", source, executor=RAY, watch=watch, out=tmp_path / "out", **WORLDS)
     assert killed
     assert killed[0] < WORLDS["n"]
     begun = marks(tmp_path)
-    assert WORLDS["n"] < len(begun) <= WORLDS["n"] + 3 * WORLDS["chunk"]  # what was lost was begun again, no more
+    assert WORLDS["n"] < len(begun) <= WORLDS["n"] + 3 * RAY.chunk  # what was lost was begun again, no more
     assert result.worlds_driven == WORLDS["n"]
     assert_same(result, fg.rollout("oval", source, **WORLDS))
     assert_same(fg.read_rollout(tmp_path / "out"), result)

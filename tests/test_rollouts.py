@@ -16,7 +16,7 @@ from fg_mujoco.racing.result import trajectory_sha256
 from fg_mujoco.studies.workers import usable_cores
 
 RANDOMIZE = {"mu": (0.6, 1.2), "max_speed": [4, 6, 8], "start_s": (0.0, 50.0), "start_speed": (0.0, 2.0)}
-MANY = {"randomize": RANDOMIZE, "duration": 0.5}
+MANY = {"randomize": RANDOMIZE, "time_limit": 0.5}
 PLANNER = """
 import threading
 from fg_mujoco.messages import DriveCommand
@@ -66,7 +66,11 @@ def twelve():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "options", [{"chunk": 1}, {"chunk": 5, "workers": 1}, {"workers": 3}, {"chunk": 2, "memory_budget": 0}]
+    "options",
+    [
+        {"executor": fg.Executor(chunk=1)}, {"executor": fg.Executor(chunk=5), "workers": 1}, {"workers": 3},
+        {"executor": fg.Executor(chunk=2, memory_budget=0)},
+    ],
 )
 def test_chunks_workers_and_budget_change_nothing(twelve, options):
     again = fg.rollout(["oval", "hairpins"], n=12, record="states", **MANY, **options)
@@ -88,21 +92,16 @@ def test_a_world_of_a_known_seed_and_track_is_the_same_alone(twelve):
         assert same(alone[name], twelve[name][7:8]), name
 
 
-def assert_is_its_race(result, world, controller="gap_finder"):
-    scenario = result.setup(world)
-    race = fg.race(
-        scenario.track, controller, time_limit=0.5, laps=1, seed=scenario.seed, max_speed=scenario.max_speed,
-        changes=scenario.changes, start=scenario.start, effects=scenario.effects, obstacles=scenario.obstacles,
-        planner_mu=scenario.planner_mu, planner_settings=scenario.planner_settings,
-    )  # fmt: skip
+def assert_is_its_race(result, world):
+    race = fg.race(result.setup(world))
     assert trajectory_sha256(result.states(world), result.ctrl(world)) == race.trajectory_sha256
     assert same(result.telemetry(world), race.car.telemetry)
     for name in ("end_reason", "laps_completed", "collisions", "max_slide_m_s", "slide_time_fraction", "max_speed_m_s"):
-        assert result.worlds[world][name] == getattr(race, name), name
+        assert result.worlds[world][name] == race.summary()[name], name
 
 
 @pytest.mark.parametrize("world", [0, 7])
-def test_a_world_is_the_race_of_its_scenario(twelve, world):
+def test_a_world_is_the_race_of_its_setup(twelve, world):
     assert_is_its_race(twelve, world)
 
 
@@ -173,7 +172,7 @@ def test_columns_are_what_was_drawn_and_how_it_went(twelve):
     assert set(RANDOMIZE) < set(twelve.names)
     assert ((twelve["mu"] >= 0.6) & (twelve["mu"] <= 1.2)).all()
     assert set(twelve["max_speed"].tolist()) <= {4, 6, 8}
-    assert [twelve.setup(i).changes.mu for i in range(12)] == twelve["mu"].tolist()
+    assert [twelve.setup(i).first.changes.mu for i in range(12)] == twelve["mu"].tolist()
     assert (twelve["sim_time_s"] <= 0.5 + 1e-9).all()
     assert not twelve["mu"].flags.writeable
     assert len(twelve) == 12
@@ -307,15 +306,15 @@ def nothing_runs(monkeypatch):
         ({"seeds": [1, 2], "n": 3}, "n is 3 and there are 2 seeds"),
         ({"laps": 0}, "laps is 0; accepted: a whole number from 1"),
         ({"laps": 1.5}, "laps is 1.5"),
-        ({"duration": 0.0}, "duration is 0.0; accepted: a positive number"),
-        ({"duration": math.inf}, "duration is inf"),
-        ({"duration": "long"}, "duration is 'long'"),
+        ({"time_limit": 0.0}, "time_limit is 0.0; accepted: a positive number"),
+        ({"time_limit": math.inf}, "time_limit is inf"),
+        ({"time_limit": "long"}, "time_limit is 'long'"),
         ({"workers": 0}, "workers is 0"),
-        ({"chunk": 0}, "chunk is 0"),
-        ({"chunk": True}, "chunk is True"),
-        ({"memory_budget": -1}, "memory_budget is -1"),
+        ({"chunk": 4}, "chunk is of an Executor now; accepted: executor=Executor(chunk=4)"),
+        ({"memory_budget": 9}, "memory_budget is of an Executor now; accepted: executor=Executor(memory_budget=9)"),
         ({"record": "video"}, "record is 'video'; accepted: summary, telemetry, states"),
-        ({"engine": "slurm"}, "engine is 'slurm'; accepted: local, processes, ray"),
+        ({"executor": "slurm"}, "executor is 'slurm'; accepted: threads, processes, ray"),
+        ({"executor": "local"}, "executor is 'local', which is called 'threads' now; accepted"),
         ({"randomize": {"grip": (0, 1)}}, "randomize grip: no parameter"),
         ({"randomize": {"mass": (0.1, 4)}}, "randomize mass=0.1:4.0"),
         ({"randomize": {"obstacles": "0:900"}}, "randomize obstacles=900 on 'oval'; accepted: at most"),
@@ -326,6 +325,20 @@ def test_a_bad_option_is_refused_with_what_is_accepted(nothing_runs, options, sa
         fg.rollout("oval", **options)
     assert said in str(caught.value)
     assert "accepted" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"chunk": 0}, "chunk is 0; accepted"),
+        ({"chunk": True}, "chunk is True; accepted"),
+        ({"memory_budget": -1}, "memory_budget is -1; accepted"),
+        ({"kind": "slurm"}, "executor is 'slurm'; accepted"),
+    ],
+)
+def test_an_executor_that_cannot_be_is_refused(settings, said):
+    with pytest.raises(SettingsError, match=said):
+        fg.Executor(**settings)
 
 
 @pytest.mark.parametrize("tracks", ["nowhere", ["oval", "nowhere"]])

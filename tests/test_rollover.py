@@ -37,7 +37,8 @@ def tilt(engine, degrees, row=0):
 def test_a_tall_car_rolls_over_in_a_step_steer_and_a_low_one_slides(vehicle, tires):
     """Oracle: mu times the height of the CoG over half the track width, on both sides of 1."""
     tall = fg.drive(STEP_STEER, vehicle=vehicle, tires=tires, **TALL)
-    assert tall.car.end_reason == "rolled_over" and not tall.car.finished and tall.car.collisions_wall == 0 and tall.car.crash is None
+    car = tall.car
+    assert car.end_reason == "rolled_over" and not car.finished and car.collisions_wall == 0 and car.crash is None
     assert tall.sim_time_s < 2.0
     low = fg.drive(STEP_STEER, vehicle=vehicle, tires="coulomb")
     assert low.car.end_reason == "finished" and low.car.rollover is None
@@ -115,8 +116,8 @@ def rolled():
 
 
 def test_a_result_says_where_it_rolled_over(rolled):
-    place = rolled.rollover
-    assert (place.x_m, place.y_m) == (rolled.column("x_m")[-1], rolled.column("y_m")[-1])
+    place = rolled.car.rollover
+    assert (place.x_m, place.y_m) == (rolled.car.column("x_m")[-1], rolled.car.column("y_m")[-1])
     assert place.time_s == pytest.approx(rolled.sim_time_s - 0.025) and place.lap == 1 and 3.0 < place.speed_m_s < 7.5
     for text in (repr(rolled), rolled._repr_html_()):
         assert f"rolled over {place}" in text
@@ -133,12 +134,12 @@ def test_a_rollover_is_that_of_a_race_that_ended_so():
 def test_its_run_is_proved_by_its_replay_and_reported(rolled, tmp_path):
     folder = fg.write_run(rolled, tmp_path / "run", picture=False)
     report = replay(folder)
-    assert not report.differences and "end_reason" not in report.unproved and rolled.end_reason == "rolled_over"
+    assert not report.differences and "end_reason" not in report.unproved and rolled.car.end_reason == "rolled_over"
     pytest.importorskip("bokeh")
     from fg_mujoco.viz.report import write_report
 
     page = write_report(folder, tmp_path / "page.html", clip_seconds=None).read_text("utf-8")
-    assert f"Rolled over {rolled.rollover}. The map marks the place with a cross." in page
+    assert f"Rolled over {rolled.car.rollover}. The map marks the place with a cross." in page
     assert "rolled over" in page
 
 
@@ -156,10 +157,9 @@ def test_an_episode_ends_terminated_and_costs_as_a_crash():
 
 
 def test_the_live_view_stops_and_says_so():
-    from fg_mujoco.racing.setup import Setup
     from fg_mujoco.viz.live.live_session import LiveSession
 
-    session = LiveSession(Setup.of(track="oval"))
+    session = LiveSession(fg.Setup.of("oval"))
     session.tick()
     first = session.world.car.constants[0]["free_qpos"]
     session.simulation.data.qpos[first + 2 : first + 7] = 0.2, 0.0, 1.0, 0.0, 0.0

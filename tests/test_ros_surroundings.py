@@ -182,7 +182,7 @@ def test_a_node_gets_the_odometry_of_the_other_car_and_that_of_an_opponent_its_o
     )
     entries = [fg.Entry(controller=ego), fg.Entry(controller=opponent)]
     result = fg.race("oval", entries=entries, laps=1, time_limit=2.0)
-    assert [round(car["max_speed_m_s"], 1) for car in result.cars] == [1.5, 1.0]
+    assert [round(car.max_speed_m_s, 1) for car in result.cars] == [1.5, 1.0]
     seen, own = np.loadtxt(log), np.loadtxt(opponent_log)
     assert len(seen) == len(own) > 70
     np.testing.assert_allclose(seen[:, :5], own[:, :5], atol=1e-12)

@@ -14,6 +14,7 @@ from fg_mujoco.course.definitions import course_sha256
 from fg_mujoco.course.lap_timer import LapTimer
 from fg_mujoco.course.obstacles import Box
 from fg_mujoco.course.scenes.parts import corridor, mirrored, rounded_way, walls_round
+from fg_mujoco.simulation.settings import Scenario
 from fg_mujoco.studies.rollout.drive_worlds import drive_worlds
 
 TICK = 0.025
@@ -135,23 +136,23 @@ def test_walls_stand_outside_of_their_room_and_meet_at_its_corners():
 
 def test_finished_is_the_goal_passed():
     result = fg.race(scene(), Law(lambda time: 2.0), start=fg.Start(speed=2.0))
-    assert (result.end_reason, result.laps_requested, result.laps_completed) == ("finished", 1, 1)
-    assert result.lap_times_s[0] == pytest.approx(6.0, rel=0.01)
-    assert result.column("progress_m")[0] == pytest.approx(0.0, abs=1e-9)
-    assert 12.0 - 2.0 * TICK - 1e-6 < result.column("progress_m")[-1] < 12.0
+    assert (result.car.end_reason, result.laps_requested, result.car.laps_completed) == ("finished", 1, 1)
+    assert result.car.lap_times_s[0] == pytest.approx(6.0, rel=0.01)
+    assert result.car.column("progress_m")[0] == pytest.approx(0.0, abs=1e-9)
+    assert 12.0 - 2.0 * TICK - 1e-6 < result.car.column("progress_m")[-1] < 12.0
 
 
 @pytest.mark.parametrize("s", (-1.5, 4.0))
 def test_wherever_it_begins_the_goal_stays_where_it_is(s):
     result = fg.race(scene(), Law(lambda time: 2.0), start=fg.Start(s=s, speed=2.0))
-    assert result.lap_times_s[0] == pytest.approx((12.0 - s) / 2.0, rel=0.01)
-    assert result.column("progress_m")[0] == pytest.approx(s, abs=1e-9)
+    assert result.car.lap_times_s[0] == pytest.approx((12.0 - s) / 2.0, rel=0.01)
+    assert result.car.column("progress_m")[0] == pytest.approx(s, abs=1e-9)
 
 
 def test_its_time_limit_is_its_own_unless_another_is_given():
     slow = scene(time_limit=1.5)
     result = fg.race(slow, Straight(0.5))
-    assert (result.end_reason, result.sim_time_s) == ("time_limit", pytest.approx(1.5))
+    assert (result.car.end_reason, result.sim_time_s) == ("time_limit", pytest.approx(1.5))
     assert fg.race(slow, Straight(0.5), time_limit=0.5).sim_time_s == pytest.approx(0.5)
 
 
@@ -187,33 +188,33 @@ def brakes_at(when, creep=0.0):
 
 def test_to_stand_two_seconds_behind_the_goal_is_to_finish():
     result = fg.race(scene(**STOP), brakes_at(6.3), start=fg.Start(speed=2.0))
-    assert result.finished and result.collisions == 0
-    speed, time = result.column("speed_m_s"), result.column("time_s")
+    assert result.car.finished and result.car.collisions_wall == 0
+    speed, time = result.car.column("speed_m_s"), result.car.column("time_s")
     stood = time[np.abs(speed) >= 0.05][-1] + TICK
     assert result.sim_time_s == pytest.approx(stood + 2.0, abs=2.0 * TICK)
-    assert result.lap_times_s[0] == pytest.approx(6.0, rel=0.01)  # when it came to the goal
+    assert result.car.lap_times_s[0] == pytest.approx(6.0, rel=0.01)  # when it came to the goal
 
 
 def test_to_pass_the_goal_is_not():
     result = fg.race(scene(**STOP), Law(lambda time: 2.0))
-    assert (result.end_reason, result.finished, result.laps_completed) == ("crash", False, 1)
+    assert (result.car.end_reason, result.car.finished, result.car.laps_completed) == ("crash", False, 1)
 
 
 def test_nor_is_to_creep():
     result = fg.race(scene(**STOP), brakes_at(6.3, creep=0.1), start=fg.Start(speed=2.0), time_limit=15.0)
-    assert result.end_reason == "time_limit"
+    assert result.car.end_reason == "time_limit"
 
 
 def test_nor_is_to_stand_before_it():
     result = fg.race(scene(**STOP), brakes_at(5.0), start=fg.Start(speed=2.0))
-    assert (result.end_reason, result.laps_completed) == ("no_progress", 0)
+    assert (result.car.end_reason, result.car.laps_completed) == ("no_progress", 0)
 
 
 def test_nor_is_to_come_back_and_stand_there():
     there_and_back = Law(lambda time: 2.0 if time < 6.5 else -2.0 if time < 8.5 else 0.0)
     result = fg.race(scene(**STOP), there_and_back, start=fg.Start(speed=2.0))
-    assert (result.end_reason, result.laps_completed) == ("no_progress", 1)
-    assert result.column("progress_m")[-1] < result.world.track.length - 1.0
+    assert (result.car.end_reason, result.car.laps_completed) == ("no_progress", 1)
+    assert result.car.column("progress_m")[-1] < result.world.track.length - 1.0
 
 
 # In a batch
@@ -223,8 +224,8 @@ def test_nor_is_to_come_back_and_stand_there():
 @pytest.mark.parametrize("name", ("corridor_sparse:1", "dead_end:0", "square_corner:2"))
 def test_a_batch_is_the_race_to_the_last_bit(name):
     scenarios = [
-        fg.Scenario(track=f"scene:{name}", max_speed=3.0),
-        fg.Scenario(track=f"scene:{name}", max_speed=4.0, start=fg.Start(s=1.0, offset=0.1), seed=3,
+        Scenario(track=f"scene:{name}", max_speed=3.0),
+        Scenario(track=f"scene:{name}", max_speed=4.0, start=fg.Start(s=1.0, offset=0.1), seed=3,
                     effects=fg.LidarEffects(range_noise_std=0.01)),
     ]  # fmt: skip
     results = drive_worlds(scenarios, "gap_finder", laps=1, record="states")
@@ -239,11 +240,11 @@ def test_a_batch_is_the_race_to_the_last_bit(name):
 
 def test_a_batch_keeps_the_scenes_rules():
     short = scene(time_limit=1.0)
-    results = drive_worlds([fg.Scenario(track=short, max_speed=0.5)], "gap_finder", laps=1)
+    results = drive_worlds([Scenario(track=short, max_speed=0.5)], "gap_finder", laps=1)
     assert results.rows["end_reason"].tolist() == ["time_limit"]
     with pytest.raises(fg.SettingsError, match="laps is 2"):
-        drive_worlds([fg.Scenario(track=short)], "gap_finder", laps=2)
-    results = drive_worlds([fg.Scenario(track=scene(), max_speed=4.0)], "gap_finder", time_limit=20.0)
+        drive_worlds([Scenario(track=short)], "gap_finder", laps=2)
+    results = drive_worlds([Scenario(track=scene(), max_speed=4.0)], "gap_finder", time_limit=20.0)
     assert (results.rows["end_reason"].tolist(), results.rows["laps_completed"].tolist()) == (["finished"], [1])
 
 
@@ -257,9 +258,9 @@ def test_worlds_of_a_rollout_drive_the_scene_as_a_race_does(tmp_path):
     again = fg.read_rollout(tmp_path / "out")
     assert len(set(result.worlds["seed"])) == 6
     for world in range(6):
-        scenario = again.setup(world)  # its course is read from the folder
-        assert scenario.track.name == (name, "scene:slow_leader:0")[world % 2]
-        alone = fg.race(scenario.track, start=scenario.start, seed=scenario.seed, effects=scenario.effects)
+        setup = again.setup(world)  # its course is read from the folder
+        assert setup.track.name == (name, "scene:slow_leader:0")[world % 2]
+        alone = fg.race(setup)
         assert result["end_reason"][world] == alone.car.end_reason
         np.testing.assert_array_equal(result.states(world), alone.states)
     assert [course_sha256(course) for course in again.tracks] == [course_sha256(course) for course in result.tracks]

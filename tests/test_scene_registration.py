@@ -90,7 +90,7 @@ def test_it_is_compared_with_the_bundled_ones(register, tmp_path):
     register("doorway = yard_scenes:doorway")
     comparison = fg.compare(
         ["gap_finder"],
-        scenes=["doorway"],
+        track=["scene:doorway"],
         seed=[0, 1],
         max_speed=[3.0],
         out=tmp_path / "out",

@@ -189,7 +189,7 @@ def test_an_environment_of_a_setup_has_its_car_and_course():
         ({"rules": "roboracer_2026"}, "rules is 'roboracer_2026' without opponents"),
         ({"rules": "roborace", "opponents": ["gap_finder"]}, "roboracer_2026"),
         ({"obstacles": "many"}, "accepted: a whole number from 0, or a sequence of Box"),
-        ({"obstacles": [{"kind": "cube"}]}, "kind of an obstacle is 'cube'; accepted: box, cylinder, prism"),
+        ({"obstacles": [{"kind": "cube"}]}, r"obstacles\[0\].kind is 'cube'; accepted: box, cylinder, prism"),
         ({"lidar": "raycats"}, "did you mean 'raycast'"),
         ({"laps": 0}, "laps is 0"), ({"time_limit": -1.0}, "time_limit is -1.0"), ({"seed": -1}, "seed is -1"),
     ],

@@ -13,7 +13,6 @@ from fg_mujoco.course.standing import off_course, stands_in_something
 from fg_mujoco.envs.dm_environment import load
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.racing.setup import Setup
-from fg_mujoco.studies.rollout.drive_worlds import drive_worlds
 from fg_mujoco.viz.live.live_session import LiveSession
 
 CAR = fg.Vehicle.load("f1tenth").parameters
@@ -160,8 +159,8 @@ def test_among_opponents_too():
 def test_other_worlds_are_the_same_bits():
     result = fg.rollout("oval", n=6, randomize={"start_offset": [0.0, 3.0]}, time_limit=0.5, record="states")
     own = int(np.flatnonzero(result["start_offset"] == 0.0)[0])
-    alone = drive_worlds([result.setup(own)], "gap_finder", time_limit=0.5, record="states")
-    assert (alone.states[0] == result.states(own)).all()
+    alone = fg.race(result.setup(own))
+    assert (alone.states == result.states(own)).all()
     assert len(result.states(int(np.flatnonzero(result["start_offset"] == 3.0)[0]))) == 1
 
 

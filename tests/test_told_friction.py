@@ -1,6 +1,5 @@
 """The friction that planners are told: what `mu` sets, unless `planner_mu` says otherwise; nothing that is drawn."""
 
-import argparse
 import json
 import math
 import socket
@@ -11,6 +10,7 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco.cli.config import parse
 from fg_mujoco.cli.main import _parser, main
+from fg_mujoco.cli.options import setup_of
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.envs.worlds import Worlds
 from fg_mujoco.racing.setup import Setup
@@ -94,7 +94,7 @@ def test_an_opponent_in_a_car_like_the_learning_one_is_told_what_that_is_set_to(
 
 
 def test_a_comparison_and_a_duel_tell_what_is_set(here):
-    grid = {"tracks": ["oval"], "seeds": [0], "laps": 1, "time_limit": 1.0, "workers": 1, "pictures": False, "mu": 0.6}
+    grid = {"track": ["oval"], "seed": [0], "laps": 1, "time_limit": 1.0, "workers": 1, "pictures": False, "mu": 0.6}
     for planner_mu, expected in ((None, 0.6), (0.9, 0.9)):
         result = fg.compare([TOLD], out=f"out{planner_mu}", planner_mu=planner_mu, **grid)
         race = fg.race("oval", TOLD, laps=1, time_limit=1.0, mu=0.6, planner_mu=expected)
@@ -118,8 +118,7 @@ def test_what_is_drawn_is_not_told():
     result = fg.rollout("oval", TOLD, n=4, time_limit=0.02, record="telemetry", randomize={"mu": (0.5, 0.7)})
     assert (result["mu"] < 0.7).all()
     assert [told(result.telemetry(i)) for i in range(4)] == [OWN] * 4
-    one = result.setup(0)
-    alone = fg.race("oval", TOLD, time_limit=0.02, changes=one.changes, planner_mu=one.planner_mu)
+    alone = fg.race(result.setup(0))
     assert told(alone.car.telemetry) == OWN and alone.car.mu == pytest.approx(result["mu"][0], rel=1e-5)
 
 
@@ -165,11 +164,14 @@ def test_the_view_in_a_browser_shows_both_and_its_slider_follows_while_it_is_unt
 
 @pytest.mark.parametrize("kind", [DriveSettings, ComparisonSettings])
 def test_settings_of_an_earlier_version_keep_their_meaning(kind):
+    def made(**own):
+        return kind(**own) if kind is DriveSettings else kind(base=Setup.of(**own))
+
     def assumed(settings):
         return settings.assumed_mu if kind is DriveSettings else settings.drive().assumed_mu
 
     write = kind.described if kind is DriveSettings else kind.manifest
-    for settings in (kind(mu=0.6), kind(mu=0.6, planner_mu=math.inf), kind(), kind(planner_mu=0.9)):
+    for settings in (made(mu=0.6), made(mu=0.6, planner_mu=math.inf), made(), made(planner_mu=0.9)):
         described = json.loads(json.dumps(write(settings), allow_nan=False))
         assert assumed(kind.of(described)) == assumed(settings)
     assert assumed(kind.of({"mu": 0.6})) == OWN
@@ -182,9 +184,8 @@ def test_a_run_of_an_earlier_version_is_raced_again_as_it_was(here, without_pict
     summary = json.loads(path.read_text())
 
     def raced_again(*options):
-        options = parse(_parser(), ["race", "--config", "new", "--trust", *options])
-        assert isinstance(options, argparse.Namespace)
-        return options.mu, options.planner_mu
+        first = setup_of(parse(_parser(), ["race", "--config", "new", "--trust", *options])).first
+        return first.mu, first.planner_mu
 
     assert raced_again() == (0.6, None)
     path.write_text(json.dumps(summary | {"planner_mu": OWN}))

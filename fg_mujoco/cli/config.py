@@ -103,7 +103,7 @@ def _setup_in(file: TomlFile, values: Mapping[str, Any]) -> Setup:
         setup.load_course()
     except FgMujocoError as error:
         message = re.sub(r"^[A-Z]\w*\.(?=[a-z]\w* is )", "", str(error))
-        raise type(error)(f"{file.place_of(message)}: {message}") from error
+        raise type(error)(file.located(message)) from error
     return setup
 
 

@@ -15,7 +15,7 @@ from ..lidar.lidar import LIDAR_BACKENDS
 from ..racing.entries import GRIDS
 from ..racing.planner_choice import read_settings_text
 from ..racing.race_control import RULES
-from ..racing.setup import PARTS, Setup
+from ..racing.setup import Setup
 from ..simulation.settings import FASTEST
 from ..vehicle.sensors import SENSORS
 from ..vehicle.tires import tire_names
@@ -23,9 +23,6 @@ from ..vehicle.vehicle import DEFAULT_VEHICLE, vehicle_names
 from ..viz.plots import require_matplotlib
 
 _LONGEST_WORD, _LONGEST_LINE = 400, 4000  # characters of a message
-
-_OPTION_OF = {field: name for name, (_, field) in PARTS.items()}
-"""Field of a part of a car -> option that sets it."""
 
 _FIELD = re.compile(r"(?:[A-Z]\w*\.)?([a-z]\w*)(?= is )")
 _FIELD_INSIDE = re.compile(r"(?<=: )[A-Z]\w*\.(?=[a-z]\w* is )")  # the class of a field, within a message
@@ -44,7 +41,7 @@ def in_options(message: str, command: argparse.ArgumentParser) -> str:
     field = _FIELD.match(message)
     if field is None:
         return message
-    option = options.get(field[1]) or options.get(_OPTION_OF.get(field[1], ""))
+    option = options.get(field[1])
     return message if option is None else f"{option}{message[field.end() :]}"
 
 
@@ -214,14 +211,20 @@ def setup_of(options: argparse.Namespace, *, lists: Sequence[str] = ()) -> Setup
       SettingsError: a value that is not accepted, or speeds of opponents that are not one for all or one for each.
     """
     given = given_settings(options, lists)
-    opponents = given.pop("opponents", None)
+    names, speeds = given.pop("opponents", []), getattr(options, "opponent_max_speed", None) or []
+    among = {name: given.pop(name) for name in ("grid", "rules") if name in given}
     setup = (getattr(options, "setup", None) or Setup()).replace(**given)
-    speeds = getattr(options, "opponent_max_speed", None) or []
-    return with_opponents(setup, opponents or [], speeds) if opponents or speeds else setup
+    return with_opponents(setup, names, speeds, **among) if names or speeds else setup.replace(**among)
 
 
-def with_opponents(setup: Setup, names: Sequence[str], speeds: Sequence[float]) -> Setup:
+def with_opponents(setup: Setup, names: Sequence[str], speeds: Sequence[float], **among: str) -> Setup:
     """Return a setup with opponents, whose cars are set as the first; each draws its own noise.
+
+    Args:
+      setup: of the first car.
+      names: of the opponents' planners.
+      speeds: fastest that each may be commanded [m/s]; one for all, or none for that of the first car.
+      among: `grid` and `rules`.
 
     Raises:
       SettingsError: speeds that are neither one for all nor one for each, or that no car can have.
@@ -240,7 +243,7 @@ def with_opponents(setup: Setup, names: Sequence[str], speeds: Sequence[float]) 
         ]
     except SettingsError as error:
         raise SettingsError(f"--opponent-max-speed{str(error).removeprefix('Entry.max_speed')}") from error
-    return setup.replace(entries=(first, *cars))
+    return setup.replace(entries=(first, *cars), **among)
 
 
 def add_trust_option(add: Callable[..., Any]) -> None:

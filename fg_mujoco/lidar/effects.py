@@ -62,7 +62,8 @@ class LidarEffects:
         require(self, lambda value: 0.0 <= value <= LONGEST_LATENCY, latency, ("latency",), SettingsError)
         require(self, lambda value: 0.0 <= value <= 1.0, "0 to 1", ("dropout_probability",), SettingsError)
         if not isinstance(self.motion_distortion, bool):
-            raise SettingsError(f"LidarEffects.motion_distortion is {self.motion_distortion!r}; accepted: True, False")
+            said = f"LidarEffects.motion_distortion is {self.motion_distortion!r}"
+            raise SettingsError(f"{said}; accepted: true or false")
         if self.no_return not in NO_RETURN_READINGS:
             readings = accepted_names(self.no_return, NO_RETURN_READINGS)
             raise SettingsError(f"LidarEffects.no_return is {self.no_return!r}; {readings}")

@@ -24,12 +24,11 @@ from .commands import SUFFIX, CommandPlayer, Commands
 from .manoeuvres import Manoeuvre, find_manoeuvre
 from .race import RaceProgress, race_setup
 from .result import RaceResult
-from .setup import Setup
+from .setup import Setup, SetupKeywords
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
-    from .setup import SetupKeywords
 
 _UNUSABLE = (
     "track", "laps", "time_limit", "obstacles", "rules", "decision_limit", "controller", "planner_mu", "max_speed",

@@ -39,12 +39,11 @@ from .planner_files import Files, planner_files
 from .planner_origin import origin, source_code
 from .race_control import RaceControl, find_rules
 from .result import CarResult, History, RaceResult
-from .setup import Setup
+from .setup import Setup, SetupKeywords
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
-    from .setup import SetupKeywords
 
 _LATE = END_REASONS.index("decision_limit")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
@@ -188,6 +188,12 @@ _OF_ALL = (
     "track", "laps_requested", "sim_time_s", "wall_time_s", "realtime_factor", "obstacles", "obstacle_seed",
     "trajectory_sha256", "winner",
 )  # fmt: skip
+_MOVED = {
+    "car_results": "cars", "collisions": "car.collisions_wall", "decision_limit_s": "setup.decision_limit",
+    **{name: f"setup.{name}" for name in ("decision_limit", "grid", "lidar", "rules")},
+}  # fmt: skip
+"""What a result said of itself before -> where it is now."""
+
 EVENTS = ("overtakes", "contacts", "warnings", "restarts")
 
 
@@ -230,18 +236,12 @@ class RaceResult(Shown):
         return self.setup.obstacle_seed if isinstance(placed, int) and placed else None
 
     def _meant(self, name: str) -> str | None:
-        """Return what was probably meant: what a race of one car said of itself is the car's."""
-        if name == "collisions":
-            return "car.collisions_wall"
-        if name == "car_results":
-            return "cars"
-        of_a_car = [each for each in dir(CarResult) if not each.startswith("_")]
-        of_a_car += [f.name for f in fields(CarResult)]
-        if name in of_a_car:
-            return f"car.{name}"
-        meant = super()._meant(name)
-        column = column_meant(name, None)
-        return meant or (None if column is None else f"car.{column}")
+        """Return what was probably meant, of the race or of car 0."""
+        meant = _MOVED.get(name) or column_meant(name, super()._meant(name))
+        return meant if meant is None or "." in meant or meant in super()._names() else f"car.{meant}"
+
+    def _names(self) -> list[str]:
+        return [*super()._names(), *self.car._names()]
 
     def __repr__(self) -> str:
         car = self.car

@@ -14,6 +14,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property, lru_cache
@@ -48,7 +49,8 @@ if TYPE_CHECKING:
 
 RENAMED = {
     "begin": "start", "car": "changes", "controllers": "controller", "duration": "time_limit",
-    "max_speeds": "max_speed", "planner": "controller", "planners": "controller", "seeds": "seed", "tracks": "track",
+    "max_speeds": "max_speed", "opponent": "opponents", "opponent_max_speed": "max_speed of each of opponents",
+    "planner": "controller", "planners": "controller", "scenes": "track", "seeds": "seed", "tracks": "track",
 }  # fmt: skip
 """Keyword that a door had before -> what it is called now."""
 
@@ -298,12 +300,12 @@ class Setup:
         try:
             return _read(content.values)
         except (ArgumentError, SettingsError) as error:
-            raise SettingsError(f"{content.place_of(str(error))}: {error}") from error
+            raise SettingsError(content.located(str(error))) from error
 
     @cached_property
     def sha256(self) -> str:
         """SHA-256 of what differs from the defaults; a course that is an object counts by its numbers."""
-        content = json.dumps(self._content(_name_object), sort_keys=True, default=str)
+        content = json.dumps(_as_hashed(self._content(_name_object)), sort_keys=True, default=str)
         return hashlib.sha256(content.encode()).hexdigest()
 
     def __eq__(self, other: object) -> bool:
@@ -367,7 +369,8 @@ def as_opponent(opponent: Entry | str | Mapping[str, Any], first: Entry) -> Entr
     if isinstance(opponent, Mapping):
         return _entry(opponent, "opponents")
     if not isinstance(opponent, Entry):
-        raise SettingsError(f"an opponent is {shown(opponent)}; accepted: the name of a planner, or fg_mujoco.Entry")
+        said = f"one of opponents is {shown(opponent)}"
+        raise SettingsError(f"{said}; accepted: the name of a planner, or fg_mujoco.Entry")
     return opponent
 
 
@@ -420,8 +423,18 @@ def _changed_entry(entry: Entry, keywords: Mapping[str, Any]) -> Entry:
             raise SettingsError(f"{both} are given; accepted: one of them")
         if inside:
             before = getattr(entry, part) or kind()
-            own[part] = replace(before, **{field: keywords[name] for name, field in inside.items()})
+            try:
+                own[part] = replace(before, **{field: keywords[name] for name, field in inside.items()})
+            except SettingsError as error:
+                raise SettingsError(_by_keyword(str(error), inside)) from error
     return replace(entry, **own)
+
+
+def _by_keyword(message: str, inside: Mapping[str, str]) -> str:
+    """Return a message that begins with a field of a part, as "LidarEffects.latency", with the keyword that sets it."""
+    for name, inner in inside.items():
+        message = re.sub(rf"^[A-Z]\w*\.{inner}(?= )", name, message)
+    return message
 
 
 def as_list(value: Any, name: str) -> list[Any]:
@@ -488,17 +501,19 @@ def as_obstacles(values: Iterable[Obstacle | Mapping[str, Any]]) -> tuple[Obstac
       SettingsError: something else.
     """
     found: list[Obstacle] = []
-    for value in values:
+    for place, value in enumerate(values):
+        solid: Any = value
         if isinstance(value, Mapping):
             own = dict(value)
             kind = own.pop("kind", "box")
             if kind not in _SOLIDS:
-                raise SettingsError(f"kind of an obstacle is {kind!r}; {accepted_names(kind, _SOLIDS)}")
-            solid: Any = _SOLIDS[kind](**own)
-        else:
-            solid = value
+                raise SettingsError(f"obstacles[{place}].kind is {shown(kind)}; {accepted_names(kind, _SOLIDS)}")
+            try:
+                solid = _SOLIDS[kind](**own)
+            except (ArgumentError, SettingsError) as error:
+                raise SettingsError(f"obstacles[{place}]: {error}") from error
         if not isinstance(solid, tuple(_SOLIDS.values())):
-            raise SettingsError(f"an obstacle is {shown(value)}; accepted: Box, Cylinder, Prism")
+            raise SettingsError(f"obstacles[{place}] is {shown(value)}; accepted: Box, Cylinder, Prism")
         found.append(solid)  # type: ignore[arg-type]
     return tuple(found)
 
@@ -514,6 +529,15 @@ def _described_entry(entry: Entry, of_object: Any) -> dict[str, Any]:
             plain, value = kind(), getattr(entry, part)
             found[part] = {each: got for each, got in asdict(value).items() if got != getattr(plain, each)}
     return {name: value for name, value in found.items() if value is not None}
+
+
+def _as_hashed(value: Any) -> Any:
+    """Return a value in which equal numbers are written alike: 4.0 as 4."""
+    if isinstance(value, Mapping):
+        return {name: _as_hashed(each) for name, each in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_as_hashed(each) for each in value]
+    return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
 def _refuse_object(name: str, value: Any) -> str:

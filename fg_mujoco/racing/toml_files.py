@@ -35,12 +35,21 @@ class TomlFile:
         """Return the file and the line on which a top-level key is first given."""
         return f"{self.path}, line {_line(self.text, key)}"
 
-    def place_of(self, message: str) -> str:
-        """Return where the first key is given that a message names; the file alone where it names none."""
-        words = re.findall(r"[a-z_][a-z0-9_-]*", message)
-        named = [key for key in self.values if key.replace("-", "_") in words or key in words]
-        first = min(named, key=lambda key: message.find(key.replace("-", "_")), default=None)
-        return str(self.path) if first is None else self.where(first)
+    def located(self, message: str) -> str:
+        """Return a message with the line of the key that it is about, or with the file alone if that is not known.
+
+        It is the key with whose value the message begins, as of a file that cannot be read, or the first that it names,
+        which is then spelled as in the file.
+        """
+        for key, value in self.values.items():
+            if isinstance(value, str) and value and message.startswith(value):
+                return f"{self.where(key)}: {key}: {message}"
+        names = {key.replace("-", "_"): key for key in self.values}
+        for word in re.finditer(r"[A-Za-z_][A-Za-z0-9_]*", message):
+            key = names.get(word[0], "")
+            if key:
+                return f"{self.where(key)}: {message if word.start() else key + message[word.end() :]}"
+        return f"{self.path}: {message}"
 
 
 def read_toml(path: str | Path) -> TomlFile:

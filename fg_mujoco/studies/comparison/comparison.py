@@ -26,7 +26,7 @@ from ...racing.opponents import Opponents
 from ...racing.planner_choice import ControllerChoice
 from ...racing.planner_files import files_sha256
 from ...racing.planner_sources import controller_names
-from ...racing.setup import Setup
+from ...racing.setup import Setup, StudyKeywords
 from ...simulation.settings import FASTEST, renamed
 from ...viz.plots import require_matplotlib
 from ..rollout.job import versions
@@ -52,7 +52,6 @@ from .tables import LEGEND, Cell, cells_csv, header_of, make_cells, markdown, ru
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
-    from ...racing.setup import StudyKeywords
 
 DEFAULT_SEEDS = range(10)
 

@@ -25,7 +25,7 @@ from ...errors import SettingsError, accepted_names
 from ...messages import require_whole
 from ...racing.opponents import Opponents
 from ...racing.planner_choice import split_controller
-from ...racing.setup import Setup
+from ...racing.setup import Setup, SetupKeywords
 from ...simulation.course_loading import load_track
 from ...simulation.settings import renamed
 from ..run_grid import time_left
@@ -41,7 +41,6 @@ from .rollout_result import RolloutResult, gather
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
-    from ...racing.setup import SetupKeywords
 
 EXECUTORS = ("threads", "processes", "ray")
 DEFAULT_WORLDS = 1024
@@ -64,7 +63,7 @@ class Executor:
 
     def __post_init__(self) -> None:
         if self.kind == "local":
-            raise SettingsError("executor 'local' is called 'threads' now")
+            raise SettingsError("executor is 'local', which is called 'threads' now; accepted: threads, processes, ray")
         if self.kind not in EXECUTORS:
             raise SettingsError(f"executor is {self.kind!r}; {accepted_names(self.kind, EXECUTORS)}")
         require_whole("chunk", self.chunk, 1)
