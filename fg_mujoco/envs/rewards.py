@@ -205,29 +205,30 @@ class Rewards:
 
 
 def values_of(term: RewardTerm, state: TickState, driven: NDArray[np.bool_]) -> FloatArray:
-    """Return what a term adds to the rewards of a tick. Shape (n,).
+    """Return what a term adds to the rewards of a tick, 0 for cars that were not driven. Shape (n,).
 
     Args:
       term: with its weight.
       state: after the tick.
-      driven: the cars that were driven (n,); the others may have any value.
+      driven: whether each car was driven (n,).
 
     Raises:
       SettingsError: the function returned something else than one finite number for each car.
     """
-    values: FloatArray = np.asarray(term.function(state))
+    values = np.asarray(term.function(state))
     if values.shape != driven.shape or values.dtype.kind not in "biuf":
         raise SettingsError(
             f"reward term {term.name!r} returned {shown(values)} of shape {values.shape}; accepted: one number for "
             f"each car, shape {driven.shape}"
         )
-    bad = driven & ~np.isfinite(values)
-    if bad.any():
+    found: FloatArray = np.where(driven, term.weight * values, 0.0)
+    finite = np.isfinite(found)
+    if not finite.all():
+        car = int(finite.argmin())
         raise SettingsError(
-            f"reward term {term.name!r} is {values[bad][0]} for car {int(bad.argmax())} of {len(bad)}; "
-            "accepted: finite numbers"
+            f"reward term {term.name!r} is {values[car]} for car {car} of {len(values)}; accepted: finite numbers"
         )
-    return term.weight * values
+    return found
 
 
 def _term(name: str, value: Any) -> RewardTerm:
