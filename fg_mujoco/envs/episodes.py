@@ -40,6 +40,7 @@ FACTS_AMONG_CARS = ("touches", "position", "lead_m")
 """Further facts where there are other cars: how often the car has touched one, its position, 1 in front, and its lead
 on the foremost other car along the course, negative behind it."""
 
+
 class Episodes:
     """Episodes in n worlds, each with its own beginning and end; (n,) is one for each car that learns.
 
