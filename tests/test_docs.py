@@ -32,8 +32,9 @@ NEEDS = {"docs/maps.md": ("PIL", "yaml", "scipy")}
 GREATEST_DIAGRAM = 60_000  # [bytes]
 
 ENTRY_POINT_GROUPS = {  # names for other packages, not modules
-    f"fg_mujoco.{group}" for group in ("scenes", "controllers", "rewards", "end_conditions", "observations", "sensors")
-}
+    "fg_mujoco.scenes", "fg_mujoco.controllers", "fg_mujoco.tires", "fg_mujoco.vehicles", "fg_mujoco.track_formats",
+    "fg_mujoco.rewards", "fg_mujoco.end_conditions", "fg_mujoco.observations", "fg_mujoco.sensors",
+}  # fmt: skip
 
 BLOCK = re.compile(r'^```(\w+)(?: title="([^"]+)")?\n(.*?)^```', re.MULTILINE | re.DOTALL)
 

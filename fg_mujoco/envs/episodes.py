@@ -40,6 +40,7 @@ FACTS_AMONG_CARS = ("touches", "position", "lead_m")
 """Further facts where there are other cars: how often the car has touched one, its position, 1 in front, and its lead
 on the foremost other car along the course, negative behind it."""
 
+
 class Episodes:
     """Episodes in n worlds, each with its own beginning and end; (n,) is one for each car that learns.
 
@@ -173,12 +174,10 @@ class Episodes:
             return
         for number, condition in enumerate(self._end_conditions, start=len(END_REASONS)):
             worlds.end(condition.holds(state) & self.running, number)
-        driven = self._driven
         for index, term in enumerate(self._others, start=len(self._weights)):
-            values = values_of(term, state, driven)[driven]
-            self._terms[0, index, driven] = values
-            self._terms[1, index, driven] += values
-            self.rewards[driven] += values
+            values = self._terms[0, index] = values_of(term, state, self._driven)
+            self._terms[1, index] += values
+            self.rewards += values
 
     def stop(self, which: Mask) -> None:
         """Stop the episodes `which` (n,)."""

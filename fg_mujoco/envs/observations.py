@@ -49,7 +49,7 @@ DEFAULT_OBSERVATIONS = ("scan", "speed", "yaw_rate", "steering_angle", "accelera
 
 _MADE = "or an ObservationTerm, as @observation makes it"
 
-SENSORS = (*DEFAULT_OBSERVATIONS, "wheel_speeds")
+SENSED = (*DEFAULT_OBSERVATIONS, "wheel_speeds")
 """The parts that are read off the scan and the odometry; see the table above."""
 
 
@@ -74,9 +74,9 @@ class ObservationTerm:
     bounds: Ends | Callable[[CarParameters], Ends]  # least and greatest, or a function of the car that returns them
 
     def __post_init__(self) -> None:
-        if not isinstance(self.name, str) or not self.name.isidentifier() or self.name in SENSORS:
+        if not isinstance(self.name, str) or not self.name.isidentifier() or self.name in SENSED:
             raise SettingsError(
-                f"an observation is called {shown(self.name)}; accepted: one word besides {', '.join(SENSORS)}"
+                f"an observation is called {shown(self.name)}; accepted: one word besides {', '.join(SENSED)}"
             )
         if not callable(self.function):
             raise SettingsError(f"observation {self.name!r} is {shown(self.function)}; accepted: a function")
@@ -117,18 +117,18 @@ class ObservationTerm:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SensorTerm:
+class SensedTerm:
     """A part of an observation that a compiled loop reads off the scan or the odometry."""
 
-    name: str  # one of SENSORS
+    name: str  # one of SENSED
 
 
-Term = SensorTerm | ObservationTerm
+Term = SensedTerm | ObservationTerm
 
 OBSERVATIONS: Registry[Term] = Registry("observation", SettingsError, "fg_mujoco.observations")
 """The parts that are known by name."""
-for _name in SENSORS:
-    OBSERVATIONS[_name] = SensorTerm(name=_name)
+for _name in SENSED:
+    OBSERVATIONS[_name] = SensedTerm(name=_name)
 
 
 def observation(
