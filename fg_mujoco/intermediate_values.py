@@ -37,7 +37,7 @@ from .messages import FloatArray, LaserScan, Sketch, read_only, shown
 NUMBER, SCAN, POINTS = "number", "scan", "points"
 """Kinds of values."""
 DRAWN_AS = ("points", "line", "polygon")
-"""How points are drawn: each by itself, joined by a line, or joined by a closed line."""
+"""Ways to draw points: each by itself, joined by a line, or joined by a closed line."""
 LASER, BASE, MAP = "laser", "base_link", "map"
 """Frames of points, as in ROS: the LiDAR, the rear axle, both x ahead and y to the left (REP 103), and the map."""
 FRAMES = (LASER, BASE, MAP)
@@ -63,7 +63,7 @@ _listener: ContextVar[_Listener | None] = ContextVar("fg_mujoco_show", default=N
 def show(name: str, value: Any, *, draw: str | None = None, frame: str = LASER) -> None:
     """Show a value of this decision on the debug page, in the live view and in an exported bag.
 
-    A value that cannot be shown is left out, and whoever looks is told so once. It is not looked at where nobody looks.
+    A value that cannot be shown is left out, with one remark. Where nothing collects values, `show` does nothing.
 
     Args:
       name: of the value, at most 60 characters. Of one name the last value of a decision counts.
@@ -78,7 +78,7 @@ def show(name: str, value: Any, *, draw: str | None = None, frame: str = LASER) 
 
 
 def listener() -> _Listener | None:
-    """Return what takes the values that are shown in this context; None: nobody looks."""
+    """Return the function that collects the values of this context; None: nothing collects them."""
     return _listener.get()
 
 
