@@ -28,7 +28,7 @@ from fg_mujoco.racing.run_folder import write_run
 from fg_mujoco.studies.identification.drive_log import Channel, Drive
 from fg_mujoco.studies.identification.identification import Identification, identify_drives
 from fg_mujoco.studies.identification.problem import PARAMETERS, DriveProblem
-from fg_mujoco.studies.identification.steering import Steering
+from fg_mujoco.studies.identification.steering_response import Steering
 from fg_mujoco.vehicle.tires import AxleTires, MagicFormula
 
 DRIVES = (

@@ -22,7 +22,7 @@ from fg_mujoco.studies.identification.fit import fitted_starts
 from fg_mujoco.studies.identification.identification import Estimate, identify_drives
 from fg_mujoco.studies.identification.problem import STEP, DriveProblem, assumed_noise
 from fg_mujoco.studies.identification.smoothed_motion import smooth
-from fg_mujoco.studies.identification.steering import Steering
+from fg_mujoco.studies.identification.steering_response import Steering
 from fg_mujoco.studies.identification.tire_file import tire_text, write_tires
 from fg_mujoco.vehicle.single_track import friction_curve
 

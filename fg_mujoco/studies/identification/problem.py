@@ -17,7 +17,7 @@ from ...messages import FloatArray
 from ...vehicle.single_track import STATES, TIRE, car_array, simulate
 from .drive_log import SLOWEST, Drive
 from .smoothed_motion import NOISE, STEP, Motion, smooth
-from .steering import Steering
+from .steering_response import Steering
 
 SEGMENT = 1.0
 """[s] of a segment; every third one is held back."""

@@ -21,7 +21,7 @@ import numpy as np
 
 from ...course.lap_timer import LapTimer
 from ...errors import FgMujocoError, PlannerError, SettingsError
-from ...intermediate_values import ShownValues
+from ...intermediate_values import IntermediateValues
 from ...lidar.beams import lidar_body
 from ...messages import DriveCommand, FloatArray, LaserScan, Odometry, Sketch
 from ...racing.entries import check_starts, grid_starts
@@ -89,7 +89,7 @@ class LiveSession:
         self._reset = False
         self._trace: deque[tuple[float, float]] = deque(maxlen=_TRACE_LENGTH)
         self._history: deque[tuple[float, float, float]] = deque(maxlen=round(_HISTORY / self.period))
-        self.values, self._remarked = ShownValues(), 0
+        self.values, self._remarked = IntermediateValues(), 0
         self._sketches: list[Sketch] = []  # of the values
         self.scan: LaserScan
         self.odometry: Odometry
