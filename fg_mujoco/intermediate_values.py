@@ -189,7 +189,9 @@ class IntermediateValues:
         found = (value.sketch(scan, pose, lidar_offset) for value in self.now.values())
         return [sketch for sketch in found if sketch is not None]
 
-    def _take(self, found: dict[str, IntermediateValue], beams: int, name: Any, value: Any, draw: Any, frame: Any) -> None:
+    def _take(
+        self, found: dict[str, IntermediateValue], beams: int, name: Any, value: Any, draw: Any, frame: Any
+    ) -> None:
         try:
             read = self._read(beams, name, value, draw, frame)
         except Exception as error:  # the value is a planner's: anything may be wrong with it, its repr too
