@@ -1,4 +1,4 @@
-"""What passes between the car and a planner: a scan and odometry in, a command out.
+"""Messages between the car and a planner: a scan and odometry in, a command out.
 
 The field names are those of the ROS messages (sensor_msgs/LaserScan, sensor_msgs/Imu,
 ackermann_msgs/AckermannDrive), so that a planner moves to a real car unchanged. All are frozen; arrays are
@@ -61,7 +61,7 @@ class _Ranges(np.ndarray):
 
 
 def shown(value: object) -> str:
-    """Return how Python writes a value, without the middle of what is long; of a huge number, how long it is."""
+    """Return the repr of a value, a long one without its middle; of a huge number, its number of digits."""
     try:
         text = repr(value)
         text = " ".join(text.split()) if "\n" in text else text
@@ -248,7 +248,7 @@ class Readings(dict[str, Reading]):
 @explain_class
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Odometry(Suggesting):
-    """What the car's own sensors say between scans: wheel encoders, steering sensor, IMU; and where it is on the map.
+    """Readings of the car's own sensors between scans: wheel encoders, steering sensor, IMU; and its pose on the map.
 
     The pose is that of an ideal localisation: the true one, of base_link, at the time of the stamp. No reactive planner
     needs it. Where there is no map it is NaN. The sensors that a car has besides are in `readings`, by name.
@@ -294,7 +294,7 @@ NO_READINGS: Mapping[str, Reading] = Readings()
 @explain_class
 @dataclass(frozen=True, kw_only=True)
 class DriveCommand:
-    """What a planner asks of the car (ackermann_msgs/AckermannDrive). As an array: [steering, speed].
+    """Command of a planner to the car (ackermann_msgs/AckermannDrive). As an array: [steering, speed].
 
     Whole numbers and numpy's become floats.
 
@@ -313,14 +313,14 @@ class DriveCommand:
 
 
 A_COMMAND = "a DriveCommand(steering_angle=0.1, speed=1.0)"
-"""What messages call it that a planner is to answer."""
+"""Name of a planner's answer in messages."""
 
 STOP = DriveCommand(steering_angle=0.0, speed=0.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class MapLine:
-    """The line through the course that a planner with a map is told of.
+    """The line through the course, for planners with a map.
 
     Raises:
       MessageError: points that are not a table of finite numbers, or fewer than two.
@@ -341,7 +341,7 @@ class MapLine:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sketch:
-    """What a planner shows of its work in the world: points, or pieces of lines.
+    """An intermediate value of a planner that is drawn in the world: points, or pieces of lines.
 
     The live view draws what the method `drawings()` of a planner returns.
     """
@@ -358,7 +358,7 @@ _OF_TIRES = ("cornering_stiffness", "peak", "peak_slip")
 @explain_class
 @dataclass(frozen=True, kw_only=True, repr=False)
 class CarParameters:
-    """What a planner is told of its car. Read off the compiled model by `fg_mujoco.vehicle.car`, never typed twice.
+    """Parameters of a car for planners. Read off the compiled model by `fg_mujoco.vehicle.car`, never typed twice.
 
     The last seven are of its tires, as `fg-mujoco identify` finds them on a real car. Their defaults are those of tires
     that need hardly any slip angle: the default set `coulomb`, and MuJoCo's contacts.
@@ -416,7 +416,7 @@ class CarParameters:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlannerContext:
-    """All that a planner is told before it drives. Its constructor names what it wants of these fields.
+    """All that a planner may know before it drives. Its constructor names those of these fields that it needs.
 
     It is made in one place, by `DriveSettings.context`, whoever asks a planner to drive.
 
@@ -428,7 +428,7 @@ class PlannerContext:
     mu: float  # friction coefficient that it is to believe in; inf: no friction limits
     max_speed: float  # [m/s] fastest that it may command
     period: float = 0.025  # [s] from one scan to the next
-    latency: float = 0.0  # [s] from measuring a scan to the servos being told of its command, thinking not counted
+    latency: float = 0.0  # [s] from measuring a scan to its command reaching the servos, without the planner's own time
     seed: int = 0  # that the car is driven with, for planners that draw numbers
     map_line: MapLine | None = None  # the line through the course; None: there is no map
     sensors: tuple[str, ...] = ()  # names of the sensors whose readings are in its odometry
@@ -441,7 +441,7 @@ class PlannerContext:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ScanGeometry:
-    """What all scans of one LiDAR have in common: everything of a LaserScan but its stamp and ranges."""
+    """The constant part of one LiDAR's scans: everything of a LaserScan but its stamp and ranges."""
 
     angle_min: float  # [rad]
     angle_max: float  # [rad]

@@ -1,4 +1,4 @@
-"""What the environments of both interfaces are: a Simulator, its laps, its window, and what scripts read of them."""
+"""Base of the environments of both interfaces: a Simulator, its laps, its window, and attributes for scripts."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _UNUSABLE = tuple(name for name in SETUP_KEYWORDS if name not in ("vehicle", "ti
 """Keywords of a Setup of which f1tenth_gym has its own, such as `map`, `seed` and `params`."""
 
 VEHICLE, TIRES = "FG_MUJOCO_VEHICLE", "FG_MUJOCO_TIRES"
-"""Environment variables: the vehicle and the tires of environments that are not told any."""
+"""Environment variables: the vehicle and the tires of environments that are not given any."""
 
 
 class RaceEnvironment:
@@ -48,7 +48,7 @@ class RaceEnvironment:
 
     renderer: Any = None
     current_obs: Any = None
-    _told = False
+    _warned = False
     _own_track: Track | None = None
     _scale: float = 1.0
 
@@ -91,7 +91,7 @@ class RaceEnvironment:
 
     @property
     def toggle_list(self) -> FloatArray:
-        """How often each car has left or come back to its start, as the gym counts, (num_agents,)."""
+        """Number of times each car has left or come back to its start, as the gym counts, (num_agents,)."""
         return 2.0 * self.lap_counts
 
     @property
@@ -213,7 +213,7 @@ class RaceEnvironment:
         for callback in (*self.render_callbacks, *self.renderer.callbacks):
             callback(self.renderer)
         if self._view is None:
-            self._view = View(self.driving, told=self._told)
+            self._view = View(self.driving, warned=self._warned)
         if mode == "rgb_array":
             return self._view.picture(self.ego_idx)
         self._view.show(paced=mode == "human")
@@ -226,7 +226,7 @@ class RaceEnvironment:
     def _close_view(self) -> None:
         view = getattr(self, "_view", None)
         if view is not None:
-            self._told = view.told
+            self._warned = view.warned
             view.close()
             self._view = None
 

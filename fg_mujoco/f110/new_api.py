@@ -49,7 +49,7 @@ _GAPS = (1.5, 2.5)  # [m] from a car to the next
 
 
 class CarAction:
-    """How actions are meant: steering first, then what drives.
+    """Meaning of actions: steering first, then speed or acceleration.
 
     Args:
       control_input: `speed` or `accl`, and `steering_angle` or `steering_speed`; of one, the other follows.
@@ -81,7 +81,7 @@ class CarAction:
 
     @property
     def type(self) -> tuple[str, str]:
-        """What steers, and what drives."""
+        """The steering action and the longitudinal action."""
         return self.steering, self.longitudinal
 
     @property
@@ -300,7 +300,7 @@ class F110Env(RaceEnvironment, installed_base("gymnasium")):  # type: ignore[mis
         return poses
 
     def _room(self, line: Raceline) -> float:
-        """Return how far to the side of a line a car can be put [m]: none off the centreline."""
+        """Return the greatest distance to the side of a line at which a car can be put [m]: none off the centreline."""
         track = self.driving.world.track
         widths = getattr(track, "width_left", None)
         if line is not self.track.centerline or widths is None:

@@ -46,7 +46,7 @@ class F110Env(RaceEnvironment, installed_base("gym")):  # type: ignore[misc]
       tires: that they stand on: a bundled set, a TOML file, or Tires; None: the vehicle's; not in the gym.
       setup: a Setup that says vehicle and tires instead; not in the gym.
       maps: folder of named maps; None: FG_MUJOCO_MAPS; not in the gym.
-      render_mode: kept as an attribute; `render` is told its mode.
+      render_mode: kept as an attribute; `render` takes its mode as an argument.
 
     Raises:
       SettingsError: no such number of cars, no such ego; a timestep that is not positive.

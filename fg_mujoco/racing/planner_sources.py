@@ -25,7 +25,7 @@ from ..errors import ControllerError, accepted_names
 from ..messages import DriveCommand, LaserScan, Odometry
 from ..registry import Registry, package_of
 from ..simulation.planner_adapter import short
-from ..simulation.planner_failure import is_of_planner, one_line, told, without_exit
+from ..simulation.planner_failure import error_text, is_of_planner, one_line, without_exit
 from .planner_texts import SCHEMES, scheme_of
 
 PLANNERS: Registry[Any] = Registry(
@@ -152,5 +152,5 @@ def _import_file(path: Path, origin: str) -> ModuleType:
     except BaseException as error:
         if not is_of_planner(error):
             raise
-        raise ControllerError(f"{origin} does not import: {told(error, str(path))}") from error
+        raise ControllerError(f"{origin} does not import: {error_text(error, str(path))}") from error
     return module

@@ -1,4 +1,4 @@
-"""Whether a planner that a recorded run names may be loaded: loading a planner runs the code in its file.
+"""Decides whether a planner that a recorded run names may be loaded: loading a planner runs the code in its file.
 
 A bundled planner always may. Any other one may if its file is the one that was recorded, and the user says so, or raced
 this very run on this machine: then the user has run that code already.

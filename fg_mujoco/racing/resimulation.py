@@ -35,7 +35,7 @@ from .run_folder import Run
 
 
 class Recording(Protocol):
-    """What a run has to have kept: a run folder that was read, or a drive that is shown."""
+    """The parts of a run that are needed: of a run folder that was read, or of a drive in memory."""
 
     @property
     def summary(self) -> dict[str, Any]:
@@ -47,7 +47,7 @@ class Recording(Protocol):
 
     @property
     def ctrl(self) -> FloatArray:
-        """What the actuators got. Shape (ticks, controls)."""
+        """The controls of the actuators. Shape (ticks, controls)."""
 
     def column(self, name: str) -> FloatArray:
         """Return one column of the telemetry, shape (ticks,)."""
@@ -55,7 +55,7 @@ class Recording(Protocol):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sensed:
-    """What the car sensed at the start of a tick, and where it was."""
+    """The readings of the car's sensors at the start of a tick, and its pose."""
 
     scan: LaserScan  # as delivered; measured earlier where the LiDAR is late
     odometry: Odometry
@@ -75,7 +75,7 @@ class Tick:
     sensed_by_each: tuple[Sensed, ...] = ()  # what every car sensed, car 0 the first; empty where nothing was to be
 
     def surroundings(self, world: World) -> Surroundings:
-        """Return what surrounded car 0 of a world at the start of the tick, for planners that ask by `look_round`."""
+        """Return the surroundings of car 0 of a world at the start of the tick, for planners with `look_round`."""
         return Surroundings(world=world, others=tuple(_other_car(sensed) for sensed in self.sensed_by_each[1:]))
 
 
@@ -172,13 +172,13 @@ def _other_car(sensed: Sensed) -> OtherCar:
 
 
 def _sense(engine: Engine) -> tuple[Sensed, ...]:
-    """Return what each car of world 0 senses now."""
+    """Return the present scan and odometry of each car of world 0."""
     engine.sense()
     return tuple(_sensed(engine, row) for row in range(engine.cars_per_world))
 
 
 def _sensed(engine: Engine, row: int) -> Sensed:
-    """Return what a car has sensed."""
+    """Return the scan and the odometry of a car."""
     odometry = odometry_message(engine.odometry[row], engine.readings(row))
     pose, (x, y) = engine.free_joint(row)
     heading = odometry.pose[2]
@@ -205,7 +205,7 @@ def recorded_sensors(summary: dict[str, Any]) -> tuple[Sensor, ...]:
 
 
 def _sensor_settings(summary: dict[str, Any]) -> tuple[LidarEffects, int, float, tuple[Sensor, ...]]:
-    """Return what the LiDAR did to its scans, the seed of its noise, the drift of the odometry, and the sensors."""
+    """Return the LiDAR effects of a run, the seed of its noise, the drift of the odometry, and the sensors."""
     sensors = recorded_sensors(summary)
     try:
         drift = float(summary.get("odometry_drift", 0.0))  # older runs lack it

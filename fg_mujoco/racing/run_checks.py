@@ -1,4 +1,4 @@
-"""What the files of a run folder may hold: a folder can come from anybody, and is checked before anything reads it.
+"""Checks the files of a run folder: a folder can come from anybody, and is checked before anything reads it.
 
     check_summary(summary)
     xml = checked_scene(xml)
@@ -62,7 +62,7 @@ def _is_failure(value: Any) -> bool:
 
 
 def _are(kind: type) -> Accepts:
-    """Return what says whether a value is a list of the fields of a dataclass: numbers, texts and pairs of texts."""
+    """Return a test of whether a value is a list of the fields of a dataclass: numbers, texts and pairs of texts."""
     of_type: dict[str, Accepts] = {"float": is_figure, "int": is_figure, "str": lambda value: isinstance(value, str)}
     checks = {field.name: of_type.get(str(field.type), _are_texts) for field in fields(kind)}
 
@@ -194,7 +194,7 @@ _SUMMARY: dict[str, tuple[str, Accepts]] = {
     "planner_failure": ("planner_failure, as a race wrote it", _is_failure),
     "sensors": ("a list of sensors, as a race wrote it", _are_sensors),
 }  # fmt: skip
-"""What a summary may have, by name: what is accepted, and what says whether a value is. Each may be null or missing."""
+"""Entries of a summary by name: the accepted values in words, and a test of a value. Each may be null or missing."""
 
 
 def check_summary(summary: Mapping[str, Any]) -> None:

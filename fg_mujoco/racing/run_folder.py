@@ -11,7 +11,7 @@
     telemetry.csv   one row a tick, columns named with their units; older versions wrote fewer columns
     telemetry_car_1.csv, controller_car_1.py and so on, the same of the other cars of a race of several
     controller.py   the source of a planner of your own, as it was read; its hash is in the summary
-    failed_scan.npz where the planner failed: the scan and the odometry that it was told, see `read_failed_scan`
+    failed_scan.npz where the planner failed: the scan and the odometry that it was given, see `read_failed_scan`
     trace.png       the line over the track, and the tires' work over time (needs the extra `plot`)
 
 A folder with a summary is complete: everything is written aside, and the summary is moved in last. Its `files` has the
@@ -211,7 +211,7 @@ def was_raced_here(folder: Path, summary: Mapping[str, Any]) -> bool:
 
 
 def of_car(file: str, index: int) -> str:
-    """Return what a file of a run folder is called for a car; car 0's are called as if it were alone."""
+    """Return the name of a file of a run folder for a car; car 0's are named as if it were alone."""
     name, dot, ending = file.partition(".")
     return f"{name}_car_{index}{dot}{ending}" if index else file
 
@@ -328,7 +328,7 @@ def read_run(folder: str | Path) -> Run:
 
 
 def car_count(summary: Mapping[str, Any]) -> int:
-    """Return how many cars a run's summary tells of."""
+    """Return the number of cars in a run's summary."""
     return max(len(summary.get("cars") or ()), 1)
 
 

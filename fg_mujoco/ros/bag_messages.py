@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import missing_extra
-from ..intermediate_values import ShownValue
+from ..intermediate_values import IntermediateValue
 from ..messages import DriveCommand, FloatArray, LaserScan, Odometry, Reading
 from ..simulation.telemetry import recorded_command
 
@@ -238,7 +238,7 @@ def number_message(value: float) -> Any:
     return _make(NUMBER, data=float(value))
 
 
-def markers_message(time: int, values: Sequence[ShownValue], gone: Sequence[str] = ()) -> Any:
+def markers_message(time: int, values: Sequence[IntermediateValue], gone: Sequence[str] = ()) -> Any:
     """Return visualization_msgs/MarkerArray of points and lines that a planner shows, at `time` [ns].
 
     The namespace of a marker is the name of its value, and its frame is the value's. `gone` are names whose markers
@@ -248,7 +248,7 @@ def markers_message(time: int, values: Sequence[ShownValue], gone: Sequence[str]
     return _make(MARKERS, markers=markers + [_marker(time, name, None) for name in gone])
 
 
-def _marker(time: int, name: str, value: ShownValue | None) -> Any:
+def _marker(time: int, name: str, value: IntermediateValue | None) -> Any:
     """Return the marker of a value; None: one that deletes it."""
     points = np.empty((0, 2)) if value is None else value.array
     line = value is not None and value.draw != "points" and len(points) > 1

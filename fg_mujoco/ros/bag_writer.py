@@ -54,9 +54,9 @@ import numpy as np
 
 from ..course.writing import staged_file
 from ..errors import BagError, PlannerError, SettingsError
-from ..intermediate_values import NUMBER as SHOWN_NUMBER
-from ..intermediate_values import SCAN as SHOWN_SCAN
-from ..intermediate_values import ShownValue, ShownValues
+from ..intermediate_values import NUMBER as NUMBER_VALUE
+from ..intermediate_values import SCAN as SCAN_VALUE
+from ..intermediate_values import IntermediateValue, IntermediateValues
 from ..messages import DriveCommand, LaserScan
 from ..racing.planner_sources import bundled_names
 from ..racing.planner_trust import recorded_planner
@@ -313,7 +313,7 @@ class _Shown:
                 f"{run.folder}: its planner publishes no topics and shows no values; accepted with --trust: a run of "
                 "ros:..., or of a planner that calls fg_mujoco.show"
             )
-        self._values, self._topics = ShownValues(), dict[str, str]()
+        self._values, self._topics = IntermediateValues(), dict[str, str]()
         self._marked: set[str] = set()  # names of the values that have a marker
         if self._published is not None:
             self._published()  # from here on all is kept
@@ -338,11 +338,11 @@ class _Shown:
 
     def _values_of(self, scan: LaserScan, time: int) -> Iterator[tuple[str, Any]]:
         """Yield topics and messages of the values that are shown now."""
-        marked: list[ShownValue] = []
+        marked: list[IntermediateValue] = []
         for name, value in self._values.now.items():
-            if value.kind == SHOWN_NUMBER:
+            if value.kind == NUMBER_VALUE:
                 yield self._topic(name), number_message(float(value.array))
-            elif value.kind == SHOWN_SCAN:
+            elif value.kind == SCAN_VALUE:
                 yield self._topic(name), scan_message(replace(scan, ranges=value.array))
             elif len(value.array):
                 marked.append(value)

@@ -233,7 +233,7 @@ class Engine:
         return self.state(i)[first:end]
 
     def ctrl(self, i: int) -> FloatArray:
-        """Return what the actuators of world i get. Live."""
+        """Return the controls of world i's actuators. Live."""
         first, end = self._place_of(i)[0].layout.ctrl
         return self.state(i)[first:end]
 
@@ -259,7 +259,7 @@ class Engine:
             batch.read_motions(which[batch.rows], poses[batch.rows], velocities[batch.rows])
 
     def surroundings(self, row: int) -> Surroundings:
-        """Return what surrounds a car: its world, and where the other cars of it are."""
+        """Return the surroundings of a car: its world, and the poses of its other cars."""
         i, own = divmod(row, self.cars_per_world)
         qpos, qvel, others = self.qpos(i), self.qvel(i), []
         for other in range(row - own, row - own + self.cars_per_world):
@@ -270,7 +270,7 @@ class Engine:
         return Surroundings(world=self.world_of(i), others=tuple(others))
 
     def slip(self, i: int = 0) -> FloatArray:
-        """Return what the tires of the car did that was driven last in the batch of world i, as TireSlip.values. Live.
+        """Return the tire slip of the car that was driven last in the batch of world i, as TireSlip.values. Live.
 
         Shape (QUANTITIES, substeps, 4).
         """
@@ -407,9 +407,9 @@ class Engine:
         """Take the scans and odometry of cars, (r,); None: of all that race. Once for each moment: noise is drawn."""
         chosen = self.running if which is None else which
         if which is None and self.cars_per_world > 1 and not self.running.all():  # who stands there has telemetry, too
-            beside = np.repeat(self.running.reshape(self.count, -1).any(axis=1), self.cars_per_world) & ~chosen
-            if beside.any():
-                self._share(lambda batch: batch.read(beside[batch.rows]))
+            others = np.repeat(self.running.reshape(self.count, -1).any(axis=1), self.cars_per_world) & ~chosen
+            if others.any():
+                self._share(lambda batch: batch.read(others[batch.rows]))
         self._share(lambda batch: batch.sense(chosen[batch.rows]))
         if self._drifts:
             drifted = self.odometry[chosen]
@@ -477,7 +477,7 @@ class Engine:
         effects of the LiDAR, no sensors and no drift of the odometry, which happen in Python.
 
         Args:
-          clock: is told how long the decision took; what it raises then leaves the cars as they are.
+          clock: called with the time of the decision; where it raises, the cars stay as they are.
           history: keeps the tick of world 0, once its cars are driven.
         """
         calls = self._compiled_calls()
@@ -570,7 +570,7 @@ class Engine:
         )  # fmt: skip
 
     def _data_of(self, i: int, pipeline: ScanPipeline | None = None) -> Any:
-        """Return what a LiDAR in Python reads world i from; a pipeline that does not look at bodies wants the time."""
+        """Return the data that a LiDAR in Python measures in, of world i; a pipeline without bodies needs its time."""
         if pipeline is not None and not pipeline.needs_every_step:
             return SimpleNamespace(time=self.time(i))
         if i not in self._data:
@@ -659,7 +659,7 @@ def _drive(batch: WorldBatch) -> None:
 
 
 def _parts(worlds: Sequence[World], threads: int) -> list[slice]:
-    """Return consecutive worlds that are the same, cut at the ends of equal shares for so many threads."""
+    """Split the worlds into runs of equal models, with at most one run per thread."""
     count = len(worlds)
     shares = min(threads, count)
     ends = {count * k // shares for k in range(1, shares + 1)}
@@ -680,7 +680,7 @@ class RangesRow:
 
 
 def whole_steps(period: float, timestep: float) -> int:
-    """Return how many physics steps make one period.
+    """Return the number of physics steps in one period.
 
     Raises:
       ModelError: not a whole number of them.

@@ -1,6 +1,6 @@
 """Planner adapters: what the cars of an engine sense goes one way, what their planners command the other.
 
-Any planner can be told in messages. One that decides for many worlds at once is told in arrays: the same decision, bit
+Any planner can be given messages. One that decides for many worlds at once is given arrays: the same decision, bit
 for bit, for that is the contract of `batch`, without the messages in between.
 """
 
@@ -32,11 +32,11 @@ from ..messages import (
 from .planner_failure import (
     DecisionLimitReached,
     class_name,
+    error_text,
     failure_of,
     file_of,
     is_of_planner,
     place,
-    told,
     without_exit,
     wrong_answer,
 )
@@ -58,7 +58,7 @@ Decide = Callable[[], DriveCommand]
 
 @dataclass(frozen=True, kw_only=True)
 class OtherCar:
-    """Where another car of the same world is, truly."""
+    """The true pose of another car of the same world."""
 
     pose: tuple[float, float, float]  # x [m], y [m], heading [rad] of base_link in the map frame
     speed: float  # [m/s] along its heading, over ground
@@ -67,7 +67,7 @@ class OtherCar:
 
 @dataclass(frozen=True, kw_only=True)
 class Surroundings:
-    """What a planner that asks for it is told beyond what its car senses.
+    """Knowledge beyond the car's sensors, for planners with `look_round`.
 
     A planner asks by a method `look_round`, which is called with this before each decision.
     """
@@ -77,7 +77,7 @@ class Surroundings:
 
 
 class Cars(Protocol):
-    """What planners want of an engine."""
+    """The members of an engine that planners need."""
 
     beams: Beams  # of the LiDARs
     odometry: NDArray[np.void]  # (r,) of ODOMETRY
@@ -93,7 +93,7 @@ class Cars(Protocol):
         """Return what the sensors of a car have delivered, by their names."""
 
     def surroundings(self, row: int) -> Surroundings:
-        """Return what surrounds a car."""
+        """Return the surroundings of a car."""
 
 
 class Planners(Protocol):
@@ -101,7 +101,7 @@ class Planners(Protocol):
 
     @property
     def failures(self) -> dict[int, PlannerError]:
-        """What was wrong with the planners that failed, by row."""
+        """The errors of the planners that failed, by row."""
 
     def __call__(self, cars: Cars) -> Reasons | None:
         """Write the commands of the cars that they drive; return whose planner failed, or None: nobody's."""
@@ -194,7 +194,7 @@ class BatchPlanners:
         return found if isinstance(found, np.ndarray) and found.dtype == np.int64 and found.ndim == 2 else None
 
     def failed(self, error: BaseException, cars: Cars) -> Reasons:
-        """Return whose planner has failed, after the planners have raised.
+        """Return the cars whose planner has failed, after the planners have raised.
 
         Raises:
           PlannerError: as a call does.
@@ -207,7 +207,7 @@ class BatchPlanners:
         return np.where(cars.running, _FAILED, 0)
 
     def refused(self, cars: Cars) -> Reasons:
-        """Return whose planner has failed, after the planners have commanded what is no number.
+        """Return the cars whose planner has failed, after a command that is no number.
 
         Raises:
           PlannerError: as a call does.
@@ -224,7 +224,7 @@ class BatchPlanners:
 
 
 class PlannersOfEach:
-    """Planners of cars that have different ones: each group of cars is told by itself.
+    """Planners of cars that have different ones: each group of cars is asked by itself.
 
     Args:
       groups: rows of the cars (k,), and the planners of those cars.
@@ -235,7 +235,7 @@ class PlannersOfEach:
 
     @property
     def failures(self) -> dict[int, PlannerError]:
-        """What was wrong with the planners that failed, by row."""
+        """The errors of the planners that failed, by row."""
         return {int(rows[own]): error for rows, planners, _ in self._groups for own, error in planners.failures.items()}
 
     def __call__(self, cars: Cars) -> Reasons | None:
@@ -255,7 +255,7 @@ class PlannersOfEach:
 
 
 class _SomeCars:
-    """What some of an engine's cars sense, in the order of their rows: of one car views, of several copies."""
+    """Scans and odometry of some of an engine's cars, in row order: of one car views, of several copies."""
 
     def __init__(self) -> None:
         self._viewed: FloatArray | None = None
@@ -296,7 +296,7 @@ def adapt(
 
     Args:
       planners: in the order of the cars.
-      arrays: whether planners that can decide together are told in arrays; False where a planner is the caller's own
+      arrays: whether planners that can decide together are given arrays; False where a planner is the caller's own
         object, which may have been used before.
       raises: whether the failure of a planner is raised.
       timed: as MessagePlanners takes it; planners then decide one after the other.
@@ -313,7 +313,7 @@ def adapt(
     except BaseException as error:
         if not is_of_planner(error):
             raise
-        raise ControllerError(f"controller {kind.__name__} failed in batch(): {told(error, file_of(kind))}") from error
+        raise ControllerError(f"controller {kind.__name__} failed in batch(): {error_text(error, file_of(kind))}") from error
     return BatchPlanners(together, kind, raises=raises)
 
 
@@ -350,7 +350,7 @@ def start(controller: Controller) -> None:
             raise
         name = class_name(controller)
         raise ControllerError(
-            f"controller {name} failed in reset(): {told(error, file_of(type(controller)))}"
+            f"controller {name} failed in reset(): {error_text(error, file_of(type(controller)))}"
         ) from error
 
 
@@ -383,7 +383,7 @@ def plan(controller: Controller, scan: LaserScan, odometry: Odometry) -> DriveCo
 
 
 def _told(cars: Cars, row: int) -> tuple[LaserScan, Odometry]:
-    """Return what a car senses, as messages."""
+    """Return the scan and the odometry of a car, as messages."""
     sensed = odometry_message(cars.odometry[row], cars.readings(row))
     return cars.scans.get(row) or cars.beams.to_scan(cars.ranges[row], sensed.stamp), sensed
 
@@ -404,7 +404,7 @@ def _answered(said: str, accepted: str, kind: type, scan: LaserScan, odometry: O
 
 
 def short(value: object) -> str:
-    """Return how Python writes a value, cut to 60 characters; where it cannot be written, what it is."""
+    """Return the repr of a value, cut to 60 characters; where it has none, its class."""
     try:
         return short_text(str.__str__(repr(value)))
     except BaseException as error:

@@ -134,7 +134,7 @@ class Simulation(Suggesting):
         engine.read(0, self.data)
 
     def sense(self) -> tuple[LaserScan, Odometry]:
-        """Return what the car senses at the end of a period. Once for each: noise is drawn, late scans move up."""
+        """Return scan and odometry at the end of a period. Call it once each: noise is drawn, late scans move up."""
         mujoco.mj_getState(self.world.model, self.data, self.engine.state(0), int(STATE))
         return self._sense()
 
@@ -171,7 +171,7 @@ class Simulation(Suggesting):
 
     @property
     def slip(self) -> TireSlip:
-        """What the tires did in the last step; no rows before the first."""
+        """The tire slip of the last step; no rows before the first."""
         values = self.engine.slip()
         return TireSlip(values=values.copy() if self.data.time > 0.0 else values[:, :0].copy())
 
@@ -192,7 +192,7 @@ class Simulation(Suggesting):
 
     @property
     def pose(self) -> tuple[float, float, float]:
-        """Where the rear axle is: x [m], y [m], heading [rad], world frame."""
+        """Pose of the rear axle: x [m], y [m], heading [rad], world frame."""
         return self.world.car.pose(self.data)
 
 
