@@ -19,7 +19,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypedDict
+from typing import TYPE_CHECKING, Any
 
 from ..arguments import explain_class, unknown_argument
 from ..course.course import Course, laps_to_drive
@@ -33,13 +33,18 @@ from ..lidar.effects import LidarEffects
 from ..lidar.lidar import LIDAR_BACKENDS
 from ..messages import require, require_whole, shown
 from ..simulation.course_loading import load_track
-from ..simulation.settings import CarSettings, DriveSettings, Start, as_parts, require_laps, require_time_limit
+from ..simulation.settings import (
+    CarKeywords,
+    CarSettings,
+    DriveSettings,
+    Start,
+    as_parts,
+    require_laps,
+    require_time_limit,
+)
 from ..simulation.world import World
 from ..vehicle.changes import CarChanges
 from ..vehicle.friction_patches import Patch
-from ..vehicle.sensors import Sensor
-from ..vehicle.tires import Tires
-from ..vehicle.vehicle import Vehicle
 from .entries import Entry, require_entries, require_grid
 from .race_control import find_rules
 from .toml_files import read_toml, toml_text
@@ -68,8 +73,8 @@ _KINDS = {"effects": LidarEffects, "start": Start, "changes": CarChanges}
 _SOLIDS = {"box": Box, "cylinder": Cylinder, "prism": Prism}
 
 
-class StudyKeywords(TypedDict, total=False):
-    """The keywords of a Setup that are no axes of a study: of Setup, of Entry for car 0, and of PARTS."""
+class StudyKeywords(CarKeywords, total=False):
+    """The keywords of a Setup that are no axes of a study: its fields, and those of car 0."""
 
     entries: Sequence[Entry]
     opponents: Sequence[Entry | str]
@@ -83,29 +88,6 @@ class StudyKeywords(TypedDict, total=False):
     rules: str
     decision_limit: float | None
     name: str | None
-    vehicle: Vehicle | str | Path
-    tires: Tires | str | Path | None
-    mu: float | None
-    changes: CarChanges | Mapping[str, Any]
-    planner_mu: float | None
-    planner_settings: Mapping[str, Any]
-    start: Start | Mapping[str, Any] | None
-    effects: LidarEffects | Mapping[str, Any]
-    odometry_drift: float
-    sensors: Sequence[Sensor | str | Mapping[str, Any]]
-    lidar_noise: float
-    lidar_dropout: float
-    lidar_latency: float
-    motion_distortion: bool
-    start_s: float
-    start_offset: float
-    start_heading: float
-    start_speed: float
-    mass: float | None
-    cog_height: float | None
-    steering_gain: float | None
-    speed_gain: float | None
-    command_delay: float | None
 
 
 class SetupKeywords(StudyKeywords, total=False):
