@@ -16,6 +16,7 @@ import fg_mujoco as fg
 from fg_mujoco.course.moving_obstacles import Mover, moving_obstacles
 from fg_mujoco.course.obstacles import Box
 from fg_mujoco.course.scenes.parts import corridor, walls_round
+from fg_mujoco.simulation.settings import Scenario
 from fg_mujoco.studies.rollout.drive_worlds import drive_worlds
 
 TICK = 0.025
@@ -198,8 +199,8 @@ def test_a_replay_in_another_process_is_too(tmp_path):
 @pytest.mark.slow
 def test_a_batch_is_the_race_to_the_last_bit():
     name = "scene:crossing_box:0"
-    scenarios = [fg.Scenario(track=name, max_speed=speed) for speed in (2.0, 4.0, 6.0)]
-    scenarios.append(fg.Scenario(track=name, max_speed=4.0, changes=fg.CarChanges(command_delay=0.02)))
+    scenarios = [Scenario(track=name, max_speed=speed) for speed in (2.0, 4.0, 6.0)]
+    scenarios.append(Scenario(track=name, max_speed=4.0, changes=fg.CarChanges(command_delay=0.02)))
     results = drive_worlds(scenarios, "gap_finder", laps=1, record="states")
     for i, scenario in enumerate(scenarios):
         alone = fg.race(name, max_speed=scenario.max_speed, changes=scenario.changes)

@@ -7,7 +7,7 @@ import math
 import re
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 from ..errors import MissingExtraError, SettingsError
@@ -16,7 +16,8 @@ from ..racing.entries import GRIDS
 from ..racing.planner_choice import read_settings_text
 from ..racing.race_control import RULES
 from ..racing.setup import Setup
-from ..simulation.settings import FASTEST
+from ..simulation.settings import FASTEST, DriveSettings
+from ..vehicle.sensors import SENSORS
 from ..vehicle.tires import tire_names
 from ..vehicle.vehicle import DEFAULT_VEHICLE, vehicle_names
 from ..viz.plots import require_matplotlib
@@ -86,6 +87,11 @@ def pairs(text: str) -> dict[str, Any]:
         raise argparse.ArgumentTypeError(str(error)) from None
 
 
+def name_or_pairs(text: str) -> str | dict[str, Any]:
+    """Read `imu`, or `sensor=imu,rate=100`."""
+    return pairs(text) if "=" in text else text
+
+
 _SETUP: dict[str, dict[str, Any]] = {
     "track": {
         "metavar": "TRACK",
@@ -135,6 +141,11 @@ _SETUP: dict[str, dict[str, Any]] = {
         "action": "store_const", "const": True, "help": "each beam from the pose at its own time in the sweep"
     },
     "odometry_drift": {"type": number, "metavar": "D", "help": "relative error of measured speeds and yaw rate"},
+    "sensors": {
+        "type": name_or_pairs, "action": "append", "metavar": "NAME",
+        "help": f"a sensor besides LiDAR and odometry, {', '.join(SENSORS)}, or sensor=NAME,rate=100,noise_std=.1 with "
+        "settings; again for each",
+    },
     "start_s": {"type": number, "metavar": "M", "help": "progress at which the car starts; default: 0"},
     "start_offset": {"type": number, "metavar": "M", "help": "how far to the left of the line it starts; default: 0"},
     "start_heading": {"type": number, "metavar": "RAD", "help": "from the line's, left positive; default: 0"},
@@ -158,10 +169,19 @@ _SETUP: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 """Keyword of a Setup -> the option of the same name. Options have no defaults: those are the setup's."""
 
+_TYPES: dict[type, dict[str, Any]] = {
+    bool: {"action": "store_const", "const": True}, int: {"type": whole, "metavar": "N"},
+    float: {"type": number, "metavar": "X"}, str: {"metavar": "TEXT"},
+}  # fmt: skip
+_FURTHER = tuple(f.name for f in fields(DriveSettings) if "help" in f.metadata)
+for _field in fields(DriveSettings):
+    if _field.name in _FURTHER:
+        _SETUP[_field.name] = _TYPES[type(_field.default)] | {"help": _field.metadata["help"]}
+
 CAR = (
     "vehicle", "tires", "mu", "planner_mu", "max_speed", "start_s", "start_offset", "start_heading", "start_speed",
     "mass", "cog_height", "steering_gain", "speed_gain", "command_delay", "lidar_noise", "lidar_dropout",
-    "lidar_latency", "odometry_drift",
+    "lidar_latency", "odometry_drift", "sensors", *_FURTHER,
 )  # fmt: skip
 """Keywords of a car that every command with a planner has."""
 
